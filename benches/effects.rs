@@ -12,7 +12,7 @@ use curitiba::pipeline::plan::Settings;
 use std::path::Path;
 use std::time::Duration;
 
-/// The projects, and whether occlusion samples are set in their pass `pass2`.
+/// The projects, and whether their pass `pass2` takes occlusion samples.
 const PROJECTS: [(&str, bool); 15] = [
     ("SceneNoEffects.xml", false),
     ("SceneDummy.xml", false),
@@ -53,7 +53,7 @@ fn open(case: &Case) -> Renderer {
     curitiba::open(&case.project, case.settings.clone(), case.choice, &mut Silent).expect("the project opens")
 }
 
-/// Whole frames.
+/// Measures whole frames.
 fn frames(criterion: &mut Criterion) {
     let mut group = criterion.benchmark_group("frame");
     group.sample_size(10).sampling_mode(SamplingMode::Flat);
@@ -66,7 +66,7 @@ fn frames(criterion: &mut Criterion) {
     group.finish();
 }
 
-/// What computes the effect alone, as the executor times it: the ray pass, or maps and pixels of a raster effect.
+/// Measures the effect alone, as the executor times it: the ray pass, or the maps and pixels of a raster effect.
 fn effects(criterion: &mut Criterion) {
     for (technique, name) in [(Technique::Rays, "ray pass"), (Technique::Raster, "raster effect")] {
         let mut group = criterion.benchmark_group(name);

@@ -1,4 +1,4 @@
-//! `curitiba bench` as a person uses it: rows, references, files that are continued, and what is not there.
+//! `curitiba bench` as a user runs it: rows, references, continued files, and missing inputs.
 
 use serde_json::Value;
 use std::path::{Path, PathBuf};
@@ -120,7 +120,7 @@ fn a_benchmark_is_continued_only_by_the_command_that_began_it() {
     let path = folder.join("b.json");
     let whole = json(&path);
 
-    // As if it had been interrupted after the first row.
+    // The file as if the run had been interrupted after the first row.
     let mut cut = whole.clone();
     cut["rows"].as_array_mut().expect("rows").truncate(1);
     cut["complete"] = Value::Bool(false);
@@ -141,7 +141,7 @@ fn a_benchmark_is_continued_only_by_the_command_that_began_it() {
     assert_eq!(resumed["rows"].as_array().map(Vec::len), Some(2));
     assert_eq!(resumed["rows"][0], whole["rows"][0], "the first row was measured again");
 
-    // A file that is not whole is no benchmark: refused, and left as it is.
+    // A truncated file is no benchmark: it is refused and left unchanged.
     std::fs::write(&path, &interrupted[..interrupted.len() / 2]).expect("written");
     let refused = fails_with(3, folder, &words(&with(&["--frames", "1", "--resume"])));
     assert!(refused.contains("no benchmark file"), "{refused}");

@@ -1,4 +1,4 @@
-//! What `.ci/run` counts, and that it runs the commands that the README shows.
+//! The counts of `.ci/run`, and that it runs the commands shown in the README.
 #![cfg(unix)]
 
 use std::path::{Path, PathBuf};
@@ -23,7 +23,7 @@ fn a_passing_test_that_says_skipped_is_counted_as_skipped_once() {
     let second = folder.path().join("second.txt");
     let passing = "successes:\n\n---- a stdout ----\nskipped: no GPU\nskipped: no other GPU\n\n---- b stdout ----\n3 skipped: x\n\n\
                    successes:\n    a\n    b\n\n";
-    // What a failing test prints does not make it a skipped one.
+    // The output of a failing test does not make it a skipped one.
     let failing = "failures:\n\n---- c stdout ----\nskipped: no GPU\n\nfailures:\n    c\n\n";
     let result = "test result: FAILED. 2 passed; 1 failed; 4 ignored; 0 measured; 0 filtered out; finished in 0.00s\n";
     std::fs::write(&first, format!("test a ... ok\n{passing}{failing}{result}")).expect("written");
@@ -78,7 +78,7 @@ fn a_command_that_nobody_runs_is_found_out() {
     assert_eq!(with("no blocks at all\n").status.code(), Some(1), "a README without commands is noticed");
 }
 
-/// Runs `.ci/api`; nothing where there is no Python.
+/// Runs `.ci/api`; `None` where Python is not installed.
 fn api(arguments: &[&Path]) -> Option<Output> {
     let output = Command::new("python3").arg(root(".ci/api")).args(arguments).output();
     if output.is_err() {
@@ -87,7 +87,8 @@ fn api(arguments: &[&Path]) -> Option<Output> {
     output.ok()
 }
 
-/// What rustdoc says of a crate's text, as a list of its public items; nothing where its format is another.
+/// Writes rustdoc's description of a crate as a list of its public items; `None` if rustdoc's format is not the
+/// expected one.
 fn interface(folder: &Path, name: &str, code: &str) -> Option<PathBuf> {
     let source = folder.join("small.rs");
     std::fs::write(&source, code).expect("written");
@@ -141,7 +142,7 @@ fn a_change_of_the_public_interface_is_noticed() {
     {
         assert!(kept.lines().any(|found| found == line), "{line}: {kept}");
     }
-    // What is replaced, by what, and whether programs may no longer compile.
+    // Text to replace, its replacement, and whether the change breaks programs.
     for (old, new, breaks) in [
         ("fn private() {}", "pub fn public() {}", false),
         ("Kind { Round,", "Kind { Round, Square,", false),

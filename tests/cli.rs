@@ -1,4 +1,4 @@
-//! The command line as a person or a script uses it: what it prints, what it writes, and its exit codes.
+//! The command line as a user or a script runs it: its output, its files, and its exit codes.
 
 use curitiba::pipeline::programs::RAY_PROGRAMS;
 use curitiba::pipeline::raster_effects::EFFECT_PROGRAMS;
@@ -180,7 +180,7 @@ fn a_scene_that_is_missing_is_named_and_nothing_is_written() {
     assert!(message.contains("elsewhere.cbo"), "{message}");
     assert_eq!(files(folder.path()), ["mlibs", "p.xml"]);
 
-    // `check` says both: what the XML lacks, and what the scene's file lacks.
+    // `check` reports both errors: the one in the XML, and the missing scene file.
     let wrong = text.replace("largoCamoes", "elsewhere").replacen("<camera name=", "<camera nane=", 1);
     std::fs::write(folder.path().join("q.xml"), wrong).expect("written");
     let message = fails_with(3, folder.path(), &["check", "q.xml"]);
@@ -282,7 +282,7 @@ fn every_command_has_a_manual_page_that_man_reads() {
     let folder = tempfile::tempdir().expect("a folder");
     let help = succeeds(folder.path(), &["--help"]);
     let list = help.split("Commands:").nth(1).and_then(|rest| rest.split("\n\n").next()).expect("a list of commands");
-    // Their names stand two columns in, what they do further.
+    // Command names are indented by two columns, and their descriptions by more.
     let names = list.lines().filter_map(|line| line.strip_prefix("  ")).filter(|line| !line.starts_with(' '));
     let names: Vec<&str> =
         names.filter_map(|line| line.split_whitespace().next()).filter(|name| *name != "help").collect();
@@ -359,7 +359,7 @@ fn sound_numbers_pass_the_check() {
 #[test]
 fn numbers_out_of_range_fail_the_check_with_1_and_name_pass_and_channel() {
     let folder = tempfile::tempdir().expect("a folder");
-    // The report's weights leave 0..1 on a pane seen at a slant.
+    // The report's Fresnel weights are outside 0..1 on a pane seen at a grazing angle.
     let refract = project("SceneRefract.xml");
     let arguments = ["render", path(&refract), "--camera", "Vidro", "--size", "64x64", "--raster", "cpu"];
     let arguments = [&arguments[..], &["--fidelity", "thesis", "--check-numerics", "-o", "p.png"]].concat();
@@ -368,7 +368,8 @@ fn numbers_out_of_range_fail_the_check_with_1_and_name_pass_and_channel() {
     assert!(message.contains("--pixel "), "{message}");
     assert_eq!(files(folder.path()), ["p.png"], "the picture is written, to look at");
 
-    // Positions beyond what 16-bit floats hold, in a scene too wide to bring them nearer to its origin: the target's declared format makes them infinite.
+    // Positions beyond the range of 16-bit floats, in a scene too wide for recentring to help: the declared format of
+    // the target makes them infinite.
     std::fs::create_dir(folder.path().join("mlibs")).expect("made");
     for library in ["optixTest.mlib", "DeferredRenderTargets.mlib"] {
         let text = std::fs::read_to_string(project("mlibs").join(library)).expect("the library");

@@ -1,4 +1,5 @@
-//! Linear light from the scene file to the picture: `color=linear` and `color=report`, exposure, tone curve, transfer, and what `compare`
+//! Linear light from the scene file to the picture: `color=linear` and `color=report`, exposure, tone curve, transfer
+//! function, and how `compare` treats both.
 //! makes of both.
 
 use curitiba::pipeline::color::{ColorSpace, decode, encode};
@@ -14,7 +15,7 @@ use std::process::{Command, Output};
 
 const SIZE: [u32; 2] = [64, 32];
 
-/// Two squares in z = 0, seen from +z: the left one of a factor, the right one of a texture of this grey code.
+/// Two squares in z = 0, seen from +z: the left one has a diffuse factor, the right one a texture of this grey code.
 fn patches(folder: &Path, factor: f32, code: u8) {
     let grey = f32::from(code) / 255.0;
     write_png(&folder.join("grey.png"), &Image::filled(2, 2, [grey, grey, grey, 1.0])).expect("a picture");
@@ -56,7 +57,7 @@ fn settings(color: Option<ColorSpace>, sun: Vec3) -> Settings {
     Settings { size: Some(SIZE), color, scene, ..Settings::default() }
 }
 
-/// A frame's window, and the codes of its PNG.
+/// A frame's window picture, and the codes of its PNG.
 fn render(folder: &Path, settings: Settings, choice: Choice) -> (Image, Image) {
     let scene = folder.join("patches.gltf");
     let mut renderer = curitiba::open(&scene, settings, choice, &mut Silent).expect("the scene opens");
@@ -68,7 +69,7 @@ fn render(folder: &Path, settings: Settings, choice: Choice) -> (Image, Image) {
     (frame, codes)
 }
 
-/// The colours of the middles of both squares.
+/// The red values in the centres of both squares.
 fn middles(image: &Image) -> [f32; 2] {
     [16, 48].map(|x| image.pixels[16 * 64 + x][0])
 }
@@ -79,7 +80,8 @@ fn a_linear_factor_looks_as_the_texel_that_encodes_it_and_light_is_linear() {
     let folder = folder.path();
     let albedo = decode(128.0 / 255.0);
     patches(folder, albedo, 128);
-    // Ambient light 0.3 and the sun 0.7: where it falls straight, an albedo shows as itself in both spaces.
+    // Ambient light is 0.3 and the sun 0.7, so under perpendicular light an albedo appears unchanged in both colour
+    // spaces.
     for (color, value) in
         [(None, albedo), (Some(ColorSpace::Linear), albedo), (Some(ColorSpace::Report), 128.0 / 255.0)]
     {
@@ -88,7 +90,7 @@ fn a_linear_factor_looks_as_the_texel_that_encodes_it_and_light_is_linear() {
             assert!((seen - value).abs() < 2e-6 && code == 128.0, "{color:?}: {seen} and {code}, not {value} and 128");
         }
     }
-    // At 60 degrees it is 0.3 + 0.7 / 2 of the light: of linear light that is code 105, of display values 83.
+    // At 60 degrees the light is 0.3 + 0.7 / 2: code 105 with linear light, and code 83 with display values.
     let aslant = Vec3::new(0.0, 3.0_f32.sqrt(), 1.0);
     for (color, code) in [(ColorSpace::Linear, 105.0), (ColorSpace::Report, 83.0)] {
         let (frame, codes) = render(folder, settings(Some(color), aslant), Choice::CPU);
@@ -97,7 +99,7 @@ fn a_linear_factor_looks_as_the_texel_that_encodes_it_and_light_is_linear() {
         assert!(middles(&frame).into_iter().all(|seen| (seen - 0.65 * whole).abs() < 2e-6), "{:?}", middles(&frame));
     }
     assert_eq!((255.0 * encode(0.65 * albedo)).round(), 105.0);
-    // The factor of the issues: 0.214 and texel 128 are within a code of each other.
+    // The factor 0.214 and the texel 128 give codes that differ by at most 1.
     patches(folder, 0.214, 128);
     let (_, codes) = render(folder, settings(None, Vec3::Z), Choice::CPU);
     let [factor, texel] = middles(&codes);
@@ -144,7 +146,7 @@ fn both_rasterisers_decode_alike() {
         let [cpu, gpu] = [&mine, &theirs].map(|image| middles(image)[1]);
         println!("code {code}: {exact}, cpu {cpu}, wgpu {gpu}");
         assert!((cpu - exact).abs() < 1e-6, "code {code}: {cpu}, not {exact}");
-        // A device may decode by an approximation; the code that is shown is the right one.
+        // A device may decode approximately; the displayed code is still right.
         assert!((encode(gpu) - encode(exact)).abs() < 0.5 / 255.0, "code {code}: {gpu}, not {exact}");
         assert_eq!(middles(&codes)[1], f32::from(code));
     }
@@ -178,7 +180,7 @@ const VIEW: [&str; 12] = [
     "cpu",
 ];
 
-/// Renders the squares with the sun straight on them.
+/// Renders the squares under perpendicular sunlight.
 fn command(folder: &Path, output: &str, more: &[&str]) {
     exits_with(0, folder, &[&["render", "patches.gltf", "--sun", "0,0,1", "-o", output], &VIEW[..], more].concat());
 }
@@ -208,7 +210,7 @@ fn exposure_and_tone_curve_change_pictures_for_screens_and_not_radiance() {
     command(folder, "up.exr", &["--exposure", "1", "--tone", "reinhard"]);
     let pixels = |name: &str| read_image(&folder.join(name)).expect("a picture").image.pixels;
     assert_eq!(pixels("plain.exr"), pixels("up.exr"));
-    // Bands are written as they are rendered, by another way.
+    // Bands are written while they render, by other code.
     command(folder, "bands.png", &["--exposure", "1", "--bands", "2"]);
     assert_eq!(pixels("bands.png"), pixels("up.png"));
     for options in [&["--exposure", "1"][..], &["--tone", "reinhard"]] {
@@ -233,29 +235,29 @@ fn compare_brings_both_sides_to_one_space_and_says_so() {
         serde_json::from_slice(&output.stdout).expect("JSON and nothing else")
     };
     let rmse = |found: &Value| found["metrics"]["rmse"].as_f64().expect("a number");
-    // Facing the sun, display values decode to the linear picture; a PNG has steps.
+    // Under perpendicular light, display values decode to the linear picture, up to the steps of a PNG.
     for (a, b, most) in
         [("report.exr", "linear.exr", 1e-6), ("linear.exr", "report.exr", 1e-6), ("linear.png", "linear.exr", 2e-3)]
     {
         let found = compare(a, b);
         assert!(found["color"] == "linear" && rmse(&found) < most, "{a} {b}: {found}");
-        // Half a code over flat squares is about 0.008.
+        // Half a code over flat squares gives about 0.008.
         assert!(found["metrics"]["flip"].as_f64().expect("a number") < 0.01, "{a} {b}: {found}");
         assert!(found["notes"].to_string().contains("decoded from sRGB"), "{found}");
     }
     let same = compare("report.exr", "linear.png");
     assert!(same["color"] == "report" && rmse(&same) < 3e-3, "both are display values: {same}");
-    // Control: the values as stored are far apart.
+    // Control: the stored values are far apart.
     let [a, b] =
         ["report.exr", "linear.exr"].map(|name| middles(&read_image(&folder.join(name)).expect("it").image)[0]);
     assert!(a - b > 0.2, "{a} and {b}");
-    // A file that does not say what it holds is taken for what the other side is.
+    // A file without a colour space is taken to be in the other side's.
     let unknown = read_image(&folder.join("linear.exr")).expect("a picture").image;
     let layer = curitiba::pipeline::image::Layer { name: "other", channels: ["R", "G", "B", "A"], image: &unknown };
     curitiba::pipeline::image::write_exr(&folder.join("other.exr"), layer).expect("written");
     let found = compare("other.exr", "linear.exr");
     assert!(rmse(&found) == 0.0 && found["notes"].to_string().contains("taken for linear"), "{found}");
-    // Renders are asked the same way as files.
+    // Renders can be compared in the same way as files.
     let view = "size=64x32,look-from=0/0/6,fov=12,sun=0/0/1,effects=none,raster=cpu";
     let found = compare(&format!("patches.gltf@{view},color=report"), &format!("patches.gltf@{view}"));
     assert!(found["color"] == "linear" && rmse(&found) < 1e-6, "{found}");
@@ -281,7 +283,7 @@ fn projects_say_what_their_colours_are() {
     assert!(printed.contains("`liner` is no `color`") && printed.contains("did you mean `linear`?"), "{printed}");
 }
 
-/// A cube of clear glass before a white background shows nothing but white: what is reflected and what passes is all.
+/// A cube of clear glass in front of a white background stays white: reflected and transmitted light add up to all.
 #[test]
 fn a_white_furnace_stays_white() {
     let folder = tempfile::tempdir().expect("a folder");

@@ -1,4 +1,4 @@
-//! `curitiba compare` as a person or a script uses it: the table, the JSON, the pictures and the exit codes.
+//! `curitiba compare` as a user or a script runs it: the table, the JSON, the pictures and the exit codes.
 
 use curitiba::pipeline::image::{Image, Layer, read_image, write_exr, write_exr_layers, write_png};
 use serde_json::Value;
@@ -18,7 +18,7 @@ fn compare(folder: &Path, arguments: &[&str]) -> Output {
     command.output().expect("the program starts")
 }
 
-/// What is printed, after the exit code was looked at.
+/// Asserts the exit code of a comparison, and returns its output.
 #[track_caller]
 fn exits_with(code: i32, folder: &Path, arguments: &[&str]) -> String {
     let output = compare(folder, arguments);
@@ -34,7 +34,7 @@ fn json(code: i32, folder: &Path, arguments: &[&str]) -> Value {
     serde_json::from_slice(&output.stdout).expect("JSON and nothing else")
 }
 
-/// A slope, with `added` on every value of the left half.
+/// A horizontal gradient, with `added` on every value of the left half.
 fn slope(width: u32, height: u32, added: f32) -> Image {
     let pixel = |index: u32| {
         let value = (index % width) as f32 / width as f32 * 0.5;
@@ -77,7 +77,7 @@ fn every_limit_is_met_above_and_missed_below_what_was_found() {
     write(folder.path(), "b.exr", &slope(32, 24, 0.0));
     let found = json(0, folder.path(), &["a.exr", "b.exr"]);
     let metric = |name: &str| found["metrics"][name].as_f64().expect("a number");
-    // Half of the pixels; red by 1/8, green by half of it, blue not.
+    // Half of the pixels differ: red by 1/8, green by half of that, blue not at all.
     let rmse = (0.5 * (0.015_625 + 0.003_906_25) / 3.0_f64).sqrt();
     assert!((metric("rmse") - rmse).abs() < 1e-7, "{found}");
     assert_eq!((metric("max"), metric("outliers")), (0.125, 0.5));

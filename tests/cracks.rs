@@ -1,4 +1,4 @@
-//! The shipped square is closed: no pixel sees the earth under its paving, which is flat.
+//! The shipped square has no cracks: no pixel shows the earth below its flat paving.
 
 use curitiba::Choice;
 use curitiba::pipeline::executor::Silent;
@@ -7,9 +7,9 @@ use curitiba::pipeline::project::ChannelRef;
 use glam::{DVec2, DVec3, Vec3};
 use std::path::Path;
 
-/// Height of the earth, metres.
+/// Height of the earth, in metres.
 const EARTH: f64 = -0.03;
-/// The paved rectangle, x and z, metres.
+/// The paved rectangle in x and z, in metres.
 const PAVED: [DVec2; 2] = [DVec2::new(-23.0, -42.0), DVec2::new(67.0, 48.0)];
 
 #[test]
@@ -31,7 +31,7 @@ fn no_pixel_sees_through_the_paving() {
             if (at.y - EARTH).abs() > 1e-4 {
                 continue;
             }
-            // Where the ray passed the paving.
+            // Where the ray passed through the plane of the paving.
             let passed = eye + (at - eye) * (eye.y / (eye.y - at.y));
             let passed = DVec2::new(passed.x, passed.z);
             if passed.cmpge(PAVED[0]).all() && passed.cmple(PAVED[1]).all() {

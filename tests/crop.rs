@@ -1,4 +1,4 @@
-//! Parts of pictures: what `--crop` and `--bands` render are the pixels of the whole picture, bit for bit.
+//! Parts of pictures: `--crop` and `--bands` render the pixels of the whole picture, bit for bit.
 
 use curitiba::passes::cpu::CpuRays;
 use curitiba::passes::raster::cpu::CpuRasteriser;
@@ -12,7 +12,7 @@ use curitiba::pipeline::project;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
-/// Sides that are no multiple of a tile's.
+/// Sides that are no multiple of a tile's side.
 const SIZE: [u32; 2] = [275, 211];
 
 fn file(name: &str) -> PathBuf {
@@ -39,7 +39,7 @@ fn on_cpu(plan: Plan) -> Image {
     render(plan, Box::new(CpuRasteriser::new()))
 }
 
-/// The bits of a rectangle of a picture.
+/// The bits of the pixels in a rectangle of a picture.
 fn bits(image: &Image, [x, y, width, height]: [u32; 4]) -> Vec<[u32; 4]> {
     let rows = image.pixels.chunks_exact(image.width as usize).skip(y as usize).take(height as usize);
     rows.flat_map(|row| &row[x as usize..(x + width) as usize]).map(|pixel| pixel.map(f32::to_bits)).collect()
@@ -49,7 +49,8 @@ fn all(image: &Image) -> Vec<[u32; 4]> {
     bits(image, [0, 0, image.width, image.height])
 }
 
-/// Inside a tile, over several, one pixel at the far corner, a row, a column, and from a tile's corner.
+/// Rectangles inside a tile, over several tiles, of one pixel at the far corner, of a row, of a column, and from a
+/// tile's corner.
 const CROPS: [[u32; 4]; 6] =
     [[70, 81, 31, 17], [13, 40, 200, 101], [274, 210, 1, 1], [0, 133, 275, 1], [128, 0, 1, 211], [64, 128, 64, 64]];
 
@@ -57,7 +58,7 @@ fn parts_are_those_of_the_whole(name: &str) {
     for fidelity in [Fidelity::Corrected, Fidelity::Thesis] {
         let whole = on_cpu(plan(name, fidelity, None, None).expect("a plan"));
         assert_eq!([whole.width, whole.height], SIZE);
-        // What is compared is a picture, and not one colour.
+        // Not all pixels are alike, so the comparison is meaningful.
         let pixels = all(&whole);
         assert!(pixels.iter().filter(|pixel| **pixel != pixels[0]).count() > pixels.len() / 4, "{name} is a picture");
         for crop in CROPS {
@@ -67,10 +68,10 @@ fn parts_are_those_of_the_whole(name: &str) {
             assert_eq!([part.width, part.height], [crop[2], crop[3]]);
             assert!(all(&part) == bits(&whole, crop), "{name}, {fidelity:?}: {crop:?} differs from the whole");
         }
-        // The control: the rectangle beside is another.
+        // Control: a neighbouring rectangle has other bits.
         let beside = bits(&whole, [14, 40, 200, 101]);
         assert!(bits(&whole, CROPS[1]) != beside, "{name}: the comparison notices a shift");
-        // The picture has four rows of tiles, which three bands of one height would not cover.
+        // The picture has four rows of tiles, so three bands cannot have equal heights.
         for (bands, made) in [(2, 2), (3, 2), (4, 4), (50, 4)] {
             let banded = plan(name, fidelity, None, Some(bands)).expect("a plan");
             assert_eq!(banded.parts.list.len(), made);
@@ -133,7 +134,8 @@ fn pictures_that_are_drawn_in_blocks_are_the_same_whatever_part_is_rendered() {
         assert!(all(&blocked(Some(crop), None)) == bits(&whole, crop), "{crop:?} differs from the whole");
     }
     assert!(all(&blocked(None, Some(4))) == all(&whole), "bands differ from the whole");
-    // A projection for each block rounds otherwise than one for all: at edges another triangle may be seen.
+    // A separate projection for each block rounds differently from one for all, so at edges another triangle may be
+    // visible.
     let at_once = on_cpu(plan("SceneFinal", Fidelity::Corrected, None, None).expect("a plan"));
     let far = |(a, b): (&[f32; 4], &[f32; 4])| a.iter().zip(b).any(|(a, b)| (a - b).abs() > 0.02);
     let differ = whole.pixels.iter().zip(&at_once.pixels).filter(|pair| far(*pair)).count();
@@ -197,7 +199,7 @@ fn the_command_line_writes_parts_as_png_and_exr() {
     run("--crop 37,71,101x99 --show pos -o shown.exr");
     run("--show pos -o all.exr");
     assert!(all(&read("shown.pos.exr")) == bits(&read("all.pos.exr"), [37, 71, 101, 99]), "the shown channel");
-    // Larger than the rasteriser draws at once.
+    // Larger than the rasteriser's greatest viewport.
     let printed = curitiba(folder.path(), &format!("plan {project} --raster cpu --backend cpu --size 65536x1"));
     assert!(printed.contains("blocks of 4096 x 4096 pixels") && printed.contains("at most 16384"), "{printed}");
     sized("20000x70 -o wide.png");

@@ -1,5 +1,5 @@
-//! Deep and degenerate input on small stacks: elements in elements, chains of nodes, trees of triangles that nothing tells
-//! apart. What follows such input goes as deep as it says only where it does so without a stack, or stops at a bound.
+//! Deep and degenerate inputs on small stacks: nested elements, chains of nodes, and triangles that no split separates.
+//! Code that follows such inputs must do so without recursion, or stop at a limit.
 
 use curitiba::passes::trace::{Bvh, Double, Quality};
 use curitiba::pipeline::project;
@@ -8,10 +8,10 @@ use glam::Vec3;
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 
-/// Bytes of stack for each thread: an eighth of what Rust gives by default.
+/// Stack size of each thread in bytes: an eighth of Rust's default.
 const STACK: usize = 256 << 10;
 
-/// Works on the threads of a pool with small stacks.
+/// Runs `work` on a pool of threads with small stacks.
 fn on_small_stacks<T: Send>(threads: usize, work: impl FnOnce() -> T + Send) -> T {
     let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).stack_size(STACK).build().expect("threads");
     pool.install(work)
@@ -23,7 +23,7 @@ fn write(folder: &Path, name: &str, text: &str) -> PathBuf {
     path
 }
 
-/// The triangles of a scene file, loaded and made ready.
+/// The geometry of a scene file, loaded and prepared.
 fn triangles(path: PathBuf, threads: usize) -> Result<Geometry, String> {
     on_small_stacks(threads, || {
         let scene = load(&[path], &LoadOptions::default(), &|_| {}).map_err(|error| error.to_string())?;
@@ -56,7 +56,7 @@ fn a_chain_of_nodes_is_as_long_as_the_file_says() {
         for node in 0..NODES - 1 {
             let _ = write!(nodes, "{{\"children\":[{}]}},", node + 1);
         }
-        // One triangle: three positions of three floats, all of one base64 word.
+        // One triangle: three positions of three floats, in base64.
         let bytes = "AAAAAAAAAAAAAAAAAACAPwAAAAAAAAAAAAAAAAAAgD8AAAAA";
         format!(
             "{{\"asset\":{{\"version\":\"2.0\"{extras}}},\"scene\":0,\"scenes\":[{{\"nodes\":[0]}}],\"nodes\":[{nodes}{last}],\
@@ -75,7 +75,7 @@ fn a_chain_of_nodes_is_as_long_as_the_file_says() {
     assert_eq!(triangles(nested, 2).expect("what nobody reads is skipped").triangles.len(), 1);
 }
 
-/// `count` triangles with these corners each.
+/// `count` triangles with the corners that `corners` returns.
 fn geometry(count: u32, corners: impl Fn(u32) -> [Vec3; 3]) -> Geometry {
     Geometry {
         positions: (0..count).flat_map(&corners).collect(),
@@ -102,7 +102,7 @@ fn triangles_on_one_spot_make_a_tree() {
 
 #[test]
 fn triangles_whose_distances_double_make_a_tree() {
-    // From 2⁻⁶⁰ to 2⁶⁰: each halving of space leaves all but a few on one side.
+    // Sizes from 2⁻⁶⁰ to 2⁶⁰: each halving of space leaves all but a few triangles on one side.
     builds_on_small_stacks(&geometry(200_000, |index| {
         let x = 2.0_f32.powf(index as f32 * (120.0 / 200_000.0) - 60.0);
         [Vec3::new(x, 0.0, 0.0), Vec3::new(1.5 * x, 0.0, 0.0), Vec3::new(x, 0.5 * x, 0.0)]

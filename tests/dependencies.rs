@@ -1,12 +1,13 @@
-//! The crates that the program is built from: where they come from, their licences, the compiler that they need, and that
-//! `docs/dependencies.md` says why each is there. Known vulnerabilities are not looked for here: their list is on the network.
+//! The crates that the program is built from: their origin, their licences, the compiler that they need, and that
+//! `docs/dependencies.md` says why each is used. Known vulnerabilities are not checked here, because their list is on
+//! the network.
 
 use serde_json::Value;
 use std::collections::HashMap;
 use std::path::Path;
 use std::process::Command;
 
-/// Licences that ask for no more than a notice.
+/// Licences that require only a notice.
 const ALLOWED: [&str; 10] = [
     "0BSD",
     "Apache-2.0",
@@ -20,8 +21,8 @@ const ALLOWED: [&str; 10] = [
     "Zlib",
 ];
 
-/// What cargo knows of every crate that a build for this system with all features takes, tests and benches included. Other systems'
-/// crates need not be here.
+/// Cargo's metadata of every crate in a build for this system with all features, including tests and benches. Crates
+/// for other systems may be missing.
 fn packages() -> Vec<Value> {
     let version = Command::new(env!("CARGO")).arg("-vV").output().expect("cargo starts");
     let version = String::from_utf8(version.stdout).expect("text");
@@ -47,7 +48,7 @@ fn packages() -> Vec<Value> {
     packages
 }
 
-/// Whether a licence expression (SPDX, or the older `A/B` for either) leaves a choice of [`ALLOWED`] licences.
+/// Whether a licence expression (SPDX, or the older `A/B` for a choice) can be satisfied by [`ALLOWED`] licences.
 fn allowed(expression: &str) -> bool {
     let spaced = expression.replace('/', " OR ").replace('(', " ( ").replace(')', " ) ");
     let words: Vec<&str> = spaced.split_whitespace().collect();
@@ -55,7 +56,7 @@ fn allowed(expression: &str) -> bool {
     either(&mut rest) == Some(true) && rest.is_empty()
 }
 
-/// `A OR B`; `None` for what is no expression.
+/// Parses `A OR B`; `None` for a malformed expression.
 fn either(words: &mut &[&str]) -> Option<bool> {
     let mut any = both(words)?;
     while let ["OR", rest @ ..] = *words {
@@ -65,7 +66,7 @@ fn either(words: &mut &[&str]) -> Option<bool> {
     Some(any)
 }
 
-/// `A AND B`, which binds more closely.
+/// Parses `A AND B`, which binds more tightly.
 fn both(words: &mut &[&str]) -> Option<bool> {
     let mut all = single(words)?;
     while let ["AND", rest @ ..] = *words {
@@ -75,7 +76,7 @@ fn both(words: &mut &[&str]) -> Option<bool> {
     Some(all)
 }
 
-/// A licence with its exception, or an expression in brackets.
+/// Parses a licence with its exception, or an expression in brackets.
 fn single(words: &mut &[&str]) -> Option<bool> {
     let (name, rest) = match *words {
         ["(", rest @ ..] => {
@@ -93,7 +94,7 @@ fn single(words: &mut &[&str]) -> Option<bool> {
     Some(ALLOWED.contains(&name.as_str()))
 }
 
-/// `1.89` or `1.89.0` as numbers.
+/// The numbers of a version such as `1.89` or `1.89.0`.
 fn version(text: &str) -> Vec<u32> {
     let mut parts: Vec<u32> = text.split('.').map(|part| part.parse().expect("a number")).collect();
     parts.resize(3, 0);
@@ -128,7 +129,7 @@ fn every_crate_is_of_the_registry_under_a_permissive_licence_and_for_the_declare
 fn the_documentation_names_every_direct_dependency_and_no_other() {
     let page = Path::new(env!("CARGO_MANIFEST_DIR")).join("docs/dependencies.md");
     let page = std::fs::read_to_string(page).expect("the page is there");
-    // The first column of the table: names in backticks.
+    // The first column of the table has the names in backticks.
     let rows = page.lines().filter(|line| line.starts_with("| `")).filter_map(|line| line.split('|').nth(1));
     let named: Vec<&str> = rows.flat_map(|column| column.split('`').skip(1).step_by(2)).collect();
     let mut direct: HashMap<String, &str> = HashMap::new();
@@ -145,7 +146,7 @@ fn the_documentation_names_every_direct_dependency_and_no_other() {
         assert!(named.contains(&name.as_str()), "{by} depends on `{name}`, of which docs/dependencies.md has no row");
     }
     for name in &named {
-        // Features, and what only `fuzz/`, `python/` and `view/` use.
+        // Names of features, and of crates that only `fuzz/`, `python/` and `view/` use.
         const OTHERS: [&str; 15] = [
             "cuda",
             "embree",

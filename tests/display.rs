@@ -1,5 +1,5 @@
-//! `render --display`: what arrives at a viewer that listens. The reader of packets below is written from tev's description of its protocol, not with
-//! the crate that writes them.
+//! `render --display`: the data that a listening viewer receives. The parser of packets below follows tev's description
+//! of its protocol, and does not use the crate that writes them.
 
 use curitiba::pipeline::image::read_image;
 use std::collections::HashMap;
@@ -9,7 +9,7 @@ use std::path::Path;
 use std::process::{Command, Output};
 use std::thread::JoinHandle;
 
-/// An image as the viewer has it, and how often each pixel was written.
+/// An image in the viewer, and how often its pixels were written.
 #[derive(Default)]
 struct Shown {
     width: usize,
@@ -44,7 +44,7 @@ impl Packet {
     }
 }
 
-/// Takes packets until the other side is gone.
+/// Receives packets until the other side disconnects.
 fn view(mut stream: TcpStream) -> HashMap<String, Shown> {
     let mut images: HashMap<String, Shown> = HashMap::new();
     let mut length = [0; 4];
@@ -83,7 +83,7 @@ fn view(mut stream: TcpStream) -> HashMap<String, Shown> {
     images
 }
 
-/// A viewer, and its address.
+/// A viewer thread, and its address.
 fn viewer() -> (JoinHandle<HashMap<String, Shown>>, String) {
     let listener = TcpListener::bind("127.0.0.1:0").expect("a port");
     let address = listener.local_addr().expect("bound").to_string();
@@ -97,7 +97,7 @@ fn render(folder: &Path, arguments: &[&str]) -> Output {
     command.current_dir(folder).output().expect("the program runs")
 }
 
-/// The pixels of a file, RGBA.
+/// The RGBA pixels of a file.
 fn pixels(path: &Path) -> Vec<[f32; 4]> {
     read_image(path).expect("an EXR").image.pixels
 }
@@ -111,7 +111,7 @@ fn linear(value: f32) -> f32 {
 fn the_viewer_gets_every_channel_and_the_window_in_linear_light() {
     let folder = tempfile::tempdir().expect("a folder");
     let (shown, address) = viewer();
-    // Wide enough that a picture is several packets.
+    // Wide enough that a picture takes several packets.
     let done = render(
         folder.path(),
         &["--size", "900x600", "--set", "pass2.samples=1", "--show", "all", "--display", &address],

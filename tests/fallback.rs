@@ -1,4 +1,4 @@
-//! Ray backends that fail, and what goes on in their place: with backends that fail on purpose, and by the command line.
+//! Failing ray backends and their replacements: with backends that fail on purpose, and by the command line.
 
 use curitiba::passes::cpu::CpuRays;
 use curitiba::passes::raster::cpu::CpuRasteriser;
@@ -15,7 +15,7 @@ use std::process::{Command, Output};
 use std::rc::Rc;
 use std::sync::Arc;
 
-/// What was called, in order: `cuda build`, `cuda run`.
+/// The calls in order, such as `cuda build` and `cuda run`.
 type Calls = Rc<RefCell<Vec<String>>>;
 
 /// Where a backend fails.
@@ -23,13 +23,13 @@ type Calls = Rc<RefCell<Vec<String>>>;
 enum Fails {
     Never,
     Build,
-    /// The runs from this one on, counted from 1, after half of the picture.
+    /// In all runs from this one on, counted from 1, after half of the picture.
     Run(u32),
-    /// Says that it cannot.
+    /// When it is asked: it says that it cannot run the job.
     Support,
 }
 
-/// The processor under another name.
+/// The processor's backend under another name.
 struct Fake {
     name: &'static str,
     fails: Fails,
@@ -88,7 +88,7 @@ impl RayBackend for Fake {
     }
 }
 
-/// Remembers what it was told.
+/// Records the fallbacks that it is told.
 #[derive(Default)]
 struct Ears(Vec<Fallback>);
 
@@ -201,7 +201,7 @@ fn a_backend_that_knows_a_point_of_light_alone_is_replaced_for_a_disc() {
 #[test]
 fn a_backend_that_is_lost_in_a_frame_is_replaced_within_it_and_never_used_again() {
     let (calls, mut ears) = (Calls::default(), Ears::default());
-    // Named twice, and tried once.
+    // The backend is named twice and tried once.
     let backends = vec![
         spare("cuda", Fails::Run(3), &calls),
         spare("cuda", Fails::Never, &calls),
@@ -246,12 +246,12 @@ fn where_those_that_stand_in_fail_too_the_last_failure_ends_the_run() {
     assert_eq!(error.to_string(), "pass `pass2` of frame 1: cpu: building: the device was lost");
     let first = fallback(Some(1), "cuda", "cuda: running: the device was lost", "optix");
     assert_eq!(ears.0, [first, fallback(Some(1), "optix", "optix: there is no driver", "cpu")]);
-    // A second try finds nothing left, and says so.
+    // A second frame finds no backend left, and says so.
     let again = renderer.frame(&mut ears).expect_err("nothing is left");
     assert!(again.to_string().starts_with("pass `pass2` of frame 2: cpu: "), "{again}");
 }
 
-/// The program on a machine whose GPUs are hidden, if it has any.
+/// Runs the program with the machine's GPUs hidden.
 fn curitiba(folder: &Path, arguments: &[&str]) -> Output {
     let mut command = Command::new(env!("CARGO_BIN_EXE_curitiba"));
     command.env("CUDA_VISIBLE_DEVICES", "-1").env_remove("CURITIBA_GPUS").env("NO_COLOR", "1");
@@ -312,14 +312,14 @@ fn the_fastest_backend_is_measured_once_and_then_known() {
     assert!(told.contains("backend fastest: ") && told.contains("measured now, and kept"), "{told}");
     let chosen = told.split("backend fastest: ").nth(1).and_then(|rest| rest.split(' ').next()).expect("a name");
     assert!(rows.contains(&format!("deferredShadows on {chosen}")), "{rows}");
-    // Each one that is not there says why.
+    // Each backend that is not available tells the reason.
     let there =
         told.lines().find(|line| line.starts_with("backend fastest: ")).map_or(0, |line| line.matches(" ms").count());
     assert_eq!(there + told.matches("\n       not ").count(), curitiba::BackendChoice::ALL.len(), "{told}");
     let (code, _, told) = run(&rendered);
     assert_eq!(code, Some(0), "{told}");
     assert!(told.contains("measured before: ") && told.contains("fastest.json"), "{told}");
-    // The record is no file of the project, and the row has the name of what was found.
+    // The record is no file of the project, and the row names the backend that was chosen.
     let (code, listed, told) = run(&["check", "--backend", "fastest"]);
     assert_eq!(code, Some(0), "{told}");
     assert!(!listed.contains("fastest.json"), "{listed}");

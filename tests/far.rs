@@ -1,4 +1,5 @@
-//! Scenes in map coordinates: the picture is that of the same scene at the origin, bit for bit where the file's numbers allow it.
+//! Scenes in map coordinates show the picture of the same scene at the origin, bit for bit where the file's numbers
+//! allow it.
 
 use curitiba::passes::raster::gpu::{AdapterChoice, WgpuRasteriser};
 use curitiba::pipeline::executor::{Renderer, Silent};
@@ -11,7 +12,7 @@ use std::f64::consts::PI;
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 
-/// What the scene is moved by. All numbers of the scene are multiples of 2^-10, so that the moved ones are exact.
+/// Displacements of the scene. All its numbers are multiples of 2^-10, so that the displaced ones are exact.
 const MOVED: [DVec3; 4] =
     [DVec3::new(1e3, 0.0, 0.0), DVec3::new(-1e4, 0.0, 2e4), DVec3::new(1e5, 1e5, -1e5), DVec3::new(1e6, 0.0, 5e6)];
 
@@ -19,10 +20,10 @@ fn steps(value: f64) -> f64 {
     (value * 1024.0).round() / 1024.0
 }
 
-/// Triangles by material.
+/// Triangles with their material.
 type Parts = Vec<(&'static str, Vec<[usize; 3]>)>;
 
-/// A bumpy body of three units above a floor, with a pane of glass beside it.
+/// A bumpy body three units in size above a floor, with a pane of glass beside it.
 fn corners() -> (Vec<DVec3>, Parts) {
     let (rings, sides) = (24, 48);
     let mut points = Vec::new();
@@ -52,7 +53,7 @@ fn corners() -> (Vec<DVec3>, Parts) {
     (points, vec![("stone", body), ("stone", floor), ("glass", pane)])
 }
 
-/// Writes the scene, moved, and returns the file.
+/// Writes the displaced scene, and returns the file's path.
 fn obj(folder: &Path, moved: DVec3) -> PathBuf {
     let (points, parts) = corners();
     let mut text = String::from("mtllib far.mtl\n");
@@ -75,7 +76,7 @@ fn obj(folder: &Path, moved: DVec3) -> PathBuf {
 
 fn renderer(file: &Path, moved: DVec3, size: u32, choice: Choice, fidelity: Fidelity) -> Renderer {
     let scene = SceneOptions {
-        // Of glass, `wgpu` knows the report's panes alone.
+        // `wgpu` supports only the report's panes of glass.
         effects: Some(Effects { shadows: true, occlusion: true, glass: choice.backend == BackendChoice::Cpu }),
         look_from: Some(DVec3::new(-2.5, 1.75, 3.5) + moved),
         look_at: Some(DVec3::new(0.125, -0.25, 0.0) + moved),
@@ -87,7 +88,7 @@ fn renderer(file: &Path, moved: DVec3, size: u32, choice: Choice, fidelity: Fide
 }
 
 fn picture(file: &Path, moved: DVec3, choice: Choice) -> Vec<[u32; 4]> {
-    // Software drivers take their time.
+    // Software drivers are slow.
     let side = if choice.backend == BackendChoice::Wgpu { 32 } else { 96 };
     let mut renderer = renderer(file, moved, side, choice, Fidelity::Corrected);
     let image = renderer.frame(&mut Silent).expect("it renders");
@@ -109,7 +110,8 @@ fn the_picture_far_away_is_that_at_the_origin() {
     }
 }
 
-/// Ray passes of `wgpu` and its rasteriser agree with themselves; a driver may fuse sums, so the near picture is theirs too.
+/// Rays and rasteriser of `wgpu` are compared with themselves: a driver may fuse sums, so the near picture is theirs,
+/// too.
 #[test]
 fn wgpu_shows_far_away_what_it_shows_at_the_origin() {
     let choice = Choice { raster: RasterChoice::Wgpu, backend: BackendChoice::Wgpu, ..Choice::default() };
@@ -139,7 +141,7 @@ fn thesis_fidelity_knows_no_other_origin() {
     assert_eq!(origins(Fidelity::Corrected), (vec![moved], true, moved));
 }
 
-/// What is set later is told from the same origin.
+/// A camera set later is relative to the same origin.
 #[test]
 fn a_camera_that_is_moved_in_a_far_scene_sees_what_it_sees_near() {
     let folder = tempfile::tempdir().expect("a folder");

@@ -1,5 +1,5 @@
-//! Commands that meet faults: a full disk, a limit on file sizes, signals, and 200 kills. Every file is then what it was or
-//! what it is to be, and nothing else is left.
+//! Commands that meet faults: a full disk, a limit on file sizes, signals, and 200 kills. Afterwards every file has
+//! either its old or its new contents, and no other files are left.
 
 use curitiba::Choice;
 use curitiba::bench::model::BenchFile;
@@ -31,7 +31,7 @@ fn names(folder: &Path) -> Vec<String> {
     names
 }
 
-/// All but the folder of references.
+/// The names in a folder, except the folder of references.
 fn kept(folder: &Path) -> Vec<String> {
     names(folder).into_iter().filter(|name| name != "references").collect()
 }
@@ -40,7 +40,8 @@ fn temporaries(folder: &Path) -> Vec<String> {
     names(folder).into_iter().filter(|name| name.starts_with(".curitiba-")).collect()
 }
 
-/// Writes with a disk that is full from each call on; `file` is then `old` or what an undisturbed write makes of it.
+/// Writes while the disk is full from each of the calls on; afterwards `file` has either its old contents or those of
+/// an undisturbed write.
 fn fill_disk(name: &str, folder: &Path, file: &Path, reset: &dyn Fn(), write: &mut dyn FnMut() -> Result<(), String>) {
     reset();
     let old = std::fs::read(file).expect("there");
@@ -80,7 +81,7 @@ fn a_full_disk_at_any_write_of_render_bench_and_report_loses_nothing() {
     let mut renderer =
         curitiba::open(project("SceneShadows.xml"), settings, Choice::CPU, &mut Silent).expect("it opens");
     renderer.frame(&mut Silent).expect("it renders");
-    // The last file that is written: those before it are whole already.
+    // The file that is written last; the ones before it are complete already.
     let outputs = renderer.outputs(&folder.join("out.exr"));
     let last = outputs.last().expect("shown channels").0.clone();
     let reset = || outputs.iter().for_each(|(file, _)| std::fs::write(file, "before").expect("written"));
@@ -152,7 +153,7 @@ fn two_hundred_kills_leave_whole_files_and_what_they_leave_is_removed() {
         .to_vec()
     };
     let convert = |output: &str| ["scene", "s.obj", "-o", output].map(str::to_owned).to_vec();
-    // Two commands for each group of files; by turns they replace what the other wrote.
+    // Two commands for each group of files, which alternately replace each other's output.
     let commands = [render("MainCamera"), convert("s.cbo"), render("Vidro"), convert("s.nbo")];
     let start = |command: &[String]| -> Child {
         let arguments: Vec<&str> = command.iter().map(String::as_str).collect();
@@ -198,7 +199,7 @@ fn two_hundred_kills_leave_whole_files_and_what_they_leave_is_removed() {
     );
 }
 
-/// Starts a command that works for seconds in a temporary folder, and waits until that is there.
+/// Starts a command that works for seconds in a temporary folder, and waits until that folder exists.
 #[cfg(unix)]
 fn start_report(folder: &Path) -> Child {
     let projects = project("").display().to_string();
@@ -213,7 +214,7 @@ fn start_report(folder: &Path) -> Child {
     child
 }
 
-/// Whether children of this process ignore a signal, as those of `nohup` do; `false` where the system does not tell.
+/// Whether children of this process ignore a signal, as under `nohup`; false where the system does not report it.
 #[cfg(unix)]
 fn is_ignored(number: i32) -> bool {
     let status = std::fs::read_to_string("/proc/self/status").unwrap_or_default();
@@ -229,14 +230,14 @@ fn signals_that_end_the_program_remove_what_is_half_written() {
     let folder = place.path();
     for (name, number) in [("INT", 2), ("TERM", 15), ("HUP", 1)] {
         if is_ignored(number) {
-            // The program goes on, as whoever started it asked.
+            // The program then ignores the signal, as its caller wants.
             println!("skipped: SIG{name} is ignored here, as under nohup");
             continue;
         }
         let mut child = start_report(folder);
         let sent = Command::new("kill").args([format!("-{name}"), child.id().to_string()]).status();
         assert!(sent.expect("kill is there").success());
-        // It ends by the signal, as its parent shell expects.
+        // It dies from the signal, as its parent shell expects.
         assert_eq!(child.wait().expect("it ends").signal(), Some(number), "{name}");
         assert_eq!(kept(folder), [""; 0], "{name}");
     }
@@ -264,7 +265,7 @@ fn a_limit_on_file_sizes_is_an_error_at_any_size() {
         for name in ["out.exr", "out.pos.exr", "out.pos.png"] {
             std::fs::write(folder.join(name), "before").expect("written");
         }
-        // In blocks of 512 bytes or of 1024, whichever the shell counts in.
+        // The limit is in blocks of 512 or 1024 bytes, depending on the shell.
         let script = format!("ulimit -f {limit} && exec '{program}' {arguments}");
         let mut command = Command::new("sh");
         let output =
@@ -274,7 +275,7 @@ fn a_limit_on_file_sizes_is_an_error_at_any_size() {
         if output.status.success() {
             break;
         }
-        // By the error's exit code, and not by SIGXFSZ.
+        // The program ends with the error's exit code, and not by SIGXFSZ.
         assert_eq!(output.status.code(), Some(1), "limit {limit}: {message}");
         assert!(message.contains("error: out.") && message.contains("too large"), "{message}");
         let png = std::fs::read(folder.join("out.pos.png")).expect("there");
@@ -314,7 +315,7 @@ fn a_stream_that_cannot_be_written_is_an_error_and_no_panic() {
         assert_eq!(output.status.code(), Some(1), "{command:?}: {message}");
         assert!(message.contains("error: the output stream cannot be written"), "{command:?}: {message}");
     }
-    // Where not even an error can be told, the exit code tells it.
+    // Where the error message cannot be printed, the exit code still reports it.
     for (command, code) in [(&["scene", "s.obj"][..], 1), (&["scene", "missing.obj"], 3), (&["no-command"], 2)] {
         let status = curitiba(place.path(), command).stderr(full()).status().expect("it runs");
         assert_eq!(status.code(), Some(code), "{command:?}");

@@ -1,4 +1,4 @@
-//! G-buffers that ray passes read where they were drawn: with a rasteriser and a ray backend that share memory of the host.
+//! G-buffers that ray passes read in place, with a rasteriser and a ray backend that share memory of the host.
 #![cfg(unix)]
 
 use curitiba::passes::cpu::CpuRays;
@@ -22,22 +22,22 @@ use std::time::Duration;
 const DEVICE: DeviceUuid = *b"a device of test";
 const SIZE: [u32; 2] = [48, 32];
 
-/// What stands for the memory of a device.
+/// A stand-in for the memory of a device.
 #[derive(Debug, Default)]
 struct Memory {
-    /// What was drawn.
+    /// The attachments that were drawn.
     drawn: GBuffer,
-    /// The part of it that was handed over.
+    /// The attachments that were handed over.
     shared: GBuffer,
     attachments: Attachments,
     value: u64,
-    /// What was copied to the host.
+    /// The attachments that were copied to the host.
     read_back: Vec<Attachments>,
 }
 
 type Device = Arc<Mutex<Memory>>;
 
-/// Draws into the device, and refuses to share if it is told to.
+/// A rasteriser that draws into the device, and that refuses to share if `refuses` is set.
 struct Drawer {
     inner: CpuRasteriser,
     device: Device,
@@ -126,7 +126,7 @@ impl Rasteriser for Drawer {
     }
 }
 
-/// Traces what lies in the device, and fails in a run if it is told to.
+/// A ray backend that traces on what lies in the device, and that fails in run `fails_in`.
 struct Tracer {
     inner: CpuRays,
     device: Device,

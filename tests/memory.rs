@@ -1,7 +1,7 @@
-//! `--max-memory` bounds the process, and memory that is refused ends it with an error and an exit code.
+//! `--max-memory` bounds the memory of the process, and refused memory ends the program with an error and an exit code.
 //!
-//! The program runs as a child each time. What it holds at most is what the system says (`VmHWM`), so these tests need
-//! `/proc`; the limits of the second half are the shell's (`ulimit -v`).
+//! Each test runs the program as a child. Its peak memory is the system's `VmHWM`, so these tests need `/proc`. The
+//! second half takes the shell's limits (`ulimit -v`).
 #![cfg(unix)]
 
 use curitiba::pipeline::image::{Rows, encode_png};
@@ -14,7 +14,7 @@ use std::time::Duration;
 
 const MIB: u64 = 1 << 20;
 
-/// Skips a test where the system does not tell what a process holds.
+/// Skips a test where the system does not report the memory of a process.
 macro_rules! needs_proc {
     () => {
         if peak_of("self").is_none() {
@@ -24,11 +24,11 @@ macro_rules! needs_proc {
     };
 }
 
-/// What a run came to.
+/// The result of a run.
 struct Run {
     status: ExitStatus,
     errors: String,
-    /// The most that it held, bytes.
+    /// Peak memory in bytes.
     peak: u64,
 }
 
@@ -38,14 +38,15 @@ impl Run {
     }
 }
 
-/// The most that a process has held, bytes.
+/// Peak memory of a process in bytes; `None` where the system does not report it.
 fn peak_of(process: &str) -> Option<u64> {
     let status = fs::read_to_string(format!("/proc/{process}/status")).ok()?;
     let line = status.lines().find_map(|line| line.strip_prefix("VmHWM:"))?;
     line.trim().trim_end_matches("kB").trim().parse::<u64>().ok().map(|kibibytes| kibibytes * 1024)
 }
 
-/// Runs a command and watches what it holds. A process holds its peak from then on, so that looking often is enough.
+/// Runs a command and reads its peak memory repeatedly. The system keeps the peak while the process lives, so frequent
+/// reads suffice.
 fn watch(mut command: Command) -> Run {
     let mut child = command.stdout(Stdio::null()).stderr(Stdio::piped()).spawn().expect("the program starts");
     let mut stream = child.stderr.take().expect("a pipe");
@@ -67,12 +68,12 @@ fn watch(mut command: Command) -> Run {
 
 fn program(folder: &Path) -> Command {
     let mut command = Command::new(env!("CARGO_BIN_EXE_curitiba"));
-    // What is measured is the program, and not the reader of its debug information.
+    // Without backtraces, because reading the debug information would take memory that is not the program's own.
     command.current_dir(folder).env("NO_COLOR", "1").env_remove("RUST_BACKTRACE");
     command
 }
 
-/// Rows of a pattern that is nowhere kept.
+/// Rows of a pattern that are generated one by one and never stored as a whole.
 struct Pattern {
     size: [u32; 2],
     row: u32,
@@ -103,7 +104,7 @@ fn shipped(name: &str) -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("xml_projects").join(name)
 }
 
-/// A project that draws two triangles with a texture, `NAME.xml`.
+/// Writes a project `NAME.xml` that draws two triangles with a texture.
 fn write_textured(folder: &Path, name: &str, texture: &str) {
     let write = |name: &str, text: &str| fs::write(folder.join(name), text).expect("written");
     write(&format!("{name}.mtl"), &format!("newmtl wall\nKd 1 1 1\nmap_Kd {texture}\n"));
@@ -122,7 +123,7 @@ fn write_textured(folder: &Path, name: &str, texture: &str) {
     }
 }
 
-/// The inputs of the cases; small files that become large.
+/// Writes the inputs of the cases: small files that become large in memory.
 fn write_inputs(folder: &Path) {
     write_pattern(&folder.join("large.png"), 6144);
     write_pattern(&folder.join("picture.png"), 2048);
@@ -154,7 +155,7 @@ fn write_inputs(folder: &Path) {
     }
 }
 
-/// What a case has to come to.
+/// The expected result of a case.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Expected {
     Done,
@@ -171,10 +172,10 @@ fn the_process_stays_under_its_cap_whatever_it_reads_draws_and_writes() {
         format!("render {} --raster cpu --backend cpu --size {side}", shipped(&format!("Scene{name}.xml")).display())
     };
     let textured = |name: &str| format!("render of_{name}.xml --raster cpu --backend cpu --size 64x64");
-    // A frame of one pixel with a texture of one: what the program and its engines take by themselves.
+    // A frame of one pixel with a texture of one texel: the base memory of the program and its engines.
     write_pattern(&folder.path().join("one.png"), 1);
     write_textured(folder.path(), "of_one", "one.png");
-    // So short a run may end between two looks at it: the largest of some is what it takes.
+    // A run this short may end between two reads, so the greatest of several counts.
     let runs = (0..5).map(|_| {
         let mut command = program(folder.path());
         command.args("render of_one.xml --raster cpu --backend cpu --size 1x1".split(' '));
@@ -185,7 +186,7 @@ fn the_process_stays_under_its_cap_whatever_it_reads_draws_and_writes() {
     let empty = runs.max().unwrap_or_default();
     assert!(empty > MIB && empty < 256 * MIB, "an empty frame takes {} MiB", empty / MIB);
 
-    // 6144 x 6144 texels take 144 MiB, their smaller levels 48.
+    // 6144 x 6144 texels take 144 MiB, and the smaller mip levels 48 MiB.
     let cases: Vec<(String, u64, Expected)> = vec![
         (textured("large"), 224, Done),
         (textured("large"), 184, Refused),
@@ -199,7 +200,7 @@ fn the_process_stays_under_its_cap_whatever_it_reads_draws_and_writes() {
         (textured("bmp"), 64, Done),
         (textured("grey"), 112, Done),
         (textured("grey"), 72, Refused),
-        // A target of 1536 x 1536 pixels takes 36 MiB: bands of it fit into less.
+        // A target of 1536 x 1536 pixels takes 36 MiB; rendered in bands it fits in less.
         (small("NoEffects", "1536x1536"), 128, Done),
         (small("NoEffects", "1536x1536") + " -o a.exr", 128, Done),
         (small("NoEffects", "1536x1536"), 24, Done),
@@ -245,19 +246,19 @@ fn the_process_stays_under_its_cap_whatever_it_reads_draws_and_writes() {
     assert!(wrong.is_empty(), "an empty frame takes {} MiB; {}", empty / MIB, wrong.join("\n"));
 }
 
-/// Runs the program with so much address space, in KiB.
+/// Runs the program with its address space limited to `kibibytes`.
 fn limited(folder: &Path, arguments: &str, kibibytes: u64) -> Run {
     let mut command = Command::new("sh");
     let program = env!("CARGO_BIN_EXE_curitiba");
     command.current_dir(folder).env("NO_COLOR", "1");
-    // A graphics driver that is refused memory may crash by itself: no driver is looked for.
+    // A graphics driver may crash when it is refused memory, so drivers are hidden.
     command.env("VK_DRIVER_FILES", "/nonexistent").env("VK_ICD_FILENAMES", "/nonexistent");
     command.args(["-c", &format!("ulimit -v {kibibytes} && exec {program} {arguments}")]);
     watch(command)
 }
 
-/// Tries a command on a ladder of limits, from where the loader can start the program to where the command succeeds. Every
-/// run has to end by itself.
+/// Tries a command with increasing limits, from the limit at which the loader can start the program to the one at which
+/// the command succeeds. Every run must end by itself.
 fn climb(name: &str, arguments: &str) {
     let folder = tempfile::tempdir().expect("a folder");
     write_pattern(&folder.path().join("picture.png"), 700);

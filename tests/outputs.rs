@@ -1,4 +1,4 @@
-//! Where files are written and read: names of outputs, what may be replaced, and `--confine`.
+//! The files that are written and read: names of outputs, which files may be replaced, and `--confine`.
 
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
@@ -36,7 +36,7 @@ fn names(folder: &Path) -> Vec<String> {
     names
 }
 
-/// A copy of a project of the report with its libraries, changed; the square stays where it is.
+/// A changed copy of one of the report's projects with its libraries; the square is used in place.
 fn changed(folder: &Path, change: impl Fn(String) -> String) -> String {
     let copy = |from: PathBuf, to: PathBuf| {
         let text = std::fs::read_to_string(&from).expect("a file of the project");
@@ -58,13 +58,13 @@ const SMALL: [&str; 4] = ["--size", "16x16", "--raster", "cpu"];
 fn names_of_outputs_are_safe_and_no_two_are_one_file() {
     let place = tempfile::tempdir().expect("a folder");
     let folder = place.path();
-    // A channel whose name is a path.
+    // A channel whose name looks like a path.
     let xml = changed(folder, |text| text.replace("\"norm\"", "\"a/b\"").replace("::norm", "::a/b"));
     let xml = xml.as_str();
     succeeds(folder, &[&["render", xml][..], &SMALL, &["--show", "a/b", "-o", "out.png"]].concat());
     assert!(names(folder).contains(&"out.a_b.exr".to_owned()), "{:?}", names(folder));
 
-    // Two libraries with a channel of one name each.
+    // Two libraries with channels of the same name.
     let xml =
         changed(folder, |text| text.replace("\"offscreenrender\"", "\"pos\"").replace("::offscreenrender", "::pos"));
     succeeds(folder, &[&["render", &xml][..], &SMALL, &["--show", "all", "-o", "both.png"]].concat());
@@ -75,7 +75,7 @@ fn names_of_outputs_are_safe_and_no_two_are_one_file() {
     assert_eq!(written, 9, "{:?}", names(folder));
     assert!(folder.join("both.norm.exr").exists());
 
-    // Two channels of one library that would have one name.
+    // Two channels of one library whose files would have the same name.
     let xml = changed(folder, |text| {
         let text = text.replace("\"norm\"", "\"a/b\"").replace("::norm", "::a/b");
         text.replace("\"pos\"", "\"a_b\"").replace("::pos", "::a_b")
@@ -101,10 +101,10 @@ fn outputs_that_cannot_be_written_are_errors_before_anything_is_rendered() {
     fails(2, "no/such/a.png", "there is no folder no/such");
     fails(2, "d.png", "this is a folder");
     fails(1, &format!("{}.png", "x".repeat(260)), "too long");
-    // The picture's own name fits, that of a channel does not.
+    // The picture's own name fits, but a channel's is too long.
     fails(1, &format!("{}.png", "x".repeat(248)), "too long");
     assert_eq!(names(folder), ["d.png"]);
-    // An input is not replaced.
+    // Inputs are never replaced.
     let texture = models.join("Texturas").join(texture).display().to_string();
     let before = std::fs::read(&texture).expect("a texture");
     fails(2, &texture, "this file is read, and would be replaced");
@@ -171,7 +171,7 @@ fn bench_and_compare_replace_no_file_of_anybody_else() {
     std::fs::write(folder.join("empty"), "").expect("a file");
     let files = ["--json", "empty", "--csv", "t.csv", "--markdown", "t.md"];
     for _ in 0..2 {
-        // The second time each replaces one of its own.
+        // The second time, each run replaces one of its own outputs.
         succeeds(folder, &bench(&files));
     }
     succeeds(folder, &bench(&["--json", "notes.txt", "--overwrite"]));
@@ -253,7 +253,7 @@ fn confine_refuses_every_file_that_lies_outside_wherever_links_lead() {
     refused(&["scene", "--generate", "10000", "-o", "missing/../../out/square"], "square");
     assert_eq!(names(&outside), ["b.bin", "l.mlib", "m.mtl", "s.obj", "t.png"], "nothing was written");
 
-    // Textures are decoded when a project is rendered; libraries and scenes are named by projects.
+    // Textures are decoded when a project is rendered; projects name libraries and scenes.
     let xml = |scene: &str, library: &str| {
         let text = std::fs::read_to_string(project("SceneNoEffects.xml")).expect("a project");
         let start = text.find("3dsmodels/").or_else(|| text.find("3dsmodels\\")).expect("the square is named");
@@ -353,7 +353,7 @@ fn a_trace_has_every_step_of_every_frame_one_after_the_other() {
     spans.sort_by(|a, b| a.0.total_cmp(&b.0));
     assert!(spans[0].0 == 0.0 && spans.windows(2).all(|pair| pair[1].0 >= pair[0].1 - 1.0), "{spans:?}");
 
-    // Steps that a frame runs more than once are one row of the report, and events of their own.
+    // Steps that a frame runs more than once are one row of the report, but separate events of the trace.
     succeeds(
         folder,
         &[&["render", &input, "--backend", "cpu", "--aa", "2", "--trace", "aa.json"], &SMALL[..]].concat(),

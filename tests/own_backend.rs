@@ -1,4 +1,4 @@
-//! Ray backends of single passes: `--set PASS.backend=NAME`.
+//! Ray backends for single passes: `--set PASS.backend=NAME`.
 
 use curitiba::passes::cpu::CpuRays;
 use curitiba::passes::raster::cpu::CpuRasteriser;
@@ -16,10 +16,10 @@ use std::process::Command;
 use std::rc::Rc;
 use std::sync::Arc;
 
-/// What was called, in order: `cuda build`, `cuda run`.
+/// The calls in order, such as `cuda build` and `cuda run`.
 type Calls = Rc<RefCell<Vec<String>>>;
 
-/// The processor under another name; it may be lost when it runs.
+/// The processor's backend under another name, which is lost when it runs if `lost` is set.
 struct Fake {
     name: &'static str,
     lost: bool,
@@ -74,7 +74,7 @@ impl RayBackend for Fake {
     }
 }
 
-/// A red pane before a grey wall: `pass2` is glass, `pass3` occlusion.
+/// A red pane in front of a grey wall; `pass2` computes the glass, and `pass3` the occlusion.
 const SCENE: &str = "mtllib s.mtl\nv -2 -2 0\nv 2 -2 0\nv 2 2 0\nv -2 2 0\nv -1 -1 1\nv 1 -1 1\nv 1 1 1\nv -1 1 1
 usemtl wall\nf 1 2 3 4\nusemtl pane\nf 5 6 7 8\n";
 const MATERIALS: &str = "newmtl wall\nKd .6 .6 .6\nnewmtl pane\nKd .8 .1 .1\nd .3\nillum 4\nNi 1.5\n";
@@ -93,7 +93,8 @@ fn plan(folder: &Path, set: &[&str]) -> Result<Plan, PlanError> {
     Plan::new(project, settings)
 }
 
-/// Engines whose backends are fakes: `cpu` for all passes, others for single ones; `optix` is missing, `cuda` is lost when it runs.
+/// Engines with fake backends: `cpu` for all passes, others for single ones. `optix` is missing, and `cuda` is lost
+/// when it runs.
 fn fakes(calls: &Calls, fallback: bool) -> Engines {
     let spare = |name: &'static str| {
         let calls = Rc::clone(calls);
@@ -134,7 +135,7 @@ fn passes_run_on_the_backends_that_they_name_and_the_picture_is_the_same() {
     let notes = notes(&mixed);
     assert!(notes[0].ends_with("on cpu") && notes[1].ends_with("on wgpu"), "{notes:?}");
 
-    // A backend that traces for no pass builds nothing.
+    // A backend without a pass to trace builds nothing.
     calls.borrow_mut().clear();
     let all = plan(folder.path(), &["pass2.backend=wgpu", "pass3.backend=wgpu"]).expect("planned");
     let mut all = Renderer::new(all, fakes(&calls, false), &mut Silent).expect("ready");
@@ -154,7 +155,7 @@ fn a_setter_gives_a_pass_another_backend_and_only_what_depends_on_it_runs_again(
     assert_eq!(bits(&renderer.update(&mut Silent).expect("rendered")), expected);
     assert_eq!(renderer.passes_run().collect::<Vec<_>>(), ["pass3", "pass5"]);
     assert_eq!(*calls.borrow(), ["cpu build", "wgpu build", "wgpu run"]);
-    // One that is not there is an error, and what was there before goes on.
+    // A missing backend is an error, and the previous one goes on.
     renderer.set_parameter("pass3", "backend", "optix").expect("it is known when the frame begins");
     let error = renderer.update(&mut Silent).expect_err("missing").to_string();
     assert_eq!(error, "pass `pass3`: optix: there is no driver");

@@ -1,11 +1,11 @@
-//! The crates as they are published: what a package says of itself, and that it is built from its own files. `docs/publishing.md`.
+//! The crates as published: the metadata of a package, and that it builds from its own files. See `docs/publishing.md`.
 
 use serde_json::Value;
 use std::collections::BTreeSet;
 use std::path::{Component, Path, PathBuf};
 use std::process::Command;
 
-/// The most that the registry takes is as much compressed.
+/// Greatest compressed size of a package that the registry accepts.
 const MOST_BYTES: u64 = 10 << 20;
 
 fn cargo(arguments: &[&str]) -> String {
@@ -15,11 +15,11 @@ fn cargo(arguments: &[&str]) -> String {
     String::from_utf8(output.stdout).expect("text")
 }
 
-/// The packages of this workspace that may be published.
+/// The packages of this workspace that can be published.
 fn published() -> Vec<Value> {
     let metadata = cargo(&["metadata", "--no-deps", "--format-version", "1", "--locked", "--offline"]);
     let metadata: Value = serde_json::from_str(&metadata).expect("JSON");
-    // What may not be has an empty list of registries.
+    // A package that must not be published has an empty list of registries.
     let packages =
         metadata["packages"].as_array().expect("a list").iter().filter(|package| package["publish"].is_null());
     packages.cloned().collect()
@@ -39,7 +39,7 @@ fn folder(package: &Value) -> PathBuf {
     Path::new(package["manifest_path"].as_str().expect("a path")).parent().expect("a folder").to_owned()
 }
 
-/// `a/b/../c` without its detour; `None` for what leaves the folder that it is relative to.
+/// A path such as `a/b/../c` with `..` resolved; `None` if it leaves the root.
 fn joined(folder: &Path, path: &str) -> Option<PathBuf> {
     let mut joined = PathBuf::new();
     for part in folder.join(path).components() {
@@ -53,8 +53,8 @@ fn joined(folder: &Path, path: &str) -> Option<PathBuf> {
     Some(joined)
 }
 
-/// The files that a source names to the compiler and that are not among those of its package. Of a name that a macro puts together
-/// (`concat!("programs/", $stem)`) the folder is looked for.
+/// Files that a source names to the compiler and that are not in its package. If a macro composes the name
+/// (`concat!("programs/", $stem)`), only the folder is checked.
 fn outside(source: &Path, text: &str, files: &BTreeSet<PathBuf>) -> Vec<String> {
     let folder = source.parent().unwrap_or(Path::new(""));
     let mut found = Vec::new();
@@ -88,7 +88,7 @@ fn every_package_says_what_it_is() {
             package[field].as_array().expect("a list").iter().filter_map(Value::as_str).collect()
         };
         let keywords = words("keywords");
-        // What the registry takes.
+        // Limits of the registry.
         assert!(
             (1..=5).contains(&keywords.len()) && keywords.iter().all(|word| word.len() <= 20),
             "{name}: {keywords:?}"
@@ -113,7 +113,7 @@ fn every_package_is_built_from_its_own_files() {
         }
         let mut bytes = 0;
         for file in &files {
-            // What cargo makes itself is not there.
+            // Files that cargo generates do not exist in the folder.
             let Ok(held) = std::fs::metadata(folder.join(file)) else { continue };
             bytes += held.len();
             if file.extension().is_some_and(|extension| extension == "rs") {

@@ -1,5 +1,5 @@
-//! The reference of a picture: agrees with the product's own pictures where those are at their best, is kept and found again, and refuses
-//! what it does not know.
+//! The reference of a picture agrees with the product's own pictures at their best, is stored and found again, and
+//! refuses what it does not support.
 
 use curitiba::Choice;
 use curitiba::bench::Case;
@@ -53,7 +53,7 @@ fn rmse(a: &Image, b: &Image) -> f64 {
     metrics::compare(a, b, &Options::default()).expect("comparable").rmse
 }
 
-/// What the two share is the scene alone; what differs is how textures are filtered, the samples of edges, and noise.
+/// The two share only the scene; they differ in texture filtering, in the samples of edges, and in noise.
 #[test]
 fn many_samples_of_the_product_agree_with_the_reference_and_one_does_not() {
     let folder = tempfile::tempdir().expect("a folder");
@@ -111,7 +111,7 @@ fn it_is_kept_serves_the_raster_twin_and_every_other_row_says_how_it_is_made() {
         let (found, own_error) = error.found().unwrap_or_else(|| panic!("{error:?}"));
         assert!(own_error == made.own_error && found.rmse == rmse(&picture, &made.picture), "{error:?}");
     }
-    // Samples of the row are its own affair; its place and size are not.
+    // The number of samples of a case does not affect its reference; its camera and its size do.
     let smooth = Case {
         settings: Settings { aa: PixelSamples::new(4).expect("four"), ..rays.settings.clone() },
         ..rays.clone()
@@ -122,7 +122,7 @@ fn it_is_kept_serves_the_raster_twin_and_every_other_row_says_how_it_is_made() {
         let other = case("SceneShadows.xml", settings);
         assert!(matches!(compare(&other, &frame(&other, 1)), RowError::Missing(_)));
     }
-    // Every raster effect has the reference of the rays in its place.
+    // Every raster effect has the reference of the corresponding ray program.
     for (rays, raster) in [
         ("SceneReflect.xml", "raster/SceneCubeReflect.xml"),
         ("SceneReflect.xml", "raster/ScenePlanarReflect.xml"),
@@ -141,7 +141,7 @@ fn it_is_kept_serves_the_raster_twin_and_every_other_row_says_how_it_is_made() {
     let shorter = case("SceneSSAO.xml", of_size([4, 4], "Vidro", &["pass2.radius=0.25"]));
     let missing = references(folder.path()).picture(&shorter, &mut Silent).expect_err("another radius");
     assert!(matches!(missing, ReferenceError::NoPicture(_)), "{missing}");
-    // A better one takes the place of the first; a damaged one is told and not used.
+    // A better reference replaces the first one. A damaged one is reported and not used.
     let (better, took) = made_of(folder.path(), &rays, 128);
     assert!(took.is_some() && better.samples == 128 && better.own_error < made.own_error);
     let kept = folder.path().join("pictures");
@@ -171,7 +171,7 @@ fn what_it_does_not_know_is_refused_with_the_pass_and_the_remedy() {
     assert_eq!(std::fs::read_dir(folder.path()).expect("the folder").count(), 0);
 }
 
-/// Runs the program in a folder, with references in `cache` there: the exit code, and what it says.
+/// Runs the program in a folder, with references in the folder `cache` there. Returns the exit code and the output.
 fn run_in(folder: &Path, words: &[&str]) -> (Option<i32>, String) {
     let mut command = Command::new(env!("CARGO_BIN_EXE_curitiba"));
     let command = command.current_dir(folder).env("CURITIBA_CACHE", folder.join("cache"));
@@ -180,7 +180,8 @@ fn run_in(folder: &Path, words: &[&str]) -> (Option<i32>, String) {
     (output.status.code(), text)
 }
 
-/// By shards, by one process, and by one that goes on from what shards left: the same bits, and the sequences of all samples.
+/// Rendered by shards, by one process, or by one that continues what shards left, a reference has the same bits and the
+/// sequences of all samples.
 #[test]
 fn references_in_blocks_are_the_same_whoever_renders_them() {
     let case = case("SceneSSAO.xml", of_size([6, 4], "Vidro", &[]));
@@ -206,7 +207,7 @@ fn references_in_blocks_are_the_same_whoever_renders_them() {
             assert!(joined.picture == once.picture && joined.own_error.to_bits() == once.own_error.to_bits());
             assert_eq!(joined.key, once.key);
         }
-        // They are better than a block of theirs, and no more apart from it than its error says.
+        // The whole is better than one of its blocks, and differs from it by no more than the block's error.
         let block = whole(fewer, samples / blocks);
         let apart = rmse(&block.picture, &once.picture);
         println!("{of:?}: apart {apart:.2e}, own errors {:.2e} and {:.2e}", block.own_error, once.own_error);

@@ -1,8 +1,8 @@
-//! The seven projects, end to end at small size, against stored references.
+//! The seven projects, end to end at small size, against stored reference pictures.
 //!
-//! The references in `tests/golden/` were rendered by this program with the brute-force f64 tracer in the place of the
-//! acceleration structure, so they share the effects' code but neither the hierarchy nor the f32 intersection. Update
-//! them with `CURITIBA_UPDATE_GOLDEN=1 cargo test --release --test projects` and look at every picture.
+//! The references in `tests/golden/` were rendered by this program with the brute-force f64 tracer instead of the
+//! acceleration structure. So they share the effects' code, but neither the hierarchy nor the f32 intersection. Update
+//! them with `CURITIBA_UPDATE_GOLDEN=1 cargo test --release --test projects`, and look at every picture.
 
 use curitiba::passes::cpu::{self, CpuRays};
 use curitiba::passes::raster::cpu::CpuRasteriser;
@@ -19,10 +19,11 @@ use std::sync::Arc;
 
 const SIDE: u32 = 96;
 
-/// Root mean square error allowed, in display values: what one AO sample of 16 differing in one pixel of a hundred gives.
+/// Greatest root mean square error in display values: as if one ambient occlusion sample of 16 differed in one pixel of
+/// a hundred.
 const RMSE: f64 = 0.004;
 
-/// Share of pixels allowed to differ by more than 0.05 in any channel: rays that graze an edge.
+/// Greatest share of pixels that may differ by more than 0.05 in any channel, because their rays graze an edge.
 const OUTLIERS: f64 = 0.002;
 
 fn root(path: &str) -> PathBuf {
@@ -84,7 +85,7 @@ fn golden(name: &str, fidelity: Fidelity) -> PathBuf {
     root(&format!("tests/golden/Scene{name}{suffix}.png"))
 }
 
-/// Root mean square error and share of outliers, after both are rounded to 8 bits.
+/// Root mean square error and share of outliers, after both pictures are rounded to 8 bits.
 fn difference(rendered: &Image, reference: &image::RgbImage) -> (f64, f64) {
     assert_eq!((rendered.width, rendered.height), reference.dimensions(), "the sizes differ");
     let (mut squares, mut outliers) = (0.0, 0);

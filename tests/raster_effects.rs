@@ -1,6 +1,6 @@
-//! The raster effects on the shipped square, by both rasterisers: the same pictures, maps and all.
+//! The raster effects on the shipped square give the same pictures with both rasterisers, maps included.
 //!
-//! Needs a Vulkan, Metal or DirectX 12 driver, a software one included; says `skipped` without one, and fails instead
+//! Needs a Vulkan, Metal or DirectX 12 driver (a software driver will do). Without one, tests print `skipped`, or fail
 //! with `CURITIBA_REQUIRE_GPU_TESTS=1`. `CURITIBA_PICTURES=DIR` writes the pictures.
 
 use curitiba::pipeline::backend::Answers;
@@ -13,13 +13,14 @@ use std::path::Path;
 
 const SIDE: u32 = 192;
 
-/// Largest difference of a component that counts as rounding: devices may round the weights of a texture's texels and
+/// Greatest difference of a component that counts as rounding: devices may round the weights of a texture's texels and
 /// levels to 1/256 (Vulkan 1.3, section 16.9.1).
 const ROUNDING: f32 = 0.02;
 
-/// A project, how many of its steps draw maps, and the share of pixels that may differ by more than [`ROUNDING`]: outlines
-/// in the picture and in the maps, at which the two rasterisers' G-buffers and depths differ by a pixel. On lavapipe 22.3.6 it
-/// is 0.0012 at most, and 0.0077 for the difference of depths, which magnifies every outline.
+/// A project, the number of its steps that draw maps, and the greatest share of pixels that may differ by more than
+/// [`ROUNDING`]. Such pixels are at outlines in the picture and in the maps, where G-buffers and depths of the two
+/// rasterisers are a pixel apart. On lavapipe 22.3.6 the share is at most 0.0012, and 0.0077 for depth differences,
+/// which magnify every outline.
 const PROJECTS: [(&str, usize, f64); 8] = [
     ("ShadowMap", 1, 0.003),
     ("CubeReflect", 1, 0.003),
@@ -38,7 +39,7 @@ fn open(name: &str, camera: Option<&str>, raster: RasterChoice, set: &[&str]) ->
     curitiba::open(path, settings, Choice { raster, ..Choice::CPU }, &mut Silent)
 }
 
-/// Share of the pixels in which some component differs by more than [`ROUNDING`].
+/// The share of pixels with a component that differs by more than [`ROUNDING`].
 fn outliers(a: &Image, b: &Image) -> f64 {
     assert_eq!((a.width, a.height), (b.width, b.height));
     let agree = |a: &[f32; 4], b: &[f32; 4]| a.iter().zip(b).all(|(a, b)| (a - b).abs() <= ROUNDING);
@@ -93,7 +94,7 @@ fn both_rasterisers_compute_the_same_effects_on_the_square() {
 
 #[test]
 fn another_parameter_is_found_out() {
-    // Both on the processor: this is about the comparison.
+    // Both pictures are rendered on the processor, because this tests the comparison.
     for (name, camera, a, b) in [
         ("ShadowMap", None, "pass2.mapsize=1024", "pass2.mapsize=16"),
         ("CubeReflect", Some("Vidro"), "pass2.mapsize=256", "pass2.mapsize=16"),
@@ -112,7 +113,7 @@ fn another_parameter_is_found_out() {
     }
 }
 
-/// The picture of a project of the shipped square, and what answered its glass.
+/// The picture of one of the shipped square's projects, and the statistics of what answered its glass pixels.
 fn rendered(file: &str, camera: Option<&str>, choice: Choice, set: &[&str], off: &[&str]) -> (Image, Option<Answers>) {
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("xml_projects").join(file);
     let list = |texts: &[&str]| texts.iter().map(|text| (*text).to_owned()).collect();
@@ -139,7 +140,7 @@ fn what_the_screen_leaves_to_rays_is_bit_for_bit_what_the_ray_pass_writes() {
         let choice = Choice { raster, backend, ..Choice::CPU };
         for (screen, rays) in [("ScreenReflect", "SceneReflect.xml"), ("ScreenRefract", "SceneRefract.xml")] {
             let screen = format!("raster/Scene{screen}.xml");
-            // Rays of a software driver take minutes where most pixels are glass.
+            // Rays on a software driver take minutes in the view where most pixels are glass.
             let cameras: &[Option<&str>] =
                 if backend == BackendChoice::Wgpu { &[None] } else { &[None, Some("Vidro")] };
             for camera in cameras.iter().copied() {
@@ -155,7 +156,7 @@ fn what_the_screen_leaves_to_rays_is_bit_for_bit_what_the_ray_pass_writes() {
                 let (mut by_rays, mut by_screen, mut off) = (0, 0, 0);
                 for index in 0..own.pixels.len() {
                     let is = |other: &Image| bits(&mixed, index) == bits(other, index);
-                    // Of refraction a pixel that is not answered shows the other of its rays.
+                    // With refraction, an unanswered pixel may still show the other one of its rays.
                     if is(&traced) {
                         by_rays += u64::from(bits(&traced, index) != bits(&own, index));
                     } else if is(&marched) {

@@ -1,7 +1,7 @@
-//! The two rasterisers on the seven projects: the same G-buffers.
+//! The two rasterisers draw the same G-buffers for the seven projects.
 //!
-//! Needs a Vulkan, Metal or DirectX 12 driver, a software one included; says `skipped` without one, and fails instead
-//! with `CURITIBA_REQUIRE_GPU_TESTS=1`.
+//! Needs a Vulkan, Metal or DirectX 12 driver (a software driver will do). Without one, the test prints `skipped`, or
+//! fails with `CURITIBA_REQUIRE_GPU_TESTS=1`.
 
 use curitiba::Choice;
 use curitiba::passes::raster::cpu::CpuRasteriser;
@@ -16,15 +16,15 @@ use std::sync::Arc;
 
 const SIDE: u32 = 512;
 
-/// Share of pixels that both cover or both leave.
+/// Least share of pixels that both cover or both leave empty.
 const COVERAGE: f64 = 0.9999;
 
-/// Positions differ by at most this share of the distance from the eye, where both show one triangle…
+/// Greatest difference of positions relative to the distance from the eye, where both show the same triangle.
 const POSITION: f32 = 1e-4;
 
-/// …on all but this share of those pixels: the processor's rasteriser interpolates between corners snapped to 1/256
-/// pixel, which at grazing angles lie farther apart than that. On lavapipe 22.3.6 it is 28 (Fonte) and 23 (Vidro) of
-/// 262,000 pixels, and no pixel is covered by one only.
+/// Greatest share of those pixels whose positions may differ by more. The processor's rasteriser interpolates between
+/// corners snapped to 1/256 pixel, which at grazing angles lie farther apart than that. On lavapipe 22.3.6 there are 28
+/// (Fonte) and 23 (Vidro) such pixels of 262,000, and no pixel is covered by only one rasteriser.
 const SLIVERS: f64 = 5e-4;
 
 fn open(name: &str, camera: Option<&str>) -> Renderer {
@@ -35,7 +35,7 @@ fn open(name: &str, camera: Option<&str>) -> Renderer {
     curitiba::open(path, settings, choice, &mut Silent).expect("the project opens")
 }
 
-/// Draws what the first pass draws, with every attachment.
+/// Draws the scene of the first pass, with every attachment and the camera moved by `shift`.
 fn draw(rasteriser: &mut dyn Rasteriser, renderer: &Renderer, shift: f32) -> GBuffer {
     let Work::Raster { scene_set, view, viewport, clear_color, .. } = renderer.plan().passes[0].work else {
         panic!("the first pass draws");
@@ -75,7 +75,7 @@ fn draw(rasteriser: &mut dyn Rasteriser, renderer: &Renderer, shift: f32) -> GBu
     buffer
 }
 
-/// Why two G-buffers do not agree; nothing if they do.
+/// The reason why two G-buffers disagree; `None` if they agree.
 fn disagreement(cpu: &GBuffer, gpu: &GBuffer, eye: Vec3) -> Option<String> {
     let (mut uncovered, mut same, mut far) = (0, 0, 0);
     for (index, (a, b)) in cpu.triangle.iter().zip(&gpu.triangle).enumerate() {
@@ -117,7 +117,7 @@ fn g_buffers_of_the_seven_projects_agree() {
             let theirs = draw(&mut gpu, &renderer, 0.0);
             let found = disagreement(&mine, &theirs, view.eye);
             assert_eq!(found, None, "Scene{name}, camera {camera:?}");
-            // The comparison refuses a picture taken a centimetre beside.
+            // Control: the comparison rejects a picture whose camera is moved by a centimetre.
             let beside = draw(&mut gpu, &renderer, 0.01);
             assert!(
                 disagreement(&mine, &beside, view.eye).is_some(),

@@ -1,4 +1,4 @@
-//! A small report, made by the program and looked at: its files, its links, and the page in a browser where there is one.
+//! Makes a small report with the program, and checks its files, its links, and its page in a browser if there is one.
 
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
@@ -11,7 +11,7 @@ fn root(path: &str) -> PathBuf {
 fn report(folder: &Path, arguments: &[&str]) -> Output {
     let mut command = Command::new(env!("CARGO_BIN_EXE_curitiba"));
     command.current_dir(folder).arg("report").args(arguments).env("NO_COLOR", "1");
-    // References of other runs have no part in this one.
+    // A cache of its own, so that references of other runs have no effect.
     command.env("CURITIBA_CACHE", folder.join("cache")).output().expect("the program starts")
 }
 
@@ -19,7 +19,7 @@ fn text(bytes: &[u8]) -> String {
     String::from_utf8(bytes.to_vec()).expect("output is UTF-8")
 }
 
-/// Values of an attribute, anywhere in the page.
+/// All values of an attribute in the page.
 fn attributes<'a>(html: &'a str, name: &str) -> Vec<&'a str> {
     let start = format!(" {name}=\"");
     html.split(start.as_str()).skip(1).filter_map(|rest| rest.split('"').next()).collect()
@@ -30,7 +30,7 @@ fn a_report_is_one_folder_whose_links_all_resolve_and_whose_page_works_in_a_brow
     let place = tempfile::tempdir().expect("a folder");
     let projects = root("xml_projects");
     let projects = projects.to_str().expect("a path in UTF-8");
-    // Much time is allowed, so that nothing is left out on a busy machine; it is not used.
+    // The time limit is long, so that nothing is left out on a busy machine; the run does not take that long.
     let arguments = ["--quick", "--size", "48x48", "--raster", "cpu", "--max-triangles", "10000", "--time", "3000"];
     let made = report(place.path(), &[&arguments[..], &["-o", "out", projects]].concat());
     assert!(made.status.success(), "{}", text(&made.stderr));
@@ -80,7 +80,7 @@ fn a_report_is_one_folder_whose_links_all_resolve_and_whose_page_works_in_a_brow
     look_in_a_browser(&folder);
 }
 
-/// Runs the browser's checks, or says why not.
+/// Runs the browser's checks, or prints why they are skipped.
 fn look_in_a_browser(folder: &Path) {
     let required = std::env::var_os("CURITIBA_REQUIRE_BROWSER_TESTS").is_some_and(|value| value == "1");
     let skip = |why: &str| {

@@ -1,4 +1,5 @@
-//! Scenes without a project: what the command line makes of them, and that the project it writes shows the same.
+//! Scenes without a project: the command line's defaults for them, and that the project written for them shows the
+//! same.
 
 use curitiba::pipeline::color::decode;
 use curitiba::pipeline::image::read_image;
@@ -29,7 +30,7 @@ fn fails_with(code: i32, folder: &Path, arguments: &[&str]) -> String {
     printed
 }
 
-/// A floor, a red block that throws a shadow on it, and a pane of glass before it.
+/// A floor, a red block that casts a shadow on it, and a pane of glass in front.
 fn obj(folder: &Path) {
     let library = "newmtl floor\nKd 0.8 0.8 0.8\nnewmtl block\nKd 0.9 0.1 0.1\nnewmtl pane\nKd 0.9 0.9 1\nillum 4\n";
     std::fs::write(folder.join("room.mtl"), library).expect("a file");
@@ -43,9 +44,9 @@ usemtl pane\nf 13 14 15 16\n";
     std::fs::write(folder.join("room.obj"), text).expect("a file");
 }
 
-/// Two triangles of different materials, in one file.
+/// A file with two triangles of different materials.
 fn gltf(folder: &Path) {
-    // (0,0,0) (1,0,0) (0,1,0)
+    // Positions (0,0,0), (1,0,0), (0,1,0).
     let data = "data:application/octet-stream;base64,AAAAAAAAAAAAAAAAAACAPwAAAAAAAAAAAAAAAAAAgD8AAAAA";
     let text = format!(
         r#"{{"asset":{{"version":"2.0"}},"scenes":[{{"nodes":[0,1]}}],
@@ -62,7 +63,7 @@ fn gltf(folder: &Path) {
 
 const CPU: [&str; 4] = ["--raster", "cpu", "--backend", "cpu"];
 
-/// Share of the pixels that are not of the background's colour, and number of different colours.
+/// The share of pixels that are not the background's colour, and the number of different colours.
 fn seen(path: &Path) -> (f64, usize) {
     let image = read_image(path).expect("a picture").image;
     // Scenes without a project are rendered in linear light.
@@ -113,7 +114,7 @@ fn options_describe_camera_sun_background_and_effects() {
         read_image(&folder.join(name)).expect("a picture").image
     };
     let pixel = |image: &curitiba::pipeline::image::Image, x: usize, y: usize| image.pixels[y * 48 + x];
-    // From above, the floor fills the lower left corner; from below the horizon nothing is seen of it but the block's bottom.
+    // Seen from above, the floor fills the lower left corner. From below, only the block's bottom would be visible.
     let from_above = ["--look-from", "0,30,0", "--look-at", "0,0,0", "--fov", "17", "--effects", "none"];
     let lit = render("lit.exr", &[&from_above[..], &["--sun", "0,1,0", "--background", "#ff0000"]].concat());
     let floor = decode(0.8);
@@ -121,7 +122,7 @@ fn options_describe_camera_sun_background_and_effects() {
     assert_eq!(pixel(&lit, 24, 0)[..3], [1.0, 0.0, 0.0], "the background");
     let aslant = render("aslant.exr", &[&from_above[..], &["--sun", "-1,1,0"]].concat());
     assert!(pixel(&aslant, 6, 40)[0] < 0.85 * floor, "{:?}", pixel(&aslant, 6, 40));
-    // The block is 2 high: light from the left at 45 degrees darkens the floor up to 2 to its right.
+    // The block is 2 high, so light from the left at 45 degrees darkens the floor up to 2 to its right.
     let shadowed = render("shadowed.exr", &[&from_above[..6], &["--sun", "-1,1,0", "--effects", "shadows"]].concat());
     let column = 24 + (2.0 / 30.0 / (17.0_f64.to_radians() * 0.5).tan() * 24.0) as usize;
     let (dark, open) = (pixel(&shadowed, column, 24)[0], pixel(&aslant, column, 24)[0]);
@@ -153,7 +154,7 @@ fn a_camera_does_not_see_single_sided_materials_from_behind_and_rays_do() {
     let two = std::fs::read_to_string(folder.join("two.gltf")).expect("the file");
     let single = two.replace("\"doubleSided\":true,", "");
     std::fs::write(folder.join("single.gltf"), &single).expect("a file");
-    // Mirrored in x: the triangles' corners go the other way round in the world, and face the same way all the same.
+    // Mirrored in x, the corners have the opposite order in the world, but the triangles face the same way.
     let mirrored = single.replace("{\"mesh\":0}", "{\"mesh\":0,\"scale\":[-1,1,1]}");
     std::fs::write(folder.join("mirrored.gltf"), mirrored).expect("a file");
     let share = |scene: &str, from: &str, more: &[&str]| {
@@ -168,9 +169,9 @@ fn a_camera_does_not_see_single_sided_materials_from_behind_and_rays_do() {
     assert_eq!(share("single.gltf", back, &plain), 0.0);
     assert!(share("mirrored.gltf", front, &plain) > share("single.gltf", front, &plain));
     assert_eq!(share("mirrored.gltf", back, &plain), 0.0);
-    // As the report's programs were written, both sides are drawn.
+    // The report's programs draw both sides.
     assert!(share("single.gltf", back, &["--effects", "none", "--fidelity", "thesis"]) > 0.02);
-    // The rays from the red triangle to the sun meet the green one from behind.
+    // Rays from the red triangle to the sun hit the green one from behind.
     let shadow = ["--sun", "0.2,0.3,1", "--effects", "shadows"];
     let darkest = |scene: &str| {
         share(scene, "3,3,1", &shadow);
@@ -236,7 +237,7 @@ fn what_is_no_scene_is_refused_with_what_is_valid() {
     assert!(again.contains("room.xml is there already"), "{again}");
 }
 
-/// Every real scene that is there gives a picture with something in it.
+/// Every available real scene gives a picture that shows something.
 #[test]
 fn real_scenes_are_shown() {
     let archives = root("../shared/scenes");
@@ -259,7 +260,7 @@ fn real_scenes_are_shown() {
     find_scenes(&archives.join("engine_files"), &mut files);
     let mut shown = 0;
     for file in &files {
-        // A million triangles take a while without optimisation.
+        // A million triangles take long without optimisation.
         if std::fs::metadata(file).map_or(0, |metadata| metadata.len()) > 4 << 20 {
             continue;
         }
@@ -269,7 +270,7 @@ fn real_scenes_are_shown() {
         let options = ["--size", "48x48", "--set", "pass2.samples=1", "-o", output];
         succeeds(folder.path(), &[&["render", path], &CPU[..], &options].concat());
         let (share, _) = seen(&picture);
-        // A bridge on thin pillars fills under a hundredth of a square window.
+        // A bridge on thin pillars fills less than a hundredth of a square window.
         assert!(share > 0.005, "{path}: {share} of the picture shows anything");
         shown += 1;
     }

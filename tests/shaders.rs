@@ -1,7 +1,7 @@
-//! Own shaders of projects: pictures with known pixels, and errors with their places.
+//! Own shaders of projects: pictures with known pixels, and errors with their places in the source.
 //!
-//! Pictures need the feature `glsl` and a Vulkan, Metal or DirectX 12 driver, a software one included; the tests say `skipped` without
-//! one, and fail instead with `CURITIBA_REQUIRE_GPU_TESTS=1`.
+//! Pictures need the feature `glsl` and a Vulkan, Metal or DirectX 12 driver (a software driver will do). Without a
+//! driver, the tests print `skipped`, or fail with `CURITIBA_REQUIRE_GPU_TESTS=1`.
 
 #![cfg_attr(
     not(feature = "glsl"),
@@ -15,16 +15,16 @@ use curitiba::{Choice, OpenError, RasterChoice};
 use std::path::Path;
 use tempfile::TempDir;
 
-/// Pixels a side.
+/// Pixels along a side.
 const SIDE: u32 = 64;
 
-/// A project of one pass, in a folder of its own: a square of side 2 before the camera, in the plane z = 0, its texture coordinates those of
-/// the engine's `SQUARE`, and behind it a larger one.
+/// A project of one pass in a folder of its own. A square of side 2 faces the camera in the plane z = 0, with the
+/// texture coordinates of the engine's `SQUARE`; a larger square is behind it.
 struct Scene {
     folder: TempDir,
 }
 
-/// Materials and their `<values>` but for the matrix, which is always mapped to `pvm`.
+/// The shaders of the materials, and the `<values>` of the project without the matrix, which is always mapped to `pvm`.
 struct Shader<'a> {
     vertex: &'a str,
     fragment: &'a str,
@@ -50,7 +50,8 @@ impl Scene {
         )
     }
 
-    /// A pass that draws the ball into a target, by the own shader if `own`, and one that shows a channel of it.
+    /// A pass that draws the ball into a target, with the own shader if `own` is set, and a pass that shows one of the
+    /// target's channels.
     fn ball(shader: &Shader<'_>, own: bool, channel: &str) -> Self {
         let map = r#"<injectionMaps><map toMaterial="*"><shader fromMaterial="own" fromLibrary="Own"/></map></injectionMaps>"#;
         let passes = format!(
@@ -93,7 +94,7 @@ impl Scene {
                 shader.values
             ),
         );
-        // Red below, blue above.
+        // The lower row is red, and the upper one blue.
         let mut rows = Image::filled(1, 2, [0.0, 0.0, 1.0, 1.0]);
         rows.pixels[1] = [1.0, 0.0, 0.0, 1.0];
         curitiba::pipeline::image::write_png(&folder.path().join("rows.png"), &rows).expect("written");
@@ -132,7 +133,7 @@ impl Scene {
         Self { folder }
     }
 
-    /// All of one square by the own shader.
+    /// A pass that draws the whole square with the own shader.
     fn square(shader: &Shader<'_>) -> Self {
         let map = r#"<materialMaps><map fromMaterial="*" toLibrary="Own" toMaterial="own"/></materialMaps>"#;
         Self::new(shader, &format!(r#"<scenes><scene name="Square"/></scenes>{map}"#))
@@ -147,7 +148,7 @@ impl Scene {
         curitiba::open(self.path(), Settings::default(), choice, &mut Silent)
     }
 
-    /// The picture; `None` where there is no driver.
+    /// The rendered picture; `None` where there is no driver.
     fn picture(&self) -> Option<Image> {
         if let Err(error) = curitiba::engines::rasteriser(Choice { raster: RasterChoice::Wgpu, ..Choice::CPU }) {
             assert!(std::env::var_os("CURITIBA_REQUIRE_GPU_TESTS").is_none(), "{error}");
@@ -159,7 +160,7 @@ impl Scene {
         Some(renderer.frame(&mut Silent).expect("it renders"))
     }
 
-    /// What is said in the place of a picture.
+    /// The error message with which the project is refused.
     fn refused(&self, raster: RasterChoice) -> String {
         match self.open(raster) {
             Ok(_) => panic!("it is refused"),
@@ -168,7 +169,7 @@ impl Scene {
     }
 }
 
-/// The largest difference of a picture from what is known of its pixels, by column and row from the top.
+/// Asserts that every pixel, by column and row from the top, differs from the known colour by at most `most`.
 #[track_caller]
 fn assert_near(picture: &Image, known: impl Fn(u32, u32) -> [f32; 4], most: f32) {
     assert_eq!((picture.width, picture.height), (SIDE, SIDE));
@@ -203,7 +204,7 @@ mod drawn {
         format!(r#"<valueof uniform="{uniform}" type="{kind}" context="{context}" component="{component}"/>"#)
     }
 
-    /// Numbers that are mapped, and numbers that shaders have by themselves.
+    /// Uniforms from mapped values, and uniforms with initial values in the shader.
     #[test]
     fn uniforms_are_what_the_project_maps_to_them() {
         let fragment = "#version 330\nlayout(std140) uniform Paint { float unused; vec4 diffuse; };\nuniform float level;\n\
@@ -215,14 +216,14 @@ mod drawn {
             + r#"<valueof uniform="diffuse" block="Paint" type="COLOR" context="CURRENT" component="DIFFUSE"/>"#;
         let scene = Scene::square(&Shader { vertex: VERTEX, fragment, values: &values, ..Shader::default() });
         let Some(picture) = scene.picture() else { return };
-        // Two textures are bound, and no other number.
+        // The project binds two textures, so `two` is 2 and no other number.
         assert_near(&picture, |_, _| [0.125, 0.125, 0.75, 0.625], 1e-6);
         let one = fragment.replace("two == 2", "two == 1");
         let scene = Scene::square(&Shader { vertex: VERTEX, fragment: &one, values: &values, ..Shader::default() });
         assert_near(&scene.picture().expect("a driver"), |_, _| [0.125, 0.5, 0.75, 0.625], 1e-6);
     }
 
-    /// Rows count upwards: in `gl_FragCoord`, in clip space, in derivatives and in textures.
+    /// Rows count upwards in `gl_FragCoord`, in clip space, in derivatives and in textures.
     #[test]
     fn the_picture_is_the_right_way_up() {
         let fragment = "#version 330\nin vec2 place;\nout vec4 color;\n\
@@ -240,7 +241,7 @@ mod drawn {
         let values = r#"<valueof uniform="rows" type="TEXTURE_BINDING" context="CURRENT" component="UNIT" id="0"/>"#;
         let picture =
             Scene::square(&Shader { vertex, fragment, values, ..Shader::default() }).picture().expect("a driver");
-        // The file's upper row is blue.
+        // The upper row of the file is blue.
         let beside = fragment.replace(
             "texelFetch(rows, ivec2(0, place.y > 0.0 ? 1 : 0), 0)",
             "place.y > 0.0 ? texelFetchOffset(rows, ivec2(0), 0, ivec2(0, 1)) : texelFetchOffset(rows, ivec2(0, 1), 0, ivec2(0, -1))",
@@ -251,7 +252,7 @@ mod drawn {
         assert_near(&picture, |_, y| if y < SIDE / 2 { [0.0, 0.0, 1.0, 1.0] } else { [1.0, 0.0, 0.0, 1.0] }, 1e-6);
     }
 
-    /// Depth in OpenGL's range, with other materials drawn as ever: what is nearer hides what is behind, whoever draws it.
+    /// Depth has OpenGL's range. Own materials and others hide each other by depth as usual.
     #[test]
     fn depth_is_kept_beside_materials_that_deferred_draws() {
         for own in ["near", "far"] {
@@ -265,7 +266,7 @@ mod drawn {
             else {
                 return;
             };
-            // Near plane 1 and far plane 9, camera at 5: z = 0 is in the middle.
+            // With the near plane at 1, the far plane at 9 and the camera at 5, z = 0 has the middle depth.
             let inside = picture.pixels[(SIDE * SIDE / 2 + SIDE / 2) as usize];
             if own == "near" {
                 assert!((inside[3] - 0.5).abs() < 1e-6 && inside[2] == 1.0, "{inside:?}");
@@ -275,7 +276,7 @@ mod drawn {
         }
     }
 
-    /// Light and ambient, place and normal, as the material `deferred` writes them, by a shader that says the same.
+    /// A shader that computes light, ambient light, position and normal as the material `deferred` does draws the same.
     #[test]
     fn a_shader_that_says_what_deferred_does_draws_what_it_does() {
         let vertex = "#version 330\nuniform mat4 pvm, model, view; uniform mat3 normals; uniform vec4 light;\n\
@@ -304,7 +305,7 @@ mod drawn {
                 |x, y| deferred.pixels[(y * SIDE + x) as usize],
                 if channel == "shaded" { 1.0 / 255.0 } else { 1e-5 },
             );
-            // A shader that says something else is found out.
+            // Control: a shader that computes something else is detected.
             let other = fragment
                 .replace("0.3 *", "0.31 *")
                 .replace("vec4(lit.place", "vec4(lit.place.zyx")
@@ -315,7 +316,7 @@ mod drawn {
         }
     }
 
-    /// What is not interpolated is of a triangle's last corner, as in OpenGL.
+    /// Flat values come from a triangle's last corner, as in OpenGL.
     #[test]
     fn flat_values_are_those_of_the_last_corner() {
         let vertex = "#version 330\nuniform mat4 pvm;\nin vec4 position;\nflat out vec4 corner;\nout vec4 place;\n\
@@ -346,7 +347,7 @@ mod drawn {
         }
     }
 
-    /// Four small squares from one, each in the colour of its number.
+    /// Four instances of one square, each in a colour that encodes its number.
     #[test]
     fn instances_are_drawn_where_the_shader_puts_them() {
         let vertex = "#version 330\nuniform mat4 pvm;\nin vec4 position;\nout vec4 tint;\n\
@@ -360,7 +361,7 @@ mod drawn {
             let pass = format!(r#"<scenes instances="{instances}"><scene name="Square"/></scenes>{map}"#);
             let Some(picture) = Scene::new(&shader, &pass).picture() else { return };
             let known = |x: u32, y: u32| {
-                // Quarters of the picture, the lower row first; a square fills the middle half of its quarter.
+                // The picture has four quarters, the lower row first; a square fills the middle half of its quarter.
                 let (half, row) = (SIDE / 2, SIDE - 1 - y);
                 let inside = |at: u32| (half / 4..half * 3 / 4).contains(&(at % half));
                 let number = x / half + 2 * (row / half);
@@ -374,7 +375,8 @@ mod drawn {
         assert!(refused.refused(RasterChoice::Auto).contains("draws its scenes 0 times"));
     }
 
-    /// Three squares over the middle of the picture that are added to what is there, or hidden by what is nearer.
+    /// Three overlapping squares in the middle of the picture, which are added to what is there or hidden by nearer
+    /// ones.
     #[test]
     fn states_blend_and_leave_depth_alone() {
         let vertex = "#version 330\nuniform mat4 pvm;\nin vec4 position;\n\
@@ -384,7 +386,7 @@ mod drawn {
         let pass = format!(r#"<scenes instances="3"><scene name="Square"/></scenes>{map}"#);
         let adds = r#"<BLEND value="true"/><BLEND_SRC value="ONE"/><BLEND_DST value="ONE"/>"#;
         let over = r#"<BLEND value="1"/><BLEND_SRC value="SRC_ALPHA"/><BLEND_DST value="ONE_MINUS_SRC_ALPHA"/>"#;
-        // The first is the nearest. Of alpha, which is 1 at first, as of colours.
+        // The first square is the nearest. Alpha, which starts at 1, is blended like the colours.
         let layers = |factor: f32| (0..3).fold(0.0, |there: f32, _| factor * 0.5 + there * 0.5);
         let mixed = [layers(0.25), layers(0.125), 0.0, (0..3).fold(1.0, |there: f32, _| 0.25 + there * 0.5)];
         for (state, known) in [
@@ -408,7 +410,7 @@ mod drawn {
         }
     }
 
-    /// One quad stores by pixel and counts, and another shows it, the picture mirrored.
+    /// One quad stores a value for each pixel and counts pixels; another quad shows the stored picture, mirrored.
     #[test]
     fn quads_store_to_buffers_and_count() {
         const QUAD: &str = "#version 430\nin vec4 position;\nin vec4 texCoord0;\nout vec2 at;\n\
@@ -468,7 +470,7 @@ mod drawn {
         let side = SIDE as f32;
         let known = |x, y| [(side - x as f32 - 0.5) / side, (side - y as f32 - 0.5) / side, 0.5, 1.0];
         assert_near(&picture, known, 1e-6);
-        // Frames begin with zeros: the next counts no further.
+        // Every frame starts from zeros, so the next frame counts the same.
         let mut renderer = scene.open(RasterChoice::Auto).unwrap_or_else(|error| panic!("{}", error.joined()));
         renderer.frame(&mut Silent).expect("it renders");
         assert_eq!(renderer.frame(&mut Silent).expect("it renders").pixels, picture.pixels);
@@ -501,7 +503,7 @@ mod drawn {
         assert!(said.contains("pass `draw`") && said.contains("own.xml:") && said.contains("--raster wgpu"), "{said}");
     }
 
-    /// Errors are said when the project is read, with the shader's file, line and column.
+    /// Errors are reported when the project is read, with the shader's file, line and column.
     #[test]
     fn errors_are_in_the_shader_s_own_file() {
         let fragment = "#version 330\nout vec4 color;\n\nvoid main() {\n    color = vec4(nothing, 1);\n}\n";
@@ -522,7 +524,7 @@ mod drawn {
                 .refused(RasterChoice::Wgpu);
             assert!(said.contains(expected) && said.contains("own.mlib:"), "{said}");
         }
-        // Not mapped: 0, and a warning that says so.
+        // An unmapped uniform is 0, and there is a warning about it.
         let scene = Scene::square(&Shader { vertex: VERTEX, fragment: fine, values: "", ..Shader::default() });
         let project = Settings::default().open(&scene.path()).expect("it is read");
         let warnings = project.problems.to_string();
@@ -550,7 +552,8 @@ mod drawn {
         }
     }
 
-    /// A quad that turns the colours of what an earlier pass drew around, the right way up; what it discards stays.
+    /// A quad inverts the colours that an earlier pass drew, the right way up; pixels that it discards keep their
+    /// value.
     #[test]
     fn a_quad_shows_what_its_shader_makes_of_a_texture() {
         let vertex = "#version 130\nin vec4 position;\nin vec4 texCoord0;\nout vec2 uv;\n\
@@ -567,7 +570,7 @@ mod drawn {
             )
         };
         let own = r#"<material name="own" fromLibrary="Own"/>"#;
-        // The matrix is not read, and so it is not asked for.
+        // The matrix is not used, so it need not be mapped.
         let shader = Shader { vertex, fragment, values: &values, ..Shader::default() };
         let Some(picture) = Scene::with_passes(&shader, &quad(own)).picture() else { return };
         let shown = Scene::with_passes(&shader, &quad(r#"<texture name="shaded" fromLibrary="Own"/>"#));
@@ -576,7 +579,7 @@ mod drawn {
             let [r, g, b, _] = shown.pixels[(y * SIDE + x) as usize];
             if y >= SIDE - 8 { [0.0, 0.0, 0.0, 1.0] } else { [1.0 - r, 1.0 - g, 1.0 - b, 0.5] }
         };
-        // The two rasterisers may differ at the ball's edge, so the edge is left out.
+        // The two rasterisers may differ at the ball's edge, which is therefore left out.
         let differs = |x: u32, y: u32| {
             let at = |x: u32, y: u32| shown.pixels[(y.min(SIDE - 1) * SIDE + x.min(SIDE - 1)) as usize][0] > 0.0;
             [(x + 1, y), (x, y + 1), (x.saturating_sub(1), y), (x, y.saturating_sub(1))]
@@ -601,7 +604,7 @@ mod drawn {
         assert!(said.contains("the uniform `pvm` is of the pass's camera, and a quad has none"), "{said}");
     }
 
-    /// A step lit from its side: what the light sees is drawn first, and every pixel is compared with it.
+    /// A step lit from the side: first the depths from the light are drawn, then every pixel is compared with them.
     fn lit_step(fragment: &str, pass: &str, textures: &str) -> Scene {
         let vertex = "#version 330\nuniform mat4 pvm, model, toMap;\nin vec4 position;\nout vec4 inMap;\n\
                       void main() { inMap = toMap * model * position; gl_Position = pvm * position; }\n";
@@ -629,8 +632,8 @@ mod drawn {
 
     const DEPTHS: &str = r#"<materialMaps><map fromMaterial="*" toLibrary="Own" toMaterial="depth"/></materialMaps>"#;
 
-    /// The light falls along (0.6, 0, -0.8): a shadow lies 0.75 farther to the right for each unit of depth. The square behind the camera is
-    /// before the near plane of the map, and throws its shadow all the same.
+    /// The light travels along (0.6, 0, -0.8), so a shadow moves 0.75 to the right for each unit of depth. The square
+    /// behind the camera is in front of the map's near plane, and still casts its shadow.
     #[test]
     fn a_depth_map_throws_the_shadows_that_its_light_does() {
         let scene = lit_step(LIT, &seen_by("Sun", r#"<TO value="8"/>"#, DEPTHS), SEEN);
@@ -639,7 +642,7 @@ mod drawn {
         for (index, pixel) in (0..).zip(&picture.pixels) {
             let at = |pixel: u32| (pixel as f32 + 0.5) / (SIDE / 2) as f32 - 1.0;
             let (x, y) = (at(index % SIDE), -at(index / SIDE));
-            // How far inside a square that is centred at `middle`.
+            // Distance inside the border of a square centred at `middle`.
             let inside = |middle: f32, half: f32| half - (x - middle).abs().max(y.abs());
             let (step, shadow, behind) = (inside(0.0, 0.5), inside(0.75, 0.5), inside(-0.75, 0.2));
             if [step, shadow, behind].iter().any(|edge| edge.abs() < 0.09) {
@@ -648,7 +651,7 @@ mod drawn {
             let is_dark = step < 0.0 && (shadow > 0.0 || behind > 0.0);
             *(if is_dark { &mut dark } else { &mut lit }) += 1;
             assert_eq!(pixel[0], f32::from(u8::from(!is_dark)), "at {x}, {y}");
-            // The pass's own number, not the project's.
+            // The number of the pass itself, not the project's.
             assert_eq!(pixel[3], 8.0);
         }
         assert!(lit > 1000 && dark > 200, "{lit} lit pixels and {dark} in shadow");
@@ -673,7 +676,7 @@ mod drawn {
         }
     }
 
-    /// Depth of a pass from a camera, in a target without colours, shown by a quad: 0 at the near plane, 1 at the far plane.
+    /// The depths of a pass, in a target without colours, shown by a quad: 0 at the near plane, 1 at the far plane.
     #[test]
     fn a_depth_is_a_texture_of_later_passes() {
         let passes = format!(
@@ -681,7 +684,7 @@ mod drawn {
 <pass class="quad" name="show"><texture name="Own::seen"/></pass>"#
         );
         let Some(picture) = Scene::with_passes(&Shader::default(), &passes).picture() else { return };
-        // The camera stands at z = 5, its near plane at 1 and its far plane at 9; the two squares are at z = 0 and -1.
+        // The camera is at z = 5, with near plane 1 and far plane 9; the two squares are at z = 0 and z = -1.
         let known = |x: u32, y: u32| {
             let near = (16..48).contains(&x) && (16..48).contains(&y);
             let depth = if near { 0.5 } else { 0.625 };
@@ -692,7 +695,7 @@ mod drawn {
         let scene = Scene::with_passes(&Shader { depth, ..Shader::default() }, &passes);
         let half = |x, y| known(x, y).map(|value| if value == 1.0 { 1.0 } else { value * 0.5 });
         assert_near(&scene.picture().expect("a driver"), half, 1e-6);
-        // Beside what `deferred` draws it is not kept.
+        // A depth buffer of a pass that `deferred` draws is not kept.
         let other = passes.replace(DEPTHS, "").replace(r#"name="map""#, r#"name="buffers""#);
         let other = other
             .replace("Own::seen", "Own::depth")
@@ -701,7 +704,7 @@ mod drawn {
         assert!(said.contains("`depth`") || said.contains("depth buffer"), "{said}");
     }
 
-    /// The engine's square has its texture's `u` along x; turned it keeps that.
+    /// On the engine's square the texture's `u` runs along x, also after a rotation.
     #[test]
     fn tangents_point_along_u_in_the_world() {
         let vertex = "#version 330\nuniform mat4 pvm;\nin vec4 position;\nin vec4 tangent;\nin vec3 normal;\nout vec4 t;\nout vec3 n;\n\
@@ -712,7 +715,7 @@ mod drawn {
         assert_near(&picture, |_, _| [1.0, 0.0, 0.0, 0.0], 1e-6);
     }
 
-    /// A raster pass reads what another drew, upside down in neither; truth values and arrays are what the files say.
+    /// A raster pass reads what another drew, both the right way up; booleans and arrays have the values in the files.
     #[test]
     fn a_raster_pass_samples_what_another_drew() {
         let fragment = "#version 330\nuniform sampler2D shaded;\nuniform bool on = true;\nuniform float w[2] = { 0.25, 0.75 };\n\

@@ -1,7 +1,7 @@
-//! Every program on many threads with small stacks: no crash, and the same picture bit for bit.
+//! Every program on many threads with small stacks does not crash, and gives the same picture bit for bit.
 //!
-//! A worker of the thread pool that waits for a part of its work takes other work meanwhile and runs it on the same stack,
-//! so what one job keeps on the stack is there many times. The more threads share the work, the deeper this goes.
+//! A worker of the thread pool that waits for a part of its work runs other work meanwhile on the same stack. So what
+//! one job keeps on the stack is there many times, and the more threads share the work, the deeper the stack gets.
 
 use curitiba::passes::cpu::CpuRays;
 use curitiba::passes::raster::cpu::CpuRasteriser;
@@ -12,13 +12,13 @@ use curitiba::pipeline::programs::Fidelity;
 use curitiba::pipeline::project;
 use std::path::Path;
 
-/// Bytes of stack for each thread: an eighth of what Rust gives by default.
+/// Stack size of each thread in bytes: an eighth of Rust's default.
 const STACK: usize = 256 << 10;
 
-/// Pixels a side: enough that the tiles are divided many times over 64 threads.
+/// Pixels along a side: enough for the tiles to be divided many times over 64 threads.
 const SIDE: u32 = 400;
 
-/// Loads a project and renders two frames, all of it on the threads of a pool.
+/// Loads a project and renders two frames, all on the threads of one pool.
 fn render(name: &str, fidelity: Fidelity, threads: usize) -> [Image; 2] {
     let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).stack_size(STACK).build().expect("threads");
     pool.install(|| {

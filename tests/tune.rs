@@ -1,4 +1,4 @@
-//! `curitiba tune`, as a user runs it: what it writes is a project that keeps the goal.
+//! `curitiba tune` as a user runs it: the project that it writes meets the goal.
 
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
@@ -10,7 +10,7 @@ fn project(name: &str) -> PathBuf {
 fn curitiba(folder: &Path, arguments: &[&str]) -> Output {
     let mut command = Command::new(env!("CARGO_BIN_EXE_curitiba"));
     command.current_dir(folder).args(arguments).env("NO_COLOR", "1");
-    // References of other runs have no part in this one.
+    // A cache of its own, so that references of other runs have no effect.
     command.env("CURITIBA_CACHE", folder.join("cache")).output().expect("the program starts")
 }
 
@@ -25,7 +25,7 @@ fn text(bytes: &[u8]) -> String {
     String::from_utf8(bytes.to_vec()).expect("output is UTF-8")
 }
 
-/// The errors of the rows, with what stands before and behind them.
+/// Of each row of the output: its mark, its error, and the settings behind it.
 fn rows(output: &str) -> Vec<(char, f64, String)> {
     let row = |line: &str| {
         let (times, rest) = line.split_once(')')?;
@@ -52,7 +52,7 @@ fn the_project_written_keeps_the_error_that_was_asked_for() {
     assert!(rows.iter().any(|row| row.1 > 0.05), "the goal leaves something out\n{output}");
     assert!(rows.iter().any(|row| row.2.starts_with("gtao")) && output.contains("(as declared)"), "{output}");
     assert!(output.contains("rendered again: "), "{output}");
-    // What was written is that row: it renders, and its parameters are the ones chosen.
+    // The written project is the chosen row: it renders, and its parameters are the chosen ones.
     let listed = curitiba(place.path(), &["plan", "ao.xml", "--size", "40x32"]);
     assert!(listed.status.success(), "{}", text(&listed.stderr));
     let xml = std::fs::read_to_string(place.path().join("ao.xml")).expect("the project");

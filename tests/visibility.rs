@@ -1,4 +1,4 @@
-//! `curitiba visibility` as a person or a script uses it: rows, errors, and runs that are interrupted.
+//! `curitiba visibility` as a user or a script runs it: rows, errors, and interrupted runs.
 
 use std::path::Path;
 use std::process::{Command, Output, Stdio};
@@ -22,7 +22,7 @@ fn fails_with(code: i32, folder: &Path, arguments: &[&str]) -> String {
     String::from_utf8(output.stderr).expect("UTF-8")
 }
 
-/// A folder with `room.obj`: a box of 3 x 2 x 4 that looks inward, and a plate in it, one-sided.
+/// A folder with `room.obj`: a box of 3 x 2 x 4 whose faces look inward, and a one-sided plate in it.
 fn room() -> tempfile::TempDir {
     let folder = tempfile::tempdir().expect("a folder");
     let mut text = String::new();
@@ -61,7 +61,8 @@ fn an_empty_room_sums_to_one_and_is_all_exact() {
     assert!(sums.iter().all(|sum: &f64| (sum - 1.0).abs() < 1e-5), "{sums:?}");
 }
 
-/// The form factor between equal rectangles `a` by `b` that face each other at a distance `c`: Howell's catalogue, C-11.
+/// The form factor between equal rectangles of `a` by `b` that face each other at distance `c`: Howell's catalogue,
+/// C-11.
 fn parallel(a: f64, b: f64, c: f64) -> f64 {
     let (x, y) = (a / c, b / c);
     let (p, q) = ((1.0 + x * x).sqrt(), (1.0 + y * y).sqrt());
@@ -70,7 +71,8 @@ fn parallel(a: f64, b: f64, c: f64) -> f64 {
     2.0 / (std::f64::consts::PI * x * y) * (log + arcs)
 }
 
-/// From a rectangle of the width `w` to one of the width `h` that stands on their common edge `l`: C-14.
+/// The form factor from a rectangle of width `w` to a perpendicular one of width `h` at the common edge `l`: Howell's
+/// catalogue, C-14.
 fn perpendicular(w: f64, h: f64, l: f64) -> f64 {
     let (w, h) = (w / l, h / l);
     let (ww, hh) = (w * w, h * h);
@@ -82,7 +84,7 @@ fn perpendicular(w: f64, h: f64, l: f64) -> f64 {
     (arcs + 0.25 * (first + second + third)) / (std::f64::consts::PI * w)
 }
 
-/// The walls of the room, in the order of the file: the axis that they stand across.
+/// The walls of the room, in the order of the file, with the axis perpendicular to each.
 const WALLS: [(&str, usize); 6] = [("back", 2), ("front", 2), ("floor", 1), ("ceiling", 1), ("left", 0), ("right", 0)];
 
 #[test]
@@ -92,7 +94,7 @@ fn the_page_shows_the_matrix_of_a_room_which_is_that_of_the_catalogue() {
     let walls = text.split("v 1 1 1").next().expect("the room");
     std::fs::write(folder.path().join("empty.obj"), walls).expect("written");
     succeeds(folder.path(), &["empty.obj", "--pairs", "all", "--quantity", "form-factor", "-o", "m.csv"]);
-    // Both triangles of a wall have half of its area.
+    // Each triangle of a wall has half of its area.
     let mut matrix = [[0.0; 6]; 6];
     for row in table(folder.path(), "m.csv") {
         let number = |index: usize| row[index].parse::<f64>().expect("a number");
@@ -169,7 +171,7 @@ fn every_backend_gives_rows_or_says_what_is_missing() {
         let output = format!("{backend}.csv");
         let found = curitiba(here, &["room.obj", "--pairs", "all", "--backend", backend, "-o", &output]);
         if found.status.success() {
-            // Few triangles are in the way here: no segment is traced on a device, and rows are the same.
+            // So few triangles are in the way that no segment is traced on the device; the rows are the same.
             assert_eq!(table(here, &output), expected, "{backend}");
         } else {
             let message = String::from_utf8_lossy(&found.stderr);
@@ -200,7 +202,8 @@ fn an_interrupted_run_is_gone_on_with_to_the_same_bytes() {
         }
         let killed = run.kill().is_ok() && !run.wait().expect("it ends").success();
         assert!(killed, "the run was interrupted");
-        // What a kill may leave: half a row, half a line of the journal, a block that never reached the disk.
+        // Traces that a kill may leave: half a row, half a line of the journal, and a block that never reached the
+        // disk.
         let part = here.join(format!("{output}.part"));
         let add = |path: &Path, bytes: &[u8]| {
             let old = std::fs::read(path).expect("there");
@@ -212,7 +215,7 @@ fn an_interrupted_run_is_gone_on_with_to_the_same_bytes() {
         assert!(again.contains("--resume goes on with it"), "{again}");
         let other = [vec!["--seed", "1", "--resume"], arguments(output)].concat();
         assert!(fails_with(2, here, &other).contains("of another run"));
-        // Killed again, at moments that nobody chose.
+        // Killed again at several arbitrary moments.
         let resumed = [vec!["--resume"], arguments(output)].concat();
         let mut ended = false;
         for milliseconds in [3, 19, 41, 67] {

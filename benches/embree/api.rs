@@ -1,4 +1,4 @@
-//! The few functions of Embree that the bench calls, of versions 3 and 4, looked up in a library at run time.
+//! The few functions of Embree 3 and 4 that the bench calls, looked up in a library at run time.
 #![allow(unsafe_code, reason = "a C interface")]
 
 use crate::layout::{
@@ -72,21 +72,21 @@ enum Trace {
     },
 }
 
-/// Embree, loaded.
+/// A loaded Embree library.
 pub struct Embree {
     functions: Functions,
     trace: Trace,
-    /// `3.13.5`.
+    /// For example `3.13.5`.
     pub version: String,
-    /// Never unloaded: with two versions in one process, their threads may still run code of it at the end.
+    /// Never unloaded: with two versions in one process, their threads may still run its code at the end.
     _library: ManuallyDrop<Library>,
 }
 
 impl Embree {
-    /// Loads the library of a path or soname.
+    /// Loads the library with this path or soname.
     ///
     /// # Errors
-    /// Why it cannot be used.
+    /// The reason why it cannot be used.
     pub fn load(path: &Path) -> Result<Arc<Self>, String> {
         let name = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
         let wrong = |error: libloading::Error| format!("{name} cannot be used: {error}");
@@ -140,28 +140,28 @@ impl Embree {
     }
 }
 
-/// How a scene is built.
+/// Options of a build.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Build {
     /// `RTC_BUILD_QUALITY_HIGH` instead of `MEDIUM`.
     pub high: bool,
     /// `RTC_SCENE_FLAG_ROBUST`.
     pub robust: bool,
-    /// Threads that build.
+    /// Number of threads that build.
     pub threads: usize,
 }
 
-/// A committed scene of two geometries: opaque triangles, and those whose hits are put to a closure.
+/// A committed scene of two geometries: opaque triangles, and triangles whose hits are passed to a closure.
 pub struct Scene {
     embree: Arc<Embree>,
     device: Handle,
     scene: Handle,
     bytes: Box<AtomicIsize>,
-    /// Shared with Embree; the triangles' numbers, by geometry.
+    /// Buffers shared with Embree. `ids` has the triangles' numbers for each geometry.
     _positions: Vec<[f32; 4]>,
     _indices: [Vec<[u32; 3]>; 2],
     ids: [Vec<u32>; 2],
-    /// Which of `ids` a geometry of Embree is.
+    /// By geometry of Embree: its index in `ids`.
     groups: Vec<usize>,
 }
 
@@ -177,7 +177,7 @@ unsafe extern "C" fn count_bytes(user: *mut c_void, bytes: isize, _: bool) -> bo
 }
 
 impl Scene {
-    /// Builds over `triangles` of `(corners, id)`; the second list is the transparent ones.
+    /// Builds a scene. `indices` and `ids` have the opaque triangles first, and then the transparent ones.
     ///
     /// # Errors
     /// What Embree reports.
@@ -233,7 +233,7 @@ impl Scene {
         if error == 0 { Ok(built) } else { Err(format!("Embree {}: error {error} of the build", embree.version)) }
     }
 
-    /// Bytes that Embree holds for the scene.
+    /// Bytes of memory that Embree holds for the scene.
     pub fn bytes(&self) -> isize {
         self.bytes.load(Ordering::Relaxed)
     }
@@ -242,7 +242,7 @@ impl Scene {
         self.ids[self.groups[geometry as usize]][primitive as usize]
     }
 
-    /// Runs a query whose hits on transparent triangles are put to `accept(lane, hit)`.
+    /// Runs a query; hits on transparent triangles are passed to `accept(lane, hit)`.
     fn with_context<A: FnMut(usize, &Hit) -> bool>(
         &self,
         coherent: bool,
@@ -290,7 +290,7 @@ impl Scene {
         self.hit(&ray, 0)
     }
 
-    /// Whether one ray of a packet meets anything.
+    /// Whether one ray of a packet hits anything.
     pub fn occluded(&self, packet: &Packet, lane: usize, accept: impl FnMut(usize, &Hit) -> bool) -> bool {
         let mut ray = one(packet, lane);
         self.with_context(false, accept, |context, arguments| {
@@ -305,7 +305,7 @@ impl Scene {
         ray.far[0] < 0.0
     }
 
-    /// The nearest hits of a packet, put into `found`.
+    /// Calls `found` with the nearest hits of a packet.
     pub fn closest16(
         &self,
         packet: &Packet,
@@ -334,7 +334,7 @@ impl Scene {
         }
     }
 
-    /// Which rays of a packet meet anything.
+    /// A mask of the rays of a packet that hit anything.
     pub fn occluded16(&self, packet: &Packet, coherent: bool, accept: impl FnMut(usize, &Hit) -> bool) -> u16 {
         let (mut rays, valid) = (sixteen(packet), valid(packet.active));
         self.with_context(coherent, accept, |context, arguments| {
@@ -351,7 +351,7 @@ impl Scene {
         rays.far.iter().enumerate().fold(0, |mask, (lane, far)| mask | u16::from(*far < 0.0) << lane) & packet.active
     }
 
-    /// The same of many packets as one stream (version 3 only); `buffer` is kept from call to call.
+    /// The same for many packets as one stream (version 3 only); `buffer` is reused from call to call.
     pub fn stream(
         &self,
         packets: &[Packet],
@@ -382,7 +382,7 @@ impl Scene {
                 }
             },
         );
-        // What Embree wrote through the pointers is read through them.
+        // Embree's results are read through the same pointers that it wrote through.
         // SAFETY: `row` is below 20, and `ray` below the length of every row.
         let at = |row: usize, ray: usize| unsafe { *rows[row].add(ray) };
         for ray in 0..count {
@@ -437,7 +437,7 @@ unsafe extern "C" fn filter4(arguments: *const FilterArguments) {
     }
 }
 
-/// Asks about each candidate, and makes those invalid where there is no surface.
+/// Asks about each candidate hit, and invalidates those without a surface.
 unsafe fn filter(arguments: *const FilterArguments, asker: *const Asker) {
     // SAFETY: Embree's arrays have `count` lanes a row, in the order of `RTCRayN` and `RTCHitN`; the asker lives as long
     // as the query.

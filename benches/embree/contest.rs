@@ -1,9 +1,9 @@
-//! Contestants take turns, round after round, so that what else the machine does meets all of them.
+//! Runs contestants in turns, round after round, so that other load of the machine affects all of them.
 
 use serde::Serialize;
 use std::time::Instant;
 
-/// One contestant: what it does, and what it took.
+/// A contestant: its work, and the times that the work took.
 pub struct Contestant<'a> {
     pub name: String,
     work: Box<dyn FnMut() -> u64 + Send + 'a>,
@@ -15,9 +15,10 @@ pub struct Contestant<'a> {
 /// Seconds of each round.
 #[derive(Debug, Clone, Default, Serialize)]
 pub struct Times {
-    /// On the clock.
+    /// Wall time.
     pub wall_s: Vec<f64>,
-    /// Of the pool's threads together; on a busy machine the better measure. 0 where the system does not tell.
+    /// Processor time of all threads of the pool, which is the better measure on a busy machine. 0 where the system
+    /// does not report it.
     pub cpu_s: Vec<f64>,
 }
 
@@ -26,7 +27,7 @@ impl Times {
         median(&self.wall_s)
     }
 
-    /// Processor time, or wall time where there is none.
+    /// Median processor time, or wall time where the system does not report processor time.
     pub fn cost(&self) -> f64 {
         let cpu = median(&self.cpu_s);
         if cpu > 0.0 { cpu } else { self.wall() }
@@ -50,7 +51,7 @@ impl<'a> Contestant<'a> {
     }
 }
 
-/// Runs each contestant once a round on a pool of so many threads, after one round that is not counted.
+/// Runs each contestant once in every round, after one round that is not counted.
 pub fn rounds(contestants: &mut [Contestant<'_>], rounds: usize, pool: &rayon::ThreadPool) {
     for round in 0..=rounds {
         for contestant in contestants.iter_mut() {
@@ -62,8 +63,8 @@ pub fn rounds(contestants: &mut [Contestant<'_>], rounds: usize, pool: &rayon::T
     }
 }
 
-/// Processor time of the threads of a pool so far. Not of the whole process: Embree's own threads go on looking for work
-/// after a build, and would be counted with whoever has its turn.
+/// Processor time of the pool's threads so far. Not that of the whole process, because Embree's own threads keep
+/// looking for work after a build and would be charged to whoever has its turn.
 fn cpu_seconds(pool: &rayon::ThreadPool) -> f64 {
     let own = |_: rayon::BroadcastContext<'_>| -> Option<f64> {
         let text = std::fs::read_to_string("/proc/thread-self/schedstat").ok()?;

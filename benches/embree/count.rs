@@ -1,4 +1,5 @@
-//! One kind of work, once, in a function of its own: for counting instructions (`benches/embree/instructions.sh`).
+//! Runs one kind of work once, in a function of its own, so that its instructions can be counted
+//! (`benches/embree/instructions.sh`).
 
 use crate::api::{Build, Embree};
 use crate::duel::pool;
@@ -9,16 +10,16 @@ use curitiba::passes::trace::{Bvh, Quality};
 use std::path::Path;
 use std::sync::Arc;
 
-/// What callgrind counts the instructions of.
+/// The function whose instructions callgrind counts.
 #[inline(never)]
 pub fn counted_region(work: &mut (dyn FnMut() -> u64 + Send)) -> u64 {
     std::hint::black_box(work())
 }
 
-/// Does `build` or the rays of a name once on one thread, with ours (no library) or with an Embree.
+/// Runs `build`, or the rays of this name, once on one thread: with our tracer (`embree` is `None`) or with an Embree.
 ///
 /// # Errors
-/// Why it cannot be done.
+/// The reason why it cannot be done.
 pub fn count(
     kind: &str,
     scene: &str,

@@ -1,4 +1,4 @@
-//! One set of rays, by all modes of both sides.
+//! One set of rays, traced in all modes of both sides.
 
 use crate::api::Scene;
 use crate::contest::{Contestant, Times, rounds};
@@ -20,7 +20,7 @@ pub struct RayRow {
     threads: usize,
     count: u64,
     hits: u64,
-    /// How the answers of the fastest Embree differ from ours.
+    /// Differences of the fastest Embree's answers from ours.
     differences: Differences,
     robust_differences: Differences,
     ours: Side,
@@ -28,12 +28,12 @@ pub struct RayRow {
     embree: Side,
     embree_single: Side,
     embree_robust: Side,
-    /// Ours over the fastest Embree: processor time.
+    /// Rate of ours over that of the fastest Embree, by processor time.
     ratio: f64,
     ratio_robust: f64,
-    /// Single rays over single rays.
+    /// The same for single rays.
     ratio_single: f64,
-    /// Every mode of ours and of Embree in the first round, million rays a processor second.
+    /// Every mode of ours and of Embree in the first round, in million rays per processor second.
     first_round: Vec<(String, f64)>,
 }
 
@@ -45,7 +45,7 @@ pub struct Tree {
     pub streams: bool,
 }
 
-/// A pool of so many threads.
+/// A pool with this number of threads.
 pub fn pool(threads: usize) -> rayon::ThreadPool {
     rayon::ThreadPoolBuilder::new().num_threads(threads).build().expect("threads")
 }
@@ -60,7 +60,7 @@ fn side(contestant: &Contestant<'_>, rays: u64) -> Side {
     }
 }
 
-/// One set of rays, by all modes.
+/// Measures one set of rays in all modes.
 pub fn duel(set: &Rays, bvh: &Bvh, trees: &[Tree], threads: usize, count: usize) -> RayRow {
     let workers = pool(threads);
     let mut modes = Vec::new();

@@ -1,4 +1,4 @@
-//! Whole ray passes: ours, and the same programs with Embree behind the tracer.
+//! Whole ray passes: our programs on our tracer, and the same programs on Embree.
 
 use crate::api::Scene;
 use crate::flush::Flush;
@@ -10,7 +10,7 @@ use curitiba::pipeline::executor::Progress;
 use curitiba::pipeline::image::Image;
 use curitiba::pipeline::scene::RenderScene;
 
-/// Embree as the programs' tracer: fans and packets in packets of sixteen, as its best mode has it.
+/// Embree as the tracer of the programs; fans and packets are traced in packets of sixteen, Embree's best mode.
 pub struct Peer<'a>(pub &'a Scene);
 
 fn packet_of(ray: &Ray) -> Packet {
@@ -72,7 +72,7 @@ impl Tracer for Peer<'_> {
     }
 }
 
-/// A picture, and the rays that it took.
+/// A picture, and the number of its rays.
 pub struct Picture {
     pub image: Image,
     pub rays: RayCounts,
@@ -83,13 +83,13 @@ fn blank(job: &OwnedJob, scene: &RenderScene) -> Image {
     Image::filled(job.width, job.height, [f32::NAN; 4])
 }
 
-/// The ray pass as the program runs it.
+/// Runs the ray pass as the program does.
 pub fn ours(backend: &mut CpuRays, job: &OwnedJob, scene: &RenderScene, picture: &mut Picture) {
     let stats = backend.run(&job.job(scene), &mut picture.image, &Progress::default()).expect("a complete job");
     picture.rays = stats.rays;
 }
 
-/// The same with Embree.
+/// Runs the same ray pass on Embree.
 pub fn theirs(embree: &Scene, job: &OwnedJob, scene: &RenderScene, picture: &mut Picture) {
     let stats = cpu::trace(&Peer(embree), &job.job(scene), &mut picture.image, &Progress::default());
     picture.rays = stats.expect("a complete job").rays;
@@ -100,8 +100,8 @@ impl Picture {
         Self { image: blank(job, scene), rays: RayCounts::default() }
     }
 
-    /// Pixels of which any channel differs in any bit, those of which one differs by more than 2 of 255, and the largest
-    /// difference.
+    /// The number of pixels in which any channel differs in any bit, the number in which one differs by more than 2 of
+    /// 255, and the greatest difference.
     pub fn differs(&self, other: &Self) -> (usize, usize, f32) {
         let mut found = (0, 0, 0.0_f32);
         for (a, b) in self.image.pixels.iter().zip(&other.image.pixels) {

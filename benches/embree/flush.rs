@@ -1,7 +1,7 @@
-//! The mode of the processor that Embree's manual recommends.
+//! The processor mode that Embree's manual recommends.
 #![allow(unsafe_code, reason = "the control register of vector arithmetic has no safe interface")]
 
-/// Denormal numbers are flushed to zero while it lives, as Embree's manual recommends.
+/// While it lives, denormal numbers are flushed to zero, as Embree's manual recommends.
 pub struct Flush(u32);
 
 impl Flush {

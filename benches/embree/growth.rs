@@ -1,4 +1,4 @@
-//! How our time grows: with triangles, with pixels, and what threads give.
+//! Growth of our time with triangles and pixels, and its scaling over threads.
 
 use crate::contest::{Contestant, Times, rounds};
 use crate::duel::pool;
@@ -11,7 +11,7 @@ use curitiba::passes::trace::{Bvh, Quality};
 use curitiba::pipeline::backend::RayBackend as _;
 use serde::Serialize;
 
-/// Sizes of the square at fixed pixels, and the one that the other two series have.
+/// Triangles of the square in the series with a fixed number of pixels; the other two series use `USUAL`.
 const TRIANGLES: [u32; 4] = [10_000, 100_000, 1_000_000, 10_000_000];
 const USUAL: u32 = 100_000;
 
@@ -19,7 +19,7 @@ const USUAL: u32 = 100_000;
 #[derive(Serialize)]
 struct Sample {
     work: &'static str,
-    /// Rays that were asked for, those that were certain without tracing included; triangles for builds.
+    /// Number of rays asked for, including those that needed no tracing; for builds, number of triangles.
     count: u64,
     times: Times,
 }
@@ -28,7 +28,7 @@ struct Sample {
 #[derive(Serialize)]
 struct Point {
     triangles: usize,
-    /// Pixels a side.
+    /// Pixels along a side.
     size: u32,
     threads: usize,
     bytes_per_triangle: f64,
@@ -36,13 +36,13 @@ struct Point {
     samples: Vec<Sample>,
 }
 
-/// The exponent of a power law through the points, by least squares of logarithms.
+/// The exponent of a power law through the points, by least squares of the logarithms.
 #[derive(Serialize)]
 struct Slope {
     work: &'static str,
-    /// Of processor time.
+    /// Exponent of the processor time.
     slope: f64,
-    /// Largest factor between a point and the fitted law.
+    /// Greatest factor between a point and the fitted law.
     largest_factor: f64,
 }
 
@@ -50,13 +50,13 @@ struct Slope {
 struct Efficiency {
     work: &'static str,
     threads: usize,
-    /// Time on the clock of one thread, over threads times that of this many.
+    /// Wall time of one thread, over the number of threads times the wall time of all.
     efficiency: f64,
-    /// Processor time of one thread over that of this many: what sharing caches and memory costs.
+    /// Processor time of one thread over that of all threads: the cost of sharing caches and memory.
     efficiency_cpu: f64,
 }
 
-/// The measurement as it is written.
+/// The results file.
 #[derive(Serialize)]
 pub struct Growth {
     format: u32,
@@ -76,7 +76,7 @@ pub struct Growth {
 /// Measures the three series with at most `most` triangles.
 ///
 /// # Errors
-/// Why a scene cannot be had.
+/// The reason why a scene cannot be prepared.
 pub fn measure(command: String, size: u32, most: u32, threads: usize, count: usize) -> Result<Growth, String> {
     let mut growth = Growth {
         format: 1,
@@ -158,7 +158,8 @@ fn point(subject: &Subject, size: u32, threads: usize, count: usize) -> Result<P
     })
 }
 
-/// The exponent of `y = c x^exponent` by least squares of the logarithms, and the largest factor off it.
+/// The exponent of `y = c x^exponent` by least squares of the logarithms, and the greatest factor between a point and
+/// the law.
 fn power_law(points: &[(f64, f64)]) -> (f64, f64) {
     let logs: Vec<(f64, f64)> = points.iter().map(|(x, y)| (x.ln(), y.ln())).collect();
     let mean = |value: fn(&(f64, f64)) -> f64| logs.iter().map(value).sum::<f64>() / logs.len() as f64;

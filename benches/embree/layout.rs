@@ -1,4 +1,4 @@
-//! Embree's structures, as its headers of versions 3 and 4 lay them out.
+//! Embree's structures, as the headers of versions 3 and 4 define them.
 
 use curitiba::passes::trace::{PACKET, Packet};
 use std::ffi::{c_int, c_void};
@@ -15,19 +15,19 @@ pub struct FilterArguments {
     pub count: u32,
 }
 
-/// `RTCIntersectContext` of version 3, or `RTCRayQueryContext` of version 4 in its last two fields, and who is asked about
-/// hits on transparent triangles. Both versions hand its address to filters.
+/// `RTCIntersectContext` of version 3; its last fields are `RTCRayQueryContext` of version 4. After them follows the
+/// asker for hits on transparent triangles. Both versions pass the context's address to filters.
 #[repr(C)]
 pub struct Context {
-    /// Version 3 only.
+    /// In version 3 only.
     pub flags: c_int,
     pub filter: Option<Filter>,
-    /// Version 3: the instance; version 4 is shown the context from here on.
+    /// Version 3: the instance. Version 4 gets the address of this field as its context.
     pub instance: [u32; 2],
     pub asker: *const Asker,
 }
 
-/// What a filter asks. The closure gets the lane, geometry, primitive, and t, u, v.
+/// The question of a filter. The closure gets the lane, geometry, primitive, and t, u, v.
 pub struct Asker {
     pub closure: *mut c_void,
     pub call: unsafe fn(*mut c_void, usize, u32, u32, [f32; 3]) -> bool,
@@ -44,7 +44,7 @@ pub struct Arguments {
     pub spare: [u64; 2],
 }
 
-/// `RTCRayHit`, `RTCRayHit16`; the last field is more than version 3 has. An occlusion query reads the first twelve rows.
+/// `RTCRayHit` and `RTCRayHit16`; version 3 lacks the last field. An occlusion query reads the first twelve rows.
 #[derive(Clone, Copy)]
 #[repr(C, align(64))]
 pub struct RayHit<const N: usize> {
@@ -96,15 +96,15 @@ impl<const N: usize> RayHit<N> {
     };
 }
 
-/// Rows of a stream: the twelve of `RTCRayNp` and eight of `RTCHitNp`; integers by their bits.
+/// The rows of a stream: twelve of `RTCRayNp` and eight of `RTCHitNp`; integers are stored as their bits.
 pub struct StreamBuffer {
     pub rows: [Vec<f32>; 20],
-    /// 16 times the packet plus the lane.
+    /// By ray: 16 times the packet plus the lane.
     pub origin_of: Vec<u32>,
 }
 
 impl StreamBuffer {
-    /// For up to so many packets.
+    /// A buffer for up to so many packets.
     pub fn new(packets: usize) -> Self {
         let rows = std::array::from_fn(|_| vec![0.0; packets * PACKET]);
         Self { rows, origin_of: vec![0; packets * PACKET] }

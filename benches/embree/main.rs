@@ -1,19 +1,18 @@
-//! Our ray passes beside Intel's Embree: the same rays on the same triangles in the same run.
+//! Our ray passes against Intel's Embree: the same rays on the same triangles in the same run.
 //!
 //! `cargo bench --features embree --bench embree -- --scene square:100000 --out FILE.json`
 //!
-//! Embree is looked for at run time: `libembree3.so.3` where the system has it, and the library that the environment
-//! variable `CURITIBA_EMBREE` names (version 3 or 4). Without any, the bench says so and ends. Real scenes are looked for
-//! in the folder that `CURITIBA_SCENES` names; `--scene PATH@SEED`, `--scene room:300000@SEED` (`far`, `foliage`, `needles`, `soup`) and
-//! `--scene square:100000@SEED` are seen from where the seed says, so that nobody has chosen the view.
+//! Embree is loaded at run time: `libembree3.so.3` if the system has it, and the library named by the environment
+//! variable `CURITIBA_EMBREE` (version 3 or 4). Without either the bench prints so and ends. Real scenes are read from
+//! the folder in `CURITIBA_SCENES`. For `--scene PATH@SEED`, `--scene room:300000@SEED` (also `far`, `foliage`,
+//! `needles`, `soup`) and `--scene square:100000@SEED` the seed chooses the view, so that no person has chosen it.
 //!
-//! Every contestant is checked against ours ray by ray before anything is timed. Then all take turns, round after round;
-//! what is compared are medians of processor time. Embree is timed in every mode that it has (rays one by one, packets of
-//! 16, streams, each with and without the hint that rays are coherent), on trees of both qualities; the fastest of the
-//! first round goes on. `--pairs` compares the visibility of near pairs of triangles, too. `--growth` measures ours alone:
-//! against triangles, pixels and threads; `--count KIND --side curitiba|3|4` does one kind of work once, for
-//! `instructions.sh`. `--robust`'s trees, which are what ours has to be compared
-//! with for watertightness, go on beside.
+//! Before timing, every contestant's answers are compared with ours, ray by ray. Then all take turns, round after
+//! round; the medians of processor time are compared. Embree is timed in all its modes (single rays, packets of 16, and
+//! streams, each with and without the hint that rays are coherent), on trees of both qualities; the fastest mode of the
+//! first round goes on. Robust trees are timed as well, because watertightness must be compared with them. `--pairs`
+//! also compares the visibility of near pairs of triangles. `--growth` measures only ours, over triangles, pixels and
+//! threads. `--count KIND --side curitiba|3|4` runs one kind of work once, for `instructions.sh`.
 
 mod api;
 mod contest;
@@ -47,10 +46,10 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::Instant;
 
-/// How often each tree is built.
+/// Number of times that each tree is built.
 const BUILDS: usize = 5;
 
-/// What the command line asks for.
+/// The request on the command line.
 struct Request {
     scenes: Vec<String>,
     out: Option<PathBuf>,
@@ -61,11 +60,11 @@ struct Request {
     medium: bool,
     effects: bool,
     rays: bool,
-    /// Visibility of near pairs as well.
+    /// Whether the visibility of near pairs is measured, too.
     pairs: bool,
-    /// The largest square of the growth measurement, instead of comparing.
+    /// Triangles of the largest square in the growth measurement, which replaces the comparison.
     growth: Option<u32>,
-    /// A kind of work to do once, instead of comparing, and whose: `curitiba`, or a version of Embree.
+    /// The kind of work to run once instead of the comparison; `side` is `curitiba` or a version of Embree.
     count: Option<String>,
     side: String,
 }
@@ -120,7 +119,7 @@ impl Request {
     }
 }
 
-/// The measurement as it is written.
+/// The results file.
 #[derive(Serialize)]
 struct File {
     format: u32,
@@ -148,7 +147,7 @@ struct SceneRow {
 #[derive(Serialize)]
 struct BuildRow {
     name: String,
-    /// On all processors.
+    /// Time on all processors.
     wall_s: Vec<f64>,
     median_s: f64,
     bytes_per_triangle: f64,
@@ -161,7 +160,7 @@ struct EffectRow {
     rays: u64,
     rays_certain: u64,
     rays_embree: u64,
-    /// Pixels that differ in any bit, by more than 2 of 255, and by how much at most.
+    /// Pixels that differ in any bit, pixels that differ by more than 2 of 255, and the greatest difference.
     pixels_differing: usize,
     pixels_differing_visibly: usize,
     largest_difference: f32,
@@ -236,7 +235,7 @@ fn save(out: &Path, file: &impl Serialize) -> Result<(), String> {
     write_atomically(out, (text + "\n").as_bytes()).map_err(|error| error.to_string())
 }
 
-/// The command line, without the folders of the machine.
+/// The command line, with folders removed from paths.
 fn command() -> String {
     let arguments: Vec<String> = std::env::args()
         .skip(1)
@@ -288,7 +287,7 @@ fn measure(subject: &Subject, libraries: &[Arc<Embree>], request: &Request) -> R
     Ok(row)
 }
 
-/// Ours and every tree of Embree, built in turns; what each took is noted. Those of the last round are kept.
+/// Builds ours and every tree of Embree in turns, and adds the times to `rows`. Returns the trees of the last round.
 fn build(
     geometry: &Geometry,
     libraries: &[Arc<Embree>],
@@ -300,7 +299,7 @@ fn build(
     let mut seconds: Vec<Vec<f64>> = Vec::new();
     let mut last = None;
     for _ in 0..BUILDS {
-        // What was built before is gone before its like is built again, as in a program that loads another scene.
+        // The previous tree is freed before the next one is built, as in a program that loads another scene.
         drop(last.take());
         let start = Instant::now();
         let bvh = workers.install(|| Bvh::build(geometry, &[], Quality::Balanced));
@@ -321,7 +320,7 @@ fn build(
     Ok((bvh, trees))
 }
 
-/// Every tree of Embree, and the seconds that each took.
+/// Builds every tree of Embree, and returns the seconds of each.
 fn theirs(
     geometry: &Geometry,
     transparent: &[bool],
@@ -346,12 +345,13 @@ fn theirs(
     Ok((trees, seconds))
 }
 
-/// Threads that build, whatever traces: built on one, with another there, Embree 4 leaves a thread that never sleeps.
+/// Number of threads for builds, independent of the tracing threads. If a tree is built on one thread while another
+/// exists, Embree 4 leaves a thread that never sleeps.
 fn processors() -> usize {
     std::thread::available_parallelism().map_or(1, usize::from)
 }
 
-/// One ray pass.
+/// Measures one ray pass.
 fn effect(
     name: &'static str,
     job: &scenes::OwnedJob,
@@ -375,7 +375,7 @@ fn effect(
             })
         })
         .collect();
-    // One turn of each chooses; the passes are too long for more.
+    // A single round selects the fastest tree, because the passes are long.
     rounds(&mut first, 0, &workers);
     let costs: Vec<f64> = first.iter().map(|contestant| contestant.times.cost()).collect();
     drop(first);

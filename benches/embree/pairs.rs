@@ -1,4 +1,5 @@
-//! Visibility of pairs of triangles beside the plain loop over Embree: 64 segments a pair in packets of sixteen, every one traced.
+//! Visibility of pairs of triangles: our estimator beside a plain loop over Embree, which traces 64 segments for each
+//! pair, in packets of sixteen.
 
 use crate::contest::{Contestant, Times, rounds};
 use crate::duel::{Tree, pool};
@@ -10,37 +11,37 @@ use glam::Vec3;
 use rayon::prelude::*;
 use serde::Serialize;
 
-/// Triangles of which the near pairs are taken.
+/// Number of triangles whose near pairs are measured.
 const ROWS: usize = 300;
-/// The share by which pairs are near, as without a choice.
+/// Form factor from which a pair counts as near; the program's default.
 const NEAR: f64 = 0.01;
-/// Segments a pair, as without a choice.
+/// Segments for each pair; the program's default.
 const SEGMENTS: usize = 64;
-/// Point sets of the plain loop; a pair takes one of them.
+/// Number of point sets of the plain loop; each pair takes one of them.
 const SETS: usize = 64;
-/// Pairs that a thread takes at a time.
+/// Number of pairs that a thread takes at once.
 const GRAIN: usize = 256;
 
 #[derive(Serialize)]
 pub struct PairRow {
     threads: usize,
     pairs: usize,
-    /// Of those, that are decided without a segment.
+    /// Pairs that are decided without a segment.
     exact: usize,
-    /// Mean of the visibilities that both know, ours and theirs, and how far a pair's two differ on average.
+    /// Mean visibility over the pairs that both know, ours and theirs, and the mean difference of a pair.
     means: [f64; 2],
     difference: f64,
     ours: Times,
     embree_name: String,
     embree: Times,
     embree_robust: Times,
-    /// Ours over the fastest Embree: pairs a processor second, pairs a second.
+    /// Ours over the fastest Embree; in pairs per processor second, and for `ratio_wall` in pairs per second.
     ratio: f64,
     ratio_robust: f64,
     ratio_wall: f64,
 }
 
-/// Of each of some triangles, chosen by a seed, the pairs that the program takes without a choice.
+/// The near pairs, by the program's default, of some triangles that a seed chooses.
 fn near(surfaces: &Surfaces) -> Vec<[u32; 2]> {
     let mut numbers = Numbers::new(25);
     let (mut source, mut pairs) = (NearPairs::new(surfaces, NEAR), Vec::new());
@@ -58,7 +59,8 @@ fn near(surfaces: &Surfaces) -> Vec<[u32; 2]> {
     pairs
 }
 
-/// A triangle as the plain loop sees it: corners off the surface by their error bounds, as ours, and the front.
+/// A triangle for the plain loop: its corners, moved off the surface by their error bounds as ours are, and its front
+/// normal.
 struct Patch {
     corners: [Vec3; 3],
     normal: Vec3,
@@ -66,15 +68,16 @@ struct Patch {
 
 /// Points for the segments of a pair.
 struct PointSet {
-    /// Shares of the second and third corner, of both triangles.
+    /// Weights of the second and third corner, for both triangles.
     shares: [[f32; SEGMENTS]; 4],
 }
 
 impl PointSet {
-    /// Points of the plastic sequence in four dimensions, turned by a number each (Roberts 2018): as even as what a plain loop takes.
+    /// Points of the plastic sequence in four dimensions, shifted by a random number each (Roberts 2018). They are as
+    /// even as a plain loop can have them.
     #[allow(clippy::needless_range_loop, reason = "an index stands for a place in several arrays")]
     fn new(numbers: &mut Numbers) -> Self {
-        // The root of x⁵ = x + 1.
+        // Root of x⁵ = x + 1.
         const ROOT: f64 = 1.167_303_978_261_418_7;
         let turns = [(); 4].map(|()| f64::from(numbers.unit()));
         let mut shares = [[0.0; SEGMENTS]; 4];
@@ -90,7 +93,7 @@ impl PointSet {
     }
 }
 
-/// The visibility of a pair by one segment after the other; NaN if none leaves both fronts.
+/// The visibility of a pair, traced segment by segment; NaN if no segment leaves both fronts.
 fn plain(tree: &Tree, patches: &[Patch], sets: &[PointSet], [a, b]: [u32; 2]) -> f32 {
     let (p, q) = (&patches[a as usize], &patches[b as usize]);
     let shares = &sets[(a ^ b.wrapping_mul(31)) as usize % SETS].shares;
@@ -123,7 +126,7 @@ fn plain(tree: &Tree, patches: &[Patch], sets: &[PointSet], [a, b]: [u32; 2]) ->
     (valid - blocked) as f32 / valid as f32
 }
 
-/// Ours and every tree of Embree on the near pairs of a scene.
+/// Measures our estimator and every Embree tree on the near pairs of a scene.
 pub fn measure(geometry: &Geometry, trees: &[Tree], threads: usize, count: usize) -> PairRow {
     let surfaces = Surfaces::new(geometry, &[]);
     let pairs = near(&surfaces);

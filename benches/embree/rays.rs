@@ -1,4 +1,4 @@
-//! The rays, and both sides' ways of tracing them.
+//! The sets of rays, and the ways in which both sides trace them.
 
 use crate::api::Scene;
 use crate::flush::Flush;
@@ -11,27 +11,27 @@ use curitiba::passes::trace::{Bvh, Candidates, Fan, Hit, PACKET, Packet, PacketH
 use glam::{Vec2, Vec3};
 use rayon::prelude::*;
 
-/// What is asked of the rays.
+/// The question that rays ask.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Question {
     /// The nearest hit.
     Closest,
-    /// Whether anything is met.
+    /// Whether the ray hits anything.
     Occluded,
-    /// The same of fans from one origin.
+    /// The same for fans of rays from one origin.
     Fans,
 }
 
-/// Rays in packets, packets by tiles.
+/// A set of rays in packets, ordered by tile.
 pub struct Rays {
     pub name: &'static str,
     pub question: Question,
     pub packets: Vec<Packet>,
-    /// For fans: the normal of the hemisphere of each packet.
+    /// For fans: the hemisphere's normal, for each packet.
     pub above: Vec<Vec3>,
-    /// For fans: the directions of the packets, one after the other.
+    /// For fans: the directions of each packet.
     pub directions: Vec<[Vec3; PACKET]>,
-    /// Ends of the tiles in `packets`.
+    /// End of each tile in `packets`.
     tiles: Vec<usize>,
     pub count: u64,
 }
@@ -62,7 +62,7 @@ impl Rays {
         self.push(packet);
     }
 
-    /// A packet of fans as a fan.
+    /// A packet as a fan.
     fn fan(&self, index: usize) -> Fan<'_> {
         let packet = &self.packets[index];
         let (origin, above) = (packet.ray(0).origin, Some(self.above[index]));
@@ -75,14 +75,14 @@ impl Rays {
         }
     }
 
-    /// The ranges of the tiles.
+    /// The range of packets of each tile.
     fn ranges(&self) -> Vec<std::ops::Range<usize>> {
         let mut start = 0;
         self.tiles.iter().map(|&end| std::mem::replace(&mut start, end)..end).collect()
     }
 }
 
-/// Primary rays, shadow rays, and 16 occlusion rays of each pixel of every eighth tile, short and long.
+/// Primary rays, shadow rays, and sixteen short and sixteen long occlusion rays from each pixel of every eighth tile.
 pub fn generate(subject: &Subject, bvh: &Bvh, size: u32) -> Vec<Rays> {
     let view = &subject.view;
     let geometry = &subject.scene.geometry;
@@ -139,7 +139,7 @@ pub fn generate(subject: &Subject, bvh: &Bvh, size: u32) -> Vec<Rays> {
     vec![primary, shadow, short, long]
 }
 
-/// Sixteen cosine-distributed directions, one jittered in each cell of 4 x 4.
+/// Sixteen cosine-distributed directions: one jittered direction in each cell of a 4 x 4 grid.
 fn directions(key: u32, normal: Vec3) -> [Vec3; PACKET] {
     let basis = Basis::around(normal);
     std::array::from_fn(|sample| {
@@ -150,19 +150,19 @@ fn directions(key: u32, normal: Vec3) -> [Vec3; PACKET] {
     })
 }
 
-/// How a side traces.
+/// A way of tracing.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Mode {
     Single,
     /// Ours: fans of rays from one origin.
     Fans,
-    /// Ours: the same, with the triangles near 16 fans gathered where they are few.
+    /// Ours: fans; where few triangles are near 16 fans, these are gathered once.
     Near,
-    /// Sixteen rays a call (ours: sixteen packets a call).
+    /// Sixteen rays in one call (ours: sixteen packets in one call).
     Packets {
         coherent: bool,
     },
-    /// Embree 3: a stream of a tile's rays.
+    /// Embree 3: all rays of a tile as one stream.
     Stream {
         coherent: bool,
     },
@@ -182,10 +182,10 @@ impl Mode {
     }
 }
 
-/// Where hits go: counted when timed, kept when compared.
+/// The receiver of hits: counts them in timed runs, keeps them in comparisons.
 pub trait Sink: Sync {
     fn count(&self, packet: usize, lane: usize, hit: Option<Hit>) -> u64;
-    /// So many rays of a fan are blocked.
+    /// Tells how many rays of a fan are blocked.
     fn count_fan(&self, packet: usize, blocked: u32) -> u64;
 }
 
@@ -314,7 +314,7 @@ pub fn theirs(rays: &Rays, scene: &Scene, mode: Mode, sink: &impl Sink) -> u64 {
     rays.ranges().into_par_iter().map_init(|| StreamBuffer::new(longest), trace).sum()
 }
 
-/// Rays on which two answers differ.
+/// The numbers of rays with different answers.
 #[derive(Debug, Clone, Copy, Default, serde::Serialize)]
 pub struct Differences {
     /// One side hits and the other does not.
@@ -325,7 +325,7 @@ pub struct Differences {
     pub triangle: u64,
 }
 
-/// Keeps distances and triangles by ray.
+/// Keeps the distance and the triangle of each ray.
 pub struct Keep(Vec<std::sync::atomic::AtomicU64>);
 
 impl Keep {
@@ -356,7 +356,7 @@ impl Keep {
 }
 
 impl Keep {
-    /// Rays of each packet that hit.
+    /// Number of rays that hit, for each packet.
     pub fn counts(&self) -> Vec<usize> {
         let hit = |value: &std::sync::atomic::AtomicU64| value.load(std::sync::atomic::Ordering::Relaxed) != u64::MAX;
         self.0.chunks(PACKET).map(|packet| packet.iter().filter(|value| hit(value)).count()).collect()
@@ -370,7 +370,7 @@ impl Sink for Keep {
         u64::from(hit.is_some())
     }
 
-    /// Which rays are blocked is not known: the first ones stand for them.
+    /// It is unknown which rays are blocked, so the first ones are marked.
     fn count_fan(&self, packet: usize, blocked: u32) -> u64 {
         for lane in 0..blocked as usize {
             self.count(packet, lane, Some(BLOCKED));

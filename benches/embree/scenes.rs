@@ -20,15 +20,15 @@ use std::sync::{Arc, Mutex};
 pub struct View {
     pub eye: Vec3,
     pub forward: Vec3,
-    /// Vertical, degrees.
+    /// Vertical field of view in degrees.
     pub fov: f32,
     /// Unit vector towards the light.
     pub to_light: Vec3,
-    /// Reach of short occlusion rays.
+    /// Greatest length of short occlusion rays.
     pub radius: f32,
 }
 
-/// The view `Fonte` of the projects, and their sun.
+/// The view `Fonte` of the projects, with their sun.
 fn fonte() -> View {
     View {
         eye: Vec3::new(7.42, 18.61, -38.62),
@@ -39,7 +39,7 @@ fn fonte() -> View {
     }
 }
 
-/// What the shipped scenes folder of the user holds that the bench knows views of: the file, and the view.
+/// The scenes of the user's folder for which the bench has a view: file and view.
 fn known(name: &str) -> Option<(&'static str, View)> {
     let view = |eye: [f32; 3], target: [f32; 3], fov, light: [f32; 3], radius| {
         let eye = Vec3::from(eye);
@@ -58,7 +58,7 @@ fn known(name: &str) -> Option<(&'static str, View)> {
     }
 }
 
-/// A scene with what a ray pass is given.
+/// A scene, with the jobs of its ray passes.
 pub struct Subject {
     pub name: String,
     pub view: View,
@@ -129,18 +129,19 @@ impl OwnedJob {
         }
     }
 
-    /// By material: whether hits are put to the program.
+    /// By material: whether its hits are passed to the program.
     pub fn filtered(&self) -> Vec<bool> {
         let cut = self.shades.iter().map(|shade| shade.alpha_cutoff.is_some());
         cut.zip(&self.shadow_glass).map(|(cut, glass)| cut || *glass).collect()
     }
 }
 
-/// Prepares a scene: `square:TRIANGLES` and the names of [`known`], from the views that are written here; with `@SEED`, the same and
-/// [`shapes::KINDS`]`:TRIANGLES` and files in `folder`, from a view that the seed chooses.
+/// Prepares a scene. Without `@SEED`, `name` is `square:TRIANGLES` or a name that [`known`] has, seen from the view
+/// written here. With `@SEED`, it may also be one of [`shapes::KINDS`] with `:TRIANGLES`, or a file in `folder`, and
+/// the seed chooses the view.
 ///
 /// # Errors
-/// Why it cannot be had.
+/// The reason why it cannot be prepared.
 pub fn open(name: &str, folder: Option<&Path>, size: u32) -> Result<Subject, String> {
     let (plain, seed) = match name.rsplit_once('@') {
         Some((plain, seed)) => {
@@ -220,7 +221,7 @@ fn open_square(name: &str, triangles: u32, size: u32) -> Result<Subject, String>
 
 type Seen = Arc<Mutex<(Option<Arc<RenderScene>>, Option<OwnedJob>)>>;
 
-/// A ray backend that keeps what it is given, and traces nothing.
+/// A ray backend that keeps its inputs and traces nothing.
 struct Listener(Seen);
 
 impl RayBackend for Listener {
@@ -265,7 +266,7 @@ fn build(name: &str, scene: Scene) -> Result<RenderScene, String> {
     RenderScene::build(scene, &options).map(|(scene, _)| scene).map_err(|error| format!("{name}: {error}"))
 }
 
-/// A scene that is all white, with a G-buffer from primary rays.
+/// A scene in all white, with a G-buffer from primary rays.
 fn white(name: &str, scene: &Arc<RenderScene>, bvh: &Bvh, view: View, size: u32) -> Subject {
     let materials = scene.materials.len();
     let pixels = (size * size) as usize;
@@ -303,8 +304,9 @@ fn white(name: &str, scene: &Arc<RenderScene>, bvh: &Bvh, view: View, size: u32)
 }
 
 impl View {
-    /// The first view of a seed's sequence that sees something in most directions, and not from too near: from a place in the scene's
-    /// box, at a point of a triangle (of equal areas with equal chance). The light comes from any direction above.
+    /// The first view of a seed's sequence that sees something in most directions, and not too near. The eye is a point
+    /// of the scene's box; the target is a point of a triangle (chosen by area). The light comes from any direction
+    /// above.
     fn chosen(geometry: &Geometry, bvh: &Bvh, seed: u32) -> Option<Self> {
         const PROBES: u32 = 16;
         let [low, high] = [Vec3::INFINITY, Vec3::NEG_INFINITY];
@@ -346,7 +348,7 @@ impl View {
         })
     }
 
-    /// Direction of the primary ray of a pixel's centre.
+    /// Direction of the primary ray through a pixel's centre.
     pub fn direction(&self, x: u32, y: u32, size: u32) -> Vec3 {
         let half = (self.fov.to_radians() / 2.0).tan();
         let forward = self.forward.normalize();

@@ -1,11 +1,11 @@
-//! Scenes that are made for the bench: kinds that real files at hand lack. Each grows to about the number of triangles that is asked for.
+//! Generated scenes, of kinds that the available files lack. Each has about the requested number of triangles.
 
 use crate::rng::Numbers;
 use curitiba::pipeline::scene::{Group, Mesh, Object, Scene};
 use glam::{DVec3, Mat4, Vec2, Vec3};
 use std::f32::consts::{FRAC_PI_2, TAU};
 
-/// Names that [`scene`] knows, with what they are.
+/// Names for [`scene`], each with a description.
 pub const KINDS: [(&str, &str); 5] = [
     ("room", "a closed hall with windows and rows of chairs, as conference rooms have"),
     ("far", "the same, a hundred times its length from the origin"),
@@ -14,7 +14,7 @@ pub const KINDS: [(&str, &str); 5] = [
     ("soup", "triangles of no order in a cube"),
 ];
 
-/// A scene of a kind.
+/// A scene of a kind, with about `triangles` triangles.
 ///
 /// # Errors
 /// If there is no such kind.
@@ -34,7 +34,7 @@ pub fn scene(kind: &str, triangles: u32) -> Result<Scene, String> {
     Ok(of(&corners, offset))
 }
 
-/// Of triangles that share no vertices.
+/// A scene of triangles that share no vertices, moved by `offset`.
 fn of(corners: &[[Vec3; 3]], offset: DVec3) -> Scene {
     let count = corners.len() as u32;
     let positions = corners.iter().flatten().map(|&corner| (corner.as_dvec3() + offset).as_vec3()).collect();
@@ -55,7 +55,7 @@ fn quad(corners: &mut Vec<[Vec3; 3]>, [a, b, c, d]: [Vec3; 4]) {
     corners.extend([[a, b, c], [a, c, d]]);
 }
 
-/// Between two corners.
+/// Adds a box between two corners.
 fn block(corners: &mut Vec<[Vec3; 3]>, low: Vec3, high: Vec3) {
     let at = |x: bool, y: bool, z: bool| {
         let pick = |of_high: bool, low: f32, high: f32| if of_high { high } else { low };
@@ -68,7 +68,7 @@ fn block(corners: &mut Vec<[Vec3; 3]>, low: Vec3, high: Vec3) {
     }
 }
 
-/// Upright, of so many sides, open at its ends.
+/// Adds an upright tube with this number of sides and open ends.
 fn tube(corners: &mut Vec<[Vec3; 3]>, foot: Vec3, radius: f32, height: f32, sides: u32) {
     let at = |side: u32, y: f32| {
         let (sin, cos) = (side as f32 / sides as f32 * TAU).sin_cos();
@@ -79,7 +79,7 @@ fn tube(corners: &mut Vec<[Vec3; 3]>, foot: Vec3, radius: f32, height: f32, side
     }
 }
 
-/// 24 x 4 x 16, with chairs of 12-sided tubes and curved backs; three windows let the light in.
+/// A hall of 24 x 4 x 16 with three windows, and with chairs of 12-sided tubes and curved backs.
 fn room(triangles: u32) -> Vec<[Vec3; 3]> {
     let mut corners = Vec::new();
     let (size, thickness) = (Vec3::new(24.0, 4.0, 16.0), 0.3);
@@ -120,7 +120,7 @@ fn room(triangles: u32) -> Vec<[Vec3; 3]> {
     for index in 0..chairs {
         let place = Vec2::new((index % columns) as f32 + 0.5, (index / columns) as f32 + 0.5);
         let place = place / Vec2::new(columns as f32, rows as f32) * Vec2::new(size.x, size.z);
-        // Where there are more chairs than the floor holds, they are smaller.
+        // If there are more chairs than the floor holds, they are scaled down.
         let scale = (size.x / columns as f32 / 0.7).min(1.0);
         corners.extend(chair.iter().map(|triangle| triangle.map(|p| p * scale + Vec3::new(place.x, 0.0, place.y))));
     }
@@ -145,7 +145,7 @@ fn foliage(triangles: u32, numbers: &mut Numbers) -> Vec<[Vec3; 3]> {
             + Vec3::new(numbers.unit(), 0.0, numbers.unit()) * 2.0;
         tube(&mut corners, foot, 0.25, 4.0, 16);
         for _ in 0..leaves {
-            // More leaves outside than inside, as crowns have them.
+            // Leaves are denser near the surface of the crown than inside.
             let place =
                 foot + Vec3::Y * 5.5 + numbers.direction() * Vec3::new(2.6, 2.2, 2.6) * numbers.unit().powf(0.25);
             let along = numbers.direction() * 0.12;

@@ -1,17 +1,17 @@
-//! Trees of Embree over a scene.
+//! Embree's trees over a scene.
 
 use crate::api::{Build, Embree, Scene};
 use curitiba::pipeline::scene::Geometry;
 use std::sync::Arc;
 
-/// What Embree shares with us.
+/// The arrays that Embree shares with us.
 pub struct Input {
     positions: Vec<[f32; 4]>,
     triangles: [Vec<[u32; 3]>; 2],
     ids: [Vec<u32>; 2],
 }
 
-/// The triangles, opaque ones and transparent ones.
+/// The triangles, separated into opaque and transparent ones.
 pub fn input(geometry: &Geometry, transparent: &[bool]) -> Input {
     let mut triangles = [Vec::new(), Vec::new()];
     let mut ids = [Vec::new(), Vec::new()];

@@ -1,4 +1,5 @@
-//! Milliseconds of a draw on the processor, by stage: a field of hills at 1024 x 1024 with all that the ray passes read.
+//! Milliseconds of a draw on the processor, by stage: a field of hills at 1024 x 1024, with all attachments that ray
+//! passes read.
 //!
 //! `cargo bench -p curitiba-passes --bench raster [-- <million triangles>...]`; without arguments 0.1, 1 and 10.
 
@@ -9,7 +10,7 @@ use curitiba_passes::raster::cpu::{CpuRasteriser, InstructionSet, Stages};
 use curitiba_pipeline::backend::{Attachments, GBuffer, NO_TRIANGLE, Rasteriser};
 use std::time::{Duration, Instant};
 
-/// The fastest of so many draws is reported, and their median.
+/// Number of draws, of which the fastest and the median are reported.
 const DRAWS: usize = 40;
 
 fn main() {

@@ -1,7 +1,8 @@
-//! The raster effects on the processor: their maps and pixels, on the projects that declare them.
+//! The raster effects on the processor: times of maps and pixels, on the projects that declare them.
 //!
-//! `cargo bench -p curitiba-passes --bench raster_effects` renders at 1024 x 1024 (`CURITIBA_BENCH_SIZE` for other sides). Times
-//! are those that the executor records for the effect pass, so they leave out the G-buffer. Also printed, once, before each.
+//! `cargo bench -p curitiba-passes --bench raster_effects` renders at 1024 x 1024 (`CURITIBA_BENCH_SIZE` sets another
+//! side). Times are those that the executor records for the effect pass, so they exclude the G-buffer. They are also
+//! printed once before each benchmark.
 
 use criterion::{BenchmarkId, Criterion, SamplingMode, criterion_group, criterion_main};
 use curitiba_passes::cpu::CpuRays;

@@ -1,8 +1,8 @@
-//! The tracer against the traversal of the library that builds its binary tree, on the same rays.
+//! The tracer against the traversal of the library that builds its binary tree, with the same rays.
 //!
-//! `cargo bench -p curitiba-passes --bench trace`. Throughput is in rays (triangles for builds) a second, on one thread
-//! except for builds. Before anything is timed, the two are checked to find the same number of hits, up to the rays that
-//! pass between the triangles of the other, which is not watertight.
+//! `cargo bench -p curitiba-passes --bench trace`. Throughput is in rays per second (for builds, triangles per second),
+//! on one thread except for builds. Before timing, both must find the same number of hits, except for rays that pass
+//! between triangles in the library, which is not watertight.
 
 #[path = "../tests/trace_scenes/mod.rs"]
 mod trace_scenes;
@@ -21,7 +21,7 @@ use std::time::Duration;
 use trace_scenes::{Random, geometry, ray, terrain};
 
 const OPAQUE: fn(&Hit) -> bool = |_| unreachable!("opaque triangles are accepted without asking");
-/// Cells a side of the height field: 100,352 triangles.
+/// Cells along a side of the height field, which has 100,352 triangles.
 const CELLS: usize = 224;
 const SIZE: usize = 256;
 const DIRECTIONS: usize = 16;

@@ -1,4 +1,4 @@
-//! Every ray of one pixel, for people who want to know why it has its colour.
+//! Records every ray of one pixel, to explain the pixel's colour.
 
 use crate::cpu;
 use crate::trace::{
@@ -9,24 +9,24 @@ use curitiba_pipeline::programs::RayProgram;
 use glam::{Vec3, Vec4};
 use std::fmt;
 
-/// What a ray pass did at a pixel.
+/// The rays and the value of a ray pass at one pixel.
 #[derive(Debug, Clone)]
 pub struct PixelRays<'a> {
     job: RayJob<'a>,
     /// Column and row from the top.
     pub pixel: [u32; 2],
-    /// What the program wrote.
+    /// The value that the program wrote.
     pub value: [f32; 4],
-    /// What it asked of the tracer, in order.
+    /// The program's calls of the tracer, in order.
     pub events: Vec<Event>,
 }
 
-/// Runs the program of a job for one pixel of it, on a tree built for that, and records every ray.
+/// Runs the program of a job for one of its pixels, on a tree built for the purpose, and records every ray.
 ///
-/// The value is that of the whole pass at this pixel, to the bit.
+/// The value is bit for bit that of the whole pass at this pixel.
 ///
 /// # Errors
-/// If the job lacks what its program reads.
+/// If the job lacks a buffer that its program reads.
 ///
 /// # Panics
 /// If the pixel is outside the job's images.
@@ -41,7 +41,7 @@ pub fn pixel<'a>(job: &RayJob<'a>, x: u32, y: u32) -> Result<PixelRays<'a>, Back
     pixel_on(&WithSpheres { triangles: &triangles, spheres: &spheres }, job, x, y)
 }
 
-/// The same on any tracer of the job's scene.
+/// As [`pixel`], on any tracer of the job's scene.
 ///
 /// # Errors
 /// As [`pixel`].

@@ -1,4 +1,4 @@
-//! What the steps of a plan do: rasterisers, the ray tracer, one module per effect, and visibility between triangles.
+//! The steps of a plan: rasterisers, the ray tracer, one module for each effect, and visibility between triangles.
 //!
 //! From the ground up: `trace`, `sampling`, `effects`, `raster`, `cpu`, `own`, `wgpu_rays`, `explain`, `visibility`; imports run down. `reference` renders pictures to judge by, and uses `trace` alone. `docs/architecture.md` is the map.
 
@@ -14,5 +14,5 @@ pub mod visibility;
 #[cfg(feature = "wgpu")]
 pub mod wgpu_rays;
 
-/// The optimisation level that this crate was compiled with, `0` to `3`, `s` or `z`: whoever tells a time tells it as well.
+/// The optimisation level that this crate was compiled with: `0` to `3`, `s` or `z`. Reported beside measured times.
 pub const OPT_LEVEL: &str = env!("CURITIBA_PASSES_OPT_LEVEL");

@@ -1,4 +1,5 @@
-//! Ray passes of a caller's own: a function of the G-buffer and the scene's tracer in the place of a program.
+//! Ray passes with a function of the caller's instead of a program; the function gets the G-buffer and the scene's
+//! tracer.
 
 use crate::cpu::{CpuRays, empty, trace_pixels};
 use crate::effects::Pixel;
@@ -11,28 +12,30 @@ use curitiba_pipeline::programs::{Fidelity, RayParams, RayProgram};
 use curitiba_pipeline::scene::RenderScene;
 use std::sync::Arc;
 
-/// What the function is given for a pixel.
+/// The arguments of the function for a pixel.
 pub struct At<'a> {
     /// The pass: scene, camera, light, parameters, and the attachments that the replaced program reads, indexed by
     /// [`Pixel::index`].
     pub job: &'a RayJob<'a>,
-    /// The scene's triangles.
+    /// The tracer of the scene's triangles.
     pub tracer: &'a Bvh,
-    /// Which pixel.
+    /// The pixel to compute.
     pub pixel: Pixel,
-    /// The rays that the function says it traced: they stand in the table of the pass.
+    /// Counts of the rays that the function traces, which it keeps itself; they appear in the table of the pass.
     pub rays: &'a mut RayCounts,
 }
 
-/// The processor's backend, where the passes of one program compute a function of the caller's own.
+/// The processor's backend with a function of the caller's instead of one program: all passes of that program compute
+/// the function.
 ///
-/// The replaced program decides what the pass may read ([`RayProgram::info`]): `final` has position, normal and colour, `dummy` the colour
-/// alone and no tracer. The plan, the other passes and the parameters are those of the project.
+/// The replaced program decides what the pass may read ([`RayProgram::info`]). For example, `final` has position,
+/// normal and colour; `dummy` has the colour alone and no tracer. The plan, the other passes and the parameters are
+/// those of the project.
 ///
-/// Scenes with exact spheres are refused, since the function is given triangles.
+/// Scenes with exact spheres are refused, because the function gets only triangles.
 ///
-/// The function runs on many threads at once, pixels in any order; it should depend on nothing but what it is given. A panic in it is a
-/// panic of [`RayBackend::run`].
+/// The function runs on many threads at once, for pixels in any order; its result should depend only on its arguments.
+/// A panic in it becomes a panic of [`RayBackend::run`].
 pub struct OwnProgram<F> {
     rays: CpuRays,
     replaced: RayProgram,
@@ -40,7 +43,7 @@ pub struct OwnProgram<F> {
 }
 
 impl<F: Fn(At<'_>) -> [f32; 4] + Sync> OwnProgram<F> {
-    /// `pixel` gives the four linear numbers that a pass of `replaced` writes at a pixel.
+    /// `pixel` returns the four linear numbers that a pass of `replaced` writes at a pixel.
     #[must_use]
     pub fn new(replaced: RayProgram, pixel: F) -> Self {
         Self { rays: CpuRays::new(), replaced, pixel }

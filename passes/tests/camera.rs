@@ -1,4 +1,5 @@
-//! Programs whose rays start at the camera, against the rasteriser, the programs that start from its G-buffer, and closed forms.
+//! Programs whose rays start at the camera, against the rasteriser, the programs that read its G-buffer, and closed
+//! forms.
 
 use curitiba_passes::cpu::CpuRays;
 use curitiba_passes::raster::cpu::CpuRasteriser;
@@ -19,7 +20,7 @@ use std::sync::Arc;
 const ALL: Attachments = Attachments { color: true, position: true, normal: true, triangle: true };
 const SIDE: u32 = 96;
 
-/// A scene, what passes know of its materials, its lights and its camera.
+/// A scene, with the passes' tables of its materials, its lights and its camera.
 #[derive(Default)]
 struct World {
     scene: RenderScene,
@@ -44,7 +45,7 @@ impl World {
         self.shades.len() as u32 - 1
     }
 
-    /// A parallelogram around `center`, spanned by both half sides, that looks to `x.cross(y)`.
+    /// A parallelogram around `center`; `x` and `y` are half its sides, and its normal is that of `x.cross(y)`.
     fn quad(&mut self, material: u32, center: Vec3, x: Vec3, y: Vec3) {
         let geometry = &mut self.scene.geometry;
         let (first, id) = (geometry.positions.len() as u32, geometry.triangles.len() as u32);
@@ -54,7 +55,7 @@ impl World {
         geometry.batches.push(Batch { material, first: id, count: 2 });
     }
 
-    /// A box that looks outwards, or inwards.
+    /// A box whose faces look outwards, or inwards.
     fn cuboid(&mut self, material: u32, center: Vec3, half: Vec3, inwards: bool) {
         let (x, y, z) = (Vec3::X * half.x, Vec3::Y * half.y, Vec3::Z * half.z);
         for (out, a, b) in [(x, y, z), (y, z, x), (z, x, y)] {
@@ -65,7 +66,7 @@ impl World {
         }
     }
 
-    /// A floor with three boxes on it, below the sky, in the sun.
+    /// A floor with three boxes on it, under the sky and in the sun.
     fn yard() -> Self {
         let mut world = Self::seen(Vec3::new(3.0, 4.0, 6.0), Vec3::ZERO);
         let paint = [Vec3::new(0.8, 0.7, 0.6), Vec3::new(0.2, 0.6, 0.9), Vec3::new(0.9, 0.3, 0.2)];
@@ -131,13 +132,13 @@ impl World {
         run_job(&scene, &filters, &self.job(&scene, program, params, &filters))
     }
 
-    /// The middle pixels of a picture.
+    /// The colour in the middle of a picture.
     fn middle(&self, program: RayProgram, params: RayParams) -> Vec3 {
         let image = self.run(program, params);
         Vec4::from_array(image.pixels[(SIDE * SIDE / 2 + SIDE / 2) as usize]).truncate()
     }
 
-    /// What the rasteriser draws.
+    /// The rasteriser's G-buffer.
     fn drawn(&self) -> GBuffer {
         let scene = Arc::new(self.scene.clone());
         let job = RasterJob {
@@ -159,7 +160,7 @@ impl World {
         target
     }
 
-    /// The picture of a program that starts from the G-buffer.
+    /// The picture of a program that reads the G-buffer.
     fn deferred(&self, drawn: &GBuffer, program: RayProgram, params: RayParams) -> Image {
         let scene = Arc::new(self.scene.clone());
         let none = vec![false; self.shades.len()];
@@ -191,7 +192,7 @@ fn with(program: RayProgram, camera: CameraParams) -> RayParams {
     RayParams { camera, ..params(program) }
 }
 
-/// Largest difference of a component.
+/// Greatest difference of a component.
 fn off(found: Vec3, expected: Vec3) -> f32 {
     (found - expected).abs().max_element()
 }
@@ -199,7 +200,7 @@ fn off(found: Vec3, expected: Vec3) -> f32 {
 #[test]
 fn rays_through_centres_meet_what_the_rasteriser_draws() {
     let mut world = World::yard();
-    // Each triangle has a colour of its own.
+    // Each triangle has its own colour, so that colours identify triangles.
     let triangles = world.scene.geometry.triangles.len() as u32;
     world.scene.geometry.batches = (0..triangles).map(|id| Batch { material: id, first: id, count: 1 }).collect();
     (world.shades, world.surfaces, world.scene.materials) = (Vec::new(), Vec::new(), Vec::new());
@@ -212,7 +213,7 @@ fn rays_through_centres_meet_what_the_rasteriser_draws() {
     };
     let drawn = world.drawn();
     let traced = world.run(RayProgram::Albedo, params(RayProgram::Albedo));
-    // The rasteriser snaps corners to parts of a pixel: at edges it may show a neighbour.
+    // The rasteriser snaps corners to fractions of a pixel, so at edges it may show a neighbouring triangle.
     let differ = differing(&drawn, &traced);
     println!("{differ} of {} pixels differ", SIDE * SIDE);
     assert!(differ <= 6, "{differ}");
@@ -243,7 +244,7 @@ fn a_part_of_a_picture_is_the_picture_there_for_any_number_of_threads() {
         }
         let other = run_job(&scene, &filters, &RayJob { seed: 1, ..job });
         assert_ne!(other.pixels, whole.pixels, "control: another seed");
-        // Samples go on: the mean of two halves is the whole.
+        // The sequence continues: the mean of two halves is the whole.
         let half = |first| {
             let params = RayParams { samples: 2, first, ..job.params };
             run_job(&scene, &filters, &RayJob { params, ..job })
@@ -276,7 +277,7 @@ fn shadows_are_those_of_the_program_that_starts_from_a_g_buffer() {
         *(if expected[0] > 0.0 { &mut lit } else { &mut dark }) += 1;
     }
     println!("{lit} lit, {dark} dark, {differ} differ");
-    // Where the two disagree which surface an edge pixel shows, or whether the border of a shadow runs through its centre.
+    // The two may disagree about the surface of an edge pixel, and about a shadow's border through a pixel's centre.
     assert!(differ <= 10 && lit > 1000 && dark > 1000, "{lit} lit, {dark} dark, {differ} differ");
 }
 
@@ -302,7 +303,7 @@ fn occlusion_has_the_mean_of_the_program_that_starts_from_a_g_buffer() {
     assert!((wider - deferred).abs() > 2e-2, "control: another radius: {wider}");
 }
 
-/// A floor that is seen from straight above, of this albedo.
+/// A floor of this albedo, seen from straight above.
 fn floor(albedo: Vec3) -> World {
     let mut world = World::seen(Vec3::new(0.0, 3.0, 0.0), Vec3::ZERO);
     let paint = world.material(albedo, SurfaceKind::Painted);
@@ -310,7 +311,7 @@ fn floor(albedo: Vec3) -> World {
     world
 }
 
-/// Where the middle pixel's centre lies on the floor of [`floor`].
+/// The point of [`floor`] at the middle pixel's centre.
 fn middle_of_floor(world: &World) -> Vec3 {
     let pixel = (SIDE * SIDE / 2 + SIDE / 2) as usize;
     Vec4::from_array(world.drawn().position[pixel]).truncate()
@@ -328,15 +329,15 @@ fn direct_light_has_its_closed_forms() {
         let params = RayParams { depth: 0, samples, camera, ..params(RayProgram::PathTracing) };
         world.middle(RayProgram::PathTracing, params)
     };
-    // A point: albedo I cos / (π d²).
+    // Closed form for a point light: albedo I cos / (π d²).
     let (way, intensity) = (place - at, 7.0);
     let expected = albedo * color * (intensity * way.y / (PI * way.length().powi(3)));
     let point = CameraParams { radiance: intensity, ..CameraParams::default() };
     let found = direct(point, 0);
     assert!(off(found, expected) < 2e-6 * expected.max_element(), "{found} {expected}");
     assert!(off(direct(CameraParams { radiance: 7.1, ..point }, 0), expected) > 1e-3, "control: another intensity");
-    // A rectangle parallel to the floor, straight above: albedo L F, with the form factor of four rectangles of which the point lies below
-    // a corner (Howell, configuration B-4).
+    // A rectangle parallel to the floor, straight above: albedo L F. F is the sum of the form factors of four
+    // rectangles that each have the point below a corner (Howell, configuration B-4).
     world.lamp = Some(Lamp { position: Vec3::new(at.x, 1.5, at.z), color });
     let direct = |camera: CameraParams, samples| {
         let params = RayParams { depth: 0, samples, camera, ..params(RayProgram::PathTracing) };
@@ -350,13 +351,13 @@ fn direct_light_has_its_closed_forms() {
     let rectangle = CameraParams { radiance, light_width: width, light_depth: depth, ..CameraParams::default() };
     let found = direct(rectangle, 4096);
     println!("rectangle: {found}, closed form {expected}");
-    // The pixel's own extent moves the point by at most 0.02.
+    // The extent of the pixel moves the point by at most 0.02.
     assert!(off(found, expected) < 2e-3 * expected.max_element(), "{found} {expected}");
     let wider = direct(CameraParams { light_width: 1.7, ..rectangle }, 4096);
     assert!(off(wider, expected) > 2e-2 * expected.max_element(), "control: a wider light: {wider}");
 }
 
-/// All walls emit and reflect alike: after `n` bounces radiance is the geometric series of the albedo, on every path.
+/// All walls emit and reflect alike. After `n` bounces the radiance is a geometric series in the albedo, on every path.
 #[test]
 fn a_closed_furnace_has_the_radiance_of_the_geometric_series() {
     let mut world = World::seen(Vec3::new(0.3, 0.2, 0.1), Vec3::new(-1.0, -0.4, -0.7));
@@ -364,7 +365,7 @@ fn a_closed_furnace_has_the_radiance_of_the_geometric_series() {
     let paint = world.material(albedo, SurfaceKind::Painted);
     world.shades[0].glow = Some(Glow { color: emission, texture: None });
     world.cuboid(paint, Vec3::ZERO, Vec3::new(1.0, 1.5, 2.0), true);
-    // A box inside of it changes nothing.
+    // A box inside changes nothing.
     world.cuboid(paint, Vec3::new(-0.6, -1.0, -1.2), Vec3::splat(0.3), false);
     for depth in [0, 1, 5, 16] {
         let image =
@@ -375,7 +376,7 @@ fn a_closed_furnace_has_the_radiance_of_the_geometric_series() {
             image.pixels.iter().map(|pixel| off(Vec4::from_array(*pixel).truncate(), expected)).fold(0.0, f32::max);
         println!("depth {depth}: {expected}, worst {worst:.1e}");
         assert!(worst < 2e-6 * expected.max_element(), "{depth}: {worst}");
-        // Control: one bounce less is off by the last term.
+        // Control: with one bounce less, the error is the series' last term.
         assert!(emission.x * albedo.x.powi(depth as i32) > 100.0 * worst);
     }
 }
@@ -386,7 +387,7 @@ fn mirrors_show_what_they_mirror_and_glass_of_index_1_is_not_there() {
     world.beyond = Vec3::new(0.1, 0.2, 0.4);
     let whitted = params(RayProgram::Whitted);
     let bare = world.run(RayProgram::Whitted, whitted);
-    // A pane, a body of glass that bends nothing, before all of the picture.
+    // A pane, and a body of glass that does not refract, in front of the whole picture.
     let before = world.eye.lerp(world.target, 0.1);
     let axis = (world.target - world.eye).normalize();
     let side = axis.cross(Vec3::Y).normalize();
@@ -399,7 +400,7 @@ fn mirrors_show_what_they_mirror_and_glass_of_index_1_is_not_there() {
         covered.quad(pane, before, side, up);
         covered.quad(pane, before + axis * 0.05, -side, up);
         let image = covered.run(RayProgram::Whitted, RayParams { index: 1.0, ..whitted });
-        // The pane's own shadow falls behind the camera's back.
+        // The pane's own shadow falls behind the camera.
         let worst = bare
             .pixels
             .iter()
@@ -412,23 +413,24 @@ fn mirrors_show_what_they_mirror_and_glass_of_index_1_is_not_there() {
         let moved = bent.pixels.iter().zip(&image.pixels).filter(|(a, b)| a != b).count();
         assert_eq!(moved > 1000, kind == SurfaceKind::Glass, "control: an index of 1.5: {moved}");
     }
-    // A mirror on the floor, seen from above: the sky in it, a fifth darker.
+    // A mirror on the floor, seen from above, shows the sky, a fifth darker.
     let mut mirror = floor(Vec3::ONE);
     (mirror.surfaces[0], mirror.beyond) = (SurfaceKind::Metal, world.beyond);
     mirror.sun = world.sun;
     let found = mirror.middle(RayProgram::Whitted, whitted);
     assert!(off(found, world.beyond * 0.8) < 1e-6, "{found}");
-    // The last bounce is black.
+    // After the last bounce everything is black.
     assert_eq!(mirror.middle(RayProgram::Whitted, RayParams { depth: 0, ..whitted }), Vec3::ZERO);
 }
 
-/// An opaque disc-like blocker half way to a rectangular light: in the middle of its shadow the light is hidden, far off it is whole, and between
-/// it falls from one to the other.
+/// A half plane between a floor and a rectangular light. In its shadow the light is hidden, far away it is whole, and
+/// in between the share falls from one to the other.
 #[test]
 fn a_rectangular_light_has_a_penumbra_whose_mean_is_the_share_that_is_seen() {
     let mut world = floor(Vec3::ONE);
     let wall = world.material(Vec3::ZERO, SurfaceKind::Painted);
-    // A half plane x < 0 at height 1, below a light of width 1 at height 2: at x the light is seen beyond 2x' = -x.
+    // The half plane x < 0 at height 1, below a light of width 1 at height 2. From x, the light is visible where
+    // q > -x.
     world.quad(wall, Vec3::new(-25.0, 1.0, 0.0), Vec3::Z * 50.0, Vec3::X * 25.0);
     world.eye = Vec3::new(0.0, 0.9, 0.0);
     world.lamp = Some(Lamp { position: Vec3::new(0.0, 2.0, 0.0), color: Vec3::ONE });
@@ -442,7 +444,8 @@ fn a_rectangular_light_has_a_penumbra_whose_mean_is_the_share_that_is_seen() {
     let mut worst = 0.0_f64;
     for (index, pixel) in image.pixels.iter().enumerate() {
         let at = Vec4::from_array(drawn.position[index]).truncate().as_dvec3();
-        // Points q of the light that the ray from `at` reaches right of the edge: x + (q - x) / 2 > 0, so q > -x.
+        // Sum over points q of the light. The ray from `at` passes to the right of the edge where x + (q - x) / 2 > 0,
+        // so q > -x.
         let steps = 2000;
         let shares = (0..steps).map(|step| {
             let q = glam::DVec3::new((f64::from(step) + 0.5) / f64::from(steps) - 0.5, 2.0, 0.0);
@@ -454,7 +457,7 @@ fn a_rectangular_light_has_a_penumbra_whose_mean_is_the_share_that_is_seen() {
         worst = worst.max((f64::from(pixel[0]) - expected).abs());
     }
     println!("worst {worst:.1e}");
-    // The pixel is 0.009 wide, and the share falls by 1 a unit.
+    // The pixel is 0.009 wide, and the share changes by 1 for each unit.
     assert!(worst < 6e-3, "{worst}");
     let hard = world.run(
         RayProgram::Whitted,
@@ -464,7 +467,8 @@ fn a_rectangular_light_has_a_penumbra_whose_mean_is_the_share_that_is_seen() {
     assert!(differ > 1000, "control: a point has no penumbra: {differ}");
 }
 
-/// A room with a lamp, with mirrors and glass in it: asking for points of the lamp, and meeting it, are two estimates of one picture.
+/// A room with a lamp, mirrors and glass. Paths that sample the lamp, and paths that hit it by chance, estimate the
+/// same picture.
 #[test]
 fn paths_that_ask_for_the_lamp_and_paths_that_meet_it_agree() {
     let mut world = World::seen(Vec3::new(0.0, 1.0, 0.95), Vec3::new(0.0, 0.9, -1.0));
@@ -480,7 +484,7 @@ fn paths_that_ask_for_the_lamp_and_paths_that_meet_it_agree() {
     world.quad(lamp, Vec3::new(0.0, 1.99, 0.0), Vec3::X * 0.5, Vec3::Z * 0.5);
     let camera = CameraParams { light_width: 1.0, light_depth: 1.0, radiance: 2.0, ..CameraParams::default() };
     let paths = RayParams { samples: 256, depth: 12, ..with(RayProgram::PathTracing, camera) };
-    // A mean of blocks, for what is left of noise.
+    // Means of blocks of pixels, against the remaining noise.
     let means = |image: &Image| {
         let mut blocks = vec![0.0_f64; 64];
         for (index, pixel) in image.pixels.iter().enumerate() {

@@ -42,7 +42,7 @@ fn render(name: &str, settings: Settings) -> Image {
     renderer.window_image()
 }
 
-/// The largest difference of a component, and the root mean square.
+/// Greatest difference of a component, and root mean square difference.
 fn differ(a: &Image, b: &Image) -> (f32, f64) {
     let each = a.pixels.iter().flatten().zip(b.pixels.iter().flatten()).map(|(a, b)| (a - b).abs());
     let (worst, sum) = each.fold((0.0_f32, 0.0), |(worst, sum), off| (worst.max(off), sum + f64::from(off * off)));
@@ -74,12 +74,12 @@ fn batches_go_on_with_the_sequence() {
         renderer.accumulate(Goal::Samples(8), &mut Silent).expect("batches");
         let batches = renderer.window_image();
         let (worst, _) = differ(&whole, &batches);
-        // Half floats of the target are 2^-11 apart.
+        // The target's half floats are 2^-11 apart.
         assert!(worst < 2e-3, "{name}: {worst}");
         let other = render(name, Settings { seed: 1, ..set(&["pass1.samples=8"]) });
         assert!(differ(&whole, &other).0 > 0.02, "control: another seed");
     }
-    // Gamma is put on the mean, and not on the batches.
+    // Gamma is applied to the mean, not to each batch.
     let gamma = |samples: &str| set(&["pass1.gamma=2.2", samples]);
     let whole = render("RoomPaths", gamma("pass1.samples=8"));
     let mut renderer = open("RoomPaths", gamma("pass1.samples=1")).expect("engines");
@@ -95,7 +95,7 @@ fn several_samples_a_pixel_move_the_camera() {
     let [(_, coarse), (_, fine)] = [differ(&one, &many), differ(&four, &many)];
     println!("errors {coarse} with one sample, {fine} with four");
     assert!(fine < 0.6 * coarse, "{coarse} {fine}");
-    // As rays of the pass do that lie in the pixel.
+    // Rays inside the pixel give the same mean.
     let rays = render("SquareColors", set(&["pass1.samples=256"]));
     assert!(differ(&rays, &many).1 < 0.3 * fine.max(0.02), "{:?}", differ(&rays, &many));
 }

@@ -36,7 +36,7 @@ fn render(name: &str, fidelity: Fidelity, set: &[&str]) -> Rendered {
     Rendered { image, glass, rays }
 }
 
-/// Pixels that are black to the eye.
+/// Number of pixels that look black.
 fn black(image: &Image) -> usize {
     image.pixels.iter().filter(|[r, g, b, _]| r.max(*g).max(*b) < 0.02).count()
 }
@@ -100,11 +100,11 @@ fn glass_is_what_its_materials_say_and_no_pixel_is_black() {
             assert!(what.contains(&format!("`{material}`")) && why.starts_with(shape), "{name}: {what}: {why}");
         }
         assert!(rays.refracted > 300 && rays.reflected > 100, "{name}: {rays:?}");
-        // Light that is mirrored for ever between facets, of which most has a weight below a hundredth.
-        // Under a prism, which all but touches the floor, it is dark.
+        // Lost rays are those mirrored for ever between facets; most have a weight below a hundredth. Below the prism,
+        // which nearly touches the floor, it is dark.
         let dark = if name == "Prism" { 4 } else { 0 };
         assert!(rays.lost * 100 < rays.refracted && black(&image) <= dark, "{name}: {} {rays:?}", black(&image));
-        // Spectral colours lie outside of sRGB.
+        // Spectral colours are outside the gamut of sRGB, so components may be negative.
         let least = if name == "Prism" { -0.5 } else { 0.0 };
         assert!(image.pixels.iter().flatten().all(|value| value.is_finite() && *value >= least), "{name}");
     }
@@ -131,7 +131,7 @@ fn thesis_fidelity_and_panes_know_nothing_of_bodies() {
     assert_eq!((glass.len(), rays.refracted), (0, 0));
 }
 
-/// Shadows of glass: black, coloured, and 0.9 a surface.
+/// Shadows of glass are black, coloured, or 0.9 for each surface.
 #[test]
 fn the_three_rules_of_shadows_differ_where_glass_is_in_the_way() {
     let image = |rule: &str| {
@@ -146,7 +146,7 @@ fn the_three_rules_of_shadows_differ_where_glass_is_in_the_way() {
     assert!(differing > 20, "{differing} pixels tell the colour of a shadow");
 }
 
-/// The floor below spheres is brighter than any straight light makes it, and the rest is as it was.
+/// Below spheres the floor is brighter than straight light can make it; the rest of the picture does not change.
 #[test]
 fn spheres_focus_light_where_the_project_asks_for_it() {
     let [caustic, straight] = ["caustic", "straight"].map(|rule| {

@@ -1,4 +1,4 @@
-//! The two rasterisers draw the same G-buffers.
+//! The two rasterisers draw the same G-buffers, within tolerances.
 
 mod common;
 mod scenes;
@@ -12,18 +12,21 @@ use glam::{DVec2, Vec3, Vec4};
 use scenes::{Setup, bumpy, cut_out, grazing, hills, marked, soup, tinted};
 use support::rasteriser;
 
-/// Largest distance of positions (in distances from the eye), normals, cosines and untextured colours, besides [`slack`].
+/// Greatest difference of positions (relative to the distance from the eye), normals, cosines and untextured colours,
+/// besides [`slack`].
 const TOLERANCE: f32 = 1e-4;
-/// Largest difference of a textured colour's component. The processor filters in 32-bit floats and differentiates exactly;
-/// devices may round the weights of texels and levels to 1/256 (Vulkan 1.3, section 16.9.1) and take differences between
-/// neighbouring pixels for derivatives.
+/// Greatest difference of a component of a textured colour. The processor filters in 32-bit floats and computes
+/// derivatives exactly. Devices may round the weights of texels and levels to 1/256 (Vulkan 1.3, section 16.9.1), and
+/// compute derivatives as differences between neighbouring pixels.
 const TEXTURED_TOLERANCE: f32 = 0.02;
-/// How far interpolation may be off the pixel centre, in pixels. The processor interpolates between corners that are snapped
-/// to 1/256 pixel, devices may do so between the corners themselves: two corners are off by 1/512 pixel in each direction.
+/// Greatest displacement of the interpolation, in pixels. The processor interpolates between corners snapped to 1/256
+/// pixel, while devices may interpolate between the exact corners: two corners with an error of 1/512 pixel in each
+/// direction.
 const SNAPPING: f64 = 1.0 / 256.0;
 
-/// How much interpolated values of a triangle may differ because of [`SNAPPING`], as a share of the difference between its
-/// corners: much where the triangle is hardly wider than that. 0 for triangles that reach behind the camera.
+/// The difference of a triangle's interpolated values that [`SNAPPING`] explains, as a fraction of the difference
+/// between its corners. It is large where the triangle is hardly wider than the displacement, and 0 for triangles that
+/// reach behind the camera.
 fn slack(job: &RasterJob<'_>, triangle: u32) -> f32 {
     let size = DVec2::new(f64::from(job.viewport.width), f64::from(job.viewport.height));
     let from_world = job.view.clip_from_world;
@@ -42,38 +45,38 @@ fn exceeds(value: f32, limit: f32) -> usize {
     usize::from(value.is_nan() || value > limit)
 }
 
-/// The largest difference between two of three vectors.
+/// Greatest difference between two of three vectors.
 fn spread([a, b, c]: [Vec3; 3]) -> f32 {
     (a - b).length().max((b - c).length()).max((c - a).length())
 }
 
-/// How two G-buffers of one view differ, in pixels where nothing else is said.
+/// Differences of two G-buffers of one view, in pixels unless stated otherwise.
 #[derive(Debug, Default)]
 struct Agreement {
     pixels: usize,
-    /// Covered in one and empty in the other.
+    /// Covered in one buffer and empty in the other.
     coverage: usize,
-    /// Covered in both, by different triangles.
+    /// Covered in both by different triangles.
     triangle: usize,
-    /// Covered in both by the same triangle; the next three are counted among these.
+    /// Covered in both by the same triangle; the next three count pixels among these.
     same: usize,
     position: usize,
     normal: usize,
     cosine: usize,
-    /// Counted where both show the same triangle or none.
+    /// Counted where both show the same triangle, or both show none.
     color: usize,
-    /// Beyond the tolerance, but for the slack.
+    /// Beyond the tolerance, but within the slack.
     excused_positions: usize,
     excused_normals: usize,
     worst_position: f32,
     worst_normal: f32,
     worst_cosine: f32,
-    /// Among the pixels of the same triangle.
+    /// Among pixels of the same triangle.
     worst_color: f32,
 }
 
 impl Agreement {
-    /// Compares `a` and `b`, which claim to be what `job` draws.
+    /// Compares `a` and `b`, which both should be the drawing of `job`.
     fn of(job: &RasterJob<'_>, a: &GBuffer, b: &GBuffer) -> Self {
         assert_eq!((a.width, a.height), (b.width, b.height));
         let geometry = &job.scene.geometry;
@@ -86,14 +89,15 @@ impl Agreement {
                 let normals = geometry.triangles[id_a as usize].map(|vertex| geometry.normals[vertex as usize]);
                 let slack = slack(job, id_a);
                 let corners = geometry.corners(id_a);
-                // Interpolation in 32-bit floats leaves some units in the last place of the corners.
+                // Interpolation in 32-bit floats has an error of some units in the last place of the corners.
                 let largest = corners.iter().map(|corner| corner.abs().max_element()).fold(0.0, f32::max);
                 slack_position = slack * spread(corners) + 16.0 * f32::EPSILON * largest;
                 slack_normal = slack * spread(normals);
                 if let Some(map) = job.shades[geometry.material_of(id_a) as usize].normal_map {
                     let levels = &job.scene.textures[map.texture as usize].levels[0].texels;
                     let varies = levels.iter().any(|texel| *texel != levels[0]);
-                    // A texel's component becomes twice as long a vector's; the frame turns as much as the normal.
+                    // A component of a vector is twice a texel's component, and the tangent frame turns as much as the
+                    // normal.
                     let steep = map.scale.abs().max(1.0);
                     slack_normal = 2.0 * steep * (slack_normal + TOLERANCE)
                         + if varies { 2.0 * steep * TEXTURED_TOLERANCE } else { 0.0 };
@@ -133,7 +137,7 @@ impl Agreement {
         this
     }
 
-    /// What of the demands fails.
+    /// The first requirement that fails, if any.
     fn verdict(&self, allowed: Allowed) -> Result<(), &'static str> {
         let above = |count: usize, of: usize, share: f64| count as f64 > share * of as f64;
         match self {
@@ -149,7 +153,7 @@ impl Agreement {
     }
 }
 
-/// Largest shares of pixels that may differ.
+/// Greatest shares of pixels that may differ.
 #[derive(Debug, Clone, Copy)]
 struct Allowed {
     coverage: f64,
@@ -159,11 +163,11 @@ struct Allowed {
 }
 
 const STRICT: Allowed = Allowed { coverage: 1e-4, triangle: 2e-3, vector: 0.0, color: 1e-3 };
-/// For needles far thinner than a pixel, of which each loses or gains pixels all along its length where a corner rounds
-/// differently, and whose planes of attributes devices compute from areas that nearly vanish.
+/// For needles far thinner than a pixel. They gain or lose pixels along their whole length where a corner rounds
+/// differently, and devices compute their attributes from areas that nearly vanish.
 const NEEDLES: Allowed = Allowed { coverage: 1e-3, triangle: 5e-3, vector: 1e-3, color: 1e-3 };
 
-/// For normal maps that are seen from far: levels of detail differ, and light ends at the horizon of the surface at once.
+/// For normal maps seen from far away: levels of detail differ, and light ends abruptly at the horizon of the surface.
 const BUMPS: Allowed = Allowed { vector: 2e-3, ..STRICT };
 
 fn render(rasteriser: &mut dyn Rasteriser, setup: &Setup, job: &RasterJob<'_>, width: u32, height: u32) -> GBuffer {
@@ -179,7 +183,7 @@ fn render(rasteriser: &mut dyn Rasteriser, setup: &Setup, job: &RasterJob<'_>, w
 fn setups() -> Vec<(Setup, Allowed)> {
     let scenes = [hills(160), hills(16), grazing(), cut_out(), tinted(), bumpy(0.0)];
     let kinds = [0, 2, 3, 4, 5, 6];
-    // Triangles below a pixel and needles must be many, or they cover nothing.
+    // Triangles smaller than a pixel, and needles, must be many to cover anything.
     let soups = kinds.map(|kind| soup(kind, if kind == 2 { 20_000 } else { 3000 }));
     let strict = scenes.into_iter().chain(soups).map(|setup| (setup, STRICT));
     strict.chain([(soup(1, 20_000), NEEDLES), (bumpy(1.0), BUMPS)]).collect()
@@ -264,7 +268,7 @@ fn both_leave_out_the_same_back_faces() {
             + agreement.position
             + agreement.normal
             + agreement.color;
-        // Eight pixels of 13,500 may show a neighbour where triangles meet.
+        // Up to eight of 13,500 pixels may show a neighbour where triangles meet.
         assert!(agreement.same > 1000 && wrong == 0, "{agreement:?}");
         covered.push(a.triangle.iter().filter(|id| **id != NO_TRIANGLE).count());
     }
@@ -280,7 +284,7 @@ fn both_leave_what_is_outside_of_the_viewport() {
     let job = RasterJob { viewport, ..setup.job(70, 60, ALL) };
     let [a, b] = [render(&mut CpuRasteriser::new(), &setup, &job, 150, 90), render(&mut gpu, &setup, &job, 150, 90)];
     let agreement = Agreement::of(&job, &a, &b);
-    // What is marked counts as one triangle; of it and the drawn part, everything must agree.
+    // The marked pixels count as one triangle. Together with the drawn part, everything must agree.
     assert_eq!(agreement.verdict(STRICT), Ok(()), "{agreement:?}");
     let marks = |buffer: &GBuffer| buffer.triangle.iter().filter(|id| **id == 0xdead_beef).count();
     assert_eq!((marks(&a), marks(&b)), (150 * 90 - 70 * 60, 150 * 90 - 70 * 60));

@@ -17,7 +17,7 @@ fn draw(job: &RasterJob<'_>) -> GBuffer {
     target
 }
 
-/// Equal bits, whatever they mean.
+/// Whether all bits are equal, including NaN and the sign of 0.
 fn same(a: &GBuffer, b: &GBuffer) -> bool {
     let bits = |pixels: &[[f32; 4]]| pixels.iter().flatten().map(|value| value.to_bits()).collect::<Vec<_>>();
     a.triangle == b.triangle
@@ -28,7 +28,7 @@ fn same(a: &GBuffer, b: &GBuffer) -> bool {
 
 #[test]
 fn random_soups_cover_the_pixels_that_exact_arithmetic_says() {
-    // Kind, triangles, least share of compared pixels, least covered pixels.
+    // Kind of triangles, their number, least share of compared pixels, least number of covered pixels.
     for (kind, count, share, covered) in [
         (0, 300, 0.95, 5000),
         (1, 400, 0.95, 500),
@@ -62,7 +62,7 @@ fn the_comparison_finds_a_picture_that_is_one_pixel_off() {
 
 #[test]
 fn triangles_that_share_edges_cover_each_pixel_exactly_once() {
-    // Corners on pixel centres, on pixel corners and in between; drawn one triangle at a time, both ways round.
+    // Corners at pixel centres, at pixel corners and in between; drawn one triangle at a time, in both windings.
     for jitter in [0.0, 1.0] {
         for shift in [0.0, 0.5] {
             let (cells, size) = (9u32, 72u32);
@@ -125,18 +125,19 @@ fn positions_lie_on_the_triangle_and_on_the_ray_of_the_pixel() {
             let screen = DVec2::new(ndc.x * 0.5 + 0.5, 0.5 - ndc.y * 0.5) * DVec2::new(width.into(), height.into());
             let centre = DVec2::new(index as f64 % f64::from(width), (index as u32 / width) as f64);
             let off = screen - (centre.with_x(centre.x.floor()) + 0.5);
-            // Snapping moves each corner by at most 1/512 pixel a side; huge triangles add the rounding of positions.
+            // Snapping moves each corner by at most 1/512 pixel along each axis; huge triangles add the rounding error
+            // of positions.
             let bound = 1.0 / 512.0 + 4.0 * size * f64::from(f32::EPSILON) * f64::from(width) / clip.w;
             assert!(off.abs().max_element() <= bound, "kind {kind}: {off} pixels off, bound {bound}");
             covered += 1;
             beside += 0.5 * off.length_squared();
-            // In pixels, as the camera sees it: 0.55 is the tangent of half of its field of view.
+            // Distance from the plane in pixels, as the camera sees it: 0.55 is the tangent of half its field of view.
             above += (distance / clip.w * f64::from(height) / (2.0 * 0.55)).powi(2);
         }
         assert!(covered > 5000, "kind {kind}: {covered}");
         let [beside, above] = [beside, above].map(|sum: f64| (sum / f64::from(covered)).sqrt());
         println!("kind {kind}: {beside:.1e} pixels beside the centre, {above:.1e} off the plane");
-        // Snapping is what errs.
+        // Snapping is the main source of error.
         assert!(beside < 0.8 / 512.0 && (kind != 0 || above < 0.1 * beside), "kind {kind}: {beside} {above}");
     }
 }
@@ -172,7 +173,7 @@ fn light_normal_and_colour_follow_their_formulas() {
     }
 }
 
-/// A floor that reaches to the horizon, textured by its x and z.
+/// A floor that reaches to the horizon, with texture coordinates from its x and z.
 fn textured_floor(alpha: impl Fn(u32, u32) -> u8) -> RenderScene {
     let corners = [(-40.0, 3.0), (40.0, 3.0), (40.0, -80.0), (-40.0, -80.0)].map(|(x, z)| Vec3::new(x, -1.0, z));
     let mut scene = common::scene(corners.to_vec(), vec![[0, 1, 2], [0, 2, 3]]);
@@ -194,7 +195,7 @@ fn textures_are_sampled_at_the_pixel_with_the_level_of_its_footprint() {
     let job = job(&scene, &shades, camera(1.25), width, height, ALL);
     let target = draw(&job);
     let world = DMat4::from_cols_array(&job.view.clip_from_world.to_cols_array().map(f64::from)).inverse();
-    // Where the pixel's ray meets y = -1.
+    // Texture coordinates where the pixel's ray hits y = -1.
     let uv = |x: f64, y: f64| {
         let ndc = DVec2::new(x / f64::from(width) * 2.0 - 1.0, 1.0 - y / f64::from(height) * 2.0);
         let far = world.project_point3(ndc.extend(0.5));
@@ -259,14 +260,14 @@ fn light_of_their_own_is_added_to_what_surfaces_reflect() {
 
 #[test]
 fn colours_of_vertices_multiply_what_is_reflected_and_not_what_is_sent_out() {
-    // One large triangle that faces the eye at a slant: the colours between its corners are perspective-correct.
+    // One large triangle seen at an angle: the colours between its corners are perspective-correct.
     let corners = [Vec3::new(-9.0, -6.0, -12.0), Vec3::new(12.0, -5.0, -30.0), Vec3::new(0.0, 9.0, -16.0)];
     let mut scene = common::triangles(&[corners]);
     scene.textures = vec![Texture::new("red".to_owned(), 4, 4, vec![[255, 0, 51, 255]; 16])];
     let colors = [Vec4::new(1.0, 0.0, 0.5, 1.0), Vec4::new(0.0, 1.0, 0.5, 0.25), Vec4::new(0.2, 0.4, 0.0, 0.0)];
     scene.geometry.colors = colors.to_vec();
     let glow = Vec3::new(0.5, 0.0, 0.25);
-    // Of a point of the triangle's plane, in double precision.
+    // The vertex colour at a point of the triangle's plane, in double precision.
     let tint_at = |position: [f32; 4]| {
         let at = Vec4::from(position).truncate().as_dvec3();
         let [a, b, c] = corners.map(|corner| corner.as_dvec3());
@@ -301,7 +302,7 @@ fn colours_of_vertices_multiply_what_is_reflected_and_not_what_is_sent_out() {
                 seen += 1;
             }
             assert!(seen > 1500, "{seen} pixels");
-            // What is missing of the whole triangle is below the cutoff.
+            // Pixels that only the uncut triangle covers have an alpha below the cutoff.
             if let (Some(cutoff), Some(whole)) = (cutoff, &whole) {
                 let holes = (0..target.triangle.len()).filter(|pixel| target.triangle[*pixel] == NO_TRIANGLE);
                 let holes: Vec<usize> = holes.filter(|pixel| whole.triangle[*pixel] != NO_TRIANGLE).collect();
@@ -322,7 +323,7 @@ fn colours_of_vertices_multiply_what_is_reflected_and_not_what_is_sent_out() {
 
 #[test]
 fn a_normal_map_tilts_normals_and_their_light_by_a_known_angle() {
-    // A slanted quad; u grows along its first edge and v along the second, or the other way round where it is mirrored.
+    // A quad seen at an angle. u grows along its first edge and v along the second; mirrored, they are swapped.
     let (origin, right, up) = (Vec3::new(-6.0, -5.0, -14.0), Vec3::new(11.0, 1.0, -6.0), Vec3::new(-0.5, 11.0, 2.0));
     let up = up - right * (up.dot(right) / right.length_squared());
     let corners = [origin, origin + right, origin + right + up, origin + up];
@@ -340,7 +341,8 @@ fn a_normal_map_tilts_normals_and_their_light_by_a_known_angle() {
         let tilted = (u * x * f64::from(scale) + v * y * f64::from(scale) + normal.as_dvec3() * z).normalize();
         let faces =
             |to_light: Vec3| if normal.dot(to_light) > 0.0 { tilted.dot(to_light.as_dvec3()).max(0.0) } else { 0.0 };
-        // Light that both face, that the surface alone faces, and that the bumps alone face.
+        // Three lights: one that surface and bumps both face, one that only the surface faces, and one that only the
+        // bumps face.
         let tilt = tilted.as_vec3();
         let lights = [normal + tilt, normal - 0.98 * tilt, tilt - 1.02 * normal * tilt.dot(normal)];
         for to_light in lights.map(|to_light| to_light.normalize()) {
@@ -368,7 +370,7 @@ fn a_normal_map_tilts_normals_and_their_light_by_a_known_angle() {
         let lit: Vec<bool> = lights.iter().map(|to_light| faces(to_light.normalize()) > 0.0).collect();
         assert_eq!(lit, [true, false, false]);
     }
-    // A map that says nothing leaves the picture as it is without, but for rounding; and a scene without tangents is refused.
+    // A map of scale 0 leaves the picture as without a map, up to rounding. A scene without tangents is refused.
     let flat = [Shade { normal_map: Some(NormalMap { texture: 0, scale: 0.0 }), ..grey() }];
     let draw = |shades: &[Shade]| {
         let mut target = GBuffer::new(150, 120, ALL);
@@ -421,7 +423,7 @@ fn triangles_side_by_side_have_their_own_textures_or_none() {
 
 #[test]
 fn back_faces_of_culled_materials_are_left_out_and_nothing_else() {
-    // Triangles that face all ways around the camera's axis; some reach behind the eye and are clipped.
+    // Triangles in random orientations around the camera's axis; some reach behind the eye and are clipped.
     let mut numbers = 1_u32;
     let mut next = || {
         numbers = numbers.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
@@ -451,7 +453,7 @@ fn back_faces_of_culled_materials_are_left_out_and_nothing_else() {
     assert!(backs(&both, 0) > 1000 && backs(&both, 1) > 1000, "control: {} {}", backs(&both, 0), backs(&both, 1));
     let culled = draw(&RasterJob { culled: &[false, true], ..all });
     assert!(backs(&culled, 0) > 1000 && backs(&culled, 1) == 0);
-    // What is left is as if the others were not there.
+    // The remaining triangles look as if the culled ones did not exist.
     let mut fronts = scene.clone();
     for id in 150..300 {
         let [a, b, c] = scene.geometry.corners(id);
@@ -462,14 +464,14 @@ fn back_faces_of_culled_materials_are_left_out_and_nothing_else() {
     }
     let expected = draw(&RasterJob { scene: &fronts, ..all });
     let differing = expected.triangle.iter().zip(&culled.triangle).filter(|(a, b)| a != b).count();
-    // Triangles seen from their edge may face either way once their corners are rounded.
+    // The orientation of a triangle seen edge-on may flip when its corners are rounded.
     assert!(differing < 20, "{differing}");
 }
 
 #[test]
 fn where_alpha_is_cut_what_is_behind_is_seen() {
     let mut scene = textured_floor(|x, _| if x < 32 { 255 } else { 0 });
-    // A wall behind the floor, of another material, drawn after it.
+    // A wall of another material behind the floor, drawn after it.
     let base = scene.geometry.positions.len() as u32;
     scene
         .geometry
@@ -494,10 +496,10 @@ fn where_alpha_is_cut_what_is_behind_is_seen() {
         }
     }
     assert!(counts.iter().all(|count| *count > 1000), "{counts:?}");
-    // The diffuse colour's alpha plays no part: a cut-out that is mapped to another material keeps its shape.
+    // The alpha of the diffuse colour has no effect: a cut-out drawn with another material keeps its shape.
     let mapped = Shade { diffuse: Vec4::new(1.0, 0.0, 1.0, 0.0), ..floor };
     assert_eq!(draw(&RasterJob { shades: &[mapped, grey()], ..job }).triangle, cut.triangle);
-    // Nothing is cut without a texture, and nothing stays above an infinite cutoff.
+    // Without a texture nothing is cut out, and with an infinite cutoff everything is.
     let bare = Shade { texture: None, ..mapped };
     assert_eq!(draw(&RasterJob { shades: &[bare, grey()], ..job }).triangle, whole.triangle);
     let gone = Shade { alpha_cutoff: Some(f32::INFINITY), ..floor };
@@ -523,7 +525,8 @@ fn a_viewport_is_drawn_as_a_picture_of_its_own_and_nothing_outside_is_touched() 
         for x in 0..150u32 {
             let index = (y * 150 + x) as usize;
             if (37..137).contains(&x) && (21..101).contains(&y) {
-                // Screen coordinates are rounded elsewhere in 32-bit floats, so single corners may snap differently.
+                // Screen coordinates are rounded at other places in 32-bit floats, so single corners may snap
+                // differently.
                 different += usize::from(target.triangle[index] != whole.triangle[((y - 21) * 100 + x - 37) as usize]);
             } else {
                 let all = [target.color[index], target.position[index], target.normal[index]];
@@ -570,7 +573,7 @@ fn threads_and_instruction_sets_give_the_same_bits() {
                 let mut target = GBuffer::new(333, 222, ALL);
                 pool.install(|| rasteriser.draw(&job, &mut target)).expect("drawn");
                 assert!(same(&expected, &target), "{threads} threads, {}", set.name());
-                // What a draw leaves behind does not show in the next.
+                // The state that a draw leaves does not affect the next.
                 pool.install(|| rasteriser.draw(&job, &mut target)).expect("drawn");
                 assert!(same(&expected, &target), "{threads} threads, {}, again", set.name());
                 sets += 1;
@@ -614,7 +617,8 @@ fn corners_that_are_no_numbers_draw_nothing_and_jobs_that_do_not_fit_are_refused
     assert!(rasteriser.draw(&empty, &mut target.clone()).is_ok());
 }
 
-/// Triangles of a square of so many cells, of which inner corners are moved along it: no two layers have corners in common.
+/// Triangles of a square of `cells` x `cells` cells, whose inner corners are moved within the square, so that two
+/// layers share no corners.
 fn layer(half: f32, cells: u32, toward: f32, seed: u32, tilt: f32) -> (Vec<Vec3>, Vec<[u32; 3]>) {
     let (up, normal) = (Vec3::new(0.0, tilt.cos(), -tilt.sin()), Vec3::new(0.0, tilt.sin(), tilt.cos()));
     let mut state = seed;
@@ -640,8 +644,8 @@ fn layer(half: f32, cells: u32, toward: f32, seed: u32, tilt: f32) -> (Vec<Vec3>
     (positions, (0..cells).flat_map(|row| (0..cells).map(move |column| (row, column))).flat_map(cell).collect())
 }
 
-/// The depth of a triangle is that of its plane, and not of one through the snapped corners: a layer 0.8 mm behind another, seen from 60 m,
-/// is nowhere seen, whatever the near plane.
+/// The depth of a triangle is that of its own plane, not of a plane through the snapped corners. So a layer 0.8 mm
+/// behind another, seen from 60 m, is visible nowhere, whatever the near plane.
 #[test]
 fn of_two_layers_close_together_the_nearer_one_is_seen() {
     let (mut covered, mut snapped) = (0, 0);
@@ -670,7 +674,7 @@ fn of_two_layers_close_together_the_nearer_one_is_seen() {
     assert!(covered > 50_000 && snapped > 50, "{covered}, control: {snapped}");
 }
 
-/// What is a hole to rays, which read level 0, is one to the camera, however small it is seen.
+/// The holes that rays find, which read level 0, are holes for the camera, however small they appear.
 #[test]
 fn holes_are_where_rays_find_them() {
     let scene = textured_floor(|x, y| if (x / 4 + y / 4).is_multiple_of(2) { 255 } else { 0 });
@@ -685,7 +689,7 @@ fn holes_are_where_rays_find_them() {
         let ndc = DVec2::new(x / f64::from(width) * 2.0 - 1.0, 1.0 - y / f64::from(height) * 2.0);
         let far = world.project_point3(ndc.extend(0.5));
         let at = far * (-1.0 / far.y);
-        // Where a pixel is several texels long.
+        // Pixels at this distance are several texels long.
         if far.y >= 0.0 || !(-9.0..-4.0).contains(&at.z) {
             continue;
         }

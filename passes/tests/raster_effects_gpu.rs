@@ -1,6 +1,6 @@
-//! The raster effects on wgpu: the same pictures as the processor's.
+//! The raster effects on wgpu compute the same pictures as on the processor.
 //!
-//! Needs a Vulkan, Metal or DirectX 12 driver, a software one included; says `skipped` without one, and fails instead
+//! Needs a Vulkan, Metal or DirectX 12 driver (a software driver will do). Without one, tests print `skipped`, or fail
 //! with `CURITIBA_REQUIRE_GPU_TESTS=1`. `CURITIBA_PICTURES=DIR` writes the pictures.
 
 #[path = "scenes/gpu.rs"]
@@ -23,19 +23,19 @@ use world::{BACKGROUND, Shot, World};
 
 const SIDE: u32 = 160;
 
-/// Largest difference of a component that counts as rounding: interpolation, filtering and the sums are in 32-bit floats.
+/// Greatest difference of a component that counts as rounding; interpolation, filters and sums use 32-bit floats.
 const ROUNDING: f32 = 2e-3;
 
-/// Share of pixels that may differ by more: those whose looked-up texel or pixel changes where a coordinate rounds to the
-/// other side, and map texels at outlines, which the two rasterisers cover differently. On lavapipe 22.3.6 it is at most
-/// 2 of 25,600 pixels.
+/// Greatest share of pixels that may differ by more: pixels whose looked-up texel or pixel changes because a coordinate
+/// rounds differently, and map texels at outlines, which the two rasterisers cover differently. On lavapipe 22.3.6
+/// there are at most 2 of 25,600 pixels.
 const OUTLIERS: f64 = 1e-3;
 
 fn params(program: EffectProgram) -> EffectParams {
     EffectParams { map_size: 256, index: 1.5, ..EffectParams::of(program) }
 }
 
-/// A street with boxes, a fence with holes, and two panes, one of which is seen from behind.
+/// A street with boxes, a fence with holes, and two panes; one of the panes is seen from behind.
 fn street() -> World {
     let mut world = World::lit_along(Vec3::new(0.4, -1.0, -0.3));
     world.ground(12.0);
@@ -45,7 +45,7 @@ fn street() -> World {
     world.block(red, Vec3::new(2.5, 0.5, -1.0), Vec3::new(0.5, 0.5, 1.5));
     world.block(white, Vec3::new(0.2, 0.15, 1.5), Vec3::splat(0.15));
     world.quad(fence, Vec3::new(0.5, 1.0, -3.5), Vec3::new(1.0, 0.0, 0.3), Vec3::Y);
-    // Behind the camera, for the panes to mirror.
+    // Blocks behind the camera, for the panes to mirror.
     for i in 0..6u8 {
         let x = 3.0 * f32::from(i) - 8.0;
         world.block([red, white][usize::from(i % 2)], Vec3::new(x, 2.0, 9.0), Vec3::new(0.7, 2.0, 0.4));
@@ -55,7 +55,7 @@ fn street() -> World {
     world
 }
 
-/// Orange blocks of many sizes, without glass.
+/// Orange blocks of many sizes; no glass.
 fn hollow() -> World {
     let mut world = World::lit_along(Vec3::new(-0.6, -0.8, 0.2));
     world.ground(6.0);
@@ -86,13 +86,13 @@ fn run(gpu: &mut WgpuRasteriser, job: &EffectJob<'_>) -> Result<(Vec<[f32; 4]>, 
     Ok((output.pixels, stats))
 }
 
-/// The picture from the shot's own G-buffer.
+/// The effect's picture, from the shot's own G-buffer.
 fn uploaded(gpu: &mut WgpuRasteriser, shot: &Shot, program: EffectProgram) -> (Vec<[f32; 4]>, EffectStats) {
     let job = EffectJob { resident: false, ..shot.job(program, params(program)) };
     run(gpu, &job).expect("a whole job")
 }
 
-/// Share of the pixels in which some component differs by more than [`ROUNDING`], and the mean difference.
+/// The share of pixels with a component that differs by more than [`ROUNDING`], and the mean difference.
 fn difference(a: &[[f32; 4]], b: &[[f32; 4]]) -> (f64, f64) {
     assert_eq!(a.len(), b.len());
     let (mut outliers, mut sum) = (0usize, 0.0);
@@ -162,16 +162,17 @@ fn options_of_effects_agree_with_the_processors() {
             let (found, _) = run(&mut gpu, &job).expect("a whole job");
             let (outlying, mean) = difference(&found, &expected);
             println!("{name}, {program:?}: outliers {outlying:.5}, mean {mean:.2e}");
-            // A sector is a 32nd of one of four slices: of the directions at its edges, single ones round to the other side.
+            // A sector is a 32nd of one of four slices, so a single direction at its edge that rounds differently has a
+            // large effect.
             let most = if params.bitmask { 1e-2 } else { OUTLIERS };
             assert!(outlying <= most && mean < 1e-3, "{name}, {program:?}: {outlying} {mean}");
-            // The control: where the picture shows glass, or something that occludes, the option changes it.
+            // Control: the option changes the picture where it shows glass or occluders.
             assert!(name != "street" || difference(&plain, &expected).0 > 0.01, "{program:?}");
         }
     }
 }
 
-/// As many pixels of glass, and but for single rays at outlines the same answers.
+/// Asserts that the numbers of glass pixels are equal, and that answers differ only for single rays at outlines.
 fn answers_agree(found: Option<Answers>, expected: Option<Answers>, what: &str) {
     let (Some(found), Some(expected)) = (found, expected) else { return assert_eq!(found, expected, "{what}") };
     println!("{what}: {found}; on the cpu {expected}");
@@ -189,7 +190,8 @@ fn answers_agree(found: Option<Answers>, expected: Option<Answers>, what: &str) 
 #[test]
 fn marches_agree_whatever_stands_for_what_is_missing() {
     let Some(mut gpu) = rasteriser() else { return };
-    // Beside the street the panes mirror what is seen; the third camera has no perspective.
+    // The street through an orthographic camera straight above, and the street with a further pane on the ground, which
+    // mirrors what the picture shows.
     let sideways = street().through(world::from_above(4.0), SIDE, SIDE);
     let floor = {
         let mut world = street();
@@ -247,7 +249,7 @@ fn soft_shadows_agree_and_differ_from_hard_ones() {
     for (name, mut shot) in shots() {
         gpu.upload(&shot.scene).expect("uploads");
         let mut pictures = Vec::new();
-        // Back to a point of light at the end: another program on the same maps and output.
+        // The last round has a point of light again: another program on the same maps and output.
         for sun in [0.0, 0.53, 6.0, 0.0] {
             let params = EffectParams { sun, ..params(EffectProgram::ShadowMap) };
             let (expected, cpu) = shot.effect(EffectProgram::ShadowMap, params);
@@ -299,12 +301,12 @@ fn a_wrong_light_eye_or_parameter_is_found_out() {
 
 const ALL: Attachments = Attachments { color: true, position: true, normal: true, triangle: true };
 
-/// Draws the shot on the device and reads it back into the shot, so that both have the same.
+/// Draws the shot on the device and reads the G-buffer back into it, so that both hold the same.
 fn draw(gpu: &mut WgpuRasteriser, shot: &mut Shot) {
     draw_as(gpu, shot, Attachments::default());
 }
 
-/// The same with some attachments in 16-bit floats.
+/// As [`draw`], with some attachments as 16-bit floats.
 fn draw_as(gpu: &mut WgpuRasteriser, shot: &mut Shot, half: Attachments) {
     let (width, height) = (shot.buffer.width, shot.buffer.height);
     let mut buffer = GBuffer::new(width, height, ALL);
@@ -371,7 +373,7 @@ fn effects_read_16_bit_floats_where_they_were_drawn() {
     }
     draw(&mut gpu, &mut shot);
     assert!(shot.buffer.position == rounded.position && shot.buffer.normal != rounded.normal, "control");
-    // Another form of the same attachments is another drawing.
+    // The same attachments in another format are another drawing.
     let job = RasterJob { half, ..raster_job(&shot, ALL) };
     let mut buffer = GBuffer::new(SIDE, SIDE, ALL);
     let message = gpu.read_back(&job, ALL, &mut buffer).expect_err("not what was drawn").to_string();
@@ -410,7 +412,7 @@ fn a_g_buffer_that_is_not_the_one_drawn_last_is_refused() {
     let message = refused(&mut gpu, &shot, EffectProgram::HorizonOcclusion);
     assert!(message.contains("drawn last") && message.contains("`--raster cpu`"), "{message}");
     draw(&mut gpu, &mut shot);
-    // Smaller, and with fewer attachments: the larger set stays on the device, but is not what was drawn last.
+    // A smaller draw, and a draw with fewer attachments: the larger set stays on the device, but is not the last draw.
     let mut buffer = GBuffer::new(SIDE, SIDE, ALL);
     let half = Rect { x: 0, y: 0, width: SIDE / 2, height: SIDE };
     gpu.draw(&RasterJob { viewport: half, ..raster_job(&shot, ALL) }, &mut buffer).expect("draws");
@@ -433,12 +435,12 @@ fn a_frame_like_the_last_allocates_nothing_and_is_the_same() {
     };
     let first = frame(&mut gpu);
     let memory = gpu.memory();
-    // Four shadow maps, cube maps for two panes with a depth buffer, output.
+    // Memory of four shadow maps, cube maps for two panes with a depth buffer, and the output.
     let (map, pixels) = (256 * 256, u64::from(SIDE * SIDE));
-    // The nearest surfaces of blocks of 1, 2, 4 pixels and so on a side, and the picture without glass.
+    // Memory of the pyramid (blocks of 1, 2, 4 ... pixels along a side), and of the picture without glass.
     let sides = [160_u64, 80, 40, 20, 10, 5, 3, 2, 1];
     let marched = 4 * sides.iter().map(|side| side * side).sum::<u64>() + (3 * 16 + 4) * pixels;
-    // And two mirrors beside each other, with theirs.
+    // Memory of two mirrors that share a layer, with their depth buffer.
     assert_eq!(memory.effects, 4 * 4 * map + (2 * 6 * 16 + 4) * map + (16 + 4) * pixels + 16 * pixels + marched);
     assert!(first == frame(&mut gpu));
     assert_eq!(gpu.memory(), memory);
@@ -448,7 +450,7 @@ fn a_frame_like_the_last_allocates_nothing_and_is_the_same() {
 fn no_map_is_drawn_where_no_glass_is_seen() {
     let Some(mut gpu) = rasteriser() else { return };
     let away = street().seen(Vec3::new(0.0, 1.0, 5.0), Vec3::new(0.0, 0.5, 30.0), 64);
-    // Panes in view, behind a wall.
+    // The panes are inside the view, but behind a wall.
     let mut hidden = street();
     let wall = hidden.paint(Vec3::ONE);
     hidden.quad(wall, Vec3::new(0.0, 0.0, 3.0), Vec3::X * 20.0, Vec3::Y * 20.0);

@@ -1,4 +1,4 @@
-//! What the wgpu rasteriser promises beyond its pictures.
+//! Promises of the wgpu rasteriser beyond its pictures.
 
 mod common;
 mod scenes;
@@ -40,7 +40,7 @@ fn attachments_not_asked_for_are_neither_created_nor_change_the_others() {
     let setup = hills(20);
     let (width, height) = (75, 40);
     let mut full = None;
-    // The full set comes first: it is what the others are compared with.
+    // The full set comes first, because the others are compared with it.
     for attachments in all_attachment_sets().collect::<Vec<_>>().into_iter().rev() {
         let mut rasteriser = rasteriser().expect("there was one");
         rasteriser.upload(&setup.scene).expect("uploads");
@@ -90,7 +90,7 @@ fn attachments_in_16_bit_floats_take_half_the_memory_and_are_the_32_bit_ones_rou
             let mut kept = found.clone();
             PixelFormat::Rgba16Float.round(&mut kept);
             assert!(kept == *found, "what is read back are 16-bit floats");
-            // To the nearest or towards zero: within one unit of 11 bits.
+            // Rounding may be to nearest or towards zero: within one unit of 11 bits.
             for (found, full) in found.as_flattened().iter().zip(full.as_flattened()) {
                 let unit = (full.abs() / 1024.0).max(2f32.powi(-24));
                 assert!((found - full).abs() <= unit, "{found} {full}");
@@ -148,7 +148,7 @@ fn textures_are_uploaded_when_a_material_or_a_shade_reads_them() {
     let Some(mut rasteriser) = rasteriser() else { return };
     let setup = scenes::grazing();
     rasteriser.upload(&setup.scene).expect("uploads");
-    // The generated materials name no texture; the shades do.
+    // The materials of generated scenes name no texture; the shades do.
     assert_eq!(rasteriser.memory().textures, 0);
     let position = Attachments { position: true, ..Attachments::default() };
     render(&mut rasteriser, &setup.job(32, 32, position), 32, 32);
@@ -185,7 +185,7 @@ fn only_the_viewport_is_cleared_and_drawn() {
     }
 }
 
-/// Twice the same triangle over the whole viewport, as two materials.
+/// The same triangle twice over the whole viewport, with two materials.
 fn coincident() -> Setup {
     let corners = [Vec3::new(-20.0, -20.0, -2.0), Vec3::new(20.0, -20.0, -2.0), Vec3::new(0.0, 40.0, -2.0)];
     let geometry = Geometry {
@@ -216,9 +216,9 @@ fn of_equal_depths_the_lower_triangle_stays() {
     rasteriser.upload(&setup.scene).expect("uploads");
     let target = render(&mut rasteriser, &setup.job(33, 20, ALL), 33, 20);
     assert!(target.triangle.iter().all(|id| *id == 0));
-    // Without a sun there is 0.3 of the diffuse colour, in every component.
+    // Without a sun, every component is 0.3 of the diffuse colour.
     assert!(target.color.iter().all(|color| *color == [0.3, 0.0, 0.0, 0.3]), "{:?}", target.color[0]);
-    // With the first triangle out of the way, the second is there.
+    // When the first triangle is cut out, the second is visible.
     let mut shades = setup.shades.clone();
     (shades[0].texture, shades[0].alpha_cutoff) = (Some(0), Some(f32::INFINITY));
     let job = RasterJob { shades: &shades, ..setup.job(33, 20, ALL) };

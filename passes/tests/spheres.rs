@@ -1,4 +1,5 @@
-//! Exact spheres in the rasteriser of the processor, against lines of sight in `f64`; and a mesh of 20,480 facets beside one.
+//! Exact spheres in the processor's rasteriser, against lines of sight in `f64`; and one sphere against a mesh of
+//! 20,480 facets.
 
 use curitiba_passes::cpu::CpuRays;
 use curitiba_passes::raster::cpu::CpuRasteriser;
@@ -19,12 +20,12 @@ const ALL: Attachments = Attachments { color: true, position: true, normal: true
 const NEAR: f32 = 0.5;
 const FAR: f32 = 100.0;
 
-/// A camera, in the numbers that it is made of.
+/// A camera, by its parameters.
 #[derive(Clone, Copy)]
 struct Eye {
     at: Vec3,
     towards: Vec3,
-    /// Half of the tangent of the field of view is 1; without perspective half of the height.
+    /// In perspective, the tangent of half the field of view is 1. Without, half the height is 4.
     perspective: bool,
     size: [u32; 2],
 }
@@ -49,7 +50,7 @@ impl Eye {
         View::new(project * to_view, self.at)
     }
 
-    /// The line of sight through a pixel: origin, unit direction, and the lengths to the near and the far plane.
+    /// The line of sight through a pixel: origin, unit direction, and the distances to the near and the far plane.
     fn line(&self, x: u32, y: u32) -> (DVec3, DVec3, [f64; 2]) {
         let forward = self.towards.as_dvec3().normalize();
         let right = forward.cross(DVec3::Y).normalize();
@@ -67,7 +68,7 @@ impl Eye {
     }
 }
 
-/// Spheres of two materials before, in and behind a slanted wall.
+/// Spheres of two materials in front of, in and behind a slanted wall.
 fn scene() -> RenderScene {
     let mut scene = RenderScene { materials: vec![Material::default(); 3], ..RenderScene::default() };
     let geometry = &mut scene.geometry;
@@ -96,7 +97,8 @@ fn scene() -> RenderScene {
     scene
 }
 
-/// What a line of sight meets first: the distance, the id, the point and the normal, and by how much of a radius it misses other borders.
+/// The first hit of a line of sight: distance, id, point and normal. The flag tells whether it is too close to another
+/// border to be certain.
 fn first_hit(scene: &RenderScene, eye: &Eye, x: u32, y: u32) -> (Option<(f64, u32, DVec3, DVec3)>, bool) {
     let (origin, direction, [near, far]) = eye.line(x, y);
     let mut hits: Vec<(f64, u32, DVec3, DVec3)> = Vec::new();
@@ -145,7 +147,7 @@ fn every_pixel_shows_what_its_line_of_sight_meets() {
         (Vec3::ZERO, true, [200, 150]),
         (Vec3::new(0.1, 0.2, -3.9), true, [131, 97]),
         (Vec3::new(0.3, 0.1, 1.0), false, [160, 160]),
-        // The eye in a sphere whose near side is before the near plane.
+        // The eye is inside a sphere whose near side is in front of the near plane.
         (Vec3::new(0.0, 0.0, 4.0), true, [64, 64]),
     ] {
         let eye = Eye { at, towards, perspective, size };
@@ -189,7 +191,8 @@ fn every_pixel_shows_what_its_line_of_sight_meets() {
             spheres += 1;
             let sphere = scene.geometry.sphere(expected).expect("one");
             let found = Vec4::from_array(target.position[index]);
-            // The view is a product of `f32`; on a sphere seen at its rim the point moves along it by the root of that.
+            // The view matrix is a product of `f32`. At the rim of a sphere, the hit point moves along the sphere by
+            // the root of that error.
             let off = found.truncate().as_dvec3().distance(point);
             let rim = normal.dot((point - at.as_dvec3()).normalize()).abs().max(0.02);
             assert!(off < 3e-6 * (1.0 + t) / rim, "{at} {x} {y} {expected}: {off} at {t}, {rim}");
@@ -206,7 +209,7 @@ fn every_pixel_shows_what_its_line_of_sight_meets() {
         }
         let all = (width * height) as usize;
         assert!(compared * 100 > all * 90 && spheres * 20 > all, "{at}: {compared} of {all}, {spheres} {seen:?}");
-        // What faces away is left out where materials say so, and so is a sphere from inside.
+        // Culling removes the inner side of a sphere, as it removes back faces.
         if at.z > 3.0 {
             assert!(seen[9] * 2 > all, "inside the eighth sphere: {seen:?}");
             let outside = RasterJob { culled: &[false, false, true], ..job };
@@ -216,7 +219,7 @@ fn every_pixel_shows_what_its_line_of_sight_meets() {
     }
 }
 
-/// Facets of a sphere of radius 1: 20 times 4^levels, with the normals of the sphere.
+/// The facets of a sphere of radius 1, 20 times 4^levels, with the sphere's normals.
 fn facets(levels: u32) -> RenderScene {
     let golden = (1.0 + 5_f32.sqrt()) / 2.0;
     let mut corners = Vec::new();
@@ -253,7 +256,7 @@ fn facets(levels: u32) -> RenderScene {
     scene
 }
 
-/// Glass of index 1.5 that absorbs, before a white environment, against the sum over all inner reflections.
+/// Absorbing glass of index 1.5 in front of a white environment, against the sum over all inner reflections.
 #[test]
 fn a_sphere_is_nearer_to_the_closed_form_than_a_mesh_of_twenty_thousand_facets() {
     let mut ball = RenderScene { materials: vec![Material::default()], ..RenderScene::default() };

@@ -10,13 +10,14 @@ use glam::{DVec2, Vec2};
 
 const SIDE: u32 = 48;
 
-/// Left bottom corner of a pixel, in units of [`flat`] pictures.
+/// The lower left corner of a pixel, in units of [`flat`] pictures.
 fn corner(index: usize) -> DVec2 {
     let (x, y) = (index as u32 % SIDE, index as u32 / SIDE);
     DVec2::new(f64::from(x), f64::from(SIDE - 1 - y)) - f64::from(SIDE) / 2.0
 }
 
-/// The area of a unit square, from its left bottom corner, in a convex polygon that goes anticlockwise: the square is cut along each side.
+/// The area of the unit square with this lower left corner inside a counter-clockwise convex polygon; the square is
+/// clipped by each side.
 fn area(corner: DVec2, polygon: &[DVec2]) -> f64 {
     let mut cut: Vec<DVec2> = [(0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 1.0)].map(|p| corner + DVec2::from(p)).into();
     for (index, from) in polygon.iter().enumerate() {
@@ -38,7 +39,7 @@ fn area(corner: DVec2, polygon: &[DVec2]) -> f64 {
     (0..cut.len()).map(|place| cut[place].perp_dot(cut[(place + 1) % cut.len()]) / 2.0).sum()
 }
 
-/// Root mean square and largest error over the pixels that an edge crosses.
+/// Root mean square and greatest error over the pixels that an edge crosses.
 fn error(found: &[f64], exact: &[f64]) -> [f64; 2] {
     let crossed = found.iter().zip(exact).filter(|(_, exact)| (1e-6..1.0 - 1e-6).contains(*exact));
     let off: Vec<f64> = crossed.map(|(found, exact)| found - exact).collect();
@@ -49,7 +50,7 @@ fn error(found: &[f64], exact: &[f64]) -> [f64; 2] {
     ]
 }
 
-/// A half-plane right of a line through a point, as a triangle far larger than the picture.
+/// The half-plane to the left of a line through a point, as a triangle far larger than the picture.
 fn half_plane(through: DVec2, degrees: f64) -> [DVec2; 3] {
     let along = DVec2::from_angle(degrees.to_radians());
     [through - along * 400.0, through + along * 400.0, through + along.perp() * 400.0]
@@ -66,8 +67,8 @@ fn areas_are_those_of_the_textbook() {
     assert!((exact(&triangle.map(|p| p * 7.5)).iter().sum::<f64>() - 7.5 * 7.5 / 2.0).abs() < 1e-12);
 }
 
-/// The error of `N` samples at any slope falls as `N^-3/4`, as that of half-planes does that cross `√N` of `N` boxes with one sample each; that
-/// of upright and level edges as `1 / N`.
+/// At a general slope the error of `N` samples falls as `N^-3/4`, because an edge crosses `√N` of `N` cells with one
+/// sample each. For vertical and horizontal edges it falls as `1 / N`.
 #[test]
 fn half_planes_cover_their_area() {
     for (degrees, along_axes) in [
@@ -90,7 +91,7 @@ fn half_planes_cover_their_area() {
                 (squares, largest) = (squares + rms * rms / 4.0, largest.max(most));
             }
             let (rms, n) = (f64::sqrt(squares), f64::from(count));
-            // A level edge shows `N + 1` shades: off by at most half of one, and by what corners are snapped.
+            // A horizontal edge gives `N + 1` shades: the error is at most half a shade, plus that of snapped corners.
             let bound = if along_axes {
                 [0.36 / n + 0.004, 1.0 / n + 0.008]
             } else {
@@ -102,7 +103,7 @@ fn half_planes_cover_their_area() {
                 "{degrees} degrees, {count} samples: {rms} and {largest}, not {bound:?}"
             );
         }
-        // The control: one sample knows nothing between 0 and 1.
+        // Control: one sample knows nothing between 0 and 1.
         let half = half_plane(DVec2::new(0.31, 0.17), degrees);
         let [rms, _] = error(&covered(flat(&[half.map(|p| p.as_vec2())], SIDE, [0.0; 2]), 1), &exact(&half));
         assert!(rms > 0.15, "{degrees} degrees: {rms}");
@@ -111,7 +112,7 @@ fn half_planes_cover_their_area() {
 
 #[test]
 fn a_triangle_narrower_than_a_pixel_keeps_its_area() {
-    // 0.3 pixels wide at its foot, aslant over the picture.
+    // A thin triangle, 0.3 pixels wide at its foot, diagonally across the picture.
     let thin = [DVec2::new(-17.2, -20.1), DVec2::new(-16.9, -20.13), DVec2::new(12.3, 19.4)];
     let exact = exact(&thin);
     let whole: f64 = exact.iter().sum();
@@ -122,7 +123,7 @@ fn a_triangle_narrower_than_a_pixel_keeps_its_area() {
         let rms = (found.iter().zip(&exact).map(|(a, b)| (a - b).powi(2)).sum::<f64>() / found.len() as f64).sqrt();
         println!("{count} samples: {sum:.3} of {whole:.3}, error {rms:.5}");
         assert!(rms < 0.62 * before, "{count} samples: {rms} after {before}");
-        // Corners are snapped to 1/256 of a pixel: about one of a hundred of this width.
+        // Corners are snapped to 1/256 of a pixel, about a hundredth of this width.
         assert!(count < 64 || (sum / whole - 1.0).abs() < 0.03, "{sum} of {whole}");
         before = rms;
     }
@@ -131,14 +132,14 @@ fn a_triangle_narrower_than_a_pixel_keeps_its_area() {
 
 #[test]
 fn no_sample_shifts_the_picture() {
-    // Half a turn about the centre of the picture maps the triangles to each other, and so the samples.
+    // A half turn about the picture's centre maps the triangles onto each other, and so the samples.
     let one = [Vec2::new(-19.3, -11.7), Vec2::new(-2.6, -15.2), Vec2::new(-9.1, 8.9)];
     let other = one.map(|corner| -corner);
-    // A mirror, too, for upright edges: each column has one sample.
+    // Mirroring keeps vertical edges, because each column has one sample.
     let upright = [[-7.37, -99.0], [7.37, -99.0], [7.37, 99.0], [-7.37, 99.0]].map(Vec2::from);
     let box_of = |[a, b, c, d]: [Vec2; 4]| [[a, b, c], [a, c, d]];
     let side = SIDE as usize;
-    // Mirrored at an upright axis: no sample set of which every row and column has one is its own mirror image.
+    // Mirrored at a vertical axis. No sample set with one sample in each row and column is its own mirror image.
     let isosceles = [Vec2::new(-11.3, -18.7), Vec2::new(11.3, -18.7), Vec2::new(0.0, 17.9)];
     for count in [2, 4, 8, 16, 32, 64] {
         let turned = covered(flat(&[one, other], SIDE, [0.0; 2]), count);
@@ -148,13 +149,14 @@ fn no_sample_shifts_the_picture() {
             (0..side * side).all(|index| mirrored[index] == mirrored[index / side * side + side - 1 - index % side]),
             "{count}: a mirror"
         );
-        // The middle of all that is covered is on the axis: to a fortieth of a pixel, where one sample's place would show.
+        // The centroid of the coverage is on the axis, up to a fortieth of a pixel; the place of one sample would show
+        // as an error.
         let found = covered(flat(&[isosceles], SIDE, [0.0; 2]), count);
         let moment: f64 = found.iter().enumerate().map(|(index, share)| share * (corner(index).x + 0.5)).sum();
         let off = moment / found.iter().sum::<f64>();
         println!("{count}: the middle is off by {off:.5}");
         assert!(off.abs() < 0.025, "{count}: {off}");
-        // The control: the picture moved by an eighth of a pixel is seen to be.
+        // Control: a displacement of an eighth of a pixel is detected.
         let found = covered(flat(&[isosceles], SIDE, [-0.125, 0.0]), count);
         let moment: f64 = found.iter().enumerate().map(|(index, share)| share * (corner(index).x + 0.5)).sum();
         assert!((moment / found.iter().sum::<f64>() - 0.125).abs() < 0.025);
@@ -181,7 +183,7 @@ fn the_mean_is_that_of_pictures_that_were_moved_by_hand() {
     }
 }
 
-/// The mean of squares of 8 x 8 pixels.
+/// The means of squares of 8 x 8 pixels.
 fn reduced(picture: &Image) -> Image {
     let (width, height) = (picture.width / 8, picture.height / 8);
     let mut pixels = vec![[0.0_f64; 4]; (width * height) as usize];
@@ -193,7 +195,8 @@ fn reduced(picture: &Image) -> Image {
     Image { width, height, pixels: pixels.into_iter().map(|sum| sum.map(|sum| sum as f32)).collect() }
 }
 
-/// The other way to take many samples: a picture of eight times the size. Edges, textures and their levels of detail agree with it.
+/// Another way to take many samples is a picture of eight times the size. Edges, textures and their levels of detail
+/// agree with it.
 #[test]
 fn pictures_tend_to_those_of_eight_times_the_size() {
     for (name, least) in [

@@ -1,4 +1,4 @@
-//! Frames of several samples: parts, threads, engines, changes, times, and what is refused.
+//! Frames with several samples per pixel: parts, threads, engines, changes, times, and what is refused.
 
 use super::{bits, file, frame, mean, opened, rms, samples, settings};
 use curitiba::pipeline::backend::Rect;
@@ -45,7 +45,7 @@ fn one_sample_is_the_picture_without() {
         assert!(bits(&one.sample(0, &mut Silent).expect("the only one")) == bits(&found), "{name}");
         let plan = |settings| Plan::new(project::load(&file(name)).expect("it loads"), settings).expect("a plan");
         let (with, without) = (plan(settings(name, 4)), plan(without));
-        // Four sums in f64 for each pixel of the window, and nothing else.
+        // Four sums in f64 for each pixel of the window are the only additional memory.
         assert_eq!(with.target_bytes() - without.target_bytes(), 32 * 112 * 80, "{name}");
         assert!(with.decisions.iter().any(|decision| decision.what == "4 samples a pixel"));
         assert!(without.decisions.iter().all(|decision| !decision.what.contains("a pixel")));
@@ -67,7 +67,7 @@ fn parts_are_those_of_the_whole() {
             banded.plan().parts.list.len() > 1 && bits(&frame(&mut banded)) == bits(&whole),
             "{name}: bands differ"
         );
-        // Written band by band.
+        // The picture written band by band is the same.
         let folder = tempfile::tempdir().expect("a folder");
         let path = folder.path().join("bands.exr");
         banded.render_and_save(&path, &mut Silent).expect("written");
@@ -89,7 +89,7 @@ fn an_update_is_a_frame_and_runs_nothing_twice() {
     set.set.push("pass2.radius=2".to_owned());
     let expected = frame(&mut opened("SceneFinal", set));
     assert!(bits(&changed) == bits(&expected) && bits(&changed) != bits(&first));
-    // So does another number of samples, and a channel that was not averaged before.
+    // So does a changed number of samples, and a channel that was not averaged before.
     renderer.set_pixel_samples(samples(1)).expect("a number");
     let one = renderer.update(&mut Silent).expect("a frame");
     let mut set = settings("SceneFinal", 1);
@@ -103,7 +103,7 @@ fn an_update_is_a_frame_and_runs_nothing_twice() {
     assert!(bits(&renderer.update(&mut Silent).expect("a frame")) == bits(&expected));
     assert!(renderer.channel(channel) != last, "the mean, and not the last sample");
     renderer.set_shown(&["pos".to_owned()]).expect_err("positions have no mean");
-    // A sample leaves no mean, and so does a frame that was given up.
+    // A single sample leaves no mean, nor does a cancelled frame.
     renderer.sample(1, &mut Silent).expect("a sample");
     assert!(bits(&renderer.update(&mut Silent).expect("a frame")) == bits(&expected));
     let stop = renderer.cancellation();
@@ -117,7 +117,7 @@ fn an_update_is_a_frame_and_runs_nothing_twice() {
 fn a_frame_that_is_given_up_between_samples_is_rendered_again() {
     let mut renderer = opened("SceneShadows", settings("SceneShadows", 4));
     let expected = frame(&mut renderer);
-    // When the last pass of so many samples is done, and the next sample would begin.
+    // Cancels when the last pass of a sample is done, before the next sample begins.
     struct StopAfter(u32, Cancellation);
     impl Observer for StopAfter {
         fn begin(&mut self, _: StepKind, _: &str, _: &Arc<Progress>) {}
@@ -186,7 +186,7 @@ fn accumulation_and_samples_that_are_not_there_are_refused() {
     assert!(error.contains("valid: 0 to 3"), "{error}");
 }
 
-/// The rasteriser and the rays of a graphics device: the same samples, its own rounding.
+/// Rasteriser and rays on a graphics device: the same samples, with other rounding errors.
 #[test]
 fn devices_agree() {
     for name in ["SceneShadows", "SceneSSAO"] {
@@ -210,10 +210,10 @@ fn devices_agree() {
     }
 }
 
-/// By raster, with maps that are made for every sample and noise that differs.
+/// Raster effects, with maps drawn anew for every sample and different noise.
 #[test]
 fn raster_effects_are_averaged() {
-    // One small map each: they are drawn for every one of the samples.
+    // One small map in each, because the maps are drawn for every sample.
     for (name, set) in [
         ("raster/SceneGTAO", &[][..]),
         ("raster/SceneShadowMap", &["pass2.mapsize=256", "pass2.cascades=1"]),

@@ -1,5 +1,5 @@
-//! Several samples a pixel: closed forms of what they should show, and everything that a picture of them has to share with one of a single
-//! sample.
+//! Several samples per pixel: closed forms of the picture, and everything in which such a picture must agree with one
+//! of a single sample.
 
 mod exact;
 mod frames;
@@ -24,7 +24,7 @@ fn samples(count: u32) -> PixelSamples {
     PixelSamples::new(count).expect("there are so many")
 }
 
-/// Small pictures, of few samples where there are any.
+/// Settings for small pictures, with few samples where the project takes any.
 fn settings(name: &str, count: u32) -> Settings {
     let sampled = matches!(name, "SceneSSAO" | "SceneFinal");
     let set = if sampled { vec!["pass2.samples=4".to_owned()] } else { Vec::new() };
@@ -43,7 +43,7 @@ fn bits(image: &Image) -> (u32, u32, Vec<[u32; 4]>) {
     (image.width, image.height, image.pixels.iter().map(|pixel| pixel.map(f32::to_bits)).collect())
 }
 
-/// The mean of pictures, added in `f64`.
+/// The mean of pictures, summed in `f64`.
 fn mean(pictures: &[Image]) -> Image {
     let of = |pixel: usize| {
         [0, 1, 2, 3].map(|i| {
@@ -61,8 +61,8 @@ fn rms(a: &Image, b: &Image) -> f64 {
     (squares.sum::<f64>() / (3 * a.pixels.len()) as f64).sqrt()
 }
 
-/// Triangles in z = 0 before black, seen straight by a camera without perspective: a unit is a pixel, x goes right and y up from the centre of
-/// the picture, of which what is seen may be moved against it.
+/// Triangles in z = 0 in front of black, seen along z by an orthographic camera. A unit is a pixel; x goes right and y
+/// up from the picture's centre. The camera is displaced by `moved`.
 fn flat(triangles: &[[Vec2; 3]], side: u32, moved: [f32; 2]) -> Project {
     let mesh = Mesh {
         name: "flat".to_owned(),
@@ -95,7 +95,7 @@ fn flat(triangles: &[[Vec2; 3]], side: u32, moved: [f32; 2]) -> Project {
     project
 }
 
-/// The covered share of every pixel of such a picture, and its alpha.
+/// The covered share of every pixel of such a picture.
 fn covered(project: Project, count: u32) -> Vec<f64> {
     let settings = Settings { aa: samples(count), color: Some(ColorSpace::Linear), ..Settings::default() };
     let mut renderer = curitiba::open_project(project, settings, Choice::CPU, &mut Silent).expect("it opens");

@@ -1,4 +1,5 @@
-//! Random numbers of several samples: sequences go on, and noise falls with the stairs.
+//! Random numbers with several samples per pixel: sequences continue from sample to sample, and noise falls together
+//! with aliasing.
 
 use super::{file, frame, opened, rms, samples, settings};
 use curitiba::passes::cpu::CpuRays;
@@ -14,10 +15,10 @@ use std::cell::RefCell;
 use std::rc::Rc;
 use std::sync::Arc;
 
-/// Place of the first sample and of the first path, and the seed, of each job.
+/// Of each job: index of the first sample, of the first path and of the first disc sample, and the seed.
 type Noted = Rc<RefCell<Vec<[u32; 4]>>>;
 
-/// The processor, noting what it is asked.
+/// The processor's backend, which records these numbers of its jobs.
 struct Noting {
     rays: CpuRays,
     continues: bool,
@@ -71,10 +72,10 @@ fn noted_of(name: &str, settings: Settings, continues: bool) -> (Vec<[u32; 4]>, 
 #[test]
 fn sequences_go_on_and_others_have_seeds_of_their_own() {
     let settings = Settings { seed: 5, ..settings("SceneSSAO", 4) };
-    // Four samples a sample of the pixel, and sixteen ways on from rough glass.
+    // Each sample of the pixel takes four occlusion samples, and sixteen paths through rough glass.
     let (going_on, picture) = noted(settings.clone(), true);
     assert_eq!(going_on, [[0, 0, 0, 5], [4, 16, 0, 5], [8, 32, 0, 5], [12, 48, 0, 5]]);
-    // The same of rays to the light's disc.
+    // The same for rays to the light's disc.
     let set = vec!["pass2.sun=4".to_owned(), "pass2.sunsamples=3".to_owned()];
     let (of_sun, _) = noted_of("SceneShadows", Settings { set, ..settings.clone() }, true);
     assert_eq!(of_sun.iter().map(|noted| noted[2..].to_vec()).collect::<Vec<_>>(), [[0, 5], [3, 5], [6, 5], [9, 5]]);
@@ -98,7 +99,7 @@ fn sequences_go_on_and_others_have_seeds_of_their_own() {
     }
 }
 
-/// Stairs and noise fall together. The reference has other random numbers.
+/// Aliasing and noise fall together. The reference has other random numbers.
 #[test]
 fn occlusion_tends_to_its_mean() {
     for (name, intensity) in [("SceneSSAO", "pass2.intensity=1"), ("SceneFinal", "pass2.intensity=1")] {
@@ -116,8 +117,8 @@ fn occlusion_tends_to_its_mean() {
     }
 }
 
-/// A part of a large picture whose pixels show one surface each: what is left is noise, and it falls as that of one sequence does, faster than
-/// that of numbers which have nothing to do with each other.
+/// In a part of a large picture, each pixel shows a single surface, so the only error is noise. It falls as fast as
+/// that of one sequence, which is faster than that of independent random numbers.
 #[test]
 fn noise_falls_as_that_of_one_sequence() {
     let of = |continues: bool, count: u32, own: u32, seed: u32| {
@@ -131,7 +132,7 @@ fn noise_falls_as_that_of_one_sequence() {
         };
         noted(settings, continues).1
     };
-    // The same places in pixels and other samples there: what differs is noise.
+    // The reference has the same places in the pixels and other random numbers, so the difference is noise.
     let reference = of(true, 16, 256, 77);
     let error = |continues: bool| {
         let squares = [0, 1, 2].map(|seed| rms(&of(continues, 16, 4, seed), &reference).powi(2));

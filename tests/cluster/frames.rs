@@ -35,7 +35,7 @@ fn a_frame_alone_is_that_of_the_sequence_to_the_bit() {
         assert!(bytes(&format!("one.{frame:04}.exr")) == bytes(&format!("all.{frame:04}.exr")), "frame {frame}");
     }
     assert!(bytes("all.0004.exr") != bytes("all.0005.exr"), "the camera moves");
-    // The first key is the camera's own place and looks elsewhere; where nothing is moved the picture is that of `render`.
+    // The keys have the camera's own position and direction, so nothing moves and the picture is that of `render`.
     let still = r#"{"keys": [{"frame": 0, "position": [7.42, 18.61, -38.62], "direction": [0.31, -0.36, 0.87]},
         {"frame": 1, "position": [7.42, 18.61, -38.62], "direction": [0.31, -0.36, 0.87]}]}"#;
     std::fs::write(folder.join("still.json"), still).expect("written");
@@ -66,7 +66,7 @@ fn shards_make_the_same_frames_and_what_is_there_is_kept() {
             assert!(all == part, "frame {frame}, {kind}");
         }
     }
-    // A frame of which a picture is missing or cut off is rendered again, and no other.
+    // A frame with a missing or truncated picture is rendered again, and no other frame is.
     std::fs::remove_file(folder.join("part.0003.pos.exr")).expect("removed");
     std::fs::write(folder.join("part.0006.png"), "cut off").expect("written");
     let (printed, _) = succeeds(folder, &render(&name, path, "part.png", &["--show", "pos", "--json"]));

@@ -6,7 +6,8 @@ use std::path::Path;
 use std::process::Stdio;
 use std::time::{Duration, Instant};
 
-/// Starts the program and kills it after each of these times, with no chance to tidy up; returns how often it was still running.
+/// Starts the program and kills it after each of these times, without a chance to clean up. Returns how often it was
+/// still running.
 fn kill(folder: &Path, arguments: &[&str], times: impl Iterator<Item = u64>, check: impl Fn()) -> usize {
     let mut killed = 0;
     for time in times {
@@ -21,7 +22,7 @@ fn kill(folder: &Path, arguments: &[&str], times: impl Iterator<Item = u64>, che
     killed
 }
 
-/// Numbers that look random, below a bound: the same in every run.
+/// Pseudo-random numbers below a bound, the same in every run.
 fn scattered(count: u64, below: u64) -> impl Iterator<Item = u64> {
     (1..=count).map(move |index| (index.wrapping_mul(0x9e37_79b9_7f4a_7c15) >> 32) % below)
 }
@@ -40,14 +41,15 @@ fn a_benchmark_that_is_killed_fifty_times_is_whole_in_the_end() {
     let in_parts = [&arguments[..], &["--shard", "1/1", "--parts", "parts"]].concat();
     let parts = folder.join("parts");
     let whole = || {
-        // Whatever has a name that counts is whole.
+        // Every file with a final name is complete.
         let there = if parts.exists() { names(&parts) } else { Vec::new() };
         for name in there.iter().filter(|name| name.ends_with(".json")) {
             let file = json(&parts.join(name));
             assert!(rows(&file).len() == 1 || name == "rows.json", "{name}");
         }
     };
-    // How long the first row takes here: the moments lie before, in and after the first rows of a process.
+    // The time of the first row on this machine; the kills are spread before, during and after the first rows of a
+    // process.
     let start = Instant::now();
     let mut first = command(folder, &in_parts).stdout(Stdio::null()).stderr(Stdio::null()).spawn().expect("it starts");
     while !parts.exists() || names(&parts).iter().filter(|name| name.ends_with(".json")).count() < 2 {
@@ -69,7 +71,7 @@ fn a_benchmark_that_is_killed_fifty_times_is_whole_in_the_end() {
     let keys: BTreeSet<&str> = rows(&file).iter().filter_map(|row| row["key"].as_str()).collect();
     assert_eq!((rows(&file).len(), keys.len()), (120, 120));
     let left: Vec<String> = names(&parts).into_iter().filter(|name| !name.ends_with(".json")).collect();
-    // The last run wrote nothing if all rows were there; then what the one before left is still there.
+    // If all rows were there, the last run wrote nothing, and a temporary file of the run before it may remain.
     assert!(left.len() <= 1, "{left:?}");
 }
 

@@ -1,4 +1,4 @@
-//! Work that is shared out over processes: rows of a benchmark, frames of a camera path, and what schedulers run.
+//! Work distributed over processes: rows of a benchmark, frames of a camera path, and runs under schedulers.
 
 mod frames;
 mod killed;
@@ -18,7 +18,7 @@ fn project(name: &str) -> String {
     root("xml_projects").join(name).to_str().expect("test paths are UTF-8").to_owned()
 }
 
-/// The program in a folder, with references of its own and without the variables of a scheduler that runs these tests.
+/// The program in a folder, with its own references and without the variables of a scheduler that may run these tests.
 fn command(folder: &Path, arguments: &[&str]) -> Command {
     let mut command = Command::new(env!("CARGO_BIN_EXE_curitiba"));
     command.current_dir(folder).args(arguments);
@@ -62,7 +62,7 @@ fn json(path: &Path) -> Value {
     serde_json::from_str(&text).unwrap_or_else(|error| panic!("{}: {error}", path.display()))
 }
 
-/// The names of a folder's entries, in order.
+/// The names of a folder's entries, sorted.
 fn names(folder: &Path) -> Vec<String> {
     let entries = std::fs::read_dir(folder).expect("the folder").map(|entry| entry.expect("an entry").file_name());
     let mut names: Vec<String> = entries.map(|name| name.to_str().expect("UTF-8").to_owned()).collect();
@@ -74,7 +74,7 @@ fn rows(file: &Value) -> &Vec<Value> {
     file["rows"].as_array().expect("rows")
 }
 
-/// Arguments of a benchmark of 12 rows that take next to no time.
+/// The arguments of a benchmark with 12 rows that take almost no time.
 fn twelve_rows() -> Vec<String> {
     let words =
         ["--sweep", "samples=1,4,9", "--camera", "MainCamera", "--camera", "Vidro", "--size", "24x24", "--frames", "1"];

@@ -5,7 +5,7 @@ use serde_json::Value;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
-/// A folder with the parts of three rows, and their paths.
+/// Writes the parts of three rows in a folder, and returns their paths.
 fn three_parts(folder: &Path) -> Vec<PathBuf> {
     let projects = ["SceneShadows.xml", "SceneReflect.xml", "SceneRefract.xml"].map(project);
     let fixed = ["--size", "24x24", "--frames", "1", "--raster", "cpu", "--backend", "cpu", "--parts", "parts"];
@@ -21,7 +21,7 @@ fn copy(from: &Path, to: &Path) {
     }
 }
 
-/// Changes every part of a folder.
+/// Changes every part in a folder.
 fn change(folder: &Path, change: impl Fn(&mut Value)) {
     for name in names(folder).into_iter().filter(|name| name != "rows.json") {
         let path = folder.join(name);
@@ -45,7 +45,7 @@ fn rows_that_are_missing_are_named_and_the_rest_is_written() {
     assert!(printed.contains(&format!("missing: {id} ({label}, Fonte)")), "{printed}");
     let file = json(&folder.join("all.json"));
     assert_eq!((rows(&file).len(), &file["complete"]), (2, &Value::Bool(false)));
-    // Parts may be named one by one; the list of all rows lies beside them.
+    // Parts may be named one by one; the list of all rows is beside them.
     let named: Vec<&str> = [&parts[0], &parts[2]].map(|path| path.to_str().expect("UTF-8")).to_vec();
     assert!(fails_with(1, folder, &[&["merge", "all.json"][..], &named].concat()).contains("1 row is missing"));
     std::fs::remove_file(folder.join("parts/rows.json")).expect("removed");
@@ -73,21 +73,21 @@ fn machines_are_columns_and_nothing_is_averaged() {
     assert_eq!(file["machines"].as_array().map(Vec::len), Some(2));
     let keys: Vec<&str> = rows(&file).iter().map(|row| row["key"].as_str().expect("a key")).collect();
     assert!(keys[0] == keys[1] && keys[2] == keys[3] && keys[4] == keys[5] && keys[0] != keys[2], "{keys:?}");
-    // The order of the arguments changes nothing, and what was merged can be merged again.
+    // The order of the arguments does not matter, and merged files can be merged again.
     succeeds(folder, &["merge", "turned.json", "other", "parts"]);
     assert_eq!(json(&folder.join("turned.json")), file);
     succeeds(folder, &["merge", "again.json", "all.json"]);
     assert_eq!(json(&folder.join("again.json")), file);
-    // It is no benchmark to go on with.
+    // A merged file cannot be resumed.
     let shadows = project("SceneShadows.xml");
     assert!(fails_with(2, folder, &["bench", &shadows, "--json", "all.json", "--resume"]).contains("merged"));
 
-    // The same machine twice: both are kept.
+    // Rows that the same machine measured twice are both kept,
     copy(&folder.join("parts"), &folder.join("twice"));
     let (_, told) = succeeds(folder, &["merge", "twice.json", "parts", "twice"]);
     assert_eq!(told.matches("measured 2 times, and all are kept").count(), 3, "{told}");
     assert_eq!(rows(&json(&folder.join("twice.json"))).len(), 6);
-    // Unless the user says that it is another.
+    // unless the user names another machine.
     change(&folder.join("twice"), |part| part["environment"]["host"] = "second".into());
     let (printed, told) = succeeds(folder, &["merge", "twice.json", "parts", "twice"]);
     assert!(!told.contains("measured 2 times") && printed.contains("second: "), "{told}{printed}");

@@ -1,4 +1,4 @@
-//! The scripts of `examples/cluster`, as schedulers run them.
+//! The scripts in `examples/cluster`, run by schedulers.
 
 use super::{clean, json, names, project, root, rows, text, twelve_rows};
 use std::path::Path;
@@ -10,7 +10,7 @@ fn installed(program: &str) -> bool {
     found.is_ok_and(|output| output.status.success())
 }
 
-/// Runs a script of `examples/cluster`, and returns what it printed.
+/// Runs a script of `examples/cluster`, and returns its output.
 fn script(folder: &Path, name: &str, arguments: &[&str]) -> String {
     let output = run_script(folder, name, arguments);
     assert!(output.status.success(), "{name}:\n{}{}", text(&output.stdout), text(&output.stderr));
@@ -22,7 +22,7 @@ fn run_script(folder: &Path, name: &str, arguments: &[&str]) -> Output {
     command.current_dir(folder).arg(root("examples/cluster").join(name)).args(arguments);
     clean(&mut command);
     command.env("CURITIBA", env!("CARGO_BIN_EXE_curitiba")).env("CURITIBA_CACHE", folder.join("references"));
-    // GNU parallel keeps a folder of its own.
+    // GNU parallel writes to a folder in the home directory.
     command.env("JOBS", "2").env("HOME", folder).env("HQ_SERVER_DIR", folder.join("hq")).stdin(Stdio::null());
     command.output().expect("bash starts")
 }
@@ -50,7 +50,7 @@ fn gnu_parallel_runs_a_benchmark_and_the_frames_of_a_path() {
     assert!(printed.contains("6 of 6 frames, 6 of them were there"), "{printed}");
 }
 
-/// A server of HyperQueue with two workers of one core each, in a folder of its own.
+/// A HyperQueue server with two workers of one core each, in a folder of its own.
 struct Queue<'f> {
     folder: &'f Path,
     processes: Vec<Child>,
@@ -99,7 +99,7 @@ impl Drop for Queue<'_> {
     fn drop(&mut self) {
         self.ask(&["server", "stop"]);
         for process in &mut self.processes {
-            // Those that have ended already cannot be killed.
+            // A process that has ended already cannot be killed.
             let _ = process.kill();
             let _ = process.wait();
         }
@@ -123,13 +123,13 @@ fn hyperqueue_runs_a_benchmark_and_says_why_a_task_failed() {
     assert!(text(&output.stdout).contains("12 rows of 1 machine\n"), "{}", text(&output.stdout));
     assert_eq!(rows(&json(&folder.join("parts.json"))).len(), 12);
 
-    // HyperQueue's own exit code does not tell.
+    // HyperQueue's own exit code does not report the failure.
     let output = run_script(folder, "hyperqueue.sh", &["2", "none", "no_such_project.xml", "--no-error"]);
     assert!(!output.status.success());
     assert!(text(&output.stderr).contains("cannot read no_such_project.xml"), "{}", text(&output.stderr));
 }
 
-/// Submits an array, kills node n2 with its task while the task runs, and waits until the queue is empty.
+/// Submits an array, kills node n2 together with its running task, and waits until the queue is empty.
 const NODE_DIES: &str = r#"
 set -euo pipefail
 sbatch --array=1-4 -o out.txt task.sh parts "$@"
@@ -148,7 +148,7 @@ done
 squeue
 "#;
 
-/// As a task of the array: notes the processes of node n2, its own and that of Slurm above it.
+/// A task of the array. On node n2 it records its own process and the Slurm process above it.
 const TASK: &str = r#"#!/usr/bin/env bash
 #SBATCH --requeue
 #SBATCH --open-mode=append

@@ -1,17 +1,18 @@
-//! Rows of a benchmark in shards.
+//! Benchmarks whose rows are divided into shards.
 
 use super::{command, fails_with, json, names, project, rows, succeeds, text, twelve_rows, with};
 use serde_json::Value;
 use std::path::Path;
 use std::process::{Command, Stdio};
 
-/// What of a row may not depend on who measured it.
+/// The fields of a row that do not depend on who measured it.
 fn timeless(row: &Value) -> Value {
     let fields = ["key", "label", "view", "size", "seed", "triangles", "error", "inputs", "picture"];
     fields.iter().map(|field| row[*field].clone()).collect()
 }
 
-/// Measures the twelve rows in so many shards, all at once, with references of their own; returns the merged file.
+/// Measures the twelve rows in this number of shards, all at once, each with its own references. Returns the merged
+/// file.
 fn merged(folder: &Path, shards: usize) -> Value {
     let base = twelve_rows();
     let folder = folder.join(shards.to_string());
@@ -68,7 +69,7 @@ fn each_line_of_the_list_is_a_command_that_measures_that_row() {
     let (third, _) = succeeds(folder, &with(&base, &["--list", "--shard", "3/5"]));
     let indices: Vec<&str> = third.lines().filter_map(|line| line.split('\t').next()).collect();
     assert_eq!(indices, ["2", "7"]);
-    // The shell takes the line as it is, but for where the program lies.
+    // The shell runs the line as it is printed, except for the program's path.
     let words = lines[7][2].strip_prefix("curitiba ").expect("the program's name");
     let mut shell = Command::new("sh");
     shell.current_dir(folder).args(["-c", &format!("\"$0\" {words}"), env!("CARGO_BIN_EXE_curitiba")]);
@@ -138,7 +139,7 @@ fn what_cannot_be_shared_out_is_refused_before_anything_is_measured() {
     assert!(fails_with(2, folder, &with(&base, &["--parts", "parts", "--json", "a.json"])).contains("--json"));
     assert_eq!(names(folder), [""; 0], "something was written");
 
-    // A folder is one benchmark's: another is told, and nothing of the first is touched.
+    // A folder belongs to one benchmark: another one is refused, and the first one's files are not touched.
     let shadows = project("SceneShadows.xml");
     let own = [
         "bench",
@@ -159,14 +160,14 @@ fn what_cannot_be_shared_out_is_refused_before_anything_is_measured() {
     let other = fails_with(2, folder, &[&own[..], &["--seed", "3"]].concat());
     assert!(other.contains("rows.json: command differs") && other.contains("--seed 3"), "{other}");
     assert_eq!(names(&folder.join("parts")), files);
-    // A part of another build is not taken for one of this.
+    // A part from another build is refused.
     let path = folder.join("parts").join(files.iter().find(|name| *name != "rows.json").expect("a part"));
     let whole = std::fs::read_to_string(&path).expect("text");
     let mut part = json(&path);
     part["environment"]["commit"] = "0000000".into();
     std::fs::write(&path, part.to_string()).expect("written");
     assert!(fails_with(2, folder, &own).contains("environment.commit differs: `0000000`"));
-    // Nor is half a part for a whole one.
+    // So is half a part.
     std::fs::write(&path, &whole[..whole.len() / 2]).expect("written");
     let torn = fails_with(3, folder, &own);
     assert!(torn.contains("this is no part of a benchmark") && torn.contains("column"), "{torn}");

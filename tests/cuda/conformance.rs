@@ -1,4 +1,4 @@
-//! The conformance matrix: every program, fidelity, view and tracer.
+//! The conformance matrix: every program, fidelity, view and ray backend.
 
 use super::{PROJECTS, project, there};
 use curitiba::compare::{Operand, compare};
@@ -14,7 +14,7 @@ use curitiba::pipeline::project;
 use curitiba::{BackendChoice, Choice};
 use std::sync::{Arc, Mutex};
 
-/// Fidelities, and what is set of them beyond the project.
+/// The fidelities, with a setting beyond the project's.
 const VARIANTS: [(Fidelity, Option<&str>); 3] =
     [(Fidelity::Corrected, None), (Fidelity::Corrected, Some("pass2.fresnel=schlick")), (Fidelity::Thesis, None)];
 
@@ -61,7 +61,7 @@ fn matrix(backend: BackendChoice) {
                 let set = weights.into_iter().chain(occlusion.then_some("pass2.samples=25"));
                 record(backend, name, camera, (fidelity, set.map(str::to_owned).collect()), None, &found);
             }
-            // What is seen in panes is textured: texels are decoded.
+            // The panes show textured surfaces, so texels are decoded.
             let occlusion = (name == "SceneFinal").then(|| "pass2.samples=25".to_owned());
             if matches!(name, "SceneReflect" | "SceneFinal") {
                 let set = (Fidelity::Corrected, occlusion.into_iter().collect());
@@ -70,7 +70,7 @@ fn matrix(backend: BackendChoice) {
         }
     }
     let found = found.lock().expect("no panic while it was held");
-    // Two projects with glass that is weighed have a variant more, and two are rendered in linear light as well.
+    // Two projects with Fresnel weights have one variant more, and two are also rendered in linear light.
     assert_eq!(found.records.len(), (PROJECTS.len() * 2 + 2 + 2) * 2, "a pass of the matrix did not run");
     for record in &found.records {
         let words = record.in_words();
@@ -78,7 +78,7 @@ fn matrix(backend: BackendChoice) {
         assert!(record.within_limits, "farther off than it may be: {words}");
         let times = record.device_ms.len() == 1 && record.device_ms_median > 0.0;
         assert!(times, "the device's own clock: {words}");
-        // Our own tracer leaves out the rays that the processor leaves out, or traces them: together they are as many.
+        // Rays that the processor finds unnecessary may be traced by our own tracer; the sum is the same.
         let cpu = record.cpu_rays.expect("the processor ran");
         if record.backend == "cuda" {
             let (mine, theirs) = (record.rays, cpu);
@@ -99,7 +99,8 @@ fn every_program_on_optix_computes_what_the_processor_does() {
     matrix(BackendChoice::Optix);
 }
 
-/// Balls of several kinds, a filled glass with a bubble, panes: glass as each material says, before a background, with straight shadows.
+/// Glass as each material says, in front of a background, with straight shadows: balls of several kinds, a filled glass
+/// with a bubble, and panes.
 fn glass(backend: BackendChoice) {
     if there(Choice::CPU.traced_by(backend)).is_none() {
         return;
@@ -136,7 +137,7 @@ fn glass_as_each_material_says_on_optix_is_the_processors() {
     glass(BackendChoice::Optix);
 }
 
-/// Few and many rays a point, of any length, take other ways through the kernels.
+/// Few and many rays from a point, of any length, take different paths through the kernels.
 #[test]
 fn occlusion_on_our_own_tracer_is_the_processors_whatever_the_rays() {
     if there(Choice::CPU.traced_by(BackendChoice::Cuda)).is_none() {

@@ -1,7 +1,7 @@
 //! The ray backends of NVIDIA GPUs against the processor's, and several GPUs against one.
 //!
-//! Without a GPU they say `skipped: why`, and pass; with `CURITIBA_REQUIRE_CUDA_TESTS=1` they fail instead. The binary runs
-//! anywhere: where it was not built, it looks for the projects in the folder that it is started in.
+//! Without a GPU, these tests print `skipped: why` and pass; with `CURITIBA_REQUIRE_CUDA_TESTS=1` they fail instead.
+//! The binary runs on any machine: where the source folder is missing, it looks for the projects in the current folder.
 
 mod conformance;
 mod several;
@@ -20,7 +20,7 @@ fn project(name: &str) -> PathBuf {
     root.join(format!("xml_projects/{name}.xml"))
 }
 
-/// The backend, or `None` with the reason printed.
+/// The backend, or `None` with a printed reason.
 fn there(choice: Choice) -> Option<Box<dyn RayBackend>> {
     match ray_backend(choice) {
         Ok(rays) => Some(rays),

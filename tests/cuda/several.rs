@@ -1,4 +1,4 @@
-//! Passes that several GPUs share: with what there is, one GPU taken as several, and all of them where there are more.
+//! Passes shared by several GPUs: one GPU used as several, and all GPUs where there are more.
 
 use super::{PROJECTS, project, there};
 use curitiba::cuda::device::ordinals;
@@ -13,14 +13,14 @@ use curitiba::pipeline::project;
 use curitiba::{BackendChoice, Choice};
 
 type Made = Result<Box<dyn RayBackend>, BackendError>;
-/// The bits of a picture and its rays.
+/// The bits of a picture, and its ray counts.
 type Frame = (Vec<[u32; 4]>, RayCounts);
 
 fn frame(name: &str, fidelity: Fidelity, seed: u32, rays: Made) -> Frame {
     drawn_frame(Box::new(CpuRasteriser::new()), name, fidelity, seed, rays).0
 }
 
-/// The second frame, and how its G-buffer came to the rays.
+/// The second frame, and the notes on how its G-buffer reached the rays.
 fn drawn_frame(
     raster: Box<dyn Rasteriser>,
     name: &str,
@@ -31,7 +31,7 @@ fn drawn_frame(
     let project = project::load(&project(name)).expect("the project loads");
     let occlusion = matches!(name, "SceneSSAO" | "SceneFinal");
     let settings = Settings {
-        // No multiple of anything, and near the panes.
+        // A size that is no multiple of anything, near the panes.
         size: Some([203, 149]),
         camera: Some("Vidro".to_owned()),
         fidelity,
@@ -42,7 +42,7 @@ fn drawn_frame(
     let engines = Engines::new(raster, rays.expect("it was there before"));
     let plan = Plan::new(project, settings).expect("the plan stands");
     let mut renderer = Renderer::new(plan, engines, &mut Silent).expect("ready");
-    // The second frame finds everything in its place already.
+    // In the second frame all buffers exist already.
     renderer.frame(&mut Silent).expect("rendered");
     let picture = renderer.frame(&mut Silent).expect("rendered");
     let row = renderer.timeline().rows.iter().find(|row| row.kind == StepKind::Rays).expect("a ray pass ran");
@@ -61,7 +61,7 @@ fn copies_from_gpu_to_gpu(backend: BackendChoice, on: impl Fn(&[usize]) -> Made)
     let mut sets = vec![vec![0], vec![0, 0]];
     let all = ordinals(backend.name(), None).expect("there are some");
     if all.len() > 1 {
-        // The one that draws may be any of them.
+        // Any GPU of the set may be the one that draws.
         sets.extend([all.clone(), all.into_iter().rev().collect()]);
     }
     let mut before: Option<Frame> = None;
@@ -140,7 +140,7 @@ fn several_gpus_make_the_picture_and_trace_the_rays_of_one_with_optix() {
     is_shared(BackendChoice::Optix, |set| Ok(Box::new(OptixRays::on(set)?)));
 }
 
-/// What finds no room in the list of surfaces is computed by a kernel of its own.
+/// Surfaces beyond the length of the list are computed by a separate kernel.
 #[test]
 fn the_picture_does_not_depend_on_the_length_of_the_list_of_surfaces() {
     if there(Choice::CPU.traced_by(BackendChoice::Cuda)).is_none() {
@@ -155,7 +155,7 @@ fn the_picture_does_not_depend_on_the_length_of_the_list_of_surfaces() {
     for room in [1, 1000, 30_000] {
         let found = with_room(Some(room));
         assert!(found.0 == expected.0, "another picture with room for {room}");
-        // Which points are open without a ray depends on who works together with whom.
+        // Which points need no ray depends on the grouping of threads, so the sum is compared.
         let all = |rays: RayCounts| [rays.shadow, rays.reflected, rays.refracted, rays.occlusion + rays.certain];
         assert_eq!(all(found.1), all(expected.1), "other rays with room for {room}");
     }

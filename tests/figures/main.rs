@@ -1,12 +1,12 @@
-//! The tables of the documents are those of the measurements: between the lines
+//! The tables in the documents are generated from measurements. Between the lines
 //!
 //! ```text
 //! <!-- figures: KIND FILE.json OPTION=VALUE … -->
 //! <!-- end of figures -->
 //! ```
 //!
-//! of a Markdown file stands what this program makes of `docs/measurements/FILE.json`, and nothing that was typed by hand.
-//! `CURITIBA_WRITE_FIGURES=1 cargo test --test figures` writes it; without the variable a difference is a failure.
+//! of a Markdown file stands the output of this program for `docs/measurements/FILE.json`, and nothing typed by hand.
+//! `CURITIBA_WRITE_FIGURES=1 cargo test --test figures` writes it; without the variable, a difference is a failure.
 //!
 //! | kind | makes of a file of | |
 //! |---|---|---|
@@ -29,7 +29,7 @@ use std::path::{Path, PathBuf};
 const BEGIN: &str = "<!-- figures:";
 const END: &str = "<!-- end of figures -->";
 
-/// What a marker asks for.
+/// The contents of a marker.
 struct Request {
     kind: String,
     /// Names of files in `docs/measurements/`, without `.json`.
@@ -81,7 +81,7 @@ fn measurement(name: &str) -> Result<Value, String> {
     serde_json::from_str(&text).map_err(|error| format!("{}: {error}", path.display()))
 }
 
-/// The document with every table made again, and for each file that it quotes the kind and the commit.
+/// The document with every table generated anew. Adds the kind and the commit of each quoted file to `quoted`.
 fn rewrite(text: &str, quoted: &mut BTreeSet<(String, String, String)>) -> Result<String, String> {
     let mut out = String::new();
     let mut lines = text.lines().enumerate();
@@ -131,7 +131,7 @@ fn the_documents_hold_what_was_measured() {
         }
         assert!(write || made == text, "{}: a table has more or fewer rows than its measurement", path.display());
     }
-    // Figures of one kind are of one program; those beside Embree say in each row of which.
+    // Figures of one kind come from one commit. Those against Embree name their commit in each row.
     let mut commits: BTreeMap<String, BTreeSet<String>> = BTreeMap::new();
     for (kind, _, commit) in
         quoted.iter().filter(|(kind, ..)| !["machine", "rays", "passes", "builds", "listed"].contains(&kind.as_str()))

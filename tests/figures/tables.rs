@@ -1,4 +1,4 @@
-//! Markdown of measurements.
+//! Markdown tables of measurements.
 
 use serde_json::Value;
 use std::collections::BTreeMap;
@@ -6,7 +6,7 @@ use std::fmt::Write;
 
 type Options = BTreeMap<String, String>;
 
-/// Makes what `kind` stands for.
+/// Generates the table of a kind.
 pub fn table(kind: &str, files: &[Value], options: &Options) -> Result<String, String> {
     let one = || match files {
         [file] => Ok(file),
@@ -30,7 +30,7 @@ pub fn table(kind: &str, files: &[Value], options: &Options) -> Result<String, S
     }
 }
 
-/// A table that the program which measured named its columns of.
+/// A table whose columns the measuring program named.
 fn listed(file: &Value, options: &Options) -> Result<String, String> {
     let name = options.get("table").ok_or("`listed` wants table=NAME")?;
     let table = &file["tables"][name.as_str()];
@@ -38,7 +38,7 @@ fn listed(file: &Value, options: &Options) -> Result<String, String> {
     let columns = list(&table["columns"]).ok_or_else(|| format!("there is no table `{name}`"))?;
     let shown = |value: &Value| match value {
         Value::String(text) => text.clone(),
-        // Counts are whole.
+        // Counts are printed as integers.
         number if number.is_u64() => number.to_string(),
         number => cell(number.as_f64()),
     };
@@ -51,7 +51,7 @@ fn listed(file: &Value, options: &Options) -> Result<String, String> {
     Ok(out)
 }
 
-/// A file that `curitiba merge` wrote, taken apart into one for each machine; any other as it is.
+/// Splits a file that `curitiba merge` wrote into one file for each machine; any other file stays as it is.
 fn by_machine(file: &Value) -> Vec<Value> {
     let machines = file["machines"].as_array().map_or(&[][..], Vec::as_slice);
     if machines.is_empty() {
@@ -71,7 +71,7 @@ fn text(value: &Value) -> &str {
     value.as_str().unwrap_or("?")
 }
 
-/// Three digits, as people write them: 0.357, 12.9, 119.
+/// A number with three significant digits: 0.357, 12.9, 119.
 pub fn short(number: f64) -> String {
     match number.abs() {
         0.0 => "0".to_owned(),
@@ -86,7 +86,7 @@ pub fn short(number: f64) -> String {
     }
 }
 
-/// `2026-11-23` of seconds since 1970, by the algorithm of Howard Hinnant for civil dates.
+/// The date of seconds since 1970, such as `2026-11-23`, by Howard Hinnant's algorithm for civil dates.
 fn date(seconds: u64) -> String {
     let days = seconds / 86_400 + 719_468;
     let (era, day) = (days / 146_097, days % 146_097);
@@ -101,7 +101,7 @@ fn date(seconds: u64) -> String {
 fn machine(file: &Value) -> String {
     let environment = &file["environment"];
     let mut devices: Vec<&str> = environment["gpu"].as_array().into_iter().flatten().map(text).collect();
-    // Some commands list a name and a description of each.
+    // Some commands list a name and a description of each device.
     devices.extend(file["devices"].as_array().into_iter().flatten().map(|device| text(&device[1])));
     let mut out = format!("{}, {} threads", text(&environment["cpu"]), environment["threads"]);
     for device in devices {
@@ -123,7 +123,8 @@ fn machine(file: &Value) -> String {
     out + ".\n"
 }
 
-/// The rows of a bench that are of a view, and of labels where they are named (in their order).
+/// The rows of a bench with the view that the options name, and with the labels, in their order, if the options name
+/// any.
 fn rows<'f>(file: &'f Value, options: &Options) -> Result<Vec<&'f Value>, String> {
     let all: Vec<&Value> = file["rows"].as_array().into_iter().flatten().collect();
     let seen = |row: &&&Value| options.get("view").is_none_or(|view| text(&row["view"]) == view);
@@ -145,7 +146,8 @@ fn cell(number: Option<f64>) -> String {
     number.map_or(String::new(), short)
 }
 
-/// The two errors of each row: of the effect, and of the picture, which is told as "at most" where it is less than twice its reference's own.
+/// Two errors of each row: of the effect, and of the picture. The latter is printed as "at most" where it is less than
+/// twice the reference's own error.
 fn pictures(file: &Value, options: &Options) -> Result<String, String> {
     let mut out = String::from(
         "| case | view | error of the effect | error of the picture | FLIP | the reference's own error |\n|---|---|---:|---:|---:|---:|\n",
@@ -168,8 +170,8 @@ fn pictures(file: &Value, options: &Options) -> Result<String, String> {
     Ok(out)
 }
 
-/// The frame of each case in several files, and its error in each; beside them the 2014 report's frame where there is one. The option
-/// `names` says what the files are, with `/` between.
+/// The frame time and the error of each case in several files, beside the 2014 report's frame time where there is one.
+/// The option `names` names the files, separated by `/`.
 fn cases(files: &[Value], options: &Options) -> Result<String, String> {
     let names: Vec<&str> = options.get("names").ok_or("`names` is missing")?.split('/').map(str::trim).collect();
     if names.len() != files.len() {
@@ -198,7 +200,7 @@ fn cases(files: &[Value], options: &Options) -> Result<String, String> {
     Ok(out)
 }
 
-/// A whole number with commas between thousands, as the documents write counts.
+/// An integer with commas between thousands, as the documents print counts.
 fn grouped(count: u64) -> String {
     let digits = count.to_string();
     let comma = |at: usize| at > 0 && (digits.len() - at).is_multiple_of(3);
@@ -206,12 +208,12 @@ fn grouped(count: u64) -> String {
     digits.chars().enumerate().flat_map(cell).flatten().collect()
 }
 
-/// Rays of each kind in each row that a bench measured with a ray pass. The option `view` keeps the rows of one camera, and its column
-/// is left out; so is that of the fidelity where all rows have one.
+/// Rays of each kind, for each row that a bench measured with a ray pass. With the option `view`, only the rows of one
+/// camera are printed, without its column. The fidelity's column is omitted where all rows have the same.
 fn counts(files: &[Value], options: &Options) -> Result<String, String> {
     const KINDS: [&str; 5] = ["shadow", "occlusion", "certain", "reflected", "refracted"];
     let tables = files.iter().map(|file| rows(file, options)).collect::<Result<Vec<_>, _>>()?;
-    // Rows of one project and view follow each other, a file each.
+    // Rows of the same project and view are adjacent, one from each file.
     let most = tables.iter().map(Vec::len).max().unwrap_or(0);
     let rows: Vec<&Value> =
         (0..most).flat_map(|row| tables.iter().filter_map(move |table| table.get(row))).copied().collect();
@@ -244,7 +246,8 @@ fn case(record: &Value) -> (&str, &str) {
     (text(&record["program"]), record["camera"].as_str().unwrap_or("its own"))
 }
 
-/// Milliseconds of each ray pass on the device, a column for each backend. What disagreed with the processor says so.
+/// Device milliseconds of each ray pass, with a column for each backend. Results that disagree with the processor are
+/// marked.
 fn backends(files: &[Value], options: &Options) -> Result<String, String> {
     let fidelity = options.get("fidelity").map_or("corrected", String::as_str);
     let all = files.iter().filter_map(|file| file["records"].as_array()).flatten();
@@ -307,8 +310,8 @@ fn threads(file: &Value, options: &Options) -> Result<String, String> {
     if out.is_empty() { Err("no row is of those steps".to_owned()) } else { Ok(out) }
 }
 
-/// A row for each scene: million rays a processor second on one thread, in brackets the ratios to Embree's fastest mode and to
-/// its fastest watertight one.
+/// A row for each scene: million rays per processor second on one thread, and in brackets the ratios to Embree's
+/// fastest mode and to its fastest watertight mode.
 fn rays(files: &[Value], options: &Options) -> Result<String, String> {
     let mut out = String::new();
     let threads = options.get("threads").map_or(Ok(1), |threads| threads.parse::<u64>());
@@ -338,8 +341,8 @@ fn rays(files: &[Value], options: &Options) -> Result<String, String> {
     if out.is_empty() { Err("no scene was measured".to_owned()) } else { Ok(out) }
 }
 
-/// A row for each effect and number of threads: the ratio of our whole ray pass to the same program with Embree's rays, of processor
-/// time and by the clock.
+/// A row for each effect and number of threads: the ratio of our whole ray pass to the same program on Embree, by
+/// processor time and by wall time.
 fn passes(files: &[Value]) -> Result<String, String> {
     let mut out = "| scene | effect | threads | processor time | beside the watertight mode | by the clock | pixels that differ visibly |\n\
                    |---|---|---|---|---|---|---|\n"
@@ -359,7 +362,7 @@ fn passes(files: &[Value]) -> Result<String, String> {
     Ok(out)
 }
 
-/// A row for each scene: milliseconds of building on all threads, and bytes a triangle.
+/// A row for each scene: milliseconds of a build on all threads, and bytes per triangle.
 fn builds(files: &[Value]) -> Result<String, String> {
     let mut out = String::new();
     for scene in scenes(files) {

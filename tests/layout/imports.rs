@@ -1,22 +1,22 @@
-//! Which file imports which, read from the text: `use` declarations, and paths that start with `crate` or `super`.
+//! The imports of each file, read from its text: `use` declarations, and paths that start with `crate` or `super`.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
 
-/// A source file, by the path of its module.
+/// A source file, with the path of its module.
 #[derive(Clone)]
 pub struct Source {
     pub module: String,
     pub text: String,
 }
 
-/// By file, the files that it imports. A folder's `mod.rs` hands names on: who imports a name from it imports the file that
-/// has it.
+/// The files that each file imports. A folder's `mod.rs` re-exports names: an import of such a name is an import of the
+/// file that defines it.
 pub struct Imports {
     pub of: BTreeMap<String, BTreeSet<String>>,
 }
 
-/// All source files below a folder, but for tests.
+/// All source files below a folder, except tests.
 pub fn read(folder: &Path) -> Vec<Source> {
     let mut files = Vec::new();
     below(folder, "crate", &mut files);
@@ -41,7 +41,7 @@ fn below(folder: &Path, module: &str, files: &mut Vec<Source>) {
     }
 }
 
-/// The modules that a file declares for tests alone.
+/// The modules that a file declares only for tests.
 fn test_modules(module: &str, text: &str) -> Vec<String> {
     let after =
         |line: &str| Some(line.trim_start_matches("pub(crate) ").strip_prefix("mod ")?.strip_suffix(';')?.to_owned());
@@ -50,7 +50,7 @@ fn test_modules(module: &str, text: &str) -> Vec<String> {
     pairs.filter_map(|pair| after(pair[1])).map(|name| format!("{module}::{name}")).collect()
 }
 
-/// The code of a file: without comments and without what follows the first `#[cfg(test)]` in front of a module's body.
+/// The code of a file, without comments and without what follows the first `#[cfg(test)]` before a module's body.
 fn code(text: &str) -> String {
     let lines: Vec<&str> = text.lines().map(|line| line.split("//").next().unwrap_or(line)).collect();
     let is_test = |index: usize| {
@@ -61,7 +61,7 @@ fn code(text: &str) -> String {
     lines[..end].join("\n")
 }
 
-/// The `use` declarations of a code: whether the name is handed on, and what is between `use` and `;`.
+/// The `use` declarations of a code: whether the name is re-exported, and the text between `use` and `;`.
 fn uses(code: &str) -> Vec<(bool, String)> {
     let mut found = Vec::new();
     let mut rest = code;
@@ -79,7 +79,7 @@ fn uses(code: &str) -> Vec<(bool, String)> {
     found
 }
 
-/// The paths of a tree of imports, each with the name that it is given.
+/// The paths of a `use` tree, each with the name that it introduces.
 fn expand(prefix: &str, tree: &str, paths: &mut Vec<(String, String)>) {
     let tree = tree.trim();
     if let Some(open) = tree.find('{') {
@@ -106,7 +106,7 @@ fn expand(prefix: &str, tree: &str, paths: &mut Vec<(String, String)>) {
     paths.push((path.strip_suffix("::self").unwrap_or(&path).to_owned(), name.to_owned()));
 }
 
-/// The paths in a code that start with `crate` or `super`, outside of `use` declarations.
+/// The paths in a code that start with `crate` or `super`, outside `use` declarations.
 fn inline(code: &str) -> Vec<String> {
     let is_name = |letter: char| letter.is_alphanumeric() || letter == '_' || letter == ':';
     let words = code.split(|letter: char| !is_name(letter));
@@ -142,7 +142,7 @@ impl Imports {
             let paths = paths.into_iter().map(|(path, _)| path).chain(inline(&text));
             let targets = paths.map(|path| absolute(&file.module, &path)).filter_map(|path| resolve(&path));
             let own = &file.module;
-            // A file may name the folder that it is in, and what lies directly in it.
+            // A file may name the folder it is in, and the items directly in that folder.
             let targets = targets.filter(|target| target != own && !own.starts_with(&format!("{target}::")));
             of.insert(own.clone(), targets.collect());
         }
@@ -150,7 +150,8 @@ impl Imports {
     }
 }
 
-/// A path from the root; others are of another crate or of a child module.
+/// The path from the crate's root, for a path relative to a module. Other paths are of another crate or of a child
+/// module.
 fn absolute(module: &str, path: &str) -> String {
     let mut base = module.to_owned();
     let mut rest = path;
@@ -167,7 +168,7 @@ fn absolute(module: &str, path: &str) -> String {
     format!("{base}::{rest}")
 }
 
-/// The file that has what a path names.
+/// The file that defines the item of a path.
 fn resolve(
     modules: &BTreeSet<&str>,
     handed_on: &BTreeMap<(String, String), String>,

@@ -1,4 +1,4 @@
-//! The layout of the crates: imports run down the floors that are listed here, and no files import each other in a circle.
+//! The layout of the crates: imports run down the floors listed here, and no files import each other in a circle.
 
 mod imports;
 
@@ -6,10 +6,11 @@ use imports::{Imports, Source};
 use std::collections::BTreeMap;
 use std::path::Path;
 
-/// The rooms of a folder by floor, the ground first. A room is a file or a folder, and uses rooms on lower floors only.
+/// The rooms of a folder by floor, from the ground up. A room is a file or a folder, and imports only rooms of lower
+/// floors.
 type Floors = [&'static [&'static str]];
 
-/// Sources of the crates, each with a number of files that are there at least.
+/// The sources of each crate, and the least number of files expected there.
 const CRATES: [(&str, usize); 6] =
     [("src", 60), ("pipeline/src", 130), ("passes/src", 150), ("cuda/src", 15), ("view/src", 25), ("python/src", 3)];
 
@@ -48,7 +49,7 @@ const OF_TRACE: &Floors = &[
     &["bvh", "reference", "recorder", "with_spheres", "erased"],
 ];
 
-/// The floor of a module's room below `folder`, counted from the ground; `None` for the folder itself.
+/// The floor (from the ground, 0) and the room of a module below `folder`; `None` for the folder itself.
 fn floor(floors: &Floors, folder: &str, module: &str) -> Option<(usize, String)> {
     let rest = module.strip_prefix(folder)?.strip_prefix("::")?;
     let room = rest.split("::").next().unwrap_or(rest);
@@ -59,7 +60,7 @@ fn floor(floors: &Floors, folder: &str, module: &str) -> Option<(usize, String)>
     ))
 }
 
-/// The imports that do not run down, as `from -> to`.
+/// The imports that do not run downwards, as `from -> to`.
 fn upward(imports: &Imports, floors: &Floors, folder: &str) -> Vec<String> {
     let mut found = Vec::new();
     for (from, targets) in &imports.of {
@@ -133,7 +134,7 @@ fn source(module: &str, text: &str) -> Source {
     Source { module: module.to_owned(), text: text.to_owned() }
 }
 
-/// What the tests above would miss if names were not followed through the folders that hand them on.
+/// Control: cases that the tests above would miss if names were not followed through re-exporting folders.
 #[test]
 fn upward_imports_and_circles_are_seen() {
     let files = [

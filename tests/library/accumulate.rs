@@ -1,4 +1,4 @@
-//! Accumulated samples: the same rays as all at once.
+//! Accumulated samples are the same rays as all samples at once.
 
 use super::{bits, file, frame, opened, update};
 use curitiba::Choice;
@@ -43,12 +43,12 @@ fn sixteen_times_four_samples_are_sixty_four() {
     let at_once = frame(&mut renderer("SceneSSAO", 64));
     let shown = accumulated.window_image();
     assert!(bits(&shown) == bits(&at_once), "bit for bit, off by {}", largest(&shown, &at_once));
-    // The controls: the first batch alone, and the same batches of other seeds, are other pictures.
+    // Controls: the first batch alone, and the same batches with another seed, give other pictures.
     assert!(rms(&frame(&mut renderer("SceneSSAO", 4)), &at_once) > 1e-3);
     assert!(
         bits(&frame(&mut opened("SceneSSAO", Settings { seed: 1, ..settings("SceneSSAO", 64) }))) != bits(&at_once)
     );
-    // One call chooses the same batches.
+    // A single call chooses the same batches.
     let mut one = renderer("SceneSSAO", 100);
     let accumulation = one.accumulate(Goal::Samples(64), &mut Silent).expect("it takes samples");
     assert_eq!((accumulation.samples(), accumulation.passes()[0].estimate().batches()), (64, 16));
@@ -89,7 +89,7 @@ fn colours_that_are_linear_in_shares_are_accumulated() {
     assert!(rms(&frame(&mut renderer("SceneFinal", 4)), &at_once) > 1e-3);
 }
 
-/// Rays to the light's disc are samples of a sequence, whose mean has no exponent.
+/// Rays to the light's disc are samples of a sequence, and their mean has no exponent.
 #[test]
 fn soft_shadows_are_accumulated() {
     let of = |name: &str, samples: u32| {
@@ -99,7 +99,7 @@ fn soft_shadows_are_accumulated() {
         }
         opened(name, Settings { size: Some([112, 80]), camera: Some("Vidro".to_owned()), set, ..Settings::default() })
     };
-    // `final` adds up colours of reflections, too.
+    // `final` also adds up the colours of reflections, in another order.
     for (name, most) in [("SceneShadows", 0.0), ("SceneFinal", 16.0 * f32::EPSILON)] {
         let mut accumulated = of(name, 16);
         let accumulation = accumulated.accumulate(Goal::Samples(64), &mut Silent).expect("it takes samples");
@@ -112,7 +112,7 @@ fn soft_shadows_are_accumulated() {
             |renderer: &Renderer| renderer.timeline().rows.iter().find_map(|row| row.rays).map(|rays| rays.shadow);
         let mut at_once = of(name, 64);
         frame(&mut at_once);
-        // The way onto a round body is asked in every batch.
+        // Every batch tests again whether points lifted onto round surfaces are cut off.
         let (all, once) = (shadow(&accumulated).expect("traced"), shadow(&at_once).expect("traced"));
         assert!((once..once + once / 100).contains(&all), "{name}: {all} and {once}");
     }
@@ -126,7 +126,7 @@ fn the_standard_error_is_an_upper_estimate_and_falls() {
         let mut accumulated = renderer("SceneSSAO", 4);
         let accumulation = accumulated.accumulate(Goal::Samples(samples), &mut Silent).expect("it takes samples");
         let (told, real) = (accumulation.error(), rms(&accumulated.window_image(), &reference));
-        // The pass writes a share; what the window shows of it is at most twice as large, so compare the pass's own picture.
+        // The pass writes a share. The window shows at most twice that, so the pass's own picture is compared.
         let pass = &accumulation.passes()[0];
         let of_pass = rms(&pass.picture(), &share(4096));
         assert!(of_pass <= 1.25 * told, "{samples} samples: {of_pass} and told {told}");
@@ -138,7 +138,7 @@ fn the_standard_error_is_an_upper_estimate_and_falls() {
     }
 }
 
-/// The picture of the pass with so many samples, from its target.
+/// The pass's own picture, with this number of samples.
 fn share(samples: u32) -> Image {
     let mut renderer = renderer("SceneSSAO", 4);
     let mut accumulation = renderer.accumulation(&mut Silent).expect("it takes samples");

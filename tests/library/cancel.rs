@@ -1,4 +1,4 @@
-//! Frames that are given up.
+//! Cancelled frames.
 
 use super::setters::RAYS;
 use super::{bits, file, frame, opened, ran, settings, update};
@@ -29,7 +29,7 @@ fn a_frame_that_is_given_up_leaves_no_half_picture() {
     }
     assert!(matches!(renderer.frame(&mut Silent), Err(RenderError::Cancelled)));
     stop.reset();
-    // In the middle of the ray pass, from another thread than the one that renders.
+    // Cancels in the middle of the ray pass, from another thread than the rendering one.
     let mut at = StopAtRays(&stop);
     assert!(matches!(renderer.update(&mut at), Err(RenderError::Cancelled)));
     assert!(ran(&renderer).is_empty());
@@ -52,7 +52,7 @@ impl Observer for StopAtRays<'_> {
     fn end(&mut self) {}
 }
 
-/// A tracer that asks to stop at a ray in the middle of the picture, and keeps how many tiles were done then.
+/// A tracer that cancels at a ray in the middle of the picture, and records how many tiles were done then.
 struct Tripwire<'a> {
     bvh: &'a Bvh,
     rays: &'a AtomicU64,
@@ -83,7 +83,8 @@ impl Tracer for Tripwire<'_> {
     }
 }
 
-/// The processor's backend with that tracer; tells how many tiles were done when it was stopped, when it returned, and in all.
+/// The processor's backend with that tracer. Records how many tiles were done when it was cancelled, when it returned,
+/// and how many there are.
 #[derive(Default)]
 struct Stopped {
     bvh: Option<Bvh>,
@@ -134,7 +135,7 @@ fn what_was_begun_ends_with_its_tile() {
         let engines = Engines::new(Box::new(CpuRasteriser::new()), Box::new(backend));
         Renderer::new(plan, engines, &mut Silent).expect("the scene loads")
     };
-    // How many rays there are, to stop in the middle of them.
+    // The number of rays, to cancel in the middle of them.
     let backend = Stopped::default();
     let rays = Arc::clone(&backend.rays);
     frame(&mut open(backend));
@@ -149,6 +150,6 @@ fn what_was_begun_ends_with_its_tile() {
     assert_eq!(total, 400);
     let threads = rayon::current_num_threads() as u64;
     assert!(then > 20 && end < total, "stopped in the middle: {then} of {total} tiles, at last {end}");
-    // Each thread ends the tile that it is at.
+    // Each thread finishes its current tile.
     assert!(end - then <= threads, "{} tiles more, by {threads} threads", end - then);
 }

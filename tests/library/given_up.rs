@@ -1,6 +1,7 @@
-//! How much is still done of a step after a frame was given up in the middle of it: what each thread was at, and no more.
+//! How much of a step is still computed after a frame is cancelled in the middle of it: the part that each thread is
+//! working on, and no more.
 //!
-//! Another thread asks, at moments that chance chooses. What is asserted is counted, not timed; the times are printed.
+//! Another thread cancels at pseudo-random moments. Only counts are asserted, not times; times are printed.
 
 use super::{bits, file};
 use curitiba::Choice;
@@ -10,11 +11,11 @@ use std::sync::atomic::{AtomicBool, Ordering, fence};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
-/// Frames that are given up in the middle of the step, and tries until there are so many.
+/// Number of frames to be cancelled in the middle of the step, and greatest number of tries to get them.
 const WANTED: usize = 5;
 const TRIES: usize = 100;
 
-/// Shows the progress of a step to another thread.
+/// Hands the progress of a step to another thread.
 struct Shows<'a> {
     kind: StepKind,
     running: &'a Mutex<Option<Arc<Progress>>>,
@@ -29,7 +30,8 @@ impl Observer for Shows<'_> {
     fn end(&mut self) {}
 }
 
-/// What was seen of one try: parts that were done when it was asked and in the end, of how many, and how long the frame took to end.
+/// The result of one try: parts done when it was cancelled, parts done at the end, their total, and the time from
+/// cancelling to the end.
 struct Try {
     asked: u64,
     end: u64,
@@ -37,7 +39,7 @@ struct Try {
     took: Duration,
 }
 
-/// Renders a frame and asks to give it up when so much of a step is done, as a part of 1; nothing if it ended before.
+/// Renders a frame, and cancels it when the share `when` (0..1) of a step is done; `None` if the frame ended first.
 fn one_try(renderer: &mut Renderer, kind: StepKind, when: f64) -> Option<Try> {
     let (running, over) = (Mutex::new(None), AtomicBool::new(false));
     let stop = renderer.cancellation();
@@ -70,12 +72,12 @@ fn one_try(renderer: &mut Renderer, kind: StepKind, when: f64) -> Option<Try> {
     match ended {
         Err((RenderError::Cancelled, returned)) => Some(Try { asked, end, total, took: returned - now }),
         Err((error, _)) => panic!("{error}"),
-        // It was asked when the last pass was done.
+        // It was cancelled only when the last pass was done.
         Ok(()) => None,
     }
 }
 
-/// Chance that is the same in every run (the 64-bit congruential generator of Knuth, MMIX).
+/// Pseudo-random numbers, the same in every run (the 64-bit congruential generator of Knuth, MMIX).
 fn parts() -> impl Iterator<Item = f64> {
     let mut state = 1_u64;
     std::iter::repeat_with(move || {
@@ -121,7 +123,7 @@ fn threads_end_what_they_are_at_in_every_kind_of_pass() {
             times[WANTED / 2].as_secs_f64() * 1e3,
             times[WANTED - 1].as_secs_f64() * 1e3
         );
-        // Nothing of what was given up is left.
+        // A cancelled frame leaves nothing behind.
         assert!(bits(&renderer.update(&mut Silent).expect("the frame renders")) == whole, "{name}");
     }
 }

@@ -16,7 +16,7 @@ fn file(name: &str) -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("xml_projects").join(format!("{name}.xml"))
 }
 
-/// Small pictures, of few samples where there are any.
+/// Settings for small pictures, with few samples where the project takes any.
 fn settings(name: &str) -> Settings {
     let sampled = matches!(name, "SceneSSAO" | "SceneFinal");
     let set = if sampled { vec!["pass2.samples=4".to_owned()] } else { Vec::new() };

@@ -1,4 +1,4 @@
-//! A pass of the caller's own in a project's graph.
+//! A pass with a function of the caller's in a project's graph.
 
 use super::*;
 use curitiba::passes::cpu::CpuRays;
@@ -12,7 +12,7 @@ use curitiba::pipeline::programs::RayProgram;
 use curitiba::pipeline::project;
 use glam::Vec3;
 
-/// A frame of a project with these rays, and what its pass says of them.
+/// A frame of a project with this ray backend, and the note of its pass.
 fn rendered(name: &str, rays: impl RayBackend + 'static) -> (Image, String) {
     let project = project::load(&file(name)).expect("the project loads");
     let plan = Plan::new(project, settings(name)).expect("the plan stands");
@@ -23,7 +23,7 @@ fn rendered(name: &str, rays: impl RayBackend + 'static) -> (Image, String) {
     (image, row.note.clone())
 }
 
-/// Whether something is straight above the pixel's surface.
+/// Whether anything is straight above the pixel's surface.
 fn covered(at: At<'_>) -> [f32; 4] {
     if at.job.triangle[at.pixel.index] == NO_TRIANGLE {
         return [0.0, 0.0, 1.0, 1.0];
@@ -40,7 +40,7 @@ fn a_function_of_ones_own_is_a_pass_of_the_graph() {
     let (image, note) = rendered("SceneFinal", OwnProgram::new(RayProgram::Final, covered));
     let has = |value: f32| image.pixels.iter().filter(|pixel| (pixel[0] - value).abs() < 1.0 / 255.0).count();
     assert!(has(0.25) > 50 && has(1.0) > 1000 && has(0.25) + has(1.0) + has(0.0) == image.pixels.len(), "{note}");
-    // Pixels that show the square trace a ray each.
+    // Each pixel that shows the square traces one ray.
     let seen = image.pixels.len() - has(0.0);
     assert!(note.contains(&seen.to_string()), "{note}: {seen} rays");
 }

@@ -1,5 +1,5 @@
-//! Setters of a renderer: what it shows after one equals what a renderer shows that was opened with it, and only the passes run that
-//! depend on it.
+//! Setters of a renderer: after a setter the renderer shows the same as one that was opened with the new value, and
+//! only the passes that depend on the value run.
 
 use super::{bits, file, frame, opened, ran, settings, update};
 use curitiba::Choice;
@@ -9,7 +9,8 @@ use curitiba::pipeline::project::Pose;
 use glam::Vec3;
 use std::path::{Path, PathBuf};
 
-/// Sets something of a renderer that has rendered, and compares with one that was opened with it. Returns the passes that ran.
+/// Sets a value of a renderer that has already rendered, and compares the picture with that of a renderer opened with
+/// the value. Returns the passes that ran.
 fn same_as_fresh(
     name: &str,
     set: impl FnOnce(&mut Renderer) -> Result<(), ChangeError>,
@@ -23,10 +24,10 @@ fn same_as_fresh(
     let mut fresh = fresh(settings(name));
     let expected = frame(&mut fresh);
     assert!(bits(&after) == bits(&expected), "{name}: not the picture of a renderer that was opened so");
-    // The comparison is one: what was set shows.
+    // The comparison is meaningful: the new value changes the picture.
     assert!(bits(&before) != bits(&after), "{name}: nothing changed");
     assert_eq!(renderer.decisions(), fresh.decisions(), "{name}: the same is decided");
-    // Nothing has been set since, so nothing runs, and a whole frame is the same.
+    // Nothing has been set since, so no pass runs, and a whole frame is the same.
     assert!(bits(&update(&mut renderer)) == bits(&expected) && ran(&renderer).is_empty());
     assert!(bits(&frame(&mut renderer)) == bits(&expected), "{name}: a whole frame differs");
     passes
@@ -191,7 +192,7 @@ fn a_pass_switched_off_lets_its_input_through() {
         let fresh = Settings { camera: Some("Vidro".to_owned()), off: vec!["pass2".to_owned()], ..settings(name) };
         assert!(off == bits(&frame(&mut opened(name, fresh))), "{name}: not the picture of a renderer opened so");
         assert!(on != off, "{name}: the pass does something");
-        // What it would have added is gone: shares of light are 1, and of glass its own colour is seen.
+        // Without the pass its contribution is missing: light shares are 1, and glass has its own colour.
         if let "SceneShadows" | "SceneSSAO" | "raster/SceneGTAO" = name {
             let plain = Settings { camera: Some("Vidro".to_owned()), ..settings("SceneNoEffects") };
             assert!(off == bits(&frame(&mut opened("SceneNoEffects", plain))), "{name}: without it there is no effect");
@@ -199,7 +200,7 @@ fn a_pass_switched_off_lets_its_input_through() {
         renderer.set_enabled("pass2", true).expect("it can be switched on");
         assert!(bits(&update(&mut renderer)) == on, "{name}: not the picture from before");
         assert_eq!(ran(&renderer), RAYS, "{name}: the G-buffer is still there");
-        // A G-buffer that was drawn anew meanwhile lacks what only the pass reads.
+        // A G-buffer drawn in the meantime lacks the attachments that only this pass reads.
         renderer.set_enabled("pass2", false).expect("it can be switched off");
         renderer.set_camera(Some("MainCamera")).expect("a camera");
         update(&mut renderer);
@@ -224,7 +225,7 @@ fn the_last_pass_switched_off_leaves_the_window_black_and_what_is_read_cannot_be
     );
     let error = renderer.set_enabled("pass3", false).expect_err("there is none").to_string();
     assert!(error.contains("no pass `pass3`") && error.contains("pass2"), "{error}");
-    // The renderer goes on with what it had.
+    // The renderer keeps its previous settings.
     assert!(bits(&update(&mut renderer)) == bits(&frame(&mut opened("SceneShadows", settings("SceneShadows")))));
 }
 
@@ -255,7 +256,7 @@ fn wrong_values_are_refused_and_change_nothing() {
     assert!(bits(&update(&mut renderer)) == before && ran(&renderer).is_empty());
 }
 
-/// A copy of the projects' folder, whose files may be changed; its scene is that of the repository.
+/// A copy of the projects' folder, with files that tests may change; the scene is the repository's.
 struct Project(tempfile::TempDir);
 
 impl Project {
@@ -284,11 +285,11 @@ fn files_are_read_again_and_what_was_set_stays() {
     let mut renderer = open(settings("SceneShadows"));
     renderer.set_light("Sun", Vec3::new(-0.5, -1.0, 0.25), Vec3::ONE).expect("a light");
     let before = bits(&update(&mut renderer));
-    // Nothing changed: all is read and rendered again, and is the same.
+    // Without changes, everything is read and rendered again, with the same result.
     renderer.reload().expect("the project is there");
     assert!(bits(&update(&mut renderer)) == before);
     assert_eq!(ran(&renderer), ALL);
-    // Another camera in the file, the light that was set.
+    // The file has another camera; the light that was set is kept.
     folder.write("project.xml", &text.replacen("fov=\"60.0\"", "fov=\"40.0\"", 1));
     assert!(bits(&update(&mut renderer)) == before, "nobody asked to read files again");
     renderer.reload().expect("the project is there");
@@ -296,7 +297,7 @@ fn files_are_read_again_and_what_was_set_stays() {
     let mut fresh = open(settings("SceneShadows"));
     fresh.set_light("Sun", Vec3::new(-0.5, -1.0, 0.25), Vec3::ONE).expect("a light");
     assert!(after == bits(&update(&mut fresh)) && after != before);
-    // A project that is broken is refused; a scene that is broken fails one frame.
+    // A broken project is refused; a broken scene makes one frame fail.
     folder.write("project.xml", "<project");
     assert!(matches!(renderer.reload(), Err(ChangeError::Source(_))));
     folder.write("project.xml", &text);

@@ -1,4 +1,4 @@
-//! Positions as G-buffers store them: their error, and what that does to shadows and ambient occlusion.
+//! Stored positions of G-buffers: their error, and its effect on shadows and ambient occlusion.
 
 use crate::trace_scenes::Random;
 use curitiba_passes::cpu::trace;
@@ -29,7 +29,7 @@ struct Setting {
     buffer: GBuffer,
 }
 
-/// The generated square as the report's camera sees it, moved by `offset`.
+/// The generated square from the report's camera, moved by `offset`.
 fn setting(offset: Vec3) -> Setting {
     let (mut scene, _) = RenderScene::build(square::generate(10_000).scene, &BuildOptions::default()).expect("sound");
     scene.geometry.positions.iter_mut().for_each(|position| *position += offset);
@@ -69,7 +69,7 @@ fn setting(offset: Vec3) -> Setting {
 }
 
 impl Setting {
-    /// What a program writes, from these positions.
+    /// The red values that a program writes, started from these positions.
     fn run(&self, program: RayProgram, fidelity: Fidelity, position: &[[f32; 4]]) -> Vec<f32> {
         let none = vec![false; self.shades.len()];
         let job = RayJob {
@@ -100,7 +100,7 @@ impl Setting {
         output.pixels.iter().map(|pixel| pixel[0]).collect()
     }
 
-    /// The position of a pixel's centre at a depth that a buffer of this projection holds.
+    /// The positions of pixel centres, reconstructed from the depth that a buffer of this projection holds.
     fn rebuilt_from_depth(&self, projection: Mat4, store: fn(f64) -> f64) -> Vec<[f32; 4]> {
         let toward = Vec3::new(0.31, -0.36, 0.87).normalize();
         let clip = (projection * rh::view::look_to_mat4(self.view.eye, toward, Vec3::Y)).as_dmat4();
@@ -113,7 +113,7 @@ impl Setting {
             let depth = store(at.z / at.w);
             let centre = |k: u32| (f64::from(k) + 0.5) / f64::from(SIDE) * 2.0 - 1.0;
             let (x, y) = (centre(index as u32 % SIDE), -centre(index as u32 / SIDE));
-            // Unprojected in f32, as a shader does.
+            // Unprojected in f32, as in a shader.
             let [column_x, column_y, column_z, column_w] = back.as_mat4().to_cols_array_2d().map(Vec4::from_array);
             let world = column_x * x as f32 + column_y * y as f32 + column_z * depth as f32 + column_w;
             (world / world.w).with_w(position[3]).to_array()
@@ -122,7 +122,7 @@ impl Setting {
     }
 }
 
-/// Largest angle between a unit vector and what a format keeps of it, degrees.
+/// Greatest angle between a unit vector and its value in a format, in degrees.
 fn most_turned(format: PixelFormat, store: fn(f32) -> f32, read: fn(f32) -> f32) -> f64 {
     let mut random = Random::new(40);
     let normals: Vec<Vec3> = (0..200_000).map(|_| random.direction()).collect();
@@ -142,19 +142,20 @@ fn normals_in_16_bit_floats_are_off_by_a_fortieth_of_a_degree() {
     let bytes = most_turned(PixelFormat::Rgba8Unorm, |v| 0.5 + 0.5 * v, |v| 2.0 * v - 1.0);
     println!("normals are turned by at most {half:.4} degrees in 16-bit floats, {bytes:.3} in bytes");
     assert!((0.015..0.025).contains(&half), "{half}");
-    // Control: eight bits are seen to be coarser, by about as much as they have fewer digits.
+    // Control: eight bits are coarser, by about the ratio of their steps.
     assert!((0.3..0.5).contains(&bytes), "{bytes}");
 }
 
 fn f16(position: &[[f32; 4]]) -> Vec<[f32; 4]> {
     let mut rounded = position.to_vec();
     PixelFormat::Rgba16Float.round(&mut rounded);
-    // The cosine is not what this is about.
+    // The cosine is kept exact, because only positions are tested.
     rounded.iter_mut().zip(position).for_each(|(rounded, exact)| rounded[3] = exact[3]);
     rounded
 }
 
-/// What a form does: largest distance from the exact position, false shadows by fidelity, and the error of occlusion.
+/// The effect of a storage format: greatest distance from the exact position, number of false shadows by fidelity, and
+/// error of the occlusion by fidelity.
 #[derive(Debug)]
 struct Effect {
     most: f64,
@@ -173,7 +174,7 @@ fn effects(setting: &Setting) -> Vec<(&'static str, Effect)> {
         ("depth f32", setting.rebuilt_from_depth(standard, |depth| f64::from(depth as f32))),
         ("depth 24 bits", setting.rebuilt_from_depth(standard, |depth| (depth * 16_777_215.0).round() / 16_777_215.0)),
     ];
-    // The truth: exact positions on their triangles.
+    // The reference: exact positions on their triangles.
     let truth =
         [RayProgram::DeferredShadows, RayProgram::Ssao].map(|program| setting.run(program, Fidelity::Corrected, exact));
     let covered: Vec<usize> = (0..exact.len()).filter(|index| setting.buffer.triangle[*index] != NO_TRIANGLE).collect();
@@ -189,7 +190,7 @@ fn effects(setting: &Setting) -> Vec<(&'static str, Effect)> {
         for (slot, fidelity) in [Fidelity::Corrected, Fidelity::Thesis].into_iter().enumerate() {
             let shadow = setting.run(RayProgram::DeferredShadows, fidelity, &position);
             effect.shadows[slot] = covered.iter().filter(|i| shadow[**i] != truth[0][**i]).count();
-            // The programs' noise differs between fidelities: each is compared with itself on exact positions.
+            // The fidelities have different noise, so each is compared with itself on exact positions.
             let own = if slot == 0 { truth[1].clone() } else { setting.run(RayProgram::Ssao, fidelity, exact) };
             let open = setting.run(RayProgram::Ssao, fidelity, &position);
             let square = covered.iter().map(|i| f64::from(open[*i] - own[*i]).powi(2)).sum::<f64>();
@@ -215,9 +216,10 @@ fn far_from_the_origin_only_snapped_positions_keep_their_shadows() {
     let exact = &found[0].1;
     assert_eq!((exact.shadows[0], exact.occlusion[0]), (0, 0.0), "the truth itself");
     assert!(exact.shadows[1] > 500, "negative control, f32 positions as they are stored: {exact:?}");
-    // Half a unit in the last place of a 16-bit float is 2 here: what is stored is not the pixel's point any more.
+    // Half a unit in the last place of a 16-bit float is 2 units of length here, so the stored position is far from the
+    // pixel's point.
     assert!(found[1].1.most > 1.0, "{found:?}");
-    // With far projected to 1, depth loses the point as well; reversed it keeps it.
+    // With the far plane projected to 1, depth loses the point as well. Reversed depth keeps it.
     assert!(found[2].1.shadows[0] <= 10 && found[3].1.shadows[0] > 50, "{found:?}");
 }
 
@@ -229,17 +231,18 @@ fn snapped_positions_make_every_stored_form_safe_and_stored_ones_do_not() {
     assert_eq!((float.shadows[0], float.occlusion[0]), (0, 0.0), "the truth itself");
     let depths = [of("reversed depth f32").most, of("depth f32").most, of("depth 24 bits").most];
     assert!(depths[0] * 5.0 < depths[1].min(depths[2]) && half.most > depths[1], "{depths:?} {}", half.most);
-    // In corrected, a form moves shadow edges by its error and makes no false shadow.
+    // In corrected fidelity, a format moves shadow edges by its error and makes no false shadow.
     for (name, effect) in &found {
         assert!(effect.shadows[0] <= 60, "{name}: {effect:?}");
     }
-    // In thesis, rays start at what is stored.
+    // In thesis fidelity, rays start at the stored positions.
     assert!(half.shadows[1] > 20 * half.shadows[0].max(20), "negative control: {half:?}");
     assert!(half.occlusion[1] > 5.0 * half.occlusion[0].max(0.005), "negative control: {half:?}");
 }
 
-/// Of the pixels of the square that the rule for depth changes: how many show a triangle that is farther by more than a millionth than what `f64`
-/// meets first, with depth as it was and as it is. In the others surfaces lie in one plane, or an outline passes by.
+/// Looks at the pixels of the square that the rule for depth changes. Counts, for depth as it was and as it is, those
+/// that show a triangle farther by more than a millionth than the first hit in `f64`. In the other pixels surfaces are
+/// coplanar, or an outline passes by.
 #[test]
 fn the_rule_for_depth_changes_the_square_only_where_surfaces_lie_in_one_plane() {
     let Setting { scene, shades, view, sun, .. } = setting(Vec3::ZERO);

@@ -1,10 +1,11 @@
-//! The algebra of a smooth interface: conservation, reversibility, the critical angle, and what shortcuts cost.
+//! The algebra of a smooth interface: conservation, reversibility, the critical angle, and the error of shortcuts.
 
 use crate::trace_scenes::Random;
 use curitiba_passes::effects::{fresnel, schlick as approximate};
 use glam::Vec3;
 
-/// Indices of the far side over the near side: glasses and diamond both ways, 1, and its neighbours.
+/// Refractive indices of the far side over the near side: glasses and diamond in both directions, 1, and its
+/// neighbours.
 fn indices() -> Vec<f32> {
     let real = [1.1_f32, 1.33, 1.5, 2.42, 4.0];
     let mut all = real.to_vec();
@@ -13,7 +14,7 @@ fn indices() -> Vec<f32> {
     all
 }
 
-/// Angles of incidence, degrees: everywhere, near 0 and 90, and around the critical angle of each index.
+/// Angles of incidence in degrees: over the whole range, near 0 and 90, and around the critical angle of each index.
 fn angles(index: f32) -> Vec<f64> {
     let mut all: Vec<f64> = (0..=900).map(|tenth| f64::from(tenth) / 10.0).collect();
     all.extend([1e-6, 1e-3, 89.9, 89.99, 89.9999, 90.0]);
@@ -28,7 +29,8 @@ fn angles(index: f32) -> Vec<f64> {
     all
 }
 
-/// The transmitted share by Fresnel's amplitude coefficients of transmission, which the code under test does not use.
+/// The transmitted share, from Fresnel's amplitude coefficients of transmission, which the code under test does not
+/// use.
 fn transmittance(cos: f64, cos_refracted: f64, index: f64) -> f64 {
     let perpendicular = 2.0 * cos / (cos + index * cos_refracted);
     let parallel = 2.0 * cos / (index * cos + cos_refracted);
@@ -49,8 +51,9 @@ fn what_is_reflected_and_what_is_transmitted_add_up_to_one() {
             if interface.reflectance >= 1.0 || cos == 0.0 {
                 continue;
             }
-            // Exact inputs of the code under test, so that only its own arithmetic is judged; the refracted cosine by Snell
-            // in f64, because the rounding of its f32 value is magnified next to the critical angle.
+            // The same `f32` inputs as the code under test, so that only its own arithmetic is judged. The refracted
+            // cosine is computed by Snell's law in f64, because next to the critical angle the rounding of its f32
+            // value is magnified.
             let (c, n) = (f64::from(cos), f64::from(index));
             let refracted = (n * n - 1.0 + c * c).max(0.0).sqrt() / n;
             assert!((refracted - f64::from(interface.cos_refracted)).abs() < 1e-6, "{index} {angle}");
@@ -67,7 +70,8 @@ fn what_is_reflected_and_what_is_transmitted_add_up_to_one() {
 fn light_takes_the_same_way_back_with_the_same_weight() {
     let mut random = Random::new(30);
     let mut compared = 0;
-    // An index of 100 brings all light within half a degree of the normal, where an f32 direction says little of its angle.
+    // An index of 100 refracts all light to within half a degree of the normal, where an f32 direction determines its
+    // angle poorly.
     for index in indices().into_iter().filter(|index| *index <= 4.0) {
         for angle in angles(index) {
             let normal = random.direction();
@@ -77,7 +81,7 @@ fn light_takes_the_same_way_back_with_the_same_weight() {
             let there = fresnel(-incoming.dot(normal), index);
             let Some(refracted) = there.refract(incoming, normal, index) else { continue };
             assert!(refracted.is_finite() && (refracted.length() - 1.0).abs() < 1e-6, "{index} {angle}");
-            // Next to the critical or the grazing angle the cosine of one side says little of the other in f32.
+            // Next to the critical or the grazing angle, the cosine on one side determines the other poorly in f32.
             let slope = f64::from(there.cos_refracted).min(cos);
             if slope < 0.05 {
                 continue;
@@ -89,7 +93,7 @@ fn light_takes_the_same_way_back_with_the_same_weight() {
                 "{index} {angle}: {there:?} {back:?}"
             );
             let returned = back.refract(-refracted, -normal, 1.0 / index).expect("the way back is open");
-            // Bending to a denser side and back magnifies the rounding of the direction.
+            // Refraction to a denser side and back magnifies the rounding of the direction.
             let bound = 2e-6 * index.max(1.0 / index).powi(2) / slope as f32;
             assert!((returned + incoming).length() < bound, "{index} {angle}: {returned} {incoming}");
         }
@@ -109,7 +113,7 @@ fn an_interface_of_index_one_is_not_there() {
     }
 }
 
-/// The textbook code in `f32`, without a guard: refract, and take the share from both cosines.
+/// The textbook code in `f32`, without a guard: it refracts, and computes the share from both cosines.
 fn unguarded(cos: f32, index: f32) -> f32 {
     let eta = 1.0 / index;
     let refracted = (1.0 - eta * eta * (1.0 - cos * cos)).sqrt();
@@ -127,7 +131,7 @@ fn the_unguarded_formula_gives_nan_where_ours_reflects_totally() {
             let ours = fresnel(cos, index);
             nan += usize::from(unguarded(cos, index).is_nan());
             total += usize::from(ours.reflectance == 1.0);
-            // What f64 says of the very same f32 cosine.
+            // The answer in f64 for the same f32 cosine.
             let c = f64::from(cos);
             let beyond = 1.0 - c * c >= f64::from(index).powi(2);
             assert!(!beyond || ours.reflectance == 1.0, "{index} {angle}: {ours:?}");
@@ -146,13 +150,13 @@ fn cosines_a_rounding_error_above_one_are_as_one() {
             assert_eq!(fresnel(cos, index), fresnel(1.0, index), "{index} {cos}");
         }
     }
-    // Such cosines do occur: of vectors normalised in f32, many are longer than 1.
+    // Such cosines occur: many vectors normalised in f32 are longer than 1.
     let mut random = Random::new(31);
     let longer = (0..10_000).map(|_| random.direction()).filter(|v| v.length_squared() > 1.0).count();
     assert!(longer > 500, "{longer} of 10,000");
 }
 
-/// Schlick's approximation, with the cosine on the side of the lower index and total reflection.
+/// Schlick's approximation, with the cosine on the side of the lower index, and total reflection.
 fn schlick(cos: f64, index: f64) -> f64 {
     let zero = ((index - 1.0) / (index + 1.0)).powi(2);
     let cos = if index < 1.0 {
@@ -167,7 +171,7 @@ fn schlick(cos: f64, index: f64) -> f64 {
     zero + (1.0 - zero) * (1.0 - cos).powi(5)
 }
 
-/// The option `fresnel=schlick` against the formula in `f64`, at every index and angle of this file.
+/// The option `fresnel=schlick` against the formula in `f64`, for every index and angle of this file.
 #[test]
 fn schlicks_share_is_the_formulas_and_stays_between_0_and_1() {
     let (mut compared, mut near_critical) = (0, 0);
@@ -181,14 +185,14 @@ fn schlicks_share_is_the_formulas_and_stays_between_0_and_1() {
             let incoming = Vec3::new((1.0 - cos * cos).max(0.0).sqrt(), 0.0, -cos);
             let refracted = ours.refract(incoming, Vec3::Z, index);
             assert!(refracted.is_none_or(|direction| direction.is_finite()) && (refracted.is_none() || !total));
-            // Next to the critical angle the rounding of the cosine decides.
+            // Next to the critical angle, the rounding of the cosine decides.
             let (c, n) = (f64::from(cos), f64::from(index));
             if (n * n - 1.0 + c * c).abs() < 1e-5 {
                 near_critical += 1;
                 continue;
             }
             let expected = schlick(c, n);
-            // The slope of the refracted cosine magnifies the rounding of its square.
+            // The slope of the refracted cosine magnifies the rounding error of its square.
             let bound = 1e-6 + if index < 1.0 { 5e-7 / (n * n - 1.0 + c * c).abs().sqrt() / n } else { 0.0 };
             let found = f64::from(ours.reflectance);
             assert!((found - expected).abs() < bound, "{index} {angle}: {found} {expected}");
@@ -196,7 +200,7 @@ fn schlicks_share_is_the_formulas_and_stays_between_0_and_1() {
         }
     }
     assert!(compared > 8000 && near_critical > 100, "{compared} {near_critical}");
-    // Light has the same weight both ways.
+    // Light has the same weight in both directions.
     for index in [1.1_f32, 1.33, 1.5, 2.42] {
         for degree in 0..88 {
             let there = approximate((degree as f32).to_radians().cos(), index);
@@ -204,11 +208,11 @@ fn schlicks_share_is_the_formulas_and_stays_between_0_and_1() {
             assert!((there.reflectance - back.reflectance).abs() < 2e-5, "{index} {degree}: {there:?} {back:?}");
         }
     }
-    // Control: it is not Fresnel's.
+    // Control: Fresnel's reflectance differs.
     assert!((approximate(0.12, 1.1).reflectance - fresnel(0.12, 1.1).reflectance).abs() > 0.2);
 }
 
-/// What the page says about Schlick's approximation: its largest error by index, both ways.
+/// The numbers in the document for Schlick's approximation: its greatest error by index, in both directions.
 #[test]
 fn schlicks_error_is_as_documented() {
     for (index, expected) in [(1.1_f64, 0.2105), (1.33, 0.0599), (1.5, 0.0357), (2.42, 0.0757)] {
@@ -225,7 +229,7 @@ fn schlicks_error_is_as_documented() {
     }
 }
 
-/// The weight of the report: 1 - K² (1 - cos²) against what is transmitted into glass of that index.
+/// The report's weight 1 - K² (1 - cos²), against the transmitted share of glass of that index.
 #[test]
 fn the_reports_weight_is_off_by_more_than_one() {
     let error = |step: i32| {

@@ -1,4 +1,4 @@
-//! Meshes that rays slip through: needles, triangles far smaller than a pixel, copies, origins on the surface.
+//! Meshes through which rays may slip: needles, triangles far smaller than a pixel, copies, origins on the surface.
 
 use crate::trace_scenes::{Random, geometry, icosphere, passes_ordinary_test, ray};
 use curitiba_passes::trace::{Bvh, Hit, Quality, Ray, Tracer};
@@ -12,7 +12,7 @@ fn build(geometry: &Geometry) -> Bvh {
     Bvh::build(geometry, &[], Quality::Balanced)
 }
 
-/// A point on an edge of a mesh, or a vertex.
+/// A random point on an edge of a mesh, or a random vertex.
 fn seam(mesh: &Geometry, at_vertex: bool, random: &mut Random) -> Vec3 {
     let triangle = mesh.corners(random.below(mesh.triangles.len()) as u32);
     let corner = random.below(3);
@@ -38,7 +38,7 @@ fn leaks(mesh: &Geometry, bvh: &Bvh, center: Vec3, spread: Vec3, rays: u64, seed
     (0..parts).into_par_iter().map(part).reduce(|| [0, 0], |a, b| [a[0] + b[0], a[1] + b[1]])
 }
 
-/// A closed sphere, stretched.
+/// A closed sphere, scaled along the axes.
 fn stretched(levels: u32, by: Vec3) -> Geometry {
     let mut mesh = icosphere(levels, Vec3::ZERO);
     mesh.positions.iter_mut().for_each(|position| *position *= by);
@@ -66,7 +66,8 @@ fn nothing_leaks_through_a_mesh_of_needles() {
 
 #[test]
 fn a_mesh_far_smaller_than_a_pixel_is_hit_wherever_it_is_met() {
-    // 1280 triangles within a thousandth, seen from a thousand away: a triangle takes a hundred-thousandth of a pixel.
+    // 1280 triangles within a thousandth, seen from a distance of a thousand: a triangle covers a hundred-thousandth of
+    // a pixel.
     let mesh = stretched(3, Vec3::splat(1e-3));
     let bvh = build(&mesh);
     let mut random = Random::new(3);
@@ -74,7 +75,7 @@ fn a_mesh_far_smaller_than_a_pixel_is_hit_wherever_it_is_met() {
     for index in 0..200_000 {
         let side = random.direction();
         let origin = side * 1000.0;
-        // A vertex or a point of an edge that faces the origin and is not on the silhouette.
+        // A vertex, or a point of an edge, that faces the origin and is not on the silhouette.
         let target = seam(&mesh, index % 2 == 0, &mut random);
         let target = if target.dot(side) < 0.0 { -target } else { target };
         if target.dot(side) < 0.5e-3 {
@@ -126,11 +127,11 @@ fn rays_from_the_vertices_and_edges_of_a_closed_mesh_meet_its_other_side() {
     let mut random = Random::new(5);
     for index in 0..200_000 {
         let origin = seam(&mesh, index % 2 == 0, &mut random);
-        // Well inward: along the surface, the neighbours are in the way.
+        // The direction goes well inward: along the surface, neighbouring triangles would be in the way.
         let direction = (random.direction() * 0.5 - origin).normalize();
         let hit = bvh.closest(&ray(origin, direction), OPAQUE).expect("the other side is in the way");
         assert!(hit.t > 0.0, "never at distance 0: {hit:?}");
-        // From its own surface, by rounding at most, or from the other side.
+        // The hit is on the ray's own surface, at most at the distance of rounding, or on the other side.
         assert!(hit.t < 1e-6 || hit.t > 0.2, "{hit:?}");
         assert!(bvh.occluded(&Ray { t_min: 1e-6, ..ray(origin, direction) }, OPAQUE));
     }
@@ -159,7 +160,7 @@ fn directions_with_denormal_zero_and_huge_components_hit_what_they_should() {
     }
 }
 
-/// Run once for each release: `cargo test --release -p curitiba-numerics -- --ignored --nocapture`.
+/// To be run once for each release: `cargo test --release -p curitiba-numerics -- --ignored --nocapture`.
 #[test]
 #[ignore = "a hundred million rays take minutes"]
 fn nothing_leaks_in_a_hundred_million_rays() {

@@ -1,4 +1,4 @@
-//! Hard cases of floating point, each with the method that fails beside ours: see `docs/numerics.md`.
+//! Hard cases of floating point; each also runs a method that fails, as a control. See `docs/numerics.md`.
 
 #[path = "../../passes/tests/trace_scenes/mod.rs"]
 mod trace_scenes;

@@ -1,4 +1,4 @@
-//! Secondary rays at every scale and place, at angles to 89.9 degrees.
+//! Secondary rays at every scale and place, at angles up to 89.9 degrees.
 
 use crate::trace_scenes::{Random, geometry, ray};
 use curitiba_passes::trace::{Bvh, Hit, Quality, Ray, SurfacePoint, Tracer};
@@ -11,14 +11,14 @@ const SCALES: [f32; 5] = [1e-6, 1e-3, 1.0, 1e3, 1e6];
 const PLACES: [f32; 4] = [0.0, 1.0, 1e3, 1e6];
 const ANGLES: [f32; 5] = [0.0, 45.0, 80.0, 89.0, 89.9];
 
-/// A direction at an angle from a normal.
+/// A direction at this angle from a normal.
 fn tilted(normal: Vec3, degrees: f32, random: &mut Random) -> Vec3 {
     let across = normal.cross(random.direction()).normalize_or(normal.any_orthonormal_vector());
     let (sin, cos) = f64::from(degrees).to_radians().sin_cos();
     (normal.as_dvec3() * cos + across.as_dvec3() * sin).as_vec3().normalize()
 }
 
-/// A triangle of about this size somewhere at this distance from the origin; `None` where `f32` leaves nothing of it.
+/// A triangle of about this size at this distance from the origin; `None` where `f32` makes it degenerate.
 fn placed(scale: f32, place: f32, random: &mut Random) -> Option<[Vec3; 3]> {
     let a = random.direction() * place + random.cube() * scale;
     let (e1, e2) = (random.direction() * scale, random.direction() * scale);
@@ -62,7 +62,8 @@ fn a_triangle_is_not_in_its_own_shadow_at_any_scale_place_and_angle() {
                                 "scale {scale}, {place} away, {degrees} degrees: {corners:?}, {stored}, {onward}"
                             );
                         }
-                        // Without anything, with the usual fixed offset, and with the usual least distance.
+                        // Negative controls: without an offset, with the usual fixed offset, and with the usual least
+                        // distance.
                         here[0] += u32::from(bvh.occluded(&ray(stored, onward), OPAQUE));
                         here[1] += u32::from(bvh.occluded(&ray(stored + normal * side * 1e-4, onward), OPAQUE));
                         here[2] += u32::from(bvh.occluded(&Ray { t_min: 1e-4, ..ray(stored, onward) }, OPAQUE));
@@ -96,7 +97,7 @@ fn an_occluder_is_seen_from_a_fifty_thousandth_of_size_and_distance() {
         for place in PLACES {
             let gap = 2e-5 * (scale + place);
             if gap > 0.1 * scale {
-                // The offset would have to be finer than the numbers that place the triangle.
+                // The offset would have to be finer than the resolution of the triangle's coordinates.
                 continue;
             }
             for _ in 0..400 {
@@ -118,7 +119,7 @@ fn an_occluder_is_seen_from_a_fifty_thousandth_of_size_and_distance() {
     assert!(fixed_missed > 500, "a fixed offset misses {fixed_missed} of {tested}");
 }
 
-/// A closed box, its walls in two triangles each.
+/// A closed box with walls of two triangles each.
 fn room(scale: f32, place: Vec3) -> Vec<[Vec3; 3]> {
     let corner = |i: usize| {
         let at = |bit: usize| if i >> bit & 1 == 0 { -1.0 } else { 1.0 };
@@ -129,7 +130,7 @@ fn room(scale: f32, place: Vec3) -> Vec<[Vec3; 3]> {
         .concat()
 }
 
-/// The room turned about an axis that is none of its own; its walls are then flat to within rounding only.
+/// The room rotated about an axis that is none of its own, so that its walls are flat only up to rounding.
 fn turned_room(scale: f32, place: Vec3) -> Vec<[Vec3; 3]> {
     let turn = Mat3::from_axis_angle(Vec3::new(0.48, -0.6, 0.64), 0.7);
     let mut triangles = room(scale, Vec3::ZERO);
@@ -158,7 +159,7 @@ fn no_light_leaks_out_of(room: fn(f32, Vec3) -> Vec<[Vec3; 3]>) {
             for index in 0..4000_u32 {
                 let triangle = random.below(12) as u32;
                 let [a, b, c] = scene.corners(triangle);
-                // Half of the points lie within a ten-thousandth of an edge, some of them on it.
+                // Half of the points lie within a ten-thousandth of an edge, and some of them on it.
                 let near = if index % 2 == 0 { 1e-4 * random.unit() } else { random.unit() };
                 let (u, v) = (near, (1.0 - near) * random.unit());
                 let point = SurfacePoint::snap(&scene, triangle, a + (b - a) * u + (c - a) * v);
@@ -169,7 +170,8 @@ fn no_light_leaks_out_of(room: fn(f32, Vec3) -> Vec<[Vec3; 3]>) {
                 let blocked = bvh.occluded(&ray(start, onward), OPAQUE);
                 tested += 1;
                 assert!(blocked, "scale {scale}, at {place}: {start} along {onward}");
-                // Without the way along the plane, from points within the rounding of another wall: on it, or behind it.
+                // Negative control: the origin without its move along the plane. Near a border, within the rounding of
+                // another wall, it may be on or behind that wall.
                 let plain = point.position + point.normal * (start - point.position).dot(point.normal);
                 let borders = [(a, b), (b, c), (c, a)].map(|(from, to)| {
                     let along = (to - from).as_dvec3().normalize();
@@ -214,12 +216,13 @@ fn the_stated_error_bounds_the_distance_from_the_plane() {
     assert!(worst > 0.05, "the bound is of another order than the error: {worst}");
 }
 
-/// Rays of a thousand that leave closed rooms of this size, at this distance from the origin of the positions.
+/// Number of rays in a thousand that leave closed rooms of this size, at this distance from the origin of the
+/// positions.
 fn leaks(size: f64, distance: f64, recentred: bool) -> f64 {
     let mut random = Random::new(24);
     let (mut leaks, mut tested) = (0_u32, 0_u32);
     for _ in 0..40 {
-        // Files that place what they hold: exact in f64, and in f32 for the place.
+        // Files that place their objects: exact in f64, with a place that is exact in f32.
         let place = (random.direction() * distance as f32).round();
         let positions = turned_room(0.5 * size as f32, Vec3::ZERO).into_iter().flatten().collect();
         let triangles = (0..12).map(|id| [3 * id, 3 * id + 1, 3 * id + 2]).collect();
@@ -253,11 +256,11 @@ fn leaks(size: f64, distance: f64, recentred: bool) -> f64 {
     1e3 * f64::from(leaks) / f64::from(tested.max(1))
 }
 
-/// A room smaller than the offset of its own rays cannot keep them. How small that is depends on the distance from the origin of the
-/// positions, which is that of the scene no more: no room that is a scene leaks, wherever its file has it.
+/// A room smaller than the offset of its own rays cannot keep them inside. How small depends on the distance from the
+/// origin of the positions. Scenes are recentred, so no room that is a whole scene leaks, wherever its file places it.
 #[test]
 fn rooms_leak_below_the_documented_share_of_their_distance_from_the_origin() {
-    // Powers of two: the rooms' numbers are exact in f64, far away as near.
+    // Powers of two, so that the rooms' numbers are exact in f64 at every distance.
     let far = 2.0_f64.powi(20);
     for (share, leaky) in [(-15, false), (-16, false), (-18, true), (-20, true)] {
         let size = far * 2.0_f64.powi(share);

@@ -1,4 +1,4 @@
-//! Statistics of the samples: moments, correlations, and the error of ambient occlusion by number of samples.
+//! Statistics of the samples: moments, correlations, and the error of ambient occlusion by the number of samples.
 
 use curitiba_passes::sampling::hash::{dimensions, path_key, pcg4d, pixel_key, unit};
 use curitiba_passes::sampling::{HemisphereSampler, sine_noise};
@@ -8,7 +8,7 @@ use glam::{Vec2, Vec3};
 
 const SIDE: u32 = 256;
 
-/// Pearson's coefficient of correlation.
+/// Pearson's correlation coefficient.
 fn correlation(a: &[f32], b: &[f32]) -> f64 {
     let count = a.len() as f64;
     let mean = |v: &[f32]| v.iter().map(|x| f64::from(*x)).sum::<f64>() / count;
@@ -23,19 +23,19 @@ fn correlation(a: &[f32], b: &[f32]) -> f64 {
     ab / (aa * bb).sqrt()
 }
 
-/// A grid of numbers, one a pixel; `at` gives the number of a column and a row.
+/// One number for each pixel of a grid; `at` returns the number for a column and a row.
 fn grid(at: impl Fn(u32, u32) -> f32) -> Vec<f32> {
     (0..SIDE * SIDE).map(|i| at(i % SIDE, i / SIDE)).collect()
 }
 
-/// Largest correlation between a grid and itself shifted by some pixels.
+/// Greatest correlation of a grid with itself, shifted by some pixels.
 fn self_correlation(at: impl Fn(u32, u32) -> f32) -> f64 {
     let plain = grid(&at);
     let shifts = [(1, 0), (0, 1), (1, 1), (2, 0), (16, 0), (0, 64), (255, 1)];
     shifts.iter().map(|(x, y)| correlation(&plain, &grid(|i, j| at(i + x, j + y))).abs()).fold(0.0, f64::max)
 }
 
-/// Five standard deviations of the coefficient of correlation of unrelated numbers.
+/// Five standard deviations of the correlation coefficient of independent numbers.
 const UNRELATED: f64 = 5.0 / SIDE as f64;
 
 #[test]
@@ -59,7 +59,7 @@ fn numbers_of_neighbouring_and_far_pixels_dimensions_and_seeds_are_not_correlate
             }
         }
     }
-    // The report's noise, far away, is the negative control.
+    // Negative control: the report's noise, far from the origin.
     let found = self_correlation(|x, y| sine_noise::rand(Vec2::new(1e5 + x as f32 * 0.01, 1e5 + y as f32 * 0.01)));
     assert!(found > 0.5, "{found}");
 }
@@ -80,28 +80,28 @@ fn sample_points_have_the_moments_of_uniform_numbers() {
             }
             let count = f64::from(pixels * samples);
             for (sum, expected) in sums.iter().zip([0.5, 0.5, 1.0 / 3.0, 1.0 / 3.0, 0.25, 0.25]) {
-                // Five standard deviations of independent numbers; stratified ones are closer.
+                // Five standard deviations for independent numbers; stratified ones are closer.
                 assert!((sum / count - expected).abs() < 5.0 * 0.3 / count.sqrt(), "{sampler:?} {samples}: {sums:?}");
             }
         }
     }
 }
 
-/// Openness beside a wall at 0.3 of the radius, in closed form.
+/// Distance of a wall in radii, for which the open share has a closed form.
 const DISTANCE: f64 = 0.3;
 
 fn closed_form() -> f64 {
     1.0 - (DISTANCE.acos() - DISTANCE * (1.0 - DISTANCE * DISTANCE).sqrt()) / std::f64::consts::PI
 }
 
-/// Root mean square error and bias over many pixels; `directions` fills in those of a pixel.
+/// Root mean square error and bias over many pixels; `directions` writes a pixel's directions.
 fn error(samples: u32, mut directions: impl FnMut(u32, &mut Directions)) -> (f64, f64) {
     const PIXELS: u32 = 10_000;
     let mut buffer = Directions::default();
     let (mut square, mut sum) = (0.0, 0.0);
     for pixel in 0..PIXELS {
         directions(pixel, &mut buffer);
-        // The wall stands at an angle to the axes of the samples.
+        // The wall is rotated against the axes of the samples.
         let toward = Vec2::from_angle(3.7).as_dvec2();
         let blocked = |d: &Vec3| DISTANCE < d.truncate().as_dvec2().dot(toward);
         let open = 1.0 - buffer.iter().filter(blocked).count() as f64 / f64::from(samples);
@@ -113,7 +113,7 @@ fn error(samples: u32, mut directions: impl FnMut(u32, &mut Directions)) -> (f64
 
 #[test]
 fn the_error_of_ambient_occlusion_falls_with_the_samples_as_documented() {
-    // Errors at 4, 16, 64 and 256 samples may be this large; the slope is that from 16 to 256.
+    // Greatest errors at 4, 16, 64 and 256 samples, and the slope from 16 to 256.
     let limits = [
         ("sobol", [0.136, 0.0505, 0.0195, 0.0062], -0.65),
         ("strata", [0.175, 0.059, 0.0215, 0.0076], -0.65),
@@ -139,7 +139,7 @@ fn the_error_of_ambient_occlusion_falls_with_the_samples_as_documented() {
                     }));
                 }
             });
-            // Four standard deviations of the mean of ten thousand pixels.
+            // Four standard deviations of the mean over ten thousand pixels.
             assert!(bias.abs() < 4.0 * rms / 100.0, "{name} {samples}: bias {bias}");
             found.push(rms);
         }

@@ -1,8 +1,8 @@
-//! Our pictures against another renderer's: Mitsuba 3, whose results `oracle.py` stored beside this file.
+//! Our pictures against those of another renderer, Mitsuba 3, whose results `oracle.py` stored beside this file.
 //!
-//! Running these tests needs no Mitsuba. Each scene comes with its description; here it is rasterised and traced as in a
-//! project, and compared with the stored means by their standard errors: no pixel may be too many of them away, and their
-//! squares have to add up to what chance gives.
+//! These tests do not need Mitsuba. Each scene is stored with its description. Here it is rasterised and traced as in a
+//! project, and compared with the stored means by their standard errors: no pixel may deviate by too many of them, and
+//! the mean of the squares must be that of chance.
 
 use curitiba::passes::cpu::CpuRays;
 use curitiba::passes::raster::cpu::CpuRasteriser;
@@ -71,7 +71,7 @@ fn load(name: &str) -> Stored {
     serde_json::from_str(&text).unwrap_or_else(|error| panic!("{}: {error}", path.display()))
 }
 
-/// A sphere of `20 * 4^levels` triangles with its own normals.
+/// A sphere of `20 * 4^levels` triangles with their own normals.
 fn icosphere(levels: u32) -> Vec<[Vec3; 3]> {
     let golden = (1.0 + 5.0_f64.sqrt()) / 2.0;
     let mut points: Vec<glam::DVec3> = Vec::new();
@@ -100,7 +100,7 @@ fn icosphere(levels: u32) -> Vec<[Vec3; 3]> {
     triangles.into_iter().map(|triangle| triangle.map(|point| point.as_vec3())).collect()
 }
 
-/// The scene of a description, its triangles sorted by material.
+/// The scene of a description, with triangles sorted by material.
 fn scene(stored: &Stored) -> RenderScene {
     let mut geometry = Geometry::default();
     let mut materials = Vec::new();
@@ -135,7 +135,7 @@ fn scene(stored: &Stored) -> RenderScene {
     RenderScene { geometry, materials, ..RenderScene::default() }
 }
 
-/// What a program of ours gives, and the G-buffer it started from.
+/// The result of one of our programs, and the G-buffer that it started from.
 struct Ours {
     buffer: GBuffer,
     glass: Vec<bool>,
@@ -148,7 +148,7 @@ fn render(stored: &Stored, change: impl Fn(&mut RayParams)) -> Ours {
     render_from(stored, Vec3::ZERO, change)
 }
 
-/// The same with the eye moved.
+/// The same with the eye displaced by `moved`.
 fn render_from(stored: &Stored, moved: Vec3, change: impl Fn(&mut RayParams)) -> Ours {
     let scene = Arc::new(scene(stored));
     let paint = |paint: &Paint| Shade { diffuse: Vec3::splat(paint.diffuse).extend(1.0), ..Shade::default() };
@@ -163,7 +163,7 @@ fn render_from(stored: &Stored, moved: Vec3, change: impl Fn(&mut RayParams)) ->
     let eye = Vec3::from(eye) + moved;
     let projection = rh::proj::directx::perspective(fov_y.to_radians(), width as f32 / height as f32, 1000.0, 0.01);
     let view = View::new(projection * rh::view::look_to_mat4(eye, forward, Vec3::from(up)), eye);
-    // Where no sun shines, ambient light is all there is: the radiance of the oracle's emitters.
+    // Without a sun there is only ambient light: the radiance of the oracle's emitters.
     let sun = match stored.sun {
         Some(direction) => Sun { direction: Vec3::from(direction).normalize(), color: Vec3::ONE },
         None => Sun { direction: Vec3::NEG_Y, color: Vec3::ZERO },
@@ -232,27 +232,27 @@ fn render_from(stored: &Stored, moved: Vec3, change: impl Fn(&mut RayParams)) ->
     Ours { glass, picture, samples: params.samples, buffer, scene }
 }
 
-/// How two renderers differ on a scene.
+/// The difference of two renderers on a scene.
 #[derive(Debug)]
 struct Difference {
-    /// Pixels that both compare.
+    /// Pixels that both renderers compare.
     pixels: usize,
-    /// Pixels that only one of them compares: their centres are next to an outline.
+    /// Pixels that only one of them compares, because their centres are next to an outline.
     unmatched: usize,
-    /// Pixels left out: their value jumps if the eye moves by a thousandth, so rounding decides what they show; or
-    /// their shading normal mirrors into the body.
+    /// Omitted pixels: their value jumps if the eye moves by a thousandth, so rounding decides what they show, or their
+    /// shading normal mirrors into the body.
     jumping: usize,
-    /// Largest distance in standard errors.
+    /// Greatest difference of a pixel, in standard errors.
     worst: f64,
-    /// Mean of the squared distances: 1 where chance decides.
+    /// Mean of the squared differences: 1 for pure chance.
     square: f64,
-    /// Distance of the two pictures' means in its own standard errors.
+    /// Difference of the two pictures' means, in its own standard errors.
     mean: f64,
     /// Ratio of the two pictures' means.
     ratio: f64,
 }
 
-/// Compares pixels by their standard errors. `error` gives that of ours, which adds to the oracle's.
+/// Compares pixels by their standard errors. `error` returns ours for a value; it is added to the oracle's.
 fn difference(
     stored: &Stored,
     ours: &Ours,
@@ -276,7 +276,7 @@ fn difference(
             continue;
         }
         let value = quantity(index);
-        // What is stored has six digits.
+        // Stored values have six digits.
         let spread = (standard.powi(2) + error(value).powi(2) + (1e-5 * mean).powi(2) + 1e-14).sqrt();
         let distance = (value - mean) / spread;
         pixels += 1;
@@ -297,8 +297,8 @@ fn difference(
     }
 }
 
-/// The z-test: no pixel 5.5 standard errors away (one in 26 million by chance), their squares within what 500 pixels with
-/// skewed errors give, and the means within four standard errors.
+/// The z-test: no pixel is 5.5 standard errors off (chance gives one in 26 million), the squares are within the range
+/// of 500 pixels with skewed errors, and the means agree within four standard errors.
 fn agrees(difference: &Difference) -> bool {
     difference.worst < 5.5 && difference.square < 1.35 && difference.mean.abs() < 4.0
 }
@@ -327,7 +327,7 @@ fn a_hard_shadow_is_the_same_pixel_for_pixel() {
     }
     println!("{compared} pixels, {shadowed} of them dark, {wrong} differ; the others by {most:.1e} at most");
     assert!(compared > 450 && shadowed > 60 && shadowed < compared / 2, "{compared} {shadowed}");
-    // Pixels whose centre lies next to the outline of an object or of a shadow.
+    // Pixels whose centre is next to the outline of an object or of a shadow.
     assert!(wrong <= 2, "{wrong}");
 }
 
@@ -335,7 +335,7 @@ fn occlusion(change: impl Fn(&mut RayParams)) -> Difference {
     let stored = load("ambient_occlusion");
     let ours = render(&stored, change);
     let value = |index: usize| f64::from(ours.picture.pixels[index][0]);
-    // Of independent samples; ours are stratified and err less.
+    // The error of independent samples; ours are stratified and have smaller errors.
     let samples = f64::from(ours.samples);
     difference(&stored, &ours, |_| false, value, |open| (open * (1.0 - open) / samples).sqrt())
 }
@@ -346,15 +346,15 @@ fn ambient_occlusion_is_the_light_of_a_white_sky() {
     println!("{found:?}");
     assert!(found.pixels > 450 && found.unmatched <= 2 && agrees(&found), "{found:?}");
     assert!((found.ratio - 1.0).abs() < 1e-3, "{found:?}");
-    // Negative controls: a hemisphere that is too short, and the report's exponent.
+    // Negative controls: a hemisphere of too small a radius, and the report's exponent.
     let wrong = occlusion(|params| (params.samples, params.radius) = (4096, 1.0));
     assert!(!agrees(&wrong), "{wrong:?}");
     let wrong = occlusion(|params| (params.samples, params.intensity) = (4096, 1.05));
     assert!(!agrees(&wrong), "{wrong:?}");
 }
 
-/// Whether a pixel's shading normal would mirror into the body: there we take the triangle's normal, and Mitsuba goes on
-/// inside.
+/// Whether a pixel's shading normal would mirror into the body. There we use the triangle's normal, while Mitsuba
+/// continues inside.
 fn bends_inward(ours: &Ours, eye: Vec3, index: usize) -> bool {
     let triangle = ours.buffer.triangle[index];
     if triangle == NO_TRIANGLE {
@@ -393,7 +393,7 @@ fn an_interface_reflects_and_refracts_alike() {
         let found = glass(name, |_| {});
         println!("{name}: {found:?}");
         assert!(found.pixels > 500 && found.unmatched <= 2, "{name}: {found:?}");
-        // Next to the edge of a cell of the walls a ray of ours may meet the neighbour.
+        // Next to the edge of a wall's cell, our ray may hit the neighbouring cell.
         assert!(agrees(&found), "{name}: {found:?}");
         let wrong = glass(name, |params| params.index = index * 1.02);
         assert!(!agrees(&wrong), "{name}, index off by 2 %: {wrong:?}");
@@ -425,8 +425,8 @@ fn an_exact_sphere_mirrors_as_our_fine_mesh() {
     assert!(!agrees(&glass("sphere", |params| params.index = 1.6)));
 }
 
-/// A known limit, stated in `docs/numerics.md`: one interface of ours stands for a whole pane, as in the report. Rays do
-/// not leave glass into air, so a solid slab is not what its two faces make.
+/// A known limit, stated in `docs/numerics.md`: our single interface stands for a whole pane, as in the report. Rays do
+/// not leave glass into air, so a solid slab differs from one with two faces.
 #[test]
 fn a_solid_slab_is_not_modelled_and_the_test_tells() {
     let found = glass("solid_slab", |_| {});

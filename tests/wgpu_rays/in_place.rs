@@ -1,4 +1,4 @@
-//! Pictures that stay on the device until the quad pass has made the window of them.
+//! Pictures that stay on the device until the quad pass has filled the window from them.
 
 use super::is_there;
 use curitiba::engines::{choose, ray_backend};
@@ -32,7 +32,7 @@ fn renderer(name: &str, settings: Settings, engines: Engines) -> Renderer {
     Renderer::new(plan(name, settings), engines, &mut Silent).expect("ready")
 }
 
-/// The engines of a choice, with a rasteriser that fills windows on software drivers, too.
+/// The engines for a choice, with a rasteriser that fills windows on software drivers, too.
 fn engines(choice: Choice) -> Engines {
     let mut raster = WgpuRasteriser::new(AdapterChoice::Any).expect("a device");
     raster.set_fills_quads(true);
@@ -51,7 +51,7 @@ fn bits(image: &Image) -> Vec<[u32; 4]> {
     image.pixels.iter().map(|pixel| pixel.map(f32::to_bits)).collect()
 }
 
-/// What the plan says of the quad pass.
+/// The plan's decision about the quad pass.
 fn decision(renderer: &Renderer) -> Option<(bool, String)> {
     let mut found = renderer.decisions().iter().filter(|decision| decision.what.contains("on the rasteriser's device"));
     let decision = found.next().map(|decision| (decision.built, decision.why.clone()));
@@ -59,18 +59,19 @@ fn decision(renderer: &Renderer) -> Option<(bool, String)> {
     decision
 }
 
-/// Kinds and notes of the rows of the last frame.
+/// Kind and note of each row of the last frame.
 fn rows(renderer: &Renderer) -> Vec<(StepKind, String)> {
     let per_frame = renderer.timeline().rows.iter().filter(|row| row.kind.per_frame());
     per_frame.map(|row| (row.kind, row.note.clone())).collect()
 }
 
-/// Copies a frame makes.
+/// The copies to the host that a frame makes.
 fn copies(renderer: &Renderer) -> Vec<String> {
     rows(renderer).into_iter().filter(|(kind, _)| *kind == StepKind::ReadBack).map(|(_, note)| note).collect()
 }
 
-/// What a device displays, and the floats that it fills a window with, are those of the quad pass on the host.
+/// Asserts that the displayed codes of a device, and the floats with which it fills a window, equal those of the quad
+/// pass on the host.
 fn same(name: &str, settings: Settings) -> Renderer {
     let folder = tempfile::tempdir().expect("a folder");
     let [by_host, by_device] = ["host", "device"].map(|name| folder.path().join(name).with_extension("png"));
@@ -95,7 +96,7 @@ fn same(name: &str, settings: Settings) -> Renderer {
     if display.exposure == 0.0 && display.tone == Tone::None {
         assert!(colors(&again) == colors(&found), "{name}: what is known of it are its codes");
     }
-    // Files, and what was seen in them.
+    // The files are equal, and so is what was found about their pixels.
     let saved = renderer.render_and_save(&by_device, &mut Silent).expect("written");
     assert_eq!((saved.not_finite, saved.is_blank), (0, false), "{name}");
     assert!(std::fs::read(&by_host).expect("read") == std::fs::read(&by_device).expect("read"), "{name}: the files");
@@ -103,7 +104,7 @@ fn same(name: &str, settings: Settings) -> Renderer {
     renderer.draw_frame_for(Path::new("picture.exr"), &mut Silent).expect("rendered");
     assert_eq!(copies(&renderer), ["16 bytes a pixel"], "{name}");
     assert!(bits(&renderer.window_image()) == bits(&expected), "{name}: every bit of the floats");
-    // Whoever takes everything finds it in the targets.
+    // A caller that takes everything finds it in the targets.
     let after = renderer.update(&mut Silent).expect("rendered");
     assert!(bits(&after) == bits(&expected), "{name}: after it");
     renderer
@@ -122,14 +123,14 @@ fn what_is_drawn_and_traced_is_shown_by_the_device_as_by_the_host() {
     }
     same("SceneDummy", settings());
     let mut renderer = same("SceneShadows", settings());
-    // What the quad alone reads is in host memory only where everything is taken.
+    // Channels that only the quad reads are in host memory only if everything is read back.
     let (drawn, traced) = (channel(&renderer, "Deferred"), channel(&renderer, "Optix"));
     assert!(renderer.holds(drawn) && renderer.holds(traced));
     renderer.displayed_frame(&mut Silent).expect("rendered");
     assert!(!renderer.holds(drawn) && !renderer.holds(traced));
     renderer.refresh(&mut Silent).expect("rendered");
     assert!(renderer.holds(drawn) && renderer.holds(traced));
-    // In linear light, of targets in 16-bit floats.
+    // The same in linear light, with targets of 16-bit floats.
     let color = Some(ColorSpace::Linear);
     renderer = same("SceneShadows", Settings { color, exposure: 0.7, ..settings() });
     renderer.read_back_everything();
@@ -174,7 +175,7 @@ fn what_the_host_reads_is_brought_there_and_the_plan_says_why() {
     }
 }
 
-/// Loses its device in a frame.
+/// A ray backend that loses its device in a frame.
 struct Fails {
     inner: WgpuRays,
     left: u32,

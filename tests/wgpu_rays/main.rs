@@ -1,6 +1,6 @@
-//! The ray backend `wgpu` against the processor's: the conformance matrix, and what it refuses.
+//! The ray backend `wgpu` against the processor's: the conformance matrix, and what the backend refuses.
 //!
-//! Without an adapter these tests say `skipped: why`, and pass; with `CURITIBA_REQUIRE_GPU_TESTS=1` they fail instead.
+//! Without an adapter these tests print `skipped: why` and pass; with `CURITIBA_REQUIRE_GPU_TESTS=1` they fail instead.
 
 mod in_place;
 
@@ -23,9 +23,9 @@ use std::path::Path;
 use std::rc::Rc;
 use std::sync::{Arc, Mutex};
 
-/// Pixels a side: software drivers take a second for each picture of 128 pixels.
+/// Pixels along a side; software drivers take a second for each picture of 128 pixels.
 const SIDE: u32 = 64;
-/// Few samples of occlusion.
+/// A small number of occlusion samples.
 const OCCLUSION: &[&str] = &["samples=9"];
 
 fn is_there() -> bool {
@@ -40,8 +40,8 @@ fn is_there() -> bool {
     }
 }
 
-/// One backend for many renderers, one after the other: software drivers take most of these tests' time to compile programs, and a backend
-/// keeps those that it has.
+/// One backend for many renderers, one after the other. With software drivers, most of these tests' time is the
+/// compilation of programs, and a backend keeps its compiled programs.
 #[derive(Clone)]
 struct Lent(Rc<RefCell<Box<dyn RayBackend>>>);
 
@@ -92,7 +92,7 @@ fn record(lent: &Lent, name: &str, camera: &str, fidelity: Fidelity, set: &[&str
     record_in(None, lent, name, camera, fidelity, set, found);
 }
 
-/// [`record`] in another space of colours.
+/// As [`record`], in another colour space.
 fn record_in(
     color: Option<ColorSpace>,
     lent: &Lent,
@@ -135,18 +135,19 @@ fn check(record: &Record, nothing_fuses: bool) {
     if record.program == "dummy" || nothing_fuses && record.program == "deferredShadows" {
         assert_eq!(compared.identical, compared.pixels, "not every bit: {words}");
     }
-    // Rays that the processor leaves out are traced: together they are as many.
+    // Rays that the processor finds unnecessary may be traced on the device; the sum is the same.
     let (mine, theirs) = (record.rays, record.cpu_rays.expect("the processor ran"));
     if record.program != "final" && record.program != "refraction" {
-        // Whether the report's noise makes a ray of numbers may depend on a last bit, and so may its chains of mirrors.
+        // In thesis fidelity, the last bit may decide whether the report's noise gives a direction of numbers, and so
+        // may chains of mirrors.
         let few = if record.fidelity == "thesis" { theirs.total() / 1000 } else { 0 };
         assert!((mine.occlusion + mine.certain).abs_diff(theirs.occlusion + theirs.certain) <= few, "{words}");
         assert!(mine.shadow == theirs.shadow && mine.reflected.abs_diff(theirs.reflected) <= few, "{words}");
     }
 }
 
-/// What every program computes in one fidelity, from both views. The fidelities share no program of a device, so each is a test, and a
-/// software driver compiles them side by side.
+/// All programs in one fidelity, from both views. The fidelities share no device program, so each has a test of its
+/// own; a software driver compiles the two in parallel.
 fn matrix(lent: &Lent, fidelity: Fidelity, found: &Arc<Mutex<Found>>) {
     for camera in ["MainCamera", "Vidro"] {
         for name in ["SceneDummy", "SceneShadows", "SceneReflect", "SceneRefract"] {
@@ -158,11 +159,11 @@ fn matrix(lent: &Lent, fidelity: Fidelity, found: &Arc<Mutex<Found>>) {
     }
 }
 
-/// Checks all records, of which there are so many.
+/// Checks all records; `count` is their expected number.
 fn check_all(found: &Mutex<Found>, count: usize) {
     let found = found.lock().expect("no panic while it was held");
     assert_eq!(found.records.len(), count, "a pass of the matrix did not run");
-    // Software drivers fuse nothing, as far as is known of the one that there is.
+    // The known software driver does not fuse multiplications and additions.
     let nothing_fuses = adapters().first().is_some_and(|adapter| adapter.kind == AdapterKind::Software);
     found.records.iter().for_each(|record| check(record, nothing_fuses));
 }
@@ -177,7 +178,7 @@ fn every_corrected_program_computes_what_the_processor_does() {
     for camera in ["MainCamera", "Vidro"] {
         record(lent, "SceneRefract", camera, Fidelity::Corrected, &["fresnel=schlick"], &found);
         record(lent, "SceneSSAO", camera, Fidelity::Corrected, &["sampler=strata", "samples=4"], &found);
-        // What is seen in panes is textured: texels are decoded.
+        // The panes show textured surfaces, so texels are decoded.
         let linear = Some(ColorSpace::Linear);
         record_in(linear, lent, "SceneReflect", camera, Fidelity::Corrected, &[], &found);
         record_in(linear, lent, "SceneFinal", camera, Fidelity::Corrected, OCCLUSION, &found);
@@ -195,14 +196,16 @@ fn every_program_of_the_report_computes_what_the_processor_does() {
     check_all(&found, 2 * 6);
 }
 
-/// Balls of several kinds, a filled glass with a bubble, panes: glass as each material says, before a background.
+/// Glass as each material says, in front of a background: balls of several kinds, a filled glass with a bubble, and
+/// panes.
 #[test]
 fn glass_as_each_material_says_is_the_processors() {
     if !is_there() {
         return;
     }
     let found = Arc::new(Mutex::new(Found::default()));
-    // Software drivers leave long loops, and refuse deeper glass for it (`deep_glass_is_whole_or_refused`).
+    // Software drivers abort long loops, so the backend refuses deeper glass on them
+    // (`deep_glass_is_whole_or_refused`).
     let is_software = adapters().first().is_some_and(|adapter| adapter.kind == AdapterKind::Software);
     let set: &[&str] = if is_software { &["samples=9", "depth=2"] } else { &["samples=9"] };
     let lent = &Lent::wgpu();
@@ -219,7 +222,7 @@ fn glass_as_each_material_says_is_the_processors() {
     }
 }
 
-/// A driver that leaves long loops would darken glass without a word.
+/// A driver that aborts long loops would darken glass without any error.
 #[test]
 fn deep_glass_is_whole_or_refused() {
     if !is_there() {
@@ -246,10 +249,10 @@ fn deep_glass_is_whole_or_refused() {
     }
 }
 
-/// Steps of a frame: kind, name and milliseconds.
+/// The steps of a frame: kind, note and median milliseconds.
 type Steps = Vec<(StepKind, String, f64)>;
 
-/// A frame's picture, and the kinds and medians of its rows.
+/// A frame's picture and its steps.
 fn frame(choice: Choice) -> (Vec<[f32; 4]>, Steps) {
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("xml_projects/SceneShadows.xml");
     let settings = Settings { size: Some([96, 64]), ..Settings::default() };
@@ -276,8 +279,8 @@ fn raster_and_rays_on_one_device_copy_nothing_and_show_the_same() {
         rows.iter().filter(|(own, ..)| *own == kind).map(|(.., ms)| *ms).collect()
     };
     assert_eq!(of(&rows, StepKind::Join), [0.0], "{rows:?}");
-    // What is read back is the colour, which the quad pass lights, and the picture of the rays; for rays on the processor, it is the
-    // whole G-buffer at once.
+    // Read back are the colour, which the quad pass lights, and the picture of the rays. With rays on the processor,
+    // the whole G-buffer is read back at once.
     assert_eq!((of(&rows, StepKind::ReadBack).len(), of(&apart, StepKind::ReadBack).len()), (2, 1), "{rows:?}");
     assert!(rows.iter().any(|(kind, note, _)| *kind == StepKind::Join && note == "in device memory"), "{rows:?}");
 }

@@ -1,11 +1,11 @@
-//! Where surfaces are cut out.
+//! Alpha testing: where surfaces are cut out.
 
 use super::interpolate::{interpolate, texture_coordinates};
 use crate::trace::Hit;
 use curitiba_pipeline::backend::Shade;
 use curitiba_pipeline::scene::RenderScene;
 
-/// Says where the surface of a triangle really is.
+/// Decides where a triangle has a surface.
 pub trait Coverage: Sync {
     /// Whether there is a surface at this point of the triangle.
     fn covers(&self, hit: &Hit) -> bool;
@@ -21,19 +21,19 @@ impl Coverage for Opaque {
     }
 }
 
-/// Every triangle is whole where there is none.
+/// `None` leaves every triangle whole.
 impl<C: Coverage> Coverage for Option<C> {
     fn covers(&self, hit: &Hit) -> bool {
         self.as_ref().is_none_or(|coverage| coverage.covers(hit))
     }
 }
 
-/// Triangles are cut out where the alpha of texture (level 0) and vertices is below the material's cutoff.
+/// A triangle is cut out where texture alpha (level 0) times vertex alpha is below the material's cutoff.
 #[derive(Debug, Clone, Copy)]
 pub struct AlphaTested<'a> {
-    /// Whose triangles are hit.
+    /// The scene whose triangles are hit.
     pub scene: &'a RenderScene,
-    /// By material.
+    /// One for each material.
     pub shades: &'a [Shade],
 }
 

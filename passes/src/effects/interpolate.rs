@@ -4,7 +4,7 @@ use crate::trace::Hit;
 use curitiba_pipeline::scene::Geometry;
 use glam::{Vec2, Vec3};
 
-/// A vertex attribute at a hit.
+/// A vertex attribute, interpolated at a hit by its barycentric coordinates.
 pub fn interpolate<V>(geometry: &Geometry, values: &[V], hit: &Hit) -> V
 where
     V: Copy + std::ops::Mul<f32, Output = V> + std::ops::Add<Output = V>,
@@ -13,7 +13,7 @@ where
     a * (1.0 - hit.u - hit.v) + b * hit.u + c * hit.v
 }
 
-/// The barycentric coordinates of a point in the plane of a triangle, as a hit at distance 0.
+/// The barycentric coordinates of a point in a triangle's plane, as a hit at distance 0.
 pub fn locate(geometry: &Geometry, triangle: u32, point: Vec3) -> Hit {
     let [a, b, c] = geometry.corners(triangle).map(|corner| corner.as_dvec3());
     let (e1, e2, to) = (b - a, c - a, point.as_dvec3() - a);

@@ -1,17 +1,17 @@
-//! Light: the rays that ask only whether it arrives.
+//! Light visibility: rays that only ask whether the light arrives.
 
 use super::coverage::Coverage;
 use super::pass::Pass;
 use crate::trace::{Announcement, Hit, PACKET, Purpose, Ray, Tracer};
 use glam::Vec3;
 
-/// What light keeps behind an opaque surface.
+/// Share of the light behind an opaque surface.
 pub const SHADOWED: f32 = 0.5;
-/// What light keeps at each glass surface that it crosses.
+/// Factor of the light for each glass surface that it crosses.
 pub const THROUGH_GLASS: f32 = 0.9;
 
 impl<T: Tracer, C: Coverage> Pass<'_, T, C> {
-    /// Whether nothing lies between an origin off its surface and the light.
+    /// Whether no hit for which `stops` is true lies between `origin`, which is off its surface, and the light.
     pub(super) fn sees_light(&self, origin: Vec3, stops: impl FnMut(&Hit) -> bool) -> bool {
         self.announce_visibility(Purpose::Shadow, 1.0);
         !self.tracer.occluded(&self.light_ray(origin), stops)
@@ -21,7 +21,7 @@ impl<T: Tracer, C: Coverage> Pass<'_, T, C> {
         self.tracer.announce(Announcement { purpose, bounce: 0, weight });
     }
 
-    /// Whether a hit stops light; `crosses` is called where it passes glass instead.
+    /// Whether a hit stops light. Where light passes glass instead, `crosses` is called.
     pub(super) fn blocks_light(&self, hit: &Hit, crosses: impl FnOnce()) -> bool {
         if !self.covers(hit) {
             return false;
@@ -38,7 +38,7 @@ impl<T: Tracer, C: Coverage> Pass<'_, T, C> {
     }
 }
 
-/// What is left of light that is blocked, or else crosses glass at these distances, in any order.
+/// The share of the light along one ray that is blocked, or else crosses glass at these distances, in any order.
 pub(super) fn share_of_light(blocked: bool, crossings: &mut [f32]) -> f32 {
     if blocked {
         SHADOWED
@@ -49,8 +49,8 @@ pub(super) fn share_of_light(blocked: bool, crossings: &mut [f32]) -> f32 {
     }
 }
 
-/// What is left of the light of `rays` rays, one bit each in `blocked`, that cross glass at distances of `crossings`, each with its ray; `each` is
-/// told the ray and its share. `distances` is room.
+/// Calls `each` with every ray's index and light share. `blocked` has one bit for each of `rays` rays; `crossings`
+/// lists glass hits as ray and distance. `distances` is scratch space.
 pub(super) fn shares_of_light(
     rays: usize,
     blocked: &[u16],
@@ -70,8 +70,8 @@ pub(super) fn shares_of_light(
     }
 }
 
-/// How many surfaces these hit distances belong to. A tracer may show a hit twice, and a ray through the edge between two
-/// triangles meets both: distances no farther apart than the rounding of their computation are one surface.
+/// The number of surfaces that these hit distances belong to. A tracer may report a hit twice, and a ray through the
+/// edge between two triangles hits both: distances no farther apart than their rounding error are one surface.
 pub(super) fn distinct(distances: &mut [f32]) -> usize {
     const ROUNDING: f32 = 8.0 * f32::EPSILON;
     distances.sort_unstable_by(f32::total_cmp);

@@ -1,4 +1,4 @@
-//! What materials look like at a hit.
+//! The colours and normals of materials at a hit.
 
 use super::interpolate::{interpolate, texture_coordinates};
 use super::pass::Pass;
@@ -6,15 +6,16 @@ use crate::trace::{Hit, Tracer};
 use curitiba_pipeline::scene::normal_map;
 use glam::Vec3;
 
-/// As in the rasteriser: normals whose squared length is not above this have cancelled.
+/// As in the rasteriser: normals whose squared length is at most this have cancelled.
 pub const LEAST_SQUARE: f32 = 1e-30;
 
 /// The report's ambient light.
 pub const AMBIENT: f32 = 0.3;
 
 impl<T: Tracer, C> Pass<'_, T, C> {
-    /// The report's `closest_hit`: diffuse light, ambient light and texture (level 0), with this unit normal, times the vertex colour; and
-    /// the light that the surface sends out. Spheres have neither texture coordinates nor colours of vertices.
+    /// The colour of the report's `closest_hit` for this unit normal: diffuse and ambient light times texture (level
+    /// 0), times vertex colour, plus the light that the surface emits. Spheres have neither texture coordinates nor
+    /// vertex colours.
     pub(super) fn lit_color(&self, hit: &Hit, normal: Vec3) -> Vec3 {
         let scene = self.job.scene;
         let shade = &self.job.shades[self.material_of(hit.triangle) as usize];
@@ -36,21 +37,22 @@ impl<T: Tracer, C> Pass<'_, T, C> {
         if shade.glow.is_some() { reflected + self.glow(hit) } else { reflected }
     }
 
-    /// The cosine by which light falls on a surface of this unit normal; 0 where it is turned away.
+    /// The cosine of the light on a surface with this unit normal; 0 where the surface is turned away.
     pub(super) fn light_cosine(&self, hit: &Hit, normal: Vec3) -> f32 {
         let shade = &self.job.shades[self.material_of(hit.triangle) as usize];
         let bent = shade.normal_map.is_some() && self.sphere(hit.triangle).is_none();
         if bent && !self.vertices_face_light(hit, normal) { 0.0 } else { self.to_light.dot(normal).max(0.0) }
     }
 
-    /// What light of 1 adds to the colour of a triangle or sphere, by its cosine, beside [`AMBIENT`] and in units of its texture or colour.
+    /// How much light of intensity 1 adds to the colour of a triangle or sphere for a cosine of 1, beside [`AMBIENT`],
+    /// in units of its texture or colour.
     pub(super) fn tint(&self, id: u32) -> Vec3 {
         let shade = &self.job.shades[self.material_of(id) as usize];
         let textured = shade.texture.is_some() && self.sphere(id).is_none();
         if textured { shade.diffuse.truncate() } else { Vec3::ONE }
     }
 
-    /// The light that a surface sends out at a hit.
+    /// The light that a surface emits at a hit.
     pub(super) fn glow(&self, hit: &Hit) -> Vec3 {
         let scene = self.job.scene;
         let flat = self.sphere(hit.triangle).is_none();
@@ -61,7 +63,7 @@ impl<T: Tracer, C> Pass<'_, T, C> {
         glow.color * shining
     }
 
-    /// The share of light that a surface reflects at a hit: diffuse colour times texture (level 0) times vertex colour.
+    /// The diffuse reflectance at a hit: diffuse colour times texture (level 0) times vertex colour.
     pub(super) fn base_color(&self, hit: &Hit) -> Vec3 {
         let scene = self.job.scene;
         let shade = &self.job.shades[self.material_of(hit.triangle) as usize];
@@ -79,8 +81,8 @@ impl<T: Tracer, C> Pass<'_, T, C> {
         color
     }
 
-    /// The normal at a hit, bent by the normal map (level 0); `None` where the material has none. `vertex` is the normal between the
-    /// corners, as interpolated, and `flat` the triangle's.
+    /// The normal at a hit, bent by the normal map (level 0); `None` where the material has none. `vertex` is the
+    /// interpolated vertex normal, and `flat` the triangle's normal.
     pub(super) fn bent_normal(&self, hit: &Hit, vertex: Vec3, flat: Vec3) -> Option<Vec3> {
         let scene = self.job.scene;
         let geometry = &scene.geometry;
@@ -93,7 +95,7 @@ impl<T: Tracer, C> Pass<'_, T, C> {
         Some(normal_map::bent(texel.truncate(), map.scale, vertex, tangent, flat))
     }
 
-    /// Whether the vertex normal faces the light, on that side of the triangle on which a bent normal is.
+    /// Whether the vertex normal faces the light, once it is turned to the side of the triangle that `bent` is on.
     fn vertices_face_light(&self, hit: &Hit, bent: Vec3) -> bool {
         let geometry = &self.job.scene.geometry;
         let [a, b, c] = geometry.corners(hit.triangle);

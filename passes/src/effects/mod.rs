@@ -1,4 +1,5 @@
-//! The ray programs, one folder each but for those whose rays start at the camera, which are one; generic over [`Tracer`](crate::trace::Tracer).
+//! The ray programs, generic over [`Tracer`](crate::trace::Tracer). Each program has a folder of its own; those whose
+//! rays start at the camera share the folder `camera`.
 //!
 //! A program is a function of a pixel. Each that reads a G-buffer exists twice: `thesis` follows the report's device code to the letter,
 //! `corrected` mends the differences that are numbered below and in `docs/fidelity.md`.
@@ -31,9 +32,10 @@
 //! - `ssao` divides by 0 for 0 samples; here they switch it off, as in `final`.
 
 //!
-//! From the ground up: `interpolate`, `coverage`, `pass`, `tile`; then `spheres`, `light`, `material`, `surface`, `optics`, `terminator`, `sun` and `thesis`, which are
-//! about one point; `visible_pixels` and `tile_surfaces`, about a tile; `workspace`; `occlusion` and `tile_occlusion`; `dielectric`,
-//! glass as each material says; and above them the programs, one folder each, and `camera`. May use: `trace`, `sampling`.
+//! From the ground up: `interpolate`, `coverage`, `pass`, `tile`. Then the modules about one point: `spheres`, `light`,
+//! `material`, `surface`, `optics`, `terminator`, `sun` and `thesis`. Then those about a tile, `visible_pixels` and
+//! `tile_surfaces`; `workspace`; `occlusion` and `tile_occlusion`; and `dielectric`, glass as each material says. Above
+//! them are the programs, one folder each, and `camera`. May use: `trace`, `sampling`.
 
 pub mod camera;
 pub mod combined;
@@ -74,7 +76,8 @@ pub use tile::{Area, TILE};
 pub use tile_surfaces::TileSurfaces;
 pub use workspace::Workspace;
 
-/// What other spellings of the programs must have in common with these, beside the formulas.
+/// Constants that other implementations of the programs (in device languages) must share with these, beside the
+/// formulas.
 pub mod constants {
     pub use super::dielectric::MOST_SURFACES;
     pub use super::light::{SHADOWED, THROUGH_GLASS};
@@ -84,15 +87,15 @@ pub mod constants {
     pub use super::thesis::{BOUNCE, EPSILON, REFRACTED_EPSILON};
     pub use crate::sampling::hash::{DIMENSIONS, FACETS, PATH, PIXEL, ROULETTE, SCRAMBLE};
 
-    /// In tables of device programs: a material without a texture.
+    /// In tables of device programs: the texture index of a material without a texture.
     pub const NO_TEXTURE: u32 = u32::MAX;
-    /// Bodies that a point of a path is known to lie in, at most.
+    /// Greatest number of glass bodies that a point of a path is known to lie in at once.
     pub const MOST_BODIES: u32 = super::dielectric::MOST as u32;
-    /// Deepest glass bounce that a device program has room for: the greatest value of the parameter `depth`.
+    /// Greatest value of the parameter `depth`: the deepest glass bounce that a device program has room for.
     pub const MAX_DEPTH: u32 = 16;
-    /// Glass surfaces on the way of a shadow ray that device programs tell apart.
+    /// Greatest number of glass surfaces that a device program tells apart along one shadow ray.
     pub const MAX_CROSSINGS: u32 = 32;
-    /// Length of device programs' table of what glass leaves of light, by the number of surfaces crossed.
+    /// Length of the device programs' table of the light that is left after a number of glass surfaces crossed.
     pub const THROUGH_GLASS_ENTRIES: u32 = 64;
 }
 

@@ -1,4 +1,4 @@
-//! Ambient occlusion and light: the rays that only ask whether something is in the way.
+//! Ambient occlusion and light: rays that only ask whether something is in the way.
 
 use super::coverage::Coverage;
 use super::light::{SHADOWED, share_of_light};
@@ -11,19 +11,19 @@ use crate::sampling::sine_noise;
 use crate::trace::{Fan, Hit, Neighbourhood, Purpose, Tracer};
 use glam::Vec3;
 
-/// By the number of open samples, what occlusion leaves: their share to the power of the intensity.
+/// The ambient occlusion factor for each number of open samples: `(open / samples)^intensity`.
 #[must_use]
 pub fn open_shares(samples: u32, intensity: f32) -> Vec<f32> {
     (0..=samples).map(|open| (open as f32 / samples as f32).powf(intensity)).collect()
 }
 
 impl<T: Tracer, C: Coverage> Pass<'_, T, C> {
-    /// Ambient occlusion of a surface: the share of its cosine-weighted hemisphere that is open within the radius, to the
-    /// power of the intensity. 1 where occlusion is off.
+    /// Ambient occlusion of a surface: the open share of its cosine-weighted hemisphere within the radius, to the power
+    /// of the intensity. 1 where occlusion is off.
     ///
-    /// The hemisphere is the shading normal's. Directions below the triangle would start inside the object: they are
-    /// mirrored at its plane, so that a smooth surface is no darker than a flat one, and an open one is exactly 1. Where
-    /// nothing is in reach above the triangle, no ray is needed.
+    /// The hemisphere is the shading normal's. Directions below the triangle would start inside the object. They are
+    /// mirrored at its plane, so that a smooth surface is no darker than a flat one, and an open one is exactly 1.
+    /// Where nothing is in reach above the triangle, no ray is traced.
     pub(super) fn occlusion(
         &self,
         surface: &Surface,
@@ -38,7 +38,8 @@ impl<T: Tracer, C: Coverage> Pass<'_, T, C> {
         self.hemisphere(gathered, origin, surface, key, work, stops)
     }
 
-    /// The same, from an origin in a neighbourhood whose triangles were gathered, or could not be.
+    /// As [`Self::occlusion`], from an origin in a neighbourhood. `gathered` says whether the triangles around it were
+    /// gathered.
     pub(super) fn hemisphere(
         &self,
         gathered: bool,
@@ -69,7 +70,8 @@ impl<T: Tracer, C: Coverage> Pass<'_, T, C> {
         Neighbourhood { origins, above, t_min, t_max: self.job.params.radius, rays }
     }
 
-    /// How many of the directions chosen are open, from an origin, above a plane, beyond a distance.
+    /// The number of chosen directions in which no hit stops the ray. Rays start at `origin`; hits below the plane
+    /// `above` and nearer than `t_min` do not count.
     fn count_open(
         &self,
         gathered: bool,
@@ -86,7 +88,7 @@ impl<T: Tracer, C: Coverage> Pass<'_, T, C> {
         self.tracer.count_open(&fan, stops)
     }
 
-    /// The same as the report computes it.
+    /// Ambient occlusion as the report computes it.
     pub(super) fn thesis_occlusion(
         &self,
         position: Vec3,
@@ -114,9 +116,9 @@ impl<T: Tracer, C: Coverage> Pass<'_, T, C> {
         self.open_share[open as usize]
     }
 
-    /// What reaches a surface of the light in `final`: [`SHADOWED`] where the side of normal `facing` is turned away or
-    /// something opaque is in the way, else 0.9 for each glass surface on the way; of a light with a disc the mean over it, at the points of `key`.
-    /// `triangle` is the surface's.
+    /// The light's share at a surface in `final`: [`SHADOWED`] where the side of normal `facing` is turned away or
+    /// something opaque is in the way, else 0.9 for each glass surface on the way. For a disc it is the mean over the
+    /// disc's points for `key`. `triangle` is the surface's.
     pub(super) fn light_share(
         &self,
         surface: &Surface,
@@ -142,8 +144,9 @@ impl<T: Tracer, C: Coverage> Pass<'_, T, C> {
         share_of_light(blocked, crossings)
     }
 
-    /// Where the ray to the light starts from the side of normal `facing`; `None` where that is dark without it: the side is turned away, and
-    /// so is the round surface that it may stand for, or something opaque lies between the two.
+    /// Origin of the ray to the light from the side of normal `facing`. `None` where that side is dark without a ray:
+    /// it is turned away from the light, and so is the round surface that it may stand for, or something opaque lies
+    /// between the two.
     pub(super) fn light_origin(
         &self,
         surface: &Surface,

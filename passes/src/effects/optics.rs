@@ -4,11 +4,11 @@ use curitiba_pipeline::glass::Dielectric;
 use curitiba_pipeline::programs::Fresnel;
 use glam::Vec3;
 
-/// The reflected branch of a split ray, as it enters the key of a path.
+/// Number of the reflected branch of a split ray in the key of a path.
 pub const REFLECTED: u32 = 0;
-/// The refracted branch.
+/// Number of the refracted branch.
 pub const REFRACTED: u32 = 1;
-/// The first of the ways on from rough glass, as it enters the key of what they meet.
+/// Number of the first direction on from rough glass, in the key of what that ray hits.
 pub const SCATTERED: u32 = 2;
 
 /// Mirrors the direction `i` at a surface with unit normal `n`, whichever way `n` points.
@@ -20,14 +20,14 @@ pub fn reflect(i: Vec3, n: Vec3) -> Vec3 {
 /// What an interface does with unpolarised light.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Interface {
-    /// Share reflected, 0..=1; the rest is refracted.
+    /// Reflected share of the light, 0..=1; the rest is refracted.
     pub reflectance: f32,
     /// Cosine of the refracted direction with the inward normal; 0 at total reflection.
     pub cos_refracted: f32,
 }
 
-/// Fresnel's equations for light that meets an interface at an angle of cosine `cos` (clamped to 0..=1), where `index` is
-/// the index of the far side over that of the near side (above 0).
+/// Fresnel's equations for light on an interface. `cos` is the cosine of the angle of incidence (clamped to 0..=1), and
+/// `index` the refractive index of the far side over that of the near side (above 0).
 ///
 /// Total reflection, possible for `index < 1` only, is a reflectance of exactly 1. Evaluated in double precision: next to
 /// the critical angle the square root magnifies a rounding error of the discriminant.
@@ -47,15 +47,16 @@ pub fn fresnel(cos: f32, index: f32) -> Interface {
 }
 
 /// Schlick's approximation of [`fresnel`] ("An Inexpensive BRDF Model for Physically-based Rendering", Computer
-/// Graphics Forum 13, 1994), in single precision: `R0 + (1 - R0) (1 - cos)^5` with `R0 = ((index - 1) / (index + 1))^2`, where the cosine is that on the
-/// side of the lower index. So light has the same weight both ways, and total reflection is a reflectance of exactly 1.
+/// Graphics Forum 13, 1994), in single precision: `R0 + (1 - R0) (1 - cos)^5` with `R0 = ((index - 1) / (index +
+/// 1))^2`. The cosine is the one on the side of the lower index. So light has the same weight both ways, and total
+/// reflection is a reflectance of exactly 1.
 ///
-/// The direction of the refracted light is Snell's, as in [`fresnel`]. Next to the critical angle single precision may err
-/// about the side of it.
+/// The refracted direction follows Snell's law, as in [`fresnel`]. Next to the critical angle, single precision may
+/// decide wrongly whether reflection is total.
 #[must_use]
 pub fn schlick(cos: f32, index: f32) -> Interface {
     let cos = cos.clamp(0.0, 1.0);
-    // The first term loses no digits for an index near 1.
+    // Factored, so that the first term loses no digits for an index near 1.
     let discriminant = (index - 1.0) * (index + 1.0) + cos * cos;
     if discriminant <= 0.0 {
         return Interface { reflectance: 1.0, cos_refracted: 0.0 };
@@ -77,8 +78,8 @@ pub fn interface(weights: Fresnel, cos: f32, index: f32) -> Interface {
     }
 }
 
-/// [`interface`] of a material, whose own reflectance stands in the place of Fresnel's share but at total reflection. Where it goes on is
-/// Snell's in both.
+/// The [`interface`] of a material. Its own reflectance, if it has one, replaces Fresnel's except at total reflection.
+/// The refracted direction follows Snell's law in both cases.
 #[must_use]
 #[inline]
 pub fn interface_of(dielectric: &Dielectric, weights: Fresnel, cos: f32, index: f32) -> Interface {
@@ -90,8 +91,8 @@ pub fn interface_of(dielectric: &Dielectric, weights: Fresnel, cos: f32, index: 
 }
 
 impl Interface {
-    /// The refracted unit direction of `i`, a unit direction against the unit normal `n`; `index` as for [`fresnel`].
-    /// `None` at total reflection.
+    /// The refracted unit direction of `i`, a unit direction that comes against the unit normal `n`; `index` as for
+    /// [`fresnel`]. `None` at total reflection.
     pub fn refract(&self, i: Vec3, n: Vec3, index: f32) -> Option<Vec3> {
         if self.reflectance >= 1.0 {
             return None;
@@ -107,7 +108,7 @@ mod tests {
 
     const INDICES: [f32; 4] = [1.1, 1.33, 1.5, 2.42];
 
-    /// The other textbook form, from both angles (Hecht, Optics, section 4.6), in double precision.
+    /// The other textbook form of the reflectance, from both angles (Hecht, Optics, section 4.6), in double precision.
     fn reflectance_by_angles(angle: f64, index: f64) -> f64 {
         let sine = angle.sin() / index;
         if sine >= 1.0 {
@@ -136,7 +137,8 @@ mod tests {
         for index in INDICES {
             let index = f64::from(index);
             let brewster = index.atan();
-            // Half of the perpendicular part remains: ((index² - 1) / (index² + 1))² / 2.
+            // At Brewster's angle only the perpendicular part remains, and half of it counts:
+            // ((index² - 1) / (index² + 1))² / 2.
             let expected = 0.5 * ((index * index - 1.0) / (index * index + 1.0)).powi(2);
             let reflectance = fresnel(brewster.cos() as f32, index as f32).reflectance;
             assert!((f64::from(reflectance) - expected).abs() < 1e-6, "{index}: {reflectance} {expected}");

@@ -1,4 +1,4 @@
-//! A pass and its pixels: what every program is a function of.
+//! A pass and its pixels: the arguments of every program.
 
 use super::camera::Eye;
 use super::coverage::Coverage;
@@ -12,14 +12,14 @@ use curitiba_pipeline::glass::Stratum;
 use curitiba_pipeline::scene::TriangleRanges;
 use glam::{Vec3, Vec4};
 
-/// What the pixels of one pass have in common. The job's slices were checked against its sizes.
+/// Values that all pixels of one pass share. The lengths of the job's slices were checked against its size.
 #[derive(Debug)]
 pub struct Pass<'a, T, C> {
     /// The job.
     pub job: &'a RayJob<'a>,
-    /// Its scene's acceleration structure.
+    /// The acceleration structure of the job's scene.
     pub tracer: &'a T,
-    /// Where its triangles are cut out.
+    /// Where triangles of the scene are cut out.
     pub coverage: C,
     /// Unit vector towards the light; 0 where the program does not read it.
     pub to_light: Vec3,
@@ -27,21 +27,22 @@ pub struct Pass<'a, T, C> {
     pub light_color: Vec3,
     /// Occlusion directions in `corrected`; `None` switches occlusion off.
     pub occlusion: Option<HemisphereSampler>,
-    /// Strata a side in `thesis`; 0 switches occlusion off.
+    /// Strata along one side of the occlusion square in `thesis`; 0 switches occlusion off.
     pub strata: u32,
     /// See [`open_shares`](super::open_shares); empty where occlusion is off.
     pub open_share: Vec<f32>,
-    /// The triangles of glass, for radiance rays.
+    /// Triangles that are glass to radiance rays.
     pub glass: TriangleRanges,
-    /// Those that shadow rays pass.
+    /// Triangles that are glass to shadow rays, which pass them.
     pub shadow_glass: TriangleRanges,
-    /// The bodies of glass that the camera is in.
+    /// The bodies of glass around the camera.
     pub around_eye: Media,
-    /// The strata of the spectrum, where a body bends colours apart; else none.
+    /// The strata of the spectrum; empty where no body disperses light.
     pub spectrum: Vec<Stratum>,
-    /// Sobol points, bits reversed, by which rough glass is sampled, one a path; none where no glass is rough.
+    /// Sobol points with their bits reversed, one for each path, by which rough glass is sampled; empty where no glass
+    /// is rough.
     pub facets: Vec<[u32; 2]>,
-    /// The spheres that focus light, with `shadow=caustic`; else none.
+    /// The spheres that focus light, with `shadow=caustic`; else empty.
     pub lenses: Lenses,
     /// Directions to the light's disc; `None` where the light is a point.
     pub disc: Option<ConeSampler>,
@@ -61,7 +62,8 @@ pub struct Pixel {
 }
 
 impl<T: Tracer, C: Coverage> Pass<'_, T, C> {
-    /// The key of a pixel's random numbers: of its place in the whole picture.
+    /// The key of a pixel's random numbers; it depends on the pixel's place in the whole picture, not in the part that
+    /// is rendered.
     pub(super) fn key(&self, pixel: Pixel) -> u32 {
         let [x, y] = self.job.origin;
         pixel_key(x + pixel.x, y + pixel.y, self.job.seed)
@@ -83,7 +85,7 @@ impl<T: Tracer, C: Coverage> Pass<'_, T, C> {
         self.glass.contains(triangle)
     }
 
-    /// Whether a hit stops light: covered, and not glass that shadow rays pass.
+    /// Whether a hit stops light: there is a surface, and it is not glass that shadow rays pass.
     pub(super) fn stops_light(&self, hit: &Hit) -> bool {
         !self.passes_light(hit) && self.covers(hit)
     }

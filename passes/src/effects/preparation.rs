@@ -7,26 +7,26 @@ use curitiba_pipeline::backend::RayJob;
 use curitiba_pipeline::programs::{Fidelity, RayParams, Sampler};
 use glam::Vec3;
 
-/// What the pixels of a pass have in common, beside the scene.
+/// Values that all pixels of a pass share, beside the scene.
 #[derive(Debug)]
 pub struct Preparation {
-    /// Where the occlusion rays of a point go: in thesis fidelity always strata. `None` switches occlusion off.
+    /// Directions of the occlusion rays of a point; thesis fidelity always takes strata. `None` switches occlusion off.
     pub sampler: Option<HemisphereSampler>,
     /// See [`open_shares`]; empty where occlusion is off.
     pub open_share: Vec<f32>,
     /// Unit vector towards the light; 0 where there is none.
     pub to_light: Vec3,
-    /// Where the rays to the light's disc go; `None` where the light is a point, and in thesis fidelity.
+    /// Directions of the rays to the light's disc; `None` where the light is a point, and in thesis fidelity.
     pub disc: Option<ConeSampler>,
     /// The light's colour, linear; 0 where there is none.
     pub light_color: Vec3,
 }
 
 impl Preparation {
-    /// That of a job.
+    /// The preparation of a job.
     ///
     /// # Errors
-    /// What is wrong with the number of samples, if the sampler cannot have that many.
+    /// If a sampler cannot have the number of samples that the job asks for; the text says why.
     pub fn of(job: &RayJob<'_>) -> Result<Self, String> {
         let samples = job.program.info().samples(&job.params);
         let kind = match job.fidelity {

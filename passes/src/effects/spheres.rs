@@ -1,4 +1,4 @@
-//! What of exact spheres differs from triangles. A tracer that knows none answers "a triangle" while it is compiled.
+//! Where exact spheres differ from triangles. For a tracer without spheres the compiler removes the question.
 
 use super::coverage::Coverage;
 use super::pass::Pass;

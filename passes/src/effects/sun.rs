@@ -1,9 +1,10 @@
-//! Soft shadows: light from a disc in the sky, of which every point is asked for by a ray of its own.
+//! Soft shadows: the light is a disc in the sky, sampled by one ray for each point.
 //!
-//! The light's share is the mean over directions that are uniform over the disc's solid angle, each of which gives what a light that is a point there
-//! would: a side of a triangle that is turned away from it is dark without a ray, unless the round surface that it stands for is not
-//! (`terminator`). The cosine of the light stays that of the disc's centre, with which colours were lit. For a disc above the horizon of its surface
-//! that is the mean of the cosines but for a factor of (1 + cos a) / 2, with a the half angle: 1 - 5e-6 for the sun of the sky.
+//! The light's share is the mean over directions that are uniform over the disc's solid angle. Each direction counts as
+//! a point light would: a side of a triangle turned away from it is dark without a ray, unless the round surface that
+//! the triangle stands for is not turned away (`terminator`). The cosine of the light stays that of the disc's centre,
+//! by which colours were lit. For a disc above the horizon of its surface, this is the mean of the cosines but for a
+//! factor of (1 + cos a) / 2 with the half angle a: 1 - 5e-6 for the sun of the sky.
 
 use super::coverage::Coverage;
 use super::light::shares_of_light;
@@ -12,7 +13,7 @@ use crate::sampling::cone::ConeSampler;
 use crate::trace::{Hit, PACKET, Packet, Purpose, SurfacePoint, Tracer};
 use glam::Vec3;
 
-/// Packets that are traced together.
+/// Packets that are traced in one call.
 const TOGETHER: usize = 16;
 
 /// A side of a surface that light may fall on.
@@ -24,13 +25,13 @@ pub(super) struct LitSide<'p> {
     pub(super) triangle: u32,
 }
 
-/// Buffers that rays to the disc take.
+/// Buffers for rays to the disc.
 #[derive(Debug, Default)]
 pub(super) struct DiscRays {
     packets: Vec<Packet>,
     rays: usize,
     blocked: Vec<u16>,
-    /// Glass surfaces that rays cross: the ray and the distance.
+    /// Glass surfaces that rays cross: index of the ray, and distance.
     crossings: Vec<(u32, f32)>,
     distances: Vec<f32>,
 }
@@ -48,7 +49,7 @@ impl DiscRays {
         self.rays += 1;
     }
 
-    /// Traces the rays, and returns the sum of the shares of light that they bring; `stops` is told the ray of a hit.
+    /// Traces the rays, and returns the sum of their light shares. `stops` gets the index of the ray with each hit.
     fn trace<T: Tracer>(&mut self, tracer: &T, stops: &mut impl FnMut(u32, &Hit, &mut Vec<(u32, f32)>) -> bool) -> f64 {
         let Self { packets, rays, blocked, crossings, distances } = self;
         let packets = &packets[..rays.div_ceil(PACKET)];
@@ -64,9 +65,9 @@ impl DiscRays {
 }
 
 impl<T: Tracer, C: Coverage> Pass<'_, T, C> {
-    /// Calls `each` with the origin and the direction of every ray to the points of the disc that belong to `key`. No ray goes to points for
-    /// which the side is dark without; `stops` says what cuts off the round surface that a triangle stands for, which is asked once at
-    /// most, by a ray that `rays` counts.
+    /// Calls `each` with the origin and the direction of every ray to the disc's points, which `key` scrambles.
+    /// Directions from which the side is dark get no ray. Where the triangle stands for a round surface, one ray, which
+    /// `rays` counts, tests once whether a hit that `stops` cuts off the lifted point.
     pub(super) fn to_disc(
         &self,
         (disc, key): (&ConeSampler, u32),
@@ -87,8 +88,8 @@ impl<T: Tracer, C: Coverage> Pass<'_, T, C> {
         }
     }
 
-    /// The light's share at a side of a surface: the mean over the disc. `stops` is told the ray of a hit, and notes the surfaces of glass that rays
-    /// cross; `cuts_off` is what [`Self::to_disc`] asks.
+    /// The light's share at a side of a surface: the mean over the disc. `stops` gets the index of the ray with each
+    /// hit, and notes the glass surfaces that the ray crosses; `cuts_off` is the `stops` of [`Self::to_disc`].
     pub(super) fn disc_share(
         &self,
         (disc, key): (&ConeSampler, u32),

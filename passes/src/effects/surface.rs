@@ -1,4 +1,5 @@
-//! Points on surfaces in corrected fidelity: exact triangles, a side, and origins for rays that leave them.
+//! Points on surfaces in corrected fidelity: the exact point of the triangle, the side that is seen, and origins of
+//! rays that leave it.
 
 use super::coverage::Coverage;
 use super::interpolate::interpolate;
@@ -25,62 +26,64 @@ impl Surface {
         Self { point, facing, normal: if normal.dot(facing) < 0.0 { -normal } else { normal } }
     }
 
-    /// The surface of a point that is seen from `eye`, and the unit direction in which it is seen. Without a jump: loops over several
-    /// points become vector code.
+    /// The surface at a point that is seen from `eye`, and the unit direction in which it is seen. Free of branches, so
+    /// that a loop over several points becomes vector code.
     #[inline(always)]
     fn seen(point: SurfacePoint, normal: Vec3, eye: Vec3) -> (Self, Vec3) {
         let view = unit_or(point.position - eye, -point.normal);
         (Self::new(point, normal, view), view)
     }
 
-    /// Where a ray in this direction starts: off the triangle on the side to which it goes.
+    /// Origin of a ray in this direction: off the triangle, on the side to which the ray goes.
     #[inline]
     pub fn origin(&self, direction: Vec3) -> Vec3 {
         self.point.spawn(direction)
     }
 
-    /// The point itself, with what is known of its error.
+    /// The point itself, with its error bound.
     #[inline]
     pub(super) fn point(&self) -> &SurfacePoint {
         &self.point
     }
 
-    /// Where it is.
+    /// Position of the point.
     #[inline]
     #[must_use]
     pub fn position(&self) -> Vec3 {
         self.point.position
     }
 
-    /// Whether it is seen from the side of the counter-clockwise winding: of a body, from outside.
+    /// Whether the viewer is on the front side, where the winding is counter-clockwise. On a closed body this is the
+    /// outside.
     #[inline]
     #[must_use]
     pub fn is_front(&self) -> bool {
         self.facing == self.point.normal
     }
 
-    /// Whether rays start inside of where the point is, because it is near a border.
+    /// Whether the origins of rays lie farther inside the triangle than the point, because the point is near the
+    /// triangle's border.
     #[cfg(test)]
     pub(super) fn is_drawn_in(&self) -> bool {
         self.point.is_drawn_in()
     }
 
-    /// The normal that a mirror or pane bends the direction `view` by: the shading normal, or the geometric one where the
-    /// former looks away from the viewer or would mirror light into the surface.
+    /// The normal by which a mirror or pane bends the direction `view`. It is the shading normal, unless that looks
+    /// away from the viewer or would mirror light into the surface; then the geometric normal.
     pub fn interface_normal(&self, view: Vec3) -> Vec3 {
         let usable = self.normal.dot(view) < 0.0 && reflect(view, self.normal).dot(self.facing) > 0.0;
         if usable { self.normal } else { self.facing }
     }
 }
 
-/// As [`Vec3::normalize_or`], without a jump.
+/// As [`Vec3::normalize_or`], without a branch.
 #[inline(always)]
 fn unit_or(vector: Vec3, other: Vec3) -> Vec3 {
     let reciprocal = vector.length_recip();
     if (reciprocal > 0.0) & (reciprocal < f32::INFINITY) { vector * reciprocal } else { other }
 }
 
-/// Surfaces of eight points, `[axis][point]`, to the bit those of [`Pass::surface_of`].
+/// Surfaces of eight points, as `[axis][point]`: bit for bit the results of [`Pass::surface_of`].
 pub(super) struct Surfaces {
     facing: [[f32; LANES]; 3],
     normal: [[f32; LANES]; 3],
@@ -89,7 +92,7 @@ pub(super) struct Surfaces {
 }
 
 impl Surfaces {
-    /// Of half of sixteen pixels, from their points and stored normals.
+    /// The surfaces of one half of sixteen pixels, from their points and stored normals.
     #[inline(always)]
     pub(super) fn new(points: &SurfacePoints, normals: &[F16; 3], half: usize, eye: Vec3) -> Self {
         let zero = [[0.0; LANES]; 3];
@@ -108,15 +111,15 @@ impl Surfaces {
         surfaces
     }
 
-    /// One of them, and the unit direction in which it is seen; not that of its pixel where the point may be
-    /// [near a border](SurfacePoints::near).
+    /// The surface of one lane, and the unit direction in which it is seen. Wrong where the point may be [near a
+    /// border](SurfacePoints::near): such a pixel needs [`Pass::surface_of`].
     #[inline(always)]
     pub(super) fn get(&self, points: &SurfacePoints, lane: usize) -> (Surface, Vec3) {
         let at = |axes: &[[f32; LANES]; 3]| Vec3::new(axes[0][lane], axes[1][lane], axes[2][lane]);
         (Surface { point: points.point(lane), facing: at(&self.facing), normal: at(&self.normal) }, at(&self.view))
     }
 
-    /// Where rays to the viewer's side start.
+    /// Origin of rays to the viewer's side.
     #[inline(always)]
     pub(super) fn origin(&self, lane: usize) -> Vec3 {
         Vec3::new(self.origin[0][lane], self.origin[1][lane], self.origin[2][lane])
@@ -124,12 +127,13 @@ impl Surfaces {
 }
 
 impl<T: Tracer, C: Coverage> Pass<'_, T, C> {
-    /// The point of a triangle that a pixel shows, and the unit direction in which it is seen.
+    /// The surface at the point of `triangle` that a pixel shows, and the unit direction in which it is seen. `normal`
+    /// is the stored one.
     pub(super) fn surface_at(&self, pixel: Pixel, triangle: u32, normal: Vec3) -> (Surface, Vec3) {
         self.surface_of(self.point_at(pixel, triangle), normal)
     }
 
-    /// The same of a point that is known.
+    /// As [`Self::surface_at`], for a point that is already computed.
     pub(super) fn surface_of(&self, point: SurfacePoint, normal: Vec3) -> (Surface, Vec3) {
         Surface::seen(point, normal, self.job.eye)
     }
@@ -139,7 +143,7 @@ impl<T: Tracer, C: Coverage> Pass<'_, T, C> {
         self.point_of(triangle, self.position(pixel).truncate())
     }
 
-    /// The same of a stored position.
+    /// The point of a triangle nearest to a stored position.
     pub(super) fn point_of(&self, triangle: u32, stored: Vec3) -> SurfacePoint {
         match self.sphere(triangle) {
             Some(sphere) => SurfacePoint::on_sphere(sphere, stored),
@@ -147,7 +151,7 @@ impl<T: Tracer, C: Coverage> Pass<'_, T, C> {
         }
     }
 
-    /// The point that a ray meets.
+    /// The surface at the point where a ray hits.
     pub(super) fn surface_hit(&self, ray: &Ray, hit: &Hit) -> Surface {
         if let Some(sphere) = self.sphere(hit.triangle) {
             let point = SurfacePoint::on_sphere_by(sphere, ray, hit.t);
@@ -160,7 +164,7 @@ impl<T: Tracer, C: Coverage> Pass<'_, T, C> {
         Surface::new(point, normal, ray.direction)
     }
 
-    /// The nearest surface from an origin that lies off its own.
+    /// The ray from an origin that is off its surface, and its nearest hit.
     pub(super) fn closest(&self, origin: Vec3, direction: Vec3) -> (Ray, Option<Hit>) {
         let ray = Ray { origin, direction, t_min: 0.0, t_max: f32::INFINITY };
         (ray, self.tracer.closest(&ray, |hit| self.covers(hit)))

@@ -1,9 +1,11 @@
-//! The shadow terminator: light on triangles that are turned away from it, where the smooth surface that they stand for is not.
+//! The shadow terminator: light on triangles that are turned away from the light while the smooth surface that they
+//! approximate is not.
 //!
-//! A point of such a triangle is lifted onto that surface, as it is told by the normals at the corners: it is projected onto the planes
-//! through the corners, where it lies below them, and the three are weighed as the corners are (Hanika, "Hacking the Shadow Terminator",
-//! Ray Tracing Gems II, 2021, chapter 4). From there its light is asked for. Light must not come through what lies between the triangle and the
-//! lifted point, so the way there is asked for, too. Triangles that face the light are as they are without vertex normals.
+//! A point of such a triangle is lifted onto the smooth surface, which the normals at the corners describe. The point
+//! is projected onto the tangent plane at each corner, where it lies below that plane, and the three projections are
+//! weighted by the barycentric coordinates (Hanika, "Hacking the Shadow Terminator", Ray Tracing Gems II, 2021, chapter
+//! 4). The shadow ray starts at the lifted point. A second ray tests the way from the triangle to the lifted point, so
+//! that no light comes through what lies between. Triangles that face the light are treated as without vertex normals.
 
 use super::coverage::Coverage;
 use super::interpolate::locate;
@@ -13,34 +15,37 @@ use crate::trace::{Hit, Purpose, Ray, SurfacePoint, Tracer, higher};
 use curitiba_pipeline::scene::Geometry;
 use glam::Vec3;
 
-/// Cosine between a triangle's normal and those at its corners from which on it stands for a piece of a round surface.
+/// Least cosine between a triangle's normal and those at its corners for which the triangle counts as a piece of a
+/// round surface.
 pub const ROUND: f32 = 0.85;
 
-/// Where a point of a triangle lies on the smooth surface.
+/// A point of a triangle lifted onto the smooth surface.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Lifted {
-    /// Off the triangle, on the side that is lit.
+    /// Origin off the triangle, on the lit side.
     from: Vec3,
-    /// From there onto the surface; not 0.
+    /// Vector from there to the smooth surface; not 0.
     way: Vec3,
 }
 
 impl Lifted {
-    /// Where a ray to the light starts.
+    /// Origin of the ray to the light.
     pub(super) fn origin(&self) -> Vec3 {
         self.from + self.way
     }
 
-    /// From the triangle to where that is.
+    /// Ray from the triangle to the lifted point.
     fn ray(&self) -> Ray {
         let length = self.way.length();
         Ray { origin: self.from, direction: self.way * (1.0 / length), t_min: 0.0, t_max: length }
     }
 }
 
-/// From a point of a triangle that is turned away from the light, on the side of unit normal `facing`, to where it lies on the smooth surface;
-/// `to_light` is the unit direction to the light. 0 where no light falls by the shading normal, where a corner's normal is
-/// farther than 32 degrees from the triangle's ([`ROUND`]), so that it stands for an edge and no round body, and where the triangle is flat.
+/// Vector from a point of a triangle to the smooth surface. The point is on the side of unit normal `facing`, which is
+/// turned away from the light; `to_light` is the unit direction to the light.
+///
+/// The vector is 0 where the shading normal gets no light, where a corner's normal is more than 32 degrees off the
+/// triangle's ([`ROUND`], so the triangle stands for an edge and no round body), and where the triangle is flat.
 ///
 /// # Panics
 /// If there is no such triangle.
@@ -72,8 +77,8 @@ pub fn way_onto_round(
 }
 
 impl<T: Tracer, C> Pass<'_, T, C> {
-    /// A point of a triangle, on a side of normal `facing` that is turned away from light in direction `to_light`, lifted; `None` where it is dark without a ray
-    /// ([`way_onto_round`]), as it is on a sphere.
+    /// Lifts a point of a triangle whose side of normal `facing` is turned away from light in direction `to_light`.
+    /// `None` where the point is dark without a ray ([`way_onto_round`]), and on spheres.
     pub(super) fn lifted(
         &self,
         triangle: u32,
@@ -89,7 +94,7 @@ impl<T: Tracer, C> Pass<'_, T, C> {
 }
 
 impl<T: Tracer, C: Coverage> Pass<'_, T, C> {
-    /// Whether something lies between a triangle and a point of it that was lifted; a shadow ray.
+    /// Whether something lies between a triangle and the lifted point. Traces a shadow ray.
     pub(super) fn is_cut_off(&self, lifted: &Lifted, rays: &mut u64, stops: impl FnMut(&Hit) -> bool) -> bool {
         *rays += 1;
         self.announce_visibility(Purpose::Shadow, 1.0);

@@ -1,4 +1,5 @@
-//! The report's device code and what it takes from OptiX, for thesis fidelity: exact in meaning, with its fixed distances.
+//! The report's device code and the OptiX functions it calls, for thesis fidelity: the same meaning, with the report's
+//! fixed distances.
 
 use super::coverage::Coverage;
 use super::interpolate::interpolate;
@@ -8,9 +9,9 @@ use glam::{Vec3, Vec4};
 
 /// Hits nearer than this are skipped.
 pub const EPSILON: f32 = 1e-4;
-/// The same for the refracted ray of a pixel.
+/// The same limit for the refracted ray of a pixel.
 pub const REFRACTED_EPSILON: f32 = 1e-3;
-/// What a secondary glass bounce leaves of its colour.
+/// Factor of the colour of a secondary glass bounce.
 pub const BOUNCE: f32 = 0.99;
 
 /// Whether a G-buffer colour is the mask of a glass pixel.
@@ -19,7 +20,7 @@ pub fn is_glass_mask(color: [f32; 4]) -> bool {
     x > 0.0 && y == 0.0 && z > 0.0 && w == 0.0
 }
 
-/// OptiX's `refract`: the side is the sign of `dot(i, n)`; `None` at total reflection.
+/// OptiX's `refract`: the sign of `dot(i, n)` tells the side; `None` at total reflection.
 pub fn refract(i: Vec3, n: Vec3, index: f32) -> Option<Vec3> {
     let cos = i.dot(n);
     let (n, cos, eta) = if cos > 0.0 { (-n, -cos, index) } else { (n, cos, 1.0 / index) };
@@ -42,20 +43,20 @@ pub fn coefficient(index: f32, n: Vec3, d: Vec3) -> f32 {
     1.0 - index * index * (1.0 - cos * cos)
 }
 
-/// Where a ray meets a triangle: `ray.origin + t_hit * ray.direction`.
+/// Point where a ray hits a triangle: `ray.origin + t_hit * ray.direction`.
 pub fn position(ray: &Ray, hit: &Hit) -> Vec3 {
     ray.origin + hit.t * ray.direction
 }
 
 impl<T: Tracer, C: Coverage> Pass<'_, T, C> {
-    /// The first hit farther than `t_min`. A ray that is not made of numbers meets nothing.
+    /// The first hit farther than `t_min`. A ray with a NaN or an infinity hits nothing.
     pub(super) fn thesis_closest(&self, origin: Vec3, direction: Vec3, t_min: f32) -> (Ray, Option<Hit>) {
         let ray = Ray { origin, direction, t_min, t_max: f32::INFINITY };
         let traceable = origin.is_finite() && direction.is_finite();
         (ray, if traceable { self.tracer.closest(&ray, |_| true) } else { None })
     }
 
-    /// Geometric normal by winding, and interpolated shading normal.
+    /// The geometric normal, by winding, and the interpolated shading normal.
     pub(super) fn thesis_normals(&self, hit: &Hit) -> (Vec3, Vec3) {
         let geometry = &self.job.scene.geometry;
         let [a, b, c] = geometry.corners(hit.triangle);
@@ -63,7 +64,7 @@ impl<T: Tracer, C: Coverage> Pass<'_, T, C> {
         ((b - a).cross(c - a).normalize_or_zero(), shading.normalize_or_zero())
     }
 
-    /// Whether nothing that `stops` lies between a position and the light.
+    /// Whether the way from a position to the light has no hit for which `stops` is true.
     pub(super) fn thesis_sees_light(&self, position: Vec3, stops: impl FnMut(&Hit) -> bool) -> bool {
         self.announce_visibility(Purpose::Shadow, 1.0);
         let ray = Ray { origin: position, direction: self.to_light, t_min: EPSILON, t_max: f32::INFINITY };

@@ -1,19 +1,19 @@
-//! Tiles, the unit of parallel work, and the parts of a tile whose rays share packets.
+//! Tiles, the units of parallel work, and their parts, whose rays share packets.
 
 use super::pass::Pixel;
 
-/// Pixels a side of a tile: the unit of parallel work, small enough that its rays meet the same nodes.
+/// Pixels along a side of a tile, the unit of parallel work; small enough that its rays visit the same nodes.
 pub const TILE: usize = 16;
-/// Pixels a side of the part of a tile whose rays share packets.
+/// Pixels along a side of a part, whose rays share packets.
 pub(super) const PART: usize = 4;
-/// Parts of a tile.
+/// Number of parts in a tile.
 pub(super) const PARTS: usize = (TILE / PART) * (TILE / PART);
-/// Parts a side of a square of parts.
+/// Parts along a side of a square of parts.
 const SQUARE: usize = 2;
-/// Squares a side of a tile.
+/// Squares along a side of a tile.
 const SQUARES: usize = TILE / PART / SQUARE;
 
-/// Column and row of the first pixel of a part. Four parts that follow each other are a square.
+/// Column and row of a part's first pixel. Four consecutive parts form a square.
 #[inline(always)]
 pub(super) fn corner_of(part: usize) -> (usize, usize) {
     let (square, part) = (part / (SQUARE * SQUARE), part % (SQUARE * SQUARE));
@@ -21,7 +21,7 @@ pub(super) fn corner_of(part: usize) -> (usize, usize) {
     (left * PART, top * PART)
 }
 
-/// The part that a place of a tile lies in, and where there, row by row.
+/// The part that contains a place of a tile, and the index in that part, row by row.
 pub(super) fn part_of(place: usize) -> (usize, usize) {
     let (x, y) = (place % TILE, place / TILE);
     let (left, top) = (x / PART, y / PART);
@@ -45,8 +45,8 @@ pub struct Area {
 }
 
 impl Area {
-    /// The pixels, in parts of 4 x 4, each with its place in the tile (row by row, [`TILE`] a row). Four parts that follow
-    /// each other are a square, too.
+    /// The pixels, part by part (4 x 4 pixels), each with its place in the tile (row by row, [`TILE`] a row). Four
+    /// consecutive parts form a square, too.
     pub fn pixels(self) -> impl Iterator<Item = (usize, Pixel)> {
         let place = |index: usize| {
             let (part, inner) = (index / (PART * PART), index % (PART * PART));

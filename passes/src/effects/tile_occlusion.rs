@@ -1,4 +1,4 @@
-//! The occlusion of a tile's pixels: those near each other share the triangles that are gathered.
+//! Ambient occlusion of a tile's pixels: neighbouring pixels share the triangles gathered around them.
 
 use super::coverage::Coverage;
 use super::pass::{Pass, Pixel};
@@ -8,20 +8,20 @@ use super::workspace::Workspace;
 use crate::trace::{Hit, Tracer};
 use glam::Vec3;
 
-/// Pixels a side of the smallest part of a tile for which triangles are gathered.
+/// Pixels along a side of the smallest square for which triangles are gathered.
 const LEAST: usize = 2;
-/// Pixels a side of the parts for which triangles are picked from those that were gathered.
+/// Pixels along a side of the squares for which a subset of the gathered triangles is picked.
 const PART: usize = 4;
-/// Extent of the origins of a part, in units of the radius, above which it is cut in four: what is near one of them is far
-/// from the others then.
+/// Extent of a square's ray origins, in units of the radius, above which the square is split in four: triangles near
+/// one origin are then far from the others.
 const EXTENT: f32 = 4.0;
-/// Extent above which a part is cut in four where too many triangles are near it; below, its quarters have hardly fewer.
+/// Extent below which a square with too many triangles near it is not split, because its quarters have hardly fewer.
 const CUT: f32 = 0.5;
-/// Part of a tile: its left and top pixel, and pixels a side.
+/// A square part of a tile: its left column, its top row, and its side, in pixels.
 type Square = [usize; 3];
 
-/// Finds out the occlusion of those pixels of a tile whose surfaces are known: from the triangles near them, or where these
-/// are too many, by rays.
+/// Computes the occlusion of those pixels of a tile whose surfaces are known, from the triangles near them, or by rays
+/// through the tree where there are too many.
 pub(super) fn prepare<T: Tracer, C: Coverage>(
     pass: &Pass<'_, T, C>,
     area: Area,
@@ -29,7 +29,7 @@ pub(super) fn prepare<T: Tracer, C: Coverage>(
     stops: impl Fn(&Hit) -> bool,
 ) {
     let Some(sampler) = &pass.occlusion else { return };
-    // Each square that is cut leaves three more.
+    // A square that is split adds three to the pending ones.
     let mut squares = [[0; 3]; 3 * TILE.ilog2() as usize + 1];
     squares[0] = [0, 0, TILE];
     let mut pending = 1;
@@ -65,7 +65,7 @@ pub(super) fn prepare<T: Tracer, C: Coverage>(
     }
 }
 
-/// Computes the pixels of a square, from the triangles near them if these were gathered.
+/// Computes the pixels of a square; `gathered` says whether the triangles near them were gathered.
 fn each<T: Tracer, C: Coverage>(
     pass: &Pass<'_, T, C>,
     area: Area,
@@ -83,7 +83,7 @@ fn each<T: Tracer, C: Coverage>(
     }
 }
 
-/// What the rays of a part of a tile have in common.
+/// Bounds shared by the rays of a square.
 struct Part {
     pixels: usize,
     low: Vec3,

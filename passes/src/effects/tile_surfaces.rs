@@ -1,5 +1,5 @@
-//! The surfaces of a tile's pixels, found before the pixels are computed, and their light: shadow rays of a tile run side by side, and go
-//! down the tree as packets.
+//! The surfaces of a tile's pixels and their light, found before the pixels are computed. The shadow rays of a tile are
+//! traced together, as packets.
 
 use super::coverage::Coverage;
 use super::light::shares_of_light;
@@ -12,16 +12,16 @@ use crate::trace::{
 };
 use glam::Vec3;
 
-/// What is known of a pixel before it is computed.
+/// Results for a pixel that are known before it is computed.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Known {
-    /// The light's share; `None` where nobody asked.
+    /// The light's share; `None` where it was not computed.
     pub(super) light: Option<f32>,
-    /// Its surface and the direction in which it is seen, where the program needs them again.
+    /// The surface and the direction in which it is seen, where the program needs them again.
     pub(super) surface: Option<(Surface, Vec3)>,
-    /// Where rays to the viewer's side of that surface start.
+    /// Origin of rays to the viewer's side of that surface.
     pub(super) origin: Vec3,
-    /// Its ambient occlusion; `None` where it has not been found out.
+    /// The ambient occlusion; `None` where it was not computed.
     pub(super) occlusion: Option<f32>,
 }
 
@@ -29,29 +29,29 @@ impl Known {
     pub(super) const NOTHING: Self = Self { light: None, surface: None, origin: Vec3::ZERO, occlusion: None };
 }
 
-/// What is known of a tile's pixels, and the buffers that it takes to find out.
+/// The known results of a tile's pixels, and the buffers for finding them.
 #[derive(Debug, Default)]
 pub struct TileSurfaces {
-    /// By place; empty where the program asks pixel by pixel.
+    /// By place in the tile; empty where the program computes each pixel by itself.
     known: Vec<Known>,
-    /// Pixels whose surfaces are looked for.
+    /// The pixels whose surfaces are looked for.
     shown: VisiblePixels,
     packets: Vec<Packet>,
-    /// The place of each ray.
+    /// The place of each ray in the tile.
     places: Vec<u16>,
     blocked: Vec<u16>,
-    /// Glass surfaces that rays cross: the ray and the distance.
+    /// Glass surfaces that rays cross: index of the ray, and distance.
     crossings: Vec<(u32, f32)>,
     distances: Vec<f32>,
 }
 
 impl TileSurfaces {
-    /// What is known of the pixel at a place of a tile, whether it was surveyed or not.
+    /// The known results of the pixel at a place of the tile; nothing if the tile was not surveyed.
     pub(super) fn known(&self, place: usize) -> Known {
         self.known.get(place).copied().unwrap_or(Known::NOTHING)
     }
 
-    /// What is known of the pixel at a place of a tile that was surveyed.
+    /// The known results of the pixel at a place of a surveyed tile.
     pub(super) fn at(&self, place: usize) -> &Known {
         &self.known[place]
     }
@@ -60,7 +60,7 @@ impl TileSurfaces {
         &mut self.known[place]
     }
 
-    /// Finds the surfaces of the pixels of a tile that are wanted; nothing else is known of it then.
+    /// Finds the surfaces of the wanted pixels of a tile, and forgets everything else about the tile.
     pub(super) fn survey<T: Tracer, C: Coverage>(
         &mut self,
         pass: &Pass<'_, T, C>,
@@ -83,13 +83,13 @@ impl TileSurfaces {
         }
     }
 
-    /// Nothing is known of any pixel, as if none had been surveyed.
+    /// Forgets all pixels, as if no tile had been surveyed.
     pub(super) fn forget(&mut self) {
         self.known.clear();
         self.shown.forget();
     }
 
-    /// Forgets the tile before.
+    /// Forgets the previous tile, and makes room for the next.
     pub(super) fn clear(&mut self) {
         self.known.clear();
         self.known.resize(TILE * TILE, Known::NOTHING);
@@ -118,7 +118,8 @@ impl TileSurfaces {
         self.places.len() as u64
     }
 
-    /// Forgets the light where it crosses glass and nothing opaque: a share is not all that is asked of it.
+    /// Forgets the light of pixels whose ray crosses glass and nothing opaque: such a program needs more than a share
+    /// of the light there.
     pub(super) fn forget_light_through_glass(&mut self) {
         for (ray, _) in &self.crossings {
             let ray = *ray as usize;
@@ -128,7 +129,7 @@ impl TileSurfaces {
         }
     }
 
-    /// Notes the light's share at the place of every ray.
+    /// Writes the light's share of every ray to the ray's place.
     fn note_answers(&mut self) {
         let Self { known, places, blocked, crossings, distances, .. } = self;
         shares_of_light(places.len(), blocked, crossings, distances, |ray, share| {
@@ -137,7 +138,7 @@ impl TileSurfaces {
     }
 }
 
-/// What finds the surfaces of a tile.
+/// The SIMD kernel that finds the surfaces of a tile.
 struct Survey<'a, T, C, W> {
     surfaces: &'a mut TileSurfaces,
     pass: &'a Pass<'a, T, C>,
@@ -181,8 +182,9 @@ impl<T: Tracer, C: Coverage, W: Fn(Pixel, u32) -> bool> Kernel<()> for Survey<'_
     }
 }
 
-/// Finds out the light of a tile: `origin` gives for each pixel its share of the light where no ray is needed to know it,
-/// or else where its ray starts; neither where it is not asked for. It is shown what is known so far.
+/// Computes the light of a tile. For each pixel, `origin` sees what is known and returns either the light's share,
+/// where no ray is needed, or the origin of the shadow ray, or neither where the light is not wanted. `stops` says
+/// whether a hit of a ray stops light.
 ///
 /// Returns the number of rays.
 pub(super) fn prepare_light<T: Tracer, C: Coverage>(
@@ -239,13 +241,14 @@ mod tests {
     fn the_surfaces_of_a_tile_are_those_of_its_pixels_one_by_one() {
         let world = World::scattered();
         let geometry = &world.scene.geometry;
-        // Corners and middles of borders, where rays start elsewhere, among the others.
+        // Every four targets: two inside a triangle, a corner and the middle of an edge. Near a border, rays start
+        // elsewhere.
         let targets = grid(16, Vec3::ZERO, Vec3::X * 4.0, Vec3::NEG_Y * 4.0).enumerate().map(|(index, target)| {
             let [a, b, _] = geometry.corners(index as u32);
             [target, target, a, a.midpoint(b)][index % 4]
         });
         let mut shot = Shot::of(&world, Vec3::new(1.0, 2.0, 12.0), targets).rows(16);
-        // A normal that has no direction, and a point that has no view.
+        // A stored normal of length 0, and a stored position at the eye, which has no viewing direction.
         shot.normal[0] = [0.0; 4];
         shot.position[1] =
             shot.job(RayProgram::Ssao, Fidelity::Corrected, RayParams::default()).eye.extend(0.0).to_array();

@@ -1,4 +1,4 @@
-//! The visible pixels of a tile: those that show a triangle which a program asks about, sixteen at a time.
+//! The visible pixels of a tile: those that show a triangle a program asks about. They are read sixteen at a time.
 
 use super::coverage::Coverage;
 use super::pass::{Pass, Pixel};
@@ -7,14 +7,14 @@ use crate::trace::{PACKET, Simd, Tracer};
 
 /// Pixels of a tile.
 const PIXELS: usize = TILE * TILE;
-/// Stored positions in a line of the cache.
+/// Stored positions in a cache line.
 const PIXELS_A_LINE: usize = 4;
 
-/// Pixels of a tile that show a triangle, structure of arrays.
+/// Pixels of a tile that show a triangle, as a structure of arrays.
 #[derive(Debug)]
 pub(super) struct VisiblePixels {
     places: [u8; PIXELS],
-    /// By pixel of the image.
+    /// Index in the image.
     pixels: [u32; PIXELS],
     triangles: [u32; PIXELS],
     count: usize,
@@ -27,10 +27,11 @@ impl Default for VisiblePixels {
 }
 
 impl VisiblePixels {
-    /// Finds those that are wanted.
+    /// Finds the wanted pixels of a tile.
     ///
-    /// Positions and triangles of the next tile are fetched meanwhile, and what `fetch` names for a pixel of it and those in its
-    /// line: the short rows of a tile are too far apart for the processor to expect them.
+    /// Prefetches positions and triangles of the next tile meanwhile. `fetch` gets the index of one pixel of each cache
+    /// line of positions there, to prefetch more. The short rows of a tile are too far apart for the processor's own
+    /// prefetcher.
     #[inline(always)]
     pub(super) fn collect<S: Simd, T: Tracer, C: Coverage>(
         &mut self,
@@ -58,14 +59,14 @@ impl VisiblePixels {
         self.count = count;
     }
 
-    /// Forgets the pass before: the next may be of a smaller picture, or of another scene.
+    /// Forgets the previous pass: the next may have a smaller picture or another scene.
     pub(super) fn forget(&mut self) {
         self.count = 0;
         self.pixels.fill(0);
         self.triangles.fill(0);
     }
 
-    /// Forgets all pixels of the tile before.
+    /// Forgets the pixels of the previous tile.
     pub(super) fn clear(&mut self) {
         self.count = 0;
     }
@@ -74,16 +75,16 @@ impl VisiblePixels {
         self.count
     }
 
-    /// Their places in the tile, their pixels of the image, and their triangles.
+    /// For each pixel its place in the tile, its index in the image, and its triangle.
     pub(super) fn iter(&self) -> impl Iterator<Item = (usize, usize, u32)> {
         let pixels = self.places.iter().zip(&self.pixels).zip(&self.triangles).take(self.count);
         pixels.map(|((place, pixel), triangle)| (usize::from(*place), *pixel as usize, *triangle))
     }
 
-    /// Adds a pixel: its place in the tile, the pixel of the image, and the triangle.
+    /// Adds a pixel: its place in the tile, its index in the image, and its triangle.
     ///
     /// # Panics
-    /// If all pixels of a tile are there.
+    /// If the list already holds all pixels of a tile.
     pub(super) fn push(&mut self, place: usize, pixel: usize, triangle: u32) {
         self.places[self.count] = place as u8;
         self.pixels[self.count] = pixel as u32;
@@ -91,8 +92,8 @@ impl VisiblePixels {
         self.count += 1;
     }
 
-    /// All that were found. What the last sixteen lack are pixels that were found before, here or in another tile of the pass, or the
-    /// first pixel and triangle.
+    /// All pixels found, sixteen at a time. Unused lanes of the last sixteen hold pixels found before (here or in
+    /// another tile of the pass), or else the first pixel and triangle.
     #[inline(always)]
     pub(super) fn sixteens(&self) -> impl Iterator<Item = Sixteen<'_>> {
         (0..self.count).step_by(PACKET).map(|first| Sixteen {
@@ -104,7 +105,7 @@ impl VisiblePixels {
     }
 }
 
-/// Some of a list that is a multiple of sixteen long.
+/// The sixteen entries of a list from `first`, a multiple of sixteen, on.
 #[inline(always)]
 fn chunk<V>(list: &[V; PIXELS], first: usize) -> &[V; PACKET] {
     let (chunks, _) = list.as_chunks();
@@ -114,9 +115,9 @@ fn chunk<V>(list: &[V; PIXELS], first: usize) -> &[V; PACKET] {
 /// Sixteen pixels.
 pub(super) struct Sixteen<'a> {
     pub(super) places: &'a [u8; PACKET],
-    /// By pixel of the image.
+    /// Index in the image.
     pub(super) pixels: &'a [u32; PACKET],
     pub(super) triangles: &'a [u32; PACKET],
-    /// One bit a pixel: those that were found.
+    /// One bit a lane: lanes that hold a pixel.
     pub(super) used: u16,
 }

@@ -12,26 +12,26 @@ use glam::Vec3;
 pub struct Workspace {
     /// Rays traced.
     pub rays: RayCounts,
-    /// The place of the pixel that is computed in its tile, row by row, [`TILE`](super::TILE) a row.
+    /// Place of the current pixel in its tile: row by row, [`TILE`](super::TILE) places a row.
     pub place: usize,
-    /// What is known of the tile's pixels before they are computed.
+    /// Results that were computed for the tile's pixels before their turn.
     pub surfaces: TileSurfaces,
-    /// The same of a tile of the shadow program.
+    /// The same for a tile of the shadow program.
     pub(super) shadows: deferred_shadows::Tile,
     pub(super) disc: DiscRays,
     pub(super) directions: Directions,
-    /// The same where rays are traced one by one.
+    /// The occlusion directions again as a list, for rays that are traced one by one.
     pub(super) loose: Vec<Vec3>,
     pub(super) candidates: Candidates,
     pub(super) crossings: Vec<f32>,
-    /// The same of clear panes.
+    /// Distances of the clear panes that a shadow ray of a camera program crosses.
     pub(super) panes: Vec<f32>,
-    /// Surfaces of glass that a shadow ray crosses.
+    /// Glass surfaces that a shadow ray crosses.
     pub(super) through: Vec<Hit>,
 }
 
 impl Workspace {
-    /// Forgets the pass before: its counts, and what was known of its last tile.
+    /// Forgets the previous pass: its counts, and the results of its last tile.
     pub(crate) fn begin(&mut self) {
         self.rays = RayCounts::default();
         self.place = 0;

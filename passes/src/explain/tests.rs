@@ -10,7 +10,7 @@ use glam::Vec3;
 const PROGRAMS: [RayProgram; 5] =
     [RayProgram::DeferredShadows, RayProgram::Reflection, RayProgram::Refraction, RayProgram::Ssao, RayProgram::Final];
 
-/// A floor with a wall, under two panes, and under a cut-out awning if there is one.
+/// A floor with a wall, below two panes and, if `awning` is set, below an alpha-tested awning.
 fn yard(awning: bool) -> World {
     let mut world = World::lit_along(Vec3::new(0.4, 0.1, -1.0));
     let stone = world.paint(Vec3::new(0.5, 0.6, 0.7));
@@ -99,7 +99,8 @@ fn the_weights_of_a_panes_rays_are_fresnels_and_add_up_to_the_pixel() {
             assert!((reflected + refracted - 1.0).abs() < 1e-6, "{reflected} {refracted}");
             let expected = if fidelity == Corrected { fresnel(cos, 1.1).reflectance } else { 1.21 * (1.0 - cos * cos) };
             assert!((reflected - expected).abs() < 1e-5, "{fidelity:?}: {reflected} {expected}");
-            // Each ray that ends on an opaque surface brings its colour by its weight; the others bring nothing.
+            // Each ray that hits an opaque surface contributes its colour times its weight; other rays contribute
+            // nothing.
             let mut sum = Vec3::ZERO;
             for ray in rays(&explained) {
                 let Outcome::Hit(hit) = &ray.outcome else { continue };
@@ -143,7 +144,7 @@ fn rays_leave_by_the_bound_of_their_points_error_in_corrected_and_where_the_posi
 fn what_blocks_and_what_is_passed_is_named() {
     let world = yard(false);
     let shot = Shot::of(&world, Vec3::new(-0.7, 0.2, 0.2), [Vec3::new(0.1, 0.05, 0.0)]);
-    // Towards the sun lie both panes: a shadow ray of `final` passes them, one of `deferredShadows` does not.
+    // Both panes lie towards the sun: shadow rays of `final` pass them, those of `deferredShadows` do not.
     let explained = pixel(&shot.job(RayProgram::Final, Corrected, RayParams::default()), 0, 0).expect("a complete job");
     let shadow = rays(&explained).find(|ray| ray.purpose == Purpose::Shadow).expect("a shadow ray");
     assert_eq!(shadow.outcome, Outcome::Open);

@@ -1,10 +1,10 @@
-//! Rays from the camera.
+//! Camera rays.
 
 use crate::trace::DoubleRay;
 use curitiba_pipeline::project;
 use glam::{DVec2, DVec3};
 
-/// A camera in `f64`, in the coordinates of a scene.
+/// A camera in `f64`, in the scene's coordinates.
 #[derive(Debug, Clone, Copy)]
 pub struct Camera {
     position: DVec3,
@@ -20,14 +20,15 @@ pub struct Camera {
 
 #[derive(Debug, Clone, Copy)]
 enum Sight {
-    /// Half of what is seen at distance 1, along right and up.
+    /// Half the extent of the view at distance 1, along right and up.
     Perspective(DVec2),
-    /// Left and bottom; right and top.
+    /// Left and bottom of the view; right and top.
     Parallel(DVec2, DVec2),
 }
 
 impl Camera {
-    /// That of a project, over a picture whose width is `aspect` times its height, of a scene whose origin is there in the world.
+    /// The camera of a project, for a picture whose width is `aspect` times its height. `origin` is the world position
+    /// of the scene's origin.
     #[must_use]
     pub fn new(camera: &project::Camera, origin: DVec3, aspect: f64) -> Self {
         let forward = camera.direction.as_dvec3().normalize();
@@ -53,14 +54,14 @@ impl Camera {
         }
     }
 
-    /// The ray through a place of the picture: shares of its width and height from the top left corner.
+    /// The ray through a place of the picture, in fractions of its width and height from the top left corner.
     pub(super) fn ray(&self, place: DVec2) -> DoubleRay {
         let Self { position, forward, right, up, near, far, .. } = *self;
         match self.sight {
             Sight::Perspective(half) => {
                 let seen = DVec2::new(2.0 * place.x - 1.0, 1.0 - 2.0 * place.y) * half;
                 let way = forward + right * seen.x + up * seen.y;
-                // A depth of 1 is so far along the ray.
+                // Length along the ray for a depth of 1.
                 let length = way.length();
                 DoubleRay { origin: position, direction: way / length, t_min: near * length, t_max: far * length }
             }

@@ -1,4 +1,4 @@
-//! Glass of the report: a plane that stands for a whole pane.
+//! The report's glass: one plane stands for a whole pane.
 
 use super::job::Traced;
 use super::points::branch;
@@ -6,7 +6,7 @@ use super::programs::Sample;
 use super::world::Surface;
 use glam::DVec3;
 
-/// What each bounce between glass keeps.
+/// Factor of the colour for each bounce between glass surfaces.
 const BOUNCE: f64 = 0.99;
 
 /// The mirrored direction.
@@ -14,18 +14,18 @@ fn mirrored(direction: DVec3, normal: DVec3) -> DVec3 {
     direction - 2.0 * direction.dot(normal) * normal
 }
 
-/// The normal by which an interface mirrors and bends: the shading normal, or the triangle's where that looks away from the viewer or would
-/// mirror into the surface.
+/// The normal by which an interface mirrors and refracts. It is the shading normal, unless that looks away from the
+/// viewer or would mirror into the surface; then the triangle's.
 fn interface_normal(surface: &Surface, direction: DVec3) -> DVec3 {
     let usable = surface.normal.dot(direction) < 0.0 && mirrored(direction, surface.normal).dot(surface.facing) > 0.0;
     if usable { surface.normal } else { surface.facing }
 }
 
-/// The share of unpolarised light that is reflected (Fresnel), and where the rest goes: `None` at total reflection. `index` is that of the far
-/// side over that of the near side.
+/// Fresnel reflectance for unpolarised light, and the refracted direction; `None` at total reflection. `index` is the
+/// refractive index of the far side over that of the near side.
 fn split(direction: DVec3, normal: DVec3, index: f64) -> (f64, Option<DVec3>) {
     let near = (-direction.dot(normal)).clamp(0.0, 1.0);
-    // By Snell's law.
+    // Squared sine of the refracted angle, by Snell's law.
     let sine_squared = (1.0 - near * near) / (index * index);
     if sine_squared >= 1.0 {
         return (1.0, None);
@@ -39,7 +39,7 @@ fn split(direction: DVec3, normal: DVec3, index: f64) -> (f64, Option<DVec3>) {
 }
 
 impl Sample<'_, '_> {
-    /// The mirror of `reflection`: a chain from glass to glass, black after `depth` more of them.
+    /// The mirror of `reflection`: a chain of mirror rays from glass to glass, black after `depth` further glass hits.
     pub(super) fn mirror(&self, pass: &Traced<'_>, seen: &Surface, direction: DVec3) -> DVec3 {
         let (world, look) = (self.world, &pass.look);
         let (mut surface, mut direction) = (*seen, direction);
@@ -56,7 +56,7 @@ impl Sample<'_, '_> {
         DVec3::ZERO
     }
 
-    /// What glass shows in a direction after so many bounces: reflected and refracted colours by their shares.
+    /// The colour of glass in a direction after so many bounces: reflected and refracted colours by their shares.
     pub(super) fn pane(
         &self,
         pass: &Traced<'_>,
@@ -68,7 +68,7 @@ impl Sample<'_, '_> {
         let mut normal = interface_normal(surface, direction);
         let (mut share, mut refracted) = split(direction, normal, index);
         if refracted.is_some_and(|refracted| refracted.dot(surface.facing) >= 0.0) {
-            // Bent back to the viewer's side, as a normal that leans can do.
+            // A bent normal can refract the ray back to the viewer's side; then the triangle's normal is used.
             normal = surface.facing;
             (share, refracted) = split(direction, normal, index);
         }
@@ -81,7 +81,7 @@ impl Sample<'_, '_> {
         .sum()
     }
 
-    /// What a ray from glass meets.
+    /// The colour that a ray from glass hits.
     fn beyond_pane(
         &self,
         pass: &Traced<'_>,
@@ -115,7 +115,7 @@ mod tests {
         for index in [1.1_f64, 1.5, 1.0 / 1.5] {
             let (straight, _) = split(-DVec3::Z, DVec3::Z, index);
             assert!((straight - ((index - 1.0) / (index + 1.0)).powi(2)).abs() < 1e-15);
-            // At Brewster's angle only light across the plane of incidence is reflected.
+            // At Brewster's angle only light polarised perpendicular to the plane of incidence is reflected.
             let brewster = index.atan();
             let (share, refracted) = split(DVec3::new(brewster.sin(), 0.0, -brewster.cos()), DVec3::Z, index);
             let expected = 0.5 * ((index * index - 1.0) / (index * index + 1.0)).powi(2);

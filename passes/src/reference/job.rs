@@ -1,4 +1,4 @@
-//! What is asked of the reference renderer.
+//! The jobs of the reference renderer.
 
 use super::camera::Camera;
 use curitiba_pipeline::backend::{Shade, Sun};
@@ -9,49 +9,49 @@ use curitiba_pipeline::scene::RenderScene;
 use glam::{DVec3, DVec4};
 use std::ops::Range;
 
-/// How a pass sees the materials and the light. All slices are by material index.
+/// The materials and the light as a pass sees them. All slices are by material index.
 #[derive(Debug, Clone, Copy)]
 pub struct Look<'a> {
-    /// What materials look like.
+    /// Appearance of the materials.
     pub shades: &'a [Shade],
-    /// Those on which rays bounce; for raster passes none.
+    /// Materials that rays mirror or refract at; none in raster passes.
     pub glass: &'a [bool],
-    /// Those through which shadow rays pass; for raster passes none.
+    /// Materials that shadow rays pass through; none in raster passes.
     pub shadow_glass: &'a [bool],
     /// The light.
     pub sun: Option<Sun>,
 }
 
-/// What the camera sees: the one raster pass of a picture.
+/// The view of the camera: the one raster pass of a picture.
 #[derive(Debug, Clone, Copy)]
 pub struct Seen<'a> {
-    /// What is drawn.
+    /// The scene that is drawn.
     pub scene: &'a RenderScene,
-    /// From where.
+    /// The camera.
     pub camera: Camera,
-    /// How it looks.
+    /// Materials and light.
     pub look: Look<'a>,
-    /// By material: whether triangles are left out that are seen from behind; empty where none are.
+    /// By material: whether its back faces are culled; empty if none are.
     pub culled: &'a [bool],
-    /// Where nothing is.
+    /// The value where nothing is drawn.
     pub clear_color: DVec4,
 }
 
 /// A ray pass.
 #[derive(Debug, Clone, Copy)]
 pub struct Traced<'a> {
-    /// Its program.
+    /// The program of the pass.
     pub program: RayProgram,
-    /// Its constants.
+    /// Its parameters.
     pub params: RayParams,
-    /// How its rays see materials and light.
+    /// Materials and light as its rays see them.
     pub look: Look<'a>,
-    /// What rays show that leave the scene.
+    /// The colour of rays that leave the scene.
     pub beyond: DVec3,
 }
 
 impl Traced<'_> {
-    /// Why the reference renderer does not know what the pass computes, and what would help; `None` where it does.
+    /// Why the reference renderer cannot compute the pass, and what would help; `None` where it can.
     #[must_use]
     pub fn unsupported(program: RayProgram, params: &RayParams, has_bodies: bool) -> Option<String> {
         let known = [
@@ -84,30 +84,30 @@ impl Traced<'_> {
     }
 }
 
-/// A channel of a pass as a function of a place of the picture.
+/// A channel of a pass, as a function of the place in the picture.
 #[derive(Debug, Clone)]
 pub enum Value<'a> {
-    /// The same everywhere.
+    /// The same value everywhere.
     Constant(DVec4),
     /// The colour that the raster pass draws.
     Drawn,
-    /// What a ray pass writes, and the colour that it reads; black where it reads none.
+    /// The result of a ray pass, and the colour that the pass reads; black if it reads none.
     Traced(Traced<'a>, Box<Value<'a>>),
-    /// The first times the `x` of the second.
+    /// The first value times the `x` of the second.
     Product(Box<Value<'a>>, Box<Value<'a>>),
-    /// What the format of a target leaves of a value: bytes cut it at 0 and 1. It is not rounded.
+    /// A value as the format of a target holds it: byte formats clamp it to 0..1. It is not rounded.
     Held(PixelFormat, Box<Value<'a>>),
 }
 
-/// A picture.
+/// A picture to render.
 #[derive(Debug, Clone)]
 pub struct Job<'a> {
-    /// What the camera sees.
+    /// The view of the camera.
     pub seen: Seen<'a>,
-    /// What of it the picture shows.
+    /// The value that the picture shows.
     pub value: Value<'a>,
-    /// Pixels a row, and rows.
+    /// Pixels in a row, and number of rows.
     pub size: [u32; 2],
-    /// Which samples of every pixel each of the two estimates takes: at least one.
+    /// The samples of every pixel that each of the two estimates takes; at least one.
     pub samples: Range<u32>,
 }

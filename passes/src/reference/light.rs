@@ -1,4 +1,4 @@
-//! Light at surfaces: what they show of it, and what keeps it off.
+//! Light at surfaces: the colours it gives, and its shadows.
 
 use super::job::Look;
 use super::world::{Surface, World};
@@ -7,13 +7,13 @@ use glam::{DVec3, DVec4};
 
 /// The report's ambient light.
 const AMBIENT: f64 = 0.3;
-/// What light keeps behind an opaque surface.
+/// Share of the light behind an opaque surface.
 pub(super) const SHADOWED: f64 = 0.5;
-/// What it keeps at each surface of glass that it crosses.
+/// Factor of the light for each glass surface that it crosses.
 const THROUGH_GLASS: f64 = 0.9;
-/// Least cosine between a triangle's normal and those of its corners where it stands for a piece of a round surface.
+/// Least cosine between a triangle's normal and those of its corners for which it counts as a piece of a round surface.
 const ROUND: f64 = 0.85;
-/// Distances that differ by less than this share are one surface of glass: positions are `f32`.
+/// Hit distances with a smaller relative difference are one glass surface: positions are `f32`.
 const ONE_SURFACE: f64 = 8.0 * f32::EPSILON as f64;
 
 impl Look<'_> {
@@ -22,14 +22,16 @@ impl Look<'_> {
         self.sun.map_or(DVec3::ZERO, |sun| -sun.direction.as_dvec3().normalize())
     }
 
-    /// The light's cosine at what the camera sees: that of the shading normal as it stands, and 0 where the vertex normal looks away.
+    /// The light cosine of a surface that the camera sees: that of the unturned shading normal; with a normal map, 0
+    /// where the vertex normal faces away.
     pub(super) fn seen_cosine(&self, surface: &Surface) -> f64 {
         let to_light = self.toward_light();
         let faces = self.shades[surface.material].normal_map.is_none() || surface.vertex.dot(to_light) > 0.0;
         if faces { surface.shading.dot(to_light).clamp(0.0, 1.0) } else { 0.0 }
     }
 
-    /// What the camera sees: diffuse and ambient light, texture, colours of vertices, and light of the surface's own.
+    /// The colour of a surface that the camera sees: diffuse and ambient light, texture, vertex colours, and emitted
+    /// light.
     pub(super) fn seen_color(&self, world: &World<'_>, surface: &Surface) -> DVec4 {
         let shade = &self.shades[surface.material];
         let sun = self.sun.map_or(DVec4::ZERO, |sun| sun.color.as_dvec3().extend(1.0));
@@ -44,7 +46,8 @@ impl Look<'_> {
         self.tinted(world, surface, reflected) + self.glow(world, surface).extend(0.0)
     }
 
-    /// What a ray meets, with the normal on its side: as [`Self::seen_color`], without emission where there is a texture.
+    /// The colour of a surface that a ray hits, with the normal on the ray's side. As [`Self::seen_color`], but a
+    /// textured material has the ambient constant in the place of its emission.
     pub(super) fn met_color(&self, world: &World<'_>, surface: &Surface) -> DVec3 {
         let shade = &self.shades[surface.material];
         let to_light = self.toward_light();
@@ -79,14 +82,14 @@ impl Look<'_> {
         glow.color.as_dvec3() * texel
     }
 
-    /// Whether light reaches the side of normal `facing`, through nothing: the share of `deferredShadows`.
+    /// Whether light reaches the side of normal `facing`, with glass as an obstacle: the light of `deferredShadows`.
     pub(super) fn is_lit(&self, world: &World<'_>, surface: &Surface, facing: DVec3) -> bool {
         let stops = |hit: &DoubleHit| world.covers(self.shades, hit);
         self.start_to_light(world, surface, facing, stops)
             .is_some_and(|origin| !world.is_blocked(origin, self.toward_light(), f64::INFINITY, stops))
     }
 
-    /// What reaches that side in `final`: less by each surface of glass on the way.
+    /// The light share on that side in `final`: each glass surface on the way dims it.
     pub(super) fn light_share(&self, world: &World<'_>, surface: &Surface, facing: DVec3) -> f64 {
         let stops = |hit: &DoubleHit| self.stops_light(world, hit);
         let Some(origin) = self.start_to_light(world, surface, facing, stops) else { return SHADOWED };
@@ -112,10 +115,11 @@ impl Look<'_> {
         !self.shadow_glass[world.material(hit.triangle)] && world.covers(self.shades, hit)
     }
 
-    /// Where the way from a side of a surface to the light begins; `None` where that side is dark without it.
+    /// Origin of the ray from a side of a surface to the light; `None` where that side is dark without a ray.
     ///
-    /// A side that is turned away is dark, unless it stands for a round body that is not: then the way begins on that body (Hanika, "Hacking the
-    /// Shadow Terminator", Ray Tracing Gems II, 2021), if nothing that stops light lies between the two.
+    /// A side that is turned away from the light is dark, unless the round surface that it stands for faces the light.
+    /// Then the ray starts on that surface (Hanika, "Hacking the Shadow Terminator", Ray Tracing Gems II, 2021), if
+    /// nothing that stops light lies between the two.
     fn start_to_light(
         &self,
         world: &World<'_>,
@@ -133,8 +137,10 @@ impl Look<'_> {
     }
 }
 
-/// From a point of a triangle, on the side of normal `facing`, to where the normals at the corners say that the round body lies: the point
-/// projected onto the planes through the corners, where it lies below them, weighed as the corners are.
+/// Vector from a point of a triangle, on the side of normal `facing`, to the round surface that the normals at the
+/// corners describe. The point is projected onto the tangent planes at the corners, where it lies below them, and the
+/// projections are weighted by its barycentric coordinates. `None` where the surface is flat or not round, or faces
+/// away from the light.
 fn way_onto_round(world: &World<'_>, surface: &Surface, facing: DVec3, to_light: DVec3) -> Option<DVec3> {
     let geometry = &world.scene.geometry;
     if geometry.normals.is_empty() {

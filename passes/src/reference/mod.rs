@@ -1,16 +1,18 @@
-//! A reference renderer: whole pictures from the camera, in `f64`, pixels by many samples.
+//! A reference renderer: whole pictures from the camera, in `f64`, with many samples in a pixel.
 //!
-//! It stands for what the passes of a project *mean*, to judge pictures by, and shares as little as it can with what renders them: no
-//! G-buffer, no kernel, no tracer in `f32`, no texture filter, no sampler. It shares the scene as it was loaded, the materials as passes see
-//! them, the constants, and the tables that decode sRGB. It is written for being right and not for being fast.
+//! It computes what the passes of a project *mean*, as a reference for rendered pictures. It shares as little as
+//! possible with the renderer: no G-buffer, no kernel, no tracer in `f32`, no texture filter, no sampler. It shares the
+//! loaded scene, the materials as passes see them, the constants, and the tables that decode sRGB. It is written to be
+//! right, not fast.
 //!
-//! * Each sample is a ray through a place of the pixel. What it meets is found in `f64`, with positions, normals, texture coordinates and colours
-//!   between the corners.
+//! * Each sample is a ray through a place of the pixel. Its hit is found in `f64`; positions, normals, texture
+//!   coordinates and colours are interpolated between the corners.
 //! * Textures are read at level 0, bilinear: the samples of the pixel are the filter.
 //! * The pixel is the mean over its square.
-//! * Samples are two estimates of one half each, with random numbers of their own, so that half of their root mean square difference is the
-//!   standard error of their mean. A pixel's numbers depend on its place alone.
-//! * Occlusion takes 16 directions a sample, which go on in one sequence from sample to sample.
+//! * The samples form two estimates of half of them each, with independent random numbers. So half the root mean square
+//!   difference of the two is the standard error of their mean. A pixel's random numbers depend only on its place.
+//! * Occlusion takes 16 directions for a sample (fewer behind glass with a small weight); its sequence continues from
+//!   sample to sample.
 //!
 //! | program | here |
 //! |---|---|
@@ -43,26 +45,26 @@ use programs::Sample;
 use rayon::prelude::*;
 use world::World;
 
-/// Why there is no picture.
+/// Why no picture was rendered.
 #[derive(Debug, Clone, thiserror::Error)]
 #[non_exhaustive]
 pub enum ReferenceError {
-    /// Exact spheres, which are no triangles.
+    /// The scene has exact spheres; only triangles are supported.
     #[error("exact spheres have no reference of the picture: declare them without exact=\"true\"")]
     Spheres,
-    /// Memory for the tree or the pictures.
+    /// There is not enough memory for the tree or the pictures.
     #[error(transparent)]
     Refused(#[from] Refused),
-    /// It was given up, as [`Progress::is_cancelled`] asked.
+    /// Rendering was cancelled through [`Progress::is_cancelled`].
     #[error("cancelled")]
     Cancelled,
 }
 
-/// Renders two independent estimates of a picture, whose mean is the picture: each has as many samples a pixel as the job's range. Ranges that
-/// follow each other go on in the same sequences.
+/// Renders two independent estimates of a picture; the picture is their mean. Each has as many samples per pixel as the
+/// job's range. Consecutive ranges continue the same sequences.
 ///
 /// # Errors
-/// If the scene has exact spheres, memory does not suffice, or it was asked to stop.
+/// If the scene has exact spheres, there is not enough memory, or rendering was cancelled.
 ///
 /// # Panics
 /// If the range of samples is empty, or a slice of a ray pass's [`Look`] is shorter than the scene's materials.
@@ -96,7 +98,7 @@ pub fn render(job: &Job<'_>, progress: &Progress) -> Result<[Image; 2], Referenc
     Ok(halves.map(|pixels| Image { width, height, pixels }))
 }
 
-/// The mean of a pixel's samples of one estimate.
+/// The mean of a pixel's samples, for one estimate.
 fn mean(job: &Job<'_>, world: &World<'_>, [x, y]: [u32; 2], half: u64) -> DVec4 {
     let key = mix(mix(u64::from(x) << 32 | u64::from(y)) ^ half);
     let places = Points::new(key, Purpose::Pixel);
@@ -113,7 +115,8 @@ fn mean(job: &Job<'_>, world: &World<'_>, [x, y]: [u32; 2], half: u64) -> DVec4 
     sum / count
 }
 
-/// The materials whose hits somebody has to judge: those that are cut out, those that light passes, and those that are not seen from behind.
+/// Marks the materials whose hits must be judged one by one: alpha-tested ones, those that light passes, and those
+/// whose back faces are culled.
 fn looked_at(job: &Job<'_>) -> Vec<bool> {
     fn looks<'a>(value: &Value<'a>, found: &mut Vec<Look<'a>>) {
         match value {

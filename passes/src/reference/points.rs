@@ -1,16 +1,16 @@
-//! Points of low discrepancy, and the numbers that shift them.
+//! Low-discrepancy points, and the random bits that scramble them.
 
 use glam::{DVec2, DVec3};
 use std::f64::consts::TAU;
 
-/// What a sequence of points is for; no two purposes of a pixel share their random numbers.
+/// The use of a sequence of points; each use in a pixel has random numbers of its own.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Purpose {
-    /// Where in the pixel the rays from the camera go.
+    /// Places in the pixel for camera rays.
     Pixel = 1,
-    /// Directions of occlusion, the first batch of a point.
+    /// Occlusion directions, the first batch of a point.
     OcclusionA = 2,
-    /// The second batch.
+    /// Occlusion directions, the second batch.
     OcclusionB = 3,
 }
 
@@ -23,24 +23,25 @@ pub(super) fn mix(value: u64) -> u64 {
     value ^ (value >> 31)
 }
 
-/// The key of a branch of a path: that of the path and which way it goes on.
+/// The key of a branch of a path, from the path's key and the number of the branch.
 pub(super) fn branch(key: u64, way: u64) -> u64 {
     mix(key ^ (way + 1))
 }
 
-/// A (0, 2)-sequence in base 2, van der Corput's and the second dimension of Sobol's, each shifted digit by digit by random bits (Kollig and
-/// Keller, "Efficient Multidimensional Sampling", Computer Graphics Forum 21(3), 2002): each point is uniform, whatever the others are.
+/// A (0, 2)-sequence in base 2: van der Corput's sequence and the second dimension of Sobol's. Random bits are XORed to
+/// the digits (Kollig and Keller, "Efficient Multidimensional Sampling", Computer Graphics Forum 21(3), 2002), so that
+/// each single point is uniform.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Points([u32; 2]);
 
 impl Points {
-    /// Those of a key and a purpose.
+    /// The points for a key and a purpose.
     pub fn new(key: u64, purpose: Purpose) -> Self {
         let bits = mix(key ^ mix(purpose as u64));
         Self([(bits >> 32) as u32, bits as u32])
     }
 
-    /// The point of an index, in 0..1 along both axes.
+    /// The point with this index, in 0..1 along both axes.
     pub fn at(self, index: u32) -> DVec2 {
         let Self([shift_x, shift_y]) = self;
         let (mut bits, mut direction, mut rest) = (0_u32, 1_u32 << 31, index);
@@ -56,8 +57,8 @@ impl Points {
     }
 }
 
-/// The direction of a uniform point, distributed by its cosine with a unit vector: the point of the hemisphere above a uniform point of the
-/// unit disk (Malley).
+/// A cosine-distributed direction around a unit vector, from a uniform point of the unit square: the point of the
+/// hemisphere above a uniform point of the unit disk (Malley's method).
 pub(super) fn cosine_direction(point: DVec2, normal: DVec3) -> DVec3 {
     let (tangent, bitangent) = normal.any_orthonormal_pair();
     let (sin, cos) = (TAU * point.y).sin_cos();

@@ -1,4 +1,4 @@
-//! What a picture shows at one sample of a pixel.
+//! The value of a picture for one sample of a pixel.
 
 use super::job::{Job, Traced, Value};
 use super::light::SHADOWED;
@@ -8,25 +8,25 @@ use curitiba_pipeline::image::PixelFormat;
 use curitiba_pipeline::programs::RayProgram;
 use glam::{DVec2, DVec3, DVec4};
 
-/// Directions of each of the two batches of occlusion at a point that is seen directly.
+/// Occlusion directions in each of the two batches, at a point that is seen directly.
 const DIRECTIONS: u32 = 8;
-/// The same at points behind glass of which less than half shows.
+/// The same number at points behind glass whose weight in the pixel is below one half.
 const FEW_DIRECTIONS: u32 = 4;
 
-/// A sample of a pixel: what all of its passes have in common.
+/// A sample of a pixel, shared by all passes.
 pub(super) struct Sample<'w, 's> {
     pub world: &'w World<'s>,
-    /// What the ray from the camera meets.
+    /// The surface that the camera ray hits.
     seen: Option<Surface>,
     direction: DVec3,
-    /// Of the pixel and of the estimate.
+    /// Key of the pixel and of the estimate.
     key: u64,
-    /// Its place in the sequence.
+    /// Index in the sequence of samples.
     index: u32,
 }
 
 impl<'w, 's> Sample<'w, 's> {
-    /// Follows the ray through a place of the picture (shares of its width and height).
+    /// Follows the camera ray through a place of the picture, in fractions of its width and height.
     pub fn new(world: &'w World<'s>, job: &Job<'_>, place: DVec2, (key, index): (u64, u32)) -> Self {
         let (seen, ray) = (&job.seen, job.seen.camera.ray(place));
         let hit = world.first(&ray, |hit| {
@@ -37,7 +37,7 @@ impl<'w, 's> Sample<'w, 's> {
         Self { world, seen, direction: ray.direction, key, index }
     }
 
-    /// What is shown.
+    /// The value of the sample.
     pub fn value(&self, job: &Job<'_>, value: &Value<'_>) -> DVec4 {
         match value {
             Value::Constant(value) => *value,
@@ -74,7 +74,7 @@ impl<'w, 's> Sample<'w, 's> {
                 if job.seen.look.seen_cosine(surface) <= 0.0 {
                     return gray(1.0);
                 }
-                // The side that the normals at the corners say is shaded.
+                // The shaded side is the one that the vertex normals point to.
                 let facing = if surface.flat.dot(surface.vertex) < 0.0 { -surface.flat } else { surface.flat };
                 gray(if pass.look.is_lit(self.world, surface, facing) { 1.0 } else { SHADOWED })
             }
@@ -87,7 +87,7 @@ impl<'w, 's> Sample<'w, 's> {
                 self.pane(pass, surface, self.direction, (0, 1.0, self.key)).extend(1.0)
             }
             RayProgram::Final => {
-                // The colour was lit by the shading normal as it stands: its side is the one to be shadowed.
+                // The colour was lit by the unturned shading normal, so shadows belong to the side that it points to.
                 let turned = surface.shading.dot(surface.facing) < 0.0;
                 let facing = if turned { -surface.facing } else { surface.facing };
                 self.in_light(pass, own().truncate(), surface, facing, (1.0, self.key)).extend(1.0)
@@ -96,7 +96,8 @@ impl<'w, 's> Sample<'w, 's> {
         }
     }
 
-    /// In `final`, what is left of a colour in the light of the side of normal `facing`, and occluded; in other programs the colour.
+    /// In `final`, the colour times its light share (on the side of normal `facing`) and its occlusion; in other
+    /// programs the colour itself.
     pub(super) fn in_light(
         &self,
         pass: &Traced<'_>,
@@ -112,11 +113,13 @@ impl<'w, 's> Sample<'w, 's> {
         color * light * self.open_share(pass, surface, path, |hit| pass.look.stops_light(self.world, hit))
     }
 
-    /// The open share of the cosine-weighted hemisphere to the power of the intensity; 1 where occlusion is off. Directions below the triangle
-    /// are mirrored at its plane. `path` is what of the point shows, and the key of the way there.
+    /// The open share of the cosine-weighted hemisphere to the power of the intensity; 1 where occlusion is off.
+    /// Directions below the triangle are mirrored at its plane. `weight` is the point's weight in the pixel, and `key`
+    /// that of the path to it.
     ///
-    /// The power of a mean of few samples is too large, as the curve is bent. Of two independent means `a` and `b` of a share, twice the power of
-    /// their mean less the mean of their powers has no such error to the first order of their variance (the jackknife).
+    /// The power of a mean of few samples is biased, because the power curve is bent. With two independent means `a`
+    /// and `b` of a share, `2 power((a + b) / 2) - (power(a) + power(b)) / 2` has no bias to the first order of their
+    /// variance (the jackknife).
     fn open_share(
         &self,
         pass: &Traced<'_>,

@@ -1,4 +1,4 @@
-//! Closed forms, each beside something that must fail.
+//! The reference renderer against closed forms, each with a control that must fail.
 
 use super::{Camera, Job, Look, ReferenceError, Seen, Traced, Value, render};
 use curitiba_pipeline::backend::{Shade, Sun};
@@ -11,7 +11,7 @@ use curitiba_pipeline::scene::texture::Texture;
 use curitiba_pipeline::scene::{Batch, RenderScene, Sphere};
 use glam::{DVec2, DVec3, DVec4, Vec2, Vec3, Vec4};
 
-/// A scene that is made of quads, each of a material of its own.
+/// A scene of quads, each with a material of its own.
 #[derive(Default)]
 struct Stage {
     scene: RenderScene,
@@ -21,7 +21,8 @@ struct Stage {
 }
 
 impl Stage {
-    /// Adds a quad around a centre; its normal is the cross product of the two half edges. Its material shows `color` without light.
+    /// Adds a quad around a centre. `right` and `up` are half its sides, and its normal is their cross product. Its
+    /// material shows `color` without light.
     fn quad(&mut self, color: Vec3, center: Vec3, right: Vec3, up: Vec3) -> &mut Self {
         let geometry = &mut self.scene.geometry;
         let (first, material) = (geometry.positions.len() as u32, self.shades.len() as u32);
@@ -55,12 +56,12 @@ fn picture(job: &Job<'_>) -> [Image; 2] {
     render(job, &Progress::default()).expect("rendered")
 }
 
-/// The red of the mean of both estimates.
+/// The red channel of the mean of both estimates.
 fn reds([first, second]: &[Image; 2]) -> Vec<f64> {
     first.pixels.iter().zip(&second.pixels).map(|(a, b)| (f64::from(a[0]) + f64::from(b[0])) / 2.0).collect()
 }
 
-/// Half of the root mean square difference of the estimates.
+/// Half the root mean square difference of the two estimates: the standard error of their mean.
 fn own_error([first, second]: &[Image; 2]) -> f64 {
     let differences = first.pixels.iter().zip(&second.pixels).map(|(a, b)| f64::from(a[0]) - f64::from(b[0]));
     rms(&differences.collect::<Vec<_>>()) / 2.0
@@ -88,7 +89,8 @@ fn look_from(position: DVec3, target: DVec3, up: Vec3) -> project::Camera {
     }
 }
 
-/// Straight down on z = 0, one unit a pixel, of which the first has its corner at (0, 0); y goes down in the picture.
+/// A camera that looks straight down on z = 0. A pixel is one unit wide; the first pixel's corner is at (0, 0), and y
+/// decreases downwards in the picture.
 fn from_above(side: u32) -> Camera {
     let side = side as f32;
     let orthographic = Some(Orthographic { left: 0.0, right: side, bottom: -side, top: 0.0 });
@@ -96,7 +98,7 @@ fn from_above(side: u32) -> Camera {
     Camera::new(&project::Camera { orthographic, far: 100.0, ..camera }, DVec3::ZERO, 1.0)
 }
 
-/// The mean of a function over a pixel of [`from_above`].
+/// The mean of a function over a pixel of [`from_above`], by midpoint sums.
 fn over_pixel(index: usize, side: usize, function: impl Fn(DVec2) -> f64) -> f64 {
     const STEPS: usize = 64;
     let corner = DVec2::new((index % side) as f64, -((index / side) as f64));
@@ -110,7 +112,7 @@ fn over_pixel(index: usize, side: usize, function: impl Fn(DVec2) -> f64) -> f64
 #[test]
 fn an_edge_covers_its_share_of_each_pixel_and_the_error_is_as_told() {
     let mut stage = Stage::default();
-    // Everything right of the line through (6, 0) with a slope of 3 : 10.
+    // A quad covers everything to the right of the line through (6, 0) with slope 3 : 10.
     let (along, across) = (Vec3::new(3.0, -10.0, 0.0) * 4.0, Vec3::new(10.0, 3.0, 0.0) * 4.0);
     stage.quad(Vec3::ONE, Vec3::new(6.0, 0.0, 0.0) + across, across, along);
     let found = picture(&stage.job(from_above(16), [16, 16], Value::Drawn));
@@ -124,7 +126,7 @@ fn an_edge_covers_its_share_of_each_pixel_and_the_error_is_as_told() {
 
 #[test]
 fn textures_are_filtered_by_the_samples() {
-    // A checker of texels a quarter of a pixel wide, and one of four pixels.
+    // A checker whose texels are a quarter of a pixel wide, and one whose texels are four pixels wide.
     for (texels, most) in [(64_usize, 0.03), (4, 0.003)] {
         let mut stage = Stage::default();
         stage.quad(Vec3::ONE, Vec3::new(8.0, -8.0, 0.0), Vec3::X * 8.0, Vec3::Y * 8.0);
@@ -133,7 +135,7 @@ fn textures_are_filtered_by_the_samples() {
         stage.scene.textures.push(Texture::new("checker".into(), side, side, checker.collect()));
         stage.shades[0] = Shade { diffuse: Vec4::ONE, texture: Some(0), emission: Vec4::splat(0.7), ..Shade::WHITE };
         let found = picture(&stage.job(from_above(16), [16, 16], Value::Drawn));
-        // Between the centres of texels it is a product of triangle waves around a half.
+        // Bilinear filtering of a checker is a product of triangle waves around one half.
         let wave = |at: f64| 1.0 - 2.0 * ((at * texels as f64 / 16.0 - 0.5).rem_euclid(2.0) - 1.0).abs();
         let shown =
             |shift: f64| move |index: usize| over_pixel(index, 16, |at| 0.5 - 0.5 * wave(at.x + shift) * wave(-at.y));
@@ -170,7 +172,7 @@ fn a_mirror_shows_what_stands_mirrored_behind_it() {
         pixels.flat_map(|(a, b)| (0..3).map(|i| (a[i] - b[i]).abs())).fold(0.0_f32, f32::max)
     };
     assert!(furthest(&found, &expected) < 1e-6, "{}", furthest(&found, &expected));
-    // A wall that is not where its image should be: control.
+    // Control: a wall that is not at its mirror image's place.
     let mut moved = Stage::default();
     wall(&mut moved, -1.02);
     wall(&mut moved, 1.0);
@@ -181,7 +183,7 @@ fn a_mirror_shows_what_stands_mirrored_behind_it() {
 fn a_square_throws_its_shadow_along_the_light() {
     let mut stage = Stage::default();
     stage.quad(Vec3::ONE, Vec3::new(8.0, -8.0, 0.0), Vec3::X * 20.0, Vec3::Y * 20.0);
-    // From 1.3 to 5.3, at a height of 6: the light moves its shadow by (6, -3).
+    // A square from 1.3 to 5.3 at a height of 6; the light displaces its shadow by (6, -3).
     stage.quad(Vec3::ONE, Vec3::new(3.3, -3.3, 6.0), Vec3::X * 2.0, Vec3::Y * 2.0);
     stage.sun = Some(Sun { direction: Vec3::new(6.0, -3.0, -6.0).normalize(), color: Vec3::ONE });
     let found =
@@ -191,7 +193,7 @@ fn a_square_throws_its_shadow_along_the_light() {
             over_pixel(index, 16, |at| {
                 let from = at - DVec2::new(6.0 + shift, -3.0);
                 let on = |at: DVec2| (1.3..5.3).contains(&at.x) && (1.3..5.3).contains(&-at.y);
-                // The square itself is lit, and hides what of its shadow is below it.
+                // The square itself is lit, and hides the part of its shadow below it.
                 if on(from) && !on(at) { 0.5 } else { 1.0 }
             })
         }
@@ -205,12 +207,12 @@ fn a_square_throws_its_shadow_along_the_light() {
 fn beside_a_wall_the_open_share_is_the_closed_form_whatever_its_power() {
     let mut stage = Stage::default();
     stage.quad(Vec3::ONE, Vec3::ZERO, Vec3::X * 3000.0, Vec3::Y * 3000.0);
-    // A wall at x = 0, two units high and as good as endless.
+    // A wall at x = 0, two units high and practically endless.
     stage.quad(Vec3::ONE, Vec3::new(-1e-3, 0.0, 0.0), Vec3::Z * 2.0, Vec3::Y * 3000.0);
     for intensity in [1.0_f32, 1.6] {
         let params = RayParams { samples: 1, radius: 1e5, intensity, ..RayParams::default() };
         let found = picture(&stage.job(from_above(12), [12, 12], stage.traced(RayProgram::Ssao, params)));
-        // The wall's form factor, seen from a distance d, is (1 - d / sqrt(d^2 + h^2)) / 2.
+        // Form factor of the wall at distance d: (1 - d / sqrt(d^2 + h^2)) / 2.
         let open = |power: f64| {
             move |index: usize| over_pixel(index, 12, |at| (0.5 + 0.5 * at.x / (at.x * at.x + 4.0).sqrt()).powf(power))
         };
@@ -247,7 +249,7 @@ fn a_pane_shows_fresnels_share_of_what_it_mirrors_and_the_rest_of_what_is_behind
     }
 }
 
-/// Some of everything.
+/// A small scene with several kinds of surfaces, displaced by `moved`.
 fn crowd(moved: Vec3) -> Stage {
     let mut stage = Stage::default();
     stage.quad(Vec3::splat(0.7), moved, Vec3::X * 8.0, Vec3::Y * 8.0);
@@ -269,12 +271,12 @@ fn of_crowd(moved: Vec3, samples: u32) -> [Image; 2] {
 #[test]
 fn a_scene_far_away_shows_the_same() {
     let here = of_crowd(Vec3::ZERO, 64);
-    // All coordinates stay exact in f32.
+    // With this displacement all coordinates stay exact in f32.
     let far = of_crowd(Vec3::new(65_536.0, -32_768.0, 8192.0), 64);
     let differ = here[0].pixels.iter().zip(&far[0].pixels).filter(|(a, b)| (0..3).any(|i| (a[i] - b[i]).abs() > 1e-6));
     let count = differ.count();
     assert!(count <= 2, "{count} of 1600 pixels differ");
-    // In f32 alone half of a pixel's samples would be others there: control, a camera that is moved by a step of f32.
+    // Control: in f32 alone, half of a pixel's samples would change there. This camera is displaced by one step of f32.
     let camera = look_from(DVec3::new(3.0 + 0.0078, -8.0, 5.0), DVec3::new(0.0078, 0.0, 0.0), Vec3::Z);
     let stage = crowd(Vec3::ZERO);
     let value = stage.traced(RayProgram::Final, RayParams { samples: 1, radius: 2.0, ..RayParams::default() });

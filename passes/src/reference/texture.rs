@@ -1,17 +1,17 @@
-//! Textures by their definition: level 0, bilinear, in `f64`.
+//! Textures by definition: level 0, bilinear, in `f64`.
 
 use curitiba_pipeline::color::{ColorSpace, DECODED};
 use curitiba_pipeline::scene::texture::{Texture, Wrap};
 use glam::{DVec2, DVec4};
 
-/// What a texture shows at `uv`: between the centres of four texels of level 0 (Vulkan 1.3, section 16.6). No coarser level is read: a
-/// picture filters textures by its samples.
+/// The texture's value at `uv`, bilinear between the centres of four texels of level 0 (Vulkan 1.3, section 16.6).
+/// Coarser levels are not read, because the samples of a pixel filter the texture.
 pub(super) fn texel(texture: &Texture, uv: DVec2) -> DVec4 {
     let level = &texture.levels[0];
     let size = [i64::from(level.width), i64::from(level.height)];
     let fetch = |x: i64, y: i64| {
         let index = |at: i64, axis: usize| wrapped(texture.wrap[axis], at, size[axis]);
-        // v grows upwards, and rows are stored from the top: a texel that is wrapped is wrapped in v.
+        // v grows upwards, while rows are stored from the top: wrap v first, then turn it into a row.
         let (column, row) = (index(x, 0), size[1] - 1 - index(y, 1));
         let [r, g, b, a] = level.texels[(row * size[0] + column) as usize];
         let color = |byte: u8| match texture.space {
@@ -32,7 +32,7 @@ pub(super) fn texel(texture: &Texture, uv: DVec2) -> DVec4 {
     lower.lerp(upper, share.y)
 }
 
-/// The texel that stands at an index beyond the sides.
+/// The index of the texel that replaces an index beyond the sides.
 fn wrapped(wrap: Wrap, index: i64, count: i64) -> i64 {
     match wrap {
         Wrap::Repeat => index.rem_euclid(count),
@@ -49,7 +49,7 @@ mod tests {
     use super::*;
     use glam::Vec2;
 
-    /// Against the sampler of the product, which is `f32`: they share the definition alone.
+    /// Compares with the product's sampler in `f32`. The two share only the definition.
     #[test]
     fn texels_are_those_of_the_rasteriser_at_level_0() {
         let texels: Vec<[u8; 4]> = (0..15_u8).map(|i| [i * 17, 255 - i * 9, i.wrapping_mul(77), 40 + i * 10]).collect();

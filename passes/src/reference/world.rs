@@ -1,4 +1,4 @@
-//! The scene with its tree: hits, coverage, and points of surfaces.
+//! The scene with its tree: hits, alpha tests, and points on surfaces.
 
 use super::texture::texel;
 use crate::trace::{Double, DoubleHit, DoubleRay};
@@ -7,13 +7,14 @@ use curitiba_pipeline::memory::{self, Refused};
 use curitiba_pipeline::scene::RenderScene;
 use glam::{DVec2, DVec3, DVec4};
 
-/// How far rays start from their surface, as a share of the largest coordinate of the scene: some ten thousand roundings of `f64`.
+/// Offset of ray origins from their surface, relative to the largest coordinate of the scene: some ten thousand
+/// rounding errors of `f64`.
 const OFFSET: f64 = 1.0e-11;
 
-/// Squared length up to which a normal between corners has cancelled, as the rasteriser has it.
+/// Squared length up to which an interpolated normal counts as cancelled, as in the rasteriser.
 const LEAST_SQUARE: f64 = 1.0e-30;
 
-/// About what the tree takes a triangle, and as much again while it is built.
+/// Approximate memory of the tree for each triangle, including as much again during the build.
 const BYTES_PER_TRIANGLE: u64 = 400;
 
 /// A scene and a tree over its triangles.
@@ -29,25 +30,25 @@ pub(super) struct Surface {
     pub triangle: u32,
     pub material: usize,
     pub position: DVec3,
-    /// Weights of the corners.
+    /// Barycentric weights of the corners.
     pub weights: [f64; 3],
     /// Unit normal of the counter-clockwise side.
     pub flat: DVec3,
-    /// The normal between the corners, neither turned nor of unit length; 0 where there is none.
+    /// The interpolated vertex normal, neither turned nor of unit length; 0 where there is none.
     pub vertex: DVec3,
-    /// The same as a unit vector, bent by the normal map, and not turned; 0 where it has cancelled.
+    /// That normal bent by the normal map, as a unit vector and not turned; 0 where it has cancelled.
     pub shading: DVec3,
-    /// Unit normal of the triangle, on the viewer's side.
+    /// Unit normal of the triangle, turned to the viewer's side.
     pub facing: DVec3,
-    /// Unit shading normal, on the same side.
+    /// Unit shading normal, turned to the same side.
     pub normal: DVec3,
 }
 
 impl<'a> World<'a> {
-    /// Builds the tree; `looked_at` marks the materials whose hits somebody has to judge.
+    /// Builds the tree. `looked_at` marks the materials whose hits must be passed to `accept` or `stops`.
     ///
     /// # Errors
-    /// If there is no memory for it.
+    /// If there is not enough memory for it.
     pub fn new(scene: &'a RenderScene, looked_at: &[bool]) -> Result<Self, Refused> {
         memory::probe(BYTES_PER_TRIANGLE * scene.geometry.triangles.len() as u64)?;
         let tree = Double::build(&scene.geometry, looked_at);
@@ -56,7 +57,7 @@ impl<'a> World<'a> {
         Ok(Self { scene, tree, offset: OFFSET * f64::from(extent) })
     }
 
-    /// A vertex attribute between the corners.
+    /// A vertex attribute, interpolated between the corners.
     fn between<V: Copy>(&self, values: &[V], triangle: u32, weights: [f64; 3], of: impl Fn(V) -> DVec4) -> DVec4 {
         let corners = self.scene.geometry.triangles[triangle as usize];
         corners.iter().zip(weights).map(|(corner, weight)| of(values[*corner as usize]) * weight).sum()
@@ -67,7 +68,7 @@ impl<'a> World<'a> {
         self.between(values, triangle, weights, |uv| uv.as_dvec2().extend(0.0).extend(0.0)).truncate().truncate()
     }
 
-    /// What the surface's colour is multiplied by, and its alpha.
+    /// Factor of the surface's colour, from the vertex colours, with its alpha.
     pub fn tint(&self, triangle: u32, weights: [f64; 3]) -> DVec4 {
         self.between(&self.scene.geometry.colors, triangle, weights, |color| color.as_dvec4())
     }
@@ -80,7 +81,7 @@ impl<'a> World<'a> {
         self.scene.geometry.material_of(triangle) as usize
     }
 
-    /// Whether there is a surface where a triangle is met.
+    /// The alpha test: whether the triangle has a surface at a hit.
     pub fn covers(&self, shades: &[Shade], hit: &DoubleHit) -> bool {
         let shade = &shades[self.material(hit.triangle)];
         let Some(cutoff) = shade.alpha_cutoff.filter(|_| shade.is_cut()) else { return true };
@@ -90,24 +91,24 @@ impl<'a> World<'a> {
         texture * vertices >= f64::from(cutoff)
     }
 
-    /// Whether a triangle is seen from behind, where its corners go clockwise.
+    /// Whether a triangle is seen from behind, where its corners appear clockwise.
     pub fn is_from_behind(&self, triangle: u32, direction: DVec3) -> bool {
         let [a, b, c] = self.scene.geometry.corners(triangle).map(|corner| corner.as_dvec3());
         (b - a).cross(c - a).dot(direction) > 0.0
     }
 
-    /// The nearest surface of those that `accept` takes where it has to be asked.
+    /// The nearest hit; where the material needs it, `accept` decides whether a hit counts.
     pub fn first(&self, ray: &DoubleRay, accept: impl FnMut(&DoubleHit) -> bool) -> Option<DoubleHit> {
         self.tree.first(ray, accept)
     }
 
-    /// The same from a point off its own surface.
+    /// The nearest hit with a surface, from an origin off its own surface.
     pub fn closest(&self, shades: &[Shade], origin: DVec3, direction: DVec3) -> Option<DoubleHit> {
         let ray = DoubleRay { origin, direction, t_min: 0.0, t_max: f64::INFINITY };
         self.first(&ray, |hit| self.covers(shades, hit))
     }
 
-    /// Whether something is in the way that `stops` says is, where it has to be asked.
+    /// Whether a hit blocks the way; where the material needs it, `stops` decides.
     pub fn is_blocked(
         &self,
         origin: DVec3,
@@ -118,7 +119,7 @@ impl<'a> World<'a> {
         self.tree.any(&DoubleRay { origin, direction, t_min: 0.0, t_max }, stops)
     }
 
-    /// The point of a hit, seen in a direction, with the normal maps of these shades.
+    /// The surface at a hit, seen in `direction`, with the normal maps of `shades`.
     pub fn surface(&self, shades: &[Shade], hit: &DoubleHit, direction: DVec3) -> Surface {
         let geometry = &self.scene.geometry;
         let (triangle, weights) = (hit.triangle, weights(hit));
@@ -155,19 +156,20 @@ impl<'a> World<'a> {
         }
     }
 
-    /// Where a ray in this direction leaves a surface.
+    /// Origin of a ray that leaves a surface in this direction.
     pub fn leaving(&self, surface: &Surface, direction: DVec3) -> DVec3 {
         surface.position + surface.flat * self.offset.copysign(surface.flat.dot(direction))
     }
 }
 
-/// Weights of the corners at a hit.
+/// Barycentric weights of the corners at a hit.
 fn weights(hit: &DoubleHit) -> [f64; 3] {
     [1.0 - hit.u - hit.v, hit.u, hit.v]
 }
 
-/// The vertex normal bent by a texel of a normal map, as `curitiba_pipeline::scene::normal_map` defines it: the texel is a vector in the frame
-/// of tangent, bitangent and normal, not lower than one step of 8 bits, and the result does not turn away from the triangle's side.
+/// The vertex normal bent by a texel of a normal map, as `curitiba_pipeline::scene::normal_map` defines it. The texel
+/// is a vector in the frame of tangent, bitangent and normal, with a height of at least one step of 8 bits. The result
+/// does not turn away from the triangle's side.
 fn bent(texel: DVec3, scale: f64, vertex: DVec3, tangent: DVec4, flat: DVec3) -> DVec3 {
     const LEAST_HEIGHT: f64 = 1.0 / 255.0;
     const LEAST_COSINE: f64 = 0.01;

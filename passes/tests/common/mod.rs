@@ -1,4 +1,5 @@
-//! Scenes, and an independent rasteriser to compare with: every pixel against every triangle, in wide numbers.
+//! Scenes, and an independent rasteriser for comparison: it tests every pixel against every triangle, in wide integers
+//! and floats.
 #![allow(dead_code, reason = "each test binary uses a part")]
 
 pub mod reference;
@@ -8,7 +9,7 @@ use curitiba_pipeline::programs::RasterProgram;
 use curitiba_pipeline::scene::{Batch, Geometry, Material, RenderScene};
 use glam::{Mat4, Vec2, Vec3, Vec4};
 
-/// Every attachment.
+/// All attachments.
 pub const ALL: Attachments = Attachments { color: true, position: true, normal: true, triangle: true };
 
 /// PCG-RXS-M-XS: random numbers for tests.
@@ -21,12 +22,12 @@ impl Random {
         (word >> 22) ^ word
     }
 
-    /// In 0..1.
+    /// A number in 0..1.
     pub fn unit(&mut self) -> f32 {
         (self.next() >> 8) as f32 / 16_777_216.0
     }
 
-    /// In -1..1.
+    /// A number in -1..1.
     pub fn signed(&mut self) -> f32 {
         self.unit() * 2.0 - 1.0
     }
@@ -36,7 +37,7 @@ impl Random {
     }
 }
 
-/// Reversed, right-handed perspective: depth 1 at `near`, 0 at `far`.
+/// Right-handed perspective with reversed depth: 1 at `near`, 0 at `far`.
 pub fn perspective(fov_y: f32, aspect: f32, near: f32, far: f32) -> Mat4 {
     let focal = 1.0 / (fov_y * 0.5).tan();
     Mat4::from_cols(
@@ -52,7 +53,7 @@ pub fn camera(aspect: f32) -> View {
     View::new(perspective(1.0, aspect, 0.1, 100.0), Vec3::ZERO)
 }
 
-/// World x and y are pixels of a viewport of this size (y down), world z in -1..=0 is depth + 1 reversed: -z is depth.
+/// A view whose world x and y are pixels of a viewport of this size (y down). World z in -1..=0 is the negative depth.
 pub fn pixels(width: u32, height: u32) -> View {
     let (w, h) = (width as f32, height as f32);
     let clip_from_world = Mat4::from_cols(
@@ -64,7 +65,8 @@ pub fn pixels(width: u32, height: u32) -> View {
     View::new(clip_from_world, Vec3::new(w * 0.5, h * 0.5, 1.0))
 }
 
-/// A scene of one material; normals are the triangles' own where vertices are not shared.
+/// A scene of one material. Normals are sums over the adjacent triangles; a vertex of one triangle has that triangle's
+/// normal.
 pub fn scene(positions: Vec<Vec3>, triangles: Vec<[u32; 3]>) -> RenderScene {
     let mut normals = vec![Vec3::ZERO; positions.len()];
     for triangle in &triangles {
@@ -86,12 +88,12 @@ pub fn triangles(corners: &[[Vec3; 3]]) -> RenderScene {
     scene(positions, (0..corners.len() as u32).map(|i| [3 * i, 3 * i + 1, 3 * i + 2]).collect())
 }
 
-/// Plain grey.
+/// A plain material.
 pub fn grey() -> Shade {
     Shade { diffuse: Vec4::new(0.8, 0.6, 0.4, 1.0), emission: Vec4::new(0.0, 0.1, 0.0, 1.0), ..Shade::default() }
 }
 
-/// A draw of the whole target, with light.
+/// A job for the whole target, with a light.
 pub fn job<'a>(
     scene: &'a RenderScene,
     shades: &'a [Shade],
@@ -116,8 +118,8 @@ pub fn job<'a>(
     }
 }
 
-/// Triangles of many kinds in front of [`camera`]: `kind` 0 mixed sizes, 1 needles, 2 below a pixel, 3 huge, 4 partly
-/// behind the camera, 5 through the near plane, 6 through the far plane.
+/// Triangles of one kind in front of [`camera`]. `kind`: 0 mixed sizes, 1 needles, 2 smaller than a pixel, 3 huge, 4
+/// partly behind the camera, 5 through the near plane, 6 through the far plane.
 pub fn soup(kind: u32, count: usize, seed: u32) -> RenderScene {
     let mut random = Random(seed.wrapping_mul(9_781).wrapping_add(kind));
     let mut corners = Vec::new();
@@ -145,7 +147,8 @@ pub fn soup(kind: u32, count: usize, seed: u32) -> RenderScene {
     triangles(&corners)
 }
 
-/// A field of hills of `2 * cells^2` triangles with shared vertices, and a camera that sees it over three quarters of the picture.
+/// A field of hills of `2 * cells^2` triangles with shared vertices, and a camera in which it covers three quarters of
+/// the picture.
 pub fn terrain(cells: u32) -> (RenderScene, View) {
     let height = |x: f32, z: f32| {
         0.6 * (x * 0.9).sin() * (z * 0.7).cos()

@@ -1,24 +1,24 @@
-//! The independent rasteriser: exact integer edges on snapped corners; where clipping is needed, homogeneous coordinates
-//! in 64-bit floats without any clipping.
+//! An independent rasteriser: exact integer edge functions on snapped corners. Where clipping would be needed, it uses
+//! homogeneous coordinates in 64-bit floats instead of clipping.
 
 use curitiba_pipeline::backend::{NO_TRIANGLE, RasterJob};
 use glam::{DMat3, DMat4, DVec3, Vec4};
 
-/// What the reference saw at a pixel.
+/// The reference's result for a pixel.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Seen {
-    /// Nearest triangle, or none.
+    /// The nearest triangle, or [`NO_TRIANGLE`].
     pub triangle: u32,
     /// Its depth.
     pub depth: f64,
-    /// Whether another answer is as good: a clipped edge passes within 1/100 pixel, or two depths are too near each other.
+    /// Whether another result is as good: a clipped edge passes within 1/100 pixel, or two depths are nearly equal.
     pub doubtful: bool,
 }
 
-/// Depths nearer to each other than this may be rounded to either order in 32-bit floats.
+/// Two depths closer than this may be ordered either way in 32-bit floats.
 const DEPTH_NOISE: f64 = 1e-5;
 
-/// Draws by asking every triangle at every pixel of the viewport; top row first.
+/// Draws by testing every triangle at every pixel of the viewport; the top row comes first.
 pub fn draw(job: &RasterJob<'_>) -> Vec<Seen> {
     let (width, height) = (job.viewport.width, job.viewport.height);
     let mut seen = vec![Seen { triangle: NO_TRIANGLE, depth: 0.0, doubtful: false }; (width * height) as usize];
@@ -32,14 +32,14 @@ pub fn draw(job: &RasterJob<'_>) -> Vec<Seen> {
             }
             let (depth, doubtful) = cover.at(x, y);
             let Some(depth) = depth else {
-                // A doubtful miss only matters where the triangle would have been seen.
+                // An uncertain miss matters only where the triangle would be visible.
                 pixel.doubtful |= doubtful;
                 continue;
             };
             if (depth - pixel.depth).abs() < DEPTH_NOISE && pixel.triangle != NO_TRIANGLE {
                 pixel.doubtful = true;
             } else if depth > pixel.depth {
-                // What is nearer settles what was in doubt behind it.
+                // A nearer triangle replaces uncertainty behind it.
                 *pixel = Seen { triangle, depth, doubtful };
             }
         }
@@ -79,7 +79,7 @@ impl Cover {
         Self::Homogeneous { inverse: matrix.inverse(), depth, size: [port.width, port.height].map(f64::from) }
     }
 
-    /// The columns that need be asked: all that the corners lie between, and one more on each side.
+    /// The columns to test: all between the corners, and one more on each side.
     fn columns(&self, width: u32) -> [u32; 2] {
         let Self::Snapped { corners, origin, .. } = self else { return [0, width] };
         let column = |x: i128| (x.div_euclid(256) - origin[0]).clamp(-1, i128::from(width));
@@ -88,7 +88,7 @@ impl Cover {
         [(least - 1).max(0) as u32, (most + 1) as u32]
     }
 
-    /// Depth at a pixel centre where the triangle covers it, and whether that is in doubt.
+    /// The depth at a pixel centre that the triangle covers, and whether that is uncertain.
     fn at(&self, x: u32, y: u32) -> (Option<f64>, bool) {
         match self {
             Self::Nothing => (None, false),
@@ -99,7 +99,7 @@ impl Cover {
                     let ndc_y = 1.0 - (f64::from(y) + 0.5 + dy) / size[1] * 2.0;
                     let weights = *inverse * DVec3::new(ndc_x, ndc_y, 1.0);
                     let depth = weights.dot(*depth);
-                    // Past the near and far planes, and on them with rounding, there is nothing.
+                    // Beyond the near and far planes there is nothing, and on them only up to rounding.
                     (weights.min_element() >= 0.0 && (0.0..=1.0).contains(&depth)).then_some(depth)
                 };
                 let centre = at(0.0, 0.0);
@@ -123,7 +123,7 @@ fn snapped(corners: &[[i128; 2]; 3], depth: &[f64; 3], origin: &[i128; 2], x: u3
     for opposite in 0..3 {
         let (a, b) = (corners[(opposite + 1) % 3], corners[(opposite + 2) % 3]);
         let value = cross(a, b, p) * area.signum();
-        // The edge in clockwise direction, y down.
+        // The edge in clockwise direction, with y down.
         let (dx, dy) = if area > 0 { (b[0] - a[0], b[1] - a[1]) } else { (a[0] - b[0], a[1] - b[1]) };
         let top_or_left = (dy == 0 && dx > 0) || dy < 0;
         if value < 0 || (value == 0 && !top_or_left) {
@@ -134,20 +134,20 @@ fn snapped(corners: &[[i128; 2]; 3], depth: &[f64; 3], origin: &[i128; 2], x: u3
     Some(weights[0] * depth[0] + weights[1] * depth[1] + weights[2] * depth[2])
 }
 
-/// How a picture of triangle ids differs from the reference.
+/// The difference of a picture of triangle ids from the reference.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub struct Difference {
     /// Pixels compared.
     pub compared: usize,
-    /// Of them, those that the reference says a triangle covers.
+    /// Compared pixels that a triangle covers in the reference.
     pub covered: usize,
-    /// Pixels in doubt.
+    /// Uncertain pixels, which are not compared.
     pub doubtful: usize,
     /// Compared pixels with another triangle.
     pub wrong: usize,
 }
 
-/// Compares the ids of a picture of the viewport's size.
+/// Compares the triangle ids of a picture of the viewport's size.
 pub fn compare(seen: &[Seen], triangles: &[u32]) -> Difference {
     assert_eq!(seen.len(), triangles.len());
     let mut difference = Difference::default();

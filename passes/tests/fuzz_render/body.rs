@@ -1,9 +1,9 @@
-//! A whole run of a small project, as `curitiba render` does it: the body of the fuzz target `render`, which the ordinary test
-//! `main.rs` runs too.
+//! A whole run of a small project, as `curitiba render` does it. This is the body of the fuzz target `render`; the
+//! ordinary test `main.rs` runs it, too.
 //!
-//! The input's bytes choose one of the shipped projects and the numbers of its camera, light and viewport, the settings, and the
-//! triangles of its scene; `input` says which byte is what. A run reads the project, plans it, loads, builds, draws, traces and writes,
-//! in both fidelities, and panics if a picture is not as promised.
+//! The input's bytes choose one of the shipped projects, numbers for its camera, light and viewport, the settings, and
+//! the triangles of its scene; see `input`. A run reads the project, plans it, loads, builds, draws, traces and writes,
+//! in both fidelities. It panics if a picture breaks a promise.
 
 use super::fuzz_targets::Folder;
 use super::fuzz_targets::check::Outcome;
@@ -17,7 +17,7 @@ use curitiba_pipeline::programs::Fidelity;
 use curitiba_pipeline::project;
 use std::sync::Arc;
 
-/// What a run may hold.
+/// Memory limit of a run, in bytes.
 const MAX_MEMORY: u64 = 64 << 20;
 
 /// A channel that a pass wrote: its name, its size, and the bits of its pixels.
@@ -28,12 +28,12 @@ pub struct Written {
     pub bits: Vec<[u32; 4]>,
 }
 
-/// Renders what the input stands for in both fidelities.
+/// Renders the input's project in both fidelities.
 pub fn render(input: &[u8]) -> Outcome {
     if pictures(input).is_empty() { Outcome::Refused } else { Outcome::Loaded }
 }
 
-/// Everything that was written by the passes of the fidelities that render, in order.
+/// Everything that the passes wrote, in order, in the fidelities that render.
 pub fn pictures(bytes: &[u8]) -> Vec<Written> {
     let run = Run::of(bytes);
     let folder = Folder::new();
@@ -51,7 +51,7 @@ pub fn pictures(bytes: &[u8]) -> Vec<Written> {
     written
 }
 
-/// Two frames and their files; what the passes of the first wrote, and the window.
+/// Renders two frames and writes their files. Returns what the passes of the first frame wrote, and the window.
 fn frames(folder: &Folder, settings: Settings) -> Result<Vec<Written>, String> {
     let project = project::load(&folder.path().join("project.xml")).map_err(|problems| problems.to_string())?;
     let plan = Plan::new(project, settings).map_err(|error| error.to_string())?;
@@ -70,7 +70,7 @@ fn frames(folder: &Folder, settings: Settings) -> Result<Vec<Written>, String> {
     Ok(first)
 }
 
-/// Every file that a run writes is read again: as large as it should be, with the same values where it keeps them.
+/// Reads back every file that a run writes: it has the right size, and the same values where the format keeps them.
 fn files(folder: &Folder, renderer: &mut Renderer, picture: &Image) {
     let mut watcher = Watcher::new(renderer.plan().settings.fidelity);
     for name in ["out.png", "out.exr"] {
@@ -95,14 +95,14 @@ fn bits(image: &Image) -> Vec<[u32; 4]> {
     image.pixels.iter().map(|pixel| pixel.map(f32::to_bits)).collect()
 }
 
-/// Keeps what passes write, and looks for numbers that mean nothing.
+/// Records what passes write, and looks for meaningless numbers.
 pub struct Watcher {
     fidelity: Fidelity,
     written: Vec<Written>,
 }
 
 impl Watcher {
-    /// Nothing yet.
+    /// A watcher that has recorded nothing.
     pub fn new(fidelity: Fidelity) -> Self {
         Self { fidelity, written: Vec::new() }
     }
@@ -117,7 +117,7 @@ impl Observer for Watcher {
         let name = format!("pass {}: {}", output.pass, output.channel);
         assert_eq!(output.pixels.len() as u64, u64::from(width) * u64::from(height), "{name}: {width} x {height}");
         for (component, faults) in output.components().iter().zip(output.faults()) {
-            // The report's weights of glass are below 0 and above 1 at grazing angles (docs/fidelity.md).
+            // The report's Fresnel weights are below 0 or above 1 at grazing angles (docs/fidelity.md).
             let wrong = match self.fidelity {
                 Fidelity::Corrected => faults.total(),
                 Fidelity::Thesis => faults.nan + faults.infinite,

@@ -1,10 +1,10 @@
-//! What the bytes of an input stand for: every string of bytes is a project, and most render.
+//! The meaning of an input's bytes: every byte string is a project, and most of them render.
 
 use super::fuzz_targets::tga;
 use curitiba_pipeline::plan::Settings;
 use std::fmt::Write as _;
 
-/// The shipped projects: one for each ray program, one without, one for each raster effect.
+/// The shipped projects: one for each ray program, one without a program, one for each raster effect.
 const PROJECTS: [&str; 15] = [
     include_str!("../../../xml_projects/SceneNoEffects.xml"),
     include_str!("../../../xml_projects/SceneDummy.xml"),
@@ -24,21 +24,22 @@ const PROJECTS: [&str; 15] = [
 ];
 /// The first of [`PROJECTS`] whose `pass2` is a raster effect.
 const FIRST_EFFECT: usize = 7;
-/// Those of them that are occlusions, and the place of a radius in [`EFFECT_SETTINGS`] in which these seeds have occluders.
+/// The projects with ambient occlusion, and the index in [`EFFECT_SETTINGS`] of a radius at which the seeds have
+/// occluders.
 const OCCLUSIONS: std::ops::Range<u8> = 10..12;
 const RADIUS: u8 = 10;
 
-/// Their material libraries.
+/// The material libraries of the projects.
 const LIBRARIES: [(&str, &str); 2] = [
     ("optixTest.mlib", include_str!("../../../xml_projects/mlibs/optixTest.mlib")),
     ("DeferredRenderTargets.mlib", include_str!("../../../xml_projects/mlibs/DeferredRenderTargets.mlib")),
 ];
 
-/// Numbers of ordinary scenes; every byte below `COMMON` chooses one.
+/// Numbers of ordinary scenes; each byte below `COMMON` selects one.
 const ORDINARY: [&str; 16] =
     ["0", "1", "-1", "0.5", "-0.5", "2", "-2", "0.25", "3", "-3", "5", "-5", "0.1", "-0.1", "10", "0.7071068"];
 const COMMON: u8 = 208;
-/// Numbers on which arithmetic stumbles.
+/// Numbers at the limits of arithmetic.
 const EXTREME: [&str; 24] = [
     "-0",
     "1e-45",
@@ -66,17 +67,17 @@ const EXTREME: [&str; 24] = [
     "nan",
 ];
 
-/// The largest side of a window, pixels.
+/// Greatest side of a window, in pixels.
 const MAX_SIDE: u32 = 24;
-/// The most triangles of a scene.
+/// Greatest number of triangles in a scene.
 const MAX_TRIANGLES: usize = 24;
-/// Bytes before the triangles.
+/// Number of bytes before the triangles.
 pub const HEADER: usize = 40;
-/// Bytes of a triangle: its material, what its corners have, and three corners.
+/// Number of bytes of a triangle: its material, the attributes of its corners, and three corners.
 pub const TRIANGLE: usize = 11;
 
-/// What `--set` may make of render targets. Half floats and formats without a sign are left out where they cannot hold what is
-/// written: whoever asks for them gets infinities and broken normals.
+/// Settings for the formats of render targets. Half floats and unsigned formats are left out where they cannot hold the
+/// values that are written, because infinities and broken normals are expected there.
 const FORMATS: [&str; 8] = [
     "",
     "color.format=RGBA8",
@@ -87,7 +88,7 @@ const FORMATS: [&str; 8] = [
     "offscreenrender.format=RGBA8",
     "offscreenrender.format=R8",
 ];
-/// Assignments to the parameters of `pass2`, if it traces rays.
+/// Settings for the parameters of `pass2`, if it traces rays.
 const RAY_SETTINGS: [&str; 16] = [
     "samples=0",
     "samples=1",
@@ -106,7 +107,7 @@ const RAY_SETTINGS: [&str; 16] = [
     "sampler=strata",
     "fresnel=schlick",
 ];
-/// The same, if it is a raster effect.
+/// Settings for the parameters of `pass2`, if it is a raster effect.
 const EFFECT_SETTINGS: [&str; 24] = [
     "cascades=1",
     "cascades=8",
@@ -133,10 +134,10 @@ const EFFECT_SETTINGS: [&str; 24] = [
     "filter=1",
     "filter=3",
 ];
-/// Materials by the byte of a triangle; `Vidro` is the one that the projects take for glass.
+/// Materials, selected by a byte of a triangle; the projects take `Vidro` for glass.
 const MATERIALS: [&str; 4] = ["wall", "leaf", "Vidro", "lamp"];
 
-/// An input, read from the front; past its end all bytes are 0.
+/// The rest of an input; beyond its end all bytes are 0.
 struct Bytes<'a>(&'a [u8]);
 
 impl Bytes<'_> {
@@ -162,12 +163,12 @@ impl Bytes<'_> {
     }
 }
 
-/// Without its sign.
+/// A number without its sign.
 fn positive(number: &'static str) -> &'static str {
     number.trim_start_matches('-')
 }
 
-/// A run: its files and its settings.
+/// The files and the settings of a run.
 pub struct Run {
     project: String,
     scene: String,
@@ -176,7 +177,7 @@ pub struct Run {
 }
 
 impl Run {
-    /// Reads an input.
+    /// Decodes an input.
     pub fn of(input: &[u8]) -> Self {
         let mut bytes = Bytes(input);
         let index = usize::from(bytes.byte()) % PROJECTS.len();
@@ -192,7 +193,7 @@ impl Run {
         Self { project, scene, materials, settings }
     }
 
-    /// Names and contents of its files.
+    /// Names and contents of the run's files.
     pub fn files(&self) -> Vec<(&'static str, Vec<u8>)> {
         let texture = tga(&[[200, 10, 20, 255], [10, 200, 20, 0], [10, 20, 200, 90], [9, 9, 9, 255]]);
         let texts = [("project.xml", &self.project), ("scene.obj", &self.scene), ("scene.mtl", &self.materials)];
@@ -201,17 +202,17 @@ impl Run {
         texts.into_iter().chain(libraries).chain([("t.tga", texture)]).collect()
     }
 
-    /// What the plan is made from.
+    /// The settings of the run's plan.
     pub fn settings(&self) -> Settings {
         self.settings.clone()
     }
 }
 
-/// A project with other files, and with the input's numbers in its camera, its light and its viewport.
+/// A project with the run's files, and with numbers from the input for its camera, its light and its viewport.
 fn rewritten(project: &str, scene_param: &str, bytes: &mut Bytes<'_>) -> String {
     let vector = |element: &str, [x, y, z]: [&str; 3]| format!("<{element} x=\"{x}\" y=\"{y}\" z=\"{z}\"/>");
     let color = |element: &str, [r, g, b]: [&str; 3]| format!("<{element} r=\"{r}\" g=\"{g}\" b=\"{b}\"/>");
-    // The first of each is an ordinary one: short inputs render.
+    // The first choice of each is an ordinary one, so that short inputs render.
     let fov = bytes.of(&["60", "1", "30", "90", "170", "179.9"]);
     let near = bytes.of(&["0.3", "0.05", "1e-6", "1", "1e-30"]);
     let far = bytes.of(&["1000", "2", "30", "1e7", "1e30"]);
@@ -222,7 +223,7 @@ fn rewritten(project: &str, scene_param: &str, bytes: &mut Bytes<'_>) -> String 
         ("<view ", vector("view", bytes.numbers())),
         ("<up", vector("up", bytes.numbers())),
         ("<direction", vector("direction", bytes.numbers())),
-        // Light that is taken away gives colours below 0, which is what a project asks for that says so.
+        // Without signs: a negative light would give negative colours, as the project then asks for.
         ("<color r", color("color", bytes.numbers().map(positive))),
         ("<bgcolor", color("bgcolor", bytes.numbers().map(positive))),
         ("<perspective", format!("<perspective fov=\"{fov}\" near=\"{near}\" far=\"{far}\"/>")),
@@ -237,17 +238,17 @@ fn rewritten(project: &str, scene_param: &str, bytes: &mut Bytes<'_>) -> String 
     text.replace("..\\", "").replace("mlibs\\", "").replace("3dsmodels\\largoCamoes.cbo", "scene.obj")
 }
 
-/// What `--set` gets: parameters of the second pass, and the format of a channel.
+/// Assignments for `--set`: parameters of the second pass, and the format of a channel.
 fn assignments(project: usize, bytes: &mut Bytes<'_>) -> Vec<String> {
     let parameters = if project < FIRST_EFFECT { &RAY_SETTINGS[..] } else { &EFFECT_SETTINGS[..] };
     let mut set = Vec::new();
-    // A program does not read every parameter: an assignment that it refuses ends the run early, so most bytes set none.
+    // A program does not read every parameter, and a refused assignment ends the run early. So most bytes set none.
     for _ in 0..3 {
         let byte = usize::from(bytes.byte());
         set.extend(parameters.get(byte).map(|assignment| format!("pass2.{assignment}")));
     }
     match project {
-        // The report's 100 samples would take most of the time.
+        // The report's 100 samples would dominate the running time.
         5 | 6 if !set.iter().any(|assignment| assignment.contains("samples")) => set.push("pass2.samples=4".to_owned()),
         7..=9 | 13..=14 => set.push("pass2.mapsize=16".to_owned()),
         _ => {}
@@ -257,7 +258,7 @@ fn assignments(project: usize, bytes: &mut Bytes<'_>) -> Vec<String> {
     set
 }
 
-/// The materials: a plain one, one with holes, glass, and one that shines.
+/// The materials: a plain one, one with holes, glass, and one that emits light.
 fn library(bytes: &mut Bytes<'_>) -> String {
     let [kd, ke] = bytes.numbers().map(positive);
     let [ni, d, tf] = bytes.numbers();
@@ -279,7 +280,7 @@ fn triangles(bytes: &mut Bytes<'_>) -> String {
         let face = match kind % 4 {
             0 => "f -3 -2 -1",
             1 => "f -3/1 -2/2 -1/3",
-            // Shares an edge with the triangle before.
+            // This triangle shares an edge with the previous one.
             2 => "f -4 -3 -1",
             _ => "vn 0 1 0\nvn 1 0 -1e-20\nf -3/1/-1 -2/2/-2 -1/3/-1",
         };
@@ -288,7 +289,7 @@ fn triangles(bytes: &mut Bytes<'_>) -> String {
     text
 }
 
-/// Tiny inputs that render, one for each project.
+/// Small inputs that render, one for each project.
 pub fn seeds() -> Vec<(String, Vec<u8>)> {
     (0..PROJECTS.len() as u8)
         .map(|project| {
@@ -300,7 +301,8 @@ pub fn seeds() -> Vec<(String, Vec<u8>)> {
             if OCCLUSIONS.contains(&project) {
                 bytes[30] = RADIUS;
             }
-            // A wall behind, a pane and a leaf before it, a lamp that shares a corner with the leaf, and a roof that
+            // A wall at the back, a pane and a leaf in front of it, a lamp that shares a corner with the leaf, and a
+            // roof that
             // throws a shadow.
             bytes.extend([0, 0, 9, 2, 6, 8, 2, 6, 0, 10, 6]);
             bytes.extend([2, 3, 2, 2, 1, 1, 2, 1, 0, 5, 3]);

@@ -1,4 +1,5 @@
-//! The fuzz target `render` for a few hundred mutations, and what it is for: whole runs of small projects, on any number of threads.
+//! Runs the fuzz target `render` on a few hundred mutations, and tests its promises: whole runs of small projects, on
+//! any number of threads.
 
 mod body;
 #[path = "../../../pipeline/tests/fuzz_targets/mod.rs"]
@@ -16,7 +17,7 @@ use mutate::run;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 
 const TARGET: Target = Target { name: "render", run: render };
-/// Mutations, unless the environment variable `CURITIBA_FUZZ_ROUNDS` says how many.
+/// Number of mutations, unless the environment variable `CURITIBA_FUZZ_ROUNDS` sets another.
 const ROUNDS: usize = 300;
 
 fn seeds() -> Vec<Vec<u8>> {
@@ -46,7 +47,7 @@ fn mutated_seeds_render_as_promised_or_are_refused() {
     }
 }
 
-/// Inputs that once broke a promise: normals along the light, whose cosine rounding left above 1.
+/// Inputs that once broke a promise: normals along the light, whose cosine exceeded 1 by rounding.
 #[test]
 fn inputs_that_broke_a_promise_keep_it_now() {
     for input in [
@@ -67,7 +68,7 @@ fn runs_on_other_numbers_of_threads_write_the_same() {
     }
 }
 
-/// The control of the checks: outputs that break one promise each.
+/// Control of the checks: outputs that each break one promise are found.
 #[test]
 fn outputs_that_break_a_promise_are_found_out() {
     let sound = [[0.5, 0.5, 0.5, 1.0]; 4];

@@ -5,7 +5,7 @@ use curitiba_pipeline::raster_effects::{
 };
 use glam::Vec3;
 
-/// A small slanted pane in the middle of a large room whose walls have tiles of seven colours.
+/// A small slanted pane in the middle of a large room whose walls have tiles in seven colours.
 fn room(pane: bool) -> World {
     let mut world = World::lit_along(Vec3::new(0.3, -1.0, 0.5));
     let (far, tiles) = (60.0, 5);
@@ -37,7 +37,7 @@ fn glass_pixels(shot: &Shot) -> Vec<usize> {
     (0..shot.buffer.triangle.len()).filter(|index| is_glass(shot.buffer.triangle[*index])).collect()
 }
 
-/// Mean difference of the glass pixels, and the share of those that differ by more than 1/100.
+/// Mean difference over the glass pixels, and the share of them that differs by more than 1/100.
 fn difference(shot: &Shot, found: &[[f32; 4]], expected: &[[f32; 4]]) -> (f64, f64) {
     let worst = |index: &usize| {
         let (a, b) = (found[*index], expected[*index]);
@@ -59,9 +59,9 @@ fn a_pane_mirrors_and_refracts_a_far_room_as_rays_do() {
             let expected = shot.rays(program, RayParams { index: 1.5, ..RayParams::default() });
             let (mean, differing) = difference(&shot, &found, &expected);
             println!("{eye} {program:?}: mean {mean}, differing {differing}");
-            // Edges of the room are a texel off: what is left.
+            // The remaining difference is at edges of the room, a texel wide.
             assert!(mean < 0.03 && differing < 0.08, "{eye} {program:?}: {mean} {differing}");
-            // The control: the pane's picture upside down is far off.
+            // Control: the pane's picture upside down is far off.
             let mirrored: Vec<[f32; 4]> = expected.iter().rev().copied().collect();
             assert!(difference(&shot, &found, &mirrored).0 > 0.2);
             let glass = glass_pixels(&shot);
@@ -76,7 +76,7 @@ fn a_pane_mirrors_and_refracts_a_far_room_as_rays_do() {
     }
 }
 
-/// A room that is a box, with seven colours of tiles, and a pane in it that is neither small nor in the middle.
+/// A box-shaped room with tiles in seven colours, and a pane in it that is neither small nor in the middle.
 fn chamber(low: Vec3, high: Vec3) -> World {
     let mut world = World::lit_along(Vec3::new(0.3, -1.0, 0.5));
     let paints: Vec<u32> = (1..8)
@@ -114,9 +114,10 @@ fn in_a_room_that_is_a_box_parallax_is_exact() {
             };
             let ((mean, differing), (plain, others)) = (error(Parallax::Box), error(Parallax::None));
             println!("{eye} {program:?}: box {mean:.4} {differing:.3}, none {plain:.4} {others:.3}");
-            // What is left are the edges of tiles, a texel wide, and single pixels of rays that meet them.
+            // The remaining difference is at the edges of tiles, a texel wide, and at single pixels whose rays hit such
+            // edges.
             assert!(mean < 0.01 && differing < 0.04, "{eye} {program:?}: {mean} {differing}");
-            // The control: without it most of the picture is displaced.
+            // Control: without the box most of the picture is displaced.
             assert!(plain > 8.0 * mean && others > 0.2, "{eye} {program:?}: {plain} {others}");
         }
     }
@@ -129,7 +130,7 @@ fn total_reflection_leaves_the_mirrored_colour_alone() {
     let (mirrored, _) = shot.effect(CubeReflection, params(CubeReflection));
     let (found, _) = shot.effect(CubeRefraction, params(CubeRefraction));
     assert!(glass_pixels(&shot).iter().all(|index| found[*index] == mirrored[*index]), "all beyond 23.6 degrees");
-    // The control: below the critical angle it is not.
+    // Control: below the critical angle the pictures differ.
     let mut shot = room(true).seen(Vec3::new(0.05, -0.9, 1.2), Vec3::ZERO, 128);
     let (mirrored, _) = shot.effect(CubeReflection, params(CubeReflection));
     let (found, _) = shot.effect(CubeRefraction, params(CubeRefraction));
@@ -151,14 +152,14 @@ fn no_map_is_drawn_where_no_glass_is_seen() {
 
 #[test]
 fn each_pane_has_its_own_probe_and_one_probe_serves_all() {
-    // Two panes on both sides of a wall that is red on the left and green on the right.
+    // Two panes, one on each side of a wall that is red on the left and green on the right.
     let mut world = World::lit_along(Vec3::NEG_Y);
     let (red, green) = (world.paint(Vec3::X), world.paint(Vec3::Y));
     let glass = world.pane();
     world.quad(red, Vec3::new(-0.01, 0.0, 0.0), Vec3::Z * 5.0, Vec3::Y * 5.0);
     world.quad(green, Vec3::new(0.01, 0.0, 0.0), Vec3::Y * 5.0, Vec3::Z * 5.0);
     for side in [-1.0, 1.0] {
-        // At 45 degrees: mirrors what comes from the camera into the wall.
+        // At 45 degrees, so that the pane mirrors camera rays into the wall.
         world.quad(glass, Vec3::new(2.0 * side, 0.0, 0.0), Vec3::new(0.5, 0.0, 0.5 * side), Vec3::Y);
     }
     let mut shot = world.seen(Vec3::new(0.0, 0.0, 12.0), Vec3::ZERO, 256);

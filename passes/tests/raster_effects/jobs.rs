@@ -116,7 +116,7 @@ fn jobs_that_lack_something_or_ask_for_too_much_are_refused_with_what_is_valid()
     assert!(refused(ShadowMap, |job| job.params.map_size = 1 << 20).contains("16..=16384, not 1048576"));
     assert!(refused(ShadowMap, |job| job.params.map_size = 0).contains("16..=16384"));
     assert!(refused(ShadowMap, |job| job.params.cascades = 9).contains("1..=8"));
-    // 8 GiB.
+    // These maps would take 8 GiB.
     let large: fn(&mut EffectJob<'_>) = |job| (job.params.map_size, job.params.cascades) = (16_384, 8);
     assert!(refused(ShadowMap, large).contains("lower `mapsize` or `cascades`"));
     assert!(refused(ShadowMap, |job| job.params.pcf = 9).contains("0..=8"));
@@ -124,9 +124,9 @@ fn jobs_that_lack_something_or_ask_for_too_much_are_refused_with_what_is_valid()
     assert!(refused(HorizonOcclusion, |job| job.params.steps = u32::MAX).contains("1..=64"));
     assert!(refused(DepthOcclusion, |job| job.params.radius = f32::INFINITY).contains("above 0"));
     assert!(refused(DepthOcclusion, |job| job.params.intensity = -1.0).contains("0..=100"));
-    // 24 GiB for one probe.
+    // One probe would take 24 GiB.
     assert!(refused(CubeReflection, |job| job.params.map_size = 16_384).contains("lower `mapsize` or `probes`"));
-    // Parameters that a program does not read may be anything.
+    // Parameters that the program does not read are not checked.
     assert_eq!(refusal(&mut shot, |job| job.params.steps = 0, ShadowMap), None);
     let mut stranger = CpuRasteriser::new();
     let mut output = Image::filled(16, 16, [0.0; 4]);

@@ -1,4 +1,4 @@
-//! The raster effects on the processor, against closed forms and against the rays that compute the same.
+//! The raster effects on the processor, against closed forms and against ray programs that compute the same.
 
 mod cubes;
 mod jobs;

@@ -1,4 +1,4 @@
-//! Mirrors against rays in `f64`, of which none goes through the code under test.
+//! Mirrors against rays in `f64` that use none of the code under test.
 
 use crate::world::{BACKGROUND, Shot, World, mean};
 use curitiba_passes::raster::effects::bounds::Bounds;
@@ -12,7 +12,7 @@ use glam::{DVec3, Mat4, Vec3, Vec4};
 
 pub const SIDE: u32 = 160;
 
-/// Nearest distance that cameras see.
+/// Near distance of the cameras.
 const NEAR: f32 = 0.05;
 
 /// A camera in `f64`.
@@ -22,7 +22,7 @@ pub struct Camera {
     pub forward: DVec3,
     pub right: DVec3,
     pub up: DVec3,
-    /// Half a side of the picture at distance 1; without perspective, in scene units.
+    /// Half a side of the picture at distance 1; without perspective in scene units.
     pub half: f64,
     pub perspective: bool,
 }
@@ -51,7 +51,7 @@ impl Camera {
         View { clip_from_eye: far_eye.then(|| view(Vec3::ZERO)), ..View::new(view(self.eye), self.eye) }
     }
 
-    /// The ray through a place of the picture, in pixels: from where, and where to.
+    /// Origin and direction of the ray through a place of the picture, in pixels.
     pub fn ray(&self, x: f64, y: f64) -> (DVec3, DVec3) {
         let place = |at: f64| (2.0 * at / f64::from(SIDE) - 1.0) * self.half;
         let aside = self.right * place(x) - self.up * place(y);
@@ -60,7 +60,8 @@ impl Camera {
     }
 }
 
-/// The nearest triangle in front of a ray's origin that is not left out, and its distance (Möller and Trumbore, 1997).
+/// The nearest triangle in front of a ray's origin, among glass or among all others, and its distance (Möller and
+/// Trumbore, 1997).
 pub fn nearest(shot: &Shot, origin: DVec3, direction: DVec3, glass: bool) -> Option<(u32, f64)> {
     let geometry = &shot.scene.geometry;
     let mut best: Option<(u32, f64)> = None;
@@ -84,7 +85,7 @@ pub fn nearest(shot: &Shot, origin: DVec3, direction: DVec3, glass: bool) -> Opt
     best
 }
 
-/// The colour of a flat surface.
+/// The colour of a flat-shaded surface.
 fn shaded(shot: &Shot, triangle: u32) -> [f32; 3] {
     let geometry = &shot.scene.geometry;
     let diffuse = shot.shades[geometry.material_of(triangle) as usize].diffuse.truncate();
@@ -93,7 +94,7 @@ fn shaded(shot: &Shot, triangle: u32) -> [f32; 3] {
     (diffuse * 0.3 + diffuse * sun.color * normal.dot(-sun.direction).max(0.0)).to_array()
 }
 
-/// What a place of the picture shows that the eye sees in glass; `None` where it sees something else.
+/// The mirrored colour at a place of the picture; `None` where the eye sees no glass there.
 fn mirrored(shot: &Shot, camera: &Camera, x: f64, y: f64) -> Option<[f32; 3]> {
     let (origin, direction) = camera.ray(x, y);
     let (pane, distance) = nearest(shot, origin, direction, true)?;
@@ -114,18 +115,19 @@ fn is_near(found: [f32; 4], expected: [f32; 3]) -> bool {
     (0..3).all(|i| (found[i] - expected[i]).abs() < 1e-5) && found[3] == 1.0
 }
 
-/// Compares every pixel whose surroundings of `reach` pixels show glass: it must show what one of the rays there meets. Gives how many
-/// pixels were compared, and how many of them show what the ray through their centre meets.
+/// Compares every pixel whose surroundings of `reach` pixels show glass: the pixel must show the colour that one of the
+/// rays there hits. Returns the number of compared pixels, and how many of them show what the ray through their centre
+/// hits.
 fn compare(shot: &Shot, camera: &Camera, found: &[[f32; 4]], reach: f64, what: &str) -> (usize, usize) {
     let (compared, exact, wrong) = differing(shot, camera, found, reach);
     println!("{what}: {compared} pixels of glass, {exact} as the ray through the centre");
     assert!(compared > 300, "{what}: {compared} pixels");
-    // A face that is seen edge-on may be thinner than what corners are snapped by, and still get a pixel.
+    // A face seen edge-on may be thinner than the snapping of corners, and still cover a pixel.
     assert!(wrong.len() * 5000 <= compared, "{what}: {} of {compared} wrong, as {:?}", wrong.len(), wrong.first());
     (compared, exact)
 }
 
-/// A pixel, what it shows, and what it should.
+/// A pixel, its colour, and the expected colour.
 type Wrong = ([u32; 2], [f32; 4], [f32; 3]);
 
 fn differing(shot: &Shot, camera: &Camera, found: &[[f32; 4]], reach: f64) -> (usize, usize, Vec<Wrong>) {
@@ -137,7 +139,7 @@ fn differing(shot: &Shot, camera: &Camera, found: &[[f32; 4]], reach: f64) -> (u
             (compared, exact) = (compared + 1, exact + 1);
             continue;
         }
-        // Sharp corners may be between some of them.
+        // The rays around a pixel may all miss a sharp corner between them.
         let around = (0..48u32).map(|i| {
             let (turn, away) = (f64::from(i) * std::f64::consts::TAU / 24.0, reach * if i < 24 { 1.0 } else { 0.5 });
             mirrored(shot, camera, x + turn.cos() * away, y + turn.sin() * away)
@@ -151,7 +153,7 @@ fn differing(shot: &Shot, camera: &Camera, found: &[[f32; 4]], reach: f64) -> (u
     (compared, exact, wrong)
 }
 
-/// Boxes on both sides of a pane at `at` whose normal is `normal`, and one that the pane cuts.
+/// Boxes on both sides of a pane at `at` with this normal, and one box that the pane cuts.
 fn boxes(at: Vec3, normal: Vec3, half: f32) -> World {
     let mut world = World::lit_along(Vec3::new(0.4, -1.0, -0.3));
     let normal = normal.normalize();
@@ -166,14 +168,14 @@ fn boxes(at: Vec3, normal: Vec3, half: f32) -> World {
         let off = normal * side * (0.15 + 0.21 * (i % 7) as f32) + (across * turn.cos() + up * turn.sin()) * away;
         world.block(paints[i as usize % 7], at + off, Vec3::new(0.1, 0.14, 0.08));
     }
-    // Half before the mirror, half behind it.
+    // This box is half in front of the mirror and half behind it.
     world.block(paints[3], at + across * 0.3, Vec3::new(0.12, 0.2, 0.16));
     let glass = world.pane();
     world.quad(glass, at, across * half, up * half);
     world
 }
 
-/// What differs from the rays, on pixels that show no edge.
+/// Computes the mirrored picture, and checks its statistics.
 fn run(world: World, camera: &Camera, what: &str) -> (Shot, Vec<[f32; 4]>) {
     let mut shot = world.through(camera.view(), SIDE, SIDE);
     let (found, stats) = shot.effect(PlanarReflection, EffectParams::of(PlanarReflection));
@@ -192,7 +194,7 @@ fn every_pixel_of_a_mirror_shows_what_its_ray_meets() {
     for normal in planes {
         let unit = normal.normalize();
         let (across, up) = (unit.any_orthonormal_vector(), unit.cross(unit.any_orthonormal_vector()));
-        // Before the mirror, behind it, and at two slants.
+        // Eyes in front of the mirror, behind it, and at two grazing angles.
         for (away, aside) in [(3.0, 0.4), (-3.0, -0.7), (1.2, 3.0), (-0.4, 3.5)] {
             let eye = unit * away + across * aside + up * 0.3;
             let camera = Camera::new(eye, Vec3::ZERO, 0.45);
@@ -200,7 +202,7 @@ fn every_pixel_of_a_mirror_shows_what_its_ray_meets() {
             let (shot, found) = run(boxes(Vec3::ZERO, normal, 1.5), &camera, &what);
             let (compared, exact) = compare(&shot, &camera, &found, SNAPPED, &what);
             assert!(exact as f64 > 0.98 * compared as f64, "{what}: {exact} of {compared}");
-            // What is not glass stays.
+            // Pixels that are not glass keep their colour.
             for (index, pixel) in found.iter().enumerate() {
                 let id = shot.buffer.triangle[index];
                 if id == NO_TRIANGLE || !shot.glass[shot.scene.geometry.material_of(id) as usize] {
@@ -211,12 +213,12 @@ fn every_pixel_of_a_mirror_shows_what_its_ray_meets() {
     }
 }
 
-/// The scene without its pane, drawn by any camera, with or without back faces.
+/// The scene without its pane, drawn by any camera, with or without culling of back faces.
 fn drawn(shot: &mut Shot, view: View, culled: bool) -> Vec<[f32; 4]> {
     let attachments = Attachments { color: true, ..Attachments::default() };
     let mut raster = std::mem::take(&mut shot.raster);
     let mut target = GBuffer::new(SIDE, SIDE, attachments);
-    // Without the pane, which comes last.
+    // The pane's batch comes last.
     let mut scene = (*shot.scene).clone();
     scene.geometry.batches.pop();
     let job = RasterJob {
@@ -266,7 +268,7 @@ fn the_comparison_finds_out_a_missing_cut_an_eye_that_is_not_mirrored_and_cullin
 
 #[test]
 fn grazing_views_show_what_the_rays_meet() {
-    // From just above a wide mirror, as low as a five-hundredth of the way to what is mirrored.
+    // The eye is just above a wide mirror, as low as a five-hundredth of the distance to what is mirrored.
     for height in [0.5, 0.1, 0.02] {
         let eye = Vec3::new(0.2, height, 6.0);
         let camera = Camera::new(eye, Vec3::new(0.0, height * 0.2, -2.0), 0.3);
@@ -278,7 +280,7 @@ fn grazing_views_show_what_the_rays_meet() {
 
 #[test]
 fn far_from_the_origin_mirrors_show_what_the_rays_meet() {
-    // Positions are off by a millimetre there, and still what is drawn and mirrored are the same positions.
+    // Positions are rounded by a millimetre there, but the same positions are drawn and mirrored.
     for away in [1e3, 1e4] {
         let at = Vec3::new(away, 0.5 * away, -away);
         let camera = Camera::new(at + Vec3::new(0.5, 0.5, 3.0), at, 0.45);
@@ -303,7 +305,7 @@ fn cameras_without_perspective_mirror_in_parallel() {
     for (eye, normal) in [
         (Vec3::new(1.0, 2.0, 4.0), Vec3::Z),
         (Vec3::new(-3.0, 1.0, 1.0), Vec3::new(0.2, 0.1, 1.0)),
-        // What is mirrored is behind the camera's near plane.
+        // The mirrored objects are behind the camera's near plane.
         (Vec3::new(0.05, 0.05, 0.2), Vec3::Z),
     ] {
         let camera = Camera { perspective: false, ..Camera::new(eye, Vec3::ZERO, 1.2) };
@@ -326,7 +328,7 @@ fn a_pane_seen_edge_on_needs_no_mirror_and_gives_none_a_wrong_one() {
     }
 }
 
-/// Root mean square difference and the largest, over the pixels that show glass.
+/// Root mean square difference and greatest difference, over the pixels that show glass.
 fn difference(shot: &Shot, a: &[[f32; 4]], b: &[[f32; 4]]) -> (f64, f32) {
     let geometry = &shot.scene.geometry;
     let glass = |index: &usize| {
@@ -346,7 +348,8 @@ fn mirrors_are_far_nearer_to_the_ray_program_than_cube_maps_are() {
     let expected = shot.rays(PlanarReflection, RayParams::default());
     let (mirror, _) = shot.effect(PlanarReflection, EffectParams::of(PlanarReflection));
     let (cube, _) = shot.effect(CubeReflection, EffectParams::of(CubeReflection));
-    // What is turned away from the light is lit from the other side by rays: there the two shade alike only where it faces it.
+    // Rays light a surface that is turned away from the light from its other side. So both shade alike only surfaces
+    // that face the light.
     let (error, _) = difference(&shot, &mirror, &expected);
     let (other, _) = difference(&shot, &cube, &expected);
     println!("mirror {error:.5}, cube map {other:.5}");
@@ -355,7 +358,7 @@ fn mirrors_are_far_nearer_to_the_ray_program_than_cube_maps_are() {
 
 #[test]
 fn coplanar_panes_share_a_mirror_and_others_have_their_own() {
-    // A facade of panes that was turned, so that its corners are rounded, and one pane that stands forward by a millimetre.
+    // A rotated facade of panes, whose corners are rounded, and one pane that stands forward by a millimetre.
     let (right, up) = (Vec3::new(0.8, 0.0, -0.6), Vec3::Y);
     let out = right.cross(up);
     let mut world = boxes(Vec3::new(0.0, 0.0, 4.0), out, 0.001);
@@ -370,7 +373,7 @@ fn coplanar_panes_share_a_mirror_and_others_have_their_own() {
     let [glass, without] = stats.glass_pixels;
     assert!(stats.map_count == 2 && without == 0 && glass > 2000, "{stats:?}");
     assert_ne!(found, shot.buffer.color);
-    // With one mirror the pane that stands forward keeps its colour, and that is told.
+    // With one mirror, the pane that stands forward keeps its colour, and the statistics tell so.
     let (fewer, stats) =
         shot.effect(PlanarReflection, EffectParams { planes: 1, ..EffectParams::of(PlanarReflection) });
     let [all, without] = stats.glass_pixels;

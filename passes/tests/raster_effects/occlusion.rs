@@ -15,7 +15,7 @@ fn rays() -> RayParams {
     RayParams { samples: 1024, radius: RADIUS, intensity: 1.0, ..RayParams::default() }
 }
 
-/// Mean of an effect minus that of rays, over the pixels where this holds, and the root of the mean square difference.
+/// Mean difference of an effect from rays, over the pixels for which `at` holds, and the root mean square difference.
 fn error(shot: &mut Shot, program: EffectProgram, params: EffectParams, at: impl Fn(Vec3) -> bool) -> (f64, f64) {
     let (found, _) = shot.effect(program, params);
     let expected = shot.rays(program, rays());
@@ -44,7 +44,7 @@ fn an_open_plane_is_open_from_every_direction_and_distance() {
     }
 }
 
-/// A floor and a wall that meet in a right angle.
+/// A floor and a wall that meet at a right angle.
 fn corner() -> Shot {
     let mut world = World::default();
     world.ground(20.0);
@@ -53,10 +53,11 @@ fn corner() -> Shot {
     world.seen(Vec3::new(0.5, 3.0, 4.0), Vec3::new(0.0, 0.3, 0.4), 160)
 }
 
-/// The open share at distance `d` of an endless wall of a right angle, for rays of length 1, in closed form.
+/// Closed form of the open share at distance `d` from an endless perpendicular wall, for rays of length 1.
 ///
-/// A direction of azimuth φ and polar angle θ meets the wall within reach where `sin θ cos φ >= d`. Cosine-weighted directions
-/// are uniform in the unit disk of `(x, y) = sin θ (cos φ, sin φ)`: what is shut is the disk's segment `x >= d`.
+/// A direction of azimuth φ and polar angle θ hits the wall within reach where `sin θ cos φ >= d`. Cosine-weighted
+/// directions are uniform in the unit disk of `(x, y) = sin θ (cos φ, sin φ)`, so the occluded part is the disk's
+/// segment `x >= d`.
 fn open_beside_a_wall(d: f32) -> f32 {
     let d = d.min(1.0);
     1.0 - (d.acos() - d * (1.0 - d * d).sqrt()) / std::f32::consts::PI
@@ -97,7 +98,7 @@ fn horizons_agree_with_rays_among_boxes() {
     assert!(plain_rms > 1.3 * rms, "the plain method is worse: {plain_rms}");
 }
 
-/// Those of `gtao` by sectors.
+/// Parameters of `gtao` by bitmasks.
 fn sectors(slices: u32, steps: u32, thickness: f32) -> EffectParams {
     EffectParams { bitmask: true, thickness, ..params(slices, steps) }
 }
@@ -113,9 +114,9 @@ fn sectors_leave_an_open_plane_open_and_find_the_closed_form_in_a_corner() {
         assert!(lowest > 0.999, "{eye}: {lowest}");
     }
     let mut shot = corner();
-    // The wall is the outline of a solid: as deep as the radius.
+    // The wall is taken as the outline of a solid, as deep as the radius.
     let (found, _) = shot.effect(HorizonOcclusion, sectors(8, 32, 1.0));
-    // The control: of paper, it lets light through between the steps.
+    // Control: a thin wall lets light through between the steps.
     let (thin, _) = shot.effect(HorizonOcclusion, sectors(8, 4, 0.01));
     let (mut worst, mut least_off) = (0f32, f32::MAX);
     for bin in 1..8 {
@@ -131,8 +132,8 @@ fn sectors_leave_an_open_plane_open_and_find_the_closed_form_in_a_corner() {
     assert!(least_off > 0.3, "{least_off}");
 }
 
-/// The open share of a plane below an endless bar, by cosine-weighted directions in `f64`: the bar's rectangle spans these `x` and heights, and a
-/// ray of length 1 looks for it from the origin.
+/// The open share of a plane below an endless bar, by cosine-weighted directions in `f64`. The bar's cross-section
+/// spans these `x` and heights; rays of length 1 start at the origin.
 fn open_below_a_bar(x: [f64; 2], heights: [f64; 2]) -> f64 {
     let cells = 400;
     let (mut open, mut all) = (0u32, 0u32);
@@ -143,7 +144,7 @@ fn open_below_a_bar(x: [f64; 2], heights: [f64; 2]) -> f64 {
         if up <= 0.0 {
             continue;
         }
-        // The stretch of the ray in each slab.
+        // The interval of the ray in each slab.
         let stretch = |[low, high]: [f64; 2], rate: f64| {
             let (a, b) = (low / rate, high / rate);
             [a.min(b), a.max(b)]
@@ -158,7 +159,7 @@ fn open_below_a_bar(x: [f64; 2], heights: [f64; 2]) -> f64 {
 
 #[test]
 fn light_passes_behind_a_bar_by_sectors_and_not_by_horizons() {
-    // A bar of 0.1 x 0.04 floats 0.4 above a floor, and is seen from above.
+    // A bar of 0.1 x 0.04 floats 0.4 above a floor, seen from above.
     let mut world = World::default();
     world.ground(20.0);
     let white = world.paint(Vec3::ONE);
@@ -166,7 +167,7 @@ fn light_passes_behind_a_bar_by_sectors_and_not_by_horizons() {
     world.block(white, Vec3::Y * middle, Vec3::new(half_width, half_height, 10.0));
     let mut shot = world.seen(Vec3::new(0.0, 9.0, 0.0), Vec3::ZERO, 400);
     let (horizons, _) = shot.effect(HorizonOcclusion, params(8, 32));
-    // Steps are nearer to each other than the bar is thick: else light passes between them.
+    // The distance between steps is less than the bar's thickness; otherwise light would pass between them.
     let (found, _) = shot.effect(HorizonOcclusion, sectors(8, 64, 2.0 * half_height));
     let (deep, _) = shot.effect(HorizonOcclusion, sectors(8, 32, 1.0));
     let traced = shot.rays(HorizonOcclusion, rays());
@@ -178,7 +179,7 @@ fn light_passes_behind_a_bar_by_sectors_and_not_by_horizons() {
             let (half_width, middle, half_height) = (f64::from(half_width), f64::from(middle), f64::from(half_height));
             open_below_a_bar([-half_width - place, half_width - place], [middle - half_height, middle + half_height])
         };
-        // All rows are the same.
+        // All rows are alike.
         let row: Vec<f64> = pixels.iter().take(8).map(exact).collect();
         let expected = row.iter().sum::<f64>() / row.len() as f64;
         let [rays, horizons, found, deep] = [&traced, &horizons, &found, &deep].map(|image| of(image));
@@ -187,7 +188,7 @@ fn light_passes_behind_a_bar_by_sectors_and_not_by_horizons() {
         );
         assert!((rays - expected).abs() < 6e-3, "{rays} {expected}");
         assert!((found - expected).abs() < 0.03, "{x}: {found} {expected}");
-        // The control: a horizon shuts all below the bar, and so does a bar that is deep.
+        // Control: a horizon occludes everything below the bar, and so does a deep bar.
         let off = (found - expected).abs();
         assert!(expected - horizons > 5.0 * off && expected - deep > 5.0 * off, "{x}: {horizons} {deep} {expected}");
     }
@@ -204,7 +205,8 @@ fn more_slices_leave_less_noise() {
 
 #[test]
 fn a_near_object_darkens_what_is_far_behind_it_by_depths_and_not_by_horizons() {
-    // The report's figure 12: a post 2 in front of the camera, a wall 18 behind it. On the wall its outline is at x = 1.
+    // Figure 12 of the report: a post 2 in front of the camera, and a wall 18 behind the post. On the wall, the post's
+    // outline is at x = 1.
     let mut world = World::default();
     let white = world.paint(Vec3::ONE);
     world.quad(white, Vec3::new(0.0, 0.0, -20.0), Vec3::X * 20.0, Vec3::Y * 20.0);
@@ -216,10 +218,10 @@ fn a_near_object_darkens_what_is_far_behind_it_by_depths_and_not_by_horizons() {
     let (horizons, _) = shot.effect(HorizonOcclusion, params(8, 8));
     let of = |image: &[[f32; 4]], pixels: &[usize]| mean(pixels.iter().map(|index| image[*index][0]));
     println!("beside the post: depths {:.3}, horizons {:.3}", of(&depths, &beside), of(&horizons, &beside));
-    // A share of the disk, as beside a wall: 0.05 to 0.5 from the outline it is 0.68 on average.
+    // The open share of the disk as beside a wall: between 0.05 and 0.5 from the outline it is 0.68 on average.
     assert!((of(&depths, &beside) - 0.68).abs() < 0.06, "{}", of(&depths, &beside));
     assert_eq!(of(&depths, &far), 1.0);
-    // Rays find nothing within reach either.
+    // Rays find nothing within reach, either.
     let traced = shot.rays(HorizonOcclusion, RayParams { samples: 64, ..rays() });
     assert!(of(&horizons, &beside) > 1.0 - 1e-6);
     assert_eq!(of(&traced, &beside), 1.0);

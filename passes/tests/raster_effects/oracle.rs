@@ -1,5 +1,5 @@
-//! Screen-space occlusion in `f64`, pixel by pixel and step by step as the formulas are written: what the vector code of the
-//! processor is held against.
+//! Screen-space occlusion in `f64`, pixel by pixel and step by step as the formulas are written: the reference for the
+//! processor's vector code.
 
 use curitiba_passes::sampling::hash::{dimensions, pixel_key, unit};
 use curitiba_pipeline::backend::EffectJob;
@@ -11,20 +11,21 @@ use std::f64::consts::PI;
 #[derive(Debug, Clone, Copy)]
 pub struct Open {
     pub share: f64,
-    /// Whether no step is so near to where it would read another pixel, or be counted otherwise, that rounding to `f32` may decide.
+    /// False if a step is so close to another pixel, or to another limit, that rounding to `f32` may decide about it.
     pub decided: bool,
 }
 
-/// What the pixels of a job have in common.
+/// The job, and values that all its pixels share.
 pub struct Oracle<'a> {
     job: EffectJob<'a>,
     clip_from_world: DMat4,
     eye: DVec3,
-    /// Distance from the edge of a pixel, in pixels, and relative distance from other limits, below which a step is not decided.
+    /// Distance from a pixel's edge in pixels, and relative distance from other limits, below which a step is
+    /// undecided.
     margin: f64,
 }
 
-/// What a step along a slice reads.
+/// The pixel that a step along a slice reads.
 enum Step {
     Outside,
     Itself,
@@ -57,12 +58,12 @@ impl<'a> Oracle<'a> {
         open
     }
 
-    /// `T` of a slice, and the jitters of its sides.
+    /// Vector `T` of a slice, and the jitters of its sides.
     fn slice(&self, [x, y]: [u32; 2], index: u32, to_eye: DVec3) -> (DVec3, [f64; 2]) {
         let key = pixel_key(x, y, self.job.seed);
         let offset = f64::from(unit(dimensions(key, 0)[0]));
         let (sin, cos) = (PI * (f64::from(index) + offset) / f64::from(self.job.params.slices)).sin_cos();
-        // Duff and others 2017, listing 3: which tangents these are is part of what is computed.
+        // The tangents of Duff and others 2017, listing 3: the choice of tangents is a part of the method.
         let DVec3 { x, y, z } = to_eye;
         let sign = 1f64.copysign(z);
         let (a, b) = (-1.0 / (sign + z), -x * y / (sign + z));
@@ -77,7 +78,7 @@ impl<'a> Oracle<'a> {
         (w > 0.0).then(|| [(0.5 + 0.5 * x / w) * width, (0.5 - 0.5 * y / w) * height])
     }
 
-    /// What is read where a position is seen.
+    /// The pixel that shows a position.
     fn look(&self, [x, y]: [u32; 2], position: DVec3, decided: &mut bool) -> Step {
         let Some([column, row]) = self.place(position) else { return Step::Outside };
         *decided &= [column, row].iter().all(|at| (at - at.round()).abs() > self.margin);
@@ -89,7 +90,7 @@ impl<'a> Oracle<'a> {
         if at == [x, y] { Step::Itself } else { Step::At((at[1] * width + at[0]) as usize) }
     }
 
-    /// The position that a pixel shows, from another one.
+    /// The difference from `position` to the position that a pixel shows; `None` if it shows nothing.
     fn difference(&self, index: usize, position: DVec3) -> Option<DVec3> {
         let stored = self.job.position[index];
         (stored != [0.0; 4]).then(|| vector(stored) - position).filter(|delta| delta.is_finite())
@@ -109,7 +110,7 @@ impl<'a> Oracle<'a> {
             }
             let (sin, cos) = (projected.dot(across) / weight, projected.dot(to_eye) / weight);
             let shear = (aside - normal * off) / (weight * weight);
-            // A pixel's length along `T`, by a small difference.
+            // Length of a pixel along `T`, by a small difference.
             let small = 1e-6 * (self.eye - position).length();
             let far = |side: f64| self.place(position + across * small * side);
             let moved = far(1.0).zip(far(-1.0)).map_or(0.0, |(a, b)| (a[0] - b[0]).hypot(a[1] - b[1]));
@@ -146,7 +147,7 @@ impl<'a> Oracle<'a> {
         Open { share: if whole > 0.0 { visible / whole } else { 1.0 }, decided }
     }
 
-    /// As written in the paper with a list of 32 sectors, each with the one angle that is tested.
+    /// As the paper writes it, with a list of 32 sectors of one tested angle each.
     fn by_sectors(&self, pixel: [u32; 2], position: DVec3, to_eye: DVec3, normal: DVec3) -> Open {
         let (radius, thickness) = (f64::from(self.job.params.radius), f64::from(self.job.params.thickness));
         let slices = self.job.params.slices;
@@ -168,7 +169,8 @@ impl<'a> Oracle<'a> {
             let moved = far(1.0).zip(far(-1.0)).map_or(0.0, |(a, b)| (a[0] - b[0]).hypot(a[1] - b[1]));
             let nearest = 2.0 * small / moved;
             decided &= (nearest / radius - 1.0).abs() > self.margin;
-            // The integral of `cos(h - γ) |sin h|` from the eye's direction to a signed angle, cut at the tangent plane.
+            // The integral of `cos(h - γ) |sin h|` from the eye's direction to a signed angle, clamped at the tangent
+            // plane.
             let contribution = |angle: f64| {
                 let h = angle.clamp(gamma - 0.5 * PI, gamma + 0.5 * PI);
                 h.signum() * 0.25 * (-(2.0 * h - gamma).cos() + gamma.cos() + 2.0 * h * gamma.sin())
@@ -191,7 +193,7 @@ impl<'a> Oracle<'a> {
                     if side * front.x <= 0.0 {
                         continue;
                     }
-                    // Both ends of what is within the radius, by the roots of `|front + s away| = radius`.
+                    // Both ends of the part within the radius: the roots of `|front + s away| = radius`.
                     let away = (front - DVec2::new(0.0, (self.eye - position).length())).normalize();
                     let (half_b, c) = (front.dot(away), front.length_squared() - radius * radius);
                     let discriminant = half_b * half_b - c;

@@ -1,4 +1,4 @@
-//! Which glass is one plane.
+//! Grouping of glass into planes.
 
 use crate::world::World;
 use curitiba_passes::raster::effects::planes::{GlassPlane, Glazing, NO_PLANE, ROUNDING};
@@ -8,7 +8,8 @@ fn glazing(world: &World) -> Glazing {
     Glazing::find(&world.scene.geometry, &world.glass).expect("host memory")
 }
 
-/// Panes of a facade, turned and moved in `f64` and rounded once, those of an odd column so much before the others.
+/// Panes of a facade, rotated and moved in `f64` and then rounded once. Panes of odd columns stand forward by
+/// `forward`.
 fn facade(turn: DQuat, at: DVec3, forward: f64) -> World {
     let mut world = World::default();
     let (wall, glass) = (world.paint(Vec3::ONE), world.pane());
@@ -36,7 +37,7 @@ fn panes_of_a_facade_are_one_plane_however_it_is_turned_and_wherever_it_stands()
             let normal = turn * DVec3::Z;
             let plane = found.planes[0];
             let GlassPlane { normal: found_normal, slack, .. } = plane;
-            // As near to the plane as the corners are, times what it is extrapolated by.
+            // The plane's error is that of the corners, times the factor of extrapolation.
             let rounding = (away + 30.0) * ROUNDING;
             assert!(found_normal.cross(normal).length() < 10.0 * rounding, "{away} {i}");
             assert!(plane.distance(at).abs() < 100.0 * rounding, "{away} {i}");
@@ -80,12 +81,12 @@ fn both_sides_and_the_faces_of_a_box_are_told_by_their_planes() {
     world.quad(glass, Vec3::ZERO, Vec3::X, Vec3::Y);
     world.quad(glass, Vec3::X * 3.0, Vec3::Y, Vec3::X);
     assert_eq!(glazing(&world).planes.len(), 1, "two panes that look to opposite sides");
-    // A thin box has two large faces and four edges.
+    // A thin box has two large faces and four narrow ones.
     world.block(glass, Vec3::new(0.0, 5.0, 0.0), Vec3::new(1.0, 0.8, 0.004));
     assert_eq!(glazing(&world).planes.len(), 7);
 }
 
-/// A ball of glass of so many faces; its normals are those of the faces, or of the ball.
+/// A glass ball of so many rings, with the normals of its faces or those of the ball.
 fn ball(rings: u32, smooth: bool) -> World {
     let mut world = World::default();
     let glass = world.pane();

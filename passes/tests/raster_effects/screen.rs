@@ -1,4 +1,4 @@
-//! Rays that are marched through the picture, against rays in `f64` that share no code with them.
+//! Screen-space rays against rays in `f64` that share no code with them.
 
 use crate::mirrors::{Camera, SIDE, nearest};
 use crate::world::{Shot, World};
@@ -14,10 +14,10 @@ use curitiba_pipeline::raster_effects::{EffectParams, EffectProgram, Missing};
 use curitiba_pipeline::scene::TriangleRanges;
 use glam::{DVec3, Vec3, Vec4};
 
-/// How deep behind surfaces rays meet them.
+/// Depth behind surfaces within which rays hit them.
 const THIN: f32 = 0.002;
 
-/// A pane on the ground, with boxes of many colours behind it that stand on both its sides and in the air.
+/// A pane on the ground, with boxes of many colours behind it, on both its sides and in the air.
 fn court() -> World {
     let mut world = World::lit_along(Vec3::new(0.4, -1.0, -0.3));
     let paints: Vec<u32> = (1..8)
@@ -44,7 +44,7 @@ fn court_seen(perspective: bool) -> (Shot, Camera) {
     (court().through(camera.view(), SIDE, SIDE), camera)
 }
 
-/// The picture as rays are marched through it.
+/// Calls `look` with the picture as rays are marched through it.
 fn marched<T>(shot: &Shot, thickness: f32, look: impl FnOnce(&Screen<'_>) -> T) -> T {
     let size = [shot.buffer.width, shot.buffer.height];
     let camera = ScreenCamera::new(&shot.view, size[0], size[1]).expect("a camera");
@@ -67,12 +67,13 @@ fn is_glass(shot: &Shot, index: usize) -> bool {
     id != NO_TRIANGLE && shot.glass[shot.scene.geometry.material_of(id) as usize]
 }
 
-/// What the exact ray from a pixel of glass meets: where, in columns and rows, and whether the camera sees that place.
+/// The hit of the exact ray from a glass pixel: its column and row, and whether the camera sees that place. `None`
+/// where nothing is hit in front of the camera.
 fn exact(shot: &Shot, camera: &Camera, index: usize) -> Option<(f64, f64, bool)> {
     let start = shot.position(index).as_dvec3();
     let seen_from = camera.ray((index as u32 % SIDE) as f64 + 0.5, (index as u32 / SIDE) as f64 + 0.5);
     let view = if camera.perspective { (start - camera.eye.as_dvec3()).normalize() } else { seen_from.1 };
-    // The pane lies flat.
+    // The pane is horizontal.
     let onward = DVec3::new(view.x, -view.y, view.z);
     let (_, distance) = nearest(shot, start, onward, false)?;
     let met = start + onward * distance;
@@ -112,7 +113,7 @@ fn answers_lie_within_a_texel_of_what_exact_rays_meet() {
                     let off = |(x, y, _): (f64, f64, bool)| (x.floor() - column).abs().max((y.floor() - row).abs());
                     let within = truth.is_some_and(|truth| off(truth) <= 1.0);
                     near += usize::from(within);
-                    // At an outline it may pass beside the part of the pixel that shows the surface, and go on.
+                    // At an outline, the ray may pass beside the part of the pixel that shows the surface.
                     let away = shot.position(pixel) - position;
                     let aside = (away - onward * away.dot(onward)).length();
                     let depth = (shot.position(pixel) - camera.eye).dot(camera.forward.as_vec3());
@@ -131,7 +132,7 @@ fn answers_lie_within_a_texel_of_what_exact_rays_meet() {
     }
 }
 
-/// The same comparison, of rays that are bent a little: it must find them out.
+/// Control: the same comparison with rays that are slightly bent must find differences.
 #[test]
 fn the_comparison_finds_out_rays_that_are_off() {
     let (shot, camera) = court_seen(true);
@@ -160,12 +161,12 @@ fn rays_that_leave_the_screen_or_come_to_the_camera_are_not_answered() {
     let position = shot.position(index);
     marched(&shot, 0.5, |screen| {
         let ask = |x, y, z| screen.ask(position, Vec3::new(x, y, z).normalize(), false);
-        // To the left and to the right, above everything; up; and back.
+        // Rays that leave the picture to the left, to the right and at the top, and one that goes back to the camera.
         for direction in [(-1.0, 0.3, 0.2), (1.0, 0.3, 0.2), (0.0, 1.0, 0.0), (0.05, 0.35, 1.0)] {
             assert_eq!(ask(direction.0, direction.1, direction.2), Answer::Missing, "{direction:?}");
         }
     });
-    // Alone, above nothing: what leaves for the distance within the picture meets nothing.
+    // A single pane above nothing: rays that leave for infinity within the picture hit nothing.
     let mut world = World::lit_along(Vec3::NEG_Y);
     let glass = world.pane();
     world.quad(glass, Vec3::ZERO, Vec3::Z, Vec3::X);
@@ -178,13 +179,13 @@ fn rays_that_leave_the_screen_or_come_to_the_camera_are_not_answered() {
     });
 }
 
-/// A plate of no thickness between the camera and the way of the rays.
+/// A plate without thickness between the camera and the rays.
 #[test]
 fn a_plate_in_front_is_met_within_the_thickness_only() {
     let mut world = World::lit_along(Vec3::new(0.2, -1.0, -0.4));
     let (red, white) = (world.paint(Vec3::X), world.paint(Vec3::ONE));
     world.quad(white, Vec3::new(0.0, 2.0, -4.0), Vec3::X * 6.0, Vec3::Y * 6.0);
-    // Half a unit before the way of rays that go to the side.
+    // The plate is half a unit in front of rays that go to the side.
     world.quad(red, Vec3::new(0.6, 0.5, 0.5), Vec3::X * 0.2, Vec3::Y * 0.5);
     let shot = world.seen(Vec3::new(0.0, 0.5, 5.0), Vec3::new(0.0, 0.5, 0.0), SIDE);
     let start = Vec3::new(-0.5, 0.5, 0.0);
@@ -193,11 +194,11 @@ fn a_plate_in_front_is_met_within_the_thickness_only() {
     assert_eq!(ask(0.4), Answer::Missing);
     let Answer::Pixel(pixel) = ask(0.6) else { panic!("within the thickness the plate is met") };
     assert!(shot.buffer.color[pixel][0] > 2.0 * shot.buffer.color[pixel][1], "{:?}", shot.buffer.color[pixel]);
-    // A ray that comes from behind the plate and passes it meets its unseen side.
+    // A ray from behind the plate that passes through it hits its unseen side.
     let from_behind = Vec3::new(0.2, 0.0, 0.6);
     let behind = marched(&shot, 2.0, |screen| screen.ask(Vec3::new(0.45, 0.5, -0.2), from_behind, true));
     assert_eq!(behind, Answer::Missing);
-    // In front of it the way to the wall is free.
+    // In front of the plate the way to the wall is free.
     let free = marched(&shot, 0.1, |screen| screen.ask(Vec3::new(0.5, 0.5, 1.0), Vec3::new(-0.6, 0.1, -1.0), true));
     let Answer::Pixel(pixel) = free else { panic!("it meets the wall: {free:?}") };
     assert_eq!(shot.buffer.color[pixel][0], shot.buffer.color[pixel][1]);
@@ -248,7 +249,7 @@ fn with_alpha(color: [f32; 4]) -> [f32; 4] {
     Vec4::from_array(color).truncate().extend(1.0).to_array()
 }
 
-/// What is answered has the colours of the rays, weighted as they are.
+/// Answered pixels have the same colours as by rays, with the same weights.
 #[test]
 fn answered_pixels_show_what_rays_show() {
     for (program, least) in [(ScreenReflection, 1000), (ScreenRefraction, 300)] {

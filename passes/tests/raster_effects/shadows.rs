@@ -7,14 +7,14 @@ use curitiba_pipeline::programs::RayParams;
 use curitiba_pipeline::raster_effects::{EffectParams, EffectProgram::ShadowMap};
 use glam::{Mat4, Vec3};
 
-/// Numbers of maps that every test is made for.
+/// The numbers of maps for which every test runs.
 const COUNTS: [u32; 2] = [1, 4];
 
 fn params(map_size: u32, pcf: u32, cascades: u32) -> EffectParams {
     EffectParams { map_size, pcf, cascades, ..EffectParams::default() }
 }
 
-/// The maps of a picture.
+/// The cascaded maps of a picture.
 fn cascades(shot: &Shot, params: EffectParams) -> Cascades {
     let job = shot.job(ShadowMap, params);
     let depths = lit_depths(&job).expect("something is lit");
@@ -22,7 +22,7 @@ fn cascades(shot: &Shot, params: EffectParams) -> Cascades {
     Cascades::new(&shot.sun.expect("lit"), &bounds, &shot.view, depths, &params)
 }
 
-/// The largest part of the picture's pixels that differ from the ray traced ones by more than a rounding.
+/// The share of pixels that differ from the ray-traced ones by more than rounding.
 fn differing(found: &[[f32; 4]], expected: &[[f32; 4]]) -> f64 {
     mean(found.iter().zip(expected).map(|(a, b)| f32::from(u8::from((a[0] - b[0]).abs() > 1e-6))))
 }
@@ -33,7 +33,7 @@ fn the_edge_of_a_half_planes_shadow_is_within_a_texel_of_its_place() {
         let mut world = World::lit_along(direction);
         world.ground(10.0);
         let black = world.paint(Vec3::ZERO);
-        // Covers x < 0 at height 2; the camera looks from below it.
+        // A roof over x < 0 at height 2; the camera looks from below it.
         world.quad(black, Vec3::new(-10.0, 2.0, 0.0), Vec3::Z * 30.0, Vec3::X * 10.0);
         let edge = 2.0 * direction.x / -direction.y;
         let eye = Vec3::new(3.0, 1.9, 0.0);
@@ -47,7 +47,7 @@ fn the_edge_of_a_half_planes_shadow_is_within_a_texel_of_its_place() {
             let (found, stats) = shot.effect(ShadowMap, params);
             let maps = u64::from(count);
             assert_eq!((stats.map_count, stats.triangles, stats.bytes), (count, 4 * maps, maps * (4 << 20)));
-            // The bias lets the light in by so much at the edge; the filter reaches pcf + 1 texels.
+            // The bias lets light in by so much at the edge; the filter reaches pcf + 1 texels.
             let reach = (pcf + 1) as f32 * texel * slant * (1.0 + 1.5 * 0.7);
             let (mut dark, mut bright) = (0, 0);
             for index in shot.pixels_where(|p| p.y < 0.1 && (p.x - edge).abs() > reach) {
@@ -89,7 +89,7 @@ fn light_does_not_leak_through_a_thin_wall() {
     let mut world = World::lit_along(Vec3::new(1.0, -1.0, 0.0));
     world.ground(10.0);
     let white = world.paint(Vec3::ONE);
-    // Without thickness, 2 high, on the ground at x = -1: its shadow is -1 < x < 1.
+    // A wall without thickness, 2 high, on the ground at x = -1: its shadow is -1 < x < 1.
     world.quad(white, Vec3::new(-1.0, 1.0, 0.0), Vec3::Y, Vec3::Z * 5.0);
     let mut shot = world.seen(Vec3::new(6.0, 5.0, 0.0), Vec3::ZERO, 256);
     let expected = shot.rays(ShadowMap, RayParams::default());
@@ -99,11 +99,11 @@ fn light_does_not_leak_through_a_thin_wall() {
         for index in shot.pixels_where(|p| p.y < 0.01 && p.x > -0.8 && p.x < 0.9 && p.z.abs() < 4.5) {
             assert_eq!((found[index][0], expected[index][0]), (0.5, 0.5), "{}", shot.position(index));
         }
-        // The wall's own dark side is turned from the light: it asks no map, as no ray starts there.
+        // The wall's own dark side is turned away from the light: no map is read there, as no ray starts there.
         for index in shot.pixels_where(|p| p.y > 0.1) {
             assert_eq!((found[index], expected[index]), ([1.0; 4], [1.0; 4]));
         }
-        // The control: a bias of many texels does leak.
+        // Control: a bias of many texels does leak light.
         let (leaking, _) = shot.effect(ShadowMap, EffectParams { bias: 30.0, ..params(1024, 1, count) });
         assert!(differing(&leaking, &expected) > 2.0 * differing(&found, &expected));
     }
@@ -146,7 +146,7 @@ fn a_box_on_the_ground_is_shadowed_as_rays_say_but_for_edges() {
     }
 }
 
-/// A street of blocks, seen along: each map shows some of their shadows.
+/// A street of blocks, seen along its length, so that each map shows some of their shadows.
 fn street() -> World {
     let mut world = World::lit_along(Vec3::new(0.6, -0.5, 0.3));
     world.ground(200.0);
@@ -184,7 +184,7 @@ fn a_camera_that_flies_along_a_street_does_not_make_the_edges_of_any_map_shimmer
     let texels = |shot: &Shot| cascades(shot, params).fits.iter().map(|fit| fit.texel).collect::<Vec<_>>();
     let first = texels(&still);
     assert_eq!(first.len(), 4);
-    // World positions that do not move with the camera.
+    // World positions that stay the same when the camera moves.
     let lookup = |mut shot: Shot, params| {
         shot.buffer.position.clone_from(&points);
         shot.effect(ShadowMap, params).0
@@ -199,20 +199,20 @@ fn a_camera_that_flies_along_a_street_does_not_make_the_edges_of_any_map_shimmer
         shot.buffer.position.clone_from(&points);
         if texels(&shot) == first {
             kept += 1;
-            // Those at borders of maps, which the next map now serves.
+            // Only positions at the borders of maps change, where the next map now serves them.
             let share = changed(&lookup(shot, params));
             assert!(share < 0.002, "{step}: {share}");
         }
     }
     assert!(kept > 5, "{kept}");
-    // The control: texels of another size.
+    // Control: texels of another size.
     let share = changed(&lookup(shot_at(0.0), EffectParams { map_size: 251, ..params }));
     assert!(share > 0.005, "{share}");
 }
 
 #[test]
 fn a_camera_that_moves_by_less_than_a_texel_does_not_make_edges_shimmer() {
-    // Far reaching, so that the camera's sphere and not the scene's is fitted.
+    // A large scene, so that the map is fitted to the camera's sphere and not to the scene's.
     let town = || {
         let mut world = World::lit_along(Vec3::new(0.4, -1.0, 0.25));
         world.ground(200.0);
@@ -231,7 +231,7 @@ fn a_camera_that_moves_by_less_than_a_texel_does_not_make_edges_shimmer() {
     let texel = |shift: f32| ShadowFit::new(&sun, &bounds, &view(shift), &params).expect("a map").texel;
     let size = texel(0.0);
     assert!(size < 0.1 * bounds.radius() * 2.0 / 256.0, "the scene's sphere was not fitted");
-    // World positions that do not move with the camera: every pixel of both pictures is asked for the same points.
+    // World positions that stay the same when the camera moves: every pixel of both pictures looks up the same point.
     let points: Vec<[f32; 4]> = {
         let shot = town().through(view(0.0), 128, 128);
         shot.buffer.position

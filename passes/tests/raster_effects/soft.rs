@@ -1,4 +1,4 @@
-//! Soft shadows of maps, against closed forms and rays.
+//! Soft shadows from depth maps, against closed forms and rays.
 
 use crate::world::{Shot, World, from_above, mean};
 use curitiba_pipeline::programs::RayParams;
@@ -18,7 +18,7 @@ fn rms(found: &[[f32; 4]], expected: &[[f32; 4]]) -> f64 {
     mean(found.iter().zip(expected).map(|(a, b)| (a[0] - b[0]).powi(2))).sqrt()
 }
 
-/// The share of a disk on one side of a line at a distance of `t` radii from its middle.
+/// The area share of a disk on one side of a line at a distance of `t` radii from its centre.
 fn beyond_chord(t: f32) -> f32 {
     let t = t.clamp(-1.0, 1.0);
     1.0 - (t.acos() - t * (1.0 - t * t).sqrt()) / PI
@@ -32,12 +32,12 @@ fn the_penumbra_of_an_edge_is_as_wide_as_its_distance_says() {
             world.ground(4.0);
             let black = world.paint(Vec3::ZERO);
             world.quad(black, Vec3::new(-4.0, height, 0.0), Vec3::Z * 9.0, Vec3::X * 4.0);
-            // From below the edge, which hides nothing of the penumbra.
+            // Seen from below the roof's edge, so that the roof hides none of the penumbra.
             let mut shot = world.seen(Vec3::new(0.6, 0.45 * height, 0.8), Vec3::ZERO, 192);
             let radius = height * (sun * 0.5).to_radians().tan();
             let (found, _) = shot.effect(ShadowMap, params(2048, 4, sun));
             let (mut worst, mut squares, mut partly) = (0.0_f32, 0.0, 0);
-            // Where a tenth and nine tenths of the disc are seen.
+            // Places where a tenth and nine tenths of the disc are visible.
             let mut ends = [f32::INFINITY, f32::NEG_INFINITY];
             for index in shot.pixels_where(|p| p.y < 1e-3 && p.x.abs() < 2.0 * radius && p.z.abs() < 0.5) {
                 let (x, open) = (shot.position(index).x, 2.0 * found[index][0] - 1.0);
@@ -51,7 +51,7 @@ fn the_penumbra_of_an_edge_is_as_wide_as_its_distance_says() {
                 ];
             }
             let rms = (squares / partly as f32).sqrt();
-            // The disk's chords at 0.6870 radii leave a tenth.
+            // A chord at 0.6870 radii cuts off a tenth of the disk.
             let width = (ends[1] - ends[0]) / (2.0 * 0.6870 * radius);
             println!("height {height}, sun {sun}: {partly} pixels, rms {rms:.4}, worst {worst:.4}, width {width:.3}");
             assert!(partly > 300, "{partly}");
@@ -64,7 +64,7 @@ fn the_penumbra_of_an_edge_is_as_wide_as_its_distance_says() {
 fn a_plate_smaller_than_the_disc_has_no_umbra() {
     let (height, sun) = (2.0_f32, 10.0_f32);
     let seen = height * (sun * 0.5).to_radians().tan();
-    // Half sides of a square that lies in the disc, in radii of it.
+    // Half side of a square inside the disc, in radii of the disc.
     for share in [0.4_f32, 0.65] {
         let mut world = World::lit_along(Vec3::NEG_Y);
         world.ground(3.0);
@@ -77,7 +77,7 @@ fn a_plate_smaller_than_the_disc_has_no_umbra() {
             let near = shot.pixels_where(|p| p.y < 1e-3 && p.length() < 0.02);
             2.0 * mean(near.iter().map(|index| found[*index][0])) - 1.0
         };
-        // One map: those of near parts cut off so wide a penumbra.
+        // One map, because the maps of near parts would cut off so wide a penumbra.
         let soft = at_middle(&mut shot, params(2048, 1, sun));
         let expected = f64::from(1.0 - 4.0 * share * share / PI);
         println!("{share}: {soft:.4} of {expected:.4}");
@@ -88,7 +88,7 @@ fn a_plate_smaller_than_the_disc_has_no_umbra() {
 
 #[test]
 fn a_plane_does_not_shadow_itself_at_wide_kernels() {
-    // The disc is all above the horizon.
+    // The whole disc is above the horizon in each case.
     for (elevation, suns) in [(8f32, [0.53, 2.0]), (30.0, [2.0, 20.0]), (60.0, [8.0, 40.0]), (90.0, [8.0, 90.0])] {
         for azimuth in [0f32, 17.0, 45.0] {
             let (sin, cos) = elevation.to_radians().sin_cos();
@@ -112,7 +112,7 @@ fn light_does_not_leak_through_a_thin_wall_at_wide_kernels() {
     let mut world = World::lit_along(Vec3::new(1.0, -1.0, 0.0));
     world.ground(10.0);
     let white = world.paint(Vec3::ONE);
-    // As without a disc: its shadow is -1 < x < 1, the more of it in the penumbra the farther from the wall.
+    // As in the test without a disc: the shadow is -1 < x < 1, and the penumbra widens with the distance from the wall.
     world.quad(white, Vec3::new(-1.0, 1.0, 0.0), Vec3::Y, Vec3::Z * 5.0);
     let mut shot = world.seen(Vec3::new(6.0, 5.0, 0.0), Vec3::ZERO, 256);
     for sun in [0.53, 3.0] {
@@ -161,7 +161,7 @@ fn a_small_disc_gives_nearly_the_hard_shadow() {
     let (hard, stats) = shot.effect(ShadowMap, params(1024, 4, 0.0));
     let (soft, soft_stats) = shot.effect(ShadowMap, params(1024, 4, 1e-4));
     assert_eq!((stats.map_count, stats.bytes), (soft_stats.map_count, soft_stats.bytes));
-    // The filter is a disk and not a square.
+    // The filter differs from that of a point of light, because it is a disk and not a square.
     let edges = mean(hard.iter().map(|pixel| f32::from(u8::from(pixel[0] > 0.5 && pixel[0] < 1.0))));
     let apart = mean(hard.iter().zip(&soft).map(|(a, b)| f32::from(u8::from((a[0] - b[0]).abs() > 1e-3))));
     println!("{edges:.4} at edges, {apart:.4} apart, rms {:.4}", rms(&soft, &hard));
@@ -175,7 +175,7 @@ fn an_orthographic_camera_and_maps_of_few_texels_are_served() {
         let (found, stats) = shot.effect(ShadowMap, params(size, 4, sun));
         assert_eq!(stats.map_count, 1);
         assert!(found.iter().all(|pixel| (0.5..=1.0).contains(&pixel[0])), "{size} {sun}");
-        // Of a disc that reaches below the horizon nothing is left of coarse maps.
+        // With a disc that reaches below the horizon, coarse maps show no shadow at all.
         assert!(found.iter().any(|pixel| pixel[0] < 1.0) || sun == 90.0, "{size} {sun}");
     }
 }

@@ -1,4 +1,4 @@
-//! The effects on the shipped square: as near to the rays as their method allows.
+//! The effects on the shipped square, compared with rays within the accuracy of each method.
 
 use crate::oracle::Oracle;
 use crate::world::mean;
@@ -35,7 +35,7 @@ fn rendered_by(raster: impl Rasteriser + 'static, name: &str, camera: &str, set:
     renderer.frame(&mut Silent).expect("a frame")
 }
 
-/// Root of the mean square difference of two pictures' colours.
+/// Root mean square difference of two pictures' colours.
 fn rms(a: &Image, b: &Image) -> f64 {
     let square = |(a, b): (&[f32; 4], &[f32; 4])| (0..3).map(|i| (a[i] - b[i]).powi(2)).sum::<f32>() / 3.0;
     mean(a.pixels.iter().zip(&b.pixels).map(square)).sqrt()
@@ -43,8 +43,8 @@ fn rms(a: &Image, b: &Image) -> f64 {
 
 #[test]
 fn each_effect_is_nearer_to_its_rays_than_no_effect_is() {
-    // What is refracted has no parallax in a map, so chairs behind the
-    // pane are displaced: hardly nearer to the rays than the bare pane. Not the mirrors of `MainCamera`: four probes for all its windows.
+    // Refraction in a cube map has no parallax, so the chairs behind the pane are displaced: hardly nearer to the rays
+    // than the bare pane. The cube mirrors of `MainCamera` are left out, because four probes serve all its windows.
     for (raster, rays, cameras, most) in [
         ("raster/SceneShadowMap", "SceneShadows", &["MainCamera", "Vidro"][..], 0.4),
         ("raster/SceneCubeReflect", "SceneReflect", &["Vidro"], 0.8),
@@ -76,7 +76,7 @@ fn cascades_are_nearer_to_the_rays_than_one_map_of_the_same_size_or_of_the_same_
         };
         let four = error("4", "1024");
         assert!(four < 0.4 * without && four < 0.7 * error("1", "1024") && four < 0.8 * error("1", "2048"), "{camera}");
-        // The control: one map of texels of many metres is no picture of these shadows.
+        // Control: one map with texels of many metres does not give these shadows.
         assert!(error("1", "32") > 0.6 * without, "{camera}");
     }
 }
@@ -87,7 +87,7 @@ fn mirrors_are_nearer_to_the_rays_than_cube_maps() {
     for camera in ["MainCamera", "Vidro"] {
         let files = ["raster/ScenePlanarReflect", "raster/SceneCubeReflect", "SceneReflect", "SceneNoEffects"];
         let [mirrors, cubes, rays, none] = files.map(|name| rendered(name, camera, &[], SIDE));
-        // Pixels whose ray meets no glass after the first: those that one bounce less does not change.
+        // Pixels whose ray hits no glass after the first: one bounce less does not change them.
         let first = rendered("SceneReflect", camera, &["pass2.depth=0"], SIDE);
         let (mut worst, mut square, mut other, mut glass, mut deeper) = (0f32, 0.0, 0.0, 0u32, 0u32);
         for (index, expected) in first.pixels.iter().enumerate() {
@@ -120,7 +120,7 @@ fn mirrors_are_nearer_to_the_rays_than_cube_maps() {
     }
 }
 
-/// Not in every view: the square is no box. What holds at 256 x 256 pixels is in `docs/projects.md`.
+/// Not true for every view, because the square is no box. `docs/projects.md` has the numbers at 256 x 256 pixels.
 #[test]
 fn parallax_brings_the_far_mirrors_and_the_near_refraction_nearer_to_the_rays() {
     for (name, rays, camera) in [
@@ -152,11 +152,11 @@ fn sectors_and_the_filter_bring_occlusion_nearer_to_the_rays() {
     let (plain, rough) = (error(&[]), error(&few));
     assert!(error(&["pass2.bitmask=true", "pass2.thickness=1"]) < plain);
     assert!(error(&[few[0], few[1], "pass2.filter=1"]) < 0.9 * rough);
-    // The control: of paper, what is seen hides too little.
+    // Control: with a thickness of almost 0, surfaces occlude too little.
     assert!(error(&["pass2.bitmask=true", "pass2.thickness=0.1"]) > 1.2 * plain);
 }
 
-/// `CURITIBA_PICTURES=DIR` writes the pictures.
+/// Writes a picture to the folder in `CURITIBA_PICTURES`, if that is set.
 fn keep(name: &str, image: &Image) {
     if let Some(folder) = std::env::var_os("CURITIBA_PICTURES") {
         let path = Path::new(&folder).join(format!("{name}.png"));
@@ -164,20 +164,20 @@ fn keep(name: &str, image: &Image) {
     }
 }
 
-/// How far the processor's occlusion is from the same in `f64`, over the pixels of a picture.
+/// The difference of the processor's occlusion from the same in `f64`, over the pixels of a picture.
 #[derive(Debug, Clone, Copy, Default)]
 struct Apart {
-    /// Pixels that show a surface, and those of them in which rounding may decide what a step reads.
+    /// Number of pixels that show a surface, and of those whose steps rounding may decide.
     shown: usize,
     undecided: usize,
-    /// Largest difference where it may not, and the mean of all.
+    /// Greatest difference where rounding decides nothing, and mean difference of all.
     worst: f64,
     mean: f64,
-    /// Mean share, so that there is something to compare.
+    /// Mean open share, which shows that there is some occlusion to compare.
     open: f64,
 }
 
-/// The processor's rasteriser, which compares the occlusion that it computes.
+/// The processor's rasteriser, which also compares the occlusion that it computes.
 struct Compared {
     cpu: CpuRasteriser,
     apart: Rc<Cell<Apart>>,
@@ -227,7 +227,7 @@ impl Rasteriser for Compared {
     }
 }
 
-/// The bounds that `raster::effects::occlusion` states.
+/// Tests the error bounds stated in `raster::effects::occlusion`.
 #[test]
 fn occlusion_is_what_the_formulas_give_in_double_precision() {
     for (name, worst) in [("GTAO", 2e-6), ("DepthOcclusion", 3e-7)] {
@@ -244,7 +244,7 @@ fn occlusion_is_what_the_formulas_give_in_double_precision() {
             if name != "GTAO" && set.first() == Some(&"pass2.bitmask=true") {
                 continue;
             }
-            // No multiple of sixteen.
+            // The size 187 is no multiple of sixteen.
             rendered_by(compared, &format!("raster/Scene{name}"), camera, set, 187);
             let found = apart.get();
             println!("{name}, {camera} {set:?}: {found:?}");

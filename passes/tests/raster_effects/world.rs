@@ -1,4 +1,4 @@
-//! Small worlds, their G-buffers, and the two ways of computing an effect.
+//! Small scenes, their G-buffers, and the computation of an effect by raster and by rays.
 
 use curitiba_passes::cpu::CpuRays;
 use curitiba_passes::raster::cpu::CpuRasteriser;
@@ -17,7 +17,7 @@ use std::sync::Arc;
 
 pub const BACKGROUND: [f32; 4] = [0.1, 0.2, 0.4, 0.25];
 
-/// A scene in the making, with what passes know of its materials.
+/// A scene under construction, with the passes' tables of its materials.
 #[derive(Default)]
 pub struct World {
     pub scene: RenderScene,
@@ -27,7 +27,7 @@ pub struct World {
 }
 
 impl World {
-    /// No surface, and white light that travels in this direction.
+    /// A world without surfaces, with white light that travels in this direction.
     pub fn lit_along(direction: Vec3) -> Self {
         Self { sun: Some(Sun { direction: direction.normalize(), color: Vec3::splat(0.9) }), ..Self::default() }
     }
@@ -50,7 +50,7 @@ impl World {
         self.material(Shade { diffuse, ..Shade::default() }, true)
     }
 
-    /// Cut out in the left half: two texels side by side, the left one transparent.
+    /// A material that is cut out in the left half: two texels side by side, the left one transparent.
     pub fn half_cut_out(&mut self) -> u32 {
         let texels = vec![[255, 255, 255, 0], [255; 4]];
         self.scene.textures.push(Texture::new("half".to_owned(), 2, 1, texels));
@@ -60,8 +60,8 @@ impl World {
         self.material(shade, false)
     }
 
-    /// A parallelogram around `center`, spanned by both half sides; its normal is `x.cross(y)`'s. Texture coordinates run
-    /// from (0.25, 0.25) at `center - x - y` to (0.75, 0.75): between two texel centres.
+    /// A parallelogram around `center`; `x` and `y` are half its sides, and its normal is that of `x.cross(y)`. Texture
+    /// coordinates run from (0.25, 0.25) at `center - x - y` to (0.75, 0.75): between two texel centres.
     pub fn quad(&mut self, material: u32, center: Vec3, x: Vec3, y: Vec3) {
         let geometry = &mut self.scene.geometry;
         let first = geometry.positions.len() as u32;
@@ -80,7 +80,7 @@ impl World {
         self.quad(grey, Vec3::ZERO, Vec3::Z * half, Vec3::X * half);
     }
 
-    /// An upright or lying box of one material, its faces outwards.
+    /// An axis-parallel box of one material with outward faces.
     pub fn block(&mut self, material: u32, center: Vec3, half: Vec3) {
         for axis in [Vec3::X, Vec3::Y, Vec3::Z] {
             for side in [1.0, -1.0] {
@@ -90,7 +90,7 @@ impl World {
         }
     }
 
-    /// What a square camera of 60 degrees sees.
+    /// The world through a square camera with a field of view of 60 degrees.
     pub fn seen(self, eye: Vec3, target: Vec3, side: u32) -> Shot {
         let up = if (target - eye).normalize().y.abs() > 0.99 { Vec3::NEG_Z } else { Vec3::Y };
         let projection = rh::proj::directx::perspective(60f32.to_radians(), 1.0, 500.0, 0.01);
@@ -123,7 +123,7 @@ impl World {
     }
 }
 
-/// A world as a camera sees it.
+/// A world with a camera and its G-buffer.
 pub struct Shot {
     pub scene: Arc<RenderScene>,
     pub shades: Vec<Shade>,
@@ -155,7 +155,7 @@ impl Shot {
         }
     }
 
-    /// The picture by raster, and what was done for it. A pixel that is not written stays NaN.
+    /// The effect's picture by raster, and its statistics. Pixels that are not written stay NaN.
     pub fn effect(&mut self, program: EffectProgram, params: EffectParams) -> (Vec<[f32; 4]>, EffectStats) {
         let mut raster = std::mem::take(&mut self.raster);
         let mut output = Image::filled(self.buffer.width, self.buffer.height, [f32::NAN; 4]);
@@ -164,7 +164,7 @@ impl Shot {
         (output.pixels, stats)
     }
 
-    /// The picture by rays, of the program that computes the same.
+    /// The picture of the ray program that computes the same.
     pub fn rays(&self, program: EffectProgram, params: RayParams) -> Vec<[f32; 4]> {
         let mut rays = CpuRays::new();
         rays.build(&self.scene, &vec![true; self.glass.len()]).expect("host memory");
@@ -201,7 +201,7 @@ impl Shot {
         Vec4::from_array(self.buffer.position[index]).truncate()
     }
 
-    /// Indices of the pixels that show a surface at which this holds.
+    /// Indices of the pixels whose surface position satisfies `holds`.
     pub fn pixels_where(&self, holds: impl Fn(Vec3) -> bool) -> Vec<usize> {
         let shown = |index: &usize| self.buffer.triangle[*index] != curitiba_pipeline::backend::NO_TRIANGLE;
         let found: Vec<usize> =
@@ -211,7 +211,7 @@ impl Shot {
     }
 }
 
-/// An orthographic camera straight above the origin that sees `half` to each side.
+/// An orthographic camera straight above the origin, which sees `half` in each direction.
 pub fn from_above(half: f32) -> View {
     let eye = Vec3::Y * 50.0;
     let projection = rh::proj::directx::orthographic(-half, half, -half, half, 100.0, 0.1);

@@ -2,7 +2,7 @@
 
 use curitiba_passes::raster::gpu::{AdapterChoice, WgpuRasteriser};
 
-/// A rasteriser, or `None` (and a line that says why) where this machine has no device.
+/// A rasteriser, or `None` with a printed reason where this machine has no device.
 ///
 /// # Panics
 /// If there is none although the environment variable `CURITIBA_REQUIRE_GPU_TESTS` is `1`.

@@ -1,4 +1,4 @@
-//! Generated scenes with several materials, for what concerns both rasterisers.
+//! Generated scenes with several materials, for the tests of both rasterisers.
 #![allow(dead_code, reason = "each test uses a part")]
 
 use crate::common::perspective;
@@ -9,7 +9,7 @@ use curitiba_pipeline::scene::{Batch, Geometry, RenderScene};
 use glam::{Vec2, Vec3, Vec4};
 use std::sync::Arc;
 
-/// A scene and how it is looked at.
+/// A scene with its materials, its light and its camera.
 pub struct Setup {
     pub name: &'static str,
     pub scene: Arc<RenderScene>,
@@ -29,7 +29,7 @@ impl Setup {
         View::new(clip_from_world, self.eye)
     }
 
-    /// A pass that fills a frame.
+    /// A job whose viewport is the whole frame.
     pub fn job(&self, width: u32, height: u32, attachments: Attachments) -> RasterJob<'_> {
         RasterJob {
             scene: &self.scene,
@@ -118,7 +118,7 @@ pub fn soup(kind: u32, count: usize) -> Setup {
     }
 }
 
-/// Smooth waves of colour, different in each direction; alpha is 0 or 1 in squares of 8 texels.
+/// Smooth waves of colour that differ between the directions; alpha is 0 or 1 in squares of 8 texels.
 fn picture(name: &str, width: u32, height: u32) -> Texture {
     let texel = |x: u32, y: u32| {
         let wave = |frequency: f32, phase: f32| {
@@ -142,12 +142,12 @@ fn parallelogram(geometry: &mut Geometry, corner: Vec3, u: Vec3, v: Vec3, repeat
     geometry.triangles.extend([[first, first + 1, first + 2], [first + 2, first + 1, first + 3]]);
 }
 
-/// The same floor and walls, whose textures are clamped and mirrored and which send out light: plain, textured, and without a
-/// texture of their own.
+/// The floor and walls of [`grazing`] with clamped and mirrored textures, which emit light: of one colour, with a
+/// texture, and without a diffuse texture.
 pub fn shining() -> Setup {
     let mut setup = grazing();
     let mut scene = RenderScene::clone(&setup.scene);
-    // Beyond 0 to 1 on all sides.
+    // Texture coordinates beyond 0..1 on all sides.
     scene.geometry.texcoords.iter_mut().for_each(|texcoord| *texcoord = *texcoord * 0.3 - Vec2::splat(0.8));
     let wraps = [[Wrap::Clamp, Wrap::Mirror], [Wrap::Mirror, Wrap::Repeat], [Wrap::Clamp; 2]];
     scene.textures = scene.textures.into_iter().zip(wraps).map(|(texture, wrap)| texture.wrapped(wrap)).collect();
@@ -190,7 +190,8 @@ pub fn grazing() -> Setup {
     }
 }
 
-/// Fences with holes in front of a wall, drawn in a colour without alpha, and a pane that has a cutoff and no texture.
+/// Fences with holes in front of a wall, whose diffuse colour has an alpha of 0, and a pane that has a cutoff but no
+/// texture.
 pub fn cut_out() -> Setup {
     let mut geometry = Geometry::default();
     let (x, y) = (Vec3::X, Vec3::Y);
@@ -219,7 +220,7 @@ pub fn cut_out() -> Setup {
     }
 }
 
-/// Hills in colours of their vertices, whose alpha cuts holes into every second material.
+/// Hills with vertex colours, whose alpha cuts holes into every second material.
 pub fn tinted() -> Setup {
     let mut setup = hills(40);
     let mut scene = RenderScene::clone(&setup.scene);
@@ -236,8 +237,8 @@ pub fn tinted() -> Setup {
     Setup { name: "vertex colours", ..setup }
 }
 
-/// Hills with normal maps: one that repeats and one that does not, of several scales, on both sides of the bitangent; `waves` of 0 leave
-/// one texel everywhere.
+/// Hills with normal maps, a repeating one and one that does not repeat, in several scales, with both signs of the
+/// bitangent. With `waves` of 0 all texels are equal.
 pub fn bumpy(waves: f32) -> Setup {
     let mut setup = hills(40);
     let mut scene = RenderScene::clone(&setup.scene);
@@ -267,7 +268,7 @@ pub fn bumpy(waves: f32) -> Setup {
     Setup { name: "normal maps", ..setup }
 }
 
-/// A target that shows what was written: nothing that a pass writes looks like it.
+/// A target filled with a mark that no pass writes, to show which pixels were written.
 pub fn marked(width: u32, height: u32, attachments: Attachments) -> GBuffer {
     let mut target = GBuffer::new(width, height, attachments);
     for channel in [&mut target.color, &mut target.position, &mut target.normal] {

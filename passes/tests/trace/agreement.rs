@@ -1,4 +1,5 @@
-//! The tree against brute force in `f64`, and against itself: instruction sets, bundles, ties, transparent materials.
+//! The tree against brute force in `f64`, and against itself: instruction sets, bundles of rays, ties, transparent
+//! materials.
 
 use crate::trace_scenes::{Random, SETS, bounds, geometry, quads, ray, soup, terrain};
 use curitiba_passes::trace::{
@@ -39,8 +40,8 @@ fn rays(geometry: &Geometry, count: usize, random: &mut Random) -> Vec<Ray> {
         .collect()
 }
 
-/// Whether rounding may decide about this ray: it passes within a relative 1e-4 of an edge, or meets the end of its
-/// interval, or a triangle edge-on.
+/// Whether rounding may decide the answer for this ray: it passes an edge within a relative 1e-4, or hits at the end of
+/// its interval, or hits a triangle edge-on.
 fn delicate(geometry: &Geometry, ray: &Ray) -> bool {
     let (origin, direction) = (ray.origin.as_dvec3(), ray.direction.as_dvec3());
     (0..geometry.triangles.len()).any(|triangle| {
@@ -57,7 +58,7 @@ fn delicate(geometry: &Geometry, ray: &Ray) -> bool {
     })
 }
 
-/// Rays on which two tracers differ although rounding does not decide.
+/// The number of rays for which two tracers differ although rounding does not decide.
 fn disagreements(geometry: &Geometry, rays: &[Ray], ours: &Bvh, truth: &BruteForce) -> usize {
     let mut different = 0;
     for ray in rays {
@@ -199,12 +200,12 @@ fn only_transparent_triangles_are_shown_to_the_closure_and_the_nearest_accepted_
     assert!(asked > 1000 && refused_nearest > 100, "{asked} {refused_nearest}");
 }
 
-/// How many rays of a fan are open, each traced by itself.
+/// The number of open rays of a fan, each traced alone.
 fn open_one_by_one(bvh: &Bvh, fan: &Fan<'_>, accept: impl Fn(&Hit) -> bool) -> usize {
     fan.rays().filter(|ray| !bvh.occluded(ray, &accept)).count()
 }
 
-/// The same of triangles that were gathered; `None` where they were not.
+/// The number of open rays of a fan, by gathered triangles; `None` where they could not be gathered.
 fn open_gathered(
     bvh: &Bvh,
     fan: &Fan<'_>,
@@ -280,7 +281,7 @@ fn rays_of_a_neighbourhood_count_what_they_count_one_by_one() {
                     assert!(may_be_blocked || found == rays.len(), "{name} {lanes:?}");
                     partly += usize::from(found > 0 && found < rays.len());
                     clear += usize::from(!may_be_blocked);
-                    // Rays from elsewhere count something else, as does another answer for transparent triangles.
+                    // Control: rays from elsewhere, and another answer for transparent triangles, give another count.
                     let elsewhere = Fan { origin: origin + Vec3::splat(0.05), ..fan };
                     control += usize::from(open_one_by_one(&bvh, &elsewhere, |_| true) != expected);
                 }
@@ -304,7 +305,7 @@ fn a_fan_counts_what_its_rays_count() {
                 let above = random.direction();
                 let count = if round % 40 == 0 { 300 } else { 16 };
                 let mut directions: Vec<Vec3> = (0..count).map(|_| random.cosine(above)).collect();
-                // Some rays at vertices and edges of a triangle nearby, where bounds decide nothing.
+                // Some rays go to vertices and edges of a nearby triangle, where bounding boxes decide nothing.
                 let [a, b, c] = geometry.corners(random.below(geometry.triangles.len()) as u32);
                 let targets = [a, b, c, (a + b) / 2.0, a + (c - a) * 0.3].map(|target| (target - origin).normalize());
                 directions.extend(targets.iter().filter(|d| d.is_finite() && d.dot(above) > 0.0));
@@ -327,7 +328,7 @@ fn a_fan_counts_what_its_rays_count() {
 
 #[test]
 fn a_fan_counts_rays_of_any_direction_on_every_instruction_set() {
-    // Along axes and in their planes, with components that are tiny, not unit vectors, not directions at all.
+    // Directions along axes and in coordinate planes, with tiny components, not of unit length, and with NaN.
     let odd = [
         Vec3::X,
         Vec3::NEG_Y,
@@ -349,7 +350,7 @@ fn a_fan_counts_rays_of_any_direction_on_every_instruction_set() {
             for round in 0..300 {
                 let corners = geometry.corners(random.below(geometry.triangles.len()) as u32);
                 let origin = (corners[0] + corners[1] + corners[2]) / 3.0 + random.cube() * 0.05;
-                // From none to more than two packets, some of them with nothing but odd directions.
+                // Fewer rays than a packet up to more than two packets; some packets contain only odd directions.
                 let mut directions: Vec<Vec3> = (0..random.below(40)).map(|_| random.direction()).collect();
                 for _ in 0..random.below(20) {
                     let at = random.below(directions.len() + 1);

@@ -1,4 +1,4 @@
-//! The tracer of reference pictures gives the answers of the one that tests every triangle, hit for hit.
+//! The `f64` tracer of reference pictures against brute force over all triangles: hit for hit the same answers.
 
 use crate::trace_scenes::{Random, geometry, quads, soup, terrain};
 use curitiba_passes::trace::{BruteForce, Double, Hit, Ray, Tracer};
@@ -13,7 +13,7 @@ fn rays(geometry: &Geometry, count: usize, random: &mut Random) -> Vec<Ray> {
         .map(|index| {
             let corners = geometry.corners(random.below(geometry.triangles.len()) as u32);
             let on = corners[0] + (corners[1] - corners[0]) * random.unit() + (corners[2] - corners[0]) * random.unit();
-            // Some start on surfaces, some run through corners, some along axes with zeros of both signs.
+            // Some rays start on surfaces, some go through corners, and some along axes, with zeros of both signs.
             let origin = if index % 3 == 0 { on } else { on + random.cube() * 3.0 };
             let target = if index % 4 == 0 { corners[index % 3] } else { on };
             let direction = match index % 7 {
@@ -28,7 +28,7 @@ fn rays(geometry: &Geometry, count: usize, random: &mut Random) -> Vec<Ray> {
         .collect()
 }
 
-/// Rays whose answers differ in any bit, and how many hit something.
+/// The number of rays whose answers differ in any bit, and the number that hit something.
 fn differences(double: &Double, brute: &BruteForce, rays: &[Ray], accept: fn(&Hit) -> bool) -> (usize, usize) {
     let (mut different, mut hits) = (0, 0);
     for ray in rays {

@@ -1,4 +1,4 @@
-//! Cracks, and input that trees and clusterings choke on.
+//! Cracks between triangles, and inputs that are hard for trees and clusterings.
 
 use crate::trace_scenes::{Random, geometry, icosphere, passes_ordinary_test, ray, soup};
 use curitiba_passes::trace::{Bvh, Fan, Hit, Quality, Ray, Tracer};
@@ -11,7 +11,7 @@ fn build(geometry: &Geometry) -> Bvh {
     Bvh::build(geometry, &[], Quality::Balanced)
 }
 
-/// Rays from inside a closed mesh towards points on its edges (`along` in 0..1) or at its vertices (`along` = 0).
+/// A ray from inside a closed mesh towards a point on one of its edges, or towards one of its vertices.
 fn aimed(sphere: &Geometry, center: Vec3, at_vertex: bool, random: &mut Random) -> Ray {
     let triangle = sphere.corners(random.below(sphere.triangles.len()) as u32);
     let corner = random.below(3);
@@ -41,7 +41,7 @@ fn nothing_leaks_through_the_edges_and_vertices_of_a_closed_mesh() {
     }
 }
 
-/// Negative control: the usual triangle test in `f32`, without a tree.
+/// Negative control: a common triangle test in `f32`, without a tree, leaks.
 #[test]
 fn the_same_rays_leak_through_an_ordinary_triangle_test() {
     let sphere = icosphere(3, Vec3::ZERO);
@@ -53,7 +53,7 @@ fn the_same_rays_leak_through_an_ordinary_triangle_test() {
     assert!(leaks > 20, "{leaks}");
 }
 
-/// A floor of 64 x 64 unit cells at a height, its vertices on integers.
+/// A floor of 64 x 64 unit cells at this height, with vertices at integers.
 fn floor(height: f32) -> Vec<[Vec3; 3]> {
     let mut triangles = Vec::new();
     for x in 0..64 {
@@ -77,7 +77,7 @@ fn rays_along_an_axis_hit_the_vertices_and_edges_of_a_grid() {
             for z in -32..=32 {
                 for half in [0.0, 0.5] {
                     for &zero in &zeros {
-                        // On the rim, a direction that is not zero may leave the floor.
+                        // At the rim, a direction with a component other than zero may leave the floor.
                         let rim = x == 32 || x == -32 || z == 32 || z == -32;
                         if rim && (half != 0.0 || zero.abs() > f32::MIN_POSITIVE) {
                             continue;

@@ -1,4 +1,4 @@
-//! Everything that the tracer answers, in one program: what is generic in it is compiled once.
+//! All tests of the tracer in one program, so that generic code is compiled once.
 
 #[path = "../trace_scenes/mod.rs"]
 mod trace_scenes;

@@ -1,4 +1,4 @@
-//! Secondary rays neither hit the surface they leave nor pass what is close to it.
+//! Secondary rays neither hit the surface they leave nor miss another surface close to it.
 
 use crate::trace_scenes::{Random, geometry, ray};
 use curitiba_passes::trace::{Bvh, Hit, Quality, Ray, SurfacePoint, Tracer};
@@ -8,14 +8,15 @@ use glam::Vec3;
 const OPAQUE: fn(&Hit) -> bool = |_| unreachable!("opaque triangles are accepted without asking");
 const PER_SCENE: usize = 100_000;
 
-/// A parallelogram of two triangles with edges of about 0.2 `scale`, somewhere at distance `center` from the origin.
+/// A parallelogram of two triangles with edges of about 0.2 `scale`, at a random place at distance `center` from the
+/// origin.
 fn patch(scale: f32, center: f32, random: &mut Random) -> [[Vec3; 3]; 2] {
     let a = random.direction() * center + random.cube() * scale;
     let (e1, e2) = (random.direction() * 0.2 * scale, random.direction() * 0.2 * scale);
     [[a, a + e1, a + e2], [a + e1, a + e1 + e2, a + e2]]
 }
 
-/// Where the primary ray of a test met its patch, and a cosine-distributed direction to go on in.
+/// The hit of a test's primary ray on its patch, and a cosine-distributed direction of the secondary ray.
 struct Sample {
     scene: Geometry,
     bvh: Bvh,
@@ -36,7 +37,7 @@ fn sample(scale: f32, center: f32, gap: Option<f32>, random: &mut Random) -> Opt
     let outward = if normal.dot(direction) > 0.0 { -normal } else { normal };
     let mut triangles = patch.to_vec();
     if let Some(gap) = gap {
-        // A parallel copy in front of the surface, three times as large.
+        // A parallel copy of the patch in front of it, three times as large.
         let middle = (a + b + c) / 3.0;
         triangles.push(patch[0].map(|corner| middle + (corner - middle) * 3.0 + outward * gap));
     }
@@ -67,7 +68,7 @@ fn no_ray_hits_the_surface_it_leaves() {
             let starts = [
                 SurfacePoint::from_hit(&sample.scene, &sample.hit).spawn(sample.onward),
                 SurfacePoint::snap(&sample.scene, sample.hit.triangle, stored).spawn(sample.onward),
-                // What a renderer does at first: a fixed distance along the normal.
+                // A naive renderer's origin: a fixed distance along the normal.
                 stored + sample.outward * 1e-4,
             ];
             for (count, start) in own.iter_mut().zip(starts) {
@@ -83,8 +84,8 @@ fn no_ray_hits_the_surface_it_leaves() {
     assert!(naive[1] >= 2, "with a fixed offset, {} of 12 scenes fail", naive[1]);
 }
 
-/// The distance of a wall that is large compared with its distance from the origin must not be wrong by more than the
-/// offset, however flat the ray.
+/// On a wall that is large compared with its distance from the origin, the error of the hit distance must stay below
+/// the origin's offset, however flat the ray.
 #[test]
 fn no_ray_hits_the_large_wall_it_leaves() {
     let mut random = Random::new(11);
@@ -171,7 +172,7 @@ fn a_point_outside_its_triangle_comes_to_the_edge_and_degenerate_triangles_give_
     let scene = geometry(&[(0, vec![[Vec3::ZERO, Vec3::X, Vec3::Y], [Vec3::ONE; 3]])]);
     let point = SurfacePoint::snap(&scene, 0, Vec3::new(0.25, 0.5, 0.01));
     assert!((point.position - Vec3::new(0.25, 0.5, 0.0)).length() < 1e-7);
-    // The plane holds the origin's coordinates; half the 0.75 to the farthest corner is left.
+    // The plane contains the origin, so only half the distance of 0.75 to the farthest corner enters the error.
     assert_eq!((point.normal, point.error), (Vec3::Z, 0.375 / 16_777_216.0));
     let outside = SurfacePoint::snap(&scene, 0, Vec3::new(2.0, 2.0, 0.0)).position;
     assert!((outside - Vec3::new(0.5, 0.5, 0.0)).length() < 1e-6, "{outside}");

@@ -1,4 +1,4 @@
-//! Packets of rays against the same rays one by one: every bit of every answer.
+//! Packets of rays against the same rays traced one by one: all answers agree bit for bit.
 
 use crate::trace_scenes::{Random, SETS, accepts, bits, bounds, geometry, quads, soup, terrain};
 use curitiba_passes::trace::{Bvh, PACKET, Packet, PacketHits, Quality, Tracer};
@@ -25,13 +25,13 @@ fn scenes() -> Vec<(&'static str, Geometry)> {
     ]
 }
 
-/// The middle of a scene, and half its size.
+/// The centre of a scene, and half its size.
 fn extent(geometry: &Geometry) -> (Vec3, Vec3) {
     let (low, high) = bounds(geometry);
     ((low + high) / 2.0, (high - low) / 2.0)
 }
 
-/// Rays from one point through a grid; a wide one meets every octant.
+/// Rays from one point through a grid; with a wide field of view they go to every octant.
 fn pinhole(geometry: &Geometry, fov: f32, packets: usize, random: &mut Random) -> Vec<Packet> {
     let (center, half) = extent(geometry);
     let eye = center + random.direction() * half * 1.3;
@@ -53,7 +53,7 @@ fn pinhole(geometry: &Geometry, fov: f32, packets: usize, random: &mut Random) -
         .collect()
 }
 
-/// Rays in one direction from a patch, some lanes idle.
+/// Rays in one direction from a patch; some lanes are idle.
 fn parallel(geometry: &Geometry, direction: Vec3, packets: usize, random: &mut Random) -> Vec<Packet> {
     let (center, half) = extent(geometry);
     let corner = center + random.cube() * half;
@@ -65,7 +65,7 @@ fn parallel(geometry: &Geometry, direction: Vec3, packets: usize, random: &mut R
             let near = corner + random.cube() * half * 0.2;
             for lane in 0..PACKET {
                 if random.below(5) > 0 {
-                    // Origins on integers meet edges and corners of the quads.
+                    // Origins at integers make rays hit edges and corners of the quads.
                     let origin = near + random.cube() * half * 0.05;
                     let origin = if lane % 4 == 0 { origin.round() } else { origin };
                     packet.set(lane, origin, direction);
@@ -76,7 +76,7 @@ fn parallel(geometry: &Geometry, direction: Vec3, packets: usize, random: &mut R
         .collect()
 }
 
-/// Rays that have nothing in common, among them such as meet nothing.
+/// Rays without anything in common, including rays that hit nothing.
 fn scattered(geometry: &Geometry, packets: usize, random: &mut Random) -> Vec<Packet> {
     let (center, half) = extent(geometry);
     (0..packets)
@@ -151,7 +151,7 @@ fn packets_show_every_transparent_hit_of_rays_that_nothing_stops() {
     assert!(crossings > 1000, "{crossings}");
 }
 
-/// Rays of packets that nothing stops are shown the transparent hits that each is shown alone; how many these are.
+/// Asserts that an unblocked ray of a packet is shown the same transparent hits as alone; returns their number.
 pub fn crossings_as_alone(bvh: &Bvh, packets: &[Packet]) -> usize {
     let mut blocked = vec![0; packets.len()];
     let mut shown = vec![BTreeSet::new(); packets.len() * PACKET];

@@ -1,5 +1,5 @@
-//! Rays of one direction, tile by tile, against the same rays one by one: where lists of triangles are shared, too long to be
-//! shared, or of no use.
+//! Rays of one direction, tile by tile, against the same rays traced one by one: with shared lists of triangles, and
+//! where such lists are too long or useless.
 
 use super::packets::crossings_as_alone;
 use crate::trace_scenes::{Random, SETS, accepts, bounds, geometry, quads, soup, terrain};
@@ -7,12 +7,12 @@ use curitiba_passes::trace::{Bvh, PACKET, Packet, Quality, Ray, SurfacePoint, Tr
 use curitiba_pipeline::scene::Geometry;
 use glam::Vec3;
 
-/// Packets of a tile.
+/// Number of packets in a tile.
 const TILE: usize = 16;
 
 type Triangles = Vec<[Vec3; 3]>;
 
-/// Both materials moved and scaled alike.
+/// Scenes of two materials, both moved and scaled in the same way.
 fn scenes() -> Vec<(String, Geometry)> {
     let mut random = Random::new(8);
     let kinds: Vec<(&str, Triangles, Triangles)> = vec![
@@ -40,7 +40,7 @@ fn scenes() -> Vec<(String, Geometry)> {
     scenes
 }
 
-/// Long and thin, some of them without any area.
+/// Long and thin triangles, some without area.
 fn needles(count: usize, random: &mut Random) -> Triangles {
     (0..count)
         .map(|index| {
@@ -51,7 +51,8 @@ fn needles(count: usize, random: &mut Random) -> Triangles {
         .collect()
 }
 
-/// Tiles of rays from a scene's surfaces, from corners of triangles, and from anywhere, within patches of several sizes.
+/// Tiles of rays from a scene's surfaces, from corners of triangles, and from random places, within patches of several
+/// sizes.
 fn tiles(geometry: &Geometry, bvh: &Bvh, direction: Vec3, random: &mut Random) -> Vec<Packet> {
     let (low, high) = bounds(geometry);
     let (center, half) = ((low + high) / 2.0, (high - low) / 2.0);

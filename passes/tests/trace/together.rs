@@ -1,4 +1,4 @@
-//! Fans traced together against their rays one by one: every count, and every candidate shown.
+//! Fans traced together against their rays traced one by one: every count, and every candidate shown.
 
 use crate::trace_scenes::{Random, SETS, bits, bounds, geometry, quads, soup, terrain};
 use curitiba_passes::trace::{BruteForce, Bvh, Candidates, Fan, Hit, Quality, Ray, Tracer};
@@ -38,7 +38,7 @@ impl Owned {
     }
 }
 
-/// Fans of neighbouring origins, long and short ones, with few and many rays, and such as meet nothing.
+/// Fans with neighbouring origins, long and short, with few and many rays, including fans that hit nothing.
 fn fans(geometry: &Geometry, random: &mut Random) -> Vec<Owned> {
     let (low, high) = bounds(geometry);
     let size = (high - low).length();
@@ -77,7 +77,7 @@ fn fans(geometry: &Geometry, random: &mut Random) -> Vec<Owned> {
             fans.push(Owned { origin, normal, t_min, t_max, directions });
         }
     }
-    // More rays than are sorted at a time, and a fan among them that has more by itself.
+    // More rays than are sorted at once, including a fan that alone has more.
     let corner = low.lerp(high, 0.4);
     for count in [5000, 100, 100, 100] {
         let directions = (0..count).map(|_| random.cosine(Vec3::Y)).collect();
@@ -86,7 +86,7 @@ fn fans(geometry: &Geometry, random: &mut Random) -> Vec<Owned> {
     fans
 }
 
-/// A rule about transparent triangles that depends on the fan and on the hit.
+/// A rule for transparent triangles that depends on the fan and on the hit.
 fn accepts(fan: usize, hit: &Hit) -> bool {
     hit.u > 0.4 || (hit.triangle as usize + fan).is_multiple_of(3)
 }
@@ -140,7 +140,7 @@ fn fans_together_show_every_transparent_hit_of_rays_that_nothing_stops() {
                 assert!(alone.is_subset(shown), "{ray:?}");
                 crossings += alone.len();
             }
-            // What stopped rays are shown depends on the order of the search: all that they could be.
+            // The hits shown to a ray that is stopped depend on the order of the search: these are all possible ones.
             let mut distances = 0.0_f32;
             while let Some(hit) = bvh.closest(&Ray { t_min: distances, ..ray }, |_| true) {
                 asked.insert(hit.triangle);

@@ -6,27 +6,27 @@ use curitiba_pipeline::scene::{Batch, Geometry};
 use glam::Vec3;
 use std::collections::HashMap;
 
-/// The instruction sets to try; a processor need not have all.
+/// The instruction sets to test; a processor may lack some.
 pub const SETS: [InstructionSet; 3] = [InstructionSet::Avx512, InstructionSet::Avx2, InstructionSet::Portable];
 
-/// A rule about transparent triangles that depends on nothing but the hit.
+/// A rule for transparent triangles that depends only on the hit.
 pub fn accepts(hit: &Hit) -> bool {
     hit.u > 0.4 || hit.triangle.is_multiple_of(3)
 }
 
-/// A hit, to compare bit by bit.
+/// A hit as bits, for exact comparison.
 pub fn bits(hit: &Hit) -> (u32, u32, u32, u32) {
     (hit.triangle, hit.t.to_bits(), hit.u.to_bits(), hit.v.to_bits())
 }
 
-/// The least and the greatest coordinates of all vertices; the unit cube if there are none.
+/// Least and greatest coordinates of all vertices; 0 and 1 if there are none.
 pub fn bounds(geometry: &Geometry) -> (Vec3, Vec3) {
     let start = (Vec3::INFINITY, Vec3::NEG_INFINITY);
     let (low, high) = geometry.positions.iter().fold(start, |(l, h), &p| (l.min(p), h.max(p)));
     if geometry.positions.is_empty() { (Vec3::ZERO, Vec3::ONE) } else { (low, high) }
 }
 
-/// A small generator (PCG, O'Neill 2014), so that every run sees the same numbers.
+/// A small random generator (PCG, O'Neill 2014), the same in every run.
 pub struct Random(u64);
 
 impl Random {
@@ -41,7 +41,7 @@ impl Random {
         shifted.rotate_right((old >> 59) as u32)
     }
 
-    /// In 0..1.
+    /// A number in 0..1.
     pub fn unit(&mut self) -> f32 {
         (self.bits() >> 8) as f32 / 16_777_216.0
     }
@@ -50,12 +50,12 @@ impl Random {
         ((u64::from(self.bits()) * count as u64) >> 32) as usize
     }
 
-    /// In the cube -1..1.
+    /// A point of the cube -1..1.
     pub fn cube(&mut self) -> Vec3 {
         Vec3::new(self.unit(), self.unit(), self.unit()) * 2.0 - 1.0
     }
 
-    /// On the unit sphere.
+    /// A point of the unit sphere.
     pub fn direction(&mut self) -> Vec3 {
         loop {
             let point = self.cube();
@@ -65,13 +65,13 @@ impl Random {
         }
     }
 
-    /// Cosine-distributed around a unit vector.
+    /// A cosine-distributed direction around a unit vector.
     pub fn cosine(&mut self, normal: Vec3) -> Vec3 {
         (self.direction() * 0.999 + normal).normalize()
     }
 }
 
-/// One batch per entry: a material and its triangles.
+/// A geometry with one batch for each entry: a material and its triangles.
 pub fn geometry(batches: &[(u32, Vec<[Vec3; 3]>)]) -> Geometry {
     let mut geometry = Geometry::default();
     for (material, triangles) in batches {
@@ -113,7 +113,7 @@ pub fn terrain(cells: usize) -> Vec<[Vec3; 3]> {
     triangles
 }
 
-/// Axis-aligned quads on integer coordinates, many of them sharing planes, edges and corners.
+/// Axis-aligned quads on integer coordinates; many share planes, edges and corners.
 pub fn quads(count: usize, random: &mut Random) -> Vec<[Vec3; 3]> {
     let mut triangles = Vec::with_capacity(2 * count);
     for _ in 0..count {
@@ -170,7 +170,7 @@ pub fn icosphere(levels: u32, center: Vec3) -> Geometry {
     Geometry { positions, triangles, batches, ..Geometry::default() }
 }
 
-/// The triangle test of Möller and Trumbore in `f32`, without a tree: the negative control of what passes no gap.
+/// The triangle test of Möller and Trumbore in `f32`, without a tree: the negative control for watertightness.
 fn ordinary_test(ray: &Ray, [a, b, c]: [Vec3; 3]) -> bool {
     let (e1, e2) = (b - a, c - a);
     let p = ray.direction.cross(e2);
@@ -182,12 +182,12 @@ fn ordinary_test(ray: &Ray, [a, b, c]: [Vec3; 3]) -> bool {
     u >= 0.0 && v >= 0.0 && u + v <= 1.0 && e2.dot(q) * inverse > ray.t_min
 }
 
-/// Whether a ray meets no triangle of a mesh by that test.
+/// Whether a ray misses all triangles of a mesh by that test.
 pub fn passes_ordinary_test(mesh: &Geometry, ray: &Ray) -> bool {
     !(0..mesh.triangles.len() as u32).any(|triangle| ordinary_test(ray, mesh.corners(triangle)))
 }
 
-/// A ray without an end.
+/// A ray of infinite length.
 pub fn ray(origin: Vec3, direction: Vec3) -> Ray {
     Ray { origin, direction, t_min: 0.0, t_max: f32::INFINITY }
 }

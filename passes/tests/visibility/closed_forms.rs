@@ -1,9 +1,9 @@
-//! Pairs of which the answer is known in closed form.
+//! Pairs of triangles whose answer has a closed form.
 
 use super::*;
 use curitiba_passes::visibility::{Class, Sampler};
 
-/// Two parallel unit right triangles at a distance of 1.
+/// Form factor of two parallel unit right triangles at a distance of 1.
 const FACING: f64 = 0.115_049;
 
 #[test]
@@ -16,7 +16,7 @@ fn parallel_triangles_are_open_without_a_ray_and_exchange_what_the_integral_says
 
 #[test]
 fn one_two_dimensional_point_for_both_triangles_is_wrong_by_more_than_six_percent() {
-    // The negative control: the reviewed document's own snippet, a Hammersley point that serves both triangles.
+    // Negative control: the snippet of the reviewed document, in which one Hammersley point serves both triangles.
     let weigh = |shared: bool| {
         let (n, [a, b]) = (1 << 16, facing());
         let halton = |mut index: u32, base: u32| {
@@ -47,7 +47,7 @@ fn one_two_dimensional_point_for_both_triangles_is_wrong_by_more_than_six_percen
     assert!((shared - 0.10751).abs() < 2e-5 && (shared / FACING - 1.0) < -0.06, "{shared}");
 }
 
-/// Of the unit triangles with what is at x < c in the middle between them: visibility and form factor.
+/// Visibility and form factor of the unit triangles, with the half plane x < c in the middle between them.
 const HALF_BLOCKED: [(f32, f64, f64); 3] =
     [(0.1, 0.930_4, 0.106_266), (0.25, 0.656_25, 0.072_889), (0.5, 1.0 / 6.0, 0.019_890)];
 
@@ -87,12 +87,12 @@ fn squares_exchange_the_catalogued_form_factors() {
     let pairs = [[0, 2], [0, 3], [1, 2], [1, 3]];
     let sum = |scene: &[Triangle], samples: u32| {
         let rows = rows(scene, &pairs, options(samples));
-        // The mean of both halves of the floor, each with both halves of the other.
+        // The mean over both halves of the floor, each with both halves of the other square.
         let factors: f64 = rows.iter().map(|row| 0.5 * row.form_factors.expect("asked for")[0]).sum();
         let variance: f64 = rows.iter().map(|row| (0.5 * row.form_factor_errors[0]).powi(2)).sum();
         (factors, variance.sqrt())
     };
-    // Howell's catalogue C-11 and C-14.
+    // Configurations C-11 and C-14 of Howell's catalogue.
     let (parallel, error) = sum(&[floor, ceiling].concat(), 64);
     assert!((parallel - 0.199_824_9).abs() < 1e-6 && error == 0.0, "{parallel}");
     let (perpendicular, error) = sum(&[floor, wall].concat(), 64);
@@ -143,15 +143,16 @@ fn what_looks_away_or_lies_in_one_plane_never_sees_and_is_absent_or_zero() {
 
 #[test]
 fn segments_that_leave_a_back_are_left_out_or_count_as_blocked() {
-    // The wall stands on x = 1/2 across the floor triangle and looks towards -x: it sees a part of the floor.
+    // The wall stands at x = 1/2 across the floor triangle and faces -x, so it sees only a part of the floor.
     let floor = [v(0.0, 0.0, 0.0), v(1.0, 0.0, 0.0), v(0.0, 1.0, 0.0)];
     let wall = [v(0.5, 0.0, 0.5), v(0.5, 0.0, 1.0), v(0.5, 1.0, 0.5)];
-    // x < 1/2 is three quarters of the area.
+    // The part with x < 1/2 is three quarters of the area.
     let [skip, zero] = BOTH.map(|facing| row(&[floor, wall], [0, 1], Options { facing, ..options(64) }));
     assert_eq!((skip.class, skip.visibility), (Class::Open, Some(1.0)));
     let share = zero.visibility.expect("a part is seen");
     assert!(zero.class == Class::Open && (share - 0.75).abs() < 1e-5, "{share}");
-    // Something far below the wall's upper end makes the pair a sampled one; the policies then differ by their divisor.
+    // A small triangle far below the wall's upper end makes the pair a sampled one. The policies then differ in their
+    // divisor.
     let speck = [v(0.1, 0.1, 0.3), v(0.2, 0.1, 0.3), v(0.1, 0.2, 0.3)];
     let [skip, zero] = BOTH.map(|facing| row(&[floor, wall, speck], [0, 1], Options { facing, ..options(4096) }));
     assert_eq!(skip.class, Class::Sampled);
@@ -187,7 +188,7 @@ fn a_wall_of_any_shape_that_fills_the_shaft_closes_it() {
         assert_eq!((closed.class, closed.visibility, closed.samples), (Class::Closed, Some(0.0), 0), "{name}");
         assert_eq!(closed.form_factors, Some([0.0; 2]));
         if wall.len() > 2 {
-            // Without the triangle in the middle there is a hole: not closed any more.
+            // Control: without the triangle in the middle the wall has a hole, and the pair is not closed.
             let middle = (0..wall.len())
                 .min_by_key(|index| {
                     let [p, q, r] = wall[*index];
@@ -210,6 +211,6 @@ fn copies_of_a_triangle_are_counted() {
     let surfaces = |triangles: &[Triangle]| Surfaces::new(&geometry(triangles), &[]);
     assert_eq!(surfaces(&[a, b]).duplicates(), 0);
     assert_eq!(surfaces(&[a, b, turned, flipped]).duplicates(), 2);
-    // They lie at the distance 0 of each other and block nothing of what leaves them.
+    // The triangles touch each other and do not block segments that leave them.
     assert_eq!(row(&[a, b, turned], [0, 1], options(64)).visibility, Some(1.0));
 }

@@ -1,4 +1,4 @@
-//! Rows with a device beside those of the processor.
+//! Rows computed with a device against those of the processor.
 
 use super::*;
 use curitiba_passes::raster::gpu::AdapterChoice;
@@ -7,7 +7,7 @@ use curitiba_passes::visibility::{Class, DeviceEstimator, RowFinder, Sampler};
 use curitiba_passes::wgpu_rays::WgpuSegments;
 use curitiba_pipeline::backend::BackendError;
 
-/// The processor in the place of a device.
+/// The processor as a stand-in for a device.
 struct Stand<'a>(&'a Surfaces, Bvh);
 
 impl SegmentTracer for Stand<'_> {
@@ -34,7 +34,7 @@ impl SegmentTracer for Stand<'_> {
     }
 }
 
-/// A room with two clusters of small triangles in it: many pairs see more than 128 of them between each other.
+/// A room with two clusters of small triangles, so that many pairs have more than 128 triangles between them.
 fn cluttered() -> Vec<Triangle> {
     let mut random = Random(23);
     let mut scene = boxed(v(0.0, 0.0, 0.0), v(3.0, 2.0, 4.0), true);
@@ -45,7 +45,7 @@ fn cluttered() -> Vec<Triangle> {
     scene
 }
 
-/// The unit triangles, and what is at x < `c` between them as a grid: of so many triangles that they are traced.
+/// The unit triangles, and between them the half plane x < `c` as a grid of so many triangles that rays must be traced.
 fn half_grid(c: f32) -> Vec<Triangle> {
     let mut scene = facing().to_vec();
     let (across, down) = (32, 64);
@@ -62,7 +62,7 @@ fn half_grid(c: f32) -> Vec<Triangle> {
     scene
 }
 
-/// Counts segments.
+/// A tracer that counts segments.
 struct Counted<'a>(Box<dyn SegmentTracer + 'a>, &'a mut usize);
 
 impl SegmentTracer for Counted<'_> {
@@ -80,7 +80,7 @@ impl SegmentTracer for Counted<'_> {
     }
 }
 
-/// The rows; some segments at least are traced on the device.
+/// The rows; asserts that some segments are traced on the device.
 fn on_device(
     surfaces: &Surfaces,
     tracer: Box<dyn SegmentTracer + '_>,
@@ -96,7 +96,7 @@ fn on_device(
     found
 }
 
-/// Pairs of the walls, and some of the clutter.
+/// The pairs of the walls, and some pairs of the clutter.
 fn pairs_of(scene: &[Triangle]) -> Vec<[u32; 2]> {
     let all = all_pairs(scene.len());
     all.into_iter().filter(|[a, b]| *b < 12 || (a + b) % 97 == 0).collect()
@@ -124,7 +124,7 @@ fn a_device_that_traces_as_the_processor_does_gives_its_bits() {
     }
 }
 
-/// A tracer that knows nothing but one ray.
+/// A tracer that only traces single rays.
 struct Plain(Bvh);
 
 impl Tracer for Plain {
@@ -145,7 +145,7 @@ fn what_stopped_the_rays_before_changes_no_row() {
     let (fast, plain) = (bvh(), Plain(bvh()));
     let (fast, plain) = (Estimator::new(&surfaces, &fast, options(64)), Estimator::new(&surfaces, &plain, options(64)));
     let (fast, plain) = (fast.expect("valid"), plain.expect("valid"));
-    // One room for all pairs: it remembers what the last one met.
+    // One room for all pairs, which remembers the hit of the previous pair.
     let (mut room, mut sampled) = (Room::default(), 0);
     for pair in pairs_of(&scene) {
         let row = fast.row(pair, &mut room);
@@ -176,7 +176,7 @@ fn a_device_that_fails_is_told() {
     assert_eq!(error.to_string(), "broken: gone");
 }
 
-/// The backend for the triangles, or `None` (and a line that says why) where this machine has no device.
+/// The backend for the triangles, or `None` with a printed reason where this machine has no device.
 fn wgpu(geometry: &Geometry, see_through: &[bool]) -> Option<Box<dyn SegmentTracer>> {
     match WgpuSegments::new(AdapterChoice::Any, geometry, see_through) {
         Ok(tracer) => Some(Box::new(tracer)),
@@ -212,7 +212,7 @@ fn wgpu_gives_the_rows_of_the_processor() {
     for (found, expected) in found.iter().zip(&expected) {
         assert_eq!((found.pair, found.class, found.valid), (expected.pair, expected.class, expected.valid));
         traced += usize::from(found.class == Class::Sampled);
-        // A segment through an edge may be decided otherwise where a driver fuses products: one of 64 at most here.
+        // A driver that fuses products may decide a segment through an edge differently: at most one of 64 here.
         let [seen, as_seen] = [found, expected].map(|row| row.visibility.unwrap_or(-1.0));
         assert!((seen - as_seen).abs() <= 1.0 / 64.0 + 1e-12, "{found:?} {expected:?}");
     }
@@ -227,7 +227,7 @@ fn wgpu_leaves_out_what_is_not_opaque() {
     let mut geometry = geometry(&scene);
     let count = scene.len() as u32 - 2;
     geometry.batches = vec![Batch { material: 0, first: 0, count: 2 }, Batch { material: 1, first: 2, count }];
-    // In the shaft are more triangles than are gathered: those of glass are not even counted.
+    // More triangles are in the shaft than are gathered; transparent ones are not even counted.
     for (marks, visibility) in [([false, false], 0.0), ([false, true], 1.0)] {
         let surfaces = Surfaces::new(&geometry, &marks);
         let Some(mut tracer) = wgpu(surfaces.geometry(), surfaces.see_through_materials()) else { return };

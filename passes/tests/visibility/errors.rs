@@ -1,9 +1,9 @@
-//! Standard errors that cover.
+//! The coverage of standard errors.
 
 use super::*;
 use curitiba_passes::visibility::{Class, REPLICATES};
 
-/// A pair with some triangles between it.
+/// A pair of triangles with some triangles between them.
 fn pair(seed: u64) -> Vec<Triangle> {
     let mut random = Random(seed.wrapping_mul(0x9e37_79b9_7f4a_7c15) | 1);
     for _ in 0..10 {
@@ -33,7 +33,7 @@ fn intervals_of_95_percent_hold_the_truth_in_930_to_970_of_1000_pairs() {
             tried += 1;
             let off = (found - truth).abs();
             covered += u32::from(off <= Row::QUANTILE * row.error);
-            // The negative control: the standard error of as many independent samples is too large.
+            // Negative control: the standard error of as many independent samples is too large.
             let naive = (found * (1.0 - found) / f64::from(row.valid)).sqrt();
             one_set += u32::from(off <= 1.96 * naive);
         }

@@ -1,5 +1,5 @@
-//! Visibility between triangles: closed forms, symmetry, soundness of what is decided without rays, errors that cover, places and
-//! sizes.
+//! Visibility between triangles: closed forms, symmetry, soundness of decisions without rays, coverage of the errors,
+//! and extreme places and sizes.
 
 mod closed_forms;
 mod devices;
@@ -34,23 +34,23 @@ pub(crate) fn quad(a: Vec3, b: Vec3, c: Vec3, d: Vec3) -> [Triangle; 2] {
     [[a, b, c], [a, c, d]]
 }
 
-/// The unit right triangle at z = 0 that looks up, and the one above it at z = 1 that looks down.
+/// The unit right triangle at z = 0, which faces up, and the one above it at z = 1, which faces down.
 pub(crate) fn facing() -> [Triangle; 2] {
     [[v(0.0, 0.0, 0.0), v(1.0, 0.0, 0.0), v(0.0, 1.0, 0.0)], [v(0.0, 0.0, 1.0), v(0.0, 1.0, 1.0), v(1.0, 0.0, 1.0)]]
 }
 
-/// What is at x < `c` and z = 0.5.
+/// The half plane x < `c` at z = 0.5.
 pub(crate) fn half_plane(c: f32) -> [Triangle; 2] {
     quad(v(-9.0, -9.0, 0.5), v(c, -9.0, 0.5), v(c, 9.0, 0.5), v(-9.0, 9.0, 0.5))
 }
 
-/// A box of twelve triangles that look inward, or outward.
+/// A box of twelve triangles that face inward, or outward.
 pub(crate) fn boxed(low: Vec3, high: Vec3, inward: bool) -> Vec<Triangle> {
     let at = |i: usize| {
         let pick = |bit: usize, l: f32, h: f32| if i >> bit & 1 == 1 { h } else { l };
         v(pick(0, low.x, high.x), pick(1, low.y, high.y), pick(2, low.z, high.z))
     };
-    // Counter-clockwise from outside.
+    // Counter-clockwise as seen from outside.
     let sides = [[0, 2, 3, 1], [4, 5, 7, 6], [0, 1, 5, 4], [2, 6, 7, 3], [0, 4, 6, 2], [1, 3, 7, 5]];
     let triangles = sides.iter().flat_map(|side| {
         let [a, b, c, d] = side.map(at);
@@ -59,7 +59,7 @@ pub(crate) fn boxed(low: Vec3, high: Vec3, inward: bool) -> Vec<Triangle> {
     triangles.map(|[a, b, c]| if inward { [a, c, b] } else { [a, b, c] }).collect()
 }
 
-/// A sphere of 20 · 4^`levels` triangles around the origin that look inward.
+/// A sphere of 20 · 4^`levels` triangles around the origin, which face inward.
 pub(crate) fn sphere(levels: u32) -> Vec<Triangle> {
     let t = (1.0 + 5f32.sqrt()) / 2.0;
     let mut points = Vec::new();
@@ -95,7 +95,7 @@ pub(crate) fn options(samples: u32) -> Options {
     Options { effort: Effort::Samples(samples), form_factors: true, ..Options::default() }
 }
 
-/// The rows of some pairs of a scene.
+/// The rows of some pairs of a scene's triangles.
 pub(crate) fn rows(triangles: &[Triangle], pairs: &[[u32; 2]], options: Options) -> Vec<Row> {
     let surfaces = Surfaces::new(&geometry(triangles), &[]);
     let bvh = Bvh::build(surfaces.geometry(), &surfaces.marks(), Quality::Balanced);
@@ -113,7 +113,7 @@ pub(crate) fn all_pairs(count: usize) -> Vec<[u32; 2]> {
     (0..count).flat_map(|a| (a + 1..count).map(move |b| [a, b])).collect()
 }
 
-/// Sums of form factors by triangle, and the variances of the sums.
+/// Sum of the form factors of each triangle, and the variance of that sum.
 pub(crate) fn row_sums(count: usize, rows: &[Row]) -> Vec<(f64, f64)> {
     let mut sums = vec![(0.0, 0.0); count];
     for row in rows {
@@ -127,7 +127,7 @@ pub(crate) fn row_sums(count: usize, rows: &[Row]) -> Vec<(f64, f64)> {
     sums
 }
 
-/// Numbers in [0, 1).
+/// A generator of numbers in [0, 1).
 pub(crate) struct Random(pub u64);
 
 impl Random {
@@ -141,7 +141,7 @@ impl Random {
     }
 }
 
-/// A uniform point of a triangle, by folding the square and not by the root that the library takes.
+/// A uniform point of a triangle. Folds the unit square, unlike the library, which takes a square root.
 pub(crate) fn on([a, b, c]: &Triangle, mut x: f64, mut y: f64) -> DVec3 {
     if x + y > 1.0 {
         (x, y) = (1.0 - x, 1.0 - y);
@@ -155,7 +155,7 @@ pub(crate) fn normal([a, b, c]: &Triangle) -> DVec3 {
     (b - a).cross(c - a).normalize()
 }
 
-/// Whether a triangle is strictly between two points: Möller and Trumbore in `f64`.
+/// Whether a triangle lies strictly between two points (Möller and Trumbore in `f64`).
 pub(crate) fn blocks([a, b, c]: &Triangle, from: DVec3, to: DVec3) -> bool {
     let [a, b, c] = [a, b, c].map(|corner| corner.as_dvec3());
     let (e1, e2, along) = (b - a, c - a, to - from);
@@ -167,13 +167,13 @@ pub(crate) fn blocks([a, b, c]: &Triangle, from: DVec3, to: DVec3) -> bool {
     u >= 0.0 && v >= 0.0 && u + v <= 1.0 && t > 0.0 && t < 1.0
 }
 
-/// Whether a segment leaves the front of both.
+/// Whether a segment leaves the front sides of both triangles.
 pub(crate) fn is_valid(a: &Triangle, b: &Triangle, from: DVec3, to: DVec3) -> bool {
     normal(a).dot(to - from) > 0.0 && normal(b).dot(from - to) > 0.0
 }
 
-/// The visibility of the first two triangles by brute force over a lattice (Kronecker, with powers of the root of x⁵ = x + 1): skip, and
-/// the share that is valid.
+/// The visibility of the first two triangles by brute force over a lattice (a Kronecker sequence with powers of the
+/// root of x⁵ = x + 1), as the policy `skip` defines it. `None` if no segment is valid.
 pub(crate) fn truth(triangles: &[Triangle], points: u32) -> Option<f64> {
     let [a, b] = [triangles[0], triangles[1]];
     let step = [1, 2, 3, 4].map(|power| 1.167_303_978_261_418_7_f64.powi(-power));

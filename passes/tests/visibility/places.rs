@@ -1,4 +1,4 @@
-//! Sizes, places and shapes at which a fixed epsilon fails.
+//! Sizes, places and shapes where a fixed epsilon fails.
 
 use super::*;
 use curitiba_passes::visibility::Class;
@@ -23,7 +23,7 @@ fn sizes_from_a_millionth_to_a_million_see_the_same() {
 
 #[test]
 fn places_up_to_a_million_sizes_away_see_the_same() {
-    // Numbers that `f32` holds there: the blocker's border is at 1/4, the grid at 2^20 is 1/8.
+    // Numbers that `f32` can hold there: the blocker's border is at 1/4, and the grid at 2^20 is 1/8.
     let scene = [facing(), half_plane(0.25)].concat();
     for place in [16.0, 1024.0, 65_536.0, 1_048_576.0] {
         let scene = scaled(&scene, 1.0, v(place, -place, place));
@@ -38,10 +38,10 @@ fn places_up_to_a_million_sizes_away_see_the_same() {
 fn a_blocker_at_a_hundred_thousandth_of_the_distance_is_seen() {
     let close = quad(v(-9.0, -9.0, 1e-5), v(0.25, -9.0, 1e-5), v(0.25, 9.0, 1e-5), v(-9.0, 9.0, 1e-5));
     let scene = [facing(), close].concat();
-    // The part of the floor with x > 1/4: (3/4)².
+    // The visible part of the floor, where x > 1/4: (3/4)².
     let row = row(&scene, [0, 1], options(8192));
     assert!((row.visibility.expect("seen") - 0.5625).abs() < 4.0 * row.error.max(2e-4), "{row:?}");
-    // The negative control: what begins at a ten-thousandth of the distance misses it.
+    // Negative control: a segment that starts after a ten-thousandth of its length misses the blocker.
     let epsilon = |from: DVec3, to: DVec3| from + (to - from) * 1e-4;
     let mut random = Random(9);
     let mut open = 0;
@@ -55,7 +55,7 @@ fn a_blocker_at_a_hundred_thousandth_of_the_distance_is_seen() {
 
 #[test]
 fn slivers_are_seen_as_other_triangles_are() {
-    // 1 : 10 000. The half plane at x < 1/2 in the middle leaves half of a strip that runs along x, by symmetry.
+    // Strips of 1 : 10 000. By symmetry the half plane x < 1/2 in the middle leaves half of a strip along x.
     let low = quad(v(0.0, 0.0, 0.0), v(1.0, 0.0, 0.0), v(1.0, 1e-4, 0.0), v(0.0, 1e-4, 0.0));
     let high = quad(v(0.0, 0.0, 1.0), v(0.0, 1e-4, 1.0), v(1.0, 1e-4, 1.0), v(1.0, 0.0, 1.0));
     let scene = [low, high, half_plane(0.5)].concat();
@@ -67,7 +67,7 @@ fn slivers_are_seen_as_other_triangles_are() {
 
 #[test]
 fn faces_that_share_an_edge_do_not_shade_each_other() {
-    // Two walls in a corner, turned so that no coordinate is exact, each of many triangles that touch.
+    // Two walls that form a corner, rotated so that no coordinate is exact; each consists of many adjacent triangles.
     let turn = glam::Mat3::from_euler(glam::EulerRot::XYZ, 0.3, 0.7, 1.1);
     let mut scene = Vec::new();
     for i in 0..4 {

@@ -1,4 +1,4 @@
-//! What must not change a bit.
+//! Changes of the input that must not change a bit of the result.
 
 use super::*;
 use curitiba_passes::visibility::{Class, Sampler};

@@ -1,11 +1,11 @@
-//! What is decided without rays is true of every segment.
+//! A decision without rays must be true for every segment.
 
 use super::*;
 use curitiba_passes::trace::{BruteForce, Hit, Ray, Tracer};
 use curitiba_passes::visibility::{AllPairs, Class, NearPairs, PairSource, RowPairs};
 use proptest::prelude::*;
 
-/// Random segments that leave the front of both, and how many of them nothing blocks.
+/// Samples random segments that leave the front of both triangles. Returns their number, and how many are not blocked.
 fn open_segments(scene: &[Triangle], [a, b]: [u32; 2], count: u32, random: &mut Random) -> [u32; 2] {
     let (first, second) = (scene[a as usize], scene[b as usize]);
     let (mut valid, mut open) = (0, 0);
@@ -21,7 +21,7 @@ fn open_segments(scene: &[Triangle], [a, b]: [u32; 2], count: u32, random: &mut 
     [valid, open]
 }
 
-/// Whether a triangle is thinner than the rounding of its corners: which way it looks is not known then.
+/// Whether a triangle is thinner than the rounding of its corners, so that its orientation is unknown.
 fn is_thin([a, b, c]: &Triangle) -> bool {
     let [a, b, c] = [a, b, c].map(|corner| corner.as_dvec3());
     let longest = a.distance_squared(b).max(b.distance_squared(c)).max(c.distance_squared(a));
@@ -54,7 +54,7 @@ proptest! {
         size in prop::sample::select(vec![0.01_f32, 1.0, 300.0]),
         seed in any::<u64>(),
     ) {
-        // Whole numbers: many corners, edges and planes coincide.
+        // Integer coordinates, so that many corners, edges and planes coincide.
         let at = |c: &[i8; 9], k: usize| v(f32::from(c[k]), f32::from(c[k + 1]), f32::from(c[k + 2])) * size;
         let scene: Vec<Triangle> = corners.iter().map(|c| [at(c, 0), at(c, 3), at(c, 6)]).collect();
         check(&scene, 200, &mut Random(seed))?;
@@ -84,7 +84,7 @@ fn large_walls_and_small_triangles_hold_none_either_and_all_classes_occur() {
     assert!(seen.iter().all(|count| *count > 100), "{seen:?}");
 }
 
-/// Set to check a million pairs of random soups: minutes of a release build.
+/// Environment variable that checks a million pairs of random soups, which takes minutes in a release build.
 const MANY: &str = "CURITIBA_MILLION_PAIRS";
 
 #[test]
@@ -112,7 +112,7 @@ fn a_million_pairs_hold_none_that_is_decided_wrongly() {
     println!("{seen:?} of never, open, closed, sampled");
 }
 
-/// Counts rays.
+/// A tracer that counts rays.
 struct Counted(BruteForce, std::sync::atomic::AtomicU32);
 
 impl Tracer for Counted {
@@ -132,7 +132,7 @@ fn pairs_with_many_triangles_between_them_are_traced_and_agree_with_the_truth() 
         let mut random = Random(3);
         let mut scene = facing().to_vec();
         for _ in 0..count {
-            // Small triangles in the middle of the shaft.
+            // Small triangles in the middle of the shaft between the pair.
             let at = v(0.05, 0.05, 0.3) + random.point() * v(0.4, 0.4, 0.4);
             scene.push([0, 1, 2].map(|_| at + (random.point() - 0.5) * 0.1));
         }
@@ -219,7 +219,7 @@ fn near_pairs_are_those_that_the_bound_leaves() {
         assert_eq!(drain(&mut NearPairs::new(&surfaces, least), 1000), expected, "{least}");
         assert!(!expected.is_empty() && expected.len() < 40_000);
     }
-    // No pair that is left out carries more than the bound.
+    // No pair that is left out has a form factor above the bound.
     let near = drain(&mut NearPairs::new(&surfaces, 0.01), 1000);
     let missed = rows.iter().filter(|row| near.binary_search(&row.pair).is_err());
     assert!(missed.into_iter().all(|row| row.form_factors.expect("asked for").iter().all(|f| *f < 0.01 + 1e-6)));

@@ -1,4 +1,4 @@
-//! The ways on from mirrors, panes and glass.
+//! The directions in which mirrors, panes and glass send a ray on.
 
 use super::{MIRRORED, Walk};
 use crate::effects::coverage::Coverage;
@@ -8,16 +8,17 @@ use crate::sampling::hemisphere::{Basis, concentric_disk, mirrored};
 use crate::trace::Tracer;
 use glam::{Vec2, Vec3};
 
-/// What a surface of glass does with a direction.
+/// How a glass surface splits a ray.
 pub(super) struct Split {
     pub interface: Interface,
     pub reflected: Vec3,
     pub refracted: Option<Vec3>,
 }
 
-/// A direction of the lobe `cos^exponent` around a unit vector, by its density, from a uniform point of the unit square.
+/// A direction sampled from the lobe `cos^exponent` around a unit vector, by a uniform point of the unit square.
 ///
-/// The cumulative distribution of the cosine is `cos^(exponent + 1)`; the squared radius of a uniform point of the unit disk is uniform.
+/// The cumulative distribution of the cosine is `cos^(exponent + 1)`, and the squared radius of a uniform point of the
+/// unit disk is uniform.
 pub(super) fn in_lobe(around: Vec3, exponent: f32, point: Vec2) -> Vec3 {
     let disk = concentric_disk(point);
     let square = disk.length_squared().min(1.0);
@@ -28,18 +29,19 @@ pub(super) fn in_lobe(around: Vec3, exponent: f32, point: Vec2) -> Vec3 {
 }
 
 impl<T: Tracer, C: Coverage> Walk<'_, '_, T, C> {
-    /// Where a mirror sends a direction, and what is left of its light; a rough one takes a point of the unit square.
+    /// The direction in which a mirror sends a ray, and the factor of its light. A rough mirror takes a point of the
+    /// unit square.
     pub(super) fn mirror(&self, surface: &Surface, view: Vec3, at: impl FnOnce() -> Vec2) -> (Vec3, f32) {
         let smooth = reflect(view, surface.interface_normal(view));
         let exponent = self.params.camera.gloss;
         if exponent == 0.0 {
             return (smooth, MIRRORED);
         }
-        // What would go into the surface is mirrored at it.
+        // A direction into the surface is mirrored at the surface.
         (mirrored(in_lobe(smooth, exponent, at()), surface.facing), MIRRORED)
     }
 
-    /// What glass does with a direction: the side of the winding is outside.
+    /// How glass splits a ray; the front side, by winding, is outside.
     pub(super) fn split(&self, surface: &Surface, view: Vec3) -> Split {
         let index = if surface.is_front() { self.params.index } else { self.params.index.recip() };
         let by = |normal: Vec3| {
@@ -47,7 +49,7 @@ impl<T: Tracer, C: Coverage> Walk<'_, '_, T, C> {
             (normal, interface, interface.refract(view, normal, index))
         };
         let bent = by(surface.interface_normal(view));
-        // Refracted back to the viewer's side, which a bent normal can do: the flat surface serves.
+        // A bent normal can refract the ray back to the viewer's side; then the geometric normal is used.
         let returns = bent.2.is_some_and(|direction| direction.dot(surface.facing) >= 0.0);
         let (normal, interface, refracted) = if returns { by(surface.facing) } else { bent };
         Split { interface, reflected: reflect(view, normal), refracted }

@@ -4,27 +4,29 @@ use crate::sampling::hemisphere::concentric_disk;
 use curitiba_pipeline::backend::View;
 use glam::{DMat3, DVec3, Vec2, Vec3};
 
-/// Where the rays of a camera with perspective start, and where to.
+/// Origins and directions of the rays of a perspective camera.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Eye {
     origin: Vec3,
-    /// From the eye to the top left corner of the picture, in the plane at distance 1.
+    /// Vector from the eye to the top left corner of the picture, in the plane at distance 1.
     corner: DVec3,
-    /// From a pixel to the one on its right, in that plane.
+    /// Step from a pixel to the one on its right, in that plane.
     right: DVec3,
-    /// From a pixel to the one below.
+    /// Step from a pixel to the one below.
     down: DVec3,
     /// Radius of the lens.
     aperture: f32,
-    /// Distance of the plane that is sharp.
+    /// Distance of the plane in focus.
     focus: f32,
 }
 
 impl Eye {
-    /// That of a view of so many pixels a row and rows, with a lens of radius `aperture` that shows the plane at distance `focus` sharp.
+    /// The rays of a view, for a picture of so many columns and rows. The lens has radius `aperture` and its plane in
+    /// focus is at distance `focus`.
     ///
-    /// What a rasteriser projects with the same matrix onto a point of the picture lies on the ray through that point: directions are those
-    /// that the first, second and fourth row of the matrix turn into a multiple of (x, y, 1) of normalised device coordinates.
+    /// A ray through a point of the picture contains everything that a rasteriser projects there by the same matrix:
+    /// the first, second and fourth row of the matrix map the ray's direction to a multiple of (x, y, 1) in normalised
+    /// device coordinates.
     #[must_use]
     pub fn new(view: &View, [width, height]: [u32; 2], aperture: f32, focus: f32) -> Self {
         let matrix = view.clip_from_eye.unwrap_or(view.clip_from_world).as_dmat4();
@@ -41,8 +43,8 @@ impl Eye {
         }
     }
 
-    /// The origin and the unit direction of a ray through a point of the picture, in pixels from its top left corner; `lens` is a point of the
-    /// unit square, for a lens that is no pinhole.
+    /// Origin and unit direction of the ray through a point of the picture, in pixels from the top left corner. `lens`
+    /// gives a point of the unit square; it is only called for an aperture above 0.
     pub(super) fn ray(&self, at: Vec2, lens: impl FnOnce() -> Vec2) -> (Vec3, Vec3) {
         let at = at.as_dvec2();
         let through = self.corner + self.right * at.x + self.down * at.y;

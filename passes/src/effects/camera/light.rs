@@ -9,22 +9,22 @@ use crate::trace::{Hit, Purpose, Ray, Tracer};
 use curitiba_pipeline::camera_programs::SurfaceKind;
 use glam::{Vec2, Vec3};
 
-/// Of the way to a light that has a place, what shadow rays leave out at its end: lamps hang on ceilings.
+/// Part of the way to a lamp that shadow rays leave out at the lamp's end, because lamps hang on ceilings.
 const BEFORE_LAMP: f32 = 1.0 / 1024.0;
 
-/// A point of the light, as it is seen from a point of a surface.
+/// A point of the light, seen from a point of a surface.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Seen {
     /// Unit direction to it.
     direction: Vec3,
-    /// How far off it is; infinite along a direction.
+    /// Distance; infinite for a directional light.
     distance: f32,
-    /// Where it is, if it has a place.
+    /// Position; `None` for a directional light.
     place: Option<Vec3>,
 }
 
 impl<T: Tracer, C: Coverage> Walk<'_, '_, T, C> {
-    /// Unit direction to the middle of the light, and its colour; 0 where there is none.
+    /// Unit direction to the middle of the light, and the light's colour; both are 0 where there is no light.
     pub(super) fn towards(&self, position: Vec3) -> (Vec3, Vec3) {
         match self.camera.lamp {
             Some(lamp) => ((lamp.position - position).normalize_or(Vec3::ZERO), lamp.color),
@@ -32,12 +32,12 @@ impl<T: Tracer, C: Coverage> Walk<'_, '_, T, C> {
         }
     }
 
-    /// Whether the light is a rectangle, which looks down.
+    /// Whether the light is a rectangle, which faces down.
     fn is_rectangle(&self) -> bool {
         self.camera.lamp.is_some() && self.params.camera.light_width + self.params.camera.light_depth > 0.0
     }
 
-    /// The point of the light that a point of the unit square stands for.
+    /// The point of the light for a point of the unit square.
     fn seen(&self, position: Vec3, at: Vec2) -> Seen {
         let Some(lamp) = self.camera.lamp else {
             return Seen { direction: self.pass.to_light, distance: f32::INFINITY, place: None };
@@ -49,8 +49,9 @@ impl<T: Tracer, C: Coverage> Walk<'_, '_, T, C> {
         Seen { direction, distance, place: Some(place) }
     }
 
-    /// The colour of the light that arrives at a side of a surface, times its cosine: that of its middle, times the share of a point of it
-    /// that is seen. A rectangle sends less aside, by the cosine there.
+    /// The colour of the light on a side of a surface, times the cosine. Colour and cosine are those of the light's
+    /// middle; visibility is tested for one point of the light. A rectangle's light falls off to the side by its own
+    /// cosine.
     pub(super) fn arriving(
         &self,
         hit: &Hit,
@@ -72,9 +73,9 @@ impl<T: Tracer, C: Coverage> Walk<'_, '_, T, C> {
         color * (cosine * aside * self.visible(hit, surface, &seen, work))
     }
 
-    /// Radiance that a white diffuse surface reflects of a point of the light, by the area of the light:
-    /// `L cos cos' A / (π d²)` of a rectangle of radiance `L`, `I cos / (π d²)` of a point of intensity `I`, and `E cos` of a direction, whose
-    /// colour is what a white surface reflects that faces it.
+    /// Radiance that a white diffuse surface reflects of the light, estimated from one point of it by area sampling:
+    /// `L cos cos' A / (π d²)` for a rectangle of radiance `L`, `I cos / (π d²)` for a point of intensity `I`, and
+    /// `E cos` for a directional light, whose colour is what a white surface facing it reflects.
     pub(super) fn reflected(
         &self,
         hit: &Hit,
@@ -107,7 +108,8 @@ impl<T: Tracer, C: Coverage> Walk<'_, '_, T, C> {
         arriving * self.visible(hit, surface, &seen, work)
     }
 
-    /// The share of light that arrives from a point of the light: 0 behind opaque surfaces, dimmed by glass and clear panes.
+    /// The share of the light that arrives from one of its points: 0 behind opaque surfaces, dimmed by glass and clear
+    /// panes.
     fn visible(&self, hit: &Hit, surface: &Surface, seen: &Seen, work: &mut Workspace) -> f32 {
         let pass = self.pass;
         let passes = |kind: SurfaceKind| kind.passes_light() && !(self.glass_stops && kind == SurfaceKind::Glass);

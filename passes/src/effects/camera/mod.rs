@@ -1,10 +1,12 @@
-//! Programs whose rays start at the camera: they read no G-buffer, and shade what each ray meets.
+//! Programs whose rays start at the camera: they read no G-buffer, and shade the surface that each ray hits.
 //!
-//! One integrator serves all of them. A pixel is the mean of its rays; each ray takes one point of the pixel, of the lens and of the light,
-//! and one direction at each surface that has several, from sequences of its own (`sampling::paths`). What the programs differ in is what a
-//! ray shows of the surface that it meets. In corrected fidelity alone.
+//! One integrator serves all of them. A pixel is the mean of its rays. Each ray takes one point each of the pixel, of
+//! the lens and of the light, and one direction at each surface that has several, from sequences of its own
+//! (`sampling::paths`). The programs differ in what a ray shows of the surface that it hits. They exist in corrected
+//! fidelity only.
 //!
-//! From the ground up: `eye`, where rays start; `light`, what arrives at a point; `bounce`, ways on; `whitted` and `paths`.
+//! From the ground up: `eye`, ray origins; `light`, the light at a point; `bounce`, directions on; `whitted` and
+//! `paths`.
 
 mod bounce;
 mod eye;
@@ -25,19 +27,19 @@ use curitiba_pipeline::camera_programs::SurfaceKind;
 use curitiba_pipeline::programs::{RayParams, RayProgram};
 use glam::{DVec3, Vec2, Vec3};
 
-/// What mirrors leave of light.
+/// Factor of the light that a mirror reflects.
 const MIRRORED: f32 = 0.8;
-/// What a clear pane lets through, of what is seen and of light.
+/// Factor of a clear pane, for what is seen through it and for shadow rays.
 const CLEAR: f32 = 0.8;
-/// What a surface of glass lets through of a shadow ray.
+/// Factor of a shadow ray at each glass surface.
 const SHADOW_GLASS: f32 = 0.95;
 
-/// A pass with what it reads beside a G-buffer's programs.
+/// A pass, with the inputs that camera programs have beside it.
 struct Walk<'p, 'a, T, C> {
     pass: &'p Pass<'a, T, C>,
     camera: FromCamera<'a>,
     params: &'p RayParams,
-    /// Whether shadow rays end at glass: what lies behind is met by paths that glass bends.
+    /// Whether shadow rays end at glass, because paths that glass refracts find the light behind it.
     glass_stops: bool,
 }
 
@@ -65,7 +67,7 @@ pub fn pixel<T: Tracer, C: Coverage>(pass: &Pass<'_, T, C>, pixel: Pixel, work: 
 }
 
 impl<T: Tracer, C: Coverage> Walk<'_, '_, T, C> {
-    /// What a ray from the camera shows.
+    /// The colour that a ray from the camera shows.
     fn shown(&self, origin: Vec3, direction: Vec3, points: &Points, work: &mut Workspace) -> Vec3 {
         work.rays.camera += 1;
         self.pass.tracer.announce(Announcement { purpose: Purpose::Camera, bounce: 0, weight: 1.0 });
@@ -85,7 +87,7 @@ impl<T: Tracer, C: Coverage> Walk<'_, '_, T, C> {
         self.camera.surfaces[self.pass.material_of(hit.triangle) as usize]
     }
 
-    /// The colour in the light that nothing is in the way of, and light that is everywhere.
+    /// The Lambert colour: the light without shadows, plus ambient light.
     fn lit(&self, ray: &Ray, hit: &Hit) -> Vec3 {
         let surface = self.pass.surface_hit(ray, hit);
         let (to_light, color) = self.towards(surface.position());
@@ -94,7 +96,7 @@ impl<T: Tracer, C: Coverage> Walk<'_, '_, T, C> {
         self.pass.base_color(hit) * share + self.pass.glow(hit)
     }
 
-    /// 1 where a direction of the hemisphere is open up to the radius, else 0.
+    /// 1 where one direction of the hemisphere is open up to the radius, else 0.
     fn open(&self, ray: &Ray, hit: &Hit, points: &Points, work: &mut Workspace) -> Vec3 {
         let surface = self.pass.surface_hit(ray, hit);
         let way = Basis::around(surface.normal).to_world(cosine(points.at(Place::Bounce(0))));

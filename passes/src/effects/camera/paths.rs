@@ -1,9 +1,10 @@
-//! Path tracing (Kajiya, "The Rendering Equation", SIGGRAPH 1986): one way on at each surface, by its density, and at diffuse ones a point
-//! of the light beside.
+//! Path tracing (Kajiya, "The Rendering Equation", SIGGRAPH 1986). At each surface a path takes one direction, sampled
+//! by its density; at diffuse surfaces it also samples a point of the light.
 //!
-//! Light is counted once: where a path asks for a point of the light, surfaces that emit count only where it meets them from the camera or
-//! a mirror or glass; in a project without a light every surface that emits counts wherever it is met. Where a material is the light, paths
-//! through glass meet it, and shadow rays end at glass; a light without a surface is met by shadow rays alone, which glass then dims.
+//! No light counts twice. Where a path samples the light, an emitting surface counts only where the path meets it from
+//! the camera, a mirror or glass. In a project without a light every emitting surface counts wherever a path meets it.
+//! Where a material is the light, paths through glass find it, and shadow rays end at glass. A light without a surface
+//! is found by shadow rays alone, which glass then dims.
 
 use super::{CLEAR, Walk};
 use crate::effects::coverage::Coverage;
@@ -53,7 +54,7 @@ impl<T: Tracer, C: Coverage> Walk<'_, '_, T, C> {
                     (direction, weight, counts) = (way, weight * share, true);
                 }
                 SurfaceKind::Clear => {
-                    // Light that falls through a pane is asked for by shadow rays.
+                    // `counts` stays as it is: shadow rays already ask for the light that falls through a pane.
                     (weight, purpose) = (weight * CLEAR, Purpose::Refracted);
                 }
                 SurfaceKind::Glass => {

@@ -1,5 +1,5 @@
-//! Whitted's recursion ("An Improved Illumination Model for Shaded Display", CACM 23(6), 1980): light and its shadows at painted surfaces,
-//! both ways on at glass, one at mirrors and panes.
+//! Whitted's recursion ("An Improved Illumination Model for Shaded Display", CACM 23(6), 1980): light and its shadows
+//! at painted surfaces, reflection and refraction at glass, one further ray at mirrors and panes.
 
 use super::{CLEAR, Walk};
 use crate::effects::coverage::Coverage;
@@ -11,7 +11,7 @@ use curitiba_pipeline::camera_programs::SurfaceKind;
 use glam::Vec3;
 
 impl<T: Tracer, C: Coverage> Walk<'_, '_, T, C> {
-    /// What a ray shows of the surface that it meets after so many bounces.
+    /// The colour of the surface that a ray hits after so many bounces.
     pub(super) fn whitted(&self, (ray, hit): (Ray, Hit), bounces: u32, points: &Points, work: &mut Workspace) -> Vec3 {
         let kind = self.kind(&hit);
         if kind == SurfaceKind::Light {
@@ -50,7 +50,7 @@ impl<T: Tracer, C: Coverage> Walk<'_, '_, T, C> {
         }
     }
 
-    /// What is seen on a way on from a surface; black after the last bounce.
+    /// The colour that a ray in this direction finds, from a surface; black after the last bounce.
     fn after(
         &self,
         from: &Surface,

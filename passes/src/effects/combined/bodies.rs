@@ -1,4 +1,4 @@
-//! Where glass is what each material says (`glass=auto`).
+//! The program where each material says what kind of glass it is (`glass=auto`).
 
 use super::corrected;
 use crate::effects::dielectric::{Lit, Media, Walk};
@@ -10,7 +10,7 @@ use crate::trace::{Hit, Tracer};
 use curitiba_pipeline::glass::GlassShadow;
 use glam::{Vec3, Vec4};
 
-/// As [`corrected::pixel`].
+/// As [`corrected::pixel`], with this glass.
 pub fn pixel<T: Tracer, C: Coverage>(pass: &Pass<'_, T, C>, pixel: Pixel, work: &mut Workspace) -> [f32; 4] {
     let color = pass.job.color[pixel.index];
     let Some(triangle) = pass.triangle(pixel) else { return color };
@@ -35,7 +35,8 @@ pub fn pixel<T: Tracer, C: Coverage>(pass: &Pass<'_, T, C>, pixel: Pixel, work: 
     opaque(visible(pass, (Vec4::from_array(color).truncate(), lit), (&surface, side), known, key, work))
 }
 
-/// As [`corrected::prepare`]; light that falls through glass is left to the pixels where its colour matters.
+/// As [`corrected::prepare`]; where the colour of light matters, pixels behind glass are left to compute their own
+/// light.
 pub fn prepare<T: Tracer, C: Coverage>(pass: &Pass<'_, T, C>, area: Area, work: &mut Workspace) {
     corrected::prepare(pass, area, work);
     if matters(pass) {
@@ -43,12 +44,12 @@ pub fn prepare<T: Tracer, C: Coverage>(pass: &Pass<'_, T, C>, area: Area, work: 
     }
 }
 
-/// Whether the colour of light behind glass does.
+/// Whether the colour of light behind glass matters, by the kind of shadow that the job asks for.
 fn matters<T, C>(pass: &Pass<'_, T, C>) -> bool {
     matches!(pass.job.params.shadow, GlassShadow::Straight | GlassShadow::Caustic)
 }
 
-/// As [`corrected::visible`], with coloured light behind glass, and what spheres focus.
+/// As [`corrected::visible`], with coloured light behind glass and the light that spheres focus.
 fn visible<T: Tracer, C: Coverage>(
     pass: &Pass<'_, T, C>,
     (color, lit): (Vec3, impl FnOnce() -> Lit),
@@ -67,6 +68,6 @@ fn visible<T: Tracer, C: Coverage>(
     if !pass.lenses.is_empty() {
         light += (1.0 - SHADOWED) * pass.focused_light(surface, side.0, &lit(), work);
     }
-    // Occlusion alone is left to be found out.
+    // The light is in the first factor; a share of 1 leaves only the occlusion to compute.
     light * corrected::visible(pass, color, surface, (side, Known { light: Some(1.0), ..known }), key, work)
 }

@@ -1,4 +1,4 @@
-//! With every difference mended.
+//! The program with every numbered difference mended.
 
 use crate::effects::light::SHADOWED;
 use crate::effects::refraction::corrected::Glass;
@@ -8,7 +8,7 @@ use crate::effects::{Area, Coverage, Pass, Pixel, Workspace, opaque, tile_occlus
 use crate::trace::{Hit, Tracer};
 use glam::{Vec3, Vec4};
 
-/// Glass, or the shadowed and occluded colour, alpha 1; background pixels as they are.
+/// The colour of glass, or else the shadowed and occluded colour; alpha 1. Background pixels keep their colour.
 pub fn pixel<T: Tracer, C: Coverage>(pass: &Pass<'_, T, C>, pixel: Pixel, work: &mut Workspace) -> [f32; 4] {
     let color = pass.job.color[pixel.index];
     let Some(triangle) = pass.triangle(pixel) else { return color };
@@ -27,19 +27,19 @@ pub fn pixel<T: Tracer, C: Coverage>(pass: &Pass<'_, T, C>, pixel: Pixel, work: 
     opaque(visible(pass, Vec4::from_array(color).truncate(), &surface, (lit_side, known), key, work))
 }
 
-/// Traces the shadow rays of a tile's opaque pixels together, and finds out their occlusion, before the pixels ask.
+/// Prepares a tile: traces the shadow rays of its opaque pixels together and computes their occlusion.
 pub fn prepare<T: Tracer, C: Coverage>(pass: &Pass<'_, T, C>, area: Area, work: &mut Workspace) {
     work.surfaces.survey(pass, area, |pixel, triangle| {
         !pass.is_glass(triangle) && Vec4::from_array(pass.job.color[pixel.index]).truncate() != Vec3::ZERO
     });
-    // Rays to a disc are many for a pixel alone.
+    // With a disc, a pixel has so many shadow rays that it traces them by itself.
     if pass.disc.is_some() {
         return tile_occlusion::prepare(pass, area, work, |hit| pass.stops_light(hit));
     }
     let origin = |pixel: Pixel, known: &Known| {
         let Some((surface, _)) = known.surface else { return (None, None) };
         if lit_side(&surface, pass.normal(pixel)).dot(pass.to_light) <= 0.0 {
-            // A pixel of a round surface may be lit all the same; it asks for itself.
+            // On a round surface the pixel may be lit nevertheless: it is left to compute its own light.
             let is_flat = pass.job.scene.geometry.normals.is_empty();
             return (is_flat.then_some(SHADOWED), None);
         }
@@ -51,13 +51,14 @@ pub fn prepare<T: Tracer, C: Coverage>(pass: &Pass<'_, T, C>, area: Area, work: 
     tile_occlusion::prepare(pass, area, work, |hit| pass.stops_light(hit));
 }
 
-/// The colour was lit by the stored normal, so the side that it looks to is the one to be shadowed.
+/// The lit side of a surface: the one that the stored normal looks to, because the pixel's colour was lit by that
+/// normal.
 pub(super) fn lit_side(surface: &Surface, stored_normal: Vec3) -> Vec3 {
     if stored_normal.dot(surface.facing) < 0.0 { -surface.facing } else { surface.facing }
 }
 
-/// A colour times the light's share and ambient occlusion: those that are known already, or else those of a side of a triangle. Black stays
-/// black, without a ray.
+/// A colour times the light's share and the ambient occlusion. What `known` lacks of the two is computed, on side
+/// `lit_side`, its normal and triangle. Black stays black, without a ray.
 pub(super) fn visible<T: Tracer, C: Coverage>(
     pass: &Pass<'_, T, C>,
     color: Vec3,

@@ -5,7 +5,7 @@ use curitiba_pipeline::programs::Fidelity::{self, Corrected, Thesis};
 use curitiba_pipeline::programs::{RayParams, RayProgram};
 use glam::{Vec3, Vec4};
 
-/// No occlusion.
+/// Parameters without occlusion.
 fn bare() -> RayParams {
     RayParams { samples: 0, ..RayParams::default() }
 }
@@ -14,7 +14,7 @@ fn run(shot: &Shot<'_>, fidelity: Fidelity, params: RayParams) -> (Vec<[f32; 4]>
     shot.run(RayProgram::Final, fidelity, params)
 }
 
-/// A floor in z = 0 under light that falls straight, and panes or a roof above.
+/// A floor in z = 0 under light that falls perpendicularly, with panes or a roof above.
 fn floor(panes: u32, roof: bool) -> (World, u32) {
     let mut world = World::lit_along(Vec3::NEG_Z);
     let paint = world.paint(Vec3::new(0.5, 0.6, 0.7));
@@ -35,7 +35,8 @@ const EYE: Vec3 = Vec3::new(0.3, 0.2, 1.5);
 fn each_pane_takes_a_tenth_of_the_light_in_corrected_only() {
     for panes in 0..=4 {
         let (world, paint) = floor(panes, false);
-        // On the diagonal that the pane's triangles share, too: there each is met, and counts once.
+        // The second target lies on the diagonal that the two triangles of each pane share: the ray hits both, and the
+        // pane counts once.
         for target in [Vec3::new(0.4, 0.1, 0.0), Vec3::ZERO] {
             let shot = Shot::of(&world, EYE, [target]);
             let (pixels, rays) = run(&shot, Corrected, bare());
@@ -72,7 +73,7 @@ fn surfaces_turned_away_from_the_light_are_shadowed_without_a_ray() {
 
 #[test]
 fn background_keeps_its_colour_in_corrected_and_is_shadowed_from_the_origin_in_thesis() {
-    // The cleared position is the origin, which lies on the floor, below the roof.
+    // A background pixel's cleared position is the origin. That lies on the floor, below the roof.
     let (world, _) = floor(0, true);
     let shot = Shot::of(&world, EYE, [EYE + Vec3::X]);
     assert_eq!(run(&shot, Corrected, RayParams::default()), (vec![BACKGROUND], RayCounts::default()));
@@ -87,7 +88,7 @@ fn occlusion_multiplies_the_shadowed_colour_and_glass_does_not_occlude() {
     let value = |occluder_is_glass: bool, fidelity| {
         let (mut world, paint) = floor(0, false);
         let glass = 1;
-        // A wall at x = 0, upright in the light: no shadow on the floor.
+        // A wall at x = 0, parallel to the light: it throws no shadow on the floor.
         let material = if occluder_is_glass { glass } else { paint };
         world.quad(material, Vec3::ZERO, Vec3::Y * 9.0, Vec3::Z * 9.0);
         let targets = (0..200).map(|i| Vec3::new(0.25, 0.002 * i as f32, 0.0));
@@ -103,19 +104,19 @@ fn occlusion_multiplies_the_shadowed_colour_and_glass_does_not_occlude() {
     assert!(value(false, Thesis) < 0.85);
 }
 
-/// A pane in z = 0 seen at an angle, a white wall above it, and nothing below.
+/// A pane in z = 0 seen at an angle, with a white wall above it and nothing below.
 fn mirror(index: f32) -> (World, u32, RayParams) {
     let mut world = World::lit_along(Vec3::new(0.0, 0.0, 1.0));
     let paint = world.paint(Vec3::new(0.9, 0.6, 0.3));
     let glass = world.glass();
     world.quad(glass, Vec3::ZERO, Vec3::X * 50.0, Vec3::Y * 50.0);
-    // Faces down, to the pane and to the light from below.
+    // The wall faces down, to the pane and to the light from below.
     world.quad(paint, Vec3::Z * 9.0, Vec3::X * 90.0, Vec3::NEG_Y * 90.0);
     let params = RayParams { index, ..bare() };
     (world, paint, params)
 }
 
-/// 70 degrees off the pane's normal: total reflection for an index below 0.93.
+/// Looks at the pane at 70 degrees from its normal: total reflection for an index below 0.93.
 fn look(world: &World, fidelity: Fidelity, params: RayParams) -> ([f32; 4], RayCounts) {
     let eye = Vec3::new(-1.0, 0.1, 1.0);
     let (sin, cos) = 70f32.to_radians().sin_cos();
@@ -132,7 +133,8 @@ fn what_a_mirror_shows_is_lit_and_shadowed_on_the_viewers_side() {
     let (pixel, rays) = look(&world, Corrected, params);
     assert_close(pixel, 0.9 * world.lit(paint, 1.0), 1e-6, "lit through the pane");
     assert_eq!((rays.reflected, rays.refracted, rays.shadow), (1, 0, 1));
-    // As written the normal looks away from the viewer, and so from the light: ambient light only; glass takes nothing.
+    // The report's program turns the normal away from the viewer, and so from the light: ambient light only, and glass
+    // takes nothing.
     let (pixel, _) = look(&world, Thesis, params);
     assert_close(pixel, world.lit(paint, 0.0), 1e-6, "lit on the wrong side");
 }
@@ -148,7 +150,7 @@ fn what_a_mirror_shows_is_shadowed_by_opaque_surfaces() {
 #[test]
 fn what_a_mirror_shows_is_occluded_once_by_what_surrounds_it() {
     let (mut world, paint, params) = mirror(0.9);
-    // An upright wall, a quarter of the radius behind where the mirrored ray ends: see `ssao` for its closed form.
+    // An upright wall, a quarter of the radius behind the point that the mirrored ray hits: `ssao` has its closed form.
     let met = -1.0 + 10.0 * 70f32.to_radians().tan();
     world.quad(paint, Vec3::new(met + 0.25, 0.1, 9.0), Vec3::Y * 9.0, Vec3::Z * 3.0);
     let params = RayParams { samples: 64, radius: 1.0, intensity: 1.0, ..params };
@@ -180,7 +182,7 @@ fn glass_blends_by_fresnel_weights_as_refraction_does() {
     world.quad(ground, Vec3::Z * -3.0, Vec3::X * 90.0, Vec3::Y * 90.0);
     let (pixel, rays) = look(&world, Corrected, params);
     let r = fresnel(70f32.to_radians().cos(), 1.5).reflectance;
-    // The ground hides the light, which comes from below, from the wall; its own upper side is turned away.
+    // Light comes from below. The ground hides the wall from it, and the ground's upper side is turned away from it.
     let expected = r * 0.5 * world.lit(paint, 1.0) + (1.0 - r) * 0.5 * world.lit(ground, 0.0);
     assert_close(pixel, expected, 2e-6, "blend");
     assert_eq!((rays.reflected, rays.refracted, rays.shadow), (1, 1, 1));

@@ -1,4 +1,4 @@
-//! As the report's `final.cu`.
+//! The program as the report's `final.cu` has it.
 
 use crate::effects::light::SHADOWED;
 use crate::effects::refraction::thesis::glass_pixel;
@@ -7,7 +7,7 @@ use crate::effects::{Coverage, Pass, Pixel, Workspace, opaque};
 use crate::trace::{Hit, Ray, Tracer};
 use glam::{Vec3, Vec4};
 
-/// Glass (by its mask) or the shadowed colour, occluded; alpha 1.
+/// The colour of glass (by its mask) or else the shadowed colour, times the ambient occlusion; alpha 1.
 pub fn pixel<T: Tracer, C: Coverage>(pass: &Pass<'_, T, C>, pixel: Pixel, work: &mut Workspace) -> [f32; 4] {
     let color = pass.job.color[pixel.index];
     let position = pass.position(pixel).truncate();
@@ -26,8 +26,8 @@ fn light_share<T: Tracer, C: Coverage>(pass: &Pass<'_, T, C>, position: Vec3, wo
     if pass.thesis_sees_light(position, |hit| !pass.passes_light(hit)) { 1.0 } else { SHADOWED }
 }
 
-/// `closest_hit`. It hands `faceforward` the ray's direction where the other programs hand it the opposite: the normal
-/// looks away from the viewer, for the light and for the occlusion hemisphere.
+/// The report's `closest_hit`. It hands `faceforward` the ray's direction where the other programs hand it the
+/// opposite. So the normal looks away from the viewer, both for the light and for the occlusion hemisphere.
 fn shade<T: Tracer, C: Coverage>(pass: &Pass<'_, T, C>, ray: &Ray, hit: &Hit, work: &mut Workspace) -> Vec3 {
     let (geometric, shading) = pass.thesis_normals(hit);
     let normal = face_forward(shading, ray.direction, geometric);

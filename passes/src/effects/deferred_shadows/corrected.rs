@@ -1,4 +1,4 @@
-//! With the geometric normal deciding the side, and exact origins.
+//! The program with the side decided by the geometric normal, and with exact ray origins.
 
 use super::light::{Light, light};
 use crate::effects::light::SHADOWED;
@@ -8,9 +8,9 @@ use glam::Vec3;
 
 /// The light's share, alpha 1.
 ///
-/// The cosine is the shading normal's, so the geometric normal is turned to its side where the scene has vertex normals,
-/// and else to the viewer. A triangle turned away from the light is in its own shadow, without a ray, unless the round surface that it
-/// stands for is not (`effects::terminator`).
+/// The colour was lit by the shading normal's cosine. So the shaded side is the shading normal's where the scene has
+/// vertex normals, and else the viewer's. A triangle turned away from the light is in its own shadow, without a ray,
+/// unless the round surface that it stands for faces the light (`effects::terminator`).
 pub fn pixel<T: Tracer, C: Coverage>(pass: &Pass<'_, T, C>, pixel: Pixel, work: &mut Workspace) -> [f32; 4] {
     let share = match light(pass, pixel) {
         Light::Certain(share) => share,
@@ -23,7 +23,7 @@ pub fn pixel<T: Tracer, C: Coverage>(pass: &Pass<'_, T, C>, pixel: Pixel, work: 
     opaque(Vec3::splat(share))
 }
 
-/// The same of all pixels of a tile, whose rays are traced together.
+/// Computes all pixels of a tile, and traces their rays together.
 pub fn tile<T: Tracer, C: Coverage>(
     pass: &Pass<'_, T, C>,
     area: Area,

@@ -1,4 +1,4 @@
-//! What light falls on the pixels of a tile, as far as it can be told without knowing exactly where their rays start.
+//! Estimates of the light on a tile's pixels: what can be decided without the exact origins of their rays.
 
 use super::sides::{ALL, dot, sides_of_corners, signs};
 use crate::effects::tile::{Area, PART, PARTS, TILE, corner_of};
@@ -10,30 +10,31 @@ use curitiba_pipeline::backend::NO_TRIANGLE;
 use curitiba_pipeline::scene::Geometry;
 use glam::Vec3;
 
-/// Triangles that a tile may show.
+/// Greatest number of triangles that a sketched tile may show.
 const MOST: usize = 128;
-/// Cosine between the triangle and the light from which on it is certain which side is lit.
+/// Least cosine between triangle and light for which the lit side is certain.
 const GRAZING: f32 = 1.0e-4;
-/// Units of rounding error, of coordinates, by which the viewer must be off a triangle's plane.
+/// Least distance of the viewer from a triangle's plane, relative to the size of the coordinates: 32 units of rounding
+/// error.
 const ASIDE: f32 = 32.0 / 16_777_216.0;
 
-/// What is known of the pixels of a tile, by part.
+/// The sketch of a tile: its pixels, by part, and the triangles that they show.
 #[derive(Debug)]
 pub(super) struct Sketch {
     pub(super) estimates: Estimates,
-    /// Whether there is any.
+    /// Whether any pixel has a usable estimate.
     pub(super) is_of_use: bool,
-    /// One bit a pixel: those that show a triangle on which light falls, by its shading normal.
+    /// One bit a pixel: pixels with a triangle and with a light cosine above 0, by the shading normal.
     pub(super) shown: [u16; PARTS],
-    /// Those whose triangle is not known yet.
+    /// Shown pixels whose triangle is not in the list yet.
     left: [u16; PARTS],
-    /// Those whose triangle is turned away from the light.
+    /// Pixels whose triangle is turned away from the light.
     pub(super) dark: [u16; PARTS],
-    /// The triangles shown, and sixteen a vector, what is to be known of them.
+    /// The triangles that the tile shows; `faces` has their geometry, sixteen triangles a vector.
     triangles: [u32; MOST],
     faces: [Faces; MOST / PACKET],
     count: usize,
-    /// By triangle and part, one bit a pixel: those that show it.
+    /// For each triangle and part, one bit a pixel: the pixels that show the triangle.
     showing: [[u16; PARTS]; MOST],
 }
 
@@ -53,11 +54,11 @@ impl Default for Sketch {
     }
 }
 
-/// Sketches a tile; false if it shows too many triangles, or is cut off at the image's border.
+/// Kernel that sketches a tile; returns false if the tile shows too many triangles or is cut off at the image's border.
 pub(super) struct Draw<'a, T, C> {
     pub(super) sketch: &'a mut Sketch,
     pub(super) pass: &'a Pass<'a, T, C>,
-    /// Not a copy: a whole whose parts were just written has to wait for all that was written before.
+    /// A reference, not a copy: loading a whole whose parts were just stored waits for those stores.
     pub(super) area: &'a Area,
 }
 
@@ -103,7 +104,7 @@ impl<T: Tracer, C: Coverage> Kernel<bool> for Draw<'_, T, C> {
 }
 
 impl Sketch {
-    /// Finds which triangles the pixels show; false if those are too many.
+    /// Lists the triangles that the pixels show; false if there are too many.
     #[inline(always)]
     fn find<S: Simd, T: Tracer, C: Coverage>(&mut self, simd: S, pass: &Pass<'_, T, C>, area: &Area) -> bool {
         (self.dark, self.estimates.valid) = ([0; PARTS], [0; PARTS]);
@@ -136,7 +137,7 @@ impl Sketch {
                 }
                 let id = self.estimates.triangle[part][self.left[part].trailing_zeros() as usize % PACKET];
                 self.triangles[self.count] = id;
-                // Those before are done; to leave them out would take a jump.
+                // Earlier parts have no pixels left; to skip them would take a branch.
                 for (part, left) in self.left.iter_mut().enumerate() {
                     let showing = *left & simd.wide_equal(&self.estimates.triangle[part], id) as u16;
                     self.showing[self.count][part] = showing;
@@ -148,7 +149,8 @@ impl Sketch {
         true
     }
 
-    /// Counts positions from a centre, and returns how far they reach from it by axis; nothing if there are none.
+    /// Makes positions relative to one of them, the centre, and returns their largest distance from it for each axis;
+    /// `None` if no pixel is shown.
     #[inline(always)]
     fn center<S: Simd>(&mut self, simd: S) -> Option<Vec3> {
         let part = self.shown.iter().position(|shown| *shown != 0)?;
@@ -167,7 +169,8 @@ impl Sketch {
         Some(Vec3::from_array(extent.map(|extent| simd.wide_most(extent))))
     }
 
-    /// Prepares sixteen triangles, and says which are turned away from the light and of which that is not certain.
+    /// Prepares sixteen triangles. Returns the mask of those turned away from the light, and the mask of those for
+    /// which that is uncertain.
     #[inline(always)]
     fn triangles_of<S: Simd>(
         &mut self,
@@ -177,7 +180,7 @@ impl Sketch {
         (eye, light): (Vec3, Vec3),
         extent: Vec3,
     ) -> (Mask, Mask) {
-        // What the last sixteen lack.
+        // Fill unused lanes of the last sixteen with the first triangle.
         let first = self.triangles[0];
         self.triangles[self.count.min((chunk + 1) * PACKET)..(chunk + 1) * PACKET].fill(first);
         let ids = &self.triangles.as_chunks().0[chunk];
@@ -205,17 +208,18 @@ impl Sketch {
     }
 }
 
-/// Four values that follow each other, from four places on.
+/// Four consecutive values from each of four indices on.
 ///
 /// # Panics
-/// If there are not so many.
+/// If `values` is too short.
 #[inline(always)]
 fn four_each<'v, V>(values: &'v [V], [a, b, c, d]: &[usize; PART]) -> [&'v [V; PART]; PART] {
     let four = |first: usize| &values[first..first + PART].as_chunks().0[0];
     [four(*a), four(*b), four(*c), four(*d)]
 }
 
-/// Where the viewer is clearly on the side of the triangle's normal, and where on the other.
+/// The lanes where the viewer is clearly on the side of the triangle's normal, and those where it is clearly on the
+/// other side.
 #[inline(always)]
 fn eye_sides<S: Simd>(simd: S, normal: [S::Vector; 3], corners: [[S::Vector; 3]; 3], eye: Vec3) -> (Mask, Mask) {
     let eye = eye.to_array().map(|eye| simd.splat(eye));

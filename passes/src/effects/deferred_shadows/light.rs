@@ -1,4 +1,4 @@
-//! What the light of a pixel depends on: the side of its triangle, and a ray.
+//! What decides the light of a pixel: the side of its triangle, and a ray.
 
 use crate::effects::coverage::Coverage;
 use crate::effects::interpolate::{interpolate, locate};
@@ -8,31 +8,31 @@ use crate::effects::terminator::Lifted;
 use crate::trace::{SurfacePoint, Tracer};
 use glam::Vec3;
 
-/// Cosine between a triangle's normal and a corner's from which on their side is not doubted.
+/// Least cosine between a triangle's normal and the normal at a corner for which their sides are beyond doubt.
 pub(super) const CLEARLY: f32 = 1.0e-2;
 
-/// What a pixel's light depends on.
+/// What is left to find out about the light at a point.
 pub(super) enum Light {
-    /// Nothing: it has this share.
+    /// Nothing: the light has this share.
     Certain(f32),
-    /// A ray from here.
+    /// A shadow ray from this origin.
     Ray(Vec3),
-    /// Two, since its triangle is turned away and the surface that it stands for is not.
+    /// Two rays, for a point whose triangle is turned away from the light while the round surface it stands for is not.
     Lifted(Lifted),
 }
 
-/// Whether light falls on what a pixel shows, by its shading normal; else it is dark already.
+/// Whether a pixel's shading normal faces the light. If not, its colour is dark already.
 pub(super) fn is_lit<T: Tracer, C: Coverage>(pass: &Pass<'_, T, C>, pixel: Pixel) -> bool {
     pass.position(pixel).w > 0.0
 }
 
-/// What the light of a pixel depends on.
+/// What is left to find out about the light of a pixel.
 pub(super) fn light<T: Tracer, C: Coverage>(pass: &Pass<'_, T, C>, pixel: Pixel) -> Light {
     let Some(triangle) = pass.triangle(pixel).filter(|_| is_lit(pass, pixel)) else { return Light::Certain(1.0) };
     light_at(pass, triangle, &pass.point_at(pixel, triangle))
 }
 
-/// What the light at a point depends on.
+/// What is left to find out about the light at a point of a triangle.
 pub(super) fn light_at<T: Tracer, C>(pass: &Pass<'_, T, C>, triangle: u32, point: &SurfacePoint) -> Light {
     let side = side(pass, triangle, point);
     let is_turned_away = point.normal.dot(pass.to_light) * side <= 0.0;
@@ -42,7 +42,7 @@ pub(super) fn light_at<T: Tracer, C>(pass: &Pass<'_, T, C>, triangle: u32, point
     pass.lifted(triangle, point, (point.normal * side, pass.to_light)).map_or(Light::Certain(SHADOWED), Light::Lifted)
 }
 
-/// 1 where the triangle's normal is on the side that is shaded, else -1.
+/// 1 where the triangle's normal is on the shaded side, else -1.
 pub(super) fn side<T: Tracer, C>(pass: &Pass<'_, T, C>, triangle: u32, point: &SurfacePoint) -> f32 {
     if pass.sphere(triangle).is_some() {
         return 1.0;
@@ -51,7 +51,7 @@ pub(super) fn side<T: Tracer, C>(pass: &Pass<'_, T, C>, triangle: u32, point: &S
     if geometry.normals.is_empty() {
         return 1f32.copysign(point.normal.dot(pass.job.eye - point.position));
     }
-    // Where the normals at all three corners are clearly on one side, so is what lies between them.
+    // Where the normals at all three corners are clearly on one side, their interpolation is on that side.
     let of_corners = geometry.triangles[triangle as usize].map(|corner| {
         let normal = geometry.normals[corner as usize];
         (point.normal.dot(normal), CLEARLY * normal.length_squared().max(1.0))

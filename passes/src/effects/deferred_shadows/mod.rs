@@ -1,7 +1,7 @@
 //! `deferredShadows`: the shadow of a directional light, 0.5 in shadow and 1 in light.
 //!
-//! One shadow ray, or as many as go to the light's disc, for each pixel whose light cosine (the position's `w`) is above 0; the others are 1, for they are dark
-//! already.
+//! Pixels whose light cosine (the position's `w`) is above 0 trace one shadow ray, or several to the points of the
+//! light's disc. All other pixels are 1, because their colour is dark already.
 
 pub mod corrected;
 mod estimate;

@@ -3,7 +3,7 @@
 use super::light::CLEARLY;
 use crate::trace::{F16, LANES, Mask, Simd, half_of};
 
-/// The lanes of eight.
+/// Mask of all eight lanes.
 pub(super) const ALL: Mask = (1 << LANES) - 1;
 
 /// As [`Vec3::dot`].
@@ -12,7 +12,7 @@ pub(super) fn dot<S: Simd>(simd: S, [ax, ay, az]: [S::Vector; 3], [bx, by, bz]: 
     simd.add(simd.add(simd.mul(ax, bx), simd.mul(ay, by)), simd.mul(az, bz))
 }
 
-/// The lanes above 0, and those below.
+/// The lanes above 0, and the lanes below 0.
 #[inline(always)]
 pub(super) fn signs<S: Simd>(simd: S, a: S::Vector) -> (Mask, Mask) {
     let zero = simd.splat(0.0);
@@ -20,8 +20,8 @@ pub(super) fn signs<S: Simd>(simd: S, a: S::Vector) -> (Mask, Mask) {
     (not_below & !not_above, not_above & !not_below)
 }
 
-/// Where the normals at all corners are clearly on the side of the triangle's normal, and where on the other: of half of sixteen
-/// triangles.
+/// For one half of sixteen triangles: the lanes where the normals at all three corners are clearly on the side of the
+/// triangle's normal, and the lanes where all are clearly on the other side.
 #[inline(always)]
 pub(super) fn sides_of_corners<S: Simd>(
     simd: S,
@@ -35,7 +35,8 @@ pub(super) fn sides_of_corners<S: Simd>(
     (above_a & above_b & above_c, below_a & below_b & below_c)
 }
 
-/// Where the normal at a corner is clearly on the side of the triangle's normal, and where on the other.
+/// The lanes where the normal at a corner is clearly on the side of the triangle's normal, and those where it is
+/// clearly on the other side.
 #[inline(always)]
 fn sides<S: Simd>(simd: S, normal: [S::Vector; 3], corner: [S::Vector; 3]) -> (Mask, Mask) {
     let cosine = dot(simd, normal, corner);

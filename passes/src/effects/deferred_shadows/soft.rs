@@ -1,4 +1,4 @@
-//! With the disc of the light (`effects::sun`) in the place of a point.
+//! The program for a light that is a disc (`effects::sun`) instead of a point.
 
 use super::light::{is_lit, side};
 use crate::effects::sun::LitSide;

@@ -15,7 +15,8 @@ fn shadows(shot: &Shot<'_>, fidelity: Fidelity) -> (Vec<[f32; 4]>, u64) {
     (pixels, rays.shadow)
 }
 
-/// A floor and, one unit above, a roof over `x < 0` that ends far away; light falls towards +x at 45 degrees.
+/// A floor and, one unit above, a roof over `x < 0` with its other edges far away; light falls towards +x at 45
+/// degrees.
 fn half_plane() -> World {
     let mut world = World::lit_along(Vec3::new(1.0, -1.0, 0.0));
     let paint = world.paint(Vec3::splat(0.5));
@@ -67,19 +68,19 @@ fn background_and_unlit_pixels_are_one_and_trace_nothing() {
 fn a_triangle_turned_away_from_the_light_is_in_its_own_shadow_without_a_ray() {
     let mut world = World::lit_along(Vec3::new(1.0, -0.05, 0.0));
     let paint = world.paint(Vec3::splat(0.5));
-    // Tilted away from the light by less than its vertex normals are bent towards it.
+    // The triangle is tilted away from the light by less than its vertex normals are bent towards the light.
     world.quad(paint, Vec3::ZERO, Vec3::Z, Vec3::new(1.0, -0.2, 0.0));
     world.bend_normals(Vec3::new(-0.3, 1.0, 0.0));
     let shot = Shot::of(&world, EYE, [Vec3::new(0.1, -0.02, 0.1)]);
     assert!(shot.position[0][3] > 0.1, "the shading normal sees the light");
     assert_eq!(shadows(&shot, Corrected), (vec![[0.5, 0.5, 0.5, 1.0]], 0));
-    // The ray as written starts on the wrong side, and meets nothing.
+    // In the report's program the ray starts on the wrong side and hits nothing.
     assert_eq!(shadows(&shot, Thesis), (vec![[1.0; 4]], 1));
 }
 
 #[test]
 fn the_side_is_that_of_the_vertex_normals_where_there_are_any() {
-    // A floor seen from below whose normals look up, to the light: lit from above.
+    // A floor seen from below, whose normals look up to the light: lit from above.
     let mut world = World::lit_along(Vec3::new(0.2, -1.0, 0.0));
     let paint = world.paint(Vec3::splat(0.5));
     world.quad(paint, Vec3::ZERO, Vec3::X, Vec3::Z);
@@ -87,7 +88,7 @@ fn the_side_is_that_of_the_vertex_normals_where_there_are_any() {
     let below = Vec3::new(0.0, -3.0, 0.0);
     let shot = Shot::of(&world, below, [Vec3::new(0.1, 0.0, 0.1)]);
     assert_eq!(shadows(&shot, Corrected), (vec![[1.0; 4]], 1));
-    // Without normals the side is the viewer's.
+    // Without vertex normals, the lit side is the viewer's.
     let mut bare = world.scene.clone();
     bare.geometry.normals.clear();
     let mut job = shot.job(RayProgram::DeferredShadows, Corrected, RayParams::default());
@@ -109,7 +110,7 @@ fn light_passes_where_a_texture_is_cut_out_in_corrected_only() {
     let values = |fidelity| shadows(&shot, fidelity).0.iter().map(|pixel| pixel[0]).collect::<Vec<_>>();
     assert_eq!(values(Corrected), [0.5, 1.0, 1.0]);
     assert_eq!(values(Thesis), [0.5, 0.5, 1.0]);
-    // Drawn in the report's mask of glass, (1, 0, 1, 0), they keep their shape.
+    // The same leaves drawn in the report's glass mask, (1, 0, 1, 0), keep their shape.
     world.shades[leaves as usize].diffuse = Vec4::new(1.0, 0.0, 1.0, 0.0);
     let shot = Shot::of(&world, Vec3::new(0.0, 0.5, 8.0), points);
     assert_eq!(shadows(&shot, Corrected).0.iter().map(|pixel| pixel[0]).collect::<Vec<_>>(), [0.5, 1.0, 1.0]);
@@ -165,7 +166,7 @@ fn pixels_of_a_tile_get_what_they_get_alone() {
     let targets: Vec<Vec3> = grid(48, Vec3::ZERO, Vec3::X * 4.0, Vec3::NEG_Y * 4.0).collect();
     let mut bare = world.scene.clone();
     bare.geometry.normals.clear();
-    // 48 pixels a row are three tiles; 36 leave one of four columns, and rows that no tile is full of.
+    // 48 pixels a row are three tiles. 36 pixels leave one tile of four columns, and rows that fill no tile.
     for width in [48, 36] {
         let shot = Shot::of(&world, Vec3::new(1.0, 2.0, 12.0), targets.iter().copied()).rows(width);
         for scene in [&world.scene, &bare] {
@@ -219,7 +220,7 @@ impl Tracer for Counting<'_> {
     }
 }
 
-/// A floor with a step, of a few large triangles, under what casts shadows.
+/// A floor of a few large triangles with a step in it, under triangles that cast shadows.
 fn under_a_roof() -> World {
     let mut world = World::scattered();
     let paint = world.paint(Vec3::splat(0.5));
@@ -279,7 +280,7 @@ fn positions_off_their_triangle_are_decided_as_alone() {
         (state >> 8) as f32 / 8_388_608.0 - 1.0
     };
     for (index, position) in shot.position.iter_mut().enumerate() {
-        // Of low precision; far off; no numbers.
+        // Offsets of low precision, offsets far away, and positions that are not numbers.
         let off = [2e-3, 0.0, 0.3, 1e-6, 0.0, 5.0, 1e-4, 0.0][index % 8];
         for coordinate in &mut position[..3] {
             *coordinate += off * random();
@@ -299,7 +300,8 @@ fn positions_off_their_triangle_are_decided_as_alone() {
     assert_eq!(pixels, alone);
 }
 
-/// Workers keep their buffers from pass to pass, and the last sixteen pixels of a tile are filled up with earlier ones.
+/// Workers keep their buffers from pass to pass, and the unused lanes of a tile's last sixteen pixels hold earlier
+/// pixels.
 #[test]
 fn a_small_picture_of_a_small_scene_may_follow_a_large_one() {
     let large = World::scattered();

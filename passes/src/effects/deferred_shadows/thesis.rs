@@ -1,4 +1,4 @@
-//! As the report's `deferredShadows.cu`.
+//! The program as the report's `deferredShadows.cu` has it.
 
 use crate::effects::light::SHADOWED;
 use crate::effects::{Coverage, Pass, Pixel, Workspace};

@@ -1,6 +1,6 @@
-//! The light of a tile's pixels, found out together. Most of it is certain from estimates (`estimate.rs`); of the other pixels,
-//! where their rays start is computed sixteen at a time, by the operations of a single pixel, and the rays go down the tree as
-//! packets.
+//! The light of a tile's pixels, computed together. Estimates (`estimate.rs`) decide most pixels with certainty. For
+//! the others, ray origins are computed sixteen at a time, by the same operations as for a single pixel, and the rays
+//! are traced as packets.
 
 use super::estimate::{Draw, Sketch};
 use super::light::{Light, is_lit, light_at};
@@ -16,21 +16,21 @@ use crate::trace::{
 use curitiba_pipeline::backend::RayJob;
 use glam::{Vec3, Vec4};
 
-/// Pixels up to which each is looked at by itself.
+/// Up to so many pixels are computed one by one; more are computed sixteen at a time.
 const FEW: usize = 7;
 
-/// What is known of a tile, and the buffers that it takes to find out.
+/// The shadows of a tile, and the buffers for finding them.
 #[derive(Debug, Default)]
 pub struct Tile {
-    /// By part, one bit a pixel: those in shadow.
+    /// One bit a pixel, by part: pixels in shadow.
     dark: [u16; PARTS],
-    /// Those of them whose triangle is turned away from the light.
+    /// Pixels in shadow whose triangle is turned away from the light.
     turned: [u16; PARTS],
     sketch: Box<Sketch>,
     decided: Box<Decided>,
     /// Pixels whose rays are traced.
     shown: VisiblePixels,
-    /// Those of the tile come first.
+    /// The first packets are the current tile's; later ones are left from other tiles.
     packets: Vec<Packet>,
     /// The place of each ray.
     places: Vec<[u8; PACKET]>,
@@ -38,18 +38,18 @@ pub struct Tile {
 }
 
 impl Tile {
-    /// Forgets the pass before.
+    /// Forgets the previous pass.
     pub(in crate::effects) fn forget(&mut self) {
         self.shown.forget();
     }
 
-    /// Finds out the light of a tile's pixels, and returns the number of rays that it took.
+    /// Computes the light of a tile's pixels, and returns the number of rays.
     pub(super) fn prepare<T: Tracer, C: Coverage>(&mut self, pass: &Pass<'_, T, C>, area: &Area) -> u64 {
         let rays = self.triangles(pass, area);
         if T::SPHERES { rays + self.spheres(pass, area) } else { rays }
     }
 
-    /// Finds out the light of the pixels that show spheres, one by one; returns the number of rays that it took.
+    /// Computes the light of the pixels that show spheres, one by one, and returns the number of rays.
     fn spheres<T: Tracer, C: Coverage>(&mut self, pass: &Pass<'_, T, C>, area: &Area) -> u64 {
         let mut rays = 0;
         for (place, pixel) in area.pixels().filter(|(_, pixel)| is_lit(pass, *pixel)) {
@@ -68,7 +68,7 @@ impl Tile {
         rays
     }
 
-    /// The same of those that show triangles.
+    /// Computes the light of the pixels that show triangles, and returns the number of rays.
     fn triangles<T: Tracer, C: Coverage>(&mut self, pass: &Pass<'_, T, C>, area: &Area) -> u64 {
         (self.dark, self.turned) = ([0; PARTS], [0; PARTS]);
         self.places.clear();
@@ -100,7 +100,8 @@ impl Tile {
         rays + self.lift(pass, area)
     }
 
-    /// Lights those pixels of triangles turned away from the light whose round surface is not; returns the number of rays that it took.
+    /// Lights the pixels whose triangle is turned away from the light while the round surface it stands for is not.
+    /// Returns the number of rays.
     fn lift<T: Tracer, C: Coverage>(&mut self, pass: &Pass<'_, T, C>, area: &Area) -> u64 {
         let mut rays = 0;
         if pass.job.scene.geometry.normals.is_empty() {
@@ -123,7 +124,7 @@ impl Tile {
         rays
     }
 
-    /// Finds out the light of pixels that are too few to be looked at together; returns the number of rays that it took.
+    /// Computes the light of few pixels, one by one, and returns the number of rays.
     fn one_by_one<T: Tracer, C: Coverage>(&mut self, pass: &Pass<'_, T, C>) -> u64 {
         let mut rays = 0;
         for (place, pixel, triangle) in self.shown.iter() {
@@ -145,8 +146,8 @@ impl Tile {
         rays
     }
 
-    /// Takes what is certain of a tile that was sketched, and puts all other pixels among those that are shown; returns the number
-    /// of rays that need not be traced.
+    /// Takes what the sketch of a tile decides with certainty, and puts all other pixels into `shown`. Returns the
+    /// number of rays that this replaces.
     fn decide<T: Tracer, C: Coverage>(&mut self, pass: &Pass<'_, T, C>, area: &Area) -> u64 {
         let Self { dark, turned, sketch, decided, shown, .. } = self;
         *turned = sketch.dark;
@@ -202,7 +203,7 @@ impl Kernel<()> for Write<'_, '_> {
                 let pixels = usize::from(pixels >> (row * PART) & 0xf);
                 let values = simd.wide_store(simd.wide_select(COMPONENTS[pixels], dark, lit));
                 let out: &mut [f32] = bytemuck::cast_slice_mut(&mut self.rows[top + row][..]);
-                // What lies outside of the image is not there.
+                // Parts of the tile beyond the image's border have no pixels.
                 match out.get_mut(4 * left..4 * (left + PART)) {
                     Some(out) => out.copy_from_slice(&values.0),
                     None => out.iter_mut().skip(4 * left).zip(values.0).for_each(|(out, value)| *out = value),
@@ -212,7 +213,7 @@ impl Kernel<()> for Write<'_, '_> {
     }
 }
 
-/// By a mask of four pixels, that of their components.
+/// For each mask of four pixels, the mask of their sixteen components.
 const COMPONENTS: [Mask; 16] = {
     let mut components = [0; 16];
     let mut pixels = 0;
@@ -248,7 +249,7 @@ impl<T: Tracer, C: Coverage> Kernel<()> for Collect<'_, T, C> {
     }
 }
 
-/// What prepares the rays of a tile.
+/// The SIMD kernel that prepares the rays of a tile.
 struct Rays<'a, T, C> {
     tile: &'a mut Tile,
     pass: &'a Pass<'a, T, C>,
@@ -280,9 +281,9 @@ impl<T: Tracer, C: Coverage> Kernel<()> for Rays<'_, T, C> {
 
 /// One bit a pixel.
 struct Sides {
-    /// Those whose triangle is turned away from the light.
+    /// Pixels whose triangle is turned away from the light.
     dark: u16,
-    /// Those of whom that, or where their rays start, is not certain.
+    /// Pixels for which `dark` or the ray's origin is uncertain.
     doubtful: u16,
 }
 
@@ -290,7 +291,8 @@ impl Sixteen<'_> {
     /// Finds where rays to the light start, and puts them into a packet.
     #[inline(always)]
     fn prepare<S: Simd>(&self, simd: S, job: &RayJob<'_>, to_light: &Vec3, packet: &mut Packet) -> Sides {
-        // A copy, since what is written might else be what it is read from; by parts, since a whole may have to be waited for.
+        // A copy, because the compiler must assume that `packet` may alias `to_light`. Copied by component, because a
+        // load of the whole vector may stall on the stores of its parts.
         let light = Vec3::new(to_light.x, to_light.y, to_light.z);
         let geometry = &job.scene.geometry;
         let vertices = vertices(simd, &geometry.triangles, self.triangles);
@@ -328,7 +330,7 @@ impl Sixteen<'_> {
         Sides { dark: dark as u16, doubtful: doubtful as u16 }
     }
 
-    /// Looks at the doubtful pixels one by one, and returns all that are dark.
+    /// Computes the doubtful pixels one by one, and returns the mask of all dark pixels.
     #[cold]
     fn settle<T, C>(&self, pass: &Pass<'_, T, C>, packet: &mut Packet, mut dark: u16, doubtful: u16) -> u16
     where

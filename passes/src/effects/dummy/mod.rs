@@ -1,4 +1,4 @@
-//! `dummy`: writes the input colour. What it costs is what joining the two systems costs.
+//! `dummy`: writes the input colour. Its cost is the cost of connecting the rasteriser to the ray tracer.
 
 use crate::effects::{Pixel, Workspace};
 use curitiba_pipeline::backend::RayJob;

@@ -1,11 +1,11 @@
-//! With exact origins, glass by material, and normals turned to the viewer.
+//! The program with exact ray origins, glass by material, and normals turned to the viewer.
 
 use crate::effects::optics::reflect;
 use crate::effects::{Coverage, Pass, Pixel, Workspace, opaque};
 use crate::trace::{Announcement, Purpose, Tracer};
 use glam::Vec3;
 
-/// The reflected colour of a glass pixel, else the colour as it is.
+/// The reflected colour of a glass pixel; other pixels keep their colour.
 pub fn pixel<T: Tracer, C: Coverage>(pass: &Pass<'_, T, C>, pixel: Pixel, work: &mut Workspace) -> [f32; 4] {
     let Some(triangle) = pass.triangle(pixel).filter(|triangle| pass.is_glass(*triangle)) else {
         return pass.job.color[pixel.index];

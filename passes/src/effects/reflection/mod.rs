@@ -1,6 +1,6 @@
-//! `reflection`: a mirror in the place of glass. Other pixels keep their colour.
+//! `reflection`: glass pixels become mirrors. Other pixels keep their colour.
 //!
-//! A chain of mirror rays, at most `depth` glass hits long; black beyond, and where a ray leaves the scene.
+//! A chain of mirror rays, at most `depth` glass hits long. It is black beyond that, and where a ray leaves the scene.
 
 pub mod corrected;
 pub mod thesis;

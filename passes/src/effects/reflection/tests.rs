@@ -42,7 +42,7 @@ fn a_mirror_shows_the_texture_where_the_mirrored_ray_meets_it() {
     let shot = Shot::of(&world, eye, targets);
     let (pixels, _) = shot.run(PROGRAM, Corrected, RayParams::default());
     for (target, pixel) in targets.iter().zip(pixels) {
-        // Mirrored at z = 0 and followed to z = 6.
+        // The ray is mirrored at z = 0 and followed to z = 6.
         let direction = (*target - eye) * Vec3::new(1.0, 1.0, -1.0);
         let met = *target + direction * (6.0 / direction.z);
         let u = 0.5 + met.x / 10.0;
@@ -61,7 +61,7 @@ fn a_mirror_shows_the_colours_of_vertices_and_passes_where_their_alpha_cuts() {
     world.quad(glass, Vec3::ZERO, Vec3::X, Vec3::Y);
     world.quad(wall, Vec3::new(0.0, 0.0, 6.0), Vec3::X * 5.0, Vec3::NEG_Y * 5.0);
     world.quad(beyond, Vec3::new(0.0, 0.0, 9.0), Vec3::X * 50.0, Vec3::NEG_Y * 50.0);
-    // Linear in the place, so that both triangles of a quad agree.
+    // Linear in position, so that the interpolations in both triangles of a quad agree.
     let tint = |at: Vec3| Vec4::new(0.5 + 0.1 * at.x, 0.5 - 0.1 * at.x, 0.5 + 0.1 * at.y, 0.5 + 0.1 * at.x);
     world.scene.geometry.colors = world.scene.geometry.positions.iter().map(|at| tint(*at)).collect();
     let shade = &mut world.shades[wall as usize];
@@ -91,7 +91,8 @@ fn a_mirror_shows_walls_lit_by_their_normal_maps() {
     let flat = Vec3::NEG_Z;
     for (scale, mirrored) in [(1.0, 1.0), (0.5, 1.0), (1.0, -1.0)] {
         let tilted = (Vec3::X * x * scale * mirrored + Vec3::NEG_Y * y * scale + flat * z).normalize();
-        // Light that both face, that the wall alone faces, and that the bumps alone face.
+        // Three lights: one that wall and bumps both face, one that only the wall faces, and one that only the bumps
+        // face.
         let lights = [flat + tilted, flat - 0.98 * tilted, tilted - 1.02 * flat * tilted.dot(flat)];
         let expected = lights.map(|to_light| {
             let to_light = to_light.normalize();
@@ -108,14 +109,15 @@ fn a_mirror_shows_walls_lit_by_their_normal_maps() {
                 world.scene.geometry.texcoords.iter_mut().for_each(|texcoord| texcoord.x = -texcoord.x);
             }
             world.bump(wall, [texel; 2], scale);
-            // Vertex normals that look to the other side are turned to the viewer, and the bumps with them: then the other way.
+            // Vertex normals that look to the other side are turned to the viewer. The bumps turn with them, so they
+            // bend the other way.
             for turn in [false, true] {
                 let mut cosine = cosine;
                 if turn {
                     let geometry = &mut world.scene.geometry;
                     geometry.normals.iter_mut().for_each(|normal| *normal = -*normal);
                     let turned = (tilted - 2.0 * (tilted - flat * tilted.dot(flat))).normalize();
-                    // The frame's third axis was turned and the bitangent with it.
+                    // The frame's third axis was turned; turn the bitangent with it.
                     geometry.tangents.iter_mut().for_each(|tangent| tangent.w = -tangent.w);
                     let to_light = to_light.normalize();
                     cosine = if flat.dot(to_light) > 0.0 { turned.dot(to_light).max(0.0) } else { 0.0 };
@@ -142,7 +144,7 @@ fn a_mirror_shows_light_that_surfaces_send_out_and_textures_that_are_clamped() {
     world.shades[picture as usize].glow = Some(Glow { color, texture: Some(0) });
     world.quad(glass, Vec3::ZERO, Vec3::X, Vec3::Y);
     world.quad(picture, Vec3::new(0.0, 0.0, 6.0), Vec3::X * 5.0, Vec3::NEG_Y * 5.0);
-    // A third of the wall to each side shows the texels at the edge.
+    // Texture coordinates from -1 to 2: the outer thirds of the wall show the edge texels.
     world.scene.geometry.texcoords.iter_mut().for_each(|texcoord| texcoord.x = texcoord.x * 3.0 - 1.0);
     let eye = Vec3::new(0.1, 0.0, 3.0);
     let targets = [Vec3::new(-0.9, 0.1, 0.0), Vec3::new(0.1, -0.3, 0.0), Vec3::new(0.9, 0.5, 0.0)];
@@ -151,7 +153,7 @@ fn a_mirror_shows_light_that_surfaces_send_out_and_textures_that_are_clamped() {
     for (target, pixel) in targets.iter().zip(pixels) {
         let direction = (*target - eye) * Vec3::new(1.0, 1.0, -1.0);
         let met = *target + direction * (6.0 / direction.z);
-        // Two texels whose centres lie at 0.25 and 0.75.
+        // The two texels have their centres at 0.25 and 0.75.
         let u = (0.5 + met.x / 10.0) * 3.0 - 1.0;
         let blue = ((u - 0.25) / 0.5).clamp(0.0, 1.0);
         let texel = Vec3::new(1.0 - blue, 0.0, blue);
@@ -188,7 +190,8 @@ fn bounces_beyond_the_depth_are_black() {
     let (world, paint) = corridor();
     let eye = Vec3::new(0.0, 0.0, 0.5);
     for (slope, bounces) in [(0.3, 2), (0.6, 5), (0.7, 6), (0.9, 8)] {
-        // Unfolded, the ray climbs 10 * slope and crosses that many mirrors, from half the height; the first is the pixel.
+        // Unfolded, the ray climbs 10 * slope from half the height, and crosses that many mirrors; the first one is the
+        // pixel itself.
         assert_eq!((10.0f32 * slope + 0.5) as u32 - 1, bounces);
         let shot = Shot::of(&world, eye, [eye + Vec3::new(1.0, 0.0, slope)]);
         assert_eq!(shot.color[0], [1.0, 0.0, 1.0, 0.0], "a mirror is seen");
@@ -222,7 +225,7 @@ fn glass_is_known_by_its_mask_in_thesis_and_by_its_material_in_corrected() {
     let (world, _) = corridor();
     let eye = Vec3::new(0.0, 0.0, 0.5);
     let mut shot = Shot::of(&world, eye, [eye + Vec3::new(1.0, 0.0, 0.3), Vec3::new(10.0, 0.0, 0.5)]);
-    // The mask on the wall, and none on the mirror.
+    // The first pixel is the wall with the mask's colour, the second the mirror without it.
     shot.color = vec![[0.2, 0.3, 0.4, 1.0], [1.0, 0.0, 1.0, 0.0]];
     let (corrected, _) = shot.run(PROGRAM, Corrected, RayParams::default());
     let (thesis, _) = shot.run(PROGRAM, Thesis, RayParams::default());

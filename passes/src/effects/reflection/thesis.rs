@@ -1,4 +1,4 @@
-//! As the report's `reflection.cu`.
+//! The program as the report's `reflection.cu` has it.
 
 use crate::effects::optics::reflect;
 use crate::effects::thesis::{self, face_forward};
@@ -6,7 +6,7 @@ use crate::effects::{Coverage, Pass, Pixel, Workspace, opaque};
 use crate::trace::{Announcement, Purpose, Tracer};
 use glam::Vec3;
 
-/// The reflected colour of a glass pixel (by its mask), else the colour as it is.
+/// The reflected colour of a glass pixel (by its mask); other pixels keep their colour.
 pub fn pixel<T: Tracer, C: Coverage>(pass: &Pass<'_, T, C>, pixel: Pixel, work: &mut Workspace) -> [f32; 4] {
     let color = pass.job.color[pixel.index];
     if !thesis::is_glass_mask(color) {

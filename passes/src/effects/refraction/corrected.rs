@@ -1,5 +1,5 @@
-//! With Fresnel weights, exact unless the pass asks for Schlick's, and both colours blended at every bounce; `final`
-//! shares the glass.
+//! The program with Fresnel weights, and both colours blended at every bounce. Weights are exact unless the pass asks
+//! for Schlick's. `final` shares this glass.
 
 use crate::effects::dielectric::{Media, Walk};
 use crate::effects::optics::{REFLECTED, REFRACTED, interface, reflect};
@@ -10,7 +10,7 @@ use crate::sampling::hash::path_key;
 use crate::trace::{Announcement, Hit, Purpose, Tracer};
 use glam::Vec3;
 
-/// The blended colour of a glass pixel, else the colour as it is.
+/// The blended colour of a glass pixel; other pixels keep their colour.
 pub fn pixel<T: Tracer, C: Coverage>(pass: &Pass<'_, T, C>, pixel: Pixel, work: &mut Workspace) -> [f32; 4] {
     let Some(triangle) = pass.triangle(pixel).filter(|triangle| pass.is_glass(*triangle)) else {
         return pass.job.color[pixel.index];
@@ -20,7 +20,7 @@ pub fn pixel<T: Tracer, C: Coverage>(pass: &Pass<'_, T, C>, pixel: Pixel, work: 
     opaque(Glass { pass, shade }.blend(&surface, view, 0, 0, work))
 }
 
-/// [`pixel`] where glass is what each material says.
+/// As [`pixel`], where each material says what kind of glass it is.
 pub fn pixel_of_bodies<T: Tracer, C: Coverage>(pass: &Pass<'_, T, C>, pixel: Pixel, work: &mut Workspace) -> [f32; 4] {
     let Some(triangle) = pass.triangle(pixel).filter(|triangle| pass.is_glass(*triangle)) else {
         return pass.job.color[pixel.index];
@@ -30,14 +30,15 @@ pub fn pixel_of_bodies<T: Tracer, C: Coverage>(pass: &Pass<'_, T, C>, pixel: Pix
     opaque(Walk { pass, shade }.pixel(pixel, triangle, seen, pass.key(pixel), work))
 }
 
-/// The recursion over glass; `shade` gives the colour of everything else, given the key of the bounce path.
+/// The recursion over glass. `shade` computes the colour of other surfaces, with the key of the path.
 pub(in crate::effects) struct Glass<'p, 'a, T, C, F> {
     pub pass: &'p Pass<'a, T, C>,
     pub shade: F,
 }
 
 impl<T: Tracer, C: Coverage, F: Fn(&Hit, &Surface, u32, &mut Workspace) -> Vec3> Glass<'_, '_, T, C, F> {
-    /// What glass shows in direction `view` after `bounces` glass hits: reflected and refracted colours by their Fresnel
+    /// The colour that glass shows in direction `view` after `bounces` glass hits: reflected and refracted colours by
+    /// their Fresnel
     /// weights. A branch of weight 0 is not traced.
     pub fn blend(&self, surface: &Surface, view: Vec3, bounces: u32, key: u32, work: &mut Workspace) -> Vec3 {
         let (index, weights) = (self.pass.job.params.index, self.pass.job.params.fresnel);
@@ -46,7 +47,8 @@ impl<T: Tracer, C: Coverage, F: Fn(&Hit, &Surface, u32, &mut Workspace) -> Vec3>
             (normal, interface, interface.refract(view, normal, index))
         };
         let bent = split(surface.interface_normal(view));
-        // Refracted back to the viewer's side, which a bent normal can do for an index below 1: the flat surface serves.
+        // With an index below 1, a bent normal can refract the ray back to the viewer's side; then the geometric normal
+        // is used.
         let returns = bent.2.is_some_and(|direction| direction.dot(surface.facing) >= 0.0);
         let (normal, interface, refracted) = if returns { split(surface.facing) } else { bent };
         let mut color = Vec3::ZERO;

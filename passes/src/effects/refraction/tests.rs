@@ -9,7 +9,7 @@ const FRONT: Vec3 = Vec3::new(0.9, 0.2, 0.1);
 const BEHIND: Vec3 = Vec3::new(0.1, 0.6, 0.3);
 const ANGLES: [f32; 8] = [0.0, 15.0, 30.0, 45.0, 60.0, 66.0, 75.0, 85.0];
 
-/// Panes at these heights over a ground at z = -9 and under a ceiling at z = 9; ambient light only.
+/// Panes at these heights, above a ground at z = -9 and below a ceiling at z = 9, in ambient light only.
 fn panes(heights: &[f32], flipped: bool) -> World {
     let mut world = World::lit_along(Vec3::Y);
     let glass = world.glass();
@@ -23,7 +23,7 @@ fn panes(heights: &[f32], flipped: bool) -> World {
     world
 }
 
-/// The colour of a pixel that sees the highest pane from above at an angle from its normal.
+/// The colour of a pixel that sees the highest pane from above, at this angle from its normal.
 fn look(world: &World, degrees: f32, fidelity: Fidelity, params: RayParams) -> ([f32; 4], RayCounts) {
     let (sin, cos) = degrees.to_radians().sin_cos();
     let eye = Vec3::new(0.3, 0.4, 5.0);
@@ -55,7 +55,7 @@ fn a_pane_blends_both_sides_by_fresnel_weights() {
     }
 }
 
-/// Schlick's share in `f64`, for an index above 1.
+/// Schlick's reflectance in `f64`, for an index above 1.
 fn schlick(degrees: f32, index: f32) -> f32 {
     let (cos, index) = (f64::from(degrees.to_radians().cos()), f64::from(index));
     let zero = ((index - 1.0) / (index + 1.0)).powi(2);
@@ -87,7 +87,7 @@ fn a_pane_that_asks_for_schlicks_weights_has_them_and_no_other_has() {
             apart = apart.max(shift);
             assert!(shift < 1e-3 || all != all_exact, "{degrees} degrees, index {index}: `final` does not listen");
         }
-        // At 75 and 85 degrees the approximation is off by up to a fifth, and a pixel by 0.3 x 0.8 of that.
+        // At 75 and 85 degrees the approximation is off by up to a fifth, and so a pixel by up to 0.3 x 0.8 of that.
         assert!(apart > 5e-3, "index {index}: the two weights cannot be told apart: {apart}");
     }
 }
@@ -113,7 +113,7 @@ fn a_pane_behaves_alike_from_both_sides_in_corrected_only() {
     for degrees in ANGLES {
         assert_eq!(from(false, degrees, Corrected), from(true, degrees, Corrected));
     }
-    // Beyond the critical angle of 65.4 degrees the report's pane, seen from behind, reflects totally.
+    // Seen from behind beyond the critical angle of 65.4 degrees, the report's pane reflects totally.
     assert_close(from(true, 75.0, Thesis), 0.3 * FRONT, 1e-6, "total reflection");
     assert_ne!(from(true, 75.0, Thesis), from(false, 75.0, Thesis));
 }
@@ -124,10 +124,10 @@ fn glass_behind_glass_keeps_its_refracted_colour_in_corrected_only() {
     let params = RayParams { depth: 1, ..RayParams::default() };
     for degrees in ANGLES {
         let r = reflectance(degrees, 1.1);
-        // The refracted ray meets the second pane nearer to its normal.
+        // Refraction at the first pane bends the ray, so it meets the second pane nearer to its normal.
         let inner = (degrees.to_radians().sin() / 1.1).asin().to_degrees();
         let r2 = reflectance(inner, 1.1);
-        // What the second pane reflects meets the first one, beyond the depth: black.
+        // The second pane reflects light to the first one, beyond the depth: black.
         let expected = 0.3 * (r * FRONT + (1.0 - r) * 0.99 * (1.0 - r2) * BEHIND);
         let (pixel, rays) = look(&world, degrees, Corrected, params);
         assert_close(pixel, expected, 2e-6, format!("{degrees} degrees"));
@@ -141,7 +141,7 @@ fn glass_behind_glass_keeps_its_refracted_colour_in_corrected_only() {
 
 #[test]
 fn deeper_bounces_add_up_as_a_recursion_by_hand_does() {
-    // Two panes of constant reflectance (straight on) and every path between them up to the depth.
+    // Two panes of constant reflectance (seen along the normal), and every path between them up to the depth.
     let world = panes(&[0.0, -2.0], false);
     let r = f64::from(reflectance(0.0, 1.1));
     let t = 1.0 - r;
@@ -167,7 +167,7 @@ fn deeper_bounces_add_up_as_a_recursion_by_hand_does() {
 fn an_index_below_one_reflects_totally_beyond_the_critical_angle() {
     let world = panes(&[0.0], false);
     let params = RayParams { index: 0.9, ..RayParams::default() };
-    // asin(0.9) is 64.16 degrees.
+    // The critical angle is asin(0.9) = 64.16 degrees.
     for degrees in [65.0, 75.0, 85.0] {
         for fidelity in [Corrected, Thesis] {
             let (pixel, rays) = look(&world, degrees, fidelity, params);
@@ -184,7 +184,7 @@ fn an_index_below_one_reflects_totally_beyond_the_critical_angle() {
 
 #[test]
 fn the_reports_bounces_are_dimmed_unless_they_reflect_totally() {
-    // A second pane at right angles, so that a mirrored ray reaches the front wall after one secondary bounce.
+    // A second pane at right angles, so that the mirrored ray reaches the front wall after one secondary bounce.
     let mut world = panes(&[0.0], false);
     let glass = 0;
     world.quad(glass, Vec3::new(100.0, 0.0, 0.0), Vec3::Z * 8.0, Vec3::Y * 300.0);
@@ -197,19 +197,20 @@ fn the_reports_bounces_are_dimmed_unless_they_reflect_totally() {
     // With an index of 0.05 both bounces reflect totally, and nothing is dimmed.
     let (pixel, _) = look(&world, 85.0, Thesis, params(0.05));
     assert_close(pixel, 0.3 * FRONT, 1e-6, "not dimmed");
-    // Mended, every secondary bounce is.
+    // In corrected fidelity every secondary bounce is dimmed.
     let (pixel, _) = look(&world, 85.0, Corrected, params(0.05));
     assert_close(pixel, 0.99 * 0.3 * FRONT, 1e-6, "dimmed");
 }
 
 #[test]
 fn bent_normals_never_send_light_through_the_surface() {
-    // Normals so tilted that mirroring by them would go below the pane: the geometric normal serves.
+    // The normals are so tilted that mirroring by them would go below the pane: the geometric normal is used.
     let mut world = panes(&[0.0], false);
     world.bend_normals(Vec3::new(-1.0, 0.0, 0.1));
     let (pixel, _) = look(&world, 60.0, Corrected, RayParams::default());
     let r = reflectance(60.0, 1.1);
-    // Walls are lit by their own bent normals, turned to the ray: the light travels along y, so ambient still.
+    // The walls are lit by their own bent normals, turned to the ray. Light travels along y, so only ambient light
+    // remains.
     assert_close(pixel, 0.3 * (r * FRONT + (1.0 - r) * BEHIND), 2e-6, "geometric");
 }
 

@@ -1,4 +1,4 @@
-//! As the report's `refraction.cu`; `final` shares the glass.
+//! The program as the report's `refraction.cu` has it; `final` shares this glass.
 
 use crate::effects::optics::reflect;
 use crate::effects::thesis::{self, face_forward};
@@ -6,13 +6,13 @@ use crate::effects::{Coverage, Pass, Pixel, Workspace, opaque};
 use crate::trace::{Announcement, Hit, Purpose, Ray, Tracer};
 use glam::Vec3;
 
-/// The blended colour of a glass pixel (by its mask), else the colour as it is.
+/// The blended colour of a glass pixel (by its mask); other pixels keep their colour.
 pub fn pixel<T: Tracer, C: Coverage>(pass: &Pass<'_, T, C>, pixel: Pixel, work: &mut Workspace) -> [f32; 4] {
     let color = pass.job.color[pixel.index];
     if thesis::is_glass_mask(color) { opaque(glass_pixel(pass, pixel, work, &shade)) } else { color }
 }
 
-/// `closest_hit`.
+/// The report's `closest_hit`.
 fn shade<T: Tracer, C: Coverage>(pass: &Pass<'_, T, C>, ray: &Ray, hit: &Hit, _: &mut Workspace) -> Vec3 {
     let (geometric, shading) = pass.thesis_normals(hit);
     pass.lit_color(hit, face_forward(shading, -ray.direction, geometric))
@@ -39,10 +39,11 @@ pub(in crate::effects) fn glass_pixel<'a, T: Tracer, C: Coverage>(
     weight * refracted + (1.0 - weight) * reflected
 }
 
-/// `rtTrace` of a radiance ray. `closest_hit_glass` keeps the reflected colour only, so the bounces are a chain: dimmed by
-/// 0.99 where refraction is possible, and not where it is not, since only the refracting branch writes its result.
+/// The report's `rtTrace` of a radiance ray. Its `closest_hit_glass` keeps the reflected colour only, so bounces form a
+/// chain. A bounce is dimmed by 0.99 where refraction is possible, and not at total reflection, because only the
+/// refracting branch writes its result.
 ///
-/// `start` is origin, direction and least distance of the first ray; `first` says what it is for and what it will weigh.
+/// `start` is origin, direction and least distance of the first ray; `first` is that ray's purpose and weight.
 fn chain<'a, T: Tracer, C: Coverage>(
     pass: &Pass<'a, T, C>,
     start: (Vec3, Vec3, f32),

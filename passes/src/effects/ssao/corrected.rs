@@ -1,10 +1,10 @@
-//! With hashed samples, exact origins, and the hemisphere on the viewer's side.
+//! The program with hashed samples, exact ray origins, and the hemisphere on the viewer's side.
 
 use crate::effects::{Area, Coverage, Pass, Pixel, Workspace, opaque, tile_occlusion};
 use crate::trace::Tracer;
 use glam::Vec3;
 
-/// The occlusion, alpha 1; background pixels are 1.
+/// The occlusion in the colour channels, alpha 1; background pixels are 1.
 pub fn pixel<T: Tracer, C: Coverage>(pass: &Pass<'_, T, C>, pixel: Pixel, work: &mut Workspace) -> [f32; 4] {
     let Some(triangle) = pass.triangle(pixel) else { return [1.0; 4] };
     let known = work.surfaces.known(work.place);
@@ -16,7 +16,7 @@ pub fn pixel<T: Tracer, C: Coverage>(pass: &Pass<'_, T, C>, pixel: Pixel, work: 
     opaque(Vec3::splat(pass.occlusion(&surface, key, work, |hit| pass.covers(hit))))
 }
 
-/// Finds out the occlusion of a tile's pixels together, before they ask.
+/// Computes the occlusion of a tile's pixels together, before the pixels need it.
 pub fn prepare<T: Tracer, C: Coverage>(pass: &Pass<'_, T, C>, area: Area, work: &mut Workspace) {
     work.surfaces.survey(pass, area, |_, _| true);
     tile_occlusion::prepare(pass, area, work, |hit| pass.covers(hit));

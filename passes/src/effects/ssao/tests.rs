@@ -41,7 +41,7 @@ fn mean(values: &[f32]) -> f64 {
     values.iter().map(|v| f64::from(*v)).sum::<f64>() / values.len() as f64
 }
 
-/// A floor in z = 0 seen from above, and the material it is made of.
+/// A floor in z = 0 seen from above, and its material.
 fn floor() -> (World, u32) {
     let mut world = World::lit_along(Vec3::NEG_Z);
     let paint = world.paint(Vec3::splat(0.5));
@@ -69,7 +69,8 @@ fn a_plane_under_the_open_sky_is_exactly_open() {
 
 #[test]
 fn a_parallel_plane_blocks_all_but_the_flattest_directions() {
-    // At height h the plane is met within the radius where the cosine is above h / radius; the open share is its square.
+    // A roof at height h is hit within the radius where the cosine is above h / radius. So the open share is
+    // (h / radius)².
     for height in [0.25f32, 0.5, 0.75, 1.25] {
         let (mut world, paint) = floor();
         world.quad(paint, Vec3::Z * height, Vec3::X * 9.0, Vec3::NEG_Y * 9.0);
@@ -83,7 +84,7 @@ fn a_parallel_plane_blocks_all_but_the_flattest_directions() {
     }
 }
 
-/// Openness at distance `c` (of the radius) from a perpendicular wall.
+/// Closed form of the open share at distance `c`, in radii, from a perpendicular wall.
 fn beside_wall(c: f64) -> f64 {
     1.0 - (c.acos() - c * (1.0 - c * c).sqrt()) / std::f64::consts::PI
 }
@@ -118,7 +119,7 @@ fn the_error_beside_a_wall_is_that_of_the_best_known_samplers() {
     let targets = grid(100, Vec3::new(0.3, 0.0, 0.0), Vec3::X * 1e-6, Vec3::Y * 0.5);
     let shot = Shot::of(&world, Vec3::new(0.5, 0.1, 0.9), targets).rows(100);
     let expected = beside_wall(0.3);
-    // Independent samples have 0.116 here, and the polar map 0.051 and 0.0728.
+    // Independent samples would have an RMS error of 0.116, and the polar map 0.051 and 0.0728.
     for (sampler, limit) in [(Sampler::Sobol, 0.047), (Sampler::Strata, 0.055)] {
         let (values, _) = occlusion(&shot, Corrected, RayParams { samples: 16, sampler, ..LINEAR });
         let square = values.iter().map(|v| (f64::from(*v) - expected).powi(2)).sum::<f64>() / values.len() as f64;
@@ -129,7 +130,7 @@ fn the_error_beside_a_wall_is_that_of_the_best_known_samplers() {
     }
 }
 
-/// A sphere over a floor, without its tessellation.
+/// An exact sphere over a floor, for the closed form.
 struct Sphere {
     center: Vec3,
     radius: f32,
@@ -185,11 +186,11 @@ fn directions_below_the_triangle_are_mirrored_so_that_an_open_floor_is_open() {
     world.bend_normals(Vec3::new(tilt.sin(), 0.0, tilt.cos()));
     let shot = Shot::of(&world, EYE, grid(30, Vec3::ZERO, Vec3::X, Vec3::Y));
     let params = RayParams { samples: 64, ..LINEAR };
-    // Brute force never says that nothing is in reach: every direction is traced, also the mirrored ones.
+    // Brute force never answers that nothing is in reach: every direction is traced, mirrored ones too.
     let (values, rays) = occlusion(&shot, Corrected, params);
     assert!(values.iter().all(|value| *value == 1.0));
     assert_eq!((rays.occlusion, rays.certain), (900 * 64, 0));
-    // The tree says so, and no ray is traced.
+    // The tree answers so, and no ray is traced.
     let (pixels, rays) = shot.run_on(&world.tree(), &shot.job(RayProgram::Ssao, Corrected, params));
     assert!(pixels.iter().all(|pixel| pixel[0] == 1.0));
     assert_eq!((rays.occlusion, rays.certain), (0, 900 * 64));
@@ -197,13 +198,13 @@ fn directions_below_the_triangle_are_mirrored_so_that_an_open_floor_is_open() {
 
 #[test]
 fn the_hemisphere_is_on_the_viewers_side_in_corrected_only() {
-    // A floor whose normal looks down, over a cellar of height 0.1, seen from above.
+    // A floor whose normals look down, above a cellar 0.1 deep, seen from above.
     let (mut world, paint) = floor();
     world.bend_normals(Vec3::NEG_Z);
     world.quad(paint, Vec3::Z * -0.1, Vec3::X * 9.0, Vec3::Y * 9.0);
     let shot = Shot::of(&world, EYE, grid(4, Vec3::ZERO, Vec3::X, Vec3::Y));
     assert_eq!(occlusion(&shot, Corrected, LINEAR).0, [1.0; 16]);
-    // 0.1 squared, were all of its directions inside the hemisphere.
+    // The report's value would be 0.1 squared if all its directions were inside the hemisphere.
     assert!(mean(&occlusion(&shot, Thesis, LINEAR).0) < 0.3);
 }
 
@@ -221,7 +222,7 @@ fn the_reports_noise_leaks_light_into_a_closed_box() {
     let shot = Shot::of(&world, inside, grid(10, inside - Vec3::Z * 0.05, Vec3::X * 0.04, Vec3::Y * 0.04));
     let (values, rays) = occlusion(&shot, Corrected, RayParams { samples: 16, ..LINEAR });
     assert_eq!((values, rays.occlusion), (vec![0.0; 100], 1600));
-    // Noise below 0 in the first of four rows of strata: its directions are not numbers, and count as open.
+    // Noise below 0 in the first of four rows of strata gives directions that are not numbers; they count as open.
     let (values, rays) = occlusion(&shot, Thesis, RayParams { samples: 16, ..LINEAR });
     assert!((0.06..0.2).contains(&mean(&values)), "{}", mean(&values));
     let untraced = 1600 - rays.occlusion;
@@ -236,7 +237,7 @@ fn background_is_one_and_traces_nothing() {
         let (pixels, rays) = shot.run(RayProgram::Ssao, fidelity, DEFAULTS);
         assert_eq!((pixels, rays.total()), (vec![[1.0; 4]], 0), "in thesis because no direction is a number");
     }
-    // With a normal, as an engine may leave in cleared targets, the report's program traces from the origin.
+    // An engine may leave a normal in cleared targets: then the report's program traces rays from the origin.
     let mut shot = Shot::of(&world, EYE, [EYE + Vec3::Z]);
     shot.position = vec![[0.0, 0.0, -0.1, 0.0]];
     shot.normal = vec![[0.0, 0.0, 1.0, 0.0]];
@@ -314,7 +315,7 @@ fn sphere(world: &mut World, material: u32, rings: u32) {
 
 #[test]
 fn a_raster_target_of_the_right_shape_is_what_jobs_read() {
-    // The G-buffer that rasterisers fill has the layout that jobs borrow.
+    // The G-buffers of the rasterisers have the memory layout that jobs borrow.
     let (world, _) = floor();
     let shot = Shot::of(&world, EYE, [Vec3::ZERO]);
     let buffer = GBuffer {
@@ -336,7 +337,7 @@ fn a_raster_target_of_the_right_shape_is_what_jobs_read() {
     assert_eq!(shot.run_on(&world.brute_force(), &job).0, [[1.0; 4]]);
 }
 
-/// A tracer that answers ray by ray, and gathers nothing.
+/// A tracer that answers ray by ray, and gathers no triangles.
 struct OneByOne<'t>(&'t Bvh);
 
 impl Tracer for OneByOne<'_> {
@@ -353,7 +354,8 @@ impl Tracer for OneByOne<'_> {
 fn pixels_that_share_what_is_near_are_what_they_are_ray_by_ray() {
     let (mut world, paint) = floor();
     let glass = world.glass();
-    // Pillars, boards above the floor, some turned, and a pane; fewer where the grid is far from the middle.
+    // Pillars, boards above the floor (some of them turned) and a pane. The ray grid has fewer rays far from the
+    // middle.
     for x in -4..=4_i32 {
         for y in -4..=4_i32 {
             let center = Vec3::new(x as f32 * 0.7, y as f32 * 0.6, 0.0);

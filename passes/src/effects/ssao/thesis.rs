@@ -1,4 +1,4 @@
-//! As the report's `ssao.cu`: every pixel, background included.
+//! The program as the report's `ssao.cu` has it: every pixel is computed, background included.
 
 use crate::effects::{Coverage, Pass, Pixel, Workspace};
 use crate::trace::Tracer;

@@ -1,8 +1,9 @@
-//! Every program on the fast tracer, on the f64 tree and on f64 brute force gives the same pixels, on random scenes.
+//! On random scenes, every program computes the same pixels on the fast tracer, on the `f64` tree and by `f64` brute
+//! force.
 //!
-//! A pixel is compared only where rounding decides nothing: a tracer in between looks at every ray that the reference
-//! answers, and marks the pixel where a ray passes an edge, the end of its interval or another surface more closely than
-//! rounding can tell. Everything else has to agree, whatever the scene; a failure is shrunk to a small one.
+//! A pixel is compared only where no ray is close to a rounding decision. A tracer in between sees every ray that the
+//! reference traces, and marks the pixel if a ray passes an edge, the end of its interval or another surface within the
+//! margin of rounding. All other pixels must agree, whatever the scene; proptest shrinks a failure to a small one.
 
 use super::world::{Shot, World};
 use crate::cpu::trace_pixel;
@@ -20,17 +21,17 @@ use std::sync::atomic::{AtomicBool, Ordering};
 const PROGRAMS: [RayProgram; 5] =
     [RayProgram::DeferredShadows, RayProgram::Reflection, RayProgram::Refraction, RayProgram::Ssao, RayProgram::Final];
 
-/// Relative distance, of an edge, an end or another surface, below which a ray is not compared.
+/// Relative distance from an edge, from the interval's end or between two surfaces, below which a ray is not compared.
 const MARGIN: f64 = 2e-4;
 
-/// Brute force that notices rays about which rounding may decide.
+/// Brute force that marks rays whose result rounding may decide.
 struct Careful<'w> {
     inner: BruteForce,
     world: &'w World,
-    /// Lengths below this are not told apart.
+    /// Scale of the scene: lengths and differences below `MARGIN` times this are too close to a rounding decision.
     size: f64,
     delicate: AtomicBool,
-    /// Whether a surface was looked for beyond the pixel's own.
+    /// Whether a ray looked for a nearest surface, beyond the pixel's own.
     bounced: AtomicBool,
 }
 
@@ -57,7 +58,7 @@ impl Careful<'_> {
             let inside = least > -0.01;
             let length = self.size * MARGIN;
             let at_end = (t - f64::from(ray.t_min)).abs() < length || (t - f64::from(ray.t_max)).abs() < length;
-            // A ray that starts on the triangle is the offset's business: within it the surface is not met.
+            // If the ray starts on the triangle, the origin's offset decides: the ray must not hit that triangle.
             let own = t.abs() < length;
             delicate |= !own && t > -length && (near_edge || inside && (at_end || slope < 0.01));
             delicate |= own && inside && slope < 0.1;
@@ -139,7 +140,7 @@ impl Case {
         for (center, corners, material) in &self.triangles {
             let corners = corners.map(|corner| Vec3::from(*center) + Vec3::from(corner));
             let normal = (corners[1] - corners[0]).cross(corners[2] - corners[0]);
-            // Slivers have no inside that rounding does not decide about.
+            // A sliver has no interior beyond the margin of rounding.
             if normal.length() > 0.05 {
                 world.triangle(materials[*material as usize], corners, [normal.normalize(); 3]);
             }
@@ -171,7 +172,7 @@ impl Case {
             intensity: 1.0,
             depth: self.depth,
             index: self.index,
-            // Every second scene by the approximation: which weights glass has is no matter of the tracer's.
+            // Every second scene takes Schlick's approximation: the weights of glass do not depend on the tracer.
             fresnel: if self.seed.is_multiple_of(2) { Fresnel::Exact } else { Fresnel::Schlick },
             ..RayParams::default()
         }
@@ -181,12 +182,12 @@ impl Case {
 /// The pixels of a row, by column.
 type Pixels<'a> = &'a dyn Fn(u32) -> [f32; 4];
 
-/// Whether the last bit of a hit decides about occlusion there: the report's noise is a fraction of a sine times 43758.
+/// Whether the last bit of a hit decides the occlusion there: the report's noise is the fraction of a sine times 43758.
 fn is_noise_at_hits(job: &RayJob<'_>) -> bool {
     (job.program, job.fidelity) == (RayProgram::Final, Thesis) && job.params.samples > 0
 }
 
-/// Compared and delicate pixels; `Err` names a pixel that differs.
+/// Counts of compared and of delicate pixels; `Err` describes a pixel that differs.
 fn compare(world: &World, job: &RayJob<'_>, scale: f32, others: &[(&str, Pixels<'_>)]) -> Result<(u32, u32), String> {
     let (mut compared, mut skipped) = (0, 0);
     for x in 0..job.width {
@@ -232,7 +233,7 @@ fn check(case: &Case, program: RayProgram, fidelity: Fidelity, drop: Option<u32>
         compare(&world, job, case.scale, &[("the fast tree", &on_fast), ("the f64 tree", &on_double)])
     };
     if is_noise_at_hits(&job) {
-        // What glass shows is compared without occlusion.
+        // Without occlusion, the surfaces that glass shows can be compared.
         judge(&RayJob { params: RayParams { samples: 0, ..job.params }, ..job })?;
     }
     judge(&job)
@@ -243,7 +244,7 @@ fn run(program: RayProgram, fidelity: Fidelity) {
     let config = Config { cases: 96, failure_persistence: None, ..Config::default() };
     let mut runner = TestRunner::new(config);
     let result = runner.run(&case(), |case| {
-        // The report's distances are made for metres.
+        // The report's fixed distances assume metres.
         let case = if fidelity == Thesis { Case { scale: 1.0, ..case } } else { case };
         let (here, delicate) = check(&case, program, fidelity, None).map_err(TestCaseError::fail)?;
         compared.set(compared.get() + here);

@@ -1,4 +1,4 @@
-//! Tests of all programs together, and the scenes that tests of programs are written in.
+//! Tests of all programs together, and the scenes for the tests of single programs.
 
 mod agreement;
 mod spheres;

@@ -1,4 +1,4 @@
-//! Exact spheres in all programs but those of glass, against closed forms.
+//! Exact spheres against closed forms, in all programs but those of glass.
 
 use super::world::{Shot, World, assert_close, grid};
 use crate::cpu;
@@ -16,7 +16,7 @@ fn run(world: &World, shot: &Shot<'_>, program: RayProgram, params: RayParams) -
     let tracer = WithSpheres { triangles, spheres };
     let job = shot.job(program, Corrected, params);
     let (pixels, rays) = shot.run_on(&tracer, &job);
-    // A pixel by itself is what it is in its tile.
+    // A pixel traced alone has the same value as in its tile.
     for (index, pixel) in pixels.iter().enumerate() {
         let (x, y) = (index as u32 % job.width, index as u32 / job.width);
         assert_eq!(cpu::trace_pixel(&tracer, &job, x, y).expect("a complete job"), *pixel, "{program:?} {x} {y}");
@@ -42,7 +42,7 @@ fn no_ray_that_leaves_a_sphere_meets_it_where_it_starts() {
                 world.scene.geometry.spheres.push(sphere);
                 let near = sphere.center + vector().normalize_or(Vec3::X) * scale * 1.0001;
                 let point = SurfacePoint::on_sphere(&sphere, near);
-                // Every third along the surface, but for rounding.
+                // A third of the directions are tangent to the surface, up to rounding.
                 let tilt = [1.0, 1e-3, 1e-7][index % 3];
                 let along = vector().cross(point.normal).normalize_or(Vec3::X);
                 let direction = (along + point.normal * tilt * vector().x).normalize();
@@ -57,7 +57,8 @@ fn no_ray_that_leaves_a_sphere_meets_it_where_it_starts() {
                     misses += 1;
                 } else if chord > 1e-2 * scale {
                     let t = hit.expect("it goes through").t;
-                    // The origin is off by units in the last place of where the sphere is, and the end of a flat chord by 1 / cos of that.
+                    // The origin is off the true sphere by some units in the last place. For a flat chord that error
+                    // grows by 1 / cos at the other end.
                     let allowed = 2e-5 * (1.0 + away) * scale * scale / chord;
                     again[1] += usize::from((t - chord).abs() > allowed);
                     hits += 1;
@@ -91,7 +92,8 @@ fn a_shadow_is_the_cylinder_behind_the_sphere() {
         let position = Vec3::from_slice(&shot.position[index]);
         let expected = if shot.triangle[index] >= 2 {
             own += 1;
-            // Of its own light it is in shadow where it is turned away, and those pixels are dark already.
+            // A point turned away from the light is in its own shadow. Such pixels are dark already, so the program
+            // answers 1.
             1.0
         } else {
             let from = position - center;
@@ -110,7 +112,7 @@ fn a_shadow_is_the_cylinder_behind_the_sphere() {
     }
 }
 
-/// What a sphere takes of the sky above a point of a plane, weighed by the cosine: (r / d)² where it is straight above.
+/// The share of the cosine-weighted sky that a sphere covers straight above a point of a plane is (r / d)².
 #[test]
 fn occlusion_is_the_form_factor_of_the_sphere() {
     let mut world = World::lit_along(Vec3::NEG_Z);
@@ -120,12 +122,12 @@ fn occlusion_is_the_form_factor_of_the_sphere() {
     let params =
         |radius| RayParams { samples: 4096, radius, intensity: 1.0, sampler: Sampler::Sobol, ..RayParams::default() };
     let mut shot = Shot::of(&world, Vec3::new(9.0, 0.0, 4.0), [Vec3::ZERO, Vec3::new(0.0, 0.0, 3.0)]);
-    // The top of the sphere, exactly.
+    // The top of the sphere, with an exact position.
     (shot.position[1], shot.normal[1]) = ([0.0, 0.0, 3.0, 1.0], [0.0, 0.0, 1.0, 0.0]);
     let (pixels, rays) = run(&world, &shot, RayProgram::Ssao, params(9.0));
     assert!((pixels[0][0] - 0.75).abs() < 2e-3, "{:?}", pixels[0]);
     assert!(rays.occlusion >= 4096);
-    // A round body does not darken itself; what is out of reach does not count.
+    // A convex body does not occlude itself, and what is out of reach does not count.
     assert_eq!(pixels[1][0], 1.0);
     let (pixels, rays) = run(&world, &shot, RayProgram::Ssao, params(0.9));
     assert_eq!(
@@ -159,7 +161,7 @@ fn a_mirror_sphere_shows_what_lies_in_the_mirrored_direction() {
         let at = Vec3::from_slice(&shot.position[index]).as_dvec3();
         let view = (at - eye.as_dvec3()).normalize();
         let mirrored = view - 2.0 * view.dot(normal) * normal;
-        // The wall that it meets: of the distances along the axes the least.
+        // The mirrored ray meets the wall with the least distance along the axes.
         let to = |axis: &Vec3| (50.0 - at.dot(axis.as_dvec3())) / mirrored.dot(axis.as_dvec3());
         let mut walls: Vec<(f64, usize)> = axes.iter().map(to).zip(0..).filter(|(t, _)| *t > 0.0).collect();
         walls.sort_by(|a, b| a.0.total_cmp(&b.0));

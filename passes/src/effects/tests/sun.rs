@@ -1,4 +1,4 @@
-//! Soft shadows by rays, against closed forms of what of a disc is hidden.
+//! Soft shadows by rays, against closed forms of the visible share of a disc.
 
 use super::world::{Shot, World, assert_close, grid};
 use crate::sampling::cone::ConeSampler;
@@ -12,23 +12,24 @@ use curitiba_pipeline::programs::{RayParams, RayProgram};
 use glam::{DVec3, Vec3};
 use std::f64::consts::{PI, TAU};
 
-/// A disc so small that its rays are those to its centre.
+/// Diameter of a disc so small that all its rays go to the centre.
 const POINT: f32 = f32::MIN_POSITIVE;
 
 fn soft(sun: f32, sun_samples: u32) -> RayParams {
     RayParams { sun, sun_samples, samples: 0, ..RayParams::default() }
 }
 
-/// The open share that a value of `deferredShadows` stands for.
+/// The open share of the disc, from a pixel of `deferredShadows`.
 fn open(pixel: [f32; 4]) -> f64 {
     assert!(pixel[0] == pixel[1] && pixel[1] == pixel[2] && pixel[3] == 1.0, "{pixel:?}");
     f64::from(pixel[0]) * 2.0 - 1.0
 }
 
-/// The share of a disc's solid angle on the open side of a plane through the viewer: `above` is the angle of the disc's centre over the
-/// plane, `half` half of the disc's diameter, both in radians.
+/// The share of a disc's solid angle on the open side of a plane through the viewer. `above` is the angle of the disc's
+/// centre over the plane, and `half` the disc's half angle, both in radians.
 ///
-/// A great circle at the angle d from the centre of a spherical cap of half angle a cuts off the area 2 (arccos (sin d / sin a) - cos a
+/// A great circle at angle d from the centre of a spherical cap of half angle a cuts off the area 2 (arccos (sin d /
+/// sin a) - cos a
 /// arccos (tan d / tan a)): the cap's sector less a spherical triangle (Girard).
 fn open_beyond_plane(above: f64, half: f64) -> f64 {
     let distance = above.abs();
@@ -40,7 +41,7 @@ fn open_beyond_plane(above: f64, half: f64) -> f64 {
     if above > 0.0 { 1.0 - share } else { share }
 }
 
-/// The closed form against the area of a circle's segment, which it tends to for small discs.
+/// For small discs the closed form tends to the area of a circle's segment.
 #[test]
 fn the_cap_cut_by_a_plane_tends_to_the_circle_cut_by_a_chord() {
     let half = 1e-3;
@@ -50,7 +51,7 @@ fn the_cap_cut_by_a_plane_tends_to_the_circle_cut_by_a_chord() {
         assert!((open_beyond_plane(t * half, half) - flat).abs() < 1e-6, "{t}");
     }
     assert!((open_beyond_plane(0.0, 0.7) - 0.5).abs() < 1e-12);
-    // Against a sum over the cap.
+    // A numerical sum over the cap agrees with the closed form.
     let (half, above) = (0.6_f64, 0.25_f64);
     let (mut seen, mut all) = (0.0, 0.0);
     for ring in 0..2000 {
@@ -80,7 +81,7 @@ fn directions_are_unit_vectors_uniform_over_the_cone() {
             assert!(height <= cap + 3e-7, "{degrees}: {height} of {cap}");
             heights.push(height / cap);
         }
-        // Rounding of a cosine hides smaller heights.
+        // For smaller discs the rounding of the cosine hides the heights.
         if degrees >= 10.0 {
             heights.sort_by(f64::total_cmp);
             for (index, height) in heights.iter().enumerate() {
@@ -89,7 +90,7 @@ fn directions_are_unit_vectors_uniform_over_the_cone() {
             assert!((mean - axis.as_dvec3() * (1.0 - cap / 2.0)).length() < 2e-3 * cap.sqrt(), "{degrees}: {mean}");
         }
     }
-    // What follows is what one sampler of all has, in another order.
+    // Consecutive parts of the sequence together have the directions of one sampler of all, in another order.
     let of = |first, samples| -> Vec<[u32; 3]> {
         let sampler = ConeSampler::new(axis, 5.0, first, samples).expect("a part of the sequence");
         sampler.directions(7).map(|direction| direction.to_array().map(f32::to_bits)).collect()
@@ -101,11 +102,12 @@ fn directions_are_unit_vectors_uniform_over_the_cone() {
     assert!(ConeSampler::new(axis, 5.0, u32::MAX, 2).is_err());
 }
 
-/// A floor in y = 0 and, at a height of 1, a roof over x < 0 whose other ends hide nothing of the disc.
+/// A floor in y = 0 and, at a height of 1, a roof over x < 0 whose other edges hide nothing of the disc.
 fn half_plane(towards_light: Vec3) -> World {
     let mut world = World::lit_along(-towards_light);
     let paint = world.paint(Vec3::splat(0.5));
-    // Rays start off a triangle by the rounding of its corners: small ones, for edges that lie where they should.
+    // The floor is small: rays start off a triangle by the rounding error of its corners, and a small error leaves
+    // shadow edges in place.
     world.quad(paint, Vec3::ZERO, Vec3::Z * 4.0, Vec3::X * 4.0);
     world.quad(paint, Vec3::new(-2.0, 1.0, 0.0), Vec3::X * 2.0, Vec3::NEG_Z * 4.0);
     world
@@ -124,7 +126,7 @@ fn the_penumbra_of_an_edge_is_the_part_of_the_disc_that_a_plane_leaves() {
         let light = light.normalize();
         let world = half_plane(light);
         let half = (f64::from(sun) / 2.0).to_radians();
-        // The hard shadow ends where the light's ray through the edge arrives.
+        // Where the light ray through the roof's edge meets the floor, the hard shadow ends.
         let edge = -light.x / light.y;
         let width = half.tan() as f32 / (light.y * light.y);
         let eye = Vec3::new(edge + 0.4, 0.5, 3.0);
@@ -134,7 +136,7 @@ fn the_penumbra_of_an_edge_is_the_part_of_the_disc_that_a_plane_leaves() {
         assert_eq!(rays, RayCounts { shadow: 24 * 24 * u64::from(SAMPLES), ..RayCounts::default() });
         let (mut squares, mut sum, mut worst, mut partly) = (0.0, 0.0, 0.0_f64, 0);
         for (pixel, position) in pixels.iter().zip(&shot.position) {
-            // The plane through the point and the edge; its normal looks to the open side.
+            // The plane through the point and the edge, with its normal towards the open side.
             let to_edge = DVec3::new(-f64::from(position[0]), 1.0, 0.0);
             let normal = DVec3::new(to_edge.y, -to_edge.x, 0.0).normalize();
             let expected = open_beyond_plane(normal.dot(light.as_dvec3()).asin(), half);
@@ -146,7 +148,8 @@ fn the_penumbra_of_an_edge_is_the_part_of_the_disc_that_a_plane_leaves() {
         let (rms, bias) = ((squares / count).sqrt(), sum / count);
         println!("sun {sun}: rms {rms:.5}, bias {bias:.6}, worst {worst:.5}, {partly} pixels in the penumbra");
         assert!(partly > 200, "{partly}");
-        // Independent rays would be off by 0.5 / sqrt(1024) = 0.016; these points by n^-0.75.
+        // Independent rays would have an RMS error of 0.5 / sqrt(1024) = 0.016; the error of these points falls as
+        // n^-0.75.
         assert!(rms < 0.004 && bias.abs() < 5e-4 && worst < 0.02, "{light} {sun}: {rms} {bias} {worst}");
     }
 }
@@ -164,7 +167,7 @@ fn of_a_low_disc_what_lies_below_the_surface_is_dark_without_a_ray() {
         let expected = open_beyond_plane(above, half);
         let mean = pixels.iter().map(|pixel| open(*pixel)).sum::<f64>() / 64.0;
         assert!((mean - expected).abs() < 2e-3, "{elevation} {sun}: {mean} of {expected}");
-        // Each ray that was traced is open, and no other.
+        // Exactly the rays that were traced are open.
         assert_eq!(rays.shadow as f64, (mean * 64.0 * 256.0).round(), "{elevation} {sun}");
         assert_eq!(rays.shadow == 64 * 256, elevation > sun / 2.0);
     }
@@ -185,7 +188,7 @@ fn plate(radius: f32) -> World {
 
 #[test]
 fn a_plate_smaller_than_the_disc_has_no_umbra() {
-    // Off the seam at the plate's centre by next to nothing.
+    // Slightly off the plate's centre, where its triangles meet.
     let target = Vec3::new(1.3e-4, 0.0, 0.7e-4);
     let at = |radius: f32, params: RayParams| {
         let world = plate(radius);
@@ -204,7 +207,7 @@ fn a_plate_smaller_than_the_disc_has_no_umbra() {
     assert_eq!(at((1.1 * half).tan() as f32, soft(sun, 4096)), 0.0, "a larger plate has one");
 }
 
-/// Triangles of any kind, with vertex normals that bend round bodies or none, and spheres.
+/// Random triangles, a smooth sphere of triangles, exact spheres, and panes.
 fn worlds() -> [World; 4] {
     let mut spheres = World::lit_along(Vec3::new(0.4, -1.0, 0.3));
     let paint = spheres.paint(Vec3::splat(0.5));
@@ -224,7 +227,7 @@ fn seen(world: &World) -> Shot<'_> {
     Shot::of(world, Vec3::new(0.5, 4.0, 2.0), targets).rows(40)
 }
 
-/// On the tracer that the backend would take.
+/// Runs a program on the tracer that the backend would choose.
 fn run(world: &World, shot: &Shot<'_>, program: RayProgram, params: RayParams) -> (Vec<[f32; 4]>, RayCounts) {
     let job = shot.job(program, Corrected, params);
     if world.scene.geometry.spheres.is_empty() {
@@ -243,13 +246,13 @@ fn a_disc_that_is_a_point_gives_hard_shadows_and_their_rays_once_a_sample() {
             let (hard, hard_rays) = run(&world, &shot, program, soft(0.0, 16));
             let (pixels, rays) = run(&world, &shot, program, soft(POINT, 16));
             assert!(pixels == hard, "{program:?} in world {index}");
-            // The way onto a round body is asked once, and not once a sample.
+            // Whether the lifted point is cut off is tested once a pixel, not once a sample.
             assert!(rays.shadow > hard_rays.shadow && rays.shadow <= 16 * hard_rays.shadow, "{rays:?} {hard_rays:?}");
             assert_eq!((rays.reflected, rays.refracted), (hard_rays.reflected, hard_rays.refracted));
             dark += pixels.iter().filter(|pixel| pixel[0] == 0.5).count();
             glass += rays.reflected;
         }
-        // A disc that is seen changes pictures.
+        // A disc of visible size changes the picture.
         assert!(
             run(&world, &shot, DeferredShadows, soft(10.0, 16)).0
                 != run(&world, &shot, DeferredShadows, soft(0.0, 1)).0
@@ -258,7 +261,7 @@ fn a_disc_that_is_a_point_gives_hard_shadows_and_their_rays_once_a_sample() {
     assert!(dark > 200 && glass > 20, "{dark} {glass}");
 }
 
-/// In worlds without smooth normals, rays are exactly as many.
+/// In worlds without smooth normals there are exactly as many rays as samples.
 #[test]
 fn every_lit_pixel_traces_one_ray_a_sample() {
     let world = half_plane(Vec3::Y);
@@ -268,7 +271,7 @@ fn every_lit_pixel_traces_one_ray_a_sample() {
     for samples in [1, 5, 16, 33, 64, 300] {
         let (pixels, rays) = shot.run(DeferredShadows, Corrected, soft(5.0, samples));
         assert_eq!(rays.shadow, 256 * u64::from(samples));
-        // Shares are whole numbers of samples.
+        // Each share is a whole number of samples.
         for pixel in &pixels {
             let rays = open(*pixel) * f64::from(samples);
             assert!((rays - rays.round()).abs() < 1e-3, "{samples}: {rays}");
@@ -287,7 +290,7 @@ fn packets_give_what_brute_force_gives() {
             let (expected, expected_rays) = shot.run_on(&world.brute_force(), &job);
             let (found, rays) = shot.run_on(&world.tree(), &job);
             let apart = |(a, b): &(&[f32; 4], &[f32; 4])| a.iter().zip(*b).any(|(a, b)| (a - b).abs() > 1e-6);
-            // Rays that graze an edge may fall either way.
+            // For rays that graze an edge, either answer is right.
             let wrong = expected.iter().zip(&found).filter(apart).count();
             assert!(wrong <= 4, "{program:?} in world {index}: {wrong} pixels");
             assert_eq!(rays.shadow, expected_rays.shadow);
@@ -295,7 +298,7 @@ fn packets_give_what_brute_force_gives() {
     }
 }
 
-/// What follows the first samples is what all at once take: means of batches are the mean of all.
+/// The samples of consecutive batches are those of one large batch: the mean of the batches is the mean of all.
 #[test]
 fn batches_of_the_sequence_are_all_samples_at_once() {
     let world = half_plane(Vec3::Y);
@@ -311,7 +314,7 @@ fn batches_of_the_sequence_are_all_samples_at_once() {
     }
 }
 
-/// `final` shows the colour of a surface times what `deferredShadows` says.
+/// `final` shows the surface colour times the share that `deferredShadows` computes.
 #[test]
 fn the_first_surfaces_of_final_have_the_shadows_of_the_shadow_program() {
     let world = half_plane(Vec3::new(-0.5, 1.0, 0.2));
@@ -325,7 +328,8 @@ fn the_first_surfaces_of_final_have_the_shadows_of_the_shadow_program() {
     assert!(shares.iter().filter(|share| share[0] > 0.51 && share[0] < 0.99).count() > 100);
 }
 
-/// Through two panes of glass that hide all of the disc from the floor, and where light falls straight through bodies.
+/// Two panes of the report's glass cover the whole disc as seen from the floor; then a solid body, through which light
+/// falls straight.
 #[test]
 fn glass_dims_the_whole_disc() {
     let mut world = World::lit_along(Vec3::NEG_Y);
@@ -359,7 +363,7 @@ fn glass_dims_the_whole_disc() {
     let (point, rays) = look(&bodies, straight(POINT, 16));
     assert_close(point[0], Vec3::from_slice(&hard[..3]), 1e-6, "a point of light");
     assert_eq!(rays.shadow, 16);
-    // Fresnel's share hardly changes near the normal, and the disc is seen whole.
+    // The Fresnel reflectance hardly changes near the normal, and the whole disc is seen through the body.
     let (wide, _) = look(&bodies, straight(20.0, 256));
     assert_close(wide[0], Vec3::from_slice(&hard[..3]), 2e-4, "a disc");
     assert!(hard[0] != hard[1] * 0.5 / 0.6, "the body has a colour");

@@ -1,4 +1,4 @@
-//! The shadow terminator: how much of a smooth-shaded, coarse sphere falls into the shadow of its own triangles.
+//! The shadow terminator: how much of a coarse, smooth-shaded sphere lies in the shadow of its own triangles.
 
 use super::world::{Shot, World, grid};
 use curitiba_pipeline::backend::NO_TRIANGLE;
@@ -7,7 +7,7 @@ use curitiba_pipeline::programs::{RayParams, RayProgram};
 use glam::Vec3;
 use std::f32::consts::PI;
 
-/// A unit sphere of rings and segments, flat or with the normals of the sphere.
+/// A unit sphere of so many rings and twice as many segments, flat-shaded or with the normals of the exact sphere.
 pub fn sphere(rings: u32, smooth: bool) -> World {
     let mut world = World::lit_along(Vec3::new(-0.62, 0.55, -0.56));
     let paint = world.paint(Vec3::splat(0.5));
@@ -34,8 +34,8 @@ pub fn sphere(rings: u32, smooth: bool) -> World {
     world
 }
 
-/// Of the pixels that face the light by their normal: the share in shadow, the largest cosine among those, and the share
-/// of the irradiance lost.
+/// Looks at the pixels whose shading normal faces the light. Returns the share of them that is in shadow, the largest
+/// light cosine of a shadowed pixel, and the share of the irradiance that is lost.
 fn falsely_shadowed(rings: u32, smooth: bool) -> (f64, f32, f64) {
     let world = sphere(rings, smooth);
     let (mut lit, mut shadowed, mut most) = (0, 0, 0.0_f32);
@@ -70,7 +70,7 @@ fn a_flat_shaded_convex_body_is_never_in_its_own_shadow() {
     }
 }
 
-/// What triangles turned away from the light would lose: see `docs/numerics.md`.
+/// Measures the light that triangles turned away from the light would lose: see `docs/numerics.md`.
 #[test]
 fn smooth_spheres_are_hardly_in_their_own_shadow() {
     for rings in [4, 8, 16] {
@@ -85,7 +85,7 @@ fn smooth_spheres_are_hardly_in_their_own_shadow() {
     }
 }
 
-/// Pixels of what is seen of a world from below, and the share of the light there.
+/// Light cosine and light share of every pixel that shows a surface, seen from `eye`.
 fn shares_seen(world: &World, eye: Vec3, targets: impl IntoIterator<Item = Vec3>) -> Vec<(f32, f32)> {
     let shot = Shot::of(world, eye, targets);
     let job = shot.job(RayProgram::DeferredShadows, Corrected, RayParams::default());
@@ -94,8 +94,8 @@ fn shares_seen(world: &World, eye: Vec3, targets: impl IntoIterator<Item = Vec3>
     seen.filter(|(_, id)| **id != NO_TRIANGLE).map(|((pixel, position), _)| (position[3], pixel[0])).collect()
 }
 
-/// A box of unit sides but for its height, of which corners share normals, lit from a low sun: its underside is dark, though the normals
-/// near its rim face the sun.
+/// A box of base 1 x 1 and small height, whose faces share the normals at its corners, lit by a low sun. Its underside
+/// is dark, though the normals near its rim face the sun.
 #[test]
 fn no_light_leaks_to_the_underside_of_a_thin_slab() {
     for height in [0.2, 0.01, 1e-4] {
@@ -107,7 +107,7 @@ fn no_light_leaks_to_the_underside_of_a_thin_slab() {
                 Vec3::new(side(0), side(1), side(2))
             };
             let at = |i: usize| corner(i) * Vec3::new(0.5, 0.5 * height, 0.5);
-            // From flat to those of a cube and farther.
+            // From flat normals to those of a cube, and beyond.
             let normal = |i: usize| (corner(i) * Vec3::new(spread, 1.0, spread)).normalize();
             for quad in [[0, 1, 5, 4], [2, 6, 7, 3], [0, 4, 6, 2], [1, 3, 7, 5], [0, 2, 3, 1], [4, 5, 7, 6]] {
                 for [a, b, c] in [[quad[0], quad[1], quad[2]], [quad[0], quad[2], quad[3]]] {
@@ -124,7 +124,8 @@ fn no_light_leaks_to_the_underside_of_a_thin_slab() {
     }
 }
 
-/// A sheet close above the side of a sphere that just faces the light keeps it off, however near it lies: points are not lifted through it.
+/// A sheet close above the lit side of a sphere keeps the light off, however near it is: points are not lifted through
+/// the sheet.
 #[test]
 fn no_light_leaks_through_a_sheet_close_to_a_smooth_sphere() {
     for gap in [0.03, 0.01, 1e-3] {
@@ -142,7 +143,7 @@ fn no_light_leaks_through_a_sheet_close_to_a_smooth_sphere() {
             }
             world
         };
-        // What is seen of the bare sphere, with the sheet around it: dark all over.
+        // The pixels of the bare sphere, used as the G-buffer of the wrapped one: all of them must be dark.
         let (bare, wrapped) = (world(false), world(true));
         let eyes = [Vec3::new(4.0, 3.0, 5.0), Vec3::new(-5.0, 2.0, -3.0), Vec3::new(1.0, -6.0, 2.0)];
         let (mut lit, mut leaks) = (0, 0);

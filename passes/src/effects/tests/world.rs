@@ -1,4 +1,4 @@
-//! Small worlds for tests, traced by brute force.
+//! Small scenes for tests, traced by brute force.
 
 use crate::cpu;
 use crate::trace::{BruteForce, Bvh, Quality, Ray, SphereTree, Tracer};
@@ -11,7 +11,7 @@ use curitiba_pipeline::scene::texture::Texture;
 use curitiba_pipeline::scene::{Batch, Material, RenderScene, Sphere};
 use glam::{DVec3, Mat3, Vec2, Vec3, Vec4};
 
-/// A scene in the making, with what passes know of its materials.
+/// A scene under construction, with the material tables that passes take.
 #[derive(Default)]
 pub struct World {
     pub scene: RenderScene,
@@ -19,11 +19,11 @@ pub struct World {
     pub glass: Vec<bool>,
     pub shadow_glass: Vec<bool>,
     pub sun: Option<Sun>,
-    /// What rays show that leave it.
+    /// The colour of rays that leave the scene.
     pub beyond: Vec3,
-    /// What materials are as glass.
+    /// Glass properties by material.
     pub dielectrics: Vec<Dielectric>,
-    /// Whether they count; else glass is the report's.
+    /// Whether `dielectrics` is used; else all glass is the report's.
     pub bodies: bool,
 }
 
@@ -31,12 +31,13 @@ pub struct World {
 pub const SUN_COLOR: Vec3 = Vec3::new(0.9, 0.8, 0.7);
 
 impl World {
-    /// No surface, and light that travels in this direction.
+    /// A world without surfaces, with light that travels in this direction.
     pub fn lit_along(direction: Vec3) -> Self {
         Self { sun: Some(Sun { direction: direction.normalize(), color: SUN_COLOR }), ..Self::default() }
     }
 
-    /// Triangles anywhere around the origin, whose vertex normals agree with theirs, look to the other side, or each somewhere.
+    /// Triangles at random around the origin. Their vertex normals agree with the triangle's, point to the other side,
+    /// or have random directions each.
     pub fn scattered() -> Self {
         let mut state = 5_u32;
         let mut random = move || {
@@ -80,7 +81,7 @@ impl World {
         self.material(shade, true)
     }
 
-    /// Glass as its properties say.
+    /// A material of glass with these properties.
     pub fn dielectric(&mut self, dielectric: Dielectric) -> u32 {
         self.bodies = true;
         let material = self.glass();
@@ -113,8 +114,8 @@ impl World {
         }
     }
 
-    /// A parallelogram around `center`, spanned by both half sides; its winding and normal are `x.cross(y)`'s. Texture
-    /// coordinates run from (0, 0) at `center - x - y` to (1, 1).
+    /// A parallelogram around `center`; `x` and `y` are half its sides, and its winding and normal are those of
+    /// `x.cross(y)`. Texture coordinates run from (0, 0) at `center - x - y` to (1, 1).
     pub fn quad(&mut self, material: u32, center: Vec3, x: Vec3, y: Vec3) {
         let normal = x.cross(y).normalize();
         let corners = [center - x - y, center + x - y, center + x + y, center - x + y];
@@ -125,8 +126,8 @@ impl World {
         texcoords[first..].copy_from_slice(&[Vec2::ONE, Vec2::Y, Vec2::X]);
     }
 
-    /// Gives a material a normal map of two texels side by side, and every vertex of the world a tangent: for a quad where its first side
-    /// leads, with the bitangent along its second one.
+    /// Gives a material a normal map of two texels side by side, and every vertex of the world a tangent. On a quad the
+    /// tangent follows the first side and the bitangent the second.
     pub fn bump(&mut self, material: u32, texels: [[u8; 4]; 2], scale: f32) {
         self.scene.textures.push(Texture::new("bumps".to_owned(), 2, 1, texels.to_vec()));
         let texture = self.scene.textures.len() as u32 - 1;
@@ -147,12 +148,12 @@ impl World {
         }
     }
 
-    /// An exact sphere; materials must ascend.
+    /// Adds an exact sphere; materials must be added in ascending order.
     pub fn sphere(&mut self, material: u32, center: Vec3, radius: f32) {
         self.scene.geometry.spheres.push(Sphere { center, radius, material });
     }
 
-    /// The tree over its exact spheres; every hit asks the program.
+    /// The tree over the exact spheres, with the alpha test asked at every hit.
     pub fn spheres(&self) -> SphereTree {
         SphereTree::build(&self.scene.geometry, &vec![true; self.scene.materials.len()])
     }
@@ -187,27 +188,27 @@ impl World {
         }
     }
 
-    /// The reference tracer; every hit asks the program, as in the backend.
+    /// The brute-force reference tracer, with the alpha test asked at every hit, as in the backend.
     pub fn brute_force(&self) -> BruteForce {
         BruteForce::new(&self.scene.geometry, &vec![true; self.scene.materials.len()])
     }
 
-    /// The tracer that the backend uses.
+    /// The tracer of the backend.
     pub fn tree(&self) -> Bvh {
         Bvh::build(&self.scene.geometry, &vec![true; self.scene.materials.len()], Quality::default())
     }
 
-    /// The lit colour of a material, facing the light with this cosine.
+    /// The lit colour of a material at this light cosine.
     pub fn lit(&self, material: u32, cos: f32) -> Vec3 {
         let diffuse = self.shades[material as usize].diffuse.truncate();
         diffuse * SUN_COLOR * cos.max(0.0) + 0.3 * diffuse
     }
 }
 
-/// The colour of pixels that show nothing.
+/// The colour of background pixels.
 pub const BACKGROUND: [f32; 4] = [0.1, 0.2, 0.4, 0.25];
 
-/// A G-buffer of a world, one pixel a target.
+/// A G-buffer of a world with one pixel for each target.
 pub struct Shot<'w> {
     world: &'w World,
     eye: Vec3,
@@ -219,7 +220,7 @@ pub struct Shot<'w> {
 }
 
 impl<'w> Shot<'w> {
-    /// What lies in the direction of each target, as the report's raster pass writes it.
+    /// Fills one pixel for each target with what lies in its direction, as the report's raster pass writes it.
     pub fn of(world: &'w World, eye: Vec3, targets: impl IntoIterator<Item = Vec3>) -> Self {
         let mut shot = Self {
             world,
@@ -238,13 +239,13 @@ impl<'w> Shot<'w> {
         shot
     }
 
-    /// The same with `width` targets a row.
+    /// The same pixels as rows of `width`.
     pub fn rows(self, width: u32) -> Self {
         assert_eq!(self.position.len() % width as usize, 0);
         Self { width, ..self }
     }
 
-    /// The same G-buffer, in a world that begins with the triangles of its own.
+    /// The same G-buffer, used with another world whose first triangles are those of this one.
     pub fn in_world(self, world: &'w World) -> Self {
         Self { world, ..self }
     }
@@ -317,27 +318,27 @@ impl<'w> Shot<'w> {
         }
     }
 
-    /// The picture of a program, and its rays.
+    /// The picture of a program, and its ray counts.
     pub fn run(&self, program: RayProgram, fidelity: Fidelity, params: RayParams) -> (Vec<[f32; 4]>, RayCounts) {
         self.run_on(&self.world.brute_force(), &self.job(program, fidelity, params))
     }
 
-    /// The same on another tracer.
+    /// As [`Self::run`], on another tracer.
     pub fn run_on(&self, tracer: &impl Tracer, job: &RayJob<'_>) -> (Vec<[f32; 4]>, RayCounts) {
-        // What no program would write.
+        // NaN marks pixels that no program has written.
         let mut output = Image::filled(job.width, job.height, [f32::NAN; 4]);
         let stats = cpu::trace(tracer, job, &mut output, &Progress::default()).expect("a complete job");
         (output.pixels, stats.rays)
     }
 }
 
-/// Points of a square grid on a parallelogram, cell centres, row by row.
+/// Cell centres of a square grid on a parallelogram, row by row.
 pub fn grid(side: u32, center: Vec3, x: Vec3, y: Vec3) -> impl Iterator<Item = Vec3> {
     let at = move |i: u32| (2.0 * (i as f32 + 0.5) / side as f32) - 1.0;
     (0..side * side).map(move |i| center + x * at(i % side) + y * at(i / side))
 }
 
-/// Asserts that two colours agree, with the index of the pixel in the message.
+/// Asserts that two colours agree; `what` names the pixel in the message.
 #[track_caller]
 pub fn assert_close(found: [f32; 4], expected: Vec3, tolerance: f32, what: impl std::fmt::Display) {
     let difference = (Vec4::from_array(found).truncate() - expected).abs().max_element();

@@ -8,23 +8,23 @@ use super::vertex::{Projection, ScreenVertex, UNITS};
 use curitiba_pipeline::scene::Geometry;
 use std::ops::Range;
 
-/// Triangles whose bounding box meets more tiles are kept in one list for all tiles: bounds the memory of a bin.
+/// Triangles whose bounding box touches more tiles go into one list for all tiles, which bounds the memory of a bin.
 const MAX_TILES: usize = 16;
 
-/// The parts of a run of triangles, by tile.
+/// The parts of a run of triangles, sorted by tile.
 #[derive(Debug, Default)]
 pub(super) struct Bins {
-    /// By tile, in the order of the triangles.
+    /// Sorted by tile; within a tile in the order of the triangles.
     parts: Vec<Part>,
-    /// Tile `t` has the parts `starts[t]..starts[t + 1]`.
+    /// Tile `t` has `parts[starts[t]..starts[t + 1]]`.
     starts: Vec<u32>,
-    /// Parts that any tile may meet, in the order of the triangles.
+    /// Parts that may touch any tile, in the order of the triangles.
     pub large: Vec<Part>,
     unsorted: Vec<(u32, Part)>,
 }
 
 impl Bins {
-    /// The parts that may cover a tile, but for the large ones.
+    /// The parts that may cover a tile, except the large ones.
     #[inline(always)]
     pub fn of_tile(&self, tile: usize) -> &[Part] {
         &self.parts[self.starts[tile] as usize..self.starts[tile + 1] as usize]
@@ -45,7 +45,8 @@ impl Bins {
             self.large.push(part);
             return;
         }
-        // Which list a part goes into is decided for the whole viewport, so that its tiles draw alike whatever is drawn.
+        // Whether a part is large is decided over the whole viewport, so that a tile is drawn alike whichever tiles are
+        // drawn.
         let [columns, rows] = &grid.drawn;
         for row in top.max(rows.start)..(bottom + 1).min(rows.end) {
             for column in left.max(columns.start)..(right + 1).min(columns.end) {
@@ -61,7 +62,7 @@ impl Bins {
     fn sort(&mut self) {
         let mut total = 0;
         for start in &mut self.starts[1..] {
-            // Shifted by one tile: the scatter below advances each start to its end, which is the next one's start.
+            // Shifted by one tile: the scatter below advances each start to its end, which is the next tile's start.
             let count = *start;
             *start = total;
             total += count;
@@ -76,7 +77,7 @@ impl Bins {
     }
 }
 
-/// The first and last column and row whose pixel centres are in a triangle's bounding box and in the viewport.
+/// First and last column and row of the pixels whose centres are in a triangle's bounding box and in the viewport.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) struct Bounds {
     pub x: (i32, i32),
@@ -84,7 +85,7 @@ pub(super) struct Bounds {
 }
 
 impl Bounds {
-    /// Of pixels at `low..=high` only; empty where a first is above its last.
+    /// The bounds within pixels `low..=high`; empty where a first is above its last.
     #[inline(always)]
     pub fn of([a, b, c]: &Corners<'_>, low: (i32, i32), high: (i32, i32)) -> Self {
         let first = |units: i32| (units + (UNITS / 2 - 1)) >> UNITS.trailing_zeros();
@@ -101,7 +102,7 @@ impl Bounds {
     }
 }
 
-/// Twice the signed area of a triangle, in square units; above 0 where the corners go clockwise as seen.
+/// Twice the signed area of a triangle, in square units; above 0 where the corners appear clockwise.
 #[inline(always)]
 pub(super) fn doubled_area([a, b, c]: &Corners<'_>) -> i64 {
     i64::from(b.x() - a.x()) * i64::from(c.y() - a.y()) - i64::from(b.y() - a.y()) * i64::from(c.x() - a.x())
@@ -115,12 +116,12 @@ pub(super) struct Fill<'a> {
     pub grid: &'a Grid,
     /// By material.
     pub cuts: &'a [bool],
-    /// By material; those beyond the list are drawn.
+    /// By material; materials beyond the list are drawn.
     pub hidden: &'a [bool],
-    /// By material: whether back faces are left out.
+    /// By material: whether back faces are culled.
     pub culled: &'a [bool],
     pub triangles: Range<usize>,
-    /// Which bin of the draw this is.
+    /// Index of the bin in the draw.
     pub index: usize,
     pub bins: &'a mut Bins,
     pub clipped: &'a mut Vec<ClippedTriangle>,
@@ -162,7 +163,8 @@ impl Kernel for Fill<'_> {
                     clip::clip(self.projection, triangle, positions, |part| {
                         let corners = part.corners.each_ref();
                         let pixels = Bounds::of(&corners, (0, 0), high);
-                        // One more than 16 bits count would be [`Part::NONE`] in the last bin of all; so many parts no triangles have.
+                        // The last index of 16 bits is reserved: in the last bin it would be [`Part::NONE`]. Drawings
+                        // never have so many clipped parts.
                         let room = clipped.len() < usize::from(u16::MAX);
                         if room && !pixels.is_empty() && is_seen(&corners) {
                             bins.push(grid, &pixels, Part::clipped(self.index, clipped.len(), cut));

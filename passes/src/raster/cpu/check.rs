@@ -1,4 +1,4 @@
-//! What of a job this rasteriser refuses.
+//! Checks of jobs, and the errors for those that this rasteriser refuses.
 
 use super::frame::MAX_TRIANGLES;
 use super::surface::TILE;
@@ -9,7 +9,7 @@ fn refuse(what: &str, why: String) -> Result<(), BackendError> {
     Err(BackendError::Unsupported { backend: "cpu", what: what.to_owned(), why })
 }
 
-/// Refuses targets that lack an attachment.
+/// Refuses targets that lack an attachment that the job asks for.
 pub(super) fn target(job: &RasterJob<'_>, target: &GBuffer) -> Result<(), BackendError> {
     let asked = job.attachments;
     let pixels = target.width as usize * target.height as usize;
@@ -25,16 +25,16 @@ pub(super) fn target(job: &RasterJob<'_>, target: &GBuffer) -> Result<(), Backen
     Ok(())
 }
 
-/// The error of a target that is cut between tiles.
+/// The error for a target that does not end with whole tiles.
 pub(super) fn between_tiles(viewport: Rect, held: Rect) -> BackendError {
     let why = format!("{held:?} of {viewport:?} does not end with tiles of {TILE} x {TILE} pixels");
     BackendError::Unsupported { backend: "cpu", what: "a part of the picture".to_owned(), why }
 }
 
-/// Refuses jobs that this rasteriser cannot do or whose parts do not fit together.
+/// Refuses jobs that this rasteriser cannot draw, or whose parts do not fit together.
 pub(super) fn scene(job: &RasterJob<'_>, held: Rect) -> Result<(), BackendError> {
     let (view, geometry, asked) = (job.viewport, &job.scene.geometry, job.attachments);
-    // That the viewport lies in the target, or the target in the viewport, is for the grid of tiles to say.
+    // The grid of tiles checks that viewport and target overlap in whole tiles.
     let ends = |rect: Rect| rect.x.checked_add(rect.width).is_some() && rect.y.checked_add(rect.height).is_some();
     if !ends(view) || !ends(held) {
         return refuse("this viewport", format!("{view:?} or {held:?} ends beyond all pixels"));

@@ -1,4 +1,5 @@
-//! Clipping of the few triangles that reach behind the eye, past the far plane, far off the screen or behind a mirror.
+//! Clipping of the few triangles that reach behind the eye, beyond the far plane, far off the screen or behind a
+//! mirror.
 
 use super::vertex::{Projection, ScreenVertex};
 use glam::Vec3;
@@ -8,13 +9,13 @@ use glam::Vec3;
 pub(super) struct ClippedTriangle {
     /// Corners on the screen.
     pub corners: [ScreenVertex; 3],
-    /// Barycentric coordinates of the corners in the whole triangle, of its corners 1 and 2.
+    /// Barycentric coordinates in the whole triangle (of its corners 1 and 2), for each corner.
     pub weights: [[f32; 2]; 3],
     /// The whole triangle.
     pub triangle: u32,
 }
 
-/// Parts of one triangle: seven planes make at most ten corners of three.
+/// Greatest number of parts of a triangle: clipping by seven planes turns three corners into at most ten.
 pub(super) const MAX_PARTS: usize = 8;
 const MAX_CORNERS: usize = MAX_PARTS + 2;
 
@@ -25,9 +26,10 @@ struct Corner {
 }
 
 impl Corner {
-    /// The point of the edge from `inside` to `outside` at the plane with these signed distances.
+    /// The intersection of the edge from `inside` to `outside` with a plane; `inner` and `outer` are the corners'
+    /// signed distances from it.
     ///
-    /// Always from the inside outwards, so that two triangles get the same point on the edge that they share.
+    /// Always computed from the inside outwards, so that two triangles get the same point on their common edge.
     fn between(inside: &Self, outside: &Self, inner: f64, outer: f64) -> Self {
         let t = inner / (inner - outer);
         Self {
@@ -44,8 +46,8 @@ struct Polygon {
 }
 
 impl Polygon {
-    /// A convex polygon gains at most one corner per plane; should rounding ever make a sliver cross a plane more often,
-    /// what has no room is left out.
+    /// A convex polygon gains at most one corner for each plane. Should rounding make a sliver cross a plane more
+    /// often, corners without room are dropped.
     fn push(&mut self, corner: Corner) {
         if let Some(free) = self.corners.get_mut(self.len) {
             *free = corner;
@@ -53,7 +55,7 @@ impl Polygon {
         }
     }
 
-    /// Sutherland and Hodgman, "Reentrant polygon clipping" (1974), for one plane.
+    /// Clips by one plane: Sutherland and Hodgman, "Reentrant polygon clipping" (1974).
     fn clipped(&self, distance: impl Fn(&Corner) -> f64) -> Self {
         let mut output = Self::default();
         for i in 0..self.len {
@@ -74,7 +76,7 @@ impl Polygon {
     }
 }
 
-/// Gives `emit` the parts of a triangle between the near and the far plane, and near enough to the viewport.
+/// Calls `emit` with the parts of a triangle that lie between the near and the far plane, and near the viewport.
 pub(super) fn clip(
     projection: &Projection,
     triangle: u32,
@@ -90,8 +92,8 @@ pub(super) fn clip(
     if !finite || above.iter().flatten().any(|value| !value.is_finite()) {
         return;
     }
-    // Where the view is a small part of the scene, as a near shadow map's is, most triangles end here: all corners are beyond
-    // the same border of the viewport, and so is what lies between them.
+    // Early out for triangles whose corners are all beyond the same border of the viewport. Most triangles end here
+    // where the view is a small part of the scene, as in a near shadow map.
     let all = |beyond: fn(&[f32; 4]) -> bool| clip.iter().all(beyond);
     if all(|[x, _, _, w]| x > w)
         || all(|[x, _, _, w]| -x > *w)
@@ -117,7 +119,7 @@ pub(super) fn clip(
     for second in 2..polygon.len {
         let corners = [&polygon.corners[0], &polygon.corners[second - 1], &polygon.corners[second]];
         let clip = corners.map(|corner| corner.clip.map(|value| value as f32));
-        // A corner in the eye itself has no direction; a polygon with one has no area on the screen.
+        // A corner at the eye itself has no direction; a polygon with such a corner has no area on the screen.
         if clip.iter().all(|corner| corner[3] >= f32::MIN_POSITIVE) {
             emit(ClippedTriangle {
                 corners: clip.map(|corner| projection.screen(corner)),

@@ -1,27 +1,27 @@
-//! What all stages of one draw read.
+//! The inputs that all stages of a draw read.
 
 use super::clip::ClippedTriangle;
 use super::vertex::ScreenVertex;
 use curitiba_pipeline::backend::RasterJob;
 use curitiba_pipeline::scene::Geometry;
 
-/// Triangles that one [`bin`](super::bins::Bins) holds at most.
+/// Greatest number of triangles in one [`bin`](super::bins::Bins).
 pub(super) const BIN_TRIANGLES: usize = 8192;
 
-/// Most triangles of a scene: what [`Part`] can name.
+/// Greatest number of triangles in a scene, limited by the bits of [`Part`].
 pub(super) const MAX_TRIANGLES: usize = BIN_TRIANGLES << 14;
 
-/// A drawn part of a triangle in 32 bits: the triangle itself, or one of the parts that clipping left of it.
+/// A drawn part of a triangle in 32 bits: a whole triangle, or a part that clipping left of it.
 ///
-/// Bit 31: a part (bits 16..30 say which bin clipped it, 0..16 which of its parts it is); else bits 0..30 are the triangle.
-/// Bit 30: its texture's alpha decides where it is.
+/// Bit 31 marks a clipped part: bits 16..30 are the bin that clipped it, and bits 0..16 its index there. Without it,
+/// bits 0..30 are the triangle. Bit 30 marks parts whose texture alpha is tested.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) struct Part(pub u32);
 
 impl Part {
     const CLIPPED: u32 = 1 << 31;
     const CUT: u32 = 1 << 30;
-    /// Nothing.
+    /// No part.
     pub const NONE: Self = Self(u32::MAX);
 
     pub fn whole(triangle: u32, cut: bool) -> Self {
@@ -39,7 +39,7 @@ impl Part {
         self.0 & Self::CUT != 0
     }
 
-    /// Bin and index of a clipped part, or else the triangle.
+    /// The triangle, or for a clipped part its bin and index as the error.
     #[inline(always)]
     fn decode(self) -> Result<u32, (usize, usize)> {
         let value = self.0 & !Self::CUT;
@@ -51,25 +51,25 @@ impl Part {
     }
 }
 
-/// One draw.
+/// The inputs of one draw.
 #[derive(Clone, Copy)]
 pub(super) struct Frame<'a> {
     pub job: &'a RasterJob<'a>,
     pub geometry: &'a Geometry,
-    /// As many as positions.
+    /// One for each position.
     pub vertices: &'a [ScreenVertex],
-    /// By bin of the whole draw.
+    /// The clipped parts of each bin of the whole draw.
     pub clipped: &'a [Vec<ClippedTriangle>],
 }
 
-/// The corners of a triangle, where they lie in memory: copies would go through the stack.
+/// The corners of a triangle as references: copies would go through the stack.
 pub(super) type Corners<'a> = [&'a ScreenVertex; 3];
 
-/// Where a part of a triangle is on the screen.
+/// A part of a triangle on the screen.
 pub(super) struct Placed<'a> {
     pub corners: Corners<'a>,
     pub triangle: u32,
-    /// Set if `corners` are not the triangle's own.
+    /// Set if `corners` belong to a clipped part.
     pub clipped: Option<&'a ClippedTriangle>,
 }
 

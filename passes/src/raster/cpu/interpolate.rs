@@ -1,4 +1,4 @@
-//! Vertex attributes and textures at the pixels of a triangle, perspective-correct.
+//! Perspective-correct vertex attributes and textures at the pixels of a triangle.
 
 use super::frame::{Corners, Frame, Placed};
 use super::vertex::UNITS;
@@ -6,22 +6,22 @@ use curitiba_pipeline::scene::texture::{Place, lod};
 use glam::Vec2;
 use std::ops::{Add, Mul, Sub};
 
-/// Barycentric coordinates along a row of pixels, exact until they are divided.
+/// Barycentric coordinates along a row of pixels, exact up to the division by the area.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Barycentric {
-    /// Edge functions opposite to corners 1 and 2 at the first pixel, and the doubled area. Products of 24-bit integers:
-    /// exact in 64-bit floats, as are their sums.
+    /// Edge functions opposite to corners 1 and 2 at the first pixel, and the doubled area. They are products of 24-bit
+    /// integers, and exact in 64-bit floats, as are their sums.
     pub(super) edges: [f64; 2],
     pub(super) area: f64,
     pub(super) scale: f64,
-    /// What a step to the right, and one down, adds to the edge functions.
+    /// Change of the edge functions for a step to the right, and for a step down.
     pub(super) right: [f64; 2],
     pub(super) down: [f64; 2],
     pub(super) inv_w: [f32; 3],
 }
 
 impl Barycentric {
-    /// Columns count from the pixel (x, y) of the viewport.
+    /// Coordinates relative to the pixel (x, y) of the viewport.
     #[inline(always)]
     pub(super) fn new([v0, v1, v2]: &Corners<'_>, x: i32, y: i32) -> Self {
         let dx = f64::from(x * UNITS + UNITS / 2 - v0.x());
@@ -40,7 +40,7 @@ impl Barycentric {
         }
     }
 
-    /// Screen-space coordinates times `1 / w`, of the three corners.
+    /// Screen-space barycentric coordinates of the three corners, each times its `1 / w`.
     #[inline(always)]
     pub(super) fn weights(&self, column: f64) -> [f32; 3] {
         let e1 = self.edges[0] + self.right[0] * column;
@@ -53,7 +53,8 @@ impl Barycentric {
         ]
     }
 
-    /// How texture coordinates and a texture of some size lie on it, for a filter over a square of side `footprint` (pixels).
+    /// The mapping of texture coordinates and a texture of size `size`, for a filter over a square of side `footprint`
+    /// (pixels).
     #[inline(always)]
     pub(super) fn mapping(&self, corners: [Vec2; 3], size: Vec2, footprint: f32) -> Mapping {
         let slope = |step: [f64; 2]| step.map(|step| (step * self.scale) as f32 * footprint);
@@ -61,28 +62,29 @@ impl Barycentric {
     }
 }
 
-/// How texture coordinates run across a part of a triangle.
+/// Texture coordinates over a part of a triangle.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Mapping {
-    /// Texture coordinates.
+    /// Texture coordinates at the corners.
     pub(super) corners: [Vec2; 3],
-    /// What a step across the filter to the right, and one down, adds to the screen-space coordinates of corners 1 and 2.
+    /// Change of the screen-space coordinates of corners 1 and 2 for one filter width to the right, and one down.
     pub(super) right: [f32; 2],
     pub(super) down: [f32; 2],
-    /// Texels of level 0.
+    /// Size of level 0 in texels.
     pub(super) size: Vec2,
 }
 
 impl Mapping {
-    /// The coordinates at a pixel.
+    /// Texture coordinates at a pixel.
     #[inline(always)]
     pub(super) fn uv(&self, u: f32, v: f32) -> Vec2 {
         let [a, b, c] = self.corners;
         a + (b - a) * u + (c - a) * v
     }
 
-    /// Where a texture that repeats is read at a pixel, and the level of detail. The derivatives of `uv = sum(l_k uv_k / w_k) / sum(l_k / w_k)`, where
-    /// the screen-space coordinates `l_k` are linear, are `sum(l_k' (uv_k - uv) / w_k) / sum(l_k / w_k)`.
+    /// Where a repeating texture is read at a pixel, and the level of detail. With screen-space coordinates `l_k`,
+    /// which are linear, `uv = sum(l_k uv_k / w_k) / sum(l_k / w_k)`. Its derivatives are
+    /// `sum(l_k' (uv_k - uv) / w_k) / sum(l_k / w_k)`.
     #[inline(always)]
     pub(super) fn at(&self, Perspective { u, v, inv_sum }: Perspective, inv_w: [f32; 3]) -> (Place, f32) {
         let [a, b, c] = self.corners;
@@ -98,10 +100,10 @@ impl Mapping {
 /// Perspective-correct barycentric coordinates.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Perspective {
-    /// Of corners 1 and 2.
+    /// Coordinate of corner 1; `v` is that of corner 2.
     pub(super) u: f32,
     pub(super) v: f32,
-    /// 1 over the sum of the weights.
+    /// Reciprocal of the sum of the weights.
     pub(super) inv_sum: f32,
 }
 
@@ -113,7 +115,7 @@ impl Perspective {
     }
 }
 
-/// A vertex attribute at the corners of a part of a triangle.
+/// The values of a vertex attribute at the corners of a part of a triangle; interpolated there if the part was clipped.
 #[inline(always)]
 pub(super) fn attribute<T>(frame: &Frame<'_>, placed: &Placed<'_>, values: &[T]) -> [T; 3]
 where
@@ -128,8 +130,8 @@ where
     [a, b, c]
 }
 
-/// Whether the alpha of its texture and vertices leaves a triangle at a pixel of the viewport: the texture's is that of level 0, as for rays
-/// ([`AlphaTested`](crate::effects::AlphaTested)), so that what the camera sees through lets light through.
+/// Alpha test of a triangle at a pixel of the viewport. The texture's alpha is that of level 0, as for rays
+/// ([`AlphaTested`](crate::effects::AlphaTested)), so that light passes where the camera sees through.
 pub(super) fn is_solid(frame: &Frame<'_>, placed: &Placed<'_>, x: i32, y: i32) -> bool {
     let shade = &frame.job.shades[frame.geometry.material_of(placed.triangle) as usize];
     let Some(cutoff) = shade.alpha_cutoff.filter(|_| shade.is_cut()) else { return true };

@@ -3,13 +3,14 @@
 //! A draw has three stages, each run on all threads of the current rayon pool:
 //!
 //! 1. `vertex`: every vertex is projected and snapped to 1/256 pixel.
-//! 2. `bins`: runs of triangles are sorted into tiles of 64 x 64 pixels, in their order. Those that need it are
-//!    clipped, those that contain no pixel centre dropped.
-//! 3. `tile`: each tile finds the nearest triangle of each pixel, then shades each pixel once; `spheres` puts exact spheres before them.
+//! 2. `bins`: runs of triangles are sorted into tiles of 64 x 64 pixels, in their order. Triangles that need it are
+//!    clipped; triangles that contain no pixel centre are dropped.
+//! 3. `tile`: each tile finds the nearest triangle of each pixel, and shades each pixel once; `spheres` puts exact
+//!    spheres in front.
 //!
-//! Scenes of many triangles are drawn in several rounds of 2 and 3 so that the bins' memory is bounded; tiles then keep
-//! their depth from round to round. Nothing is allocated in a draw of a size that was drawn before. The result is the
-//! same bit by bit for every number of threads and every instruction set.
+//! Stages 2 and 3 run in several rounds for scenes of many triangles, which bounds the memory of the bins; tiles keep
+//! their depths from round to round. A draw allocates nothing if a draw of the same size came before. The result is the
+//! same bit for bit for every number of threads and every instruction set.
 
 mod bins;
 mod check;
@@ -50,16 +51,17 @@ use surface::{Grid, Target, TileSurface};
 use tile::Tile;
 use vertex::{Behind, Project, Projection, ScreenVertex};
 
-/// Vertices that a thread projects at once.
+/// Vertices that a thread projects in one step.
 const VERTEX_RUN: usize = 1024;
 
-/// Bins of a round: half a million triangles. Fewer are divided among as many bins, so that all threads have some.
+/// Greatest number of bins in a round, which is half a million triangles. Fewer triangles are divided among as many
+/// bins, so that all threads get some.
 const ROUND: usize = 64;
 
-/// Triangles of a bin at least, unless the scene has fewer.
+/// Least number of triangles in a bin, unless the scene has fewer.
 const MIN_BIN: usize = 512;
 
-/// Where the time of a draw went.
+/// How long each stage of a draw took.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub struct Stages {
     /// Projecting the vertices.
@@ -70,18 +72,18 @@ pub struct Stages {
     pub tiles: Duration,
 }
 
-/// Draws on the processor.
+/// The rasteriser on the processor.
 pub struct CpuRasteriser {
     detected: Detected,
     vertices: Vec<ScreenVertex>,
     cuts: Vec<bool>,
     bins: Vec<Bins>,
     clipped: Vec<Vec<ClippedTriangle>>,
-    /// By thread where a draw has one round, otherwise by tile.
+    /// One for each thread in draws of one round, otherwise one for each tile.
     tiles: Vec<Mutex<Tile>>,
-    /// By thread.
+    /// One for each thread.
     rows: Vec<Mutex<shade::Rows>>,
-    /// By thread: the spheres that the pixels of a tile show.
+    /// One for each thread: the spheres that the pixels of a tile show.
     shown: Vec<Mutex<Vec<u32>>>,
     stages: Stages,
     round: usize,
@@ -101,14 +103,14 @@ impl std::fmt::Debug for CpuRasteriser {
 }
 
 impl CpuRasteriser {
-    /// In the widest instruction set that this processor has.
+    /// A rasteriser with the widest instruction set of this processor.
     #[must_use]
     pub fn new() -> Self {
         let detected = Detected::new(InstructionSet::best()).expect("the best instruction set is available");
         Self::detected(detected)
     }
 
-    /// In a given instruction set; `None` if this processor lacks it.
+    /// A rasteriser with a given instruction set; `None` if this processor lacks it.
     #[must_use]
     pub fn with_instruction_set(set: InstructionSet) -> Option<Self> {
         Detected::new(set).map(Self::detected)
@@ -130,14 +132,14 @@ impl CpuRasteriser {
         }
     }
 
-    /// Where the time of the last draw went.
+    /// How long each stage of the last draw took.
     #[must_use]
     pub fn stages(&self) -> Stages {
         self.stages
     }
 
-    /// Draws a job into a target that has its size, but for the triangles of hidden materials, and counts what threads take. Between that it
-    /// may be given up; what the target holds then is nobody's picture.
+    /// Draws a job, without the triangles of hidden materials, into a target of the job's size. Progress advances by
+    /// each bin and each tile; where it is cancelled, the draw ends early and the target's contents are undefined.
     fn render(
         &mut self,
         job: &RasterJob<'_>,
@@ -173,14 +175,14 @@ impl CpuRasteriser {
             });
         }
         self.stages.vertices = start.elapsed();
-        // A thread that was told so has left something out, which the next stage would read.
+        // A cancelled thread has skipped vertices that the next stage would read.
         if progress.is_given_up() {
             return Ok(stats);
         }
 
         self.cuts.clear();
         self.cuts.extend(job.shades.iter().map(Shade::is_cut));
-        // Parts are drawn in the order of their triangles, wherever bins begin.
+        // The division into bins does not affect the picture: parts are drawn in the order of their triangles.
         let per_bin = triangles.div_ceil(self.round).clamp(MIN_BIN, BIN_TRIANGLES);
         let bins = triangles.div_ceil(per_bin);
         let rounds = bins.div_ceil(self.round).max(1);
@@ -317,7 +319,7 @@ impl Rasteriser for CpuRasteriser {
         output: &mut Image,
         progress: &Progress,
     ) -> Result<EffectStats, BackendError> {
-        // Taken out while it works: it draws its maps with this rasteriser.
+        // Taken out while it runs, because it draws its maps with this rasteriser.
         let mut effects = std::mem::take(&mut self.effects);
         let result = effects.run(self, job, output, progress);
         self.effects = effects;
@@ -325,12 +327,12 @@ impl Rasteriser for CpuRasteriser {
     }
 }
 
-/// Memory that the rasteriser does not get.
+/// The error for a refused memory allocation.
 fn refused(error: Refused) -> BackendError {
     BackendError::Device { backend: "cpu", message: error.to_string() }
 }
 
-/// One round of one tile.
+/// Kernel for one round of one tile.
 struct DrawTile<'a> {
     frame: &'a Frame<'a>,
     bins: &'a [Bins],
@@ -339,7 +341,7 @@ struct DrawTile<'a> {
     last: bool,
     tile: &'a mut Tile,
     rows: &'a mut shade::Rows,
-    /// In the last round of a draw that has spheres.
+    /// Set in the last round of a draw with spheres.
     spheres: Option<(&'a Screen<'a>, &'a mut Vec<u32>)>,
     surface: TileSurface<'a>,
 }
@@ -369,7 +371,7 @@ impl Kernel for DrawTile<'_> {
     }
 }
 
-/// Copies the depths of a tile.
+/// Copies the depths of a tile to a depth map.
 #[inline(always)]
 fn store_depths(tile: &Tile, surface: &mut TileSurface<'_>) {
     for row in 0..surface.height {
@@ -381,14 +383,14 @@ fn store_depths(tile: &Tile, surface: &mut TileSurface<'_>) {
     }
 }
 
-/// Makes a list at least so long; what is there stays, with its memory.
+/// Extends a list to at least `len` elements; existing elements keep their memory.
 fn grow<T: Default>(list: &mut Vec<T>, len: usize) {
     if list.len() < len {
         list.resize_with(len, T::default);
     }
 }
 
-/// The processor's name where the system tells it in a file, else its architecture.
+/// The processor's name from `/proc/cpuinfo`, or else its architecture.
 fn processor() -> String {
     let name = std::fs::read_to_string("/proc/cpuinfo").ok().and_then(|text| {
         let line = text.lines().find(|line| line.starts_with("model name"))?;

@@ -1,4 +1,4 @@
-//! Attributes and colour of the pixels of a tile, each computed once, after the nearest triangle is known.
+//! Attributes and colours of the pixels of a tile; each pixel is computed once, when its nearest triangle is known.
 
 use super::frame::{Frame, Part, Placed};
 use super::interpolate::{Barycentric, Mapping, Perspective, attribute};
@@ -10,23 +10,23 @@ use curitiba_pipeline::scene::{Batch, normal_map};
 use glam::{Vec2, Vec3, Vec4};
 use std::ops::Range;
 
-/// Share of the diffuse colour that is seen without light: the report's ambient term.
+/// Ambient share of the diffuse colour, as in the report.
 const AMBIENT: f32 = 0.3;
 
-/// A normal whose squared length is not above this has no direction: normals of the corners cancel, and what is left is rounding.
-/// Where the square is smaller still, it has lost its digits, and the normal would not get length 1.
+/// A normal whose squared length is at most this has no direction: the corners' normals cancel, and the rest is
+/// rounding error. Smaller squares have also lost digits, so that the normal would not get length 1.
 const LEAST_SQUARE: f32 = 1e-30;
 
-/// Vectors that start in the last columns reach beyond the row.
+/// Floats in a row. Vectors that start in the last columns reach beyond the tile.
 const ROW: usize = TILE + LANES;
 
 type Row = [f32; ROW];
 type WideRow = [f64; ROW];
 
-/// One row of a tile, one array a quantity, so that all pixels are computed alike whatever they see.
+/// One row of a tile, as one array for each quantity, so that all pixels are computed alike whatever they show.
 ///
-/// First each run of pixels that see the same triangle copies what it needs into its columns; then loops over the whole
-/// row compute. Columns that see nothing, and those beyond the tile, hold what was there before and are never stored.
+/// First, each run of pixels that show the same triangle copies its inputs into its columns. Then loops over the whole
+/// row compute. Columns that show nothing, and those beyond the tile, hold old values and are never stored.
 #[derive(Debug)]
 pub(super) struct Rows {
     /// Barycentric coordinates as in [`Barycentric`], from column 0 of the tile.
@@ -38,7 +38,7 @@ pub(super) struct Rows {
     u: Row,
     v: Row,
     inv_sum: Row,
-    /// Of corner 0, and the way to corners 1 and 2; then the attribute itself takes the place of the first.
+    /// Value at corner 0, later the interpolated attribute; and the differences of corners 1 and 2 from corner 0.
     position: [[Row; 3]; 3],
     normal: [[Row; 3]; 3],
     light: Row,
@@ -47,25 +47,25 @@ pub(super) struct Rows {
     texel: [Row; 4],
     /// Vertex colours, laid out as `position`.
     tint: [[Row; 4]; 3],
-    /// Light that the surface sends out, and its texture or [`NO_TEXTURE`].
+    /// The emitted light, and its texture or [`NO_TEXTURE`].
     glow: [Row; 3],
     glow_texture: [u32; ROW],
-    /// Tangents, laid out as `position`; the normal map of each pixel, or [`NO_TEXTURE`], and its scale; then the bent normal and the light's
-    /// cosine there.
+    /// Tangents, laid out as `position`; each pixel's normal map, or [`NO_TEXTURE`], and the map's scale; then the bent
+    /// normal and its light cosine.
     tangent: [[Row; 4]; 3],
     normal_map: [u32; ROW],
     normal_scale: Row,
     bent: [Row; 4],
-    /// The texture of each pixel, or [`NO_TEXTURE`], and how it is mapped.
+    /// Each pixel's texture, or [`NO_TEXTURE`], and its mapping.
     texture: [u32; ROW],
     mapping: MappingRows,
-    /// Where it is read: from the left, from the top, and the level of detail.
+    /// Where the texture is read: from the left, from the top, and the level of detail.
     place: [Row; 3],
     triangle: [u32; ROW],
     batch: Batch,
 }
 
-/// Where no texture is.
+/// Texture index of pixels without a texture.
 const NO_TEXTURE: u32 = u32::MAX;
 
 /// A [`Mapping`] for each pixel of a row.
@@ -115,16 +115,16 @@ impl Default for Rows {
     }
 }
 
-/// Copies a value to a column and the seven after it. Those that a run does not reach are overwritten by the next run.
+/// Copies a value to a column and the seven after it. The next run overwrites the columns beyond this run.
 #[inline(always)]
 fn spread<T: Copy>(row: &mut [T; ROW], column: usize, value: T) {
-    // The column is in the tile; saying so in arithmetic makes the bounds checks go away.
+    // The column is in the tile; the remainder tells that to the compiler, which then removes the bounds checks.
     let column = column % TILE;
     let lanes: &mut [T; LANES] = (&mut row[column..column + LANES]).try_into().expect("as many as lanes");
     *lanes = [value; LANES];
 }
 
-/// Which attributes are needed.
+/// The attributes that a tile needs.
 #[derive(Clone, Copy)]
 struct Wanted {
     color: bool,
@@ -238,7 +238,7 @@ impl Rows {
         }
     }
 
-    /// Copies what a part's pixels need into their columns.
+    /// Copies the inputs of a part's pixels into their columns.
     #[inline(always)]
     fn gather(&mut self, frame: &Frame<'_>, wanted: Wanted, part: Part, run: Range<usize>, (left, y): (usize, usize)) {
         let geometry = frame.geometry;
@@ -300,7 +300,7 @@ impl Rows {
         }
     }
 
-    /// Perspective-correct attributes of the whole row.
+    /// Computes the perspective-correct attributes of the whole row.
     #[inline(always)]
     fn interpolate(&mut self, wanted: Wanted) {
         if !(wanted.position | wanted.normals | wanted.texture | wanted.tint | wanted.bent) {
@@ -333,7 +333,7 @@ impl Rows {
         }
     }
 
-    /// The tangents of a part and its normal map, if it has one.
+    /// Copies the tangents of a part and its normal map, if it has one.
     #[inline(always)]
     fn normal_map(&mut self, frame: &Frame<'_>, shade: &Shade, placed: &Placed<'_>, run: Range<usize>) {
         let columns = || run.clone().step_by(LANES);
@@ -375,14 +375,14 @@ impl Rows {
         }
     }
 
-    /// The texture that a pixel shows.
+    /// The index of the texture that a pixel shows; `None` where it shows none.
     #[inline(always)]
     fn texture_at(&self, column: usize) -> Option<usize> {
         let texture = self.texture[column];
         (self.triangle[column] != NO_TRIANGLE && texture != NO_TEXTURE).then_some(texture as usize)
     }
 
-    /// Filters the textures of the row: where they are read in all pixels at once, then texels pixel by pixel.
+    /// Filters the textures of the row: first the places to read, for all pixels at once, then texels pixel by pixel.
     #[inline(always)]
     fn texels(&mut self, textures: &[Texture], width: usize) {
         if (0..width).any(|column| self.texture_at(column).is_some()) {
@@ -413,7 +413,7 @@ impl Rows {
         }
     }
 
-    /// Multiplies what surfaces send out by their textures, pixel by pixel: few do.
+    /// Multiplies the emitted light by its texture, pixel by pixel, because few pixels emit light.
     #[inline(always)]
     fn glow_texels(&mut self, textures: &[Texture], width: usize) {
         for column in 0..width {
@@ -428,7 +428,7 @@ impl Rows {
         }
     }
 
-    /// What another texture than [`Self::texture`] shows at a pixel, with the same coordinates.
+    /// The value at a pixel of a texture other than [`Self::texture`], with the same coordinates.
     #[inline(always)]
     fn texel_of(&self, texture: &Texture, column: usize) -> Vec4 {
         let perspective = Perspective { u: self.u[column], v: self.v[column], inv_sum: self.inv_sum[column] };
@@ -438,13 +438,13 @@ impl Rows {
         texture.sample(mapping.uv(perspective.u, perspective.v), lod)
     }
 
-    /// Whether a pixel's normal is bent.
+    /// Whether a normal map bends a pixel's normal.
     #[inline(always)]
     fn is_bent(&self, column: usize) -> bool {
         self.triangle[column] != NO_TRIANGLE && self.normal_map[column] != NO_TEXTURE
     }
 
-    /// Bends the interpolated normals by the normal maps, pixel by pixel, into rows of their own.
+    /// Bends the interpolated normals by the normal maps, pixel by pixel, into separate rows.
     #[inline(always)]
     fn bend(&mut self, frame: &Frame<'_>, width: usize) {
         let to_light = frame.job.sun.map_or(Vec3::ZERO, |sun| -sun.direction);
@@ -474,7 +474,7 @@ impl Rows {
         }
     }
 
-    /// Puts the bent normals in the place of the others.
+    /// Replaces the normals and light cosines of bent pixels.
     #[inline(always)]
     fn take_bent(&mut self, wanted: Wanted, width: usize) {
         for column in 0..width {
@@ -488,7 +488,7 @@ impl Rows {
         }
     }
 
-    /// Normalises the normals, and computes the light's cosine.
+    /// Normalises the normals, and computes the light cosines.
     #[inline(always)]
     fn light(&mut self, frame: &Frame<'_>, wanted: Wanted) {
         let towards = frame.job.sun.map_or(Vec3::ZERO, |sun| -sun.direction);
@@ -500,12 +500,12 @@ impl Rows {
             let (x, y, z) = (x * scale, y * scale, z * scale);
             (nx[column], ny[column], nz[column]) = (x, y, z);
             let cosine = x * towards.x + y * towards.y + z * towards.z;
-            // Rounding leaves two unit vectors with a product of a little more than 1.
+            // Rounding can make the product of two unit vectors slightly more than 1.
             self.light[column] = if wanted.light & (cosine > 0.0) { cosine.min(1.0) } else { 0.0 };
         }
     }
 
-    /// Shades; the result takes the place of the unlit colour.
+    /// Computes the colour, which replaces the unlit colour.
     #[inline(always)]
     fn color(&mut self, frame: &Frame<'_>, wanted: Wanted) {
         let light_color = frame.job.sun.map_or(Vec4::ZERO, |sun| sun.color.extend(1.0)).to_array();
@@ -530,7 +530,7 @@ impl Rows {
 }
 
 impl MappingRows {
-    /// As [`spread`].
+    /// Copies a mapping to a column and the seven after it.
     #[inline(always)]
     fn spread(&mut self, column: usize, mapping: &Mapping) {
         for axis in 0..2 {
@@ -543,7 +543,7 @@ impl MappingRows {
         }
     }
 
-    /// That of a pixel.
+    /// The mapping of a pixel.
     #[inline(always)]
     fn get(&self, column: usize) -> Mapping {
         let two = |rows: &[Row; 2]| [rows[0][column], rows[1][column]];
@@ -582,7 +582,7 @@ fn blend<const N: usize>([first, second, third]: &mut [[Row; N]; 3], u: &Row, v:
     }
 }
 
-/// Writes a row; where no triangle is, the background.
+/// Writes a row; pixels without a triangle get the background.
 #[inline(always)]
 fn store(pixels: &mut [[f32; 4]], triangles: &[u32; ROW], components: [&Row; 4], background: [f32; 4]) {
     let mut output = [[0u32; TILE]; 4];

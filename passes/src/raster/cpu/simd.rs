@@ -1,11 +1,11 @@
-//! One source compiled for several instruction sets, chosen at run time.
+//! Compiles the same source for several instruction sets, and chooses one of them at run time.
 //!
-//! Kernels are plain Rust on 8-wide arrays; inlined into a function with a target feature, LLVM turns them into that
-//! set's vectors. No fast-math flag is set, so no multiplication and addition is ever contracted and every path gives
-//! the same bits.
+//! Kernels are plain Rust on 8-wide arrays. Inlined into a function with a target feature, they are compiled to the
+//! vectors of that instruction set. No fast-math flag is set, so the compiler never contracts a multiplication and an
+//! addition, and all instruction sets give the same bits.
 #![allow(unsafe_code, reason = "calling a function compiled for an instruction set that was detected")]
 
-/// Which instruction set the kernels run in.
+/// The instruction set that the kernels run in.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum InstructionSet {
     /// The one that the program was compiled for (SSE2 on x86-64, NEON on AArch64).
@@ -17,10 +17,10 @@ pub enum InstructionSet {
 }
 
 impl InstructionSet {
-    /// All of them, the plainest first.
+    /// All instruction sets, the narrowest first.
     pub const ALL: [Self; 3] = [Self::Portable, Self::Avx2, Self::Avx512];
 
-    /// Its name, for reports.
+    /// The name, for reports.
     #[must_use]
     pub fn name(self) -> &'static str {
         match self {
@@ -38,7 +38,7 @@ impl InstructionSet {
         }
     }
 
-    /// Whether this processor has it.
+    /// Whether this processor has the instruction set.
     #[must_use]
     pub fn available(self) -> bool {
         #[cfg(target_arch = "x86_64")]
@@ -57,28 +57,28 @@ impl InstructionSet {
         return self == Self::Portable;
     }
 
-    /// The widest that this processor has.
+    /// The widest instruction set of this processor.
     #[must_use]
     pub fn best() -> Self {
         Self::ALL.into_iter().rev().find(|set| set.available()).unwrap_or(Self::Portable)
     }
 }
 
-/// Work that is compiled once per instruction set. `run` and all that it calls must be `#[inline(always)]` to be
-/// compiled for the set.
+/// Work that is compiled once for each instruction set. `run` and everything it calls must be `#[inline(always)]`, or
+/// it is not compiled for the set.
 pub(super) trait Kernel {
-    /// What it gives.
+    /// The result.
     type Output;
-    /// Does it.
+    /// Does the work.
     fn run(self) -> Self::Output;
 }
 
-/// An instruction set that was found on this processor.
+/// An instruction set that was detected on this processor.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) struct Detected(InstructionSet);
 
 impl Detected {
-    /// `None` if this processor lacks it.
+    /// `None` if this processor lacks the set.
     pub fn new(set: InstructionSet) -> Option<Self> {
         set.available().then_some(Self(set))
     }

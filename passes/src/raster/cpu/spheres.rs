@@ -1,7 +1,7 @@
-//! Exact spheres: each pixel's line of sight meets the sphere itself, in `f64`.
+//! Exact spheres: the line of sight of each pixel is intersected with the sphere itself, in `f64`.
 //!
-//! A pixel shows a sphere where it is nearer than the triangles there, by the depth of the point that is met. Spheres are drawn after all
-//! triangles and never change what those wrote elsewhere, so scenes without spheres are drawn as they were.
+//! A pixel shows a sphere where the depth of the intersection is nearer than the triangles. Spheres are drawn after all
+//! triangles and change no other pixels, so scenes without spheres give the same pictures as before.
 
 use super::surface::{TILE, TileSurface};
 use super::tile::Tile;
@@ -10,33 +10,33 @@ use curitiba_pipeline::scene::Sphere;
 use glam::{DMat4, DVec3, DVec4, Vec3, Vec4};
 use std::ops::Range;
 
-/// Share of the diffuse colour that is seen without light: the report's ambient term, as for triangles.
+/// Ambient share of the diffuse colour, as in the report and for triangles.
 const AMBIENT: f32 = 0.3;
 
 /// The spheres of a draw.
 pub(super) struct Screen<'a> {
     job: &'a RasterJob<'a>,
-    /// From the eye to clip space, and back.
+    /// Matrix from positions relative to the eye to clip space, and its inverse.
     matrix: DMat4,
     inverse: DMat4,
     eye: DVec3,
     size: [f64; 2],
-    /// By sphere that is seen at all: its index, and columns and rows of the viewport that it lies in.
+    /// The visible spheres: index, and the columns and rows of the viewport that each covers.
     seen: Vec<(u32, [Range<usize>; 2])>,
 }
 
-/// Where a line of sight meets a sphere.
+/// The point where a line of sight hits a sphere.
 struct Met {
-    /// 1 near, 0 far.
+    /// Depth: 1 near, 0 far.
     depth: f32,
-    /// Outwards.
+    /// Outward unit normal.
     normal: DVec3,
-    /// Relative to the eye.
+    /// Position relative to the eye.
     position: DVec3,
 }
 
 impl<'a> Screen<'a> {
-    /// Those of a job, but for hidden materials; `None` where it has none.
+    /// The spheres of a job, except those of hidden materials; `None` if the scene has no spheres.
     pub fn new(job: &'a RasterJob<'a>, hidden: &[bool]) -> Option<Self> {
         let spheres = &job.scene.geometry.spheres;
         if spheres.is_empty() {
@@ -55,14 +55,15 @@ impl<'a> Screen<'a> {
         Some(screen)
     }
 
-    /// Columns and rows that a sphere lies in, with some around them; `None` where it is behind the eye or beside the viewport.
+    /// The columns and rows that a sphere covers, with a margin. `None` where the sphere is behind the eye or outside
+    /// the viewport.
     fn pixels(&self, sphere: &Sphere) -> Option<[Range<usize>; 2]> {
         let center = (sphere.center.as_dvec3() - self.eye).extend(1.0);
         let [right, up, _, w] = [0, 1, 2, 3].map(|row| self.matrix.row(row));
         let radius = f64::from(sphere.radius);
         let range = |row: DVec4, side: f64, flip: f64| {
             let (low, high) = extent(center, radius, row * flip, w)?;
-            // Of -1 to 1 to pixels, and one more on each side for rounding.
+            // From -1..1 to pixels, with a margin of one pixel on each side for rounding.
             let pixel = |at: f64| (0.5 * at + 0.5) * side;
             let (low, high) = (pixel(low).floor() - 1.0, pixel(high).ceil() + 1.0);
             let range = low.clamp(0.0, side) as usize..high.clamp(0.0, side) as usize;
@@ -71,13 +72,13 @@ impl<'a> Screen<'a> {
         Some([range(right, self.size[0], 1.0)?, range(up, self.size[1], -1.0)?])
     }
 
-    /// Where the line of sight through the centre of a pixel of the viewport meets a sphere first, between the near and the far plane.
+    /// The first hit of the line of sight through a pixel's centre with a sphere, between the near and the far plane.
     fn meets(&self, sphere: &Sphere, x: usize, y: usize) -> Option<Met> {
         let [width, height] = self.size;
         let at = [(x as f64 + 0.5) / width * 2.0 - 1.0, 1.0 - (y as f64 + 0.5) / height * 2.0];
         let [near, far] = [1.0, 0.0].map(|depth| self.inverse * DVec4::new(at[0], at[1], depth, 1.0));
         let start = near.truncate() / near.w;
-        // Without a division by the far w, which may be 0.
+        // Scaled so that there is no division by the far `w`, which may be 0.
         let direction = (far.truncate() * near.w - near.truncate() * far.w).normalize();
         let end = if far.w > 0.0 { (far.truncate() / far.w - start).dot(direction) } else { f64::INFINITY };
         let center = sphere.center.as_dvec3() - self.eye;
@@ -86,7 +87,7 @@ impl<'a> Screen<'a> {
         let nearest = from + b * direction;
         let half = radius * radius - nearest.length_squared();
         let half = (half >= 0.0).then(|| half.sqrt())?;
-        // The farther one is the inner side.
+        // The farther hit is the inner side, which culling removes.
         let inside = self.job.culled.get(sphere.material as usize) != Some(&true);
         let mut sides = [(-half, true), (half, inside)].into_iter().filter(|(_, shown)| *shown);
         let (step, _) = sides.find(|(step, _)| (0.0..=end).contains(&(b + step)))?;
@@ -100,8 +101,8 @@ impl<'a> Screen<'a> {
         &self.job.scene.geometry.spheres[index as usize]
     }
 
-    /// Draws the spheres of a tile over its triangles. `shown` gets one index a pixel of the tile, [`NO_TRIANGLE`] where no sphere is seen;
-    /// empty where none is in the tile.
+    /// Draws the spheres of a tile over its triangles. `shown` receives one sphere index for each pixel of the tile,
+    /// [`NO_TRIANGLE`] where no sphere is seen; it stays empty if the tile shows none.
     pub fn draw(&self, tile: &mut Tile, surface: &TileSurface<'_>, shown: &mut Vec<u32>) {
         shown.clear();
         for (index, [columns, rows]) in &self.seen {
@@ -124,7 +125,7 @@ impl<'a> Screen<'a> {
         }
     }
 
-    /// Writes the attachments of those pixels of a tile that show spheres.
+    /// Writes the attachments of the pixels of a tile that show spheres.
     pub fn shade(&self, shown: &[u32], surface: &mut TileSurface<'_>) {
         let first = self.job.scene.geometry.triangles.len() as u32;
         let towards = self.job.sun.map_or(Vec3::ZERO, |sun| -sun.direction);
@@ -155,10 +156,10 @@ impl<'a> Screen<'a> {
     }
 }
 
-/// From where to where along an axis of the screen a sphere lies: of x/w, where `row` and `w` give x and w of a point. `None` where
-/// all of it is behind the eye.
+/// The interval of a sphere along an axis of the screen: the least and greatest x/w, where `row` and `w` give x and w
+/// of a point. `None` where the whole sphere is behind the eye.
 ///
-/// The plane x = k w touches the sphere where (x - k w)² = r² |∇(x - k w)|²: an equation of second degree in k.
+/// The plane x = k w touches the sphere where (x - k w)² = r² |∇(x - k w)|², a quadratic equation in k.
 fn extent(center: DVec4, radius: f64, row: DVec4, w: DVec4) -> Option<(f64, f64)> {
     let (x, depth, square) = (row.dot(center), w.dot(center), radius * radius);
     let (along_x, along_w) = (row.truncate(), w.truncate());
@@ -166,7 +167,7 @@ fn extent(center: DVec4, radius: f64, row: DVec4, w: DVec4) -> Option<(f64, f64)
         return None;
     }
     let a = depth * depth - square * along_w.length_squared();
-    // Where a part of it is behind the eye it may be anywhere.
+    // Where a part of the sphere is behind the eye, the interval is unbounded.
     if depth <= 0.0 || a <= 1e-9 * depth * depth {
         return Some((f64::NEG_INFINITY, f64::INFINITY));
     }

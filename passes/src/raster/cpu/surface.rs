@@ -1,4 +1,4 @@
-//! Hands the pixels of a G-buffer out by tiles, so that tiles can be drawn by several threads.
+//! Hands out the pixels of a G-buffer tile by tile, so that several threads can draw tiles.
 #![allow(unsafe_code, reason = "rectangles of one image are disjoint, which slices cannot express")]
 
 use curitiba_pipeline::backend::{Attachments, GBuffer, Rect, drawn_part};
@@ -6,12 +6,12 @@ use rayon::prelude::*;
 use std::marker::PhantomData;
 use std::ops::Range;
 
-/// Sides of a tile, in pixels.
+/// Side of a tile, in pixels.
 pub(super) const TILE: usize = 64;
-// Parts of pictures are cut between tiles.
+// Pictures are split between tiles.
 const _: () = assert!(TILE == curitiba_pipeline::gbuffer::ALIGNMENT as usize);
 
-/// A viewport cut into tiles, row by row.
+/// A viewport divided into tiles, row by row.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(super) struct Grid {
     /// The viewport, in pixels of the target.
@@ -20,14 +20,14 @@ pub(super) struct Grid {
     pub columns: usize,
     /// Rows of tiles.
     pub rows: usize,
-    /// The first and the last but one column of tiles that are drawn, and the same of rows: all, unless the target is a part of
-    /// the picture.
+    /// Range of columns and of rows of the tiles that are drawn: all, unless the target is a part of the picture.
     pub drawn: [Range<usize>; 2],
 }
 
 impl Grid {
-    /// `target` is the rectangle of the picture that is held. `None` where nothing of the viewport lies in it, or what lies in
-    /// it does not end with tiles, so that tiles would be others than those of the whole viewport.
+    /// The grid of a viewport, for a target that holds the rectangle `target` of the picture. `None` where the target
+    /// holds nothing of the viewport, or does not end with whole tiles: its tiles would then differ from those of the
+    /// whole viewport.
     pub fn new(viewport: Rect, target: Rect) -> Option<Self> {
         let tiles = |pixels: u32| (pixels as usize).div_ceil(TILE);
         let part = drawn_part(viewport, target)?;
@@ -47,11 +47,11 @@ impl Grid {
     }
 }
 
-/// The attachments of one tile, to be written.
+/// The writable attachments of one tile.
 pub(super) struct TileSurface<'a> {
-    /// Left column of the tile, from the viewport's left.
+    /// Left column of the tile, relative to the viewport.
     pub x: usize,
-    /// Top row of the tile, from the viewport's top.
+    /// Top row of the tile, relative to the viewport.
     pub y: usize,
     /// Pixels a row, at most [`TILE`].
     pub width: usize,
@@ -64,16 +64,16 @@ pub(super) struct TileSurface<'a> {
     depth: Option<Plane<'a, f32>>,
 }
 
-/// What a draw writes.
+/// The output of a draw.
 pub(super) enum Target<'a> {
     /// Attachments of a G-buffer.
     Attachments(&'a mut GBuffer, Attachments),
-    /// The depth of the nearest triangle alone, 0 where there is none.
+    /// The depth of the nearest triangle only, 0 where there is none.
     Depth(&'a mut DepthMap),
 }
 
 impl Target<'_> {
-    /// What it holds of the picture.
+    /// The rectangle of the picture that the target holds.
     pub fn held(&self) -> Rect {
         match self {
             Self::Attachments(buffer, _) => buffer.held(),
@@ -90,13 +90,13 @@ pub(super) struct DepthMap {
 }
 
 impl DepthMap {
-    /// Gives it so many texels a side. What they hold is not defined until a draw fills the map.
+    /// Sets the number of texels along a side. The texels are undefined until a draw fills the map.
     pub fn resize(&mut self, size: u32) {
         self.size = size;
         self.depths.resize(size as usize * size as usize, 0.0);
     }
 
-    /// Top row first.
+    /// The depths, top row first.
     pub fn depths(&self) -> &[f32] {
         &self.depths
     }
@@ -105,7 +105,7 @@ impl DepthMap {
 macro_rules! row_accessors {
     ($($name:ident: $pixel:ty),*) => {
         $(
-            /// The tile's part of one row of this attachment; `None` if it was not asked for.
+            /// The tile's part of one row of this attachment; `None` if the attachment was not asked for.
             #[inline(always)]
             pub fn $name(&mut self, row: usize) -> Option<&mut [$pixel]> {
                 assert!(row < self.height);
@@ -120,7 +120,7 @@ macro_rules! row_accessors {
 impl TileSurface<'_> {
     row_accessors!(color: [f32; 4], position: [f32; 4], normal: [f32; 4], triangle: u32, depth: f32);
 
-    /// Whether depths are what is drawn.
+    /// Whether the target is a depth map.
     #[inline(always)]
     pub fn is_depth(&self) -> bool {
         self.depth.is_some()
@@ -145,7 +145,7 @@ impl<T> Plane<'_, T> {
     }
 }
 
-/// An attachment that all threads may take their tiles from.
+/// An attachment from which all threads can take their tiles.
 struct Shared<T> {
     pixels: *mut T,
     stride: usize,
@@ -170,8 +170,8 @@ impl<T> Shared<T> {
     }
 }
 
-/// Calls `draw` with every tile of the grid that is drawn, on all threads of the current pool: with its number among them, its
-/// number in the viewport, and its pixels.
+/// Calls `draw` with every drawn tile of the grid, on all threads of the current pool. `draw` gets the tile's number
+/// among the drawn tiles, its number in the viewport, and its pixels.
 ///
 /// # Panics
 /// If a tile is not inside the target or an attachment asked for has another size.
@@ -181,7 +181,7 @@ pub(super) fn for_each_tile(target: &mut Target<'_>, grid: &Grid, draw: impl Fn(
     let Rect { x, y, width, height } = grid.viewport;
     let (width, height) = (width as usize, height as usize);
     let [columns, rows] = &grid.drawn;
-    // Where the viewport's corner lies in the target, which may begin right of it or below.
+    // Position of the viewport's corner relative to the target; negative if the target begins to its right or below.
     let (left, top) = (i64::from(x) - i64::from(held.x), i64::from(y) - i64::from(held.y));
     let inside = |start: i64, tiles: &Range<usize>, side: usize, room: usize| {
         let (first, last) = (start + (tiles.start * TILE) as i64, start + (tiles.end * TILE).min(side) as i64);

@@ -1,4 +1,4 @@
-//! What cannot be seen from outside: rounds.
+//! Tests of internals: rounds.
 
 use super::*;
 use curitiba_pipeline::backend::{Attachments, Rect, Shade, View};
@@ -6,7 +6,7 @@ use curitiba_pipeline::programs::RasterProgram;
 use curitiba_pipeline::scene::{Batch, Geometry};
 use glam::{Mat4, Vec3, Vec4};
 
-/// Overlapping triangles, every hundredth over the whole picture and every tenth reaching behind the far plane.
+/// Overlapping triangles; every hundredth covers the whole picture, and every tenth reaches behind the far plane.
 fn scene(count: u32) -> RenderScene {
     let mut state = 1u32;
     let mut random = || {

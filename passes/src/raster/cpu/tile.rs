@@ -1,4 +1,4 @@
-//! Which triangle is seen at each pixel of a tile.
+//! The visible triangle of each pixel of a tile.
 
 use super::bins::{Bins, Bounds, doubled_area};
 use super::frame::{Corners, Frame, Part};
@@ -10,27 +10,28 @@ use crate::trace::{higher, lower};
 /// Lanes of a vector.
 pub(super) const LANES: usize = 8;
 
-/// Floats from one row of a tile's buffers to the next: vectors that start in the last columns reach beyond the tile.
+/// Floats from one row of a tile's buffers to the next. Vectors that start in the last columns reach beyond the tile.
 const STRIDE: usize = TILE + LANES;
 
-/// Sides of the blocks that large triangles are drawn by.
+/// Side of the blocks by which wide triangles are drawn, in pixels.
 const BLOCK: usize = LANES;
 const BLOCKS: usize = TILE / BLOCK;
 
-/// Triangles with a wider bounding box are drawn block by block.
+/// Triangles with a wider bounding box, in pixels, are drawn block by block.
 const NARROW: i32 = 2 * LANES as i32;
 
-/// Depth and triangle of each pixel of a tile.
+/// Depth and visible triangle of each pixel of a tile.
 pub(super) struct Tile {
-    /// The bits of 32-bit floats that are not negative: they compare as the floats do.
+    /// Bits of non-negative 32-bit floats: as integers they compare in the same order.
     depth: Box<[i32; TILE * STRIDE]>,
     parts: Box<[u32; TILE * STRIDE]>,
-    /// By block: no pixel of it has less depth.
+    /// By block: a lower bound of the depths of its pixels.
     floor: [f32; BLOCKS * BLOCKS],
     empty: bool,
-    /// Whether depth is that of planes through snapped corners.
+    /// Whether depths are those of planes through the snapped corners.
     snapped_depth: bool,
-    /// 0 to 7. Read from memory: as constants the compiler folds them into single lanes, and takes the vectors apart.
+    /// The numbers 0 to 7. Read from memory, because the compiler would fold constants into single lanes and split the
+    /// vectors.
     lanes: [i32; LANES],
     float_lanes: [f32; LANES],
 }
@@ -49,11 +50,12 @@ impl Default for Tile {
     }
 }
 
-/// An edge function over pixels: `a * column + b * row + c >= 0` inside, and on the edge if it is a top or left one.
+/// An edge function over pixels. A pixel is inside if `a * column + b * row + c >= 0`; pixels on a top or left edge are
+/// inside, too.
 ///
-/// In units of 1/256 pixel it is `E = 256 (a column + b row) + C`, all integers; with `c = floor(C / 256)` its sign is kept.
-/// `|a|, |b| <= 7_340_032` and columns and rows below 72, so `|a column + b row| < 2^30`; clamping `c` to `±2^30` keeps
-/// the sign too and the sum in 32 bits.
+/// In units of 1/256 pixel it is `E = 256 (a column + b row) + C`, all integers; `c = floor(C / 256)` keeps its sign.
+/// `|a|, |b| <= 7_340_032`, and columns and rows are below 72, so `|a column + b row| < 2^30`. Clamping `c` to `±2^30`
+/// keeps the sign, too, and keeps the sum within 32 bits.
 #[derive(Debug, Clone, Copy)]
 struct Edge {
     a: i32,
@@ -62,12 +64,12 @@ struct Edge {
 }
 
 impl Edge {
-    /// From one corner to the next, clockwise; columns and rows count from pixel (x, y).
+    /// The edge from one corner to the next, clockwise. Columns and rows count from pixel (x, y).
     #[inline(always)]
     fn new(from: &ScreenVertex, to: &ScreenVertex, x: i32, y: i32) -> Self {
         const LIMIT: i64 = 1 << 30;
         let (a, b) = (from.y() - to.y(), to.x() - from.x());
-        // A left edge goes up, a top edge to the right.
+        // A left edge goes up, and a top edge goes to the right.
         let closed = a > 0 || (a == 0 && b > 0);
         let (dx, dy) = (x * UNITS + UNITS / 2 - from.x(), y * UNITS + UNITS / 2 - from.y());
         let value = i64::from(a) * i64::from(dx) + i64::from(b) * i64::from(dy) - i64::from(!closed);
@@ -80,14 +82,15 @@ impl Edge {
     }
 }
 
-/// Depth over pixels: `((z + dy * row) + dx * column) + dx * lane`, kept within the corners' depths, where `column` is that of
+/// Depth over pixels: `((z + dy * row) + dx * column) + dx * lane`, clamped to the corners' depths. `column` is that of
 /// a vector's first lane.
 ///
 /// Rounding is monotone, so over a block the largest computed depth is at one of its corners, exactly.
 ///
-/// The plane is that of the corners before they were snapped: a plane through the snapped places leans otherwise, by up to half a unit's
-/// change of depth over a triangle, and of two layers the farther one is seen. Slivers that snapping turned or made several
-/// times larger or smaller have no slope worth the name; theirs is that of the snapped places.
+/// The plane goes through the corners before they were snapped. A plane through the snapped corners has a different
+/// slope, by up to half a unit's change of depth over the triangle, and might show the farther of two layers. Slivers
+/// whose orientation snapping reversed, or whose area it changed by a factor of two or more, have no reliable slope:
+/// they take the snapped corners.
 #[derive(Debug, Clone, Copy)]
 struct Depth {
     z: f32,
@@ -116,13 +119,13 @@ impl Depth {
             z: (f64::from(v0.z) + across * from_x + down * from_y) as f32,
             dx: (across * f64::from(UNITS)) as f32,
             dy: (down * f64::from(UNITS)) as f32,
-            // Not -0, whose bits do not compare.
+            // 0 instead of -0, whose bits would compare wrongly.
             low: higher(lower(lower(v0.z, v1.z), v2.z), 0.0),
             high: higher(higher(v0.z, v1.z), v2.z),
         }
     }
 
-    /// Of a vector's first lane.
+    /// Depth at a vector's first lane.
     #[inline(always)]
     fn at(&self, column: i32, row: i32) -> f32 {
         (self.z + self.dy * row as f32) + self.dx * column as f32
@@ -133,7 +136,7 @@ impl Depth {
         higher(lower(z, self.high), self.low)
     }
 
-    /// The largest depth of a block.
+    /// The greatest depth in a block.
     #[inline(always)]
     fn highest(&self, column: i32, row: i32) -> f32 {
         let last = BLOCK as i32 - 1;
@@ -143,7 +146,7 @@ impl Depth {
 }
 
 impl Tile {
-    /// Multiples of a step, one a lane.
+    /// The multiples 0 to 7 of a step, one for each lane.
     #[inline(always)]
     fn multiples(&self, step: i32) -> [i32; LANES] {
         let mut multiples = [0; LANES];
@@ -162,7 +165,7 @@ impl Tile {
         multiples
     }
 
-    /// Forgets what was drawn.
+    /// Clears the tile.
     #[inline(always)]
     pub fn clear(&mut self) {
         if !self.empty {
@@ -173,7 +176,7 @@ impl Tile {
         }
     }
 
-    /// Puts something else before what is seen at a pixel, unless that is as near; whether it does.
+    /// Puts something else in front at a pixel if it is nearer than what is there; returns whether it was.
     pub fn cover(&mut self, column: usize, row: usize, depth: f32) -> bool {
         let (at, bits) = (row * STRIDE + column, depth.to_bits() as i32);
         let nearer = bits > self.depth[at] || self.depth[at] == 0 && self.parts[at] == Part::NONE.0;
@@ -183,7 +186,7 @@ impl Tile {
         nearer
     }
 
-    /// The parts seen in a row, [`Part::NONE`] where there is none; `None` if the whole tile is empty.
+    /// The visible parts in a row, [`Part::NONE`] where there is none. `None` if the whole tile is empty.
     #[inline(always)]
     pub fn row(&self, row: usize) -> Option<&[u32; TILE]> {
         if self.empty {
@@ -192,7 +195,7 @@ impl Tile {
         self.parts[row * STRIDE..][..TILE].first_chunk()
     }
 
-    /// The depths of a row as the bits of floats, 0 where nothing is; `None` if the whole tile is empty.
+    /// The depths of a row as the bits of floats, 0 where there is nothing. `None` if the whole tile is empty.
     #[inline(always)]
     pub fn depths(&self, row: usize) -> Option<&[i32; TILE]> {
         if self.empty {
@@ -201,7 +204,7 @@ impl Tile {
         self.depth[row * STRIDE..][..TILE].first_chunk()
     }
 
-    /// Draws the parts that bins hold for this tile, in the order of the triangles.
+    /// Draws the parts that the bins hold for this tile, in the order of the triangles.
     #[inline(always)]
     pub fn draw_bins(&mut self, frame: &Frame<'_>, bins: &Bins, tile: usize, surface: &TileSurface<'_>) {
         self.snapped_depth = frame.job.snapped_depth;
@@ -256,7 +259,7 @@ impl Tile {
         }
     }
 
-    /// Row by row, in vectors that start at the left of the bounds.
+    /// Draws row by row, in vectors that start at the left end of the bounds.
     #[inline(always)]
     fn draw_narrow(&mut self, corners: &Corners<'_>, area: i64, bounds: &Bounds, local: &Bounds, part: u32) {
         let (x, y) = (bounds.x.0, bounds.y.0);
@@ -290,7 +293,8 @@ impl Tile {
     ) {
         let stored: &mut [i32; LANES] = (&mut self.depth[offset..offset + LANES]).try_into().expect("as many as lanes");
         let parts: &mut [u32; LANES] = (&mut self.parts[offset..offset + LANES]).try_into().expect("as many as lanes");
-        // All is read before anything is written, and masks take the place of choices: so the compiler makes vectors of it.
+        // Everything is read before anything is written, and masks replace branches, so that the compiler vectorises
+        // the loop.
         let (old_depth, old_parts) = (*stored, *parts);
         let (mut new_depth, mut new_parts) = ([0; LANES], [0; LANES]);
         for lane in 0..LANES {
@@ -298,7 +302,7 @@ impl Tile {
                 | start[1].wrapping_add(across[1][lane])
                 | start[2].wrapping_add(across[2][lane]);
             let z = depth.clamp(z + across_z[lane]).to_bits() as i32;
-            // Negative where the pixel is outside an edge or not nearer than what is there.
+            // Negative (all bits set) where the pixel is outside an edge or not nearer than the stored depth.
             let keep = (inside | z.wrapping_sub(old_depth[lane]).wrapping_sub(1)) >> 31;
             new_depth[lane] = (old_depth[lane] & keep) | (z & !keep);
             new_parts[lane] = (old_parts[lane] & keep as u32) | (part & !(keep as u32));
@@ -306,7 +310,7 @@ impl Tile {
         (*stored, *parts) = (new_depth, new_parts);
     }
 
-    /// Block by block; blocks outside an edge or behind what is drawn are skipped.
+    /// Draws block by block, skipping blocks that are outside an edge or behind what is drawn.
     #[inline(always)]
     fn draw_blocks(&mut self, corners: &Corners<'_>, area: i64, bounds: &Bounds, local: &Bounds, part: u32) {
         let size = BLOCK as i32;
@@ -316,7 +320,8 @@ impl Tile {
         let depth = Depth::new(corners, area, (x, y), self.snapped_depth);
         let across = [self.multiples(edges[0].a), self.multiples(edges[1].a), self.multiples(edges[2].a)];
         let across_z = self.float_multiples(depth.dx);
-        // From a block's first pixel to the one that is farthest inside and the one that is farthest outside an edge.
+        // Change of each edge function from a block's first pixel to the pixel farthest inside the edge, and to the one
+        // farthest outside.
         let inner = edges.map(|edge| (edge.a.max(0) + edge.b.max(0)) * (size - 1));
         let outer = edges.map(|edge| (edge.a.min(0) + edge.b.min(0)) * (size - 1));
         for row in (0..=local.y.1 - first_row).step_by(BLOCK) {
@@ -355,7 +360,8 @@ impl Tile {
         self.floor[block] = f32::from_bits(lowest.into_iter().fold(i32::MAX, i32::min) as u32);
     }
 
-    /// Pixel by pixel, asking whether there is a surface at each that passes the depth test.
+    /// Draws pixel by pixel. At each pixel that passes the depth test, the alpha test decides whether there is a
+    /// surface.
     #[inline(always)]
     fn draw_rows(
         &mut self,
@@ -366,7 +372,7 @@ impl Tile {
         part: impl Fn(i32, i32) -> Option<u32>,
     ) {
         let wide = bounds.x.1 - bounds.x.0 >= NARROW;
-        // The same vectors as an opaque triangle has, so that the same triangle has the same depth.
+        // Vectors aligned as for an opaque triangle, so that the same triangle gets the same depths.
         let align = |first: i32| if wide { first & -(BLOCK as i32) } else { first };
         let (first_column, first_row) = (align(local.x.0), align(local.y.0));
         let (x, y) = (bounds.x.0 - local.x.0 + first_column, bounds.y.0 - local.y.0 + first_row);

@@ -4,32 +4,35 @@ use super::simd::Kernel;
 use curitiba_pipeline::backend::{Rect, View};
 use glam::{Vec3, Vec4};
 
-/// Sub-pixel units of a pixel.
+/// Sub-pixel units in a pixel.
 pub(super) const UNITS: i32 = 256;
 
-/// Parts of a sub-pixel unit in which a corner's place before it was snapped is kept: of a place of `f32` in a picture of 1024, all there is.
+/// Fractions of a sub-pixel unit in which a corner's place before snapping is kept. This is the full precision of an
+/// `f32` coordinate in a picture of 1024 pixels.
 pub(super) const FINE: i32 = 64;
 
-/// Largest side of a viewport, in pixels.
+/// Greatest side of a viewport, in pixels.
 pub(super) const MAX_SIDE: u32 = 16384;
 
 /// Corners lie at most this many pixels from the viewport's centre. Then differences of coordinates are below
 /// `2 * 14336 * 256 = 7_340_032`, and an edge function over a tile, in steps of pixels, is below 2^31 (see `Edge`).
 const GUARD: u32 = 14336;
 
-/// Of a vertex that has no place on the screen: triangles that use it are clipped.
+/// Value of `fine_x` for a vertex that has no place on the screen: triangles that use the vertex are clipped.
 const NEEDS_CLIPPING: i32 = i32::MIN;
 
-/// Homogeneous `w` outside of this range is taken for the eye's plane or for infinity: nothing overflows inside.
+/// A homogeneous `w` outside this range counts as on the eye's plane or at infinity. Inside the range nothing
+/// overflows.
 const W_RANGE: std::ops::RangeInclusive<f32> = 7.888_609e-31..=1.267_650_6e30;
 
 /// A corner on the screen.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 #[repr(C, align(16))]
 pub(super) struct ScreenVertex {
-    /// Right of the viewport's left border, in 1/64 of 1/256 pixel, or [`NEEDS_CLIPPING`]. [`Self::x`] is what it is snapped to.
+    /// Distance from the viewport's left border, in 1/64 of 1/256 pixel, or [`NEEDS_CLIPPING`]. [`Self::x`] is the
+    /// snapped value.
     fine_x: i32,
-    /// Below the viewport's top border.
+    /// Distance from the viewport's top border, in the same unit.
     fine_y: i32,
     /// Depth, 1 near, 0 far.
     pub z: f32,
@@ -38,25 +41,25 @@ pub(super) struct ScreenVertex {
 }
 
 impl ScreenVertex {
-    /// Right of the viewport's left border, in 1/256 pixel.
+    /// Snapped distance from the viewport's left border, in 1/256 pixel.
     #[inline(always)]
     pub fn x(&self) -> i32 {
         snapped(self.fine_x)
     }
 
-    /// Below the viewport's top border, in 1/256 pixel.
+    /// Snapped distance from the viewport's top border, in 1/256 pixel.
     #[inline(always)]
     pub fn y(&self) -> i32 {
         snapped(self.fine_y)
     }
 
-    /// The place before it was snapped, in 1/256 pixel: where the depth of a triangle's plane is [`Self::z`].
+    /// The place before snapping, in 1/256 pixel. At this place the depth of the triangle's plane is [`Self::z`].
     #[inline(always)]
     pub fn place(&self) -> [f64; 2] {
         [self.fine_x, self.fine_y].map(|fine| f64::from(fine) * (1.0 / f64::from(FINE)))
     }
 
-    /// Whether triangles that use it are clipped.
+    /// Whether triangles that use this vertex must be clipped.
     #[inline(always)]
     pub fn needs_clipping(&self) -> bool {
         self.fine_x == NEEDS_CLIPPING
@@ -68,18 +71,18 @@ fn snapped(fine: i32) -> i32 {
     fine.wrapping_add(FINE / 2) >> FINE.trailing_zeros()
 }
 
-/// Where world positions come to lie in a viewport.
+/// The mapping from world positions to a viewport.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Projection {
     columns: [[f32; 4]; 4],
-    /// Subtracted from positions before.
+    /// Subtracted from positions before the matrix is applied.
     eye: Vec3,
     left: f32,
     top: f32,
     width: f32,
     height: f32,
     origin: [i64; 2],
-    /// Largest `|x / w|` and `|y / w|`; powers of two, so that the clipper's planes and the test below agree exactly.
+    /// Greatest `|x / w|` and `|y / w|`; powers of two, so that the clipper's planes and the test below agree exactly.
     pub guard: [f32; 2],
     /// [`View::clip_plane`].
     pub plane: Option<Vec4>,
@@ -110,14 +113,14 @@ impl Projection {
         std::array::from_fn(|row| a[row] * p.x + b[row] * p.y + c[row] * p.z + d[row])
     }
 
-    /// Where a world position is to a plane of [`Self::plane`]: below 0 behind it.
+    /// Signed distance of a world position from a plane such as [`Self::plane`]: below 0 behind it.
     #[inline(always)]
     pub fn above(&self, plane: Vec4, p: Vec3) -> f32 {
         let p = p - self.eye;
         plane.x * p.x + plane.y * p.y + plane.z * p.z + plane.w
     }
 
-    /// Whether a corner needs no clipping.
+    /// Whether a vertex with these clip coordinates needs no clipping.
     #[inline(always)]
     pub fn inside(&self, [x, y, z, w]: [f32; 4]) -> bool {
         (z >= 0.0)
@@ -128,7 +131,7 @@ impl Projection {
             & (w <= *W_RANGE.end())
     }
 
-    /// Screen coordinates of a corner that is [inside](Self::inside), or on the border of what is.
+    /// Screen coordinates of a vertex that is [inside](Self::inside), or on the border of the inside.
     #[inline(always)]
     pub fn screen(&self, [x, y, z, w]: [f32; 4]) -> ScreenVertex {
         let inv_w = 1.0 / w;
@@ -138,8 +141,8 @@ impl Projection {
     }
 }
 
-/// A screen coordinate, counted from `origin`, in 1/64 unit: rounded to the nearest whole unit (ties to even), from which it is less than half a
-/// unit off. `|pixels - origin| < 2^15`, so it is below 2^29.
+/// A screen coordinate relative to `origin`, in 1/64 unit, so that it is less than half a unit from the nearest whole
+/// unit (ties to even). `|pixels - origin| < 2^15`, so the result is below 2^29.
 ///
 /// Adding 1.5 * 2^52 leaves the rounded integer in the low bits of the sum; unlike a rounding instruction and a checked
 /// conversion this is two vector operations on every instruction set.
@@ -154,7 +157,7 @@ fn snap(pixels: f32, origin: i64) -> i32 {
     whole.wrapping_mul(FINE).wrapping_add(rest.clamp(-FINE / 2, FINE / 2 - 1))
 }
 
-/// Projects a run of vertices.
+/// Kernel that projects a run of vertices.
 pub(super) struct Project<'a> {
     pub projection: &'a Projection,
     pub positions: &'a [Vec3],
@@ -175,7 +178,7 @@ impl Kernel for Project<'_> {
     }
 }
 
-/// Marks the vertices of a run that lie behind a plane: triangles that use them are clipped.
+/// Kernel that marks the vertices of a run that lie behind a plane: triangles that use them are clipped.
 pub(super) struct Behind<'a> {
     pub projection: &'a Projection,
     pub plane: Vec4,

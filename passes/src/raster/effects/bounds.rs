@@ -1,4 +1,4 @@
-//! Boxes, the camera's frustum, and what is inside both.
+//! Axis-parallel boxes, the camera's frustum, and their intersection.
 
 use curitiba_pipeline::scene::Geometry;
 use glam::{DMat4, DVec3, DVec4, Mat4, Vec3};
@@ -14,7 +14,7 @@ pub struct Bounds {
 }
 
 impl Bounds {
-    /// Of no point.
+    /// The box of no points.
     pub const EMPTY: Self = Self { min: Vec3::INFINITY, max: Vec3::NEG_INFINITY };
 
     /// The box around all triangles.
@@ -23,37 +23,37 @@ impl Bounds {
         if geometry.triangles.is_empty() {
             return Self::EMPTY;
         }
-        // Every vertex belongs to a triangle.
+        // Every vertex belongs to a triangle, so all vertices count.
         let chunks = geometry.positions.par_chunks(1 << 16);
         let boxes = chunks.map(|positions| positions.iter().fold(Self::EMPTY, |bounds, p| bounds.with(*p)));
         boxes.reduce(|| Self::EMPTY, Self::union)
     }
 
-    /// Whether there is no point in it.
+    /// Whether the box contains no point.
     #[must_use]
     pub fn is_empty(&self) -> bool {
         !self.min.cmple(self.max).all()
     }
 
-    /// With a point; coordinates that are not numbers change nothing.
+    /// The box extended to contain a point; coordinates that are NaN change nothing.
     #[must_use]
     pub fn with(self, point: Vec3) -> Self {
         Self { min: self.min.min(point), max: self.max.max(point) }
     }
 
-    /// Around both.
+    /// The box around both boxes.
     #[must_use]
     pub fn union(self, other: Self) -> Self {
         Self { min: self.min.min(other.min), max: self.max.max(other.max) }
     }
 
-    /// The middle.
+    /// The centre.
     #[must_use]
     pub fn center(&self) -> Vec3 {
         self.min * 0.5 + self.max * 0.5
     }
 
-    /// From the middle to a corner.
+    /// Distance from the centre to a corner.
     #[must_use]
     pub fn radius(&self) -> f32 {
         (self.max * 0.5 - self.min * 0.5).length()
@@ -71,13 +71,13 @@ impl Bounds {
         self.corners().iter().map(|corner| corner.distance(point)).fold(0.0, f64::max)
     }
 
-    /// The largest value of an affine function, the dot product of `plane` and `(p, 1)`, in the box.
+    /// Greatest value in the box of an affine function: the dot product of `plane` and `(p, 1)`.
     #[must_use]
     pub fn farthest(&self, plane: DVec4) -> f64 {
         self.corners().iter().map(|corner| plane.dot(corner.extend(1.0))).fold(f64::NEG_INFINITY, f64::max)
     }
 
-    /// Corner `index`: bit 0 chooses x, bit 1 y, bit 2 z.
+    /// Corner `index`: its bits 0, 1 and 2 choose the higher x, y and z.
     fn corner(&self, index: usize) -> DVec3 {
         let pick = |bit: usize, low: f32, high: f32| f64::from(if index >> bit & 1 == 0 { low } else { high });
         DVec3::new(pick(0, self.min.x, self.max.x), pick(1, self.min.y, self.max.y), pick(2, self.min.z, self.max.z))
@@ -87,7 +87,7 @@ impl Bounds {
         std::array::from_fn(|index| self.corner(index))
     }
 
-    /// Planes whose inside, `dot(plane, (p, 1)) >= 0`, is the box.
+    /// The box as the intersection of six half-spaces `dot(plane, (p, 1)) >= 0`.
     fn planes(&self) -> [DVec4; 6] {
         let (min, max) = (self.min.as_dvec3(), self.max.as_dvec3());
         [
@@ -101,11 +101,11 @@ impl Bounds {
     }
 }
 
-/// Corners of the faces of a box whose corners are numbered as [`Bounds::corner`] does: -x, +x, -y, +y, -z, +z, each
-/// counter-clockwise as seen from outside.
+/// Corner numbers (see [`Bounds::corner`]) of the faces of a box: -x, +x, -y, +y, -z, +z, each counter-clockwise as
+/// seen from outside.
 const FACES: [[usize; 4]; 6] = [[0, 4, 6, 2], [1, 3, 7, 5], [0, 1, 5, 4], [2, 6, 7, 3], [0, 2, 3, 1], [4, 5, 7, 6]];
 
-/// A convex polygon that six planes may clip.
+/// A convex polygon with room for clipping by six planes.
 #[derive(Debug, Clone, Copy)]
 struct Polygon {
     points: [DVec3; Self::MOST],
@@ -113,7 +113,7 @@ struct Polygon {
 }
 
 impl Polygon {
-    /// Four corners, and at most one more for each plane; rounding may add some.
+    /// Four corners, and at most one more for each plane; rounding may add further ones.
     const MOST: usize = 12;
 
     fn new(corners: [DVec3; 4]) -> Self {
@@ -122,7 +122,7 @@ impl Polygon {
         Self { points, len: 4 }
     }
 
-    /// Sutherland and Hodgman, "Reentrant polygon clipping" (1974).
+    /// Clips by planes: Sutherland and Hodgman, "Reentrant polygon clipping" (1974).
     fn clipped(self, planes: &[DVec4]) -> Self {
         planes.iter().fold(self, |polygon, plane| {
             let mut inside = Self { points: [DVec3::ZERO; Self::MOST], len: 0 };
@@ -151,17 +151,17 @@ impl Polygon {
     }
 }
 
-/// What a camera sees, between its near and far planes.
+/// The camera's view volume between its near and far planes.
 #[derive(Debug, Clone, Copy)]
 pub struct Frustum {
     clip_from_world: DMat4,
     planes: [DVec4; 6],
-    /// Numbered as [`Bounds::corner`] does, in clip space.
+    /// World positions of the corners of clip space, numbered as in [`Bounds::corner`].
     corners: [DVec3; 8],
 }
 
 impl Frustum {
-    /// `None` if the matrix cannot be inverted in numbers.
+    /// The frustum of a projection; `None` if the matrix has no finite inverse.
     #[must_use]
     pub fn new(clip_from_world: &Mat4) -> Option<Self> {
         let clip_from_world = clip_from_world.as_dmat4();
@@ -177,24 +177,24 @@ impl Frustum {
         finite.then_some(Self { clip_from_world, planes, corners })
     }
 
-    /// The plane whose dot product with `(p, 1)` is the depth of `p`: its distance in front of the plane through the eye that
-    /// is parallel to the picture. `None` for an orthographic camera.
+    /// The plane whose dot product with `(p, 1)` is the depth of `p`: the distance in front of the plane through the
+    /// eye that is parallel to the picture. `None` for an orthographic camera.
     #[must_use]
     pub fn depth_plane(&self) -> Option<DVec4> {
         let row = self.clip_from_world.row(3);
         let length = row.truncate().length();
-        // A matrix of 32-bit floats leaves such a rest of a camera without perspective.
+        // For an orthographic camera, rounding to 32-bit floats leaves a remainder of up to this size.
         let scale = self.corners.iter().map(|corner| corner.abs().max_element()).fold(0.0, f64::max);
         (length * scale > 1e-6 * row.w.abs()).then(|| row / length).filter(|plane| plane.is_finite())
     }
 
-    /// Depths of the near and the far plane, by a plane of [`Self::depth_plane`].
+    /// Depths of the near and the far plane, measured by the result of [`Self::depth_plane`].
     #[must_use]
     pub fn depths(&self, plane: DVec4) -> [f64; 2] {
         [7, 0].map(|corner: usize| plane.dot(self.corners[corner].extend(1.0)))
     }
 
-    /// The part between two depths.
+    /// The part of the frustum between two depths.
     #[must_use]
     pub fn slice(&self, plane: DVec4, [near, far]: [f64; 2]) -> Self {
         let corners = std::array::from_fn(|index| {
@@ -208,7 +208,7 @@ impl Frustum {
         Self { clip_from_world: self.clip_from_world, planes, corners }
     }
 
-    /// A sphere around what is inside the frustum and a box: centre and radius. `None` if nothing is.
+    /// Centre and radius of a sphere around the intersection of the frustum and a box; `None` if that is empty.
     #[must_use]
     pub fn sphere_with(&self, bounds: &Bounds) -> Option<(DVec3, f64)> {
         let (mut low, mut high) = (DVec3::INFINITY, DVec3::NEG_INFINITY);
@@ -222,7 +222,8 @@ impl Frustum {
         Some((center, squared.sqrt()))
     }
 
-    /// Visits points whose convex hull is the intersection with a box: faces of each clipped by the other's planes.
+    /// Visits points whose convex hull is the intersection with a box: the faces of the frustum clipped by the box, and
+    /// the faces of the box clipped by the frustum.
     fn each_corner_with(&self, bounds: &Bounds, mut visit: impl FnMut(DVec3)) {
         let (box_corners, box_planes) = (bounds.corners(), bounds.planes());
         for face in FACES {
@@ -232,8 +233,8 @@ impl Frustum {
         }
     }
 
-    /// The area that a box covers on the screen as seen from `eye`, in units where the whole screen is 4; that much where the
-    /// eye is inside the box.
+    /// The area that a box covers on the screen as seen from `eye`, in units where the whole screen is 4. It is 4 where
+    /// the eye is inside the box.
     #[must_use]
     pub fn area_of(&self, bounds: &Bounds, eye: Vec3) -> f64 {
         if bounds.is_empty() {
@@ -245,7 +246,8 @@ impl Frustum {
         let (corners, planes, eye) = (bounds.corners(), bounds.planes(), eye.as_dvec3());
         let mut doubled = 0.0;
         for (face, plane) in FACES.iter().zip(planes) {
-            // The plane's inside is the box: faces seen from outside have the eye on their other side.
+            // The half-space of `plane` contains the box. The eye sees the face from outside if it is not in that
+            // half-space.
             if plane.dot(eye.extend(1.0)) >= 0.0 {
                 continue;
             }

@@ -1,21 +1,22 @@
 //! Cascaded shadow maps: the depths that the camera sees are split, and each part has a map of its own.
 //!
-//! Engel, "Cascaded Shadow Maps", ShaderX5, 2006. The splits are logarithmic: then a texel has the same size on the screen in
-//! all parts (Zhang, Sun, Xu and Lun, "Parallel-Split Shadow Maps for Large-scale Virtual Environments", VRCIA 2006). That
-//! paper's practical splits are half way to uniform ones, because logarithmic ones between the camera's planes leave the first
-//! maps to the empty space before the eye. Here the depths of the lit pixels are split instead (Lauritzen, Salvi and Lefohn,
-//! "Sample Distribution Shadow Maps", I3D 2011), and both views of the shipped square are the nearer to ray traced shadows the
-//! less of uniform splits is in the mixture.
+//! Engel, "Cascaded Shadow Maps", ShaderX5, 2006. The splits are logarithmic: then a texel has the same size on the
+//! screen in all parts (Zhang, Sun, Xu and Lun, "Parallel-Split Shadow Maps for Large-scale Virtual Environments",
+//! VRCIA 2006). That paper blends logarithmic with uniform splits, because logarithmic splits between the camera's
+//! planes waste the first maps on the empty space before the eye. Here the depth range of the lit pixels is split
+//! instead (Lauritzen, Salvi and Lefohn, "Sample Distribution Shadow Maps", I3D 2011). Measured on both views of the
+//! shipped square, the fewer uniform splits in the blend, the nearer the shadows are to ray-traced ones.
 //!
 //! # Which map serves a pixel
-//! The first one that contains the pixel's filter. It needs no depth of the pixel, and is never farther than the map of the
-//! pixel's own part: that one contains it, too. Maps of nearer parts also serve pixels behind these parts as far as they
-//! reach. From one map to the next an edge gets softer at once; they are not blended.
+//! The first map that contains the pixel's whole filter. The choice needs no depth of the pixel. The chosen map is
+//! never coarser than the map of the pixel's own part, because that one contains the pixel, too. Maps of nearer parts
+//! also serve pixels behind their parts as far as they reach. Maps are not blended: where the map changes, the softness
+//! of an edge jumps.
 //!
 //! # Limits
-//! Ends of the depths take steps of a quarter of a doubling. When one does, as when a map's radius does, edges change a
-//! little at once; between steps they stay. An orthographic camera sees all depths at one scale and gets one map. So does a
-//! camera without a far plane, of the whole scene.
+//! The ends of the depth range are rounded to a quarter of an octave. When an end moves by a step, edges change a
+//! little at once, as when a map's radius changes; between steps they stay. An orthographic camera sees all depths at
+//! one scale and gets one map. A camera without a far plane gets one map of the whole scene.
 
 use super::bounds::{Bounds, Frustum};
 use super::shadow::ShadowFit;
@@ -24,12 +25,13 @@ use curitiba_pipeline::raster_effects::EffectParams;
 use glam::{Vec3, Vec4};
 use rayon::prelude::*;
 
-/// Steps of the nearest and the farthest depth for each doubling.
+/// Steps per doubling to which the nearest and the farthest depth are rounded.
 const DEPTH_STEPS: f64 = 4.0;
 
-/// The nearest and the farthest depth of the lit pixels of a picture. `None` without such a pixel.
+/// The nearest and the farthest depth of the lit pixels of a picture; `None` if no pixel is lit. A lit pixel has a
+/// light cosine (the position's `w`) above 0.
 ///
-/// Depths that are not numbers count as 0.
+/// Depths that are not positive finite numbers count as 0.
 #[must_use]
 pub fn lit_depths(job: &EffectJob<'_>) -> Option<[f32; 2]> {
     let plane = depth_plane(&job.view);
@@ -41,24 +43,26 @@ pub fn lit_depths(job: &EffectJob<'_>) -> Option<[f32; 2]> {
     depths.reduce_with(|a, b| [a[0].min(b[0]), a[1].max(b[1])])
 }
 
-/// The plane whose dot product with `(p, 1)` is the depth of `p`; 0 where [`Cascades::new`] asks for no depths.
+/// The plane whose dot product with `(p, 1)` is the depth of `p`; 0 for a camera whose depths [`Cascades::new`] does
+/// not use.
 #[must_use]
 pub fn depth_plane(view: &View) -> Vec4 {
     let plane = Frustum::new(&view.clip_from_world).and_then(|frustum| frustum.depth_plane());
     plane.map_or(Vec4::ZERO, |plane| plane.as_vec4())
 }
 
-/// The maps of a picture, from near to far.
+/// The shadow maps of a picture, from near to far.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Cascades {
-    /// One for each map. None where nothing can cast a shadow.
+    /// One fit for each map; empty where nothing can cast a shadow.
     pub fits: Vec<ShadowFit>,
 }
 
 impl Cascades {
-    /// At most `params.cascades` maps of what `camera` sees between two depths, those of [`lit_depths`].
+    /// At most `params.cascades` maps of what `camera` sees between the two depths, which come from [`lit_depths`].
     ///
-    /// There are fewer where a map covers the whole scene, or a part of the depths shows nothing of the scene.
+    /// There are fewer maps where one map covers the whole scene, or where a part of the depth range contains nothing
+    /// of the scene.
     #[must_use]
     pub fn new(sun: &Sun, scene: &Bounds, camera: &View, depths: [f32; 2], params: &EffectParams) -> Self {
         let frustum = Frustum::new(&camera.clip_from_world);
@@ -90,8 +94,8 @@ impl Cascades {
         Self { fits }
     }
 
-    /// The share of the light that a position gets, 0..=1, where the light meets the surface at an angle of this cosine.
-    /// `map` gives the depths of each map, see [`ShadowFit::lit_share`].
+    /// The light's share at a position, 0..=1; `cos` is the cosine of the light on the surface there. `map` returns the
+    /// depths of a map by its index, see [`ShadowFit::lit_share`].
     #[must_use]
     #[inline]
     pub fn lit_share<'a>(
@@ -102,7 +106,7 @@ impl Cascades {
         params: &EffectParams,
     ) -> f32 {
         let covering = self.fits.iter().position(|fit| fit.covers(fit.place(position), params));
-        // Maps of few texels may have no place for a whole filter.
+        // In a map of few texels the whole filter may fit nowhere; then the last map serves.
         let Some(index) = covering.or(self.fits.len().checked_sub(1)) else { return 1.0 };
         let (fit, map) = (&self.fits[index], map(index));
         if params.sun > 0.0 {
@@ -113,7 +117,7 @@ impl Cascades {
     }
 }
 
-/// End `index` of `count` parts of these depths.
+/// Boundary `index`, 0..=count, of `count` logarithmic parts of the depth range.
 fn split(near: f64, far: f64, index: u32, count: u32) -> f64 {
     if index == count {
         return far;

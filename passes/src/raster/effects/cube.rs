@@ -1,4 +1,4 @@
-//! Cube maps: the cameras of the six faces, and which texel a direction meets.
+//! Cube maps: the cameras of the six faces, and the lookup of a direction.
 //!
 //! Faces, their order and orientation are those of OpenGL, Vulkan, Direct3D and WebGPU (Vulkan 1.3, section 16.5.4): +x, -x,
 //! +y, -y, +z, -z, each seen from the middle with the row order of images.
@@ -6,10 +6,10 @@
 use curitiba_pipeline::backend::View;
 use glam::{DMat4, DVec3, DVec4, Vec2, Vec3};
 
-/// Faces of a cube.
+/// Number of faces of a cube.
 pub const FACES: usize = 6;
 
-/// By face: the directions to its middle, to the right, and down.
+/// For each face: the directions to its centre, to its right, and down.
 pub(crate) const AXES: [[Vec3; 3]; FACES] = [
     [Vec3::X, Vec3::NEG_Z, Vec3::NEG_Y],
     [Vec3::NEG_X, Vec3::Z, Vec3::NEG_Y],
@@ -19,10 +19,10 @@ pub(crate) const AXES: [[Vec3; 3]; FACES] = [
     [Vec3::NEG_Z, Vec3::NEG_X, Vec3::NEG_Y],
 ];
 
-/// The camera of a face: 90 degrees, depth reversed, between `near` and `far` (`0 < near < far`).
+/// The camera of a face: 90 degrees field of view, reversed depth, between `near` and `far` (`0 < near < far`).
 ///
-/// Cube maps are seen from inside, so this camera mirrors: its clip space is left-handed, and front faces are wound as back
-/// faces. Both rasterisers draw either.
+/// Cube maps are seen from inside, so this camera mirrors: its clip space is left-handed, and front faces appear with
+/// the winding of back faces. Both rasterisers draw both windings.
 ///
 /// # Panics
 /// If there is no such face.
@@ -37,7 +37,7 @@ pub fn view(face: usize, center: Vec3, near: f32, far: f32) -> View {
     View::new(DMat4::from_cols(x, y, z, w).transpose().as_mat4(), center)
 }
 
-/// The face that a direction meets, and where: 0..=1 from its top left corner. Face 0 for the direction 0.
+/// The face that a direction hits, and where on the face: 0..=1 from its top left corner. Face 0 for the direction 0.
 #[must_use]
 #[inline]
 pub fn locate(direction: Vec3) -> (usize, Vec2) {
@@ -54,8 +54,8 @@ pub fn locate(direction: Vec3) -> (usize, Vec2) {
     (face, Vec2::new(direction.dot(right), direction.dot(down)) * scale + Vec2::splat(0.5))
 }
 
-/// Bilinear filtering of a face of `size` x `size` texels at `at` (from [`locate`]); texels of the face's border serve
-/// beyond it, so that neighbouring faces differ by at most half a texel at their seam.
+/// Bilinear filtering of a face of `size` x `size` texels at `at` (from [`locate`]). Coordinates are clamped to the
+/// face, so neighbouring faces differ by at most half a texel at their seam.
 ///
 /// # Panics
 /// If the face has less than `size * size` texels.

@@ -1,9 +1,10 @@
-//! Mirrors: which planes of glass a picture shows, and the cameras that see what is mirrored in them.
+//! Mirrors: the planes of glass that a picture shows, and the cameras that see the mirrored scene.
 //!
-//! A ray that leaves the eye through the centre of a pixel and is mirrored at a plane is the ray of the mirrored eye through the same
-//! point of the plane. With the camera's own projection that point is at the same pixel. So the scene, seen by the mirrored camera and cut
-//! off at the plane, has in each pixel of the mirror what the mirrored ray of that pixel meets: nothing is filtered. (Blinn and Newell 1976
-//! mirror at planes so; Kilgard, "Improving Shadows and Reflections via the Stencil Buffer", 1999, draws it on hardware.)
+//! A ray from the eye through a pixel's centre that is mirrored at a plane continues the ray of the mirrored eye
+//! through the same point of the plane. With the camera's own projection, that point is at the same pixel. So an image
+//! of the scene from the mirrored camera, cut off at the plane, holds in each pixel of the mirror exactly what the
+//! pixel's mirrored ray hits: nothing is filtered. (Blinn and Newell 1976 mirror at planes in this way; Kilgard,
+//! "Improving Shadows and Reflections via the Stencil Buffer", 1999, draws it on hardware.)
 
 use super::bounds::{Bounds, Frustum};
 use super::planes::{GlassPlane, Glazing, NO_PLANE, agrees};
@@ -13,10 +14,10 @@ use glam::{DMat4, DVec3, DVec4, Vec3, Vec4};
 use rayon::prelude::*;
 use std::sync::{Mutex, PoisonError};
 
-/// The pixels that show a plane: how many, and the box around them.
+/// The pixels that show a plane: their number, and the box around them.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Seen {
-    /// How many pixels.
+    /// Number of pixels.
     pub pixels: u32,
     /// First column and row.
     pub low: [u32; 2],
@@ -25,7 +26,7 @@ pub struct Seen {
 }
 
 impl Seen {
-    /// By no pixel.
+    /// No pixels.
     pub const NONE: Self = Self { pixels: 0, low: [u32::MAX; 2], high: [0; 2] };
 
     fn with(self, other: Self) -> Self {
@@ -37,18 +38,18 @@ impl Seen {
     }
 }
 
-/// What a picture shows of the planes of glass.
+/// The planes of glass in a picture.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Survey {
-    /// By plane.
+    /// The pixels of each plane.
     pub planes: Vec<Seen>,
-    /// Pixels of glass, those that no plane serves included.
+    /// Number of glass pixels, including those that show no plane.
     pub glass: u64,
 }
 
 impl Survey {
-    /// Looks at all pixels, on all threads. `plane_of` gets the plane of each, [`NO_PLANE`] where there is none or the normal is not
-    /// the plane's.
+    /// Visits all pixels, on all threads. `plane_of` receives the plane of each pixel: [`NO_PLANE`] where there is
+    /// none, or where the shading normal is not the plane's.
     ///
     /// # Errors
     /// If there is not enough memory.
@@ -62,7 +63,7 @@ impl Survey {
             return Ok(whole.into_inner().unwrap_or_else(PoisonError::into_inner));
         }
         plane_of.par_chunks_mut(width).enumerate().with_min_len(8).for_each(|(row, planes)| {
-            // Neighbours show the same triangle, and the same plane.
+            // Neighbouring pixels usually show the same triangle, and so the same plane.
             let mut last = (NO_TRIANGLE, None);
             let (mut found, mut glass): (Vec<(u32, Seen)>, u64) = (Vec::new(), 0);
             let first = row * width;
@@ -97,30 +98,30 @@ impl Survey {
     }
 }
 
-/// A plane that mirrors in a frame.
+/// A plane that is drawn as a mirror in a frame.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Mirror {
-    /// Its index.
+    /// Index of the plane.
     pub plane: u32,
-    /// Its unit normal, and the square of the sine that shading normals may lean from it.
+    /// The plane's unit normal; `w` is the square of the greatest sine between it and shading normals.
     pub normal: Vec4,
-    /// The mirrored camera. It has the window's own viewport.
+    /// The mirrored camera, with the viewport of the picture.
     pub view: View,
-    /// The box around the pixels that show it.
+    /// The box around the pixels that show the mirror.
     pub pixels: Rect,
 }
 
 /// The mirrors of a frame.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Mirrors {
-    /// Those of the most pixels first; of equals the first plane.
+    /// Ordered by number of pixels, the most first; equals by plane index.
     pub chosen: Vec<Mirror>,
-    /// Pixels of glass, and those of them that none of the mirrors serves.
+    /// Number of glass pixels, and of those that no mirror serves.
     pub glass_pixels: [u64; 2],
 }
 
 impl Mirrors {
-    /// Chooses the planes that serve most pixels, at most so many. `scene` is the box around the scene.
+    /// Chooses up to `most` planes that are shown by the most pixels. `scene` is the box around the scene.
     #[must_use]
     pub fn choose(glazing: &Glazing, survey: &Survey, scene: &Bounds, camera: &View, most: u32) -> Self {
         let mut mirrors = Self { chosen: Vec::new(), glass_pixels: [survey.glass; 2] };
@@ -142,28 +143,28 @@ impl Mirrors {
     }
 }
 
-/// A camera that can be mirrored.
+/// The picture's camera, prepared for mirroring.
 struct Camera {
-    /// To clip space, from positions less the eye; without perspective, from positions.
+    /// Matrix to clip space, from positions relative to the eye in perspective, else from positions.
     matrix: DMat4,
-    /// Where it stands; far away without perspective.
+    /// Position; far away without perspective.
     eye: DVec3,
-    /// What depth is.
+    /// Mapping of depths.
     depth: Depth,
     /// [`View::footprint`].
     footprint: f32,
 }
 
-/// Depths of mirrored cameras. They see to the end of the scene, as rays do.
+/// Depth mapping of mirrored cameras. They see to the end of the scene, as rays do.
 enum Depth {
-    /// In perspective `near / w`: 1 at the camera's own near distance, and as exact in the distance as nearby.
+    /// In perspective, `near / w`: 1 at the camera's near distance, with the same relative precision at all distances.
     Near(f64),
-    /// Without perspective linear in the box around the scene.
+    /// Without perspective, linear over the box around the scene.
     Scene(Bounds),
 }
 
 impl Camera {
-    /// `None` of a camera that makes no sense.
+    /// `None` for a degenerate camera.
     fn new(view: &View, scene: &Bounds) -> Option<Self> {
         let eye = view.eye.as_dvec3();
         let (world, footprint) = (view.clip_from_world.as_dmat4(), view.footprint);
@@ -174,17 +175,18 @@ impl Camera {
             Some(matrix) => matrix.as_dmat4(),
             None => world * DMat4::from_translation(eye),
         };
-        // Along the way on which w grows: where z is w.
+        // Near distance in units of `w`: on the line from the eye along which `w` grows, the point where clip z equals
+        // `w`.
         let (z, w) = (matrix.row(2), matrix.row(3));
         let forward = w.truncate().try_normalize()?;
         let near = z.w / (w.truncate().length() - z.truncate().dot(forward)) * w.truncate().length();
-        // A little nearer, for rounding.
+        // Slightly nearer, as a margin for rounding.
         let near = near * (1.0 - 1e-4);
         (near > 0.0 && near.is_finite()).then_some(Self { matrix, eye, depth: Depth::Near(near), footprint })
     }
 
-    /// The camera mirrored at a plane, which sees only what is on the eye's side of it. `None` where the eye is in the plane, within
-    /// rounding.
+    /// The camera mirrored at a plane, which sees only the eye's side of the plane. `None` where the eye is in the
+    /// plane, up to rounding.
     fn mirrored(&self, plane: &GlassPlane) -> Option<View> {
         let distance = plane.distance(self.eye);
         let (normal, offset) =
@@ -199,7 +201,8 @@ impl Camera {
         let mirrored_eye = self.eye - 2.0 * height * normal;
         let eye = mirrored_eye.as_vec3();
         let scale = plane.bounds.min.abs().max(plane.bounds.max.abs()).max_element();
-        // What lies where its glass does, or within the rounding of distances in 32-bit floats, is the mirror.
+        // Within the slack of the mirror's own glass, and of the rounding of distances in 32-bit floats, a point counts
+        // as in the mirror.
         let reach = match self.depth {
             Depth::Near(_) => plane.bounds.farthest_from(self.eye),
             Depth::Scene(_) => f64::from(scale),
@@ -210,7 +213,7 @@ impl Camera {
         }
         let view = match &self.depth {
             Depth::Near(near) => {
-                // From positions less the rounded eye.
+                // The rounded eye is the origin of positions; this corrects the matrix for its rounding.
                 let rest = turn * DMat4::from_translation(eye.as_dvec3() - mirrored_eye);
                 let mut matrix = (self.matrix * rest).transpose();
                 matrix.z_axis = DVec4::W * *near;

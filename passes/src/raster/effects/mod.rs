@@ -1,26 +1,30 @@
-//! What the raster effects of both rasterisers have in common: where maps are drawn from, and what is looked up in them.
+//! What the raster effects of both rasterisers share: the cameras of maps, and the lookups in them.
 //!
 //! Everything here is a pure function of the job, so that the rasterisers agree up to rounding:
 //!
-//! - [`cascades`], [`shadow`]: how many depth maps there are, which one serves a pixel, their cameras and their test.
-//! - [`panes`], [`cube`]: which glass gets a cube map, its cameras, and how a direction is looked up.
-//! - [`proxy`]: the boxes that stand for what cube maps see, so that they are right beside their centres, too.
-//! - [`planes`], [`mirrors`]: which flat glass lies in one plane, which planes mirror, and the cameras mirrored at them.
-//! - [`screen`]: what rays from glass meet among the surfaces that the picture shows.
-//! - [`filter`]: the noise of occlusions, averaged over their surfaces.
-//! - [`occlusion`]: what the two screen-space ambient occlusions compute at a pixel.
+//! - [`cascades`], [`shadow`]: the number of depth maps, the map that serves a pixel, the maps' cameras, and the shadow
+//!   test.
+//! - [`panes`], [`cube`]: the panes that get a cube map, the cameras of the map, and the lookup of a direction.
+//! - [`proxy`]: boxes that stand for a cube map's surroundings, so that lookups from beside the map's centre are right,
+//!   too.
+//! - [`planes`], [`mirrors`]: the planes that flat glass lies in, the choice of planes that mirror, and the cameras
+//!   mirrored at them.
+//! - [`screen`]: the surfaces of the picture that rays from glass hit.
+//! - [`filter`]: averages the noise of ambient occlusion over surfaces.
+//! - [`occlusion`]: the screen-space ambient occlusion of a pixel.
 //!
 //! # Pixels that an effect leaves alone
-//! As the ray programs in corrected fidelity do: `shadowMap` writes 1 where the position's `w` is not above 0 (background and
-//! surfaces turned away from the light), the occlusions write 1 where the normal is 0 (background), the cube maps and
-//! mirrors keep the colour of pixels that are not glass, mirrors that of glass that no mirror serves, too. Alpha is 1 but for kept colours.
+//! The same as in the ray programs in corrected fidelity. `shadowMap` writes 1 where the position's `w` is not above 0
+//! (background, and surfaces turned away from the light). The occlusions write 1 where the normal is 0 (background).
+//! Cube maps and mirrors keep the colour of pixels that are not glass; mirrors also keep that of glass without a
+//! mirror. Alpha is 1 except for kept colours.
 //!
-//! # What differs from the ray programs
-//! - The geometric normal is not known: sides and slopes are the shading normal's.
-//! - Cube maps show the world as seen from the middle of a pane, shaded as the G-buffer is (stored normals, filtered textures,
-//!   emission), and no glass.
-//! - Mirrors show it as rays meet it that are mirrored once: shaded so, and without glass.
-//! - Occlusions know only what the camera sees.
+//! # Differences from the ray programs
+//! - The geometric normal is unknown: sides and slopes are those of the shading normal.
+//! - Cube maps show the world from the centre of a pane, shaded as in the G-buffer (stored normals, filtered textures,
+//!   emission), and without glass.
+//! - Mirrors show what rays hit that are mirrored once, shaded in the same way, and without glass.
+//! - Occlusions know only the surfaces that the camera sees.
 
 pub mod bounds;
 pub mod cascades;
@@ -47,50 +51,51 @@ use planes::Glazing;
 use proxy::Proxy;
 use std::sync::{Arc, Weak};
 
-/// Most bytes that the maps of one effect may take.
+/// Greatest number of bytes that the maps of one effect may take.
 pub const MAX_MAP_BYTES: u64 = 4 << 30;
 
-/// What effects know of a scene, computed when it is first asked for and kept until another scene is uploaded.
+/// Data that effects derive from a scene, computed on first use and kept until another scene is uploaded.
 #[derive(Debug, Default)]
 pub struct SceneCache {
-    /// Keeps the scene's address from being used again, not the scene.
+    /// A weak reference: it keeps the scene's address from being reused, but not the scene alive.
     scene: Weak<RenderScene>,
     bounds: Option<Bounds>,
     glass: Vec<bool>,
     panes: Option<Vec<Pane>>,
     glazing: Option<Glazing>,
-    /// By pane, those that were asked for.
+    /// Proxies that were computed, by pane.
     proxies: std::collections::BTreeMap<u32, Proxy>,
 }
 
 impl SceneCache {
-    /// Of a scene that was uploaded; nothing is computed yet.
+    /// An empty cache for an uploaded scene.
     #[must_use]
     pub fn new(scene: &Arc<RenderScene>) -> Self {
         Self { scene: Arc::downgrade(scene), ..Self::default() }
     }
 
-    /// Whether this is the scene.
+    /// Whether the cache belongs to this scene.
     #[must_use]
     pub fn is_of(&self, scene: &RenderScene) -> bool {
         std::ptr::eq(self.scene.as_ptr(), scene)
     }
 
-    /// The box around the scene's triangles; [`Bounds::EMPTY`] without any. `scene` is the one that [`Self::is_of`] knows.
+    /// The box around the scene's triangles; [`Bounds::EMPTY`] if there are none. The cache must belong to `scene`.
     pub fn bounds(&mut self, scene: &RenderScene) -> Bounds {
         *self.bounds.get_or_insert_with(|| Bounds::of_scene(&scene.geometry))
     }
 
-    /// The panes of the materials that are glass; found again only if `glass` differs from the last call's.
+    /// The panes of the glass materials; computed again only if `glass` differs from the last call's.
     pub fn panes(&mut self, scene: &RenderScene, glass: &[bool]) -> &[Pane] {
         self.look_for(glass);
         self.panes.get_or_insert_with(|| panes::find(&scene.geometry, glass))
     }
 
-    /// Gives probes their panes' proxies; `look` finds one that is not known. `glass` is what the panes were found with.
+    /// Gives probes the proxies of their panes; `look` computes one that is not cached. `glass` is the one the panes
+    /// were found with.
     ///
     /// # Errors
-    /// Those of `look`.
+    /// The errors of `look`.
     pub fn add_proxies<E>(
         &mut self,
         probes: &mut [panes::Probe],
@@ -107,7 +112,7 @@ impl SceneCache {
         Ok(())
     }
 
-    /// The planes of the materials that are glass; found again only if `glass` differs from the last call's.
+    /// The planes of the glass materials; computed again only if `glass` differs from the last call's.
     ///
     /// # Errors
     /// If there is not enough memory.
@@ -119,7 +124,7 @@ impl SceneCache {
         }
     }
 
-    /// Forgets what is known of other glass.
+    /// Clears the results that depend on glass, if `glass` has changed.
     fn look_for(&mut self, glass: &[bool]) {
         if self.glass != glass {
             (self.panes, self.glazing) = (None, None);
@@ -130,11 +135,11 @@ impl SceneCache {
     }
 }
 
-/// Refuses jobs whose parts do not fit together, or whose parameters are not valid. `own_copy`: the rasteriser reads its own
-/// G-buffer, so the slices may be empty.
+/// Refuses jobs whose parts do not fit together, or whose parameters are invalid. With `own_copy` the rasteriser reads
+/// its own G-buffer, so the job's slices may be empty.
 ///
 /// # Errors
-/// What is wrong, and what would be valid.
+/// The text says what is wrong, and what would be valid.
 pub fn check(job: &EffectJob<'_>, output: Option<&Image>, own_copy: bool) -> Result<(), String> {
     let pixels = job.width as usize * job.height as usize;
     if let Some(output) = output
@@ -165,10 +170,10 @@ pub fn check(job: &EffectJob<'_>, output: Option<&Image>, own_copy: bool) -> Res
     }
 }
 
-/// Refuses maps of a program that would take too much memory.
+/// Refuses a program's maps if they would take too much memory.
 ///
 /// # Errors
-/// How much, and what to do.
+/// The text says how much memory, and what to change.
 pub fn check_map_bytes(program: EffectProgram, bytes: u64) -> Result<(), String> {
     if bytes <= MAX_MAP_BYTES {
         return Ok(());
@@ -183,8 +188,8 @@ pub fn check_map_bytes(program: EffectProgram, bytes: u64) -> Result<(), String>
     Err(format!("its maps would take {:.1} GiB, the limit is {limit} GiB; lower {lower}", gib(bytes)))
 }
 
-/// The unit direction in which the eye sees a position, and the unit normal turned to the eye. `None` where there is no normal
-/// or the position is the eye's or not a number.
+/// The unit direction from the eye to a position, and the unit normal turned to the eye. `None` where the normal is 0,
+/// or the position is the eye's or NaN.
 #[must_use]
 pub fn facing(eye: Vec3, position: Vec3, normal: Vec3) -> Option<(Vec3, Vec3)> {
     let view = (position - eye).try_normalize()?;

@@ -1,4 +1,4 @@
-//! Which glass gets a cube map: panes, and the choice of a frame.
+//! Panes: the pieces of glass that may get a cube map, and the choice of panes in a frame.
 
 use super::bounds::{Bounds, Frustum};
 use super::cube;
@@ -11,19 +11,19 @@ use rayon::prelude::*;
 /// A connected piece of glass.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Pane {
-    /// Around its triangles.
+    /// The box around its triangles.
     pub bounds: Bounds,
-    /// How many those are.
+    /// Number of its triangles.
     pub triangles: u32,
 }
 
-/// Groups the triangles of the materials that are glass: two that have a corner position in common are of one pane. Ordered by
-/// the first triangle. Takes 24 bytes a glass triangle corner while it runs.
+/// Groups the triangles of glass materials into panes: triangles with a common corner position are in one pane. Panes
+/// are ordered by their first triangle. Takes 24 bytes for each corner of a glass triangle while it runs.
 #[must_use]
 pub fn find(geometry: &Geometry, glass: &[bool]) -> Vec<Pane> {
     let ranges = TriangleRanges::new(geometry, glass);
     let triangles: Vec<u32> = ranges.as_slice().iter().flat_map(|&[first, end]| first..end).collect();
-    // Adding 0 makes -0 the same as 0.
+    // Adding 0 turns -0 into 0.
     let key = |position: Vec3| position.to_array().map(|value| (value + 0.0).to_bits());
     let mut corners: Vec<([u32; 3], u32)> = triangles
         .par_iter()
@@ -54,7 +54,7 @@ pub fn find(geometry: &Geometry, glass: &[bool]) -> Vec<Pane> {
     panes
 }
 
-/// Sets that can be joined (Galler and Fischer 1964), with path halving; the lowest member is the root.
+/// A union-find structure (Galler and Fischer 1964), with path halving; the root is the lowest member.
 struct DisjointSets(Vec<u32>);
 
 impl DisjointSets {
@@ -77,10 +77,10 @@ impl DisjointSets {
     }
 }
 
-/// Where a cube map is drawn from.
+/// The viewpoint of a cube map.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Probe {
-    /// The middle of the pane's box.
+    /// The centre of the pane's box.
     pub center: Vec3,
     /// Nearest distance drawn: a thousandth of the pane's radius, so that what the pane touches is seen.
     pub near: f32,
@@ -88,14 +88,14 @@ pub struct Probe {
     pub far: f32,
     /// The pane's box.
     pub bounds: Bounds,
-    /// Which of the scene's panes.
+    /// Index of the pane in the scene.
     pub pane: u32,
-    /// What stands for its surroundings, where that is asked for.
+    /// The box that stands for the surroundings, with box parallax only.
     pub proxy: Option<Proxy>,
 }
 
 impl Probe {
-    /// Of a pane of a scene with these bounds.
+    /// The probe of a pane with box `pane`, in a scene with bounds `scene`.
     #[must_use]
     pub fn new(pane: &Bounds, scene: &Bounds) -> Self {
         let center = pane.center();
@@ -115,14 +115,14 @@ impl Probe {
         cube::view(face, self.center, self.near, self.far)
     }
 
-    /// What its box is found from.
+    /// The viewpoint from which its proxy is found.
     #[must_use]
     pub fn eye(&self) -> Eye {
         let half = (self.bounds.max - self.bounds.min) * 0.5;
         Eye { center: self.center, near: self.near, far: self.far, half }
     }
 
-    /// Where its cube map is looked up for a ray from `place`, of unit length.
+    /// Direction in which the cube map is looked up, for a ray of unit length from `place`.
     #[must_use]
     #[inline]
     pub fn toward(&self, place: Vec3, direction: Vec3) -> Vec3 {
@@ -138,8 +138,8 @@ pub struct Probes {
 }
 
 impl Probes {
-    /// Chooses the panes whose boxes cover most of the picture, at most so many; none of those that are out of view. Equals are
-    /// ranked in the order of the panes.
+    /// Chooses up to `most` panes whose boxes cover the most area of the picture; panes out of view are never chosen.
+    /// Equals are ranked in the order of the panes.
     pub fn choose(&mut self, panes: &[Pane], scene: &Bounds, camera: &View, most: u32) -> &[Probe] {
         self.ranked.clear();
         self.chosen.clear();
@@ -154,19 +154,19 @@ impl Probes {
         &self.chosen
     }
 
-    /// Those that were chosen last.
+    /// The probes chosen last.
     #[must_use]
     pub fn chosen(&self) -> &[Probe] {
         &self.chosen
     }
 
-    /// The same, to give them proxies.
+    /// The probes chosen last, mutable so that they can receive proxies.
     pub fn chosen_mut(&mut self) -> &mut [Probe] {
         &mut self.chosen
     }
 }
 
-/// The probe whose pane's box is nearest to a position; the first of equals. `None` without any.
+/// Index of the probe whose pane's box is nearest to a position; the first of equals. `None` if there is no probe.
 #[must_use]
 #[inline]
 pub fn nearest(probes: &[Probe], position: Vec3) -> Option<usize> {

@@ -1,9 +1,10 @@
-//! Which flat glass lies in one plane, so that one mirror serves it.
+//! Groups flat glass by plane, so that one mirror serves all glass in a plane.
 //!
-//! A plane is that of a triangle, in `f64`. Another triangle lies in it where its corners do within what rounding explains: positions are
-//! off by [`ROUNDING`] of their largest coordinate, and a plane through three such points is off by as much times the sum of the absolute
-//! barycentric coordinates of the place. Larger triangles are asked first, so the planes that others are compared with are the best known.
-//! So the panes of a facade are one mirror, and a mirror is never farther from its glass than the positions themselves may be.
+//! A plane is that of a triangle, in `f64`. Another triangle lies in it if its corners do, within what rounding
+//! explains. Positions have an error of [`ROUNDING`] times their largest coordinate. The error of a plane through three
+//! such points is this times the sum of the absolute barycentric coordinates of the place. Larger triangles are visited
+//! first, so that the planes others are compared with are the most exact. So the panes of a facade become one mirror,
+//! and a mirror is never farther from its glass than the error of the positions.
 
 use super::bounds::Bounds;
 use curitiba_pipeline::memory::{Refused, with_capacity};
@@ -11,25 +12,26 @@ use curitiba_pipeline::scene::{Geometry, TriangleRanges};
 use glam::{DVec3, Vec3, Vec4};
 use std::collections::HashMap;
 
-/// Largest error of a position over its largest coordinate: two units in the last place of each coordinate, of the products and sums that
-/// moved it, make at most 3.5 of the whole.
+/// Largest error of a position relative to its largest coordinate: with two units in the last place for each coordinate
+/// and for the products and sums that transformed it, the total is at most 3.5 units.
 pub const ROUNDING: f64 = 1.0 / (1 << 21) as f64;
 
-/// Largest sine between a shading normal and the plane that it is a normal of, besides what rounding of positions may lean the plane: a
-/// milliradian, three times what normals in 16-bit floats are off. Glass whose normals lean more is bent, or has bumps, and mirrors otherwise
-/// than its plane.
+/// Greatest sine between a plane and its shading normals, beside the lean that the rounding of positions explains: a
+/// milliradian, three times the error of normals in 16-bit floats. Glass with larger deviations is bent or bumpy, and
+/// does not mirror as its plane would.
 pub const MAX_SINE: f64 = 1e-3;
 
-/// Most that it may be with rounding. Positions that tell a plane no better tell no mirror.
+/// Greatest sine including rounding. If the positions determine a plane less well, the triangle is in no mirror.
 const LARGEST_SINE: f64 = 0.5 / CELLS;
 
-/// Of triangles that lie in no plane: degenerate or bent.
+/// Plane index of triangles that lie in no plane: degenerate or bent.
 pub const NO_PLANE: u32 = u32::MAX;
 
-/// Cells of normals that a unit is cut into.
+/// Number of cells into which a unit of each normal's component is divided.
 const CELLS: f64 = 32.0;
 
-/// Whether a shading normal is that of a plane, on either side: a unit vector, and the square of the sine that is allowed.
+/// Whether a shading normal is perpendicular to a plane, on either side. `plane` is its unit normal and, in `w`, the
+/// square of the greatest sine.
 #[must_use]
 #[inline]
 pub fn agrees(normal: Vec3, plane: Vec4) -> bool {
@@ -42,64 +44,64 @@ pub fn agrees(normal: Vec3, plane: Vec4) -> bool {
 pub struct GlassPlane {
     /// Unit normal, on either side.
     pub normal: DVec3,
-    /// The dot product of the normal and a point of the plane, less this, is 0.
+    /// Dot product of the normal and a point of the plane.
     pub offset: f64,
-    /// What its glass is off it: corners of triangles that rounding moved.
+    /// Greatest distance of its glass from it: corners of triangles that rounding moved.
     pub slack: f64,
-    /// Largest sine between it and its shading normals.
+    /// Greatest sine between the plane's normal and its shading normals.
     pub max_sine: f64,
-    /// Around its glass.
+    /// The box around its glass.
     pub bounds: Bounds,
 }
 
 impl GlassPlane {
-    /// Distance of a point in front of the plane, below 0 behind it.
+    /// Signed distance of a point: above 0 in front of the plane, below 0 behind it.
     #[must_use]
     pub fn distance(&self, point: DVec3) -> f64 {
         self.normal.dot(point) - self.offset
     }
 
-    /// What [`agrees`] asks for.
+    /// The plane as [`agrees`] takes it.
     #[must_use]
     pub fn agreement(&self) -> Vec4 {
         self.normal.as_vec3().extend((self.max_sine * self.max_sine) as f32)
     }
 }
 
-/// Triangles of glass that follow each other and lie in one plane.
+/// Consecutive glass triangles that lie in the same plane.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, bytemuck::Pod, bytemuck::Zeroable)]
 #[repr(C)]
 pub struct Run {
     /// The first triangle.
     pub first: u32,
-    /// The one after the last.
+    /// The triangle after the last.
     pub end: u32,
     /// Index of the plane, or [`NO_PLANE`].
     pub plane: u32,
     padding: u32,
 }
 
-/// The glass of a scene by the planes that it lies in.
+/// The glass of a scene, grouped by plane.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Glazing {
-    /// Ordered by their largest triangles, the largest first.
+    /// Ordered by the largest triangle of each, the largest first.
     pub planes: Vec<GlassPlane>,
-    /// All triangles of glass, ascending.
+    /// All glass triangles, in ascending order.
     pub runs: Vec<Run>,
 }
 
-/// What a plane was made from: a triangle, and how well it tells the plane.
+/// The triangle that defined a plane, and how exactly it does.
 struct Facet {
     middle: DVec3,
-    /// Error of its corners.
+    /// Position error of its corners.
     rounding: f64,
     /// Its shortest height.
     height: f64,
 }
 
 impl Facet {
-    /// How far the plane may be from where a point at this distance from its middle should be: the sum of the absolute barycentric
-    /// coordinates is at most `1 + 2 r / height`.
+    /// Error of the plane at this distance from the triangle's centre: the sum of the absolute barycentric coordinates
+    /// there is at most `1 + 2 r / height`.
     fn error_at(&self, distance: f64) -> f64 {
         self.rounding * (1.0 + 2.0 * distance / self.height)
     }
@@ -109,7 +111,7 @@ fn rounding_of(corners: &[DVec3; 3]) -> f64 {
     corners.iter().map(|corner| corner.abs().max_element()).fold(0.0, f64::max) * ROUNDING
 }
 
-/// A unit normal and the shortest height; `None` for a triangle without an area.
+/// Unit normal and shortest height of a triangle; `None` if it has no area.
 fn measure([a, b, c]: &[DVec3; 3]) -> Option<(DVec3, f64)> {
     let doubled = (*b - *a).cross(*c - *a);
     let longest = (*b - *a).length().max((*c - *b).length()).max((*a - *c).length());
@@ -118,9 +120,9 @@ fn measure([a, b, c]: &[DVec3; 3]) -> Option<(DVec3, f64)> {
     (height > 0.0 && height.is_finite()).then_some((normal, height))
 }
 
-/// The cells that a unit vector may lie in that agrees with this one; one or two along each axis.
+/// The cells that may contain the unit normals of planes that agree with this one: one or two along each axis.
 fn cells(normal: DVec3) -> impl Iterator<Item = [i8; 3]> {
-    // A little more, for rounding.
+    // With a margin for rounding.
     let reach = 1.01 * LARGEST_SINE;
     let range = move |value: f64| {
         let cell = |value: f64| (value * CELLS).floor() as i8;
@@ -134,7 +136,7 @@ fn cell(normal: DVec3) -> [i8; 3] {
 }
 
 impl Glazing {
-    /// Of the materials that are glass.
+    /// Groups the triangles of the glass materials.
     ///
     /// # Errors
     /// If there is not enough memory for 12 bytes a triangle of glass.
@@ -151,7 +153,7 @@ impl Glazing {
         }));
         by_area.sort_unstable_by(|a, b| b.0.total_cmp(&a.0).then(a.1.cmp(&b.1)));
         let mut found = Planes::default();
-        // By triangle, in the order of their ids.
+        // Pairs of triangle and plane, in ascending order of triangles.
         let mut plane_of: Vec<(u32, u32)> = with_capacity(count)?;
         plane_of.extend(by_area.iter().map(|(_, triangle)| (*triangle, found.plane_of(geometry, *triangle))));
         plane_of.sort_unstable();
@@ -167,7 +169,7 @@ impl Glazing {
         Ok(Self { planes: found.planes, runs })
     }
 
-    /// The plane of a triangle, [`NO_PLANE`] for glass that lies in none; `None` for what is not glass.
+    /// The plane of a triangle; [`NO_PLANE`] for glass that lies in none; `None` for triangles that are not glass.
     #[must_use]
     #[inline]
     pub fn plane_of(&self, triangle: u32) -> Option<u32> {
@@ -176,27 +178,27 @@ impl Glazing {
     }
 }
 
-/// Planes in the making.
+/// The planes found so far.
 #[derive(Default)]
 struct Planes {
     planes: Vec<GlassPlane>,
     facets: Vec<Facet>,
-    /// Indices of the planes by the cell of their normals.
+    /// Indices of the planes, by the cell of their normal.
     cells: HashMap<[i8; 3], Vec<u32>>,
 }
 
 impl Planes {
-    /// The plane that a triangle lies in, a new one if none is known.
+    /// The plane that a triangle lies in; adds a plane if it lies in none found so far.
     fn plane_of(&mut self, geometry: &Geometry, triangle: u32) -> u32 {
         let corners = geometry.corners(triangle).map(Vec3::as_dvec3);
         let Some((own, height)) = measure(&corners) else { return NO_PLANE };
         let shading =
             geometry.triangles[triangle as usize].map(|vertex| geometry.normals.get(vertex as usize).copied());
         let flat = |plane: Vec4| shading.iter().flatten().all(|normal| agrees(*normal, plane));
-        // The direction of a sliver is not known, that of its normals is.
+        // The geometric normal of a sliver is inexact; its shading normals are exact.
         let shown = shading[0].and_then(Vec3::try_normalize).map_or(own, Vec3::as_dvec3);
         let rounding = rounding_of(&corners);
-        // How far it is off a plane, where it lies in it.
+        // The greatest distance of the triangle's corners from a plane; `None` if it does not lie in the plane.
         let off = |plane: &GlassPlane, facet: &Facet| {
             let all = corners.each_ref().map(|corner| plane.distance(*corner).abs());
             let explained =

@@ -1,59 +1,61 @@
-//! Boxes that stand for what a cube map sees, so that it can be looked up from beside its centre.
+//! Boxes that stand for the surroundings of a cube map, so that the map can be looked up from beside its centre.
 //!
-//! A cube map knows what its centre sees. From another place the same direction meets something else, the more so the nearer
-//! that is. With a box around the centre a ray from any place in it is followed to the box, and the map is asked in the direction in which
-//! the centre sees that point (Bjorke, "Image-Based Lighting", GPU Gems, 2004; Lagarde and Zanuttini, "Local image-based
-//! lighting with parallax-corrected cubemaps", SIGGRAPH 2012 talks). In a room that is the box, this is exact.
+//! A cube map holds what its centre sees. From another place the same direction hits another point, and the difference
+//! is the larger the nearer that point is. With a box around the centre, a ray from any place in the box is followed to
+//! the box's wall, and the map is looked up in the direction of that point from the centre (Bjorke, "Image-Based
+//! Lighting", GPU Gems, 2004; Lagarde and Zanuttini, "Local image-based lighting with parallax-corrected cubemaps",
+//! SIGGRAPH 2012 talks). In an empty room of the box's shape this is exact.
 //!
-//! Those boxes are placed by hand; this one is found. The scene is drawn from the centre into six faces of [`FACE`] x [`FACE`] pixels.
-//! What a pixel sees belongs to the side of the box that its normal faces, at its distance along that axis. A side lies at the
-//! median of these distances, weighted by solid angle. From a place `s` beside the centre, what lies at distance `t` is looked up about
-//! `s (1/t - 1/d)` beside its direction if the side is at `d`: the median is the `d` of which the sum of these angles is least, and
-//! far or near exceptions do not move it.
+//! Such boxes are usually placed by hand; this one is computed. The scene is drawn from the centre into six faces of
+//! [`FACE`] x [`FACE`] pixels. Each pixel belongs to the side of the box that its normal faces, with its distance along
+//! that axis. A side is placed at the median of its pixels' distances, weighted by solid angle. From a place `s` beside
+//! the centre, a point at distance `t` is looked up with an angular error of about `s (1/t - 1/d)` if the side is at
+//! `d`. The median is the `d` that minimises the sum of these angles, and outliers do not move it.
 
 use super::cube::{self, FACES};
 use curitiba_pipeline::backend::{Attachments, NO_TRIANGLE, View};
 use curitiba_pipeline::gbuffer::GBuffer;
 use glam::{Vec2, Vec3, Vec4};
 
-/// Pixels a side of a face that boxes are found from.
+/// Pixels along a side of the faces from which boxes are computed.
 pub const FACE: u32 = 64;
 
-/// What is drawn of a face.
+/// Attachments of these faces.
 pub const ATTACHMENTS: Attachments = Attachments { color: false, position: true, normal: true, triangle: true };
 
-/// Components of unit directions below this meet no side across.
+/// Where the component of a unit direction is below this, the ray counts as parallel to the two sides across that axis.
 pub const LEAST_ALONG: f32 = 1e-6;
 
-/// What a cube map sees from, and what has to lie in its box.
+/// The viewpoint of a cube map, and the pane that its box must contain.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Eye {
-    /// Where it is, world.
+    /// World position.
     pub center: Vec3,
     /// Nearest distance drawn.
     pub near: f32,
     /// Farthest distance drawn.
     pub far: f32,
-    /// Half of the sides of the pane around it.
+    /// Half the sides of the pane's box.
     pub half: Vec3,
 }
 
-/// A box with sides along the axes. Corners are relative to the cube map's centre, which it contains.
+/// An axis-parallel box, relative to the cube map's centre, which it contains.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Proxy {
-    /// Below 0.
+    /// Lowest corner; all coordinates are below 0.
     pub low: Vec3,
-    /// Above 0.
+    /// Highest corner; all coordinates are above 0.
     pub high: Vec3,
 }
 
 impl Proxy {
-    /// What stands for the surroundings of a cube map; contains its pane. A side that nothing faces is as far as the map sees.
+    /// Computes the box for the surroundings of a cube map; it contains the pane. A side that no pixel faces is at the
+    /// far distance.
     ///
-    /// `draw` draws the scene without glass, with [`ATTACHMENTS`], into the whole of a buffer.
+    /// `draw` must draw the scene without glass, with [`ATTACHMENTS`], into the whole buffer.
     ///
     /// # Errors
-    /// Those of `draw`.
+    /// The errors of `draw`.
     pub fn find<E>(eye: &Eye, mut draw: impl FnMut(View, &mut GBuffer) -> Result<(), E>) -> Result<Self, E> {
         let mut seen: [Vec<(f32, f32)>; 6] = Default::default();
         let mut buffer = GBuffer::new(FACE, FACE, ATTACHMENTS);
@@ -80,8 +82,8 @@ impl Proxy {
         })
     }
 
-    /// From a place, relative to the centre, along a unit direction: the direction in which the centre sees where the box is left. A place outside
-    /// counts as the nearest one in the box.
+    /// Follows a ray from `place` (relative to the centre) along a unit direction to the wall of the box, and returns
+    /// the vector from the centre to that point. A place outside the box counts as the nearest place in it.
     #[must_use]
     #[inline]
     pub fn toward(&self, place: Vec3, direction: Vec3) -> Vec3 {
@@ -98,9 +100,10 @@ impl Proxy {
     }
 }
 
-/// The side that what is seen at `offset` from the centre belongs to, and its distance along that axis: 0 and 1 are +x and -x.
+/// The side of the box that a surface at `offset` from the centre belongs to, and its distance along that axis. Sides 0
+/// and 1 are +x and -x, and so on.
 fn side_of(offset: Vec3, normal: Vec3) -> Option<(usize, f32)> {
-    // Turned to the centre: the side faces it.
+    // The outward normal; the surface is turned to the centre.
     let outward = if normal.dot(offset) < 0.0 { -normal } else { normal };
     let axis = outward.abs().max_position();
     let negative = outward[axis] < 0.0;
@@ -115,7 +118,7 @@ fn solid_angle(index: usize) -> f32 {
     (1.0 + at.length_squared()).powf(-1.5)
 }
 
-/// The value below which half of the weight lies; values and weights.
+/// The weighted median of pairs of value and weight: half of the weight lies below it.
 fn weighted_median(seen: &mut [(f32, f32)]) -> Option<f32> {
     seen.sort_unstable_by(|a, b| a.0.total_cmp(&b.0).then(a.1.total_cmp(&b.1)));
     let whole: f64 = seen.iter().map(|(_, weight)| f64::from(*weight)).sum();

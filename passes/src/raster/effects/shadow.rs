@@ -5,56 +5,59 @@ use curitiba_pipeline::backend::{Sun, View};
 use curitiba_pipeline::raster_effects::EffectParams;
 use glam::{DVec3, Mat4, Vec3};
 
-/// Slopes are clamped to this (88 degrees): the bias stays finite, and beyond it the light's cosine is below 0.04.
+/// Slopes are clamped to this (88 degrees), so that the bias stays finite; the light's cosine is below 0.04 there.
 pub const MAX_SLOPE: f32 = 28.0;
 
-/// Steps in which the camera's sphere may grow, for each doubling.
+/// Steps per doubling of the radius of the sphere around what the camera sees.
 const RADIUS_STEPS: f64 = 8.0;
 
-/// Of [`RADIUS_STEPS`]: the smallest sphere is 2^-16 of the scene's.
+/// Exponent of the smallest radius, in [`RADIUS_STEPS`]: 2^-16 of the scene's radius.
 const SMALLEST: f64 = -16.0 * RADIUS_STEPS;
 
 /// A shadow map's camera.
 ///
-/// Orthographic along the light. Across the light it covers a sphere: the scene's, or a smaller one around what the camera
-/// sees of the scene. Along the light it covers the whole scene, because what casts shadows need not be seen.
+/// The camera is orthographic along the light. Across the light it covers a sphere: the scene's, or a smaller one
+/// around the part of the scene that the camera sees. Along the light it covers the whole scene, because occluders need
+/// not be seen.
 ///
-/// So that edges do not shimmer when the camera moves, the smaller sphere's radius takes fixed steps (eight a doubling) and
-/// its centre moves by whole texels only (Valient, "Stable Rendering of Cascaded Shadow Maps", ShaderX6, 2008): a surface
-/// point keeps its place in its texel until the radius takes a step.
+/// So that shadow edges do not shimmer when the camera moves, the smaller sphere's radius takes fixed steps (eight a
+/// doubling), and its centre moves by whole texels only (Valient, "Stable Rendering of Cascaded Shadow Maps", ShaderX6,
+/// 2008). A surface point keeps its place within its texel until the radius takes a step.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ShadowFit {
-    /// World to clip, depth reversed: 1 nearest to the light. The eye is a point at the near plane.
+    /// World to clip matrix with reversed depth: 1 is nearest to the light. The eye is a point of the near plane.
     pub view: View,
-    /// World to texels: x right and y down from the top left corner of the map, z the depth.
+    /// World to texel matrix: x right and y down from the top left corner of the map, and z the depth.
     pub map_from_world: Mat4,
     /// Texels a side.
     pub size: u32,
     /// World length of a texel's side.
     pub texel: f32,
-    /// Depth that one unit of world length along the light makes.
+    /// Change of depth per world unit along the light.
     pub depth_per_unit: f32,
-    /// Whether it covers the whole scene.
+    /// Whether the map covers the whole scene.
     pub is_whole: bool,
-    /// World length by which rounding may move a surface along the light.
+    /// World length by which rounding may displace a surface along the light.
     pub rounding: f32,
-    /// Radius of the light's disc in texels, seen past what lies a depth of 1 nearer to it; 0 where the light is a point.
+    /// Radius of the light's disc in texels, for an occluder that is nearer to the light by a depth of 1; 0 for a point
+    /// light.
     pub spread: f32,
-    /// Texels around a surface that the map covers for what hides the disc: the largest radius of a search and of a kernel.
+    /// Margin of the map around the surfaces that it serves, in texels, for occluders of the disc. This is the greatest
+    /// radius of a search and of a kernel.
     pub aside: f32,
 }
 
 impl ShadowFit {
-    /// For one map of `params.map_size` texels a side of all that `camera` sees of a scene with these bounds. `None` where
-    /// nothing can cast a shadow: the scene is empty, or the light has no direction.
+    /// The camera of one map with `params.map_size` texels a side, for everything that `camera` sees of a scene with
+    /// these bounds. `None` where nothing can cast a shadow: the scene is empty, or the light has no direction.
     #[must_use]
     pub fn new(sun: &Sun, scene: &Bounds, camera: &View, params: &EffectParams) -> Option<Self> {
         let seen = Frustum::new(&camera.clip_from_world).and_then(|frustum| frustum.sphere_with(scene));
         Self::around(sun, scene, seen, params)
     }
 
-    /// For a map of the part of the scene in a sphere, centre and radius; of the whole scene without one, or where the sphere
-    /// is no smaller than the scene's.
+    /// The camera of a map for the part of the scene in the sphere `seen` (centre and radius). It covers the whole
+    /// scene if there is no sphere, or if the sphere is no smaller than the scene's.
     #[must_use]
     pub fn around(sun: &Sun, scene: &Bounds, seen: Option<(DVec3, f64)>, params: &EffectParams) -> Option<Self> {
         let direction = sun.direction.as_dvec3().try_normalize()?;
@@ -64,7 +67,8 @@ impl ShadowFit {
         let (anchor, half) =
             ((scene.min.as_dvec3() + scene.max.as_dvec3()) * 0.5, (scene.max.as_dvec3() - scene.min.as_dvec3()) * 0.5);
         let reach = direction.abs().dot(half);
-        // The disc's half angle, and how far aside something may lie that hides it: as much is covered, but no more than half as much again.
+        // `tangent` is that of the disc's half angle. `aside` is how far aside an occluder of the disc may lie; the map
+        // grows by this, but by no more than half its radius.
         let tangent = (f64::from(params.sun) * 0.5).to_radians().tan();
         let aside = |radius: f64| (tangent * 2.0 * reach).min(0.5 * radius);
         let largest = scene.min.abs().max(scene.max.abs()).max_element();
@@ -77,17 +81,18 @@ impl ShadowFit {
                 (center, radius + aside(radius), aside(radius))
             })
             .filter(|(_, radius, _)| *radius < scene_radius)
-            // Outside of the scene nothing hides the light.
+            // A map of the whole scene contains every occluder, so the margin is unlimited.
             .unwrap_or((anchor, scene_radius, 2.0 * scene_radius));
 
         let size = f64::from(params.map_size);
-        // Texels that the test reads around the sphere, and the half texel by which the centre may be off.
+        // Margin for the texels that the test reads around the sphere, and for the half texel by which the centre is
+        // rounded.
         let margin = f64::from(params.pcf + 2).min(size * 0.25);
         let texel = 2.0 * radius / (size - 2.0 * margin);
         let (right, up) = direction.any_orthonormal_pair();
         let snap = |axis: DVec3| (axis.dot(center - anchor) / texel).round() * texel;
         let (x, y) = (snap(right), snap(up));
-        // So much is left free at both ends that rounding clips nothing.
+        // Room at both ends, so that rounding clips nothing.
         let depth_half = reach * (1.0 + 1e-5) + texel + f64::from(largest) * 1e-6;
         let depth_range = 2.0 * depth_half;
 
@@ -118,14 +123,16 @@ impl ShadowFit {
         (fit.map_from_world.is_finite() && clip_from_world.is_finite() && fit.texel > 0.0).then_some(fit)
     }
 
-    /// Where a position is in the map: texels right and down of its top left corner (texel centres at halves), and depth.
+    /// The place of a position in the map: texels right and down of the top left corner (texel centres at halves), and
+    /// the depth.
     #[must_use]
     #[inline]
     pub fn place(&self, position: Vec3) -> Vec3 {
         self.map_from_world.transform_point3(position)
     }
 
-    /// Whether the filter around a place reads texels of the map only; with a disc, whether all that may hide it is in the map.
+    /// Whether the filter around a place reads only texels inside the map. With a disc, also whether all its possible
+    /// occluders are in the map.
     #[must_use]
     #[inline]
     pub fn covers(&self, place: Vec3, params: &EffectParams) -> bool {
@@ -137,38 +144,38 @@ impl ShadowFit {
         place.x >= low && place.x <= high && place.y >= low && place.y <= high
     }
 
-    /// By how much depth a surface may lie behind the map and still be lit, where the light meets it at an angle of this
-    /// cosine.
+    /// The depth by which a surface may lie behind the map and still be lit, for a light cosine of `cos`.
     ///
-    /// The farthest texel that the test reads is `√2 (pcf + 1)` texels away from the position; there a plane of slope
-    /// `tan θ` towards the light lies that much times `texel tan θ` nearer to it. So with
-    /// `bias (pcf + 1) texel tan θ`, and some units of rounding, a plane does not shadow itself from `bias = √2` on. Depth
-    /// bias by slope: Woo, "The Shadow Depth Map Revisited", Graphics Gems III, 1992; its bound for a plane and a texel:
-    /// Dou, Yan, Kerzner, Dai and Wyman, "Adaptive Depth Bias for Shadow Maps", JCGT 3(4), 2014.
+    /// The farthest texel that the test reads is `√2 (pcf + 1)` texels from the position. There, a plane of slope
+    /// `tan θ` towards the light is nearer to the light by that distance times `texel tan θ`. So with the bias
+    /// `bias (pcf + 1) texel tan θ`, plus some units of rounding, a plane does not shadow itself for `bias >= √2`.
+    /// Depth bias by slope: Woo, "The Shadow Depth Map Revisited", Graphics Gems III, 1992; its bound for a plane and a
+    /// texel: Dou, Yan, Kerzner, Dai and Wyman, "Adaptive Depth Bias for Shadow Maps", JCGT 3(4), 2014.
     ///
-    /// It lets light pass below what is nearer to the surface than the bias is long, which texels of cascades keep short. An
-    /// offset along the normal (Holbert, "Normal Offset Shadows", GDC 2011) does not grow with the slope but moves every
-    /// edge: where a plane does not shadow itself, the pictures of the shipped square are farther from ray traced ones.
-    /// Depths along the receiver's plane (Isidoro, "Shadow Mapping: GPU-based Tips and Techniques", GDC 2006) are no nearer.
+    /// Light leaks below occluders that are nearer to the surface than the bias is long; the small texels of cascades
+    /// keep it short. An offset along the normal (Holbert, "Normal Offset Shadows", GDC 2011) does not grow with the
+    /// slope, but it moves every edge. With an offset large enough that planes do not shadow themselves, the pictures
+    /// of the shipped square are farther from the ray-traced ones. Depths along the receiver's plane (Isidoro, "Shadow
+    /// Mapping: GPU-based Tips and Techniques", GDC 2006) are no nearer.
     #[must_use]
     #[inline]
     pub fn bias(&self, cos: f32, params: &EffectParams) -> f32 {
         (params.bias * (params.pcf + 1) as f32 * self.texel * Self::slope(cos) + self.rounding) * self.depth_per_unit
     }
 
-    /// The slope towards the light of a surface that light meets at an angle of this cosine.
+    /// The slope towards the light, `tan θ`, of a surface with this light cosine.
     #[inline]
     pub(super) fn slope(cos: f32) -> f32 {
         let cos = cos.min(1.0);
         ((1.0 - cos * cos).sqrt() / cos).min(MAX_SLOPE)
     }
 
-    /// The share of the light that a position gets, 0..=1, from a map of `size` x `size` depths, top row first; 0 is an empty
-    /// texel. Positions outside the map are lit.
+    /// The light's share at a position, 0..=1, from a map of `size` x `size` depths, top row first; a depth of 0 is an
+    /// empty texel. Positions outside the map are lit.
     ///
-    /// The mean of `(2 pcf + 1)^2` tests, each between the four texels around its place by their distance: Reeves, Salesin
-    /// and Cook, "Rendering Antialiased Shadows with Depth Maps", SIGGRAPH 1987. Together: `(2 pcf + 2)^2` texels, the outer
-    /// ones weighted by what of the filter's square they cover.
+    /// The mean of `(2 pcf + 1)^2` tests, each bilinear between the four texels around its place: Reeves, Salesin and
+    /// Cook, "Rendering Antialiased Shadows with Depth Maps", SIGGRAPH 1987. Together they read `(2 pcf + 2)^2` texels;
+    /// the outer ones are weighted by the part of them that the filter's square covers.
     #[must_use]
     #[inline]
     pub fn lit_share(&self, map: &[f32], position: Vec3, cos: f32, params: &EffectParams) -> f32 {
@@ -176,7 +183,7 @@ impl ShadowFit {
         let (size, reach) = (self.size as i32, params.pcf as i32);
         let (x, y) = (place.x - 0.5, place.y - 0.5);
         let edge = 1e6;
-        // Also where the place is not a number.
+        // Also true for a NaN.
         if !(x.abs() < edge && y.abs() < edge && place.z.is_finite()) {
             return 1.0;
         }

@@ -1,21 +1,26 @@
-//! Soft shadows from a depth map: percentage-closer soft shadows of a directional light that is a disc.
+//! Soft shadows from a depth map: percentage-closer soft shadows of a directional light with the shape of a disc.
 //!
-//! Fernando, "Percentage-Closer Soft Shadows", SIGGRAPH 2005 sketches: depths around a point tell how far off what hides the light is, and so over how
-//! wide a kernel the shadow test is averaged. For a disc at infinity of half angle a the kernel's radius is the distance times tan a, which is exact
-//! for one occluder across the light: its penumbra is 2 tan a times the distance wide.
+//! Fernando, "Percentage-Closer Soft Shadows", SIGGRAPH 2005, describes the method. The depths around a point tell how
+//! far away the occluder is, and with that the width of the kernel over which the shadow test is averaged. For a disc
+//! at infinity of half angle a, the kernel's radius is the occluder's distance times tan a. This is exact for one
+//! occluder perpendicular to the light: its penumbra is 2 tan a times its distance wide.
 //!
-//! # What is searched
-//! As far around the point as the disc reaches at the top of the scene, and as the map covers ([`ShadowFit::aside`]). A texel counts that is in the cone from the point to the disc: no farther
-//! aside than its own distance times tan a. So what stands beside the point and does not hide the light widens no penumbra.
+//! # Search for occluders
+//! The search covers as many texels around the point as the disc reaches at the top of the scene, at most as many as
+//! the map has around the point ([`ShadowFit::aside`]). A texel counts if it is in the cone from the point to the disc:
+//! no farther aside than its own distance times tan a. So an object beside the point that does not hide the light
+//! widens no penumbra.
 //!
 //! # Bias
-//! A texel at some distance from the point is compared with a plane through the point that is as steep as the surface, in whatever direction: the
-//! bias grows with the distance. It does not leak at wide kernels: inside the cone it is less than the distance of what hides the light, unless the disc
-//! reaches below the horizon.
+//! A texel is compared with a plane through the point, as steep as the surface but in any direction. So the bias grows
+//! with the texel's distance from the point. Wide kernels do not leak: inside the cone the bias is less than the
+//! occluder's distance, unless the disc reaches below the horizon.
 //!
 //! # Limits
-//! The taps are fixed: a search of [`SEARCH_TAPS`] texels misses what is thin and far off, and where several things hide the light the kernel is that of
-//! their mean distance. Of a penumbra that is wider than a third of what its map covers the outer part is cut off. [`FILTER_TAPS`] tests give a penumbra as many steps, each as wide as a texel at least.
+//! The number of taps is fixed. A search of [`SEARCH_TAPS`] texels misses thin, distant occluders. Where several
+//! objects hide the light, the kernel is that of their mean distance. A penumbra wider than a third of the area its map
+//! covers loses its outer part. [`FILTER_TAPS`] tests give a penumbra as many grey levels, each step at least a texel
+//! wide.
 
 use super::shadow::ShadowFit;
 use curitiba_pipeline::raster_effects::EffectParams;
@@ -23,33 +28,34 @@ use glam::{Vec2, Vec3};
 use std::f64::consts::PI;
 use std::sync::LazyLock;
 
-/// Texels of which the depth is read to find what hides the light.
+/// Texels whose depth is read in the search for occluders.
 pub const SEARCH_TAPS: usize = 32;
-/// Shadow tests of a kernel, each between four texels.
+/// Shadow tests of a kernel; each test interpolates between four texels.
 pub const FILTER_TAPS: usize = 64;
 
-/// A tap of a unit disk: where it is, how far from the middle, and what it counts.
+/// A tap of the unit disk: its place, its distance from the centre, and its weight.
 #[derive(Debug, Clone, Copy, PartialEq, bytemuck::Pod, bytemuck::Zeroable)]
 #[repr(C)]
 pub struct Tap {
-    /// Right and down of the middle.
+    /// Offset to the right and down from the centre.
     pub place: Vec2,
-    /// The length of that.
+    /// Length of `place`.
     pub radius: f32,
     /// Its weight in a mean.
     pub weight: f32,
 }
 
-/// The taps of both steps.
+/// The taps of the occluder search and of the kernel.
 #[derive(Debug)]
 pub struct Taps {
-    /// Denser towards the middle, where what is near hides the light, and weighted by the area that each stands for.
+    /// Denser towards the centre, where near occluders are; each is weighted by the area that it represents.
     pub search: [Tap; SEARCH_TAPS],
-    /// Of equal areas: Vogel, "A better way to construct the sunflower head", Mathematical Biosciences 44, 1979.
+    /// Each represents the same area: Vogel, "A better way to construct the sunflower head", Mathematical Biosciences
+    /// 44, 1979.
     pub filter: [Tap; FILTER_TAPS],
 }
 
-/// Both spirals turn by the golden angle.
+/// Both lists are spirals that turn by the golden angle from tap to tap.
 pub static TAPS: LazyLock<Taps> = LazyLock::new(|| {
     let tap = |index: usize, radius: f64, weight: f64| {
         let (sin, cos) = (index as f64 * PI * (3.0 - 5f64.sqrt())).sin_cos();
@@ -57,7 +63,8 @@ pub static TAPS: LazyLock<Taps> = LazyLock::new(|| {
         Tap { place, radius: radius as f32, weight: weight as f32 }
     };
     Taps {
-        // Radii by the square of t: an annulus has the area 2π r dr, which grows as t³.
+        // The radius is r = t². An annulus has the area 2π r dr, so the area inside grows as t⁴ and the weight of a tap
+        // as t³.
         search: std::array::from_fn(|index| {
             let t = index as f64 / (SEARCH_TAPS - 1) as f64;
             tap(index, t * t, (t + 0.5 / SEARCH_TAPS as f64).powi(3))
@@ -69,13 +76,14 @@ pub static TAPS: LazyLock<Taps> = LazyLock::new(|| {
 });
 
 impl ShadowFit {
-    /// The share of the light's disc that a position sees, 0..=1; else as [`Self::lit_share`]. The kernel is never smaller than without a disc.
+    /// The share of the light's disc that is visible from a position, 0..=1; else as [`Self::lit_share`]. The kernel is
+    /// never smaller than that of a point light.
     #[must_use]
     pub fn soft_share(&self, map: &[f32], position: Vec3, cos: f32, params: &EffectParams) -> f32 {
         let place = self.place(position);
         let at = place.truncate() - 0.5;
         let edge = 1e6;
-        // Also where the place is not a number.
+        // Also true for a NaN.
         if !(at.x.abs() < edge && at.y.abs() < edge && place.z.is_finite()) {
             return 1.0;
         }
@@ -105,19 +113,19 @@ impl ShadowFit {
         lit.min(1.0)
     }
 
-    /// How far around a place of this depth, in texels, something may hide the disc.
+    /// Radius in texels within which something may hide the disc from a place of this depth.
     #[inline]
     pub(super) fn search(&self, depth: f32) -> f32 {
         (self.spread * (1.0 - depth).clamp(0.0, 1.0)).min(self.aside)
     }
 
-    /// The bias of each texel of distance from the position, and what is always there.
+    /// The bias for each texel of distance from the position, and the constant bias for rounding.
     #[inline]
     fn soft_bias(&self, cos: f32) -> [f32; 2] {
         [self.texel * Self::slope(cos) * self.depth_per_unit, self.rounding * self.depth_per_unit]
     }
 
-    /// A shadow test between the four texels around a place that is given by texel centres.
+    /// A shadow test, interpolated between the four texels around a place in units of texel centres.
     #[inline]
     fn between(&self, map: &[f32], at: Vec2, depth: f32) -> f32 {
         let corner = at.floor();
@@ -128,7 +136,7 @@ impl ShadowFit {
         row(0) * (1.0 - share.y) + row(1) * share.y
     }
 
-    /// The depth of a texel; those outside are empty.
+    /// The depth of a texel; texels outside the map are empty.
     #[inline]
     fn stored(&self, map: &[f32], x: i32, y: i32) -> f32 {
         let size = self.size as i32;
@@ -137,5 +145,5 @@ impl ShadowFit {
     }
 }
 
-/// Farther than any depth.
+/// Depth of an empty texel: farther from the light than any depth.
 const EMPTY: f32 = -1e9;

@@ -1,4 +1,4 @@
-//! The maps' cameras against closed forms.
+//! The cameras of shadow maps and reflection maps, against closed forms.
 
 use super::bounds::{Bounds, Frustum};
 use super::cascades::{Cascades, depth_plane};
@@ -25,7 +25,7 @@ fn bounds(min: Vec3, max: Vec3) -> Bounds {
     Bounds { min, max }
 }
 
-/// A point of the unit cube.
+/// A pseudo-random point of the unit cube.
 fn random(index: u32) -> Vec3 {
     let [x, y, z, _] = pcg4d([index, 0, 0, 0]).map(unit);
     Vec3::new(x, y, z)
@@ -51,12 +51,13 @@ fn the_shadow_map_covers_all_that_is_seen_and_all_casters_in_depth() {
                 if (point.as_dvec3() - center).length() <= radius {
                     assert!(place.x > 0.0 && place.x < 512.0 && place.y > 0.0 && place.y < 512.0, "{place}");
                 }
-                // The map's place is that of the camera's clip space.
+                // The place in the map agrees with the clip space of the map's camera.
                 let clip = fit.view.clip_from_world * point.extend(1.0);
                 let pixel = Vec2::new(clip.x * 0.5 + 0.5, 0.5 - clip.y * 0.5) * 512.0;
                 assert!((pixel - place.truncate()).length() < 2e-3 && (clip.z - place.z).abs() < 1e-6);
             }
-            // One unit along the light is this much nearer to 0, and a texel is as long as it says.
+            // One unit along the light changes the depth by `depth_per_unit`, and one unit across it moves by one over
+            // the texel size.
             let p = Vec3::new(1.0, 2.0, 3.0);
             let (there, along) = (fit.place(p), fit.place(p + direction.normalize()));
             assert!((there.z - along.z - fit.depth_per_unit).abs() < 1e-6);
@@ -115,7 +116,7 @@ fn no_shadow_map_is_fitted_to_nothing() {
     assert_eq!(ShadowFit::new(&dark, &scene, &view, &params), None);
     let dark = Sun { direction: Vec3::NAN, color: Vec3::ONE };
     assert_eq!(ShadowFit::new(&dark, &scene, &view, &params), None);
-    // A camera that is no camera, and a scene that is a point: still a map.
+    // A degenerate camera, and a scene that is a single point, still get a map.
     let broken = View::new(Mat4::ZERO, Vec3::ZERO);
     for view in [view, broken] {
         for scene in [scene, bounds(Vec3::splat(3.0), Vec3::splat(3.0))] {
@@ -150,10 +151,10 @@ fn every_visible_point_between_the_depths_is_in_a_map_that_is_no_coarser_than_th
                 if outside || !(0.5..=20.0).contains(&depth) {
                     continue;
                 }
-                // The closed form: a camera's `w` is the depth.
+                // Closed form: a perspective camera's clip `w` is the depth.
                 assert!((depth - clip.w).abs() < 1e-3);
                 seen += 1;
-                // 0.5 and 2^4.5, the steps around the depths.
+                // The depth range 0.5..2^4.5 is that of the pixels, rounded outwards to whole steps.
                 let part = (depth / 0.5).ln() / (2f32.powf(4.5) / 0.5).ln() * cascades as f32;
                 let first = fits.iter().position(|fit| fit.covers(fit.place(point), &params)).expect("in a map");
                 assert!(first as f32 <= part + 1e-3, "{direction} {depth}: map {first}, part {part}");
@@ -174,21 +175,21 @@ fn there_are_only_as_many_maps_as_something_is_seen_in() {
     };
     let view = camera(Vec3::new(3.0, 2.0, 5.0), Vec3::new(-4.0, 1.0, -2.0), 300.0);
     assert_eq!(count(&view, [1.0, 20.0]), 4);
-    // The first half of the depths is before the scene.
+    // The nearer half of the depth range lies in front of the scene.
     let away = camera(Vec3::new(0.0, 5.0, 120.0), Vec3::ZERO, 300.0);
     assert!((1..4).contains(&count(&away, [0.2, 150.0])));
-    // Depths that are none: all that the camera sees.
+    // Invalid depth ranges fall back to all that the camera sees.
     for depths in [[0.0, 0.0], [0.0, f32::INFINITY], [f32::NAN; 2], [1e30, 1e38], [-1.0, 5.0]] {
         assert!((1..=4).contains(&count(&view, depths)), "{depths:?}");
     }
-    // One scale for all depths, and no depth at all.
+    // An orthographic camera has one scale for all depths, and no depth plane.
     let look = glam::camera::rh::view::look_at_mat4(Vec3::Y * 50.0, Vec3::ZERO, Vec3::Z);
     let flat = glam::camera::rh::proj::directx::orthographic(-4.0, 4.0, -4.0, 4.0, 100.0, 0.1);
     let flat = View::new(flat * look, Vec3::Y * 50.0);
     assert_eq!((count(&flat, [1.0, 20.0]), depth_plane(&flat)), (1, glam::Vec4::ZERO));
     let broken = View::new(Mat4::ZERO, Vec3::ZERO);
     assert_eq!(count(&broken, [1.0, 20.0]), 1);
-    // A light without direction, and a scene without a point.
+    // A light without a direction, and a scene without a point, give no map.
     let none = |direction, scene: &Bounds| {
         let sun = Sun { direction, color: Vec3::ONE };
         Cascades::new(&sun, scene, &view, [1.0, 20.0], &params) == Cascades::default()
@@ -211,7 +212,7 @@ fn a_cube_face_shows_a_direction_where_it_is_looked_up() {
         assert!(clip.z >= 0.0 && clip.z <= clip.w);
     }
     assert!(seen.iter().all(|count| *count > 500), "{seen:?}");
-    // The standard's table: (s, t) of +x is (-z, -y), of -y is (x, -z).
+    // The face table of the OpenGL specification: (s, t) of +x is (-z, -y), and that of -y is (x, -z).
     assert_eq!(cube::locate(Vec3::new(1.0, 0.0, -0.5)), (0, Vec2::new(0.75, 0.5)));
     assert_eq!(cube::locate(Vec3::new(0.5, -1.0, 0.5)), (3, Vec2::new(0.75, 0.25)));
     assert_eq!(cube::locate(Vec3::ZERO).0, 0);
@@ -225,7 +226,7 @@ fn cube_faces_are_filtered_between_texel_centres() {
     assert_eq!(cube::sample(&texels[..1], 1, Vec2::splat(0.3)), Vec3::ZERO);
 }
 
-/// Squares of side 1 at these places, each of vertices of its own.
+/// Squares of side 1 at these places, each with vertices of its own.
 fn squares(places: &[Vec3]) -> Geometry {
     let mut geometry = Geometry::default();
     for place in places {
@@ -252,7 +253,7 @@ fn panes_are_connected_glass() {
 #[test]
 fn the_panes_that_cover_most_of_the_picture_get_the_probes() {
     let view = camera(Vec3::ZERO, Vec3::NEG_Z, 100.0);
-    // From far to near, and one behind the camera.
+    // Three squares from far to near, and one behind the camera.
     let places = [-20.0, -10.0, -5.0, 3.0].map(|z| Vec3::new(-0.5, -0.5, z));
     let geometry = squares(&places);
     let panes = panes::find(&geometry, &[true]);
@@ -264,11 +265,11 @@ fn the_panes_that_cover_most_of_the_picture_get_the_probes() {
     let chosen = probes.choose(&panes, &scene, &view, 64);
     assert_eq!(panes::nearest(chosen, Vec3::new(0.0, 0.0, -16.0)), Some(2));
     assert_eq!(panes::nearest(&[], Vec3::ZERO), None);
-    // The closed form of the area: a square of side 1 at distance 5, in units of half the picture's sides.
+    // Closed form of the projected area of a square of side 1 at distance 5, in units of half the picture's sides.
     let frustum = Frustum::new(&view.clip_from_world).expect("a camera");
     let side = 1.0 / (5.0 * 0.5f64.tan());
     assert!((frustum.area_of(&panes[2].bounds, view.eye) - side * side).abs() < 1e-6);
-    // Half of it is out of the picture.
+    // Half of this square is outside the picture.
     let edge = 5.0 * 0.5f32.tan();
     let half = bounds(Vec3::new(edge - 0.5, -0.5, -5.0), Vec3::new(edge + 0.5, 0.5, -5.0));
     assert!((frustum.area_of(&half, view.eye) - 0.5 * side * side).abs() < 1e-5);

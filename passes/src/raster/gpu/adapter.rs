@@ -1,27 +1,28 @@
-//! Which devices there are, and which one is taken.
+//! The devices of this machine, and the choice of one.
 
 use super::faults::unsupported;
 use curitiba_pipeline::backend::BackendError;
 use std::fmt;
 use std::sync::OnceLock;
 
-/// Largest single buffer, whatever the device allows: Vulkan guarantees allocations of 1 GiB only.
+/// Greatest size of a buffer, whatever the device allows: Vulkan guarantees allocations of 1 GiB only.
 pub(super) const MAX_BUFFER_BYTES: u64 = 1 << 30;
-/// Storage buffers that a ray program binds.
+/// Number of storage buffers that a ray program binds.
 pub(crate) const RAY_BUFFERS: u32 = 8;
 
-/// Which adapters may be taken.
+/// The adapters that may be chosen.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum AdapterChoice {
-    /// Only hardware: a driver that computes on the processor is slower than the rasteriser of this crate that does.
+    /// Only hardware. A driver that computes on the processor is slower than this crate's own rasteriser on the
+    /// processor.
     RealGpu,
-    /// Hardware where there is some, else a software driver.
+    /// Hardware if there is any, else a software driver.
     Any,
-    /// The one at this place of [`adapters`], counted from 0: see [`named`].
+    /// The adapter at this index of [`adapters`], from 0: see [`named`].
     Nth(u8),
 }
 
-/// What an adapter is; the order is the order of preference.
+/// The kind of an adapter, in order of preference.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub enum AdapterKind {
     /// A GPU with its own memory.
@@ -57,7 +58,7 @@ pub struct AdapterSummary {
     pub driver: String,
     /// `vulkan`, `metal` or `dx12`.
     pub interface: &'static str,
-    /// What it is.
+    /// The kind of adapter.
     pub kind: AdapterKind,
 }
 
@@ -95,13 +96,13 @@ impl fmt::Display for AdapterSummary {
     }
 }
 
-/// Every adapter, the preferred one first. Empty where there is no driver.
+/// All adapters, the preferred one first. Empty where there is no driver.
 #[must_use]
 pub fn adapters() -> Vec<AdapterSummary> {
     enumerate().into_iter().map(|(summary, _)| summary).collect()
 }
 
-/// What each adapter can do for rasteriser and rays, and what it lacks, in words.
+/// For each adapter a text that says what it can do for the rasteriser and for rays, and what it lacks.
 #[must_use]
 pub fn abilities() -> Vec<(AdapterSummary, String)> {
     let describe = |(summary, adapter): (AdapterSummary, wgpu::Adapter)| {
@@ -128,10 +129,10 @@ pub fn abilities() -> Vec<(AdapterSummary, String)> {
     enumerate().into_iter().map(describe).collect()
 }
 
-/// The adapter that a user names: by its place in [`adapters`], counted from 0, or by a part of its name, in any case.
+/// The adapter that a user names: by its index in [`adapters`], from 0, or by a part of its name, ignoring case.
 ///
 /// # Errors
-/// If none has that name, or several do that differ; says which there are.
+/// If no adapter has that name, or several different adapters do; the text lists the adapters.
 pub fn named(name: &str) -> Result<u8, String> {
     place_of(&adapters(), name)
 }
@@ -156,7 +157,7 @@ fn place_of(adapters: &[AdapterSummary], name: &str) -> Result<u8, String> {
     let all: Vec<(usize, &AdapterSummary)> = adapters.iter().enumerate().collect();
     let found: Vec<_> = all.iter().filter(fits).collect();
     match found.as_slice() {
-        // Equal ones: the first.
+        // Of several equal adapters, the first.
         [(place, first), rest @ ..] if rest.iter().all(|(_, other)| other.name == first.name) => {
             u8::try_from(*place).map_err(|_| format!("there are too many adapters; {valid}"))
         }
@@ -176,8 +177,8 @@ pub(super) fn select(choice: AdapterChoice) -> Result<(AdapterSummary, wgpu::Ada
     Ok(all.swap_remove(index))
 }
 
-/// Whether the system shows any device that a GPU driver could use. Asking a software driver instead takes a tenth of a
-/// second and 45 MiB, and Mesa's complains on the error stream where there is no desktop.
+/// Whether the system has any device for a GPU driver. Asking a software driver instead takes a tenth of a second and
+/// 45 MiB, and Mesa's prints a complaint to standard error where there is no desktop.
 fn may_have_gpu() -> bool {
     if !cfg!(target_os = "linux") {
         return true;
@@ -188,7 +189,7 @@ fn may_have_gpu() -> bool {
     direct || devices.iter().any(|device| std::path::Path::new(device).exists())
 }
 
-/// The index of the adapter that `choice` takes among `adapters`, which are in order of preference.
+/// The index of the adapter for `choice` in `adapters`, which are in order of preference.
 fn choose(adapters: &[AdapterSummary], choice: AdapterChoice) -> Result<usize, BackendError> {
     if let AdapterChoice::Nth(place) = choice
         && !adapters.is_empty()
@@ -210,12 +211,12 @@ fn choose(adapters: &[AdapterSummary], choice: AdapterChoice) -> Result<usize, B
     }
 }
 
-/// The one instance of this process: NVIDIA's driver offers no device any more to a process that has loaded and released it
-/// about thirty times.
+/// The only instance of this process. NVIDIA's driver stops offering devices to a process that has loaded and released
+/// it about thirty times.
 static INSTANCE: OnceLock<wgpu::Instance> = OnceLock::new();
 
-/// `WGPU_BACKEND` narrows the interfaces, as in every program that uses wgpu. OpenGL is left out: its drivers often cannot
-/// render to 32-bit floats.
+/// All adapters, the preferred one first. `WGPU_BACKEND` restricts the interfaces, as in every program that uses wgpu.
+/// OpenGL is excluded, because its drivers often cannot render to 32-bit floats.
 fn enumerate() -> Vec<(AdapterSummary, wgpu::Adapter)> {
     let supported = wgpu::Backends::VULKAN | wgpu::Backends::METAL | wgpu::Backends::DX12;
     let backends = wgpu::Backends::from_env().unwrap_or(supported) & supported;
@@ -227,7 +228,7 @@ fn enumerate() -> Vec<(AdapterSummary, wgpu::Adapter)> {
     });
     let adapters = pollster::block_on(instance.enumerate_adapters(backends));
     let mut all: Vec<_> = adapters.into_iter().map(|adapter| (AdapterSummary::of(&adapter), adapter)).collect();
-    // Stable: among equals the driver's own order counts.
+    // The sort is stable: among equals, the driver's order remains.
     all.sort_by_key(|(summary, _)| summary.kind);
     all
 }

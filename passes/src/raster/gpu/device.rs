@@ -1,7 +1,7 @@
-//! The device, and how its failures become errors.
+//! The device, and the conversion of its failures to errors.
 //!
-//! wgpu reports most failures to a callback, whose default ends the program. Here the callbacks only note the first
-//! failure, and every operation ends by asking [`Gpu::check`] whether something was noted.
+//! wgpu reports most failures to a callback, which by default ends the program. Here the callbacks only record the
+//! first failure, and every operation ends with a call of [`Gpu::check`], which returns it.
 
 use super::adapter::{AdapterChoice, AdapterSummary, MAX_BUFFER_BYTES, select};
 use super::faults::{failure, unsupported};
@@ -9,7 +9,7 @@ use curitiba_pipeline::backend::BackendError;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::{Arc, Mutex, PoisonError};
 
-/// How much is handed over at once in an upload; bounds the driver's staging memory.
+/// Bytes of an upload that are handed over at once; bounds the driver's staging memory.
 const UPLOAD_PIECE: usize = 32 << 20;
 
 /// A device and its queue.
@@ -19,14 +19,14 @@ pub(crate) struct Gpu {
     pub queue: wgpu::Queue,
     pub limits: wgpu::Limits,
     pub adapter: AdapterSummary,
-    /// The largest buffer for data whose size depends on the scene or the frame, in bytes.
+    /// Greatest buffer, in bytes, for data whose size depends on the scene or the frame.
     pub max_buffer_bytes: u64,
-    /// Threads of a subgroup, at least and at most.
+    /// Least and greatest number of threads of a subgroup.
     pub subgroup: [u32; 2],
     faults: Arc<Faults>,
 }
 
-/// The first failure since the last check. Once lost, a device stays lost.
+/// The first failure since the last check. A lost device stays lost.
 #[derive(Debug, Default)]
 struct Faults(Mutex<FaultLog>);
 
@@ -51,7 +51,7 @@ impl Faults {
 }
 
 impl Gpu {
-    /// Opens the device that `choice` takes, with all of its limits.
+    /// Opens the device for `choice`, with all of its limits.
     pub fn open(choice: AdapterChoice) -> Result<Self, BackendError> {
         let (summary, adapter) = select(choice)?;
         let wanted = wgpu::Features::TIMESTAMP_QUERY
@@ -85,7 +85,7 @@ impl Gpu {
         Ok(Self { device, queue, limits, adapter: summary, max_buffer_bytes, subgroup, faults })
     }
 
-    /// Whether the device can do `feature`.
+    /// Whether the device has `feature`.
     pub fn has(&self, feature: wgpu::Features) -> bool {
         self.device.features().contains(feature)
     }
@@ -99,18 +99,18 @@ impl Gpu {
         }
     }
 
-    /// Lets the next operation fail with an error, for tests.
+    /// Makes the next operation fail with an error, for tests.
     #[cfg(test)]
     pub fn fail_next(&self, error: &wgpu::Error) {
         self.faults.note(describe(error));
     }
 
-    /// Submits `commands` and waits until the device has done all it was given.
+    /// Submits `commands` and waits until the device has finished all its work.
     pub fn submit_and_wait(&self, commands: Option<wgpu::CommandBuffer>, doing: &str) -> Result<(), BackendError> {
         self.queue.submit(commands);
         self.check(doing)?;
-        // wgpu 30 panics where the driver reports a lost device while it is waited for (`Device::poll` calls
-        // `handle_error_fatal`); nothing is used after that but the message.
+        // wgpu 30 panics if the driver reports a lost device during the wait (`Device::poll` calls
+        // `handle_error_fatal`). After that only the message is used.
         let waited = catch_unwind(AssertUnwindSafe(|| self.device.poll(wgpu::PollType::wait_indefinitely())));
         match waited {
             Ok(Ok(_)) => {}
@@ -120,7 +120,7 @@ impl Gpu {
         self.check(doing)
     }
 
-    /// Maps `buffer`, submits `commands`, waits, and shows the first `bytes` bytes to `read`.
+    /// Maps `buffer`, submits `commands`, waits, and passes the first `bytes` bytes to `read`.
     pub fn read_mapped(
         &self,
         buffer: &wgpu::Buffer,
@@ -149,12 +149,12 @@ impl Gpu {
             Err(error) => Err(failure(&format!("{doing} on {}: {error}", self.adapter))),
         });
         buffer.unmap();
-        // Unmapping a buffer that never became mapped is an error of its own; the first one is what matters.
+        // Unmapping a buffer that was never mapped is another error; the first error is the one to report.
         let after = self.check(doing);
         result.and(after)
     }
 
-    /// A buffer that holds `bytes`.
+    /// A new buffer with the contents `bytes`.
     pub fn upload_buffer(
         &self,
         label: &str,
@@ -177,8 +177,8 @@ impl Gpu {
         Ok(buffer)
     }
 
-    /// Copies rows of texels to the whole of a texture of one level, piece by piece, and waits. Rows of `data` lie behind each other
-    /// without gaps.
+    /// Copies texels to the whole of a texture with one level, piece by piece, and waits. The rows of `data` have no
+    /// gaps between them.
     pub fn fill_texture(&self, texture: &wgpu::Texture, data: &[u8], doing: &str) -> Result<(), BackendError> {
         let (width, height) = (texture.width(), texture.height());
         let row = (data.len() / height.max(1) as usize).max(1);
@@ -201,7 +201,7 @@ impl Gpu {
     }
 }
 
-/// What a failure means to the user.
+/// The message to the user about a failure.
 fn describe(error: &wgpu::Error) -> String {
     match error {
         wgpu::Error::OutOfMemory { .. } => "the device is out of memory".to_owned(),

@@ -14,27 +14,27 @@ use std::num::NonZeroU64;
 #[derive(Debug, Clone, Copy)]
 struct Draw {
     variant: Variant,
-    /// What groups 1 to 3 are bound to, where the variant has them: texture, glow, normal map.
+    /// Indices of the textures of groups 1 to 3, where the variant has them: colour, glow, normal map.
     textures: [Option<u32>; 3],
     chunk: usize,
     /// First triangle of the scene.
     first: u32,
     count: u32,
-    /// Where its uniforms are.
+    /// Offset of its uniforms.
     offset: u32,
 }
 
-/// The draw calls of the current pass. The buffers stay from frame to frame.
+/// The draw calls of the current pass. The buffers are kept from frame to frame.
 #[derive(Debug)]
 pub(super) struct DrawList {
     draws: Vec<Draw>,
-    /// What they write.
+    /// The attachments that the draws write.
     stored: Stored,
-    /// By material.
+    /// By material: whether it is left out.
     left_out: Vec<bool>,
     /// `Draw` uniforms, `stride` bytes apart.
     bytes: Vec<u8>,
-    /// What the device's buffer holds.
+    /// Contents of the device's buffer.
     written: Vec<u8>,
     stride: usize,
     frame: wgpu::Buffer,
@@ -64,14 +64,13 @@ impl DrawList {
         })
     }
 
-    /// Says which materials, by index, the jobs to come are drawn without; those beyond the end are drawn.
+    /// Sets which materials, by index, the following jobs leave out; materials beyond the end are drawn.
     pub fn leave_out(&mut self, materials: &[bool]) {
         self.left_out.clear();
         self.left_out.extend_from_slice(materials);
     }
 
-    /// Lists the draws of a job without the materials that are [left out](Self::leave_out), and hands their uniforms to the
-    /// device.
+    /// Lists the draws of a job without the materials that are [left out](Self::leave_out), and uploads their uniforms.
     pub fn prepare(
         &mut self,
         gpu: &Gpu,
@@ -111,7 +110,7 @@ impl DrawList {
                 }
             }
             pipelines.require(gpu, layouts, variant, self.stored)?;
-            // Pipelines with a group have those before it, whether they read them or not.
+            // A pipeline with a group also has all groups before it, whether it reads them or not.
             let glow = glow_texture.or(normal_texture);
             let textures_read = [if variant.textured { shade.texture } else { glow }, glow, normal_texture];
             for texture in textures_read.into_iter().flatten() {
@@ -129,7 +128,7 @@ impl DrawList {
         self.look(gpu, &job.view, job.sun)
     }
 
-    /// Lets the draws listed be seen from elsewhere. What was submitted before keeps its view.
+    /// Changes the camera of the listed draws. Work that was submitted before keeps its camera.
     pub fn look(&self, gpu: &Gpu, view: &View, sun: Option<Sun>) -> Result<(), BackendError> {
         gpu.queue.write_buffer(&self.frame, 0, bytemuck::bytes_of(&FrameUniform::new(view, sun)));
         gpu.check("upload of the frame's uniforms")
@@ -152,7 +151,7 @@ impl DrawList {
         Ok(())
     }
 
-    /// Records the draws, in the order of their triangles.
+    /// Records the draws in the order of their triangles.
     pub fn record(
         &self,
         pass: &mut wgpu::RenderPass<'_>,
@@ -202,7 +201,7 @@ impl DrawList {
         self.draws.len()
     }
 
-    /// Triangles of all draws.
+    /// Number of triangles of all draws.
     pub fn triangles(&self) -> u64 {
         self.draws.iter().map(|draw| u64::from(draw.count)).sum()
     }

@@ -1,14 +1,14 @@
-//! What the rasteriser says when the device fails, or cannot do something.
+//! The rasteriser's errors: the device failed, or cannot do something.
 
 use curitiba_pipeline::backend::BackendError;
 
 /// The rasteriser's name.
 pub(crate) const NAME: &str = "wgpu";
 
-/// What to do where the device cannot.
+/// What the user can do where the device cannot.
 const REMEDY: &str = "`--raster cpu` draws without a GPU";
 
-/// An error of the device, as the ray backend of the same name has it.
+/// The same error of a device with the remedy of the ray backend of the same name.
 pub(crate) fn of_rays(error: BackendError) -> BackendError {
     const OF_RAYS: &str = "`--backend cpu` traces without a GPU";
     match error {
@@ -21,12 +21,12 @@ pub(crate) fn of_rays(error: BackendError) -> BackendError {
     }
 }
 
-/// The device failed; ends with the remedy.
+/// The error for a device failure; the message ends with the remedy.
 pub(crate) fn failure(message: &str) -> BackendError {
     BackendError::Device { backend: NAME, message: format!("{message}; {REMEDY}") }
 }
 
-/// The device cannot do `what`; `why` is continued with the remedy.
+/// The error for `what` the device cannot do; the remedy follows `why`.
 pub(crate) fn unsupported(what: &str, why: &str) -> BackendError {
     BackendError::Unsupported { backend: NAME, what: what.to_owned(), why: format!("{why} {REMEDY}") }
 }

@@ -1,5 +1,5 @@
 // The G-buffer program: one text for all variants. Lines between `//#if NAME` and `//#endif` (with an optional
-// `//#else`) stay only in variants that define NAME; see `shader.rs`.
+// `//#else`) are only in variants that define NAME; see `shader.rs`.
 //
 //   COLOR, POSITION, NORMAL, TRIANGLE   attachments that are written
 //   VERTEX_NORMAL                       the vertices carry normals, and something above reads them
@@ -17,30 +17,31 @@
 enable primitive_index;
 //#endif
 
-// What is the same for a whole pass.
+// Uniforms of a whole pass.
 struct Frame {
-    // Of positions less `eye`. Depth is reversed: 1 at the near plane, 0 at the far plane.
+    // For positions relative to `eye`. Depth is reversed: 1 at the near plane, 0 at the far plane.
     clip_from_eye: mat4x4<f32>,
-    // In xyz; zero for cameras not far from the origin. In w the side of the square over which textures are filtered, pixels.
+    // xyz: the eye, or zero for cameras near the origin. w: side of the square over which textures are filtered, in
+    // pixels.
     eye: vec4<f32>,
     // Unit vector towards the light in xyz; zero without a light.
     to_light: vec4<f32>,
-    // Its colour; alpha is 1.
+    // Colour of the light; alpha is 1.
     light_color: vec4<f32>,
-    // MIRRORED: the dot product with a position less `eye` and 1 is below 0 behind the mirror.
+    // MIRRORED: its dot product with a position relative to `eye`, and 1, is below 0 behind the mirror.
     clip_plane: vec4<f32>,
 }
 
-// What is the same for a draw: triangles of one material.
+// Uniforms of a draw: triangles of one material.
 struct Draw {
     diffuse: vec4<f32>,
     emission: vec4<f32>,
-    // Light of its own; alpha is 0.
+    // Emitted light; alpha is 0.
     glow: vec4<f32>,
     // Id of the draw's first triangle, plus 1: the attachment is cleared to 0, which therefore means "no triangle".
     first_triangle: u32,
     alpha_cutoff: f32,
-    // What x and y of the normal map are multiplied by.
+    // Factor of x and y of the normal map.
     normal_scale: f32,
 }
 
@@ -142,7 +143,8 @@ fn vertex_main(vertex: Vertex) -> Varyings {
 }
 
 //#if TEXCOORD
-// `log2` of the longer footprint side in texels of level 0 (Vulkan 1.3, section 16.5.7), of a texture of so many; 0 where it is below 1.
+// `log2` of the footprint's longer side in texels of level 0 (Vulkan 1.3, section 16.5.7), for a texture of `size`
+// texels; 0 where that side is below 1.
 fn level_of_detail(texcoord: vec2<f32>, size: vec2<f32>) -> f32 {
     let along_x = dpdxFine(texcoord) * size * frame.eye.w;
     let along_y = dpdyFine(texcoord) * size * frame.eye.w;
@@ -152,8 +154,9 @@ fn level_of_detail(texcoord: vec2<f32>, size: vec2<f32>) -> f32 {
 //#endif
 
 //#if TEXTURED
-// The texture at `texcoord`, whose v = 0 is the bottom row. The level is chosen here and not by the driver, so that every
-// device chooses alike. The fractional part is taken first: large coordinates would lose the sub-texel position otherwise.
+// The texture at `texcoord`, where v = 0 is the bottom row. The level is computed here and not by the driver, so that
+// every device uses the same. The fractional part is taken first, because large coordinates would lose the sub-texel
+// position.
 fn sample_texture(texcoord: vec2<f32>, level: f32) -> vec4<f32> {
 //#if WRAPPED
     let wrapped = texcoord;
@@ -192,7 +195,8 @@ fn unit_or(vector: vec3<f32>, other: vec3<f32>) -> vec3<f32> {
     return select(normalize(other), vector * inverseSqrt(length_squared), length_squared > 0.0);
 }
 
-// As `normal_map::bent` of the pipeline has it: the normal that a texel makes of the interpolated one, on a triangle of unit normal `flat`.
+// The interpolated normal, bent by a texel of the normal map, on a triangle of unit normal `flat_normal`: as
+// `normal_map::bent` of the pipeline.
 fn bent(texel: vec3<f32>, normal: vec3<f32>, tangent: vec4<f32>, flat_normal: vec3<f32>) -> vec3<f32> {
     let slopes = (2.0 * texel.xy - 1.0) * draw.normal_scale;
     let height = max(2.0 * texel.z - 1.0, 1.0 / 255.0);
@@ -240,7 +244,7 @@ fn fragment_main(
 //#if ALPHA_CUT
     var alpha = 1.0;
 //#if TEXTURED
-    // Level 0, as for rays: what the camera sees through lets light through.
+    // Level 0, as for rays, so that light passes where the camera sees through.
     alpha = sample_texture(in.texcoord, 0.0).a;
 //#endif
 //#if VERTEX_COLOR
@@ -255,7 +259,7 @@ fn fragment_main(
     var cosine = 0.0;
 //#if VERTEX_NORMAL
     let length_squared = dot(in.normal, in.normal);
-    // Opposite normals that cancel, as in the rasteriser on the processor.
+    // Normals of opposite direction may cancel, as in the rasteriser on the processor.
     if length_squared > 1e-30 {
         normal = in.normal / sqrt(length_squared);
     }
@@ -264,7 +268,7 @@ fn fragment_main(
 //#if BENT
     if length_squared > 1e-30 {
         normal = bent(normal_texel, in.normal, in.tangent, flat_normal);
-        // Dark below the horizon of the surface, whatever the bumps face.
+        // No light below the horizon of the unbent surface, whatever the bumps face.
         let lit = dot(frame.to_light.xyz, in.normal) > 0.0;
         cosine = select(0.0, clamp(dot(frame.to_light.xyz, normal), 0.0, 1.0), lit);
     }

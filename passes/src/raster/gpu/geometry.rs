@@ -7,7 +7,7 @@ use curitiba_pipeline::scene::Geometry;
 use glam::{Vec3, Vec4};
 use std::ops::Range;
 
-/// Bytes of one corner of a triangle in the index buffer, times three.
+/// Bytes of a triangle in the index buffer.
 const TRIANGLE_BYTES: u64 = size_of::<[u32; 3]>() as u64;
 
 /// A part of the triangles with one material, in one chunk: what one draw call draws.
@@ -57,7 +57,7 @@ pub(super) struct DeviceGeometry {
 }
 
 impl DeviceGeometry {
-    /// Uploads the attributes that the geometry has.
+    /// Uploads the attributes that the geometry has, and its triangles.
     pub fn upload(gpu: &Gpu, geometry: &Geometry) -> Result<Self, BackendError> {
         let vertex_count = geometry.positions.len();
         let counts = [
@@ -114,7 +114,7 @@ impl DeviceGeometry {
         gpu.upload_buffer("upload of the triangles", wgpu::BufferUsages::INDEX, bytes)
     }
 
-    /// The vertices of a geometry, whatever its triangles.
+    /// Uploads the vertices of a geometry.
     fn push_vertices(&mut self, gpu: &Gpu, geometry: &Geometry) -> Result<(), BackendError> {
         let Geometry { positions, normals, texcoords, colors, tangents, .. } = geometry;
         let mut upload = |label: &str, bytes: &[u8]| {
@@ -134,22 +134,22 @@ impl DeviceGeometry {
     }
 }
 
-/// The values of some vertices, if there are any.
+/// The values of some vertices; empty if the list is.
 fn gather<T: Copy>(list: &[T], vertices: &[u32]) -> Vec<T> {
     if list.is_empty() { Vec::new() } else { vertices.iter().map(|vertex| list[*vertex as usize]).collect() }
 }
 
-/// How the triangles are cut into chunks.
+/// The division of the triangles into chunks.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 struct Layout {
     triangles: usize,
     per_chunk: usize,
-    /// Whether all chunks index the same vertices; otherwise each has a copy of those that it uses.
+    /// Whether all chunks index the same vertices. If not, each chunk has a copy of the vertices that it uses.
     shared_vertices: bool,
 }
 
 impl Layout {
-    /// `widest` is the size of the widest vertex attribute, bytes.
+    /// `widest` is the size of the widest vertex attribute in bytes.
     fn new(triangles: usize, vertices: usize, widest: u64, max_bytes: u64) -> Result<Self, BackendError> {
         let shared_vertices = vertices as u64 * widest <= max_bytes;
         // Without sharing, a chunk may use three vertices for each triangle.
@@ -168,7 +168,7 @@ impl Layout {
     }
 }
 
-/// The batches, cut where chunks end.
+/// The batches, divided where chunks end.
 fn parts(geometry: &Geometry, layout: &Layout) -> Vec<Part> {
     let mut parts = Vec::with_capacity(geometry.batches.len() + layout.chunks().len());
     for batch in &geometry.batches {
@@ -188,13 +188,13 @@ fn parts(geometry: &Geometry, layout: &Layout) -> Vec<Part> {
 /// Renumbers the vertices of a chunk by first use.
 #[derive(Debug, Default)]
 struct Compactor {
-    /// New index of a vertex, or `u32::MAX`.
+    /// By vertex: its new index, or `u32::MAX`.
     renumbered: Vec<u32>,
     used: Vec<u32>,
 }
 
 impl Compactor {
-    /// The triangles with new indices; [`Self::used`] then lists the old ones.
+    /// The triangles with new indices; [`Self::used`] then lists the old index of each new one.
     fn compact(&mut self, triangles: &[[u32; 3]], vertex_count: usize) -> Vec<[u32; 3]> {
         for vertex in self.used.drain(..) {
             self.renumbered[vertex as usize] = u32::MAX;

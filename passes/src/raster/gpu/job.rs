@@ -1,14 +1,14 @@
-//! Whether the parts of a job fit together.
+//! Checks whether the parts of a job fit together.
 
 use super::faults::unsupported;
 use curitiba_pipeline::backend::{Attachments, BackendError, GBuffer, RasterJob, drawn_part};
 
-/// Whether nothing is to be drawn.
+/// Whether the job draws nothing.
 pub(super) fn is_empty(job: &RasterJob<'_>) -> bool {
     job.attachments == Attachments::default() || job.viewport.width == 0 || job.viewport.height == 0
 }
 
-/// Refuses targets that lack what the job writes.
+/// Refuses targets that lack an attachment that the job writes, or part of its viewport.
 pub(super) fn check_target(job: &RasterJob<'_>, target: &GBuffer) -> Result<(), BackendError> {
     if !is_empty(job) && drawn_part(job.viewport, target.held()).is_none() {
         let held = format!("{} x {} from {:?}", target.width, target.height, target.origin);
@@ -31,7 +31,7 @@ pub(super) fn check_target(job: &RasterJob<'_>, target: &GBuffer) -> Result<(), 
     }
 }
 
-/// Refuses scenes that lack what the job reads.
+/// Refuses scenes that lack data that the job reads.
 pub(super) fn check_scene(job: &RasterJob<'_>) -> Result<(), BackendError> {
     let geometry = &job.scene.geometry;
     let vertices = geometry.positions.len();

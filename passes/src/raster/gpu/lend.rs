@@ -1,4 +1,4 @@
-//! Attachments that ray passes on the same device read where they were drawn.
+//! Attachments and pictures on the device that ray passes read in place.
 
 use super::device::Gpu;
 use super::targets::Targets;
@@ -6,13 +6,15 @@ use curitiba_pipeline::backend::BackendError;
 use std::collections::BTreeMap;
 use std::sync::{Arc, Mutex, PoisonError};
 
-/// How pictures that stay on the device are used: written by programs or copied to, and read by others or copied from.
+/// Usage of pictures that stay on the device: programs write them or they are copied to, and others read them or copy
+/// from them.
 pub(crate) const PICTURE_USAGE: wgpu::TextureUsages = wgpu::TextureUsages::STORAGE_BINDING
     .union(wgpu::TextureUsages::TEXTURE_BINDING)
     .union(wgpu::TextureUsages::COPY_SRC)
     .union(wgpu::TextureUsages::COPY_DST);
 
-/// What the rasteriser and the ray backend both hold: the device, what was drawn last for rays, and pictures that stay there.
+/// Shared by the rasteriser and the ray backend: the device, the last draw for rays, and the pictures that stay on the
+/// device.
 #[derive(Debug)]
 pub(crate) struct Lending {
     pub gpu: Arc<Gpu>,
@@ -23,11 +25,11 @@ pub(crate) struct Lending {
 /// The attachments of one pass.
 #[derive(Debug, Clone, Default)]
 pub(crate) struct Lent {
-    /// Counts the passes, from 1.
+    /// Number of the pass, counted from 1.
     pub value: u64,
-    /// Pixels a row, and rows.
+    /// Pixels in a row, and number of rows.
     pub size: (u32, u32),
-    /// Colour, position, normal and triangle id, the last plus 1.
+    /// Colour, position, normal and triangle id; ids are stored plus 1.
     pub channels: [Option<wgpu::TextureView>; 4],
 }
 
@@ -36,17 +38,18 @@ impl Lending {
         Self { gpu, last: Mutex::default(), pictures: Mutex::default() }
     }
 
-    /// Takes the picture of a number out, if there is one: who writes it anew gives it back with [`Self::keep`].
+    /// Removes and returns the picture with this number, if there is one. Whoever writes it again returns it by
+    /// [`Self::keep`].
     pub fn take(&self, number: usize) -> Option<wgpu::Texture> {
         self.pictures.lock().unwrap_or_else(PoisonError::into_inner).remove(&number)
     }
 
-    /// Keeps a picture, of 32-bit floats.
+    /// Stores a picture of 32-bit floats under a number.
     pub fn keep(&self, number: usize, picture: wgpu::Texture) {
         self.pictures.lock().unwrap_or_else(PoisonError::into_inner).insert(number, picture);
     }
 
-    /// Keeps a copy of a picture, of 32-bit floats.
+    /// Stores a copy of a picture of 32-bit floats under a number.
     pub(in crate::raster::gpu) fn keep_copy(&self, number: usize, made: &wgpu::Texture) -> Result<(), BackendError> {
         let (gpu, size) = (&self.gpu, made.size());
         let doing = "keeping the picture of an effect";
@@ -71,23 +74,23 @@ impl Lending {
         Ok(())
     }
 
-    /// The picture of a number.
+    /// The picture with this number.
     pub fn picture(&self, number: usize) -> Option<wgpu::Texture> {
         self.pictures.lock().unwrap_or_else(PoisonError::into_inner).get(&number).cloned()
     }
 
-    /// Bytes of device memory that pictures take.
+    /// Bytes of device memory of all pictures.
     pub fn picture_bytes(&self) -> u64 {
         let pictures = self.pictures.lock().unwrap_or_else(PoisonError::into_inner);
         pictures.values().map(|picture| 16 * u64::from(picture.width()) * u64::from(picture.height())).sum()
     }
 
-    /// What was drawn last.
+    /// The last draw.
     pub fn last(&self) -> Lent {
         self.last.lock().unwrap_or_else(PoisonError::into_inner).clone()
     }
 
-    /// Lends what was just drawn, and gives its number.
+    /// Lends the draw that was just made, and returns its number.
     pub(in crate::raster::gpu) fn lend(&self, targets: &Targets) -> u64 {
         let mut last = self.last.lock().unwrap_or_else(PoisonError::into_inner);
         let value = last.value + 1;

@@ -1,11 +1,11 @@
-//! The rasteriser for GPUs, by way of wgpu: Vulkan, Metal and DirectX 12, without a window.
+//! The rasteriser for GPUs, through wgpu: Vulkan, Metal and DirectX 12, without a window.
 //!
-//! Limits: one sample a pixel, opaque surfaces (or cut out by their alpha), one directional light. A frame is at most as
-//! large as the device's largest texture. Triangle ids need a device with primitive indices in its shaders.
+//! Limits: one sample per pixel, opaque or alpha-tested surfaces, one directional light. A frame is at most as large as
+//! the device's largest texture. Triangle ids need a device whose shaders have primitive indices.
 //!
-//! Drivers write to standard error as they like. Of what is known: Mesa's device-selection layer for Vulkan says
-//! `XDG_RUNTIME_DIR is invalid or not set` whenever devices are listed without a desktop session; it is harmless, and
-//! `NODEVICE_SELECT=1` in the environment keeps the layer out.
+//! Drivers may write to standard error. One known case: Mesa's device-selection layer for Vulkan prints
+//! `XDG_RUNTIME_DIR is invalid or not set` whenever devices are listed without a desktop session. This is harmless;
+//! `NODEVICE_SELECT=1` in the environment disables the layer.
 
 mod adapter;
 pub(crate) mod device;
@@ -53,7 +53,7 @@ use targets::{Staging, Stored, TargetCache};
 use textures::DeviceTextures;
 use timer::Timer;
 
-/// Draws on a GPU, or on a software driver that acts as one.
+/// The rasteriser on a GPU, or on a software driver that acts as one.
 #[derive(Debug)]
 pub struct WgpuRasteriser {
     gpu: Arc<Gpu>,
@@ -61,24 +61,24 @@ pub struct WgpuRasteriser {
     pipelines: Pipelines,
     timer: Option<Timer>,
     draws: DrawList,
-    /// Once there was an own shader.
+    /// Set when the first own shader is used.
     shaders: Option<Shaders>,
     scene: Option<Uploaded>,
     targets: TargetCache,
     staging: Staging,
-    /// What the attachments hold.
+    /// Viewport and format of what the attachments hold.
     drawn: Option<(Rect, Stored)>,
-    /// Once there was an effect.
+    /// Set when the first effect runs.
     effects: Option<Effects>,
-    /// The device, if it shares memory.
+    /// The device's UUID, if it can share memory.
     uuid: Option<DeviceUuid>,
-    /// Once memory is shared.
+    /// Set when memory is shared.
     sharing: Option<share::Sharing>,
-    /// Once attachments are lent.
+    /// Set when attachments are lent to ray passes.
     lending: Option<Arc<Lending>>,
-    /// Whether windows are filled on the device.
+    /// Whether quads are filled on the device.
     fills_quads: bool,
-    /// Once one was.
+    /// Set when the first quad is filled.
     quads: Option<Quads>,
 }
 
@@ -99,30 +99,30 @@ impl SharedDevice {
     /// Opens the best device that `choice` allows.
     ///
     /// # Errors
-    /// If there is none or it does not open; the message says why, and what to do.
+    /// If there is no such device, or it does not open; the message says why, and what to do.
     pub fn open(choice: AdapterChoice) -> Result<Self, BackendError> {
         Ok(Self(Arc::new(Gpu::open(choice)?)))
     }
 
-    /// The device.
+    /// The adapter of the device.
     #[must_use]
     pub fn adapter(&self) -> &AdapterSummary {
         &self.0.adapter
     }
 }
 
-/// Device memory in use, bytes.
+/// Device memory in use, in bytes.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct DeviceMemory {
     /// Vertices and indices.
     pub geometry: u64,
     /// Textures with their mip levels.
     pub textures: u64,
-    /// Attachments and depth buffers, those kept for other passes included.
+    /// Attachments and depth buffers, including those kept for other passes.
     pub attachments: u64,
     /// Maps, outputs and uploaded G-buffers of raster effects.
     pub effects: u64,
-    /// Pictures of passes that stay on the device, and the window that is filled from them.
+    /// Pictures of passes that stay on the device, and the quads that are filled from them.
     pub pictures: u64,
 }
 
@@ -130,12 +130,12 @@ impl WgpuRasteriser {
     /// Opens the best device that `choice` allows.
     ///
     /// # Errors
-    /// If there is none or it does not open; the message says why, and what to do.
+    /// If there is no such device, or it does not open; the message says why, and what to do.
     pub fn new(choice: AdapterChoice) -> Result<Self, BackendError> {
         Self::on(&SharedDevice::open(choice)?)
     }
 
-    /// On a device that others use, too.
+    /// A rasteriser on a device that others use, too.
     ///
     /// # Errors
     /// If the device fails.
@@ -164,18 +164,19 @@ impl WgpuRasteriser {
         })
     }
 
-    /// Fills windows on the device whatever it is, or on none: else on all but software drivers, which are slower than the host.
+    /// Sets whether quads are filled on the device. By default they are, except on software drivers, which are slower
+    /// than the host.
     pub fn set_fills_quads(&mut self, fills: bool) {
         self.fills_quads = fills;
     }
 
-    /// The device, for a ray backend that is to read what is drawn where it is.
+    /// The device, for a ray backend that reads attachments in place.
     #[must_use]
     pub fn shared_device(&self) -> SharedDevice {
         SharedDevice(Arc::clone(&self.gpu))
     }
 
-    /// The device that draws.
+    /// The adapter of the device that draws.
     #[must_use]
     pub fn adapter(&self) -> &AdapterSummary {
         &self.gpu.adapter
@@ -210,7 +211,7 @@ impl Rasteriser for WgpuRasteriser {
     }
 
     fn upload(&mut self, scene: &Arc<RenderScene>) -> Result<(), BackendError> {
-        // What is there goes first: both need not fit at once.
+        // The old scene is freed first, so that both need not fit in memory at once.
         self.scene = None;
         if let Some(shaders) = &mut self.shaders {
             shaders.forget_scene();
@@ -278,7 +279,8 @@ impl Rasteriser for WgpuRasteriser {
                 occlusion_query_set: None,
                 multiview_mask: None,
             });
-            // A part of a picture is drawn as the whole would be: into attachments of the viewport's size, cut to the part.
+            // A part of a picture is drawn into attachments of the whole viewport's size, with a scissor rectangle, so
+            // that its pixels are those of the whole.
             if let Some(Rect { x, y, width, height }) = drawn_part(job.viewport, target.held()) {
                 pass.set_scissor_rect(x, y, width, height);
             }
@@ -299,7 +301,7 @@ impl Rasteriser for WgpuRasteriser {
             Some(timer) => {
                 let [drawn, handed] = timer.submit_spans(&self.gpu, encoder, shared.is_some(), "draw")?;
                 if let Some(shared) = &mut shared {
-                    // Host time with synchronisation: the draw waits for both.
+                    // Host time of the synchronisation, because the draw waits for both.
                     (shared.device, shared.host) = (Some(handed), shared.host + handed);
                 }
                 Some(drawn)
@@ -362,7 +364,7 @@ impl Rasteriser for WgpuRasteriser {
     }
 
     fn share(&mut self, width: u32, height: u32, attachments: Attachments) -> Result<SharedGBuffer, BackendError> {
-        // What is there goes first: both need not fit at once.
+        // The old memory is freed first, so that both need not fit at once.
         self.sharing = None;
         self.lending = None;
         let device = self.uuid.ok_or_else(|| unsupported("sharing memory", "the device does not export any;"))?;
@@ -422,7 +424,7 @@ impl WgpuRasteriser {
             Some(effects) => effects,
             none => none.insert(Effects::new(&self.gpu, &self.layouts)?),
         };
-        // Only a whole picture can be read in place.
+        // The attachments can be read in place only if they hold the whole picture.
         let whole = Rect { x: 0, y: 0, width: job.width, height: job.height };
         let last = self.drawn.filter(|(viewport, _)| *viewport == whole);
         let drawn = last.and_then(|(_, stored)| self.targets.last().filter(|t| t.stored() == stored));

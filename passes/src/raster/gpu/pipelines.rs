@@ -1,4 +1,4 @@
-//! Bind group layouts, and one render pipeline for each variant of the shader.
+//! Bind group layouts, and one render pipeline for each shader variant.
 
 use super::device::Gpu;
 use super::shader::{DrawUniform, FrameUniform, Variant};
@@ -9,14 +9,14 @@ use std::collections::HashMap;
 use std::collections::hash_map::Entry;
 use std::num::NonZeroU64;
 
-/// What all pipelines share.
+/// The layouts and the sampler that all pipelines share.
 #[derive(Debug)]
 pub(super) struct Layouts {
     /// Group 0: `Frame`, and `Draw` at a dynamic offset.
     pub uniforms: wgpu::BindGroupLayout,
     /// Groups 1 to 3: a texture and the sampler.
     pub texture: wgpu::BindGroupLayout,
-    /// Repeating coordinates, linear within a level and between two.
+    /// Repeating sampler, linear within a level and between two levels.
     pub trilinear: wgpu::Sampler,
     plain: wgpu::PipelineLayout,
     textured: wgpu::PipelineLayout,
@@ -79,7 +79,7 @@ impl Layouts {
     }
 }
 
-/// A sampler that is linear within a level and between two.
+/// A sampler that is linear within a level and between two levels.
 pub(super) fn trilinear(device: &wgpu::Device, wrap: [Wrap; 2]) -> wgpu::Sampler {
     let [address_mode_u, address_mode_v] = wrap.map(|wrap| match wrap {
         Wrap::Repeat => wgpu::AddressMode::Repeat,
@@ -102,7 +102,7 @@ pub(super) fn trilinear(device: &wgpu::Device, wrap: [Wrap; 2]) -> wgpu::Sampler
 pub(super) struct Pipelines(HashMap<(Variant, Stored), wgpu::RenderPipeline>);
 
 impl Pipelines {
-    /// Builds the pipeline of a variant unless it is there already.
+    /// Builds the pipeline of a variant unless it exists already.
     pub fn require(
         &mut self,
         gpu: &Gpu,
@@ -118,13 +118,13 @@ impl Pipelines {
         Ok(())
     }
 
-    /// The pipeline of a variant that was [required](Self::require).
+    /// The pipeline of a variant that was [required](Self::require) before.
     pub fn get(&self, variant: Variant, stored: Stored) -> Option<&wgpu::RenderPipeline> {
         self.0.get(&(variant, stored))
     }
 }
 
-/// Vertex buffer slots of normals, texture coordinates, colours and tangents in a variant; positions have slot 0.
+/// Vertex buffer slots of normals, texture coordinates, colours and tangents in a variant; slot 0 holds positions.
 pub(super) fn slots(variant: Variant) -> [Option<u32>; 4] {
     let mut next = 0;
     [variant.vertex_normal, variant.texcoord(), variant.vertex_color, variant.bent].map(|read| {
@@ -175,12 +175,12 @@ fn build(gpu: &Gpu, layouts: &Layouts, variant: Variant, stored: Stored) -> wgpu
             compilation_options: wgpu::PipelineCompilationOptions::default(),
             buffers: &buffers,
         },
-        // The front is where corners go counter-clockwise.
+        // Triangles with counter-clockwise corners face the front.
         primitive: wgpu::PrimitiveState { cull_mode: variant.culled.then_some(wgpu::Face::Back), ..Default::default() },
         depth_stencil: Some(wgpu::DepthStencilState {
             format: DEPTH_FORMAT,
             depth_write_enabled: Some(true),
-            // Depth is reversed. Of equal depths the first stays: the one with the lower triangle id.
+            // Depth is reversed. Of equal depths the first drawn stays, which has the lower triangle id.
             depth_compare: Some(wgpu::CompareFunction::Greater),
             stencil: wgpu::StencilState::default(),
             bias: wgpu::DepthBiasState::default(),

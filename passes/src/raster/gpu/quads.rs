@@ -1,5 +1,5 @@
-//! Quads that fill a window from what was drawn, computed and traced on the device: the picture is read back once, in floats or as it is
-//! displayed.
+//! Quads that fill a window from drawn or traced pictures, computed on the device. The result is read back once, as
+//! floats or as it is displayed.
 
 use super::device::Gpu;
 use super::faults::failure;
@@ -13,17 +13,17 @@ use curitiba_pipeline::device_quad::{
 use curitiba_pipeline::image::PixelFormat;
 use std::time::{Duration, Instant};
 
-/// Threads of a group a side.
+/// Threads along a side of a workgroup.
 const GROUP: u32 = 16;
-/// Bytes of a launch at most: what is larger comes in several.
+/// Greatest number of bytes of a launch; larger pictures take several.
 const MOST_BYTES: u64 = 64 << 20;
-/// Pixels of a launch at most: about a millisecond of a GPU, and 50 of a software driver on two cores.
+/// Greatest number of pixels of a launch: about a millisecond of a GPU, and 50 of a software driver on two cores.
 const MOST_PIXELS: u64 = 1 << 22;
-/// Bytes of what is found besides the pixels, in front of them where the host reads both.
+/// Bytes of the results besides the pixels, which precede the pixels where the host reads both.
 const FOUND_BYTES: u64 = 8;
-/// Where the pixels start there.
+/// Offset of the pixels there.
 const PIXELS_AT: u64 = 256;
-/// Stands for the format of a factor that there is none of.
+/// Format number for a quad without a second factor.
 const NO_FACTOR: u32 = 99;
 
 /// `Params` of `quads.wgsl`.
@@ -42,19 +42,19 @@ struct Params {
     end: [u32; 2],
 }
 
-/// The program, and buffers that are kept from frame to frame.
+/// The program, and the buffers that are kept from frame to frame.
 #[derive(Debug)]
 pub(super) struct Quads {
     pipeline: wgpu::ComputePipeline,
     uniform: wgpu::Buffer,
     found: wgpu::Buffer,
-    /// The tables of a space of colours.
+    /// The tables of a colour space.
     tables: Option<(ColorSpace, wgpu::Buffer)>,
     pixels: Option<wgpu::Buffer>,
     staging: Option<wgpu::Buffer>,
 }
 
-/// The number of a format in `quads.wgsl`.
+/// The number that `quads.wgsl` has for a format.
 fn number(format: PixelFormat) -> u32 {
     match format {
         PixelFormat::Rgba32Float => 0,
@@ -65,7 +65,7 @@ fn number(format: PixelFormat) -> u32 {
     }
 }
 
-/// Four tables of 256 words: steps of codes, steps of bytes, bytes over 255, steps of alpha.
+/// The tables of `quads.wgsl`, of 256 words each: steps of codes, steps of bytes, bytes over 255, steps of alpha.
 fn words(space: ColorSpace) -> Vec<u32> {
     let mut words = Vec::with_capacity(4 * 256);
     let mut part = |table: &[u32]| {
@@ -80,7 +80,7 @@ fn words(space: ColorSpace) -> Vec<u32> {
     words
 }
 
-/// A buffer in a slot, made anew where it is too small.
+/// The buffer in a slot; replaced by a larger one if it is too small.
 fn kept<'a>(
     gpu: &Gpu,
     slot: &'a mut Option<wgpu::Buffer>,
@@ -89,7 +89,7 @@ fn kept<'a>(
     bytes: u64,
 ) -> Result<&'a wgpu::Buffer, BackendError> {
     if slot.as_ref().is_none_or(|buffer| buffer.size() < bytes) {
-        // What is there goes first: both need not fit at once.
+        // The old buffer is freed first, so that both need not fit in memory at once.
         *slot = None;
         *slot = Some(gpu.buffer(label, usage, bytes)?);
     }
@@ -129,7 +129,7 @@ impl Quads {
         self.pixels.iter().chain(&self.staging).map(wgpu::Buffer::size).sum()
     }
 
-    /// Fills a quad, waits, and brings it into host memory.
+    /// Fills a quad, waits, and copies it to host memory.
     pub fn fill(
         &mut self,
         gpu: &Gpu,
@@ -255,7 +255,7 @@ impl Quads {
         Ok((start.elapsed(), device))
     }
 
-    /// Copies the pixels of the last launch, and gives what it found.
+    /// Copies the pixels of the last launch to `place`, and returns the other results.
     fn read(&self, gpu: &Gpu, place: &mut [u8]) -> Result<[u32; 2], BackendError> {
         let doing = "read-back of a quad";
         let (Some(pixels), Some(staging)) = (&self.pixels, &self.staging) else { return Err(failure(doing)) };
@@ -272,7 +272,7 @@ impl Quads {
     }
 }
 
-/// What a quad reads, if it is there and has the quad's size.
+/// The texture that a quad reads. An error if it is missing or does not have the quad's size.
 fn source(lending: &Lending, quad: &DeviceQuad, source: DeviceSource) -> Result<wgpu::TextureView, BackendError> {
     let size = (quad.width, quad.height);
     let view = match source.place {

@@ -1,30 +1,30 @@
-// A quad over a window, in floats or in the codes that are displayed. Pixels are patterns of bits, and what changes them counts in integers,
-// so that they are the processor's whatever a driver does with subnormal numbers and with products before sums. The tone curve alone
-// is in floats.
+// Fills a quad over a window, as floats or as the codes that are displayed. Pixels are bit patterns, and the arithmetic
+// on them is in integers. So the results are those of the processor, whatever a driver does with subnormal numbers and
+// with fused multiplications. Only the tone curve is computed in floats.
 
 struct Params {
     width: u32,
-    // The first row of this launch, and how many it has.
+    // The first row of this launch, and its number of rows.
     first_row: u32,
     rows: u32,
     unused: u32,
-    // Formats of colour and factor; the second is NO_FACTOR where there is none.
+    // Formats of the colour and of the factor; the second is NO_FACTOR if there is no factor.
     formats: vec2u,
-    // Whether codes are written, and pixels are radiance.
+    // Whether codes are written, and whether pixels are linear radiance.
     codes: u32,
     linear: u32,
-    // 2 to the power of the exposure, its bits; whether there is a tone curve.
+    // The bits of 2 to the power of the exposure, and whether there is a tone curve.
     exposure: u32,
     tone: u32,
 }
 
 const STEPS: u32 = 255u;
-// Where the parts of the tables begin.
+// Offsets of the parts of the tables.
 const CODE_STEPS: u32 = 0u;
 const BYTE_STEPS: u32 = 256u;
 const BYTES: u32 = 512u;
 const ALPHA_STEPS: u32 = 768u;
-// Stands for the format of a factor that there is none of.
+// Format number for a quad without a factor.
 const NO_FACTOR: u32 = 99u;
 
 const INFINITE: u32 = 0x7f800000u;
@@ -37,7 +37,7 @@ const ONE: u32 = 0x3f800000u;
 @group(0) @binding(2) var factor_texture: texture_2d<f32>;
 @group(0) @binding(3) var<storage, read> tables: array<u32>;
 @group(0) @binding(4) var<storage, read_write> pixels: array<u32>;
-// Pixels that are not finite, and pixels whose colour is not the first one's.
+// The number of pixels that are not finite, and whether any pixel's colour differs from the first one's.
 @group(0) @binding(5) var<storage, read_write> found: array<atomic<u32>, 2>;
 
 var<workgroup> first: vec4u;
@@ -50,7 +50,7 @@ fn is_nan(x: u32) -> bool {
     return magnitude(x) > INFINITE;
 }
 
-// The number of steps that are not above a number; 0 for what is not a number or below 0.
+// The number of steps that are at most `x`; 0 if `x` is NaN or below 0.
 fn count(table: u32, x: u32) -> u32 {
     if (x >> 31u) != 0u || is_nan(x) {
         return 0u;
@@ -68,7 +68,7 @@ fn count(table: u32, x: u32) -> u32 {
     return low;
 }
 
-// The nearest byte over 255. What is not a number stays so, and so does -0.
+// Rounds to the nearest byte over 255. NaN and -0 stay.
 fn to_byte(x: u32) -> u32 {
     if is_nan(x) || x == 0x80000000u {
         return x;
@@ -76,7 +76,7 @@ fn to_byte(x: u32) -> u32 {
     return tables[BYTES + count(BYTE_STEPS, x)];
 }
 
-// Shifts right by at least 1, and rounds to the nearest, ties to even; `rest` is whether something is below the lowest bit.
+// Shifts right by at least 1, and rounds to nearest, ties to even. `rest` tells whether bits below the lowest are set.
 fn round_shift(x: u32, shift: u32, rest: bool) -> u32 {
     if shift > 25u {
         return 0u;
@@ -87,7 +87,7 @@ fn round_shift(x: u32, shift: u32, rest: bool) -> u32 {
     return kept + u32(below > half || (below == half && (rest || (kept & 1u) == 1u)));
 }
 
-// The nearest 16-bit float, ties to the even one.
+// The nearest 16-bit float, ties to even.
 fn to_half(x: u32) -> u32 {
     let sign = x & 0x80000000u;
     let size = magnitude(x);
@@ -100,7 +100,7 @@ fn to_half(x: u32) -> u32 {
     if size >= 0x38800000u {
         return sign | (round_shift(size, 13u, false) << 13u);
     }
-    // In units of 2^-24.
+    // Subnormal result, in units of 2^-24.
     let exponent = size >> 23u;
     let units = round_shift((size & 0x7fffffu) | 0x800000u, 126u - exponent, false);
     if exponent == 0u || units == 0u {
@@ -130,7 +130,8 @@ fn stored(pixel: vec4u, format: u32) -> vec4u {
     }
 }
 
-// A number that is not 0 as a fraction of 24 bits, the highest of which is set, times 2 to the power of the second less 150.
+// A non-zero number as an integer of 24 bits, whose highest bit is set, times 2 to the power of (the second
+// component - 150).
 fn parts(size: u32) -> vec2i {
     let fraction = size & 0x7fffffu;
     if size >= 0x800000u {
@@ -140,7 +141,7 @@ fn parts(size: u32) -> vec2i {
     return vec2i(i32(fraction << shift), 1 - i32(shift));
 }
 
-// The product as IEEE 754 has it, rounded to the nearest, ties to even.
+// The IEEE 754 product, rounded to nearest, ties to even.
 fn product(x: u32, y: u32) -> u32 {
     let a = magnitude(x);
     let b = magnitude(y);
@@ -156,7 +157,7 @@ fn product(x: u32, y: u32) -> u32 {
     }
     let p = parts(a);
     let q = parts(b);
-    // 24 times 24 bits, by halves of 12.
+    // The product of two 24-bit integers, from halves of 12 bits.
     let ph = u32(p.x) >> 12u;
     let pl = u32(p.x) & 0xfffu;
     let qh = u32(q.x) >> 12u;
@@ -178,7 +179,7 @@ fn product(x: u32, y: u32) -> u32 {
     if exponent > 254 {
         return sign | INFINITE;
     }
-    // A carry goes into the exponent, and to infinity from the largest.
+    // The carry goes into the exponent, and from the greatest float to infinity.
     return sign | ((u32(exponent) << 23u) + (high - 0x800000u) + up);
 }
 
@@ -207,7 +208,7 @@ fn tone_scale(color: vec3u) -> u32 {
     let negative = (weighted >> vec3u(31u)) == vec3u(1u);
     let opposite = any(infinite & negative) && any(infinite & !negative);
     if any(sizes > vec3u(INFINITE)) || opposite {
-        // The maximum of 0 and what is not a number is 0, of which the factor is 1.
+        // The maximum of 0 and NaN is 0, whose factor is 1.
         return ONE;
     }
     if any(infinite) {
@@ -218,7 +219,8 @@ fn tone_scale(color: vec3u) -> u32 {
     if magnitude(bitcast<u32>(luminance)) >= INFINITE {
         return NO_NUMBER;
     }
-    // Above 2^30 the factor is 1/16 to the last bit. A driver need not divide by numbers above 2^126.
+    // Above 2^30 the factor is 1/16 to the last bit, so a bound of 2^40 changes nothing. A driver need not divide by
+    // numbers above 2^126.
     let bounded = min(luminance, 1099511627776.0);
     return bitcast<u32>(1.0 / (1.0 + bounded) + bounded / (1.0 + bounded) / 16.0);
 }
@@ -242,7 +244,7 @@ fn code(pixel: vec4u) -> u32 {
     return red | (green << 8u) | (blue << 16u) | (alpha(pixel.w) << 24u);
 }
 
-// Alpha is stored as PNG files store any value.
+// Alpha is stored as any value is in PNG files.
 fn alpha(x: u32) -> u32 {
     return count(ALPHA_STEPS, x);
 }

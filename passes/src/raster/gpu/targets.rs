@@ -1,4 +1,4 @@
-//! Attachments in device memory, and the way back to the host.
+//! Attachments in device memory, and their copies to the host.
 
 use super::device::Gpu;
 use super::faults::unsupported;
@@ -8,24 +8,24 @@ use glam::Vec4;
 use rayon::prelude::*;
 use std::sync::OnceLock;
 
-/// Formats of colour, position, normal and triangle id, in the order of the shader's locations, at full precision.
+/// Full-precision formats of colour, position, normal and triangle id, in the order of the shader's locations.
 pub(crate) const CHANNEL_FORMATS: [wgpu::TextureFormat; 4] = [
     wgpu::TextureFormat::Rgba32Float,
     wgpu::TextureFormat::Rgba32Float,
     wgpu::TextureFormat::Rgba32Float,
     wgpu::TextureFormat::R32Uint,
 ];
-/// What stands for the first three of them in 16-bit floats.
+/// Format of the first three in 16-bit floats.
 const HALF_FORMAT: wgpu::TextureFormat = wgpu::TextureFormat::Rgba16Float;
-/// Their names.
+/// Names of the channels.
 pub(crate) const CHANNELS: [&str; 4] = ["color", "position", "normal", "triangle"];
-/// The one that is not of floats.
+/// Index of the channel that is not of floats.
 pub(crate) const TRIANGLE: usize = 3;
 /// The depth buffer's format.
 pub(super) const DEPTH_FORMAT: wgpu::TextureFormat = wgpu::TextureFormat::Depth32Float;
-/// How many sets of attachments are kept for passes of other sizes or with other attachments.
+/// Number of sets of attachments that are kept for passes of other sizes or with other attachments.
 const KEPT: usize = 4;
-/// Largest buffer for reading back; larger frames come in several pieces.
+/// Greatest buffer for reading back; larger frames are read in several pieces.
 const STAGING_BYTES: u64 = 256 << 20;
 
 pub(super) fn in_order(attachments: Attachments) -> [bool; 4] {
@@ -33,19 +33,19 @@ pub(super) fn in_order(attachments: Attachments) -> [bool; 4] {
     [color, position, normal, triangle]
 }
 
-/// What a pass writes, and in which form.
+/// The attachments that a pass writes, and their formats.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub(super) struct Stored {
-    /// What is written.
+    /// The attachments that are written.
     pub attachments: Attachments,
-    /// Which of it in 16-bit floats.
+    /// Those that are written as 16-bit floats.
     half: Attachments,
-    /// Whether ray passes read it where it is: then nothing else is drawn there.
+    /// Whether ray passes read the attachments in place. Then nothing else is drawn there.
     lent: bool,
 }
 
 impl Stored {
-    /// Of a pass that writes `attachments`, those of them in 16-bit floats that `half` has.
+    /// Formats of a pass that writes `attachments`; those also in `half` are 16-bit floats.
     pub fn new(attachments: Attachments, half: Attachments) -> Self {
         let half = Attachments {
             color: attachments.color && half.color,
@@ -56,12 +56,12 @@ impl Stored {
         Self { attachments, half, lent: false }
     }
 
-    /// Of a job.
+    /// Attachments and formats of a job.
     pub fn of(job: &RasterJob<'_>) -> Self {
         Self { lent: job.shared != Attachments::default(), ..Self::new(job.attachments, job.half) }
     }
 
-    /// Formats of what is written, in the order of [`CHANNEL_FORMATS`].
+    /// Formats of the written attachments, in the order of [`CHANNEL_FORMATS`].
     pub fn formats(self) -> [Option<wgpu::TextureFormat>; 4] {
         let (written, half) = (in_order(self.attachments), in_order(self.half));
         std::array::from_fn(|channel| {
@@ -81,7 +81,7 @@ struct Channel {
     view: wgpu::TextureView,
 }
 
-/// The attachments of a pass; they have the size of its viewport.
+/// The attachments of a pass, in the size of its viewport.
 #[derive(Debug)]
 pub(super) struct Targets {
     width: u32,
@@ -89,9 +89,9 @@ pub(super) struct Targets {
     stored: Stored,
     channels: [Option<Channel>; 4],
     depth: wgpu::TextureView,
-    /// Bytes of device memory, the depth buffer included.
+    /// Bytes of device memory, including the depth buffer.
     bytes: u64,
-    /// The attachments as effects read them, once one did.
+    /// The bind group by which effects read the attachments; set on first use.
     pub group: OnceLock<wgpu::BindGroup>,
 }
 
@@ -128,7 +128,7 @@ impl Targets {
         let mut channels = [const { None }; 4];
         for (index, label) in CHANNELS.into_iter().enumerate() {
             if let Some(format) = formats[index] {
-                // Effects read the attachments where they are.
+                // Effects read the attachments in place.
                 let usage = wgpu::TextureUsages::COPY_SRC | wgpu::TextureUsages::TEXTURE_BINDING;
                 channels[index] = Some(create(label, format, usage)?);
             }
@@ -139,8 +139,8 @@ impl Targets {
         Ok(Self { width, height, stored, channels, depth, bytes, group: OnceLock::new() })
     }
 
-    /// What the render pass writes, cleared first: triangle ids to 0, which is "none" until [`Self::read_back`], and the attachment that
-    /// holds depth to the far plane.
+    /// The attachments of the render pass, which it clears first: triangle ids to 0, which means "none" until
+    /// [`Self::read_back`]; the attachment `depth`, which holds depths, to the far plane.
     pub fn color_attachments(
         &self,
         clear_color: Vec4,
@@ -171,28 +171,29 @@ impl Targets {
         }
     }
 
-    /// Bytes of device memory, the depth buffer included.
+    /// Bytes of device memory, including the depth buffer.
     pub fn bytes(&self) -> u64 {
         self.bytes
     }
 
-    /// What is written, and in which form.
+    /// The attachments that are written, and their formats.
     pub fn stored(&self) -> Stored {
         self.stored
     }
 
-    /// Pixels a row, and rows.
+    /// Pixels in a row, and number of rows.
     pub fn size(&self) -> (u32, u32) {
         (self.width, self.height)
     }
 
-    /// What shaders read: colour, position, normal and triangle id, the last plus 1; `None` where there is no such
-    /// attachment.
+    /// Views for shaders: colour, position, normal and triangle id (plus 1); `None` where the attachment does not
+    /// exist.
     pub fn views(&self) -> [Option<&wgpu::TextureView>; 4] {
         self.channels.each_ref().map(|channel| channel.as_ref().map(|channel| &channel.view))
     }
 
-    /// Copies a part of the wanted attachments, from the viewport's corner, into `target`, whose channels are allocated.
+    /// Copies a part of the wanted attachments, relative to the viewport's corner, into `target`, whose channels are
+    /// allocated.
     pub fn read_back(
         &self,
         gpu: &Gpu,
@@ -230,7 +231,7 @@ impl Targets {
         self.flush(gpu, staging, (viewport, part), target)
     }
 
-    /// Copies the bands that are waiting.
+    /// Makes the pending copies.
     fn flush(
         &self,
         gpu: &Gpu,
@@ -239,7 +240,7 @@ impl Targets {
         target: &mut GBuffer,
     ) -> Result<(), BackendError> {
         let Some(buffer) = &staging.buffer else { return Ok(()) };
-        // Where the part lies in the target.
+        // Position of the part in the target.
         let place =
             Rect { x: viewport.x + part.x - target.origin[0], y: viewport.y + part.y - target.origin[1], ..part };
         let mut encoder =
@@ -271,11 +272,11 @@ impl Targets {
     }
 }
 
-/// Host-visible memory that attachments pass through, kept between frames.
+/// Host-visible memory through which attachments are copied, kept between frames.
 #[derive(Debug, Default)]
 pub(crate) struct Staging {
     buffer: Option<wgpu::Buffer>,
-    /// Copies that wait to be made, and the bytes that they fill.
+    /// Pending copies, and the number of bytes that they take.
     bands: Vec<Band>,
     used: u64,
 }
@@ -294,7 +295,7 @@ impl Staging {
 }
 
 impl Staging {
-    /// Copies a whole texture of [`wgpu::TextureFormat::Rgba32Float`] to `pixels`, which has its size.
+    /// Copies a whole texture of format [`wgpu::TextureFormat::Rgba32Float`] to `pixels`, which has its size.
     pub fn read(&mut self, gpu: &Gpu, texture: &wgpu::Texture, pixels: &mut [[f32; 4]]) -> Result<(), BackendError> {
         let (width, height) = (texture.width(), texture.height());
         let pitch = (16 * width).next_multiple_of(wgpu::COPY_BYTES_PER_ROW_ALIGNMENT);
@@ -337,7 +338,7 @@ impl Staging {
 #[derive(Debug, Clone, Copy)]
 struct Band {
     channel: usize,
-    /// In 16-bit floats.
+    /// Whether the rows are 16-bit floats.
     half: bool,
     row: u32,
     rows: u32,
@@ -381,12 +382,12 @@ impl Band {
     }
 }
 
-/// Sets of attachments, kept between frames; the one used last is last.
+/// Sets of attachments that are kept between frames, the last used last.
 #[derive(Debug, Default)]
 pub(super) struct TargetCache(Vec<Targets>);
 
 impl TargetCache {
-    /// The attachments of a pass.
+    /// The attachments for a pass, reused or new.
     pub fn require(&mut self, gpu: &Gpu, viewport: Rect, stored: Stored) -> Result<&Targets, BackendError> {
         let Rect { width, height, .. } = viewport;
         let fits = |t: &Targets| t.width == width && t.height == height && t.stored == stored;
@@ -397,7 +398,7 @@ impl TargetCache {
                     self.0.remove(0);
                 }
                 match Targets::new(gpu, width, height, stored) {
-                    // The others may be what fills the memory.
+                    // Memory may be full with the other sets.
                     Err(BackendError::Device { .. }) if !self.0.is_empty() => {
                         self.0.clear();
                         gpu.submit_and_wait(None, "release of attachments")?;
@@ -416,7 +417,7 @@ impl TargetCache {
         self.0.last()
     }
 
-    /// Bytes of device memory.
+    /// Bytes of device memory of all sets.
     pub fn bytes(&self) -> u64 {
         self.0.iter().map(|targets| targets.bytes).sum()
     }

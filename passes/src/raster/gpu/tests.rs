@@ -1,4 +1,4 @@
-//! What can only be seen from inside: small buffers, and devices that fail.
+//! Tests of internals: small buffers, and devices that fail.
 
 use super::*;
 use curitiba_pipeline::backend::{NO_TRIANGLE, Shade, Sun, View};
@@ -8,7 +8,7 @@ use glam::{Mat4, Vec3, Vec4};
 
 pub(super) const SIZE: u32 = 97;
 
-/// A rasteriser, or `None` (and a line that says why) where this machine has no device.
+/// A rasteriser, or `None` with a printed reason where this machine has no device.
 pub(super) fn rasteriser() -> Option<WgpuRasteriser> {
     match WgpuRasteriser::new(AdapterChoice::Any) {
         Ok(rasteriser) => Some(rasteriser),
@@ -20,12 +20,12 @@ pub(super) fn rasteriser() -> Option<WgpuRasteriser> {
     }
 }
 
-/// The device of a rasteriser that shares it with nobody.
+/// The device of a rasteriser that does not share it.
 fn alone(rasteriser: &mut WgpuRasteriser) -> &mut Gpu {
     Arc::get_mut(&mut rasteriser.gpu).expect("nobody else has the device")
 }
 
-/// A grid of squares, each of two triangles, over the whole viewport; its right half has another material.
+/// A grid of squares of two triangles each, over the whole viewport; its right half has a second material.
 pub(super) fn squares(side: u32) -> Arc<RenderScene> {
     let at = |x: u32, y: u32| Vec3::new(x as f32, y as f32, 0.0) * (2.0 / side as f32) - Vec3::new(1.0, 1.0, -0.5);
     let positions: Vec<Vec3> = (0..=side).flat_map(|y| (0..=side).map(move |x| at(x, y))).collect();
@@ -91,11 +91,11 @@ fn small_buffers_cut_uploads_and_read_backs_into_pieces_and_change_nothing() {
         (geometry.chunks.len(), geometry.vertices.len())
     };
     assert_eq!(chunks(&rasteriser), (1, 1));
-    // 169 vertices of 12 bytes fit, 288 triangles do not.
+    // 169 vertices of 12 bytes fit in a buffer, 288 triangles do not.
     alone(&mut rasteriser).max_buffer_bytes = 2100;
     assert_eq!(render(&mut rasteriser, &scene).expect("draws"), whole);
     assert_eq!(chunks(&rasteriser), (2, 1));
-    // The vertices do not fit either; a row of pixels of 97 * 16 bytes, rounded up, is read back at a time.
+    // The vertices do not fit either, and one row of pixels (97 * 16 bytes, rounded up) is read back at a time.
     alone(&mut rasteriser).max_buffer_bytes = 500;
     rasteriser.staging = Staging::default();
     assert_eq!(render(&mut rasteriser, &scene).expect("draws"), whole);
@@ -159,7 +159,7 @@ fn draws_join_where_no_attachment_depends_on_the_material() {
     }
 }
 
-/// Runs an effect on what [`render`] drew: all of it is lit, and the right half is glass.
+/// Runs an effect on the picture that [`render`] drew: all of it is lit, and the right half is glass.
 fn effect(
     rasteriser: &mut WgpuRasteriser,
     scene: &RenderScene,

@@ -8,7 +8,7 @@ use curitiba_pipeline::color::ColorSpace;
 use curitiba_pipeline::scene::RenderScene;
 use curitiba_pipeline::scene::texture::Texture;
 
-/// The textures of a scene that something has read so far, by their index there.
+/// The textures of a scene that have been uploaded so far, by their index in the scene.
 #[derive(Debug, Default)]
 pub(super) struct DeviceTextures {
     bindings: Vec<Option<wgpu::BindGroup>>,
@@ -17,7 +17,7 @@ pub(super) struct DeviceTextures {
 }
 
 impl DeviceTextures {
-    /// Uploads the textures of the materials that some triangle has.
+    /// Uploads the textures of the materials that have triangles.
     pub fn upload(gpu: &Gpu, layouts: &Layouts, scene: &RenderScene) -> Result<Self, BackendError> {
         let mut this = Self { bindings: vec![None; scene.textures.len()], bytes: 0 };
         if !scene.geometry.texcoords.is_empty() {
@@ -31,7 +31,8 @@ impl DeviceTextures {
         Ok(this)
     }
 
-    /// Uploads a texture unless it is there already: the shades of a job may name another than the scene's materials do.
+    /// Uploads a texture unless it is there already. The shades of a job may name textures that the scene's materials
+    /// do not.
     pub fn require(
         &mut self,
         gpu: &Gpu,
@@ -51,7 +52,7 @@ impl DeviceTextures {
         Ok(())
     }
 
-    /// The bind group of a texture that was [required](Self::require).
+    /// The bind group of a texture that was [required](Self::require) before.
     pub fn binding(&self, index: u32) -> Option<&wgpu::BindGroup> {
         self.bindings.get(index as usize)?.as_ref()
     }

@@ -1,21 +1,21 @@
-//! The time of passes on the device's own clock.
+//! Times of passes, measured by the device's own clock.
 
 use super::device::Gpu;
 use curitiba_pipeline::backend::BackendError;
 use std::time::Duration;
 
-/// Begin and end of two spans.
+/// Number of timestamps: begin and end of two spans.
 const STAMPS: u32 = 4;
 const STAMP_BYTES: u64 = size_of::<u64>() as u64;
 const BYTES: u64 = STAMPS as u64 * STAMP_BYTES;
 
-/// Timestamps, and the buffers that bring them to the host.
+/// Timestamp queries, and the buffers that copy them to the host.
 #[derive(Debug)]
 pub(super) struct Timer {
     queries: wgpu::QuerySet,
     resolved: wgpu::Buffer,
     readable: wgpu::Buffer,
-    /// Nanoseconds a tick.
+    /// Nanoseconds per tick.
     period: f32,
 }
 
@@ -38,7 +38,7 @@ impl Timer {
         Ok(Some(Self { queries, resolved, readable, period: gpu.queue.get_timestamp_period() }))
     }
 
-    /// Lets a render pass write its begin and end.
+    /// Timestamps at the begin and the end of a render pass.
     pub fn writes(&self) -> wgpu::RenderPassTimestampWrites<'_> {
         wgpu::RenderPassTimestampWrites {
             query_set: &self.queries,
@@ -47,7 +47,8 @@ impl Timer {
         }
     }
 
-    /// For one of several render passes that are timed together: the first writes its begin and the last its end.
+    /// Timestamps for one of several render passes that are timed together: the first pass writes the begin, and the
+    /// last the end.
     pub fn render_span(&self, first: bool, last: bool) -> Option<wgpu::RenderPassTimestampWrites<'_>> {
         (first || last).then_some(wgpu::RenderPassTimestampWrites {
             query_set: &self.queries,
@@ -56,7 +57,7 @@ impl Timer {
         })
     }
 
-    /// The same for compute passes.
+    /// As [`Self::render_span`], for compute passes.
     pub fn compute_span(&self, first: bool, last: bool) -> Option<wgpu::ComputePassTimestampWrites<'_>> {
         (first || last).then_some(wgpu::ComputePassTimestampWrites {
             query_set: &self.queries,
@@ -65,7 +66,7 @@ impl Timer {
         })
     }
 
-    /// For a compute pass that follows in the same submission and is timed by itself.
+    /// Timestamps of a compute pass that follows in the same submission and is timed separately.
     #[cfg(all(feature = "share", unix))]
     pub fn second_span(&self) -> wgpu::ComputePassTimestampWrites<'_> {
         wgpu::ComputePassTimestampWrites {
@@ -75,7 +76,7 @@ impl Timer {
         }
     }
 
-    /// Submits `encoder`, whose pass wrote the timestamps, waits, and gives the time between them.
+    /// Submits `encoder`, whose pass wrote the timestamps, waits, and returns the time between them.
     pub fn submit_and_wait(
         &self,
         gpu: &Gpu,
@@ -85,7 +86,8 @@ impl Timer {
         Ok(self.submit_spans(gpu, encoder, false, doing)?[0])
     }
 
-    /// The same for two spans, of which the second is [`Self::second_span`]; without it, it took no time.
+    /// As [`Self::submit_and_wait`], for two spans, of which the second is [`Self::second_span`]. Without a second span
+    /// its time is 0.
     pub fn submit_spans(
         &self,
         gpu: &Gpu,

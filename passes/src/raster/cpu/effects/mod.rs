@@ -1,4 +1,5 @@
-//! The raster effects on the processor: maps are drawn as any picture is, pixels are computed in bands of rows by all threads.
+//! The raster effects on the processor. Maps are drawn like any picture; pixels are computed in bands of rows, on all
+//! threads.
 
 mod screen;
 
@@ -28,31 +29,31 @@ use rayon::prelude::*;
 use std::sync::Arc;
 use std::time::Instant;
 
-/// Rows of a band, and columns of the blocks that it is computed in: neighbours read the same parts of maps.
+/// Rows of a band, and columns of the blocks in it. Neighbouring pixels read the same parts of maps.
 const BLOCK: usize = SPAN;
 
-/// The maps, kept from frame to frame.
+/// The maps and other buffers of the effects, kept from frame to frame.
 #[derive(Debug, Default)]
 pub(super) struct Effects {
     scene: SceneCache,
-    /// From near to far.
+    /// The shadow maps, from near to far.
     shadows: Vec<DepthMap>,
     probes: Probes,
-    /// Six for each probe.
+    /// The faces of the cube maps, six for each probe.
     faces: Vec<GBuffer>,
-    /// One mirror after the other.
+    /// The map of one mirror, used for all mirrors in turn.
     mirror: GBuffer,
-    /// By pixel: the plane of glass that it shows.
+    /// The plane of glass that each pixel shows.
     plane_of: Vec<u32>,
     filter: Filter,
-    /// What rays are marched through.
+    /// The pyramid for marching rays.
     pyramid: Pyramid,
-    /// The picture without glass.
+    /// The picture without the glass.
     behind: GBuffer,
 }
 
 impl Effects {
-    /// Forgets what is known of another scene.
+    /// Forgets the data of any other scene.
     pub fn upload(&mut self, scene: &Arc<RenderScene>) {
         if !self.scene.is_of(scene) {
             self.scene = SceneCache::new(scene);
@@ -93,7 +94,7 @@ impl Effects {
         Ok(stats)
     }
 
-    /// The open shares, filtered if that is asked for.
+    /// Writes the open shares, filtered if the job asks for it.
     fn occlusion(
         &mut self,
         job: &EffectJob<'_>,
@@ -103,7 +104,7 @@ impl Effects {
         let (levels, exponent) = (job.params.filter, job.params.intensity);
         let mut occlusion = Occlusion::new(job);
         if levels > 0 {
-            // The mean of powers is not the power of the mean.
+            // Filtering before the power: the mean of powers is not the power of the mean.
             occlusion = occlusion.plain();
         }
         let method = Method::of(job);
@@ -140,7 +141,7 @@ impl Effects {
         stats: &mut EffectStats,
     ) -> Result<(), BackendError> {
         let bounds = self.scene.bounds(job.scene);
-        // In a picture without a lit pixel nothing asks the maps.
+        // Without a lit pixel, no map is needed.
         let lit = job.sun.zip(cascades::lit_depths(job));
         let cascades = lit.map(|(sun, depths)| Cascades::new(&sun, &bounds, &job.view, depths, &job.params));
         let cascades = cascades.unwrap_or_default();
@@ -203,7 +204,7 @@ impl Effects {
         Ok(())
     }
 
-    /// Draws the cube maps of a picture that shows glass. Progress ends after so many more steps.
+    /// Draws the cube maps of a picture that shows glass. `after` is the number of further progress steps.
     fn cube_maps(
         &mut self,
         raster: &mut CpuRasteriser,
@@ -248,7 +249,7 @@ impl Effects {
         Ok(CubeMaps { probes, faces: &self.faces, size })
     }
 
-    /// Draws one mirror after the other, into the same map, and takes the pixels that show it from there.
+    /// Draws the mirrors one after the other into the same map, and copies each mirror's pixels from it.
     fn mirrors(
         &mut self,
         raster: &mut CpuRasteriser,
@@ -305,7 +306,7 @@ impl Effects {
     }
 }
 
-/// The tiles of the picture that some pixels lie in.
+/// The smallest rectangle of whole tiles of the picture that contains the pixels.
 fn on_tiles(pixels: Rect, job: &EffectJob<'_>) -> Rect {
     let axis = |first: u32, count: u32, side: u32| {
         let start = first / ALIGNMENT * ALIGNMENT;
@@ -316,7 +317,7 @@ fn on_tiles(pixels: Rect, job: &EffectJob<'_>) -> Rect {
     Rect { x, y, width, height }
 }
 
-/// Takes the pixels that show a mirror from what was drawn of it.
+/// Copies the pixels that show a mirror from its map.
 fn take(output: &mut Image, plane_of: &[u32], mirror: &Mirror, map: &GBuffer) {
     let width = output.width as usize;
     let Rect { x, y, width: columns, height: rows } = mirror.pixels;
@@ -334,7 +335,7 @@ fn take(output: &mut Image, plane_of: &[u32], mirror: &Mirror, map: &GBuffer) {
     });
 }
 
-/// Triangles that are not glass: what maps show.
+/// Number of triangles that are not glass, which maps show.
 fn unglazed(job: &EffectJob<'_>) -> u64 {
     let seen = job.scene.geometry.batches.iter().filter(|batch| job.glass.get(batch.material as usize) != Some(&true));
     seen.map(|batch| u64::from(batch.count)).sum()
@@ -345,14 +346,14 @@ fn square(size: u32) -> Rect {
     Rect { x: 0, y: 0, width: size, height: size }
 }
 
-/// The glass of the scene, if the picture shows any: without a pixel of it nothing asks for maps.
+/// The glass triangles of the scene; `None` if no pixel shows glass, so that no map is needed.
 fn glass_seen(job: &EffectJob<'_>) -> Option<TriangleRanges> {
     let glazed = TriangleRanges::new(&job.scene.geometry, job.glass);
     let seen = !glazed.as_slice().is_empty() && job.triangle.par_iter().any(|id| glazed.contains(*id));
     seen.then_some(glazed)
 }
 
-/// Cube maps that are drawn.
+/// The drawn cube maps.
 struct CubeMaps<'a> {
     probes: &'a [Probe],
     /// Six for each probe.
@@ -361,7 +362,7 @@ struct CubeMaps<'a> {
 }
 
 impl CubeMaps<'_> {
-    /// The position of a pixel of glass, how the eye sees it, and the probe that serves it.
+    /// For a glass pixel: its position, the viewing direction, the normal, and the index of the probe that serves it.
     fn seen(&self, job: &EffectJob<'_>, index: usize) -> Option<(Vec3, Vec3, Vec3, usize)> {
         let [position, normal] =
             [job.position[index], job.normal[index]].map(|value| Vec4::from_array(value).truncate());
@@ -376,7 +377,8 @@ impl CubeMaps<'_> {
     }
 }
 
-/// What glass shows of what `look_up` tells of a direction: the reflected colour, or both by their Fresnel weights.
+/// The colour of glass from the colours that `look_up` finds in a direction: the reflected colour, or both by their
+/// Fresnel weights.
 fn weighted(job: &EffectJob<'_>, view: Vec3, normal: Vec3, mut look_up: impl FnMut(Vec3) -> Vec3) -> Vec3 {
     let reflected = reflect(view, normal);
     if !job.program.refracts() {
@@ -402,7 +404,8 @@ fn check_bytes(raster: &CpuRasteriser, job: &EffectJob<'_>, bytes: u64) -> Resul
     })
 }
 
-/// What stands for a probe's surroundings. The device's effects ask for it, too: boxes are then the same everywhere.
+/// The box that stands for a probe's surroundings. The device's effects call this, too, so that boxes are the same on
+/// every backend.
 pub(in crate::raster) fn find_proxy(
     raster: &mut CpuRasteriser,
     job: &EffectJob<'_>,
@@ -410,13 +413,13 @@ pub(in crate::raster) fn find_proxy(
 ) -> Result<Proxy, BackendError> {
     Proxy::find(&probe.eye(), |view, buffer| {
         let map_job = map_job(job, view, None, square(proxy::FACE), proxy::ATTACHMENTS);
-        // To the end: boxes are kept.
+        // Not cancelled with the frame, because proxies are kept for later frames.
         let progress = Progress::default();
         raster.render(&map_job, job.glass, Target::Attachments(buffer, proxy::ATTACHMENTS), &progress).map(drop)
     })
 }
 
-/// A draw of the job's scene into a map.
+/// A job that draws the scene of `job` into a map.
 fn map_job<'a>(
     job: &EffectJob<'a>,
     view: View,
@@ -430,7 +433,7 @@ fn map_job<'a>(
         view,
         sun,
         shades: job.shades,
-        // Maps show what rays meet: both sides of everything.
+        // Maps show what rays hit, so both sides of every triangle are drawn.
         culled: &[],
         viewport,
         clear_color: Vec4::ZERO,
@@ -456,8 +459,8 @@ fn each_pixel(output: &mut Image, progress: &Progress, pixel: impl Fn(usize) -> 
     })
 }
 
-/// Computes the pixels of every row, [`BLOCK`] at a time or the fewer that are left, from the first one's column and row, on all
-/// threads.
+/// Computes all rows on all threads, in spans of up to [`BLOCK`] pixels. `span` gets the column and row of its first
+/// pixel, and the pixels.
 fn each_span(output: &mut Image, progress: &Progress, span: impl Fn(u32, u32, &mut [[f32; 4]]) + Sync) -> Part {
     let start = Instant::now();
     let width = output.width as usize;

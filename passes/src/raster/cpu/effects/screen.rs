@@ -1,4 +1,4 @@
-//! Rays from glass, marched through the picture.
+//! Screen-space rays from glass.
 
 use super::super::{CpuRasteriser, refused};
 use super::{Effects, Target, bands, check_bytes, each_pixel, each_span, glass_seen, map_job, unglazed, weighted};
@@ -16,7 +16,8 @@ use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
 use std::time::Instant;
 
 impl Effects {
-    /// Answers the rays of every pixel of glass from what the picture shows; with refraction, from what it would show without the glass.
+    /// Answers the rays of every glass pixel from the picture; with refraction, from the picture as it would be without
+    /// the glass.
     pub(super) fn screen(
         &mut self,
         raster: &mut CpuRasteriser,
@@ -63,7 +64,8 @@ impl Effects {
             thickness: job.params.thickness,
         };
         let rays_stand_in = job.params.missing == Missing::Rays;
-        // Pixels of glass, those that the screen answers, and those that keep something of their colour.
+        // Counts of glass pixels, of those that the screen answers completely, and of those that keep some of their own
+        // colour.
         let counts = [const { AtomicU64::new(0) }; 3];
         let mut part = each_span(output, progress, |x, y, pixels| {
             let mut here = [0; 3];
@@ -116,7 +118,7 @@ impl Effects {
     }
 }
 
-/// Draws what the picture would show without the glass.
+/// Draws the picture as it would be without the glass.
 fn draw_behind(
     raster: &mut CpuRasteriser,
     job: &EffectJob<'_>,
@@ -130,7 +132,7 @@ fn draw_behind(
     check_bytes(raster, job, stats.bytes)?;
     let start = Instant::now();
     if (behind.width, behind.height) != (job.width, job.height) {
-        // What is there goes first: both need not fit at once.
+        // The old buffer is freed first, so that both need not fit in memory at once.
         *behind = GBuffer::default();
         *behind = GBuffer::try_new(job.width, job.height, attachments).map_err(refused)?;
     }

@@ -1,4 +1,4 @@
-//! The open share by sectors of a bitmask.
+//! Ambient occlusion by visibility bitmasks.
 #![allow(clippy::needless_range_loop, reason = "a lane indexes several arrays side by side")]
 
 use super::frame::Occlusion;
@@ -8,32 +8,36 @@ use super::pixels::{Pixels, whole_part};
 use crate::trace::{F16, Simd, WIDE};
 use std::f32::consts::PI;
 
-/// Sectors of a slice, one a bit.
+/// Sectors of a slice, one bit each.
 pub const SECTORS: u32 = u32::BITS;
 
-/// The sides of a slice, and their sign along `T`.
+/// The two sides of a slice: the sign of their direction along `T`.
 const SIDES: [f32; 2] = [1.0, -1.0];
 
-/// What the sectors of a slice are measured by.
+/// The measures of a slice's sectors.
 struct Sectors {
-    /// The slice's whole contribution, `cos γ + γ sin γ`.
+    /// The contribution of the whole slice, `cos γ + γ sin γ`.
     whole: Lanes,
-    /// By side: the contribution between `V` and the tangent plane.
+    /// For each side, the contribution between `V` and the tangent plane.
     limit: [Lanes; 2],
-    /// Where in its sector a sector is tested, 0..1.
+    /// Relative position inside a sector of the angle that is tested, 0..1.
     jitter: Lanes,
 }
 
-/// The open share of the cosine-weighted hemisphere within the radius, where what is seen is `thickness` deep and open behind.
+/// The open share of the cosine-weighted hemisphere within the radius. What is seen is taken as `thickness` deep, with
+/// open space behind.
 ///
-/// Therrien, Levesque and Gilet, "Screen Space Indirect Lighting with Visibility Bitmask", The Visual Computer 39, 2023: a
-/// slice is divided into sectors, and each thing seen shuts those between its front and its back, instead of all below it as a horizon does. So light
-/// passes behind a post. Steps and weights of slices are those of the horizons. What differs here from the paper:
-/// - Sectors have equal contributions, not equal angles: a slice's share is the number of its open ones. The contribution from `V` to
-///   an angle `h` is `arc(h)` of the horizons.
-/// - A sector counts as shut if one angle of it is, which is random for each pixel: no rounding to whole sectors.
-/// - The back lies behind the front as the eye sees it, not along `V`.
-/// - Only the part within the radius counts: that is what a ray of this length meets. That part may begin behind the front.
+/// Therrien, Levesque and Gilet, "Screen Space Indirect Lighting with Visibility Bitmask", The Visual Computer 39,
+/// 2023: a slice is divided into sectors, and each sample seen shuts the sectors between its front and its back. A
+/// horizon would shut all sectors below it. So light passes behind a post. Steps and slice weights are those of the
+/// horizons. The differences from the paper:
+/// - Sectors have equal contributions, not equal angles, so a slice's share is the number of its open sectors. The
+///   contribution from `V` to an angle `h` is `arc(h)` of the horizons.
+/// - A sector is shut if one angle in it is hidden. That angle is random for each pixel, so nothing is rounded to whole
+///   sectors.
+/// - The back of a sample lies behind its front along the line from the eye, not along `V`.
+/// - Only the part of a sample within the radius counts, as a ray of this length would meet only that. The part may
+///   begin behind the front.
 #[inline(always)]
 pub(super) fn open<S: Simd>(simd: S, occlusion: &Occlusion<'_>, pixels: &Pixels) -> Lanes {
     let (mut taken, mut all) = ([0.0; WIDE], [0.0; WIDE]);
@@ -69,7 +73,7 @@ pub(super) fn open<S: Simd>(simd: S, occlusion: &Occlusion<'_>, pixels: &Pixels)
 }
 
 impl Sectors {
-    /// `turn` is the slice's share of all, 0..1.
+    /// The sectors of a slice; `turn` is the slice's index over the number of slices, 0..1.
     #[inline(always)]
     fn new(plane: &Plane, pixels: &Pixels, turn: f32) -> Self {
         const NONE: Lanes = [0.0; WIDE];
@@ -89,7 +93,7 @@ impl Sectors {
         sectors
     }
 
-    /// Shuts the sectors that a position of the G-buffer hides.
+    /// Shuts the sectors that a sample, a position of the G-buffer, hides.
     #[inline(always)]
     #[expect(clippy::too_many_arguments, reason = "a step of a side of a slice, and what it changes")]
     fn shut(
@@ -112,11 +116,11 @@ impl Sectors {
             let dz = seen[2] - pixels.position[2].0[lane];
             let x = towards * (dx * across[0][lane] + dy * across[1][lane] + dz * across[2][lane]);
             let y = dx * up[0][lane] + dy * up[1][lane] + dz * up[2][lane];
-            // From the eye, which is at (0, eye).
+            // Direction from the eye, which is at (0, eye) in the plane.
             let away = y - eye[lane];
             let scale = 1.0 / (x * x + away * away).sqrt();
             let (step_x, step_y) = (x * scale, away * scale);
-            // Where that line enters and leaves the disk of the radius.
+            // Distances at which that line enters and leaves the disk of the radius.
             let middle = x * step_x + y * step_y;
             let inside = middle * middle + (occlusion.radius * occlusion.radius - (x * x + y * y));
             let chord = if inside > 0.0 { inside } else { 0.0 };
@@ -125,7 +129,7 @@ impl Sectors {
             let first = if first > 0.0 { first } else { 0.0 };
             let last = chord - middle;
             let last = if last < occlusion.thickness { last } else { occlusion.thickness };
-            // Of the pixel itself all differences are 0.
+            // For the pixel itself all differences are 0.
             let found = something & (x > 0.0) & (inside > 0.0) & (last > first);
             let a = self.part(plane, side, lane, x + first * step_x, y + first * step_y);
             let b = self.part(plane, side, lane, x + last * step_x, y + last * step_y);
@@ -135,7 +139,7 @@ impl Sectors {
         }
     }
 
-    /// How many sectors are tested before the direction `(x, y)` of a side, 0..=32, as a number that is cut to a whole one.
+    /// The number of sectors, 0..=32, whose tested angle lies before the direction `(x, y)` of a side; to be truncated.
     #[inline(always)]
     fn part(&self, plane: &Plane, side: usize, lane: usize, x: f32, y: f32) -> f32 {
         let (cos, sin) = (plane.normal[0][lane], SIDES[side] * plane.normal[1][lane]);
@@ -144,7 +148,7 @@ impl Sectors {
         // `arc` of the horizons: (cos γ - cos(2h - γ) + 2h sin γ) / 4.
         let arc = 0.25 * (cos - (cos_2h * cos + sin_2h * sin) + 2.0 * direction.angle * sin);
         let limit = self.limit[side][lane];
-        // At the tangent plane and below it.
+        // At the tangent plane and below it, the limit.
         let arc = if x * sin + y * cos > 0.0 { arc } else { limit };
         let place = if side == 0 { self.limit[1][lane] + arc } else { self.limit[1][lane] - arc };
         let part = place / self.whole[lane] * SECTORS as f32 - self.jitter[lane] + 1.0;
@@ -153,7 +157,7 @@ impl Sectors {
     }
 }
 
-/// As many of the lowest bits as the whole part of a number, 0..=32.
+/// A mask of the lowest bits: as many as the integer part of `count`, 0..=32.
 #[inline(always)]
 fn below(count: f32) -> u32 {
     let count = whole_part(count);

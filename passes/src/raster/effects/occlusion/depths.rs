@@ -1,4 +1,4 @@
-//! The open share by the difference of depths.
+//! Ambient occlusion by depth differences.
 #![allow(clippy::needless_range_loop, reason = "a lane indexes several arrays side by side")]
 
 use super::frame::Occlusion;
@@ -6,17 +6,16 @@ use super::lanes::Lanes;
 use super::pixels::{AHEAD, Pixels};
 use crate::trace::{F16, Simd, WIDE, higher};
 
-/// How far above the tangent plane the depth difference begins to occlude, in radii: what tells an occluder from the surface
-/// itself where its shading normal is some degrees off its plane.
+/// Height above the tangent plane from which a sample occludes, in radii. It separates an occluder from the surface
+/// itself where the shading normal is some degrees off the surface's plane.
 pub const DEPTH_TOLERANCE: f32 = 0.1;
 
 /// The open share of the samples around the pixel, by the difference of depths.
 ///
-/// A sample is occluded where it is nearer to the camera than the tangent plane, that is, on the camera's side of it, by
-/// more than [`DEPTH_TOLERANCE`] radii, however much nearer (no range check; Mittring, "Finding Next Gen: CryEngine 2",
-/// SIGGRAPH 2007 course, section 8.5.4.3, has one for this reason). So a thing far in front darkens what is
-/// behind its outline. Samples are uniform in the disk of the radius across the view; those outside the picture do not
-/// count.
+/// A sample occludes where it is on the camera's side of the tangent plane by more than [`DEPTH_TOLERANCE`] radii.
+/// There is no range check (Mittring, "Finding Next Gen: CryEngine 2", SIGGRAPH 2007 course, section 8.5.4.3, has one),
+/// so a distant object in front darkens what is behind its outline. Samples are uniform in the disk of the radius
+/// across the view; those outside the picture do not count.
 #[inline(always)]
 pub(super) fn open<S: Simd>(simd: S, occlusion: &Occlusion<'_>, pixels: &Pixels) -> Lanes {
     let mut tolerance = [0.0; WIDE];
@@ -27,7 +26,7 @@ pub(super) fn open<S: Simd>(simd: S, occlusion: &Occlusion<'_>, pixels: &Pixels)
     }
     let steps = occlusion.steps as usize;
     let interval = 1.0 / occlusion.steps as f32;
-    // Whole numbers, exact up to 2²⁴; there are 8192 at most.
+    // Integers in `f32`, exact up to 2²⁴; there are at most 8192 samples.
     let (mut occluded, mut samples) = ([0.0; WIDE], [0.0; WIDE]);
     for index in 0..occlusion.turns.len() {
         let slice = pixels.slice(occlusion, index);
@@ -62,7 +61,7 @@ pub(super) fn open<S: Simd>(simd: S, occlusion: &Occlusion<'_>, pixels: &Pixels)
     open
 }
 
-/// Counts what is seen, a position of the G-buffer, where it is above the tangent plane by more than the tolerance.
+/// Counts the lanes whose sample, a position of the G-buffer, is above the tangent plane by more than the tolerance.
 #[inline(always)]
 fn count_above(pixels: &Pixels, [px, py, pz, pw]: &[F16; 4], tolerance: &Lanes, occluded: &mut Lanes) {
     for lane in 0..WIDE {

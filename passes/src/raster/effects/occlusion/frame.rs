@@ -1,16 +1,16 @@
-//! What the pixels of an occlusion have in common.
+//! Values that all pixels of an ambient occlusion share.
 
 use curitiba_pipeline::backend::EffectJob;
 use glam::Vec3;
 
-/// What the pixels of an occlusion have in common.
+/// Values that all pixels of an ambient occlusion share.
 #[derive(Debug, Clone)]
 pub struct Occlusion<'a> {
-    /// Of the G-buffer, by pixel; a position of four zeros is nothing, a normal of 0 is the background.
+    /// The G-buffer, by pixel. A position of four zeros shows nothing; a normal of 0 marks the background.
     pub(super) position: &'a [[f32; 4]],
     pub(super) normal: &'a [[f32; 4]],
-    /// Rows of the matrix from a world position to `(column w, row w, w)`, columns and rows in pixels from the upper left
-    /// corner.
+    /// Rows of the matrix from a world position to `(column w, row w, w)`; columns and rows are in pixels from the
+    /// upper left corner.
     pub(super) rows: [[f32; 4]; 3],
     pub(super) eye: Vec3,
     pub(super) width: u32,
@@ -20,12 +20,12 @@ pub struct Occlusion<'a> {
     pub(super) intensity: f32,
     pub(super) thickness: f32,
     pub(super) steps: u32,
-    /// By slice: cosine and sine of its angle from the first one's.
+    /// For each slice, cosine and sine of its angle from the first slice.
     pub(super) turns: Vec<[f32; 2]>,
 }
 
 impl<'a> Occlusion<'a> {
-    /// For a job whose parts fit together and whose parameters are valid.
+    /// The values of a job, whose buffers must fit together and whose parameters must be valid.
     #[must_use]
     pub fn new(job: &EffectJob<'a>) -> Self {
         let [x, y, w] = [0, 1, 3].map(|row| job.view.clip_from_world.row(row));
@@ -50,7 +50,7 @@ impl<'a> Occlusion<'a> {
         }
     }
 
-    /// The same without an exponent.
+    /// The same with an exponent of 1.
     #[must_use]
     pub fn plain(self) -> Self {
         Self { intensity: 1.0, ..self }

@@ -1,4 +1,4 @@
-//! The open share by horizons.
+//! Ambient occlusion by horizons.
 #![allow(clippy::needless_range_loop, reason = "a lane indexes several arrays side by side")]
 
 use super::frame::Occlusion;
@@ -7,19 +7,19 @@ use super::pixels::{AHEAD, Pixels, Slice};
 use crate::trace::{F16, Simd, WIDE};
 use std::f32::consts::PI;
 
-/// Weights of a slice, squared, below which it does not count: the normal is the slice plane's.
+/// Squared weight below which a slice does not count, because the normal is almost perpendicular to its plane.
 const LEAST_WEIGHT: f32 = 1e-6;
 
-/// A slice's plane.
+/// The plane of a slice.
 pub(super) struct Plane {
-    /// What a difference of positions has along `T` and `V`, once it is moved into the plane along the tangent plane: its
-    /// scalar products with these, by axis.
+    /// For the axes `T` and `V`: the vector whose scalar product with a difference of positions is its component along
+    /// that axis, after the difference is moved into the slice's plane along the tangent plane.
     pub(super) along: [[Lanes; 3]; 2],
     /// Length of the normal's projection into the plane: the slice's weight. 0 where the slice does not count.
     pub(super) weight: Lanes,
     /// Cosine and sine of the projected normal's angle `γ` from `V` towards `T`.
     pub(super) normal: [Lanes; 2],
-    /// Distance of the nearest step, a pixel; not a number where no step counts.
+    /// Distance of the nearest step: one pixel. NaN where no step counts.
     nearest: Lanes,
 }
 
@@ -29,12 +29,13 @@ pub(super) struct Plane {
 /// section 4: with horizons `h1 <= 0 <= h2` and the projected normal's angle `γ`, all measured from `V`, a slice
 /// contributes `|n_p| (arc(h1) + arc(h2))`, `arc(h) = (-cos(2h - γ) + cos γ + 2h sin γ) / 4`. What differs here:
 /// - Slices are uniform in the angle around `V`, not in the picture's angle.
-/// - Where a pixel's middle is off the slice's plane, the position is moved into it along the tangent plane, so that a plane
-///   seen at a grazing angle does not occlude itself.
-/// - Positions farther than the radius are ignored without a falloff: that is what a ray of this length meets.
-/// - The sum is divided by that of the open slices, `|n_p| (cos γ + γ sin γ)`, not by their number. What the horizons take
-///   away is summed, so that an open plane is exactly 1.
-/// - A horizon is kept as a direction `(x, y)` along `T` and `V`, and compared by `y / x`: no root and no quotient a step.
+/// - Where a pixel's centre is off the slice's plane, its position is moved into the plane along the tangent plane. So
+///   a flat surface seen at a grazing angle does not occlude itself.
+/// - Positions farther than the radius are ignored, without a falloff, as a ray of this length would not reach them.
+/// - The sum is divided by that of the unoccluded slices, `|n_p| (cos γ + γ sin γ)`, not by their number. The parts
+///   that horizons take away are summed, so that an open plane is exactly 1.
+/// - A horizon is kept as a direction `(x, y)` along `T` and `V`, and compared by `y / x`: no root and no quotient in a
+///   step.
 #[inline(always)]
 pub(super) fn open<S: Simd>(simd: S, occlusion: &Occlusion<'_>, pixels: &Pixels) -> Lanes {
     let (mut taken, mut whole) = ([0.0; WIDE], [0.0; WIDE]);
@@ -59,7 +60,7 @@ pub(super) fn open<S: Simd>(simd: S, occlusion: &Occlusion<'_>, pixels: &Pixels)
     left(pixels, &taken, &whole)
 }
 
-/// The share of the whole that is not taken, 0..=1; 1 in the background and where no slice counts.
+/// The open share `1 - taken / whole`, 0..=1; 1 in the background and where no slice counts.
 #[inline(always)]
 pub(super) fn left(pixels: &Pixels, taken: &Lanes, whole: &Lanes) -> Lanes {
     let mut open = [1.0; WIDE];
@@ -80,7 +81,7 @@ impl Plane {
         for lane in 0..WIDE {
             let (cos, sin) = (slice.turn[0][lane], slice.turn[1][lane]);
             let (up, tangent, bitangent) = (pixels.tilt[0][lane], pixels.tilt[1][lane], pixels.tilt[2][lane]);
-            // The normal along `T`, and off the plane, along `V x T`.
+            // The normal's component along `T`, and the one off the plane, along `V x T`.
             let (across, off) = (tangent * cos + bitangent * sin, bitangent * cos - tangent * sin);
             let squared = across * across + up * up;
             let counts = (squared >= LEAST_WEIGHT) & (pixels.shown[lane] > 0.0);
@@ -90,7 +91,8 @@ impl Plane {
             plane.normal[1][lane] = if counts { across / weight } else { 0.0 };
             let near = counts & (slice.pixel[lane] < occlusion.radius);
             plane.nearest[lane] = if near { slice.pixel[lane] } else { f32::NAN };
-            // Along the tangent plane, one unit along `V x T` is this much along `T` and `V`.
+            // A move of one unit along `V x T` within the tangent plane changes `T` and `V` by this factor times the
+            // normal's components.
             let shear = off / squared;
             let [v, t, s] = &pixels.basis;
             for axis in 0..3 {
@@ -115,7 +117,7 @@ impl Plane {
         tilt
     }
 
-    /// Whether the radius is more than a pixel of the picture in any lane.
+    /// Whether the radius is more than one pixel of the picture in any lane.
     #[inline(always)]
     pub(super) fn any_step_counts(&self) -> bool {
         let mut any = false;
@@ -125,8 +127,8 @@ impl Plane {
         any
     }
 
-    /// The horizon on one side as a direction along `T`, turned to that side, and `V`; `None` where nothing rises above the tangent
-    /// plane in any lane.
+    /// The horizon on one side, as a direction along `T` (turned to that side) and `V`. `None` where in no lane
+    /// anything rises above the tangent plane.
     #[inline(always)]
     fn horizon<S: Simd>(
         &self,
@@ -137,7 +139,8 @@ impl Plane {
         side: usize,
         towards: f32,
     ) -> Option<[Lanes; 2]> {
-        // Also where the square is too large a number: no difference that is not a number is within reach.
+        // Clamped in case the square overflows: a position with a difference that is infinite or NaN is never within
+        // reach.
         let farthest = (occlusion.radius * occlusion.radius).min(f32::MAX);
         let (mut x, mut y) = (self.normal[0], self.normal[1]);
         for lane in 0..WIDE {
@@ -153,7 +156,7 @@ impl Plane {
         raised.then_some([x, y])
     }
 
-    /// Hands on what is seen at each step of one side: positions of the G-buffer.
+    /// Calls `see` with the sixteen positions of the G-buffer at each step of one side.
     #[inline(always)]
     #[expect(clippy::too_many_arguments, reason = "what a slice of a pixel is, and which side of it")]
     pub(super) fn each_step<S: Simd>(
@@ -176,7 +179,7 @@ impl Plane {
             for step in 0..count {
                 let step_index = (first + step) as f32;
                 ahead[step] = pixels.look(occlusion, slice, |lane| {
-                    // Denser near the pixel.
+                    // Steps are denser near the pixel.
                     let share = (step_index + slice.jitter[side][lane]) * interval;
                     let nearest = towards * self.nearest[lane];
                     nearest + (reach - nearest) * (share * share)
@@ -189,8 +192,8 @@ impl Plane {
         }
     }
 
-    /// Raises the horizon `(x, y)` where what is seen, a position of the G-buffer, is above it and near enough: by the square of the
-    /// distance.
+    /// Raises the horizon `(x, y)` to a sample, a position of the G-buffer, that is above it and within reach.
+    /// `farthest` is the square of the greatest distance.
     #[inline(always)]
     fn raise(
         &self,
@@ -211,7 +214,8 @@ impl Plane {
             let to_side = towards * (dx * across[0][lane] + dy * across[1][lane] + dz * across[2][lane]);
             let upward = dx * up[0][lane] + dy * up[1][lane] + dz * up[2][lane];
             let within = dx * dx + dy * dy + dz * dz <= farthest;
-            // Moving it may have brought a near pixel to the other side. Of the pixel itself all differences are 0.
+            // The move into the plane may bring a near pixel to the other side. For the pixel itself all differences
+            // are 0.
             let higher = (to_side > 0.0) & (upward * x[lane] > y[lane] * to_side);
             let found = something & within & higher;
             x[lane] = if found { to_side } else { x[lane] };
@@ -219,7 +223,7 @@ impl Plane {
         }
     }
 
-    /// Adds what a horizon takes away: `arc` of the tangent plane's, `γ ± π / 2`, less that of this one.
+    /// Adds what a horizon takes away: `arc` at the tangent plane, `γ ± π / 2`, less `arc` at this horizon.
     #[inline(always)]
     fn take(&self, [x, y]: &[Lanes; 2], towards: f32, tilt: &Lanes, taken: &mut Lanes) {
         for lane in 0..WIDE {

@@ -1,12 +1,12 @@
-//! Functions of one number that become vector code in a loop over lanes: no branch, no call. The standard library's are calls,
-//! and differ in the last bit from platform to platform.
+//! Functions of one number that become vector code in a loop over lanes, because they have no branch and no call. The
+//! standard library's functions are calls, and their last bit differs between platforms.
 
 use std::f32::consts::{FRAC_PI_2, LN_2, PI};
 
-/// Sixteen numbers, one a pixel.
+/// Sixteen numbers, one for each pixel.
 pub(super) type Lanes = [f32; crate::trace::WIDE];
 
-/// Sine and cosine of `share` of half a turn, 0..=1: the Taylor series around a quarter turn. Error below 3e-7.
+/// Sine and cosine of `share * π`, for `share` in 0..=1, by the Taylor series around π / 2. Error below 3e-7.
 #[inline(always)]
 pub(super) fn half_turn(share: f32) -> [f32; 2] {
     let x = (share - 0.5) * PI;
@@ -27,7 +27,7 @@ pub(super) fn half_turn(share: f32) -> [f32; 2] {
     [cos, -sin]
 }
 
-/// The angle of a direction from the axis of `along`, and what is cheap to know of twice that angle.
+/// The angle `h` of a direction from the axis of `along`, and the cosine and sine of twice that angle.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Angle {
     /// In 0..=π. Error below 4e-7.
@@ -36,11 +36,11 @@ pub(super) struct Angle {
     pub(super) double: [f32; 2],
 }
 
-/// The angle of the direction `(across, along)`, `across >= 0`, of any length but 0.
+/// The angle of the direction `(across, along)` with `across >= 0`, of any length but 0.
 ///
-/// The arc tangent of the shorter by the longer side is Abramowitz and Stegun, "Handbook of Mathematical Functions", 4.4.49:
-/// error below 2e-8 besides rounding. The double angle follows from the same quotient `q`: `(1 - q²) / (1 + q²)` and
-/// `2 q / (1 + q²)`.
+/// The arc tangent of the quotient `q` of the shorter by the longer side is Abramowitz and Stegun, "Handbook of
+/// Mathematical Functions", 4.4.49: error below 2e-8 besides rounding. The double angle follows from `q`:
+/// `(1 - q²) / (1 + q²)` and `2 q / (1 + q²)`.
 #[inline(always)]
 pub(super) fn angle(across: f32, along: f32) -> Angle {
     let height = along.abs();
@@ -67,8 +67,8 @@ pub(super) fn angle(across: f32, along: f32) -> Angle {
     }
 }
 
-/// `x`, 0..=1, to a power of at least 0: exactly 1 where `x` is 1 or the exponent 0, exactly 0 where `x` is 0 and the exponent is not.
-/// Error below 3e-7.
+/// `x`, 0..=1, to a power of at least 0. Exactly 1 where `x` is 1 or the exponent is 0; exactly 0 where `x` is 0 and
+/// the exponent is not. Error below 3e-7.
 ///
 /// `2^(exponent log2 x)`: with `x = 2^e m` and `m` between `√½` and `√2`, the logarithm of `m` is `2 artanh((m - 1) / (m + 1))`,
 /// whose series is cut after the ninth power (relative error below 2e-9), and that of the exponential function after the
@@ -76,7 +76,7 @@ pub(super) fn angle(across: f32, along: f32) -> Angle {
 #[must_use]
 #[inline(always)]
 pub fn power(x: f32, exponent: f32) -> f32 {
-    // The bits of `√½`: what is subtracted leaves the power of two in the exponent's bits.
+    // The bits of `√½`: subtracting them leaves the power of two in the exponent's bits.
     const LEAST: u32 = 0x3f35_04f3;
     let bits = x.to_bits();
     let whole = (bits.wrapping_sub(LEAST) as i32) >> 23;
@@ -85,10 +85,10 @@ pub fn power(x: f32, exponent: f32) -> f32 {
     let ss = s * s;
     let sum = ((ss * (1.0 / 9.0) + 1.0 / 7.0) * ss + 1.0 / 5.0) * ss + 1.0 / 3.0;
     let log = (sum * ss * s + s) * (2.0 / LN_2) + whole as f32;
-    // Less is 0 to any precision that is asked for.
+    // A smaller power counts as 0 at any precision of interest.
     let log = exponent * log;
     let log = if log > -120.0 { log } else { -120.0 };
-    // Added and subtracted, it rounds to whole numbers, and those are its low bits.
+    // Adding and subtracting this rounds to an integer, which the sum holds in its low bits.
     const ROUND: f32 = 12_582_912.0;
     let rounded = log + ROUND;
     let f = (log - (rounded - ROUND)) * LN_2;

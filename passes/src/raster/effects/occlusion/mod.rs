@@ -1,20 +1,21 @@
-//! Ambient occlusion from what the camera sees: by horizons, by sectors of a bitmask, and by the difference of depths. Sixteen pixels of a row at a
-//! time, in the processor's widest vectors; all instruction sets give the same bits.
+//! Screen-space ambient occlusion: by horizons, by visibility bitmasks, and by depth differences. Sixteen pixels of a
+//! row are computed at once, in the processor's widest vectors; all instruction sets give the same bits.
 //!
-//! All look along `slices` directions from a pixel, `steps` times on each side. A direction is a plane through the eye and
-//! the pixel's position: with unit vectors `V` to the eye and `T` across, positions `P + r T` lie on a straight line of the
-//! picture, and what is seen there lies in the plane up to the rounding to pixels.
+//! All three look along `slices` directions from a pixel, `steps` times on each side. A slice is a plane through the
+//! eye and the pixel's position `P`, with unit vectors `V` to the eye and `T` across. Positions `P + r T` lie on a
+//! straight line of the picture, and the surfaces seen there lie in the plane, up to the rounding to pixels.
 //!
-//! Slice `index` of a pixel has the angle `π (index + u) / slices` around `V`, with `u` dimension 0 of counter 0 of the
-//! pixel's key; the sides' jitters are the dimensions of counter `1 + index`. That of the sectors is dimension 1 of counter 0, and `index / slices` more for each slice.
+//! Slice `index` of a pixel has the angle `π (index + u) / slices` around `V`, where `u` is dimension 0 of counter 0 of
+//! the pixel's key. The jitters of its two sides are the dimensions of counter `1 + index`. The jitter of the sectors
+//! is dimension 1 of counter 0, plus `index / slices`.
 //!
-//! The result is off from the formulas in `f64` by at most 2e-6 (horizons, bitmask) and 3e-7 (depths), where rounding does not decide which
-//! pixel a step reads or whether it counts; where it does, by what that step weighs.
+//! Errors against the same formulas in `f64`: at most 2e-6 (horizons, bitmask) and 3e-7 (depths), unless rounding
+//! decides which pixel a step reads or whether the step counts. Then the error may be the weight of that step.
 //!
 //! - `lanes`: the functions of angles and powers, with their errors.
-//! - `frame`: what the pixels of a picture have in common.
-//! - `pixels`: what is known of sixteen pixels, and where a slice of them leads.
-//! - `horizons`, `bitmask`, `depths`: the occlusions.
+//! - `frame`: values that the pixels of a picture share.
+//! - `pixels`: sixteen pixels, and the pixels that their slices lead to.
+//! - `horizons`, `bitmask`, `depths`: the three methods.
 
 mod bitmask;
 mod depths;
@@ -35,22 +36,22 @@ use curitiba_pipeline::raster_effects::EffectProgram;
 pub use lanes::power;
 use pixels::Pixels;
 
-/// Pixels that are computed together.
+/// Number of pixels that are computed together.
 pub const SPAN: usize = WIDE;
 
-/// Which occlusion.
+/// A method of ambient occlusion.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Method {
-    /// By horizons.
+    /// By horizon angles.
     Horizons,
-    /// By sectors that what is seen shuts.
+    /// By bitmasks of sectors that samples shut.
     Bitmask,
-    /// By the difference of depths.
+    /// By depth differences.
     Depths,
 }
 
 impl Method {
-    /// What a job of an occlusion asks for.
+    /// The method that a job asks for.
     #[must_use]
     pub fn of(job: &EffectJob<'_>) -> Self {
         match job.program {
@@ -61,8 +62,8 @@ impl Method {
     }
 }
 
-/// The open share of [`SPAN`] pixels of row `y` from column `x` on, to the power of the intensity; 1 in the background. Those
-/// beyond the row's end have no meaning.
+/// The open share of [`SPAN`] pixels of row `y` from column `x` on, to the power of the intensity; 1 in the background.
+/// Values beyond the row's end are meaningless.
 ///
 /// # Panics
 /// If the first pixel is outside the picture.

@@ -1,4 +1,4 @@
-//! What is known of sixteen pixels of a row, and of a slice of each.
+//! Sixteen pixels of a row, and one slice through each of them.
 #![allow(clippy::needless_range_loop, reason = "a lane indexes several arrays side by side")]
 
 use super::frame::Occlusion;
@@ -6,26 +6,26 @@ use super::lanes::{Lanes, half_turn};
 use crate::sampling::hash::{dimensions, pixel_key, unit};
 use crate::trace::{F16, Simd, WIDE};
 
-/// Steps whose pixels are found before the first of them is read: more reads are under way at a time then.
+/// Steps whose pixels are found before the first of them is read, so that several reads are in flight at a time.
 pub(super) const AHEAD: usize = 8;
 
-/// Sixteen pixels of a row. Vectors are kept by axis.
+/// Sixteen pixels of a row. Each vector is kept as one array per axis.
 pub(super) struct Pixels {
-    /// Of the G-buffer; the last one's beyond the row's end.
+    /// Indices into the G-buffer; lanes beyond the row's end repeat the row's last pixel.
     pub(super) index: [u32; WIDE],
     /// 1 where there is a surface, else 0.
     pub(super) shown: Lanes,
     pub(super) position: [F16; 3],
     /// The unit normal, turned to the eye.
     pub(super) normal: [Lanes; 3],
-    /// Unit vectors: to the eye, and two across.
+    /// Unit vectors: `V` to the eye, and two across.
     pub(super) basis: [[Lanes; 3]; 3],
-    /// The normal in that basis.
+    /// Components of the normal in that basis.
     pub(super) tilt: [Lanes; 3],
     key: [u32; WIDE],
     /// Column and row of the position in the picture, and its `w`.
     place: [Lanes; 3],
-    /// What a unit of length along the two vectors across adds: see [`Slice::rate`].
+    /// Change of the place per unit of length along each of the two vectors across: see [`Slice::rate`].
     rates: [[Lanes; 3]; 2],
     /// Cosine and sine of the first slice's angle.
     turn: [Lanes; 2],
@@ -33,20 +33,21 @@ pub(super) struct Pixels {
     pub(super) jitter: Lanes,
 }
 
-/// A slice of each of sixteen pixels.
+/// One slice through each of sixteen pixels.
 pub(super) struct Slice {
-    /// Cosine and sine of its angle in the basis.
+    /// Cosine and sine of the slice's angle in the basis.
     pub(super) turn: [Lanes; 2],
-    /// The position `P + r T` is seen `g r / (w + d r)` from the pixel's own place: `g` in columns, in rows, and `d`.
+    /// The position `P + r T` is seen `g r / (w + d r)` away from the pixel's own place. This is `g` in columns, `g` in
+    /// rows, and `d`.
     rate: [Lanes; 3],
-    /// Length along `T` that is a pixel of the picture.
+    /// Length along `T` that covers one pixel of the picture.
     pub(super) pixel: Lanes,
-    /// Where in its interval each side's steps lie, 0..1.
+    /// Relative position of the steps of each side in their interval, 0..1.
     pub(super) jitter: [Lanes; 2],
 }
 
 impl Pixels {
-    /// Those of row `y` from column `x` on.
+    /// The sixteen pixels of row `y` from column `x` on.
     #[inline(always)]
     pub(super) fn new<S: Simd>(simd: S, occlusion: &Occlusion<'_>, x: u32, y: u32) -> Self {
         const NONE: Lanes = [0.0; WIDE];
@@ -76,14 +77,14 @@ impl Pixels {
             let n = [normals[0].0[lane], normals[1].0[lane], normals[2].0[lane]];
             let to = [occlusion.eye.x - p[0], occlusion.eye.y - p[1], occlusion.eye.z - p[2]];
             let scales = [1.0 / dot(to, to).sqrt(), 1.0 / dot(n, n).sqrt()];
-            // As `effects::facing` has it: neither 0 nor too long nor not a number.
+            // As in `effects::facing`: the lengths are not 0, not infinite and not NaN.
             let usable =
                 (scales[0] > 0.0) & (scales[0] < f32::INFINITY) & (scales[1] > 0.0) & (scales[1] < f32::INFINITY);
             pixels.shown[lane] = if usable { 1.0 } else { 0.0 };
             let v = [to[0] * scales[0], to[1] * scales[0], to[2] * scales[0]];
             let scale = if dot(n, v) < 0.0 { -scales[1] } else { scales[1] };
             let n = [n[0] * scale, n[1] * scale, n[2] * scale];
-            // `sampling::hemisphere::Basis::around`.
+            // The basis of `sampling::hemisphere::Basis::around`.
             let sign = 1f32.copysign(v[2]);
             let a = -1.0 / (sign + v[2]);
             let b = v[0] * v[1] * a;
@@ -127,7 +128,7 @@ impl Pixels {
         pixels
     }
 
-    /// Whether one of them shows a surface.
+    /// Whether any of the pixels shows a surface.
     #[inline(always)]
     pub(super) fn any_shown(&self) -> bool {
         let mut any = 0.0;
@@ -137,7 +138,7 @@ impl Pixels {
         any > 0.0
     }
 
-    /// A slice of each.
+    /// Slice `index` of each pixel.
     #[inline(always)]
     pub(super) fn slice(&self, occlusion: &Occlusion<'_>, index: usize) -> Slice {
         const NONE: Lanes = [0.0; WIDE];
@@ -164,8 +165,8 @@ impl Pixels {
         slice
     }
 
-    /// The pixel of the picture where the position at a lane's distance along the slice is seen; the pixel itself if that is
-    /// outside, behind the eye or not a number.
+    /// The pixel of the picture that shows the position at a lane's distance along the slice. It is the lane's own
+    /// pixel if that position is outside the picture, behind the eye or NaN.
     #[inline(always)]
     pub(super) fn look(
         &self,
@@ -189,17 +190,17 @@ impl Pixels {
     }
 }
 
-/// The whole part of `x`, 0..2²³; of others, something. `as` would test for those, number by number.
+/// The integer part of `x` in 0..2²³; any value for other `x`. Unlike `as`, it has no range test for each number.
 #[inline(always)]
 pub(super) fn whole_part(x: f32) -> u32 {
-    // Added, it rounds to whole numbers, and those are its low bits.
+    // Adding this rounds to an integer, which the sum holds in its low bits.
     const ROUND: f32 = 8_388_608.0;
     let rounded = x + ROUND;
     let above = if rounded - ROUND > x { 1 } else { 0 };
     (rounded.to_bits() & 0x007f_ffff).wrapping_sub(above)
 }
 
-/// What the first three numbers of a row of a matrix make of a vector.
+/// The dot product of the first three numbers of a matrix row with a vector.
 #[inline(always)]
 fn along(row: [f32; 4], v: [f32; 3]) -> f32 {
     row[0] * v[0] + row[1] * v[1] + row[2] * v[2]

@@ -1,4 +1,4 @@
-//! The functions against `f64`, and the instruction sets against each other.
+//! The vector functions against `f64`, and the instruction sets against each other.
 
 use super::lanes::{angle, half_turn, power};
 use super::{Method, Occlusion, SPAN, Span};
@@ -17,7 +17,7 @@ fn functions_are_as_near_as_they_say() {
         let share = step as f32 / 100_000.0;
         let (exact, turned) = ((PI * f64::from(share)).sin_cos(), half_turn(share));
         turns = turns.max((f64::from(turned[0]) - exact.0).abs()).max((f64::from(turned[1]) - exact.1).abs());
-        // Sides as they are stored, so that only what is computed from them counts.
+        // The sides are rounded to `f32` first, so that the test measures only the error of the computation.
         let (across, along) = ((3.7 * exact.0.max(0.0)) as f32, (3.7 * exact.1) as f32);
         let (found, exact) = (angle(across, along), f64::from(across).atan2(along.into()));
         angles = angles.max((f64::from(found.angle) - exact).abs());
@@ -39,7 +39,7 @@ fn functions_are_as_near_as_they_say() {
     }
 }
 
-/// A field of bumps, one of which is not a number, below an empty sky.
+/// A field of bumps, one of whose pixels is NaN, below an empty sky.
 fn bumps(width: u32, height: u32, view: &View) -> [Vec<[f32; 4]>; 2] {
     let from_clip = view.clip_from_world.inverse();
     let mut buffers = [Vec::new(), Vec::new()];

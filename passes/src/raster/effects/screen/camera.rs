@@ -1,40 +1,44 @@
-//! The camera of a picture, and what of the scene its pixels show.
+//! The camera of a picture, and the pieces of surfaces that its pixels show.
 
 use crate::raster::effects::bounds::Frustum;
 use curitiba_pipeline::backend::View;
 use glam::{DMat3, DMat4, DVec3, DVec4, Vec3, Vec4};
 
-/// Least cosine between a surface's normal and the direction in which it is seen: planes that are seen at more of a slant are taken to be seen
-/// at this one.
+/// Least cosine between a surface's normal and the direction to the camera. Surfaces at a more grazing angle are
+/// treated as if they had this cosine.
 pub const LEAST_COSINE: f32 = 1e-3;
 
-/// What pieces of neighbouring pixels may be apart, in sides of a pixel: where shading normals lean 14 degrees from the triangles'.
+/// Tolerated gap between the pieces of neighbouring pixels, in pixel sides: the gap where shading normals deviate 14
+/// degrees from the triangles'.
 pub const SLACK: f64 = 0.25;
 
-/// Where the camera of a picture sees positions. Columns and rows are in pixels from the upper left corner. *Nearness* is the inverse of the
-/// depth, and without perspective the depth times -1; along a line on the screen it changes evenly. Depths are distances along the
-/// direction of sight, in scene units.
+/// Maps world positions to places on the screen. Columns and rows are in pixels from the upper left corner. *Nearness*
+/// is the inverse of the depth in perspective, and the negative depth without; it changes linearly along a line on the
+/// screen. Depths are distances along the viewing direction, in scene units.
 #[derive(Debug, Clone, Copy, PartialEq, bytemuck::Pod, bytemuck::Zeroable)]
 #[repr(C)]
 pub struct ScreenCamera {
-    /// The dot product with `(p, 1)`, `p` a position less [`Self::from`], is the column times the depth; without perspective the column.
+    /// With a position `p` relative to [`Self::from`], the dot product with `(p, 1)` is column times depth; without
+    /// perspective it is the column.
     pub columns: Vec4,
-    /// The same of rows.
+    /// The same for rows.
     pub rows: Vec4,
-    /// The same of depths.
+    /// The same for depths.
     pub depths: Vec4,
-    /// What positions are told from: the eye in perspective. `w` is 1 in perspective, 0 without.
+    /// Origin of the positions: in perspective the eye. `w` is 1 in perspective, else 0.
     pub from: Vec4,
-    /// What a column adds to a line of sight at depth 1, without perspective at every depth; `w` is the nearness of the near plane.
+    /// Step from a column to the next on the plane at depth 1; without perspective at every depth. `w` is the nearness
+    /// of the near plane.
     pub right: Vec4,
-    /// What a row adds to it; `w` is the nearness of what is farthest.
+    /// Step from a row to the next, there. `w` is the nearness of the farthest depth.
     pub down: Vec4,
-    /// Unit direction of sight of the middle; `w` is [`SLACK`] at depth 1, without perspective at every depth, in scene units.
+    /// Unit viewing direction through the middle. `w` is [`SLACK`] at depth 1 in scene units; without perspective at
+    /// every depth.
     pub forward: Vec4,
 }
 
 impl ScreenCamera {
-    /// Of a view over pictures of that size. `None` of a camera that makes no sense.
+    /// The camera of a view for pictures of this size; `None` for a degenerate matrix.
     #[must_use]
     pub fn new(view: &View, width: u32, height: u32) -> Option<Self> {
         let perspective = Frustum::new(&view.clip_from_world)?.depth_plane().is_some();
@@ -45,7 +49,7 @@ impl ScreenCamera {
         };
         let [x, y, z, w] = [0, 1, 2, 3].map(|row| matrix.row(row));
         let (columns, rows) = ((x + w) * (0.5 * f64::from(width)), (w - y) * (0.5 * f64::from(height)));
-        // Depth 1 is a scene unit away; without perspective depth 0 is the near plane, where z is 1.
+        // In perspective, depth 1 is a scene unit from the eye. Without, depth 0 is the near plane, where clip z is 1.
         let (scale, depths, near, far) = if perspective {
             let length = w.truncate().length();
             let near = z.w / (length - z.dot(w / length));
@@ -71,7 +75,7 @@ impl ScreenCamera {
         known.iter().all(|value| value.is_finite()).then_some(camera)
     }
 
-    /// Whether lines of sight meet in the eye.
+    /// Whether the camera has perspective: all lines of sight meet in the eye.
     #[must_use]
     #[inline]
     pub fn perspective(&self) -> bool {
@@ -91,7 +95,7 @@ impl ScreenCamera {
         }
     }
 
-    /// Whether a place is at most so deep behind one of another nearness, and [`SLACK`].
+    /// Whether `nearness` is at most `depth` plus [`SLACK`] behind the nearness `other`.
     #[must_use]
     #[inline]
     pub fn is_within(&self, nearness: f32, other: f32, depth: f32) -> bool {
@@ -101,19 +105,19 @@ impl ScreenCamera {
     }
 }
 
-/// What a pixel shows: a piece of a plane.
+/// The surface that a pixel shows, as a piece of a plane.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Piece {
-    /// Column, row and nearness of its position.
+    /// Column, row and nearness of the pixel's position.
     pub place: Vec3,
-    /// How nearness changes from a column to the next, and from a row to the next.
+    /// Change of the nearness per column and per row.
     pub slope: [f32; 2],
-    /// Unit normal, towards the camera.
+    /// Unit normal, turned to the camera.
     pub normal: Vec3,
 }
 
 impl Piece {
-    /// From the position and normal of a G-buffer; `None` where it shows nothing.
+    /// The piece for a position and a normal of a G-buffer; `None` where the pixel shows nothing.
     #[must_use]
     #[inline]
     pub fn new(camera: &ScreenCamera, position: [f32; 4], normal: [f32; 4]) -> Option<Self> {
@@ -128,20 +132,21 @@ impl Piece {
         let normal = if cosine > 0.0 { -normal } else { normal };
         let slant = cosine.abs().max(LEAST_COSINE * away.length());
         let [across, down] = [camera.right, camera.down].map(|step| -normal.dot(step.truncate()) / slant);
-        // In perspective half as near or as deep within a pixel at most: beyond the horizon there is nothing.
+        // In perspective, the nearness within a pixel changes by no more than itself: beyond the horizon the plane is
+        // not visible.
         let sum = across.abs() + down.abs();
         let scale = if camera.perspective() && sum > place.z { place.z / sum } else { 1.0 };
         Some(Self { place, slope: [across * scale, down * scale], normal })
     }
 
-    /// Nearness at a column and row.
+    /// Nearness of the plane at a column and row.
     #[must_use]
     #[inline]
     pub fn nearness(&self, column: f32, row: f32) -> f32 {
         self.place.z + self.slope[0] * (column - self.place.x) + self.slope[1] * (row - self.place.y)
     }
 
-    /// Largest nearness within a pixel.
+    /// Greatest nearness within a pixel.
     #[must_use]
     #[inline]
     pub fn nearest(&self, column: u32, row: u32) -> f32 {

@@ -1,49 +1,50 @@
-//! The march of a ray.
+//! Marching a ray through the picture.
 
 use super::camera::{Piece, ScreenCamera};
 use super::pyramid::Pyramid;
 use curitiba_pipeline::scene::TriangleRanges;
 use glam::Vec3;
 
-/// Share of a nearness that rounding may take: that of the start and of the surface, whichever is more.
+/// Relative rounding error of a nearness; it is taken of the ray's start and of the surface, whichever gives more.
 pub const ROUNDING: f32 = 1.0 / (1 << 18) as f32;
 
 /// How far into the next block a step goes, in pixels, so that rounding does not hold it back.
 pub const STEP: f32 = 1.0 / 256.0;
 
-/// Least way across the screen, in pixels; a shorter one stays in its column or row.
+/// Least extent of a line across the screen, in pixels; a shorter line stays in its column or row.
 pub const LEAST_SPAN: f32 = 1e-4;
 
-/// What a ray meets.
+/// The answer to a ray.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Answer {
-    /// What this pixel shows.
+    /// The ray hits the surface that the pixel with this index shows.
     Pixel(usize),
-    /// Nothing, to the end of the scene.
+    /// The ray hits nothing up to the end of the scene.
     Nothing,
-    /// It is not known.
+    /// The picture does not show what the ray hits.
     Missing,
 }
 
-/// A ray on the screen: places from its beginning to where the screen, the near plane or the distance ends it.
+/// A ray projected to the screen, from its origin to where the screen's border, the near plane or infinite distance
+/// ends it.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Line {
-    /// Column, row and nearness.
+    /// Column, row and nearness of the start.
     pub start: Vec3,
-    /// From the start to the end.
+    /// Vector from the start to the end.
     pub span: Vec3,
-    /// Whether the end is in the distance.
+    /// Whether the line ends at the far end of the scene.
     pub far: bool,
 }
 
 impl Line {
-    /// `None` where the start is not in the picture, or there is no direction.
+    /// `None` where the start is not in the picture, or the direction is 0.
     #[must_use]
     pub fn new(camera: &ScreenCamera, position: Vec3, direction: Vec3, [width, height]: [u32; 2]) -> Option<Self> {
         let start = camera.place(position);
         let [column, row, depth] =
             [camera.columns, camera.rows, camera.depths].map(|row| row.truncate().dot(direction));
-        // What a share of the way adds that is the same everywhere on the line.
+        // Derivative along the line, up to a positive factor that depends on the place.
         let step = if camera.perspective() {
             Vec3::new(column - start.x * depth, row - start.y * depth, -start.z * depth)
         } else {
@@ -65,38 +66,38 @@ impl Line {
     }
 }
 
-/// What rays are marched through.
+/// The picture that rays are marched through.
 #[derive(Debug, Clone, Copy)]
 pub struct Screen<'a> {
-    /// Of the picture.
+    /// The camera of the picture.
     pub camera: &'a ScreenCamera,
     /// Columns and rows.
     pub size: [u32; 2],
-    /// By pixel.
+    /// Positions by pixel.
     pub position: &'a [[f32; 4]],
-    /// By pixel.
+    /// Normals by pixel.
     pub normal: &'a [[f32; 4]],
-    /// Of the same picture.
+    /// The pyramid of the same picture.
     pub pyramid: &'a Pyramid,
     /// Triangle ids by pixel, and which of them are glass; `None` in a picture without glass.
     pub glass: Option<(&'a [u32], &'a TriangleRanges)>,
-    /// How deep behind a surface a ray still meets it, in scene units.
+    /// Greatest depth behind a surface at which a ray still hits it, in scene units.
     pub thickness: f32,
 }
 
-/// What a pixel does to a ray.
+/// The result of a ray in a pixel.
 enum Crossing {
-    /// It lets it on.
+    /// The ray goes on.
     None,
-    /// The ray meets what it shows.
+    /// The ray hits the surface that the pixel shows.
     Met,
-    /// What the ray meets is not seen.
+    /// The ray hits something that the picture does not show.
     Hidden,
 }
 
 impl Screen<'_> {
-    /// What a ray from a position of the picture meets. `from_inside`: what its own pixel shows lies behind its position; else it shows the
-    /// surface that the ray leaves, and is not asked.
+    /// The answer to a ray from a position of the picture. With `from_inside`, the ray's own pixel shows a surface
+    /// behind the position. Without, it shows the surface that the ray leaves, and that pixel is not tested.
     #[must_use]
     pub fn ask(&self, position: Vec3, direction: Vec3, from_inside: bool) -> Answer {
         let Some(line) = Line::new(self.camera, position, direction, self.size) else { return Answer::Missing };
@@ -140,12 +141,12 @@ impl Screen<'_> {
         if far && t >= 1.0 { Answer::Nothing } else { Answer::Missing }
     }
 
-    /// More than any ray takes: every pixel of the longest line, down from and up to all levels.
+    /// More than any ray needs: every pixel of the longest line, and all levels down and up.
     fn most_steps(&self) -> u32 {
         4 * (self.size[0] + self.size[1]) + 256
     }
 
-    /// What a pixel does to a ray that crosses it between two shares of its line.
+    /// The result of a ray in a pixel that it crosses between two fractions of its line.
     #[inline]
     fn cross(
         &self,
@@ -168,7 +169,7 @@ impl Screen<'_> {
         if before_in && before_out {
             return Crossing::None;
         }
-        // Deeper, it goes on behind the surface or comes out from there.
+        // A ray deeper behind the surface passes behind it, or comes out from behind it.
         let meets = before_in || self.camera.is_within(ray_in, seen_in, self.thickness);
         let is_glass = || self.glass.is_some_and(|(triangles, glass)| glass.contains(triangles[index]));
         if meets && piece.normal.dot(direction) < 0.0 && !is_glass() { Crossing::Met } else { Crossing::Hidden }

@@ -1,16 +1,16 @@
-//! How near the nearest surface of every block of pixels is.
+//! A pyramid with the nearness of the nearest surface in every block of pixels.
 
 use super::camera::{Piece, ScreenCamera};
 use curitiba_pipeline::memory::{Refused, resize};
 use rayon::prelude::*;
 
-/// Nearness where nothing is seen.
+/// Nearness of blocks that show nothing.
 pub const NOTHING: f32 = f32::MIN;
 
-/// Most levels: those of a picture of 32,768 pixels a side.
+/// Greatest number of levels: enough for a picture of 32,768 pixels a side.
 pub const MAX_LEVELS: usize = 16;
 
-/// A level: blocks of `2^level` pixels a side, those at the right and bottom edges of fewer.
+/// A level: blocks of `2^level` pixels a side; blocks at the right and bottom edges may have fewer.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, bytemuck::Pod, bytemuck::Zeroable)]
 #[repr(C)]
 pub struct Level {
@@ -18,12 +18,13 @@ pub struct Level {
     pub first: u32,
     /// Blocks a row.
     pub width: u32,
-    /// Rows.
+    /// Rows of blocks.
     pub height: u32,
     padding: u32,
 }
 
-/// The levels of a picture, from single pixels to one block, and how many blocks there are; `None` of pictures that are too large.
+/// The levels of a picture, from single pixels to one block, and the total number of blocks. `None` for pictures that
+/// are too large.
 #[must_use]
 pub fn levels(width: u32, height: u32) -> Option<(Vec<Level>, usize)> {
     let mut levels = Vec::new();
@@ -39,7 +40,7 @@ pub fn levels(width: u32, height: u32) -> Option<(Vec<Level>, usize)> {
     (levels.len() <= MAX_LEVELS).then_some((levels, usize::try_from(first).ok()?))
 }
 
-/// The nearest nearness of every block, from single pixels upwards. Keeps its memory from picture to picture.
+/// The greatest nearness in every block, from single pixels upwards. Keeps its memory from picture to picture.
 #[derive(Debug, Default)]
 pub struct Pyramid {
     levels: Vec<Level>,
@@ -47,10 +48,10 @@ pub struct Pyramid {
 }
 
 impl Pyramid {
-    /// Of a G-buffer.
+    /// Builds the pyramid of a G-buffer.
     ///
     /// # Errors
-    /// If there is not enough memory for 16 bytes for every three pixels.
+    /// If the picture is too large, or there is not enough memory: 16 bytes for every three pixels.
     pub fn build(
         &mut self,
         camera: &ScreenCamera,
@@ -89,20 +90,20 @@ impl Pyramid {
         Ok(())
     }
 
-    /// Makes every block as near as can be: nothing is skipped.
+    /// Gives every block the greatest nearness, so that marching skips nothing.
     #[cfg(test)]
     pub fn forget(&mut self) {
         self.nearest.fill(f32::MAX);
     }
 
-    /// How many levels there are.
+    /// Number of levels.
     #[must_use]
     #[inline]
     pub fn depth(&self) -> u32 {
         self.levels.len() as u32
     }
 
-    /// Nearness of the nearest surface of a block of a level.
+    /// Nearness of the nearest surface in a block of a level.
     #[must_use]
     #[inline]
     pub fn nearest(&self, level: u32, column: u32, row: u32) -> f32 {

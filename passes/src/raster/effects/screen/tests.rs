@@ -9,7 +9,7 @@ use glam::{Vec2, Vec3, Vec4};
 
 const SIZE: [u32; 2] = [61, 37];
 
-/// Waves of hills with holes in them, as a camera sees them from above.
+/// Waves of hills with holes in them, seen by a camera from above.
 fn hills() -> (ScreenCamera, Vec<[f32; 4]>, Vec<[f32; 4]>) {
     let eye = Vec3::new(0.3, 3.0, 5.0);
     let projection = rh::proj::directx::perspective(0.9, SIZE[0] as f32 / SIZE[1] as f32, 100.0, 0.1);
@@ -92,8 +92,8 @@ fn a_place_is_that_of_the_matrix_and_a_piece_is_the_plane() {
         let Some(piece) = Piece::new(&camera, *position, *normal) else { continue };
         let centre = [index as u32 % SIZE[0], index as u32 / SIZE[0]].map(|at| at as f32 + 0.5);
         assert!((piece.place.x - centre[0]).abs() < 0.01 && (piece.place.y - centre[1]).abs() < 0.01);
-        // Another place of the plane is where the piece says.
-        // Where it is seen at more of a slant, it is bent towards the camera.
+        // At another point of the plane, the piece's nearness must be that of the point. Where the plane is seen at a
+        // more grazing angle, its slope is limited.
         if piece.slope[0].abs() + piece.slope[1].abs() > 0.9 * piece.place.z {
             continue;
         }
@@ -105,7 +105,7 @@ fn a_place_is_that_of_the_matrix_and_a_piece_is_the_plane() {
     assert!(compared > 1000);
 }
 
-/// Skipping blocks changes no answer: a pyramid whose blocks are all as near as can be skips none.
+/// Skipping blocks changes no answer: a pyramid in which every block has the greatest nearness skips none.
 #[test]
 fn the_pyramid_changes_no_answer() {
     let (camera, position, normal) = hills();
@@ -136,6 +136,6 @@ fn the_pyramid_changes_no_answer() {
         }
     }
     println!("{met} met, {missing} missing, {differ} differ");
-    // Steps over corners of pixels round otherwise.
+    // Without skipping, rays step over the corners of pixels at differently rounded places.
     assert!(met > 500 && missing > 500 && differ <= (met + missing) / 500, "{met} {missing} {differ}");
 }

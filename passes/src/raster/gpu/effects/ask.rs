@@ -1,4 +1,4 @@
-//! Whether a picture calls for maps at all, asked on the device where the G-buffer is there.
+//! Whether a picture needs maps at all, found out on the device that holds the G-buffer.
 
 use super::inputs::Inputs;
 use super::question::{Question, Words};
@@ -20,15 +20,15 @@ pub struct Ask {
 }
 
 impl Ask {
-    /// For a pixel that shows glass, or one that faces the light.
+    /// The question for glass pixels, or for pixels that face the light.
     pub fn new(gpu: &Gpu, inputs: &Inputs, glass: bool) -> Result<Self, BackendError> {
         let source = shader::ask_source(glass);
         let question = Question::new(gpu, inputs, WORDS, source, size_of::<AskUniform>(), 1)?;
         Ok(Self { question, glass })
     }
 
-    /// The least and the largest depth of the pixels that do, 0 in the question for glass; `None` if no pixel does. Waits.
-    /// `glass` is the table of glass.
+    /// Nearest and farthest depth of the pixels that need maps, 0 in the question for glass; `None` if no pixel needs
+    /// maps. Waits. `glass` is the table of glass triangles.
     pub fn any(
         &mut self,
         gpu: &Gpu,
@@ -36,7 +36,7 @@ impl Ask {
         glass: &wgpu::Buffer,
         params: AskUniform,
     ) -> Result<Option<[f32; 2]>, BackendError> {
-        // `Found` of the shader.
+        // The numbers of `Found` in the shader.
         let mut found = [0_u32; 3];
         let groups = params.size.map(|pixels| pixels.div_ceil(GROUP));
         self.question.ask(gpu, gbuffer, &[glass], bytemuck::bytes_of(&params), groups, &mut found)?;

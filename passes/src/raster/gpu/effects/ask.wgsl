@@ -1,23 +1,23 @@
-// Whether any pixel calls for maps: without one, none are drawn.
+// Whether any pixel needs maps: without one, no map is drawn.
 //
 //   GLASS   a pixel that shows glass; else one that faces the light, and the depths of all that do
 
 struct Params {
-    // Without GLASS: the dot product with a position and 1 is its depth.
+    // Without GLASS: the dot product of this with a position and 1 is the position's depth.
     depth_plane: vec4<f32>,
-    // Pixels a row, and rows.
+    // Pixels in a row, and number of rows.
     size: vec2<u32>,
-    // What triangle ids are stored above their value.
+    // Offset of stored triangle ids: the stored value is the id plus this.
     id_base: u32,
-    // How many ranges of triangles are glass.
+    // Number of ranges of glass triangles.
     ranges: u32,
 }
 
 struct Found {
-    // 1 if any pixel does.
+    // 1 if any pixel needs maps.
     any: atomic<u32>,
-    // Without GLASS: the largest complement of the bits of a depth, and the largest bits. Bits of floats of which none is
-    // below 0 are ordered as these are.
+    // Without GLASS: the greatest complement of a depth's bits, and the greatest bits. Non-negative floats have the
+    // same order as their bits.
     nearest: atomic<u32>,
     farthest: atomic<u32>,
 }
@@ -25,7 +25,7 @@ struct Found {
 @group(0) @binding(1) var position_buffer: texture_2d<f32>;
 @group(0) @binding(3) var triangle_buffer: texture_2d<u32>;
 @group(1) @binding(0) var<uniform> params: Params;
-// First triangle and end of each range of triangles that are glass, ascending.
+// First triangle and end of each range of glass triangles, ascending.
 @group(1) @binding(1) var<storage, read> glass: array<vec2<u32>>;
 @group(1) @binding(2) var<storage, read_write> found: Found;
 
@@ -43,14 +43,14 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
     if !calls {
         return;
     }
-    // Reading first: millions of pixels need not write.
+    // Reads first, so that most of the millions of pixels need not write.
     if atomicLoad(&found.any) == 0u {
         atomicStore(&found.any, 1u);
     }
 //#if GLASS
 //#else
     let depth = dot(params.depth_plane, vec4<f32>(position.xyz, 1.0));
-    // Also where it is not a number.
+    // Also 0 for a NaN.
     let bits = select(0u, bitcast<u32>(depth), depth > 0.0 && depth < LARGEST);
     if atomicLoad(&found.nearest) < ~bits {
         atomicMax(&found.nearest, ~bits);

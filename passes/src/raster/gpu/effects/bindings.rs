@@ -1,8 +1,8 @@
-//! Groups of what compute shaders read and write, each thing at the binding of its place in a list.
+//! Bind groups of compute shaders: each resource has its index in a list as its binding.
 
 use std::num::NonZeroU64;
 
-/// A struct of so many bytes.
+/// A uniform struct of this size.
 pub fn uniform(bytes: usize) -> wgpu::BindingType {
     wgpu::BindingType::Buffer {
         ty: wgpu::BufferBindingType::Uniform,
@@ -11,13 +11,13 @@ pub fn uniform(bytes: usize) -> wgpu::BindingType {
     }
 }
 
-/// A list.
+/// A storage array.
 pub fn storage(read_only: bool) -> wgpu::BindingType {
     let ty = wgpu::BufferBindingType::Storage { read_only };
     wgpu::BindingType::Buffer { ty, has_dynamic_offset: false, min_binding_size: None }
 }
 
-/// Textures whose texels are read as they are.
+/// A texture that is read without a sampler.
 pub fn texture(sample_type: wgpu::TextureSampleType, view_dimension: wgpu::TextureViewDimension) -> wgpu::BindingType {
     wgpu::BindingType::Texture { sample_type, view_dimension, multisampled: false }
 }
@@ -34,7 +34,7 @@ pub fn layout(
     device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor { label: Some(label), entries: &entries })
 }
 
-/// A group of that layout.
+/// A group with that layout.
 pub fn bind<'a>(
     device: &wgpu::Device,
     label: &str,

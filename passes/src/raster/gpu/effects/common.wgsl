@@ -1,12 +1,12 @@
-// What the pixel programs of the raster effects share. The Rust module `raster::effects` documents every formula; the names
-// are its names.
+// Shared by the pixel programs of the raster effects. The Rust module `raster::effects` documents every formula under
+// the same names.
 
 struct Frame {
-    // Pixels a row, and rows.
+    // Pixels in a row, and number of rows.
     size: vec2<u32>,
-    // The row that the first workgroup starts at: large pictures are computed in several submissions.
+    // First row of this submission: large pictures are computed in several submissions.
     first_row: u32,
-    // What triangle ids are stored above their value.
+    // Offset of stored triangle ids: the stored value is the id plus this.
     id_base: u32,
 }
 
@@ -26,11 +26,11 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
     }
 }
 
-// What the eye sees: the unit direction in which it does, and the unit normal turned to it.
+// The unit direction from the eye to a position, and the unit normal turned to the eye.
 struct Facing {
     view: vec3<f32>,
     normal: vec3<f32>,
-    // False where there is no normal, or the position is the eye's or not a number.
+    // False where the normal is 0, or the position is the eye's or NaN.
     known: bool,
 }
 

@@ -4,22 +4,22 @@
 
 struct Params {
     eye: vec4<f32>,
-    // By face: the directions to its middle, to the right, and down.
+    // For each face: the directions to its centre, to its right, and down.
     axes: array<vec4<f32>, 18>,
-    // Texels a side of a face.
+    // Texels along a side of a face.
     map_size: u32,
-    // How many probes and ranges there are.
+    // Number of probes, and number of ranges of glass.
     probes: u32,
     ranges: u32,
-    // Index of refraction of a whole pane.
+    // Refractive index of a whole pane.
     index: f32,
-    // 1: Schlick's approximation of Fresnel's equations.
+    // 1 selects Schlick's approximation of Fresnel's equations.
     schlick: u32,
 }
 
-// Layers: six faces for each probe.
+// Six layers for each probe, one for each face.
 @group(1) @binding(3) var faces: texture_2d_array<f32>;
-// First triangle and end of each range of triangles that are glass, ascending.
+// First triangle and end of each range of glass triangles, ascending.
 @group(1) @binding(4) var<storage, read> glass: array<vec2<u32>>;
 @group(1) @binding(5) var<storage, read> probes: array<Probe>;
 

@@ -1,7 +1,7 @@
-// A level of the edge-avoiding filter of occlusions: `raster::effects::filter`.
+// One level of the edge-avoiding filter of ambient occlusion: `raster::effects::filter`.
 
 struct Params {
-    // Pixels from one that is averaged to the next.
+    // Distance between neighbouring taps, in pixels.
     step: i32,
     // Exponent of the result.
     exponent: f32,
@@ -12,7 +12,7 @@ struct Params {
 struct Surface {
     position: vec3<f32>,
     normal: vec3<f32>,
-    // False where there is none.
+    // False where the pixel has no surface.
     shown: bool,
 }
 
@@ -59,13 +59,13 @@ fn surface_at(pixel: vec2<u32>) -> Surface {
     return Surface(position, normal / select(1.0, length_, shown), shown);
 }
 
-// The B3 spline.
+// Weights of the cubic B-spline.
 fn spline(place: i32) -> f32 {
     let outer = select(SPLINE_2, SPLINE_1, abs(place) == 1);
     return select(outer, SPLINE_0, place == 0);
 }
 
-// `x` from 0 to 1 to a power of at least 0.
+// `x` in 0..1 to a power of at least 0.
 fn power(x: f32, exponent: f32) -> f32 {
     if exponent == 0.0 || x >= 1.0 {
         return 1.0;

@@ -8,7 +8,7 @@ struct Interface {
 fn fresnel(cosine: f32) -> Interface {
     let cos = clamp(cosine, 0.0, 1.0);
     let index = params.index;
-    // The first term loses no digits for an index near 1.
+    // Factored, so that the first term loses no digits for an index near 1.
     let discriminant = (index - 1.0) * (index + 1.0) + cos * cos;
     if discriminant <= 0.0 {
         return Interface(1.0, 0.0);

@@ -1,5 +1,5 @@
 
-// Whether a triangle is in one of the ranges; ids of no triangle are not.
+// Whether a triangle is in one of the ranges of glass; false for ids that are no triangle.
 fn is_glass(triangle: u32) -> bool {
     return range_of(triangle) != 0u;
 }

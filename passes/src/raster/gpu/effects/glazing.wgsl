@@ -1,9 +1,9 @@
 
-// Where a triangle's plane of glass is looked up: `raster::effects::planes`.
+// Looks up the plane of glass of a triangle: `raster::effects::planes`.
 
 const NOT_GLASS = 0xfffffffeu;
 
-// The plane that a triangle of glass lies in, or NO_PLANE; NOT_GLASS for others and for ids of no triangle.
+// The plane that a glass triangle lies in, or NO_PLANE; NOT_GLASS for other triangles and for ids that are no triangle.
 fn plane_of(triangle: u32) -> u32 {
     let range = range_of(triangle);
     if range == 0u {
@@ -12,7 +12,7 @@ fn plane_of(triangle: u32) -> u32 {
     return glass[range - 1u].z;
 }
 
-// Whether a shading normal is that of a plane: its unit normal, and the square of the sine that is allowed.
+// Whether a shading normal is perpendicular to a plane: `plane` is its unit normal and the square of the greatest sine.
 fn agrees(normal: vec3<f32>, plane: vec4<f32>) -> bool {
     let square = dot(normal, normal);
     let off = cross(normal, plane.xyz);

@@ -1,4 +1,4 @@
-//! The G-buffer as programs read it: the attachments drawn last, or textures filled from host memory.
+//! The G-buffer as programs read it: the attachments of the last draw, or textures uploaded from host memory.
 
 use super::bindings;
 use super::kept::Kept;
@@ -8,14 +8,14 @@ use crate::raster::gpu::targets::{CHANNEL_FORMATS, CHANNELS, TRIANGLE, Targets};
 use curitiba_pipeline::backend::{BackendError, EffectJob};
 use std::time::{Duration, Instant};
 
-/// Which channels a program reads.
+/// Whether a program reads the colour, position, normal and triangle channels.
 pub fn wanted(job: &EffectJob<'_>) -> [bool; 4] {
     let info = job.program.info();
     let reads = |buffer| info.buffers.contains(&buffer);
     [reads("color_buffer"), reads("pos_buffer"), reads("norm_buffer"), info.glass && job.glass.contains(&true)]
 }
 
-/// The layout of group 0, and the textures that stand in for channels that a program does not read.
+/// The layout of group 0, and placeholder textures for channels that a program does not read.
 #[derive(Debug)]
 pub struct Inputs {
     pub layout: wgpu::BindGroupLayout,
@@ -23,17 +23,17 @@ pub struct Inputs {
     uploads: Kept<(u32, u32, [bool; 4]), Upload>,
 }
 
-/// A G-buffer that is ready to be read.
+/// A G-buffer that is bound and can be read.
 #[derive(Debug)]
 pub struct Ready<'a> {
     pub group: &'a wgpu::BindGroup,
-    /// What a triangle id is stored above its value.
+    /// Offset of stored triangle ids: the stored value is the id plus this.
     pub id_base: u32,
-    /// What the copy from host memory took; `None` where there was none.
+    /// Time of the copy from host memory; `None` if nothing was copied.
     pub upload: Option<Duration>,
 }
 
-/// Textures filled from host memory.
+/// Textures uploaded from host memory.
 #[derive(Debug)]
 struct Upload {
     channels: [Option<wgpu::Texture>; 4],
@@ -59,7 +59,7 @@ impl Inputs {
         Ok(Self { layout, unread, uploads: Kept::default() })
     }
 
-    /// The job's G-buffer: that of `drawn` where the job says that it is the same, else uploaded.
+    /// Binds the job's G-buffer: that of `drawn` if the job says it is the same, else an upload.
     pub fn ready<'a>(
         &'a mut self,
         gpu: &Gpu,
@@ -83,11 +83,11 @@ impl Inputs {
         }
         let group = targets.group.get_or_init(|| self.bind(gpu, views));
         gpu.check("binding of the G-buffer")?;
-        // As the attachment is cleared to 0, see `Targets`.
+        // 1, because the attachment is cleared to 0, see `Targets`.
         Ok(Ready { group, id_base: 1, upload: None })
     }
 
-    /// The group of a G-buffer with these channels.
+    /// The bind group of a G-buffer with these channels.
     pub fn bind(&self, gpu: &Gpu, views: [Option<&wgpu::TextureView>; 4]) -> wgpu::BindGroup {
         let view = |channel: usize| views[channel].unwrap_or(&self.unread[channel]);
         let resources = (0..4).map(|channel| wgpu::BindingResource::TextureView(view(channel)));
@@ -127,7 +127,7 @@ impl Inputs {
         self.uploads.last().ok_or_else(|| failure("the uploaded G-buffer is gone"))
     }
 
-    /// Bytes of device memory.
+    /// Bytes of device memory of all uploads.
     pub fn bytes(&self) -> u64 {
         self.uploads.values().map(|upload| upload.bytes).sum()
     }
@@ -146,7 +146,7 @@ fn texture(gpu: &Gpu, label: &str, format: wgpu::TextureFormat, width: u32, heig
     })
 }
 
-/// Refuses pictures larger than the device's textures.
+/// Refuses pictures larger than the device's greatest texture.
 pub fn check_size(gpu: &Gpu, job: &EffectJob<'_>) -> Result<(), BackendError> {
     let largest = gpu.limits.max_texture_dimension_2d;
     if job.width.max(job.height) <= largest {

@@ -1,12 +1,12 @@
-//! What is costly to make and stays for the next frame.
+//! A small cache for resources that are costly to make.
 
 use crate::raster::gpu::device::Gpu;
 use curitiba_pipeline::backend::BackendError;
 
-/// How many of a kind are kept: passes of one frame may have several sizes.
+/// Number of entries: the passes of one frame may have several sizes.
 const KEPT: usize = 4;
 
-/// A few things by what they were made for; the one used last is last.
+/// A few values with their keys; the last used is last.
 #[derive(Debug)]
 pub struct Kept<K, V>(Vec<(K, V)>);
 
@@ -17,7 +17,7 @@ impl<K, V> Default for Kept<K, V> {
 }
 
 impl<K: PartialEq, V> Kept<K, V> {
-    /// Finds or makes what belongs to `key`; `true` if it was made, and something else may be gone.
+    /// Finds or makes the value of `key`. Returns whether it was made; an older value may then have been dropped.
     pub fn require(
         &mut self,
         gpu: &Gpu,
@@ -31,7 +31,7 @@ impl<K: PartialEq, V> Kept<K, V> {
                     self.0.remove(0);
                 }
                 let value = match make(&key) {
-                    // The others may be what fills the memory.
+                    // Memory may be full with the other values.
                     Err(BackendError::Device { .. }) if !self.0.is_empty() => {
                         self.0.clear();
                         gpu.submit_and_wait(None, "release of what other frames left")?;
@@ -46,12 +46,12 @@ impl<K: PartialEq, V> Kept<K, V> {
         Ok((&self.0[self.0.len() - 1].1, made))
     }
 
-    /// What was required last.
+    /// The last required value.
     pub fn last(&self) -> Option<&V> {
         self.0.last().map(|(_, value)| value)
     }
 
-    /// What is kept.
+    /// All values.
     pub fn values(&self) -> impl Iterator<Item = &V> {
         self.0.iter().map(|(_, value)| value)
     }

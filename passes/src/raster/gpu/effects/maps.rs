@@ -1,4 +1,4 @@
-//! Maps: the scene drawn from elsewhere before the pixels are computed.
+//! Maps: pictures of the scene from other cameras, drawn before the pixels are computed.
 
 use super::Context;
 use crate::raster::gpu::device::Gpu;
@@ -13,57 +13,57 @@ use curitiba_pipeline::programs::RasterProgram;
 use glam::Vec4;
 use std::time::Instant;
 
-/// Faces of a cube map.
+/// Number of faces of a cube map.
 const FACES: u32 = crate::raster::effects::cube::FACES as u32;
 
-/// What maps are for, and their size.
+/// Kind and size of the maps of an effect.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum MapsKey {
-    /// Depths as a light sees them.
+    /// Depths from the light.
     Depth {
-        /// Texels a side.
+        /// Texels along a side.
         size: u32,
-        /// How many maps.
+        /// Number of maps.
         cascades: u32,
     },
-    /// Colours all around some points.
+    /// Colours in all directions around some points.
     Cubes {
-        /// Texels a side of a face.
+        /// Texels along a side of a face.
         size: u32,
-        /// How many points.
+        /// Number of points.
         probes: u32,
     },
-    /// Colours as mirrors show them, with the pixels of the window.
+    /// Colours from mirrored cameras, with the pixels of the picture.
     Mirrors {
-        /// Columns and rows.
+        /// Columns and rows of the picture.
         size: [u32; 2],
-        /// How many; mirrors beside each other in the window share one.
+        /// Number of layers; mirrors at separate places of the picture share a layer.
         layers: u32,
     },
 }
 
-/// What is drawn, and where.
+/// One picture to draw into a map.
 #[derive(Debug, Clone, Copy)]
 pub struct Shot {
-    /// From where.
+    /// The camera.
     pub view: View,
-    /// Into which map.
+    /// Index of the map's layer.
     pub layer: u32,
-    /// The pixels that are drawn, of a map that others share; the whole map without.
+    /// The pixels to draw, of a layer that other pictures share; `None` draws the whole layer.
     pub pixels: Option<Rect>,
-    /// Whether others are in the map, and stay.
+    /// Whether the layer already holds other pictures, which are kept.
     pub keeps: bool,
 }
 
 impl Shot {
-    /// That fills a map.
+    /// A picture that fills a layer.
     pub fn whole(view: View, layer: u32) -> Self {
         Self { view, layer, pixels: None, keeps: false }
     }
 }
 
 impl MapsKey {
-    /// Bytes of device memory, a depth buffer that faces share included.
+    /// Bytes of device memory, including a depth buffer that faces share.
     pub fn bytes(self) -> u64 {
         let texels = |size: u32| u64::from(size) * u64::from(size);
         match self {
@@ -76,21 +76,21 @@ impl MapsKey {
     }
 }
 
-/// Maps of one size: square ones with depths only or the faces of cube maps with colours, or pictures of mirrors.
+/// Maps of one size: square depth maps, the faces of cube maps with colours, or pictures of mirrors.
 #[derive(Debug, Clone)]
 pub struct Maps {
-    /// What the pixel program reads: an array of all depths, or of all faces, probe by probe.
+    /// The array that the pixel program reads: all depths, or all faces, probe by probe.
     pub read: wgpu::TextureView,
-    /// What the colours of each face are drawn to; empty for depths.
+    /// Colour targets, one for each face; empty for depth maps.
     faces: std::sync::Arc<[wgpu::TextureView]>,
-    /// What the depths of each map are drawn to; faces share one.
+    /// Depth targets, one for each depth map; faces share one.
     depths: std::sync::Arc<[wgpu::TextureView]>,
-    /// Bytes of device memory, as [`MapsKey::bytes`].
+    /// Bytes of device memory, see [`MapsKey::bytes`].
     pub bytes: u64,
 }
 
 impl Maps {
-    /// Room for maps; what is drawn to them comes later.
+    /// Allocates maps; nothing is drawn yet.
     pub fn new(gpu: &Gpu, key: MapsKey) -> Result<Self, BackendError> {
         match key {
             MapsKey::Depth { size, cascades } => Self::depth(gpu, size, cascades),
@@ -145,7 +145,7 @@ impl Maps {
     }
 }
 
-/// Some layers of a texture.
+/// A view of some layers of a texture.
 fn layers(texture: &wgpu::Texture, first: u32, count: u32, dimension: wgpu::TextureViewDimension) -> wgpu::TextureView {
     texture.create_view(&wgpu::TextureViewDescriptor {
         dimension: Some(dimension),
@@ -184,8 +184,8 @@ fn texture(
     })
 }
 
-/// Draws the scene without the materials that are `left_out` into `maps`, colours or depths, one picture for each of `shots`,
-/// and waits. Gives the time, and the triangles submitted.
+/// Draws one picture for each of `shots` into `maps`, colours or depths, without the materials in `left_out`, and
+/// waits. Returns the time, and the number of triangles submitted.
 pub fn draw(
     context: &mut Context<'_>,
     draws: &mut DrawList,
@@ -198,14 +198,14 @@ pub fn draw(
     let start = Instant::now();
     let (Some(first), Some(shared)) = (shots.first(), maps.depths.first()) else { return Ok((Part::default(), 0)) };
     let color = !maps.faces.is_empty();
-    // The draws do not depend on the viewport.
+    // The draw list does not depend on the viewport.
     let raster = RasterJob {
         scene: job.scene,
         program: RasterProgram::Deferred,
         view: first.view,
         sun: job.sun,
         shades: job.shades,
-        // Maps show what rays meet: both sides of everything.
+        // Maps show what rays hit, so both sides of every triangle are drawn.
         culled: &[],
         viewport: Rect { x: 0, y: 0, width: 0, height: 0 },
         clear_color: Vec4::ZERO,
@@ -261,7 +261,8 @@ pub fn draw(
     Ok((Part { host: start.elapsed(), device }, draws.triangles() * shots.len() as u64))
 }
 
-/// Submits, and at the last of a series waits; then gives the time of all where the device tells it.
+/// Submits the commands. After the last submission of a series it waits, and returns the time of the whole series where
+/// the device measures it.
 pub fn submit(
     gpu: &Gpu,
     timer: Option<&Timer>,

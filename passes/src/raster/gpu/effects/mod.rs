@@ -1,10 +1,11 @@
 //! Raster effects on the device: maps drawn with the rasteriser's own pipelines, and one compute shader for each program.
 //!
-//! What a program computes is said once, in [`crate::raster::effects`]: cameras, probes and biases come from there, and what
-//! the shaders must repeat is compared with it by tests. Differences are those of rounding; `raster_effects_agree` states
-//! how many pixels they change.
+//! The host code in [`crate::raster::effects`] defines what a program computes: cameras, probes and biases come from
+//! there, and tests compare with it what the shaders must repeat. Differences come from rounding;
+//! `raster_effects_agree` states how many pixels they change.
 //!
-//! A G-buffer that was drawn last is read where it lies. Textures, pipelines, bindings and buffers stay for the next frame.
+//! The G-buffer of the last draw is read in place. Textures, pipelines, bind groups and buffers are kept for the next
+//! frame.
 
 mod ask;
 mod bindings;
@@ -55,7 +56,7 @@ use std::time::{Duration, Instant};
 use survey::Surveyor;
 use table::Table;
 
-/// What of the rasteriser effects use.
+/// The parts of the rasteriser that effects use.
 pub(super) struct Context<'a> {
     pub gpu: &'a Gpu,
     pub layouts: &'a Layouts,
@@ -67,42 +68,42 @@ pub(super) struct Context<'a> {
     pub cache: &'a mut SceneCache,
 }
 
-/// What effects keep on the device.
+/// Resources that effects keep on the device.
 #[derive(Debug)]
 pub(super) struct Effects {
     inputs: Inputs,
     draws: DrawList,
     programs: HashMap<Variant, Program>,
-    /// Whether light or glass is seen.
+    /// The questions whether any pixel faces the light, and whether any shows glass.
     asks: [Option<Ask>; 2],
     maps: Kept<MapsKey, Maps>,
     outputs: Kept<(u32, u32), Output>,
-    /// Where every other level of the filter writes.
+    /// Outputs of every other level of the filter.
     filtered: Kept<(u32, u32), Output>,
-    /// Whether the last pass ended in one of these.
+    /// Whether the last pass ended in `filtered`.
     ends_in_filtered: bool,
-    /// Group 1 of programs, by output and maps; none that binds what is no longer kept.
+    /// Bind group 1 of programs, by output and maps. Groups of dropped resources are removed.
     groups: HashMap<GroupKey, wgpu::BindGroup>,
     glass: Table,
     boxes: Table,
-    /// The runs of glass, and the mirrors.
+    /// The runs of glass; `mirrors` are those of the frame.
     runs: Table,
     mirrors: Table,
     surveyor: Option<Surveyor>,
     marching: Option<Marching>,
     plane_of: Vec<u32>,
     probes: Probes,
-    /// Draws what proxies are found from.
+    /// The rasteriser that draws the surroundings from which proxies are computed.
     surroundings: Option<Box<CpuRasteriser>>,
     shots: Vec<Shot>,
-    /// The triangles that are glass: what [`Self::glass`] holds.
+    /// The ranges of glass triangles that [`Self::glass`] holds.
     ranges: TriangleRanges,
 }
 
-/// A program, the size of its output, its maps, and the size of its pyramid.
+/// The variant of a program, the size of its output, its maps, and the size of its pyramid.
 type GroupKey = (Variant, (u32, u32), Option<MapsKey>, Option<[u32; 2]>);
 
-/// Where a program writes.
+/// The output of a program.
 #[derive(Debug)]
 struct Output {
     texture: wgpu::Texture,
@@ -129,23 +130,23 @@ impl Output {
     }
 }
 
-/// The maps of a pass once they are drawn, and the uniforms of the program that reads them.
+/// The drawn maps of a pass, and the uniforms of the program that reads them.
 #[derive(Debug, Default)]
 struct Prepared {
     maps: Option<MapsKey>,
     params: Vec<u8>,
-    /// Building what rays are marched through.
+    /// Time to build the pyramid.
     building: Part,
 }
 
-/// Texels that a pixel of a program reads, about.
+/// Approximate number of texels that a program reads for each pixel.
 fn texels(job: &EffectJob<'_>) -> u64 {
     let params = &job.params;
     match job.program {
         EffectProgram::ShadowMap if params.sun > 0.0 => 1 + (SEARCH_TAPS + 4 * FILTER_TAPS) as u64,
         EffectProgram::ShadowMap => 1 + (2 * u64::from(params.pcf) + 2).pow(2),
         EffectProgram::CubeReflection | EffectProgram::CubeRefraction => 12 + u64::from(params.probes),
-        // Rays mostly cross hundreds of pixels, of which blocks are skipped.
+        // A ray mostly crosses hundreds of pixels, but skips blocks of them.
         EffectProgram::ScreenReflection | EffectProgram::ScreenRefraction => 256,
         EffectProgram::PlanarReflection => 4,
         EffectProgram::DepthOcclusion | EffectProgram::HorizonOcclusion => {
@@ -180,7 +181,7 @@ impl Effects {
         })
     }
 
-    /// Bytes of device memory: maps, outputs and uploaded G-buffers.
+    /// Bytes of device memory: maps, outputs, pyramids and uploaded G-buffers.
     pub fn bytes(&self) -> u64 {
         let maps: u64 = self.maps.values().map(|maps| maps.bytes).sum();
         let pixels = |output: &Output| u64::from(output.texture.width()) * u64::from(output.texture.height());
@@ -189,7 +190,8 @@ impl Effects {
         maps + marching + 16 * outputs.sum::<u64>() + self.inputs.bytes()
     }
 
-    /// Runs a pass. `drawn` is what was drawn last, if that is a whole picture. Without an `output` the picture stays in [`Self::picture`].
+    /// Runs a pass. `drawn` is the last draw, if that is a whole picture. Without an `output` the picture stays on the
+    /// device as [`Self::picture`].
     pub fn run(
         &mut self,
         context: &mut Context<'_>,
@@ -223,7 +225,7 @@ impl Effects {
 
         let task = Task { width: job.width, height: job.height, id_base, texels: texels(job) };
         let mut stats = EffectStats::default();
-        // The programs that draw maps start it again.
+        // Programs that draw maps restart the progress.
         progress.start(task.submissions() + filter_task(&task).submissions() * u64::from(levels(job)));
         let prepared = match job.program {
             EffectProgram::ShadowMap => self.shadow_maps(context, job, called, &task, &mut stats, progress)?,
@@ -253,7 +255,7 @@ impl Effects {
         let groups: Vec<&wgpu::BindGroup> = [&gbuffer, &group].into_iter().chain(&behind).collect();
         let part = program.run(gpu, context.timer, &groups, &prepared.params, &task, progress)?;
         stats.pixels = together(part, prepared.building);
-        // Levels write to the one and the other by turns.
+        // The levels write alternately to the two outputs.
         self.ends_in_filtered = levels(job) % 2 == 1;
         if levels(job) > 0 {
             let part = self.filter(context, job, &gbuffer, &task, progress)?;
@@ -277,13 +279,13 @@ impl Effects {
         Ok(stats)
     }
 
-    /// What the last pass wrote.
+    /// The picture of the last pass.
     pub fn picture(&self) -> Option<&wgpu::Texture> {
         let written = if self.ends_in_filtered { &self.filtered } else { &self.outputs };
         written.last().map(|output| &output.texture)
     }
 
-    /// Filters an occlusion, in as many levels as the job asks for.
+    /// Filters an ambient occlusion, in as many levels as the job asks for.
     fn filter(
         &mut self,
         context: &Context<'_>,
@@ -317,8 +319,8 @@ impl Effects {
         Ok(part)
     }
 
-    /// The depths of the pixels that ask the program's maps, 0 if these pixels are glass. `None` without such a pixel: then
-    /// no maps are drawn.
+    /// Nearest and farthest depth of the pixels that need the program's maps, 0 if these are glass pixels. `None` if no
+    /// pixel needs maps: then none are drawn.
     fn called_for(
         &mut self,
         gpu: &Gpu,
@@ -357,7 +359,7 @@ impl Effects {
         ask.any(gpu, gbuffer, &self.glass.buffer, params)
     }
 
-    /// The depths that the light sees.
+    /// Draws the cascaded depth maps.
     fn shadow_maps(
         &mut self,
         context: &mut Context<'_>,
@@ -390,8 +392,8 @@ impl Effects {
         Ok(Prepared { maps: Some(key), params, ..Prepared::default() })
     }
 
-    /// The pyramid that rays are marched through, with refraction of the picture without glass, and the cube maps that stand for rays which
-    /// are not answered.
+    /// Builds the pyramid for marching rays (with refraction, that of the picture without glass), and draws the cube
+    /// maps for rays that the screen does not answer.
     #[expect(clippy::too_many_arguments, reason = "as the other preparations, and where the G-buffer is")]
     fn screen(
         &mut self,
@@ -437,7 +439,7 @@ impl Effects {
         Ok(Prepared { params: bytemuck::bytes_of(&uniform).to_vec(), building, ..prepared })
     }
 
-    /// What the panes that matter most see.
+    /// Draws the cube maps of the panes that cover most of the picture.
     fn cube_maps(
         &mut self,
         context: &mut Context<'_>,
@@ -449,7 +451,7 @@ impl Effects {
     ) -> Result<Prepared, BackendError> {
         let bounds = context.cache.bounds(job.scene);
         let panes = if called { context.cache.panes(job.scene, job.glass) } else { &[] };
-        // As many as any view can need, so that the maps stay when the camera moves.
+        // As many as any view may need, so that the maps are kept when the camera moves.
         let most = job.params.probes.min(panes.len() as u32);
         self.probes.choose(panes, &bounds, &job.view, job.params.probes);
         if job.params.parallax == Parallax::Box {
@@ -482,7 +484,7 @@ impl Effects {
         Ok(Prepared { maps: Some(key), params, ..Prepared::default() })
     }
 
-    /// The planes of glass that the picture shows most of.
+    /// Chooses the planes of glass that the most pixels show.
     fn choose_mirrors(
         &mut self,
         context: &mut Context<'_>,
@@ -509,7 +511,7 @@ impl Effects {
         Ok(Mirrors::choose(glazing, &survey, &bounds, &job.view, job.params.planes))
     }
 
-    /// What the mirrors show.
+    /// Draws the pictures of the mirrors.
     fn pictures(
         &mut self,
         context: &mut Context<'_>,
@@ -522,7 +524,7 @@ impl Effects {
         stats.glass_pixels = mirrors.glass_pixels;
         let chosen = &mirrors.chosen;
         let layers = share_layers(chosen.iter().map(|mirror| mirror.pixels));
-        // In powers of two, so that the maps mostly stay when the camera moves.
+        // A power of two, so that the maps are mostly kept when the camera moves.
         let count = layers.iter().max().map_or(1, |last| (last + 1).next_power_of_two());
         let size = if chosen.is_empty() { [1; 2] } else { [job.width, job.height] };
         let key = MapsKey::Mirrors { size, layers: count };
@@ -557,7 +559,7 @@ impl Effects {
         Ok(maps)
     }
 
-    /// Group 1 of a program; the output and the maps are the ones used last.
+    /// Bind group 1 of a program, with the last used output and maps.
     fn group(
         &mut self,
         gpu: &Gpu,
@@ -594,7 +596,7 @@ impl Effects {
     }
 }
 
-/// Levels of the filter after an occlusion.
+/// Number of filter levels after an ambient occlusion.
 fn levels(job: &EffectJob<'_>) -> u32 {
     match job.program {
         EffectProgram::DepthOcclusion | EffectProgram::HorizonOcclusion => job.params.filter,
@@ -602,18 +604,18 @@ fn levels(job: &EffectJob<'_>) -> u32 {
     }
 }
 
-/// A level of the filter after a program's own task: 25 pixels, of each three texels.
+/// The work of a filter level, for a program's own task: 25 pixels with three texels each.
 fn filter_task(task: &Task) -> Task {
     Task { texels: 75, ..*task }
 }
 
-/// Two parts that follow each other.
+/// The time of two consecutive parts.
 fn together(a: Part, b: Part) -> Part {
     let device = a.device.map(|time| time + b.device.unwrap_or_default());
     Part { host: a.host + b.host, device }
 }
 
-/// A layer for each picture, the first in which it meets no other.
+/// The layer of each picture: the first layer in which it overlaps no other picture.
 fn share_layers(pictures: impl Iterator<Item = Rect>) -> Vec<u32> {
     let apart = |a: &Rect, b: &Rect| {
         a.x + a.width <= b.x || b.x + b.width <= a.x || a.y + a.height <= b.y || b.y + b.height <= a.y

@@ -1,4 +1,4 @@
-// Ambient occlusion from what the camera sees: `raster::effects::occlusion`.
+// Screen-space ambient occlusion: `raster::effects::occlusion`.
 //
 //   HORIZONS   by horizons, or by sectors; else by the difference of depths
 //   BITMASK    by sectors of a bitmask
@@ -14,12 +14,12 @@ struct Params {
     thickness: f32,
 }
 
-// A direction in which occluders are looked for.
+// A direction in which occluders are searched.
 struct Slice {
     across: vec3<f32>,
     clip: vec4<f32>,
     clip_step: vec4<f32>,
-    // World length along `across` that is a pixel of the picture.
+    // World length along `across` that covers one pixel of the picture.
     pixel: f32,
     jitter: vec2<f32>,
 }
@@ -45,7 +45,7 @@ fn occlusion(pixel: vec2<u32>, position: vec3<f32>, seen: Facing) -> f32 {
         let aside = cross(to_eye, slice.across);
         let off = dot(seen.normal, aside);
         let length_squared = 1.0 - off * off;
-        // The normal is the slice plane's: it has no weight.
+        // The normal is almost perpendicular to the slice's plane, so the slice has no weight.
         if length_squared < LEAST_WEIGHT {
             continue;
         }
@@ -69,7 +69,7 @@ fn occlusion(pixel: vec2<u32>, position: vec3<f32>, seen: Facing) -> f32 {
         whole += all;
         visible += all * (1.0 - f32(countOneBits(shut)) / SECTORS);
 //#else
-        // The cosines of the horizons, from that of the tangent plane upwards.
+        // The cosines of the two horizons; both start at the tangent plane.
         let open = vec2<f32>(-sin_normal, sin_normal);
         var horizons = open;
         if slice.pixel < params.radius {
@@ -88,16 +88,16 @@ fn occlusion(pixel: vec2<u32>, position: vec3<f32>, seen: Facing) -> f32 {
 }
 
 //#if BITMASK
-// What the sectors of a slice are measured by: `raster::effects::occlusion::bitmask`.
+// The measures of a slice's sectors: `raster::effects::occlusion::bitmask`.
 struct Sectors {
     sin_normal: f32,
     cos_normal: f32,
-    // By side: the contribution between the direction to the eye and the tangent plane.
+    // For each side, the contribution between the direction to the eye and the tangent plane.
     limit: vec2<f32>,
     jitter: f32,
 }
 
-// The sectors that what is seen on one side of a slice shuts.
+// A mask of the sectors that the samples on one side of a slice shut.
 fn shut_by(
     sectors: Sectors,
     towards: f32,
@@ -112,7 +112,7 @@ fn shut_by(
     let eye = distance(params.eye.xyz, position);
     var shut = 0u;
     for (var step = 0u; step < params.steps; step++) {
-        // Denser near the pixel.
+        // Steps are denser near the pixel.
         let share = (f32(step) + jitter) / f32(params.steps);
         let reach = slice.pixel + (params.radius - slice.pixel) * share * share;
         let at = pixel_at(slice, towards * reach, center);
@@ -125,12 +125,12 @@ fn shut_by(
         }
         let delta = other.delta - shear * dot(other.delta, aside);
         let front = vec2<f32>(towards * dot(delta, slice.across), dot(delta, to_eye));
-        // Moving it may have brought a near pixel to the other side.
+        // The move into the plane may bring a near pixel to the other side.
         if !(front.x > 0.0) {
             continue;
         }
         let away = normalize(front - vec2<f32>(0.0, eye));
-        // Where that line enters and leaves the disk of the radius.
+        // Distances at which that line enters and leaves the disk of the radius.
         let middle = dot(front, away);
         let inside = middle * middle + (params.radius * params.radius - dot(front, front));
         if !(inside > 0.0) {
@@ -148,7 +148,7 @@ fn shut_by(
     return shut;
 }
 
-// How many sectors are tested before a direction of a side, as a number that is cut to a whole one.
+// The number of sectors whose tested angle lies before a direction of a side; to be truncated.
 fn part(sectors: Sectors, towards: f32, direction: vec2<f32>) -> f32 {
     let cosine = direction.y / length(direction);
     let limit = select(sectors.limit.y, sectors.limit.x, towards > 0.0);
@@ -158,7 +158,7 @@ fn part(sectors: Sectors, towards: f32, direction: vec2<f32>) -> f32 {
     return clamp(place * SECTORS - sectors.jitter + 1.0, 0.0, SECTORS);
 }
 
-// As many of the lowest bits as the whole part of a number.
+// A mask of the lowest bits: as many as the integer part of `count`.
 fn below(count: f32) -> u32 {
     let bits = u32(count);
     return select(0u, 0xffffffffu >> ((32u - bits) & 31u), bits > 0u);
@@ -178,7 +178,7 @@ fn horizon(
 ) -> f32 {
     var highest = tangent;
     for (var step = 0u; step < params.steps; step++) {
-        // Denser near the pixel.
+        // Steps are denser near the pixel.
         let share = (f32(step) + jitter) / f32(params.steps);
         let reach = slice.pixel + (params.radius - slice.pixel) * share * share;
         let at = pixel_at(slice, towards * reach, center);
@@ -191,7 +191,7 @@ fn horizon(
         }
         let delta = other.delta - shear * dot(other.delta, aside);
         let along = towards * dot(delta, slice.across);
-        // Moving it may have brought a near pixel to the other side.
+        // The move into the plane may bring a near pixel to the other side.
         if !(along > 0.0) {
             continue;
         }
@@ -212,8 +212,9 @@ fn arc(cosine: f32, side: f32, sin_normal: f32, cos_normal: f32) -> f32 {
     return 0.25 * (cos_normal - (cos_2h * cos_normal + sin_2h * sin_normal) + 2.0 * h * sin_normal);
 }
 
-// Abramowitz and Stegun, "Handbook of Mathematical Functions", 4.4.46: error below 2e-8 besides rounding. Devices' own may
-// be off by 4096 units in the last place (Vulkan 1.3, "Precision and Operation of SPIR-V Instructions").
+// The arc cosine by Abramowitz and Stegun, "Handbook of Mathematical Functions", 4.4.46: error below 2e-8 besides
+// rounding. A device's own may be off by 4096 units in the last place (Vulkan 1.3, "Precision and Operation of SPIR-V
+// Instructions").
 fn arc_cosine(x: f32) -> f32 {
     let a = abs(x);
     var sum = -0.0012624911;
@@ -269,7 +270,7 @@ fn slice_of(key: u32, index: u32, basis: Basis, position: vec3<f32>) -> Slice {
     return Slice(across, clip, clip_step, 1.0 / length(rate), unit(dimensions(key, 1u + index)));
 }
 
-// The pixel where the position is seen that lies so far along the slice; -1 outside the picture and in the middle pixel.
+// The pixel that shows the position at this distance along the slice; -1 outside the picture and for the centre pixel.
 fn pixel_at(slice: Slice, reach: f32, center: vec2<u32>) -> vec2<i32> {
     let clip = slice.clip + slice.clip_step * reach;
     if !(clip.w > 0.0) {
@@ -289,11 +290,11 @@ fn pixel_at(slice: Slice, reach: f32, center: vec2<u32>) -> vec2<i32> {
 
 struct Difference {
     delta: vec3<f32>,
-    // False where nothing is seen.
+    // False where the other pixel shows nothing, or the same position.
     known: bool,
 }
 
-// From a position to that of another pixel.
+// The difference between the position of another pixel and a position.
 fn difference(pixel: vec2<i32>, position: vec3<f32>) -> Difference {
     let other = textureLoad(position_buffer, pixel, 0);
     let delta = other.xyz - position;
@@ -301,8 +302,8 @@ fn difference(pixel: vec2<i32>, position: vec3<f32>) -> Difference {
     return Difference(delta, known);
 }
 
-// Sine and cosine of `share` of half a turn, 0..1: the series around a quarter turn, error below 1e-7. Devices' own may be
-// off by 2^-11.
+// Sine and cosine of `share * π`, for `share` in 0..1, by the series around π / 2; error below 1e-7. A device's own may
+// be off by 2^-11.
 fn half_turn(share: f32) -> vec2<f32> {
     let x = (share - 0.5) * PI;
     let xx = x * x;
@@ -313,7 +314,7 @@ fn half_turn(share: f32) -> vec2<f32> {
     return vec2<f32>(cos_x, -sin_x);
 }
 
-// `x` from 0 to 1 to a power of at least 0.
+// `x` in 0..1 to a power of at least 0.
 fn power(x: f32, exponent: f32) -> f32 {
     if exponent == 0.0 || x >= 1.0 {
         return 1.0;

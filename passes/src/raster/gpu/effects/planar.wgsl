@@ -1,17 +1,18 @@
-// Reflection in flat glass from mirrored cameras: `raster::effects::mirrors`. A mirror's picture has the pixels of the window.
+// Reflection in flat glass from mirrored cameras: `raster::effects::mirrors`. A mirror's picture has the pixels of the
+// window.
 
 struct Params {
-    // How many mirrors, and how many ranges of glass there are.
+    // Number of mirrors, and number of ranges of glass.
     mirrors: u32,
     ranges: u32,
 }
 
-// A plane that mirrors.
+// A plane drawn as a mirror.
 struct Mirror {
-    // And in w the square of the sine that shading normals may lean from it.
+    // The unit normal; w is the square of the greatest sine between it and shading normals.
     normal: vec4<f32>,
     plane: u32,
-    // Where its picture is.
+    // Layer of its picture.
     layer: u32,
 }
 

@@ -5,14 +5,14 @@ struct Probe {
     // The box of the pane.
     low: vec4<f32>,
     high: vec4<f32>,
-    // Where the cube map was drawn from; w is 1 if there is a proxy.
+    // Centre of the cube map; w is 1 if there is a proxy.
     center: vec4<f32>,
-    // The proxy's corners, relative to the centre.
+    // Corners of the proxy, relative to the centre.
     proxy_low: vec4<f32>,
     proxy_high: vec4<f32>,
 }
 
-// Where a cube map is looked up for a ray: `raster::effects::proxy`.
+// Direction in which a cube map is looked up for a ray: `raster::effects::proxy`.
 fn toward(probe: u32, position: vec3<f32>, direction: vec3<f32>) -> vec3<f32> {
     let center = probes[probe].center;
     if center.w == 0.0 {
@@ -45,7 +45,7 @@ fn nearest(position: vec3<f32>) -> u32 {
     return best;
 }
 
-// What a cube map shows of a ray, filtered within the face.
+// The colour of a ray in a cube map, bilinear within the face.
 fn sample_cube(probe: u32, position: vec3<f32>, ray: vec3<f32>) -> vec3<f32> {
     let direction = toward(probe, position, ray);
     let size = abs(direction);

@@ -1,4 +1,4 @@
-//! Pixel programs: compute shaders that read the G-buffer and maps, and write every pixel of the output.
+//! Pixel programs: compute shaders that read the G-buffer and maps, and write every output pixel.
 
 use super::bindings::{bind, layout, storage, texture, uniform};
 use super::inputs::Inputs;
@@ -15,20 +15,22 @@ use super::shader::{self, FrameUniform, GROUP, Variant};
 
 /// The output's format.
 pub const OUTPUT_FORMAT: wgpu::TextureFormat = wgpu::TextureFormat::Rgba32Float;
-/// Texels that one submission reads, about. Drivers end what runs for seconds; this takes a tenth of one on slow hardware.
+/// Approximate number of texels that one submission reads. Drivers abort work that runs for seconds; this much takes a
+/// tenth of a second on slow hardware.
 const TEXELS_PER_SUBMISSION: u64 = 1 << 30;
 
 /// A compiled program, and its uniforms on the device.
 #[derive(Debug)]
 pub struct Program {
     pipeline: wgpu::ComputePipeline,
-    /// Group 1.
+    /// Layout of group 1.
     layout: wgpu::BindGroupLayout,
     frame: wgpu::Buffer,
     params: wgpu::Buffer,
 }
 
-/// Compiles a shader of this folder: group 0 is the G-buffer, group 1 the program's own, group 2 of some another G-buffer.
+/// Compiles a shader of this folder. Group 0 is the G-buffer, group 1 the program's own resources; some shaders have a
+/// second G-buffer as group 2.
 pub fn compute_pipeline(
     gpu: &Gpu,
     label: Option<&str>,
@@ -53,7 +55,7 @@ pub fn compute_pipeline(
     })
 }
 
-/// What a program binds besides its uniforms and the output, in the order of its bindings from 3.
+/// The types of a program's resources besides its uniforms and the output, in the order of their bindings from 3 on.
 fn resources(variant: Variant) -> Vec<wgpu::BindingType> {
     use wgpu::TextureViewDimension::D2Array;
     match variant.program {
@@ -103,7 +105,7 @@ impl Program {
         Ok(Self { pipeline, layout, frame, params })
     }
 
-    /// Binds the output, and what the program reads besides the G-buffer.
+    /// Binds the output, and the program's resources besides the G-buffer.
     pub fn bind(
         &self,
         gpu: &Gpu,
@@ -120,7 +122,7 @@ impl Program {
         Ok(group)
     }
 
-    /// Computes every pixel, in as many submissions as it takes to keep each short, and waits.
+    /// Computes every pixel, in so many submissions that each stays short, and waits.
     pub fn run(
         &self,
         gpu: &Gpu,
@@ -159,18 +161,18 @@ impl Program {
     }
 }
 
-/// What a program computes.
+/// The size of a program's work.
 #[derive(Debug, Clone, Copy)]
 pub struct Task {
     pub width: u32,
     pub height: u32,
     pub id_base: u32,
-    /// Texels that a pixel reads, about.
+    /// Approximate number of texels read for each pixel.
     pub texels: u64,
 }
 
 impl Task {
-    /// Rows of one submission each, in whole workgroups but for the last.
+    /// The rows of each submission; whole workgroups, except for the last.
     fn bands(self) -> impl Iterator<Item = std::ops::Range<u32>> {
         let per_row = self.texels.max(1) * u64::from(self.width);
         let rows = u32::try_from(TEXELS_PER_SUBMISSION / per_row.max(1)).unwrap_or(u32::MAX);
@@ -179,7 +181,7 @@ impl Task {
         (0..height).step_by(rows as usize).map(move |first| first..first.saturating_add(rows).min(height))
     }
 
-    /// How many submissions there are.
+    /// Number of submissions.
     pub fn submissions(self) -> u64 {
         self.bands().count() as u64
     }

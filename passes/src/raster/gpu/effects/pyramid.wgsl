@@ -2,10 +2,10 @@
 
 struct Params {
     camera: ScreenCamera,
-    // First block, blocks a row, and rows: of the finer level, and of the one that is made.
+    // First block, blocks in a row, and rows; of the finer level, and of the level that is computed.
     fine: vec4<u32>,
     coarse: vec4<u32>,
-    // 1: the level of single pixels, from the G-buffer.
+    // 1 for the level of single pixels, which reads the G-buffer.
     base: u32,
 }
 

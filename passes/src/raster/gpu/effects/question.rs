@@ -1,4 +1,4 @@
-//! Questions about a picture, asked on the device where the G-buffer is there: a shader looks at all pixels and writes few numbers.
+//! Questions about a picture that is on the device: a shader reads all pixels of the G-buffer and writes a few numbers.
 
 use super::bindings::{bind, layout, storage, uniform};
 use super::inputs::Inputs;
@@ -6,31 +6,31 @@ use super::programs::compute_pipeline;
 use crate::raster::gpu::device::Gpu;
 use curitiba_pipeline::backend::BackendError;
 
-/// How questions are called in messages.
+/// The names of a question in messages.
 #[derive(Debug, Clone, Copy)]
 pub struct Words {
     pub label: &'static str,
-    /// While it is compiled.
+    /// Message while it is compiled.
     pub building: &'static str,
-    /// While it is asked.
+    /// Message while it runs.
     pub asking: &'static str,
 }
 
-/// A compiled question. Group 1 of its shader are its uniforms, the tables that it reads, and the answer.
+/// A compiled question. Group 1 of its shader holds its uniforms, the tables that it reads, and the answer.
 #[derive(Debug)]
 pub struct Question {
     words: Words,
     pipeline: wgpu::ComputePipeline,
     layout: wgpu::BindGroupLayout,
     params: wgpu::Buffer,
-    /// What the device writes, and where the host reads it.
+    /// The buffer that the device writes, and the one that the host reads.
     answer: [wgpu::Buffer; 2],
-    /// With the tables that it was bound to.
+    /// The tables of the last call, and the bind group made for them.
     group: Option<(Vec<wgpu::Buffer>, wgpu::BindGroup)>,
 }
 
 impl Question {
-    /// Compiles a shader that reads uniforms of so many bytes and so many tables.
+    /// Compiles a shader that reads `params` bytes of uniforms and a number of tables.
     pub fn new(
         gpu: &Gpu,
         inputs: &Inputs,
@@ -56,7 +56,8 @@ impl Question {
         Ok([written, gpu.buffer(words.building, Usage::MAP_READ | Usage::COPY_DST, bytes)?])
     }
 
-    /// Asks so many workgroups, and waits for the answer, which begins as zeros on the device.
+    /// Runs the question in `columns` x `rows` workgroups, and waits for the answer, which the device starts from
+    /// zeros.
     pub fn ask(
         &mut self,
         gpu: &Gpu,

@@ -1,7 +1,8 @@
 
-// Where a triangle is looked up in ranges of triangles that are glass: first triangle and end in x and y of each, ascending.
+// Binary search for a triangle in the ranges of glass triangles. x and y of each range are its first triangle and its
+// end; ranges ascend.
 
-// How many ranges there are up to the one that a triangle is in; 0 for what is in none, and for ids of no triangle.
+// One-based index of the range that contains a triangle; 0 if no range does, and for ids that are no triangle.
 fn range_of(triangle: u32) -> u32 {
     var low = 0u;
     var high = params.ranges;

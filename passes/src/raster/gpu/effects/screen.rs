@@ -1,4 +1,4 @@
-//! Rays from glass, marched through the picture on the device: the pyramid, the picture without glass, and the counts of pixels.
+//! Screen-space rays from glass on the device: the pyramid, the picture without glass, and the counts of pixels.
 
 use super::Context;
 use super::bindings::{bind, layout, storage, uniform};
@@ -21,29 +21,29 @@ use glam::Vec4;
 use std::num::NonZeroU64;
 use std::time::Instant;
 
-/// Bytes from the uniforms of a level to those of the next: what devices ask for at most.
+/// Bytes between the uniforms of consecutive levels: the greatest alignment that devices require.
 const STRIDE: u64 = 256;
-/// Counts of pixels: of glass, answered by the screen, with something of their colour.
+/// Number of counts: glass pixels, those that the screen answers, and those that keep some of their own colour.
 const COUNTS: usize = 3;
 
-/// What is kept from picture to picture.
+/// Resources kept from picture to picture.
 #[derive(Debug)]
 pub struct Marching {
     pipeline: wgpu::ComputePipeline,
     layout: wgpu::BindGroupLayout,
     pyramids: Kept<[u32; 2], Pyramid>,
     behind: Kept<[u32; 2], Targets>,
-    /// What the program adds to, and where the host reads it.
+    /// The buffer that the program adds to, and the one that the host reads.
     counts: [wgpu::Buffer; 2],
 }
 
-/// The pyramid of pictures of one size.
+/// The pyramid for pictures of one size.
 #[derive(Debug)]
 struct Pyramid {
     nearest: wgpu::Buffer,
     uniforms: wgpu::Buffer,
     levels: Vec<Level>,
-    /// By level.
+    /// One for each level.
     groups: Vec<wgpu::BindGroup>,
 }
 
@@ -63,34 +63,34 @@ impl Marching {
         Ok(Self { pipeline, layout, pyramids: Kept::default(), behind: Kept::default(), counts })
     }
 
-    /// Bytes of device memory.
+    /// Bytes of device memory of all pyramids and pictures.
     pub fn bytes(&self) -> u64 {
         let pyramids: u64 = self.pyramids.values().map(|pyramid| pyramid.nearest.size()).sum();
         pyramids + self.behind.values().map(Targets::bytes).sum::<u64>()
     }
 
-    /// What the program binds: the pyramid and the counts.
+    /// The resources that the program binds: the pyramid and the counts.
     pub fn resources(&self) -> Option<[wgpu::BindingResource<'_>; 2]> {
         Some([self.pyramids.last()?.nearest.as_entire_binding(), self.counts[0].as_entire_binding()])
     }
 
-    /// Columns and rows of the pyramid that was required last.
+    /// Columns and rows of the last required pyramid.
     pub fn size(&self) -> Option<[u32; 2]> {
         self.levels().first().map(|level| [level.width, level.height])
     }
 
-    /// The levels of the pyramid that was required last.
+    /// The levels of the last required pyramid.
     pub fn levels(&self) -> &[Level] {
         self.pyramids.last().map_or(&[], |pyramid| &pyramid.levels)
     }
 
-    /// The picture without glass that was required last, as programs read it.
+    /// The bind group of the last required picture without glass.
     pub fn behind_group(&self, gpu: &Gpu, inputs: &Inputs) -> Option<wgpu::BindGroup> {
         let targets = self.behind.last()?;
         Some(targets.group.get_or_init(|| inputs.bind(gpu, targets.views())).clone())
     }
 
-    /// Makes room for a pyramid; `true` if it is new, and another may be gone.
+    /// Makes a pyramid available. Returns whether it is new; an older one may then have been dropped.
     pub fn require(&mut self, gpu: &Gpu, size: [u32; 2], what: &str) -> Result<bool, BackendError> {
         let binding_layout = &self.layout;
         let made = self.pyramids.require(gpu, size, |size| {
@@ -117,7 +117,7 @@ impl Marching {
         Ok(made.1)
     }
 
-    /// Fills the pyramid that was required last from a G-buffer of its size, and waits.
+    /// Fills the last required pyramid from a G-buffer of its size, and waits.
     pub fn build(
         &self,
         gpu: &Gpu,
@@ -154,7 +154,8 @@ impl Marching {
         Ok(Part { host: start.elapsed(), device })
     }
 
-    /// Pixels of glass, those that the screen answered, and those that kept something of their colour, since the pyramid was built.
+    /// Numbers of glass pixels, of those that the screen answered, and of those that kept some of their colour, since
+    /// the pyramid was built.
     pub fn counted(&self, gpu: &Gpu) -> Result<[u64; COUNTS], BackendError> {
         let [written, readable] = &self.counts;
         let descriptor = wgpu::CommandEncoderDescriptor { label: Some("counts") };
@@ -170,15 +171,15 @@ impl Marching {
         Ok(sums)
     }
 
-    /// Makes room for a picture without glass; `true` if it is new.
+    /// Makes a picture without glass available; returns whether it is new.
     pub fn require_behind(&mut self, gpu: &Gpu, size: [u32; 2]) -> Result<bool, BackendError> {
         let stored = Stored::new(BEHIND, Attachments::default());
         let made = self.behind.require(gpu, size, |[width, height]| Targets::new(gpu, *width, *height, stored))?;
         Ok(made.1)
     }
 
-    /// Draws the picture without glass into what was required last, and waits. Gives the time, the triangles submitted, and the bytes that
-    /// it takes.
+    /// Draws the last required picture without glass, and waits. Returns the time, the number of triangles submitted,
+    /// and the picture's bytes.
     pub fn draw_behind(
         &self,
         context: &mut Context<'_>,
@@ -193,7 +194,7 @@ impl Marching {
             view: job.view,
             sun: job.sun,
             shades: job.shades,
-            // It shows what rays meet: both sides of everything.
+            // The picture shows what rays hit, so both sides of every triangle are drawn.
             culled: &[],
             viewport: Rect { x: 0, y: 0, width: job.width, height: job.height },
             clear_color: Vec4::ZERO,
@@ -224,5 +225,5 @@ impl Marching {
     }
 }
 
-/// What of the picture without glass is asked for.
+/// The attachments of the picture without glass.
 const BEHIND: Attachments = Attachments { color: true, position: true, normal: true, triangle: false };

@@ -1,36 +1,37 @@
-// Rays from glass, marched through the picture: `raster::effects::screen`.
+// Screen-space rays from glass: `raster::effects::screen`.
 //
 //   REFRACT   what is behind the pane, too, in the picture without glass
 
 struct Params {
     camera: ScreenCamera,
     eye: vec4<f32>,
-    // By face: the directions to its middle, to the right, and down.
+    // For each face: the directions to its centre, to its right, and down.
     axes: array<vec4<f32>, 18>,
-    // First block, blocks a row, and rows of each level of the pyramid.
+    // First block, blocks in a row, and rows of each level of the pyramid.
     levels: array<vec4<u32>, MAX_LEVELS>,
-    // How many there are; 0 in a picture without glass.
+    // Number of levels; 0 in a picture without glass.
     level_count: u32,
-    // Texels a side of a face.
+    // Texels along a side of a face.
     map_size: u32,
-    // How many probes and ranges there are.
+    // Number of probes, and number of ranges of glass.
     probes: u32,
     ranges: u32,
-    // Index of refraction of a whole pane.
+    // Refractive index of a whole pane.
     index: f32,
-    // 1: Schlick's approximation of Fresnel's equations.
+    // 1 selects Schlick's approximation of Fresnel's equations.
     schlick: u32,
     thickness: f32,
-    // 1: pixels that are not answered get an alpha of LEFT.
+    // 1: pixels without an answer get the alpha LEFT.
     leaves: u32,
 }
 
 @group(1) @binding(3) var faces: texture_2d_array<f32>;
-// First triangle and end of each range of triangles that are glass, ascending.
+// First triangle and end of each range of glass triangles, ascending.
 @group(1) @binding(4) var<storage, read> glass: array<vec2<u32>>;
 @group(1) @binding(5) var<storage, read> probes: array<Probe>;
 @group(1) @binding(6) var<storage, read> pyramid: array<f32>;
-// Pixels of glass, those that the screen answers, and those that keep something of their colour, in many sums that are added later.
+// Counts of glass pixels, of those that the screen answers, and of those that keep some of their colour. Each count is
+// distributed over many sums, which the host adds.
 @group(1) @binding(7) var<storage, read_write> counts: array<atomic<u32>>;
 //#if REFRACT
 @group(2) @binding(0) var seen_color: texture_2d<f32>;
@@ -38,7 +39,7 @@ struct Params {
 @group(2) @binding(2) var seen_normal: texture_2d<f32>;
 //#endif
 
-// What became of the rays of a pixel.
+// The results of a pixel's rays.
 struct Rays {
     missing: bool,
     keeps: bool,
@@ -86,7 +87,7 @@ fn compute(pixel: vec2<u32>) -> vec4<f32> {
     return result;
 }
 
-// What is seen in a direction: on the screen, else in a cube map, else the glass's own colour.
+// The colour in a direction: from the screen, else from a cube map, else the glass's own colour.
 fn look(position: vec3<f32>, direction: vec3<f32>, own: vec3<f32>, rays: ptr<function, Rays>) -> vec3<f32> {
     let met = march(position, direction);
     if met.x >= 0 {
@@ -110,7 +111,7 @@ fn look(position: vec3<f32>, direction: vec3<f32>, own: vec3<f32>, rays: ptr<fun
 const NOTHING_MET = -1;
 const NOT_KNOWN = -2;
 
-// The share of a line's way after which a place reaches a bound.
+// The fraction of a line after which a coordinate reaches a bound.
 fn until(place: f32, step: f32, low: f32, high: f32) -> f32 {
     if step > SMALLEST {
         return max((high - place) / step, 0.0);
@@ -131,7 +132,7 @@ fn leaves(first: u32, side: f32, start: f32, span: f32) -> f32 {
     return 1.0;
 }
 
-// The pixel that shows what a ray meets; NOTHING_MET or NOT_KNOWN in x.
+// The pixel that shows what a ray hits; NOTHING_MET or NOT_KNOWN in x.
 fn march(position: vec3<f32>, direction: vec3<f32>) -> vec2<i32> {
     let camera = params.camera;
     let start = place_of(camera, position);
@@ -188,7 +189,8 @@ fn march(position: vec3<f32>, direction: vec3<f32>) -> vec2<i32> {
     return vec2<i32>(select(NOT_KNOWN, NOTHING_MET, far && t >= 1.0));
 }
 
-// 0 where the ray goes on, 1 where it meets what the pixel shows, 2 where what it meets is not seen.
+// 0 where the ray goes on, 1 where it hits the surface that the pixel shows, 2 where it hits something that the picture
+// does not show.
 fn cross_pixel(
     start: vec3<f32>,
     span: vec3<f32>,

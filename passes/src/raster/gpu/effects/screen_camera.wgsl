@@ -1,16 +1,16 @@
 
-// Where the camera sees positions: `raster::effects::screen::camera`.
+// Maps positions to places on the screen: `raster::effects::screen::camera`.
 struct ScreenCamera {
     columns: vec4<f32>,
     rows: vec4<f32>,
     depths: vec4<f32>,
-    // What positions are told from; w is 1 in perspective, 0 without.
+    // Origin of the positions; w is 1 in perspective, else 0.
     origin: vec4<f32>,
-    // And in w the nearness of the near plane.
+    // w is the nearness of the near plane.
     right: vec4<f32>,
-    // And in w the nearness of what is farthest.
+    // w is the nearness of the farthest depth.
     down: vec4<f32>,
-    // And in w what pieces of neighbouring pixels may be apart.
+    // w is the tolerated gap between the pieces of neighbouring pixels.
     forward: vec4<f32>,
 }
 
@@ -27,12 +27,12 @@ fn place_of(camera: ScreenCamera, position: vec3<f32>) -> vec3<f32> {
     return vec3<f32>(place.xy, 1.0) / place.z;
 }
 
-// What a pixel shows: a piece of a plane.
+// The surface that a pixel shows, as a piece of a plane.
 struct Piece {
     place: vec3<f32>,
     slope: vec2<f32>,
     normal: vec3<f32>,
-    // False where nothing is shown.
+    // False where the pixel shows nothing.
     known: bool,
 }
 

@@ -24,54 +24,55 @@ use std::fmt::Write;
 
 /// The entry point of every program.
 pub const ENTRY: &str = "main";
-/// Pixels a side of a workgroup.
+/// Pixels along a side of a workgroup.
 pub const GROUP: u32 = 8;
 
-/// What all programs share; comes last, so that messages of the compiler count the lines of the program's own file.
+/// Shared by all programs. It comes last in the text, so that compiler messages count the lines of the program's own
+/// file.
 const COMMON: &str = include_str!("common.wgsl");
 
-/// What programs that look for glass share.
+/// Shared by programs that look up glass triangles.
 const GLASS: &str = concat!(include_str!("ranges.wgsl"), include_str!("glass.wgsl"));
 
-/// What programs that look for planes of glass share.
+/// Shared by programs that look up planes of glass.
 const GLAZING: &str = concat!(include_str!("ranges.wgsl"), include_str!("glazing.wgsl"));
 
-/// What programs that read cube maps share.
+/// Shared by programs that read cube maps.
 const CUBES: &str = concat!(include_str!("probes.wgsl"), include_str!("ranges.wgsl"), include_str!("glass.wgsl"));
 
-/// Weights of the two rays of a pane.
+/// Weights of the reflected and the refracted ray of a pane.
 const FRESNEL: &str = include_str!("fresnel.wgsl");
 
-/// What the march through the picture and its pyramid share.
+/// Shared by the march through the picture and by its pyramid.
 const SCREEN_CAMERA: &str = include_str!("screen_camera.wgsl");
 
-/// Sums into which pixels are counted, so that few wait for each other.
+/// Number of sums over which the counts of pixels are distributed, so that few atomic additions collide.
 pub const SUMS: u32 = 64;
 
-/// Pixels of a row that an invocation of the survey looks at.
+/// Pixels of a row that one invocation of the survey reads.
 pub const SEGMENT: u32 = 16;
 
-/// Slices of less weight than the root of this are left out, as `raster::effects::occlusion` does.
+/// Squared weight below which a slice does not count, as in `raster::effects::occlusion`.
 const LEAST_WEIGHT: f32 = 1e-6;
 
-/// A program as it is compiled.
+/// The choices with which a program is compiled.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub struct Variant {
     pub program: EffectProgram,
-    /// For shadow maps: the light is a disc. Those of a point of light are compiled without.
+    /// For shadow maps: the light is a disc. Programs for a point of light are compiled without it.
     pub soft: bool,
-    /// For `gtao`: by sectors instead of horizons.
+    /// For `gtao`: by bitmasks instead of horizons.
     pub bitmask: bool,
-    /// The filter after an occlusion, not the occlusion.
+    /// The filter that follows an ambient occlusion, instead of the occlusion itself.
     pub filter: bool,
 }
 
 impl Variant {
-    /// That of the filter, which all occlusions share.
+    /// The variant of the filter, which all ambient occlusions share.
     pub const FILTER: Self =
         Self { program: EffectProgram::HorizonOcclusion, soft: false, bitmask: false, filter: true };
 
-    /// What a job asks for.
+    /// The variant that a job asks for.
     pub fn of(job: &EffectJob<'_>) -> Self {
         let is = |program| job.program == program;
         Self {
@@ -97,10 +98,10 @@ fn text(program: EffectProgram) -> (&'static str, &'static str) {
     }
 }
 
-/// A program's WGSL, with the constants that it has in common with the host.
+/// A program's WGSL, with the constants that it shares with the host.
 ///
 /// # Panics
-/// If the directives of its text are malformed; a test cuts every program.
+/// If the directives in its text are malformed; a test generates every program.
 pub fn source(Variant { program, soft, bitmask, filter }: Variant) -> String {
     let (file, text) = if filter { ("filter.wgsl", include_str!("filter.wgsl")) } else { text(program) };
     let mut source = cut(file, text, |name| {
@@ -134,21 +135,21 @@ pub fn reads_behind(program: EffectProgram) -> bool {
     program == EffectProgram::ScreenRefraction
 }
 
-/// A level of the pyramid of nearest surfaces.
+/// The shader that computes a level of the pyramid of nearest surfaces.
 pub fn pyramid_source() -> String {
     let mut source = [include_str!("pyramid.wgsl"), SCREEN_CAMERA].concat();
     push_constants(&mut source);
     source
 }
 
-/// The survey of the planes of glass.
+/// The shader that surveys the planes of glass.
 pub fn survey_source() -> String {
     let mut source = [include_str!("survey.wgsl"), GLAZING].concat();
     push_constants(&mut source);
     source
 }
 
-/// The question whether a pixel calls for maps: one of glass, or one that faces the light.
+/// The shader that finds out whether any pixel needs maps: a pixel of glass, or one that faces the light.
 ///
 /// # Panics
 /// As [`source`].
@@ -160,7 +161,7 @@ pub fn ask_source(glass: bool) -> String {
 }
 
 fn push_constants(source: &mut String) {
-    // Infinities are left to no driver: they need not be told from other numbers.
+    // Infinities are not handed to drivers; no program has to distinguish them from large numbers.
     let floats = [
         ("SHADOWED", SHADOWED),
         ("MAX_SLOPE", MAX_SLOPE),
@@ -205,7 +206,7 @@ fn push_constants(source: &mut String) {
     }
 }
 
-/// Bytes of a program's own uniforms.
+/// Size of a program's own uniforms, in bytes.
 pub const fn params_bytes(variant: Variant) -> usize {
     match variant.program {
         _ if variant.filter => size_of::<FilterUniform>(),
@@ -236,7 +237,7 @@ impl FrameUniform {
 #[derive(Debug, Clone, Copy, PartialEq, bytemuck::Pod, bytemuck::Zeroable)]
 #[repr(C)]
 pub struct AskUniform {
-    /// Without glass, [`depth_plane`](crate::raster::effects::cascades::depth_plane).
+    /// Without glass, the [`depth_plane`](crate::raster::effects::cascades::depth_plane).
     pub depth_plane: Vec4,
     pub size: [u32; 2],
     pub id_base: u32,
@@ -270,7 +271,7 @@ pub struct ShadowUniform {
 }
 
 impl ShadowUniform {
-    /// Without a cascade, everything is lit.
+    /// The uniforms for some cascades; without a cascade, everything is lit.
     pub fn new(job: &EffectJob<'_>, cascades: &Cascades) -> Self {
         let params = &job.params;
         let mut uniform: Self = bytemuck::Zeroable::zeroed();
@@ -278,7 +279,7 @@ impl ShadowUniform {
         uniform.map_size = params.map_size as i32;
         uniform.reach = params.pcf as i32;
         (uniform.search, uniform.filter_taps) = (TAPS.search, TAPS.filter);
-        // Of the hard filter's farthest texel; with a disc each tap has its own distance.
+        // Distance of the hard filter's farthest texel. With a disc, the distance of each tap is added.
         let texels = params.bias * if params.sun > 0.0 { 1.0 } else { (params.pcf + 1) as f32 };
         for (to, fit) in uniform.cascades.iter_mut().zip(&cascades.fits) {
             *to = CascadeUniform {
@@ -343,7 +344,7 @@ pub struct ScreenUniform {
 }
 
 impl ScreenUniform {
-    /// Without a camera and levels, every pixel keeps its colour.
+    /// Without a camera and levels, every pixel keeps its own colour.
     pub fn new(
         job: &EffectJob<'_>,
         seen: Option<(&ScreenCamera, &[Level])>,
@@ -434,7 +435,7 @@ pub struct MirrorPlane {
 }
 
 impl MirrorPlane {
-    /// A mirror whose picture is in that layer.
+    /// A mirror whose picture is in layer `layer`.
     pub fn new(mirror: &Mirror, layer: u32) -> Self {
         Self { normal: mirror.normal, plane: mirror.plane, layer, padding: [0; 2] }
     }
@@ -479,7 +480,7 @@ impl OcclusionUniform {
             clip_from_world: job.view.clip_from_world,
             eye: job.view.eye.extend(0.0),
             radius: params.radius,
-            // The filter takes the power of what it averages.
+            // If there is a filter, it applies the exponent to the averages.
             intensity: if params.filter > 0 { 1.0 } else { params.intensity },
             slices: params.slices,
             steps: params.steps,
@@ -497,7 +498,7 @@ mod tests {
     use std::mem::offset_of;
     use wgpu::naga;
 
-    /// Of a light that is a point.
+    /// The variant for a point of light.
     fn hard(program: EffectProgram) -> Variant {
         Variant { program, soft: false, bitmask: false, filter: false }
     }
@@ -571,7 +572,7 @@ mod tests {
         assert!(validate(&source).is_ok() && validate(&broken).is_err());
     }
 
-    /// Offsets of the members of a struct of a shader, and its size.
+    /// Offsets of the members of a shader's struct, and the struct's size.
     fn layout_in(module: &naga::Module, name: &str) -> (Vec<(String, usize)>, usize) {
         let (_, ty) =
             module.types.iter().find(|(_, ty)| ty.name.as_deref() == Some(name)).expect("the shader has the struct");
@@ -610,7 +611,7 @@ mod tests {
             assert_eq!(layout(program, "Params"), screen);
             let camera = offsets!(ScreenCamera: columns, rows, depths, from, right, down, forward);
             let (named, bytes) = layout(program, "ScreenCamera");
-            // `from` is no name there.
+            // `from` is not allowed as a name in WGSL.
             let named: Vec<_> = named.into_iter().map(|(name, at)| (name.replace("origin", "from"), at)).collect();
             assert_eq!((named, bytes), camera);
             assert_eq!(layout(program, "Probe"), offsets!(ProbeBox: low, high, center, proxy_low, proxy_high));

@@ -2,30 +2,30 @@
 //   SOFT   the light is a disc: `raster::effects::soft`
 
 struct Cascade {
-    // World to texels: x right and y down from the top left corner of the map, z the depth.
+    // World to texel matrix: x right and y down from the top left corner of the map, and z the depth.
     map_from_world: mat4x4<f32>,
     // Depth bias for a slope of 1.
     slope_bias: f32,
-    // Depth bias that is always there.
+    // Constant depth bias, for rounding.
     rounding_bias: f32,
-    // With a disc, the depth bias for a slope of 1 of each texel of distance.
+    // With a disc, the depth bias for a slope of 1, for each texel of distance.
     texel_bias: f32,
-    // Radius of the disc in texels, seen past what lies a depth of 1 nearer to it.
+    // Radius of the disc in texels, for an occluder that is nearer to the light by a depth of 1.
     spread: f32,
-    // Largest radius of a search, in texels.
+    // Greatest radius of a search, in texels.
     aside: f32,
 }
 
 struct Params {
     // From near to far.
     cascades: array<Cascade, MAX_CASCADES>,
-    // 0 where nothing can cast a shadow, and there is no map.
+    // 0 where nothing can cast a shadow; there is no map then.
     count: u32,
-    // Texels a side of each map.
+    // Texels along a side of each map.
     map_size: i32,
-    // Texels on each side of the middle one that a test averages.
+    // Texels that a test averages on each side of the middle one.
     reach: i32,
-    // Right and down of the middle of a unit disk, how far from it, and a weight.
+    // Taps of the unit disk: offset to the right and down from the centre, distance from it, and weight.
     search: array<vec4<f32>, SEARCH_TAPS>,
     filter_taps: array<vec4<f32>, FILTER_TAPS>,
 }
@@ -42,7 +42,7 @@ fn compute(pixel: vec2<u32>) -> vec4<f32> {
 }
 
 fn lit_share(position: vec3<f32>, cosine: f32) -> f32 {
-    // The first map that contains the filter; else the last one.
+    // The first map that contains the whole filter; if none does, the last map.
 //#if SOFT
     let least = f32(params.reach) + 0.5;
 //#else
@@ -63,7 +63,7 @@ fn lit_share(position: vec3<f32>, cosine: f32) -> f32 {
     }
     cascade = min(cascade, params.count - 1u);
     let at = place.xy - 0.5;
-    // Also where the place is not a number.
+    // Also true for a NaN.
     if !(all(abs(at) < vec2<f32>(1e6)) && abs(place.z) < LARGEST) {
         return 1.0;
     }
@@ -80,7 +80,7 @@ fn lit_share(position: vec3<f32>, cosine: f32) -> f32 {
         let tap = params.search[index];
         let radius = tap.z * search;
         let ahead = stored_depth(vec2<i32>(floor(at + tap.xy * search + 0.5)), cascade) - place.z;
-        // In the cone from the position to the disc.
+        // The texel counts if it is in the cone from the position to the disc.
         if ahead > bias + radius * texel_bias && radius <= ahead * spread + least {
             sum += tap.w * ahead;
             weight += tap.w;
@@ -98,12 +98,12 @@ fn lit_share(position: vec3<f32>, cosine: f32) -> f32 {
     return min(lit, 1.0);
 }
 
-// How far around a place of this depth, in texels, something may hide the disc.
+// Radius in texels within which something may hide the disc from a place of this depth.
 fn search_radius(cascade: u32, depth: f32) -> f32 {
     return min(params.cascades[cascade].spread * clamp(1.0 - depth, 0.0, 1.0), params.cascades[cascade].aside);
 }
 
-// A shadow test between the four texels around a place that is given by texel centres.
+// A shadow test, interpolated between the four texels around a place in units of texel centres.
 fn between(at: vec2<f32>, depth: f32, cascade: u32) -> f32 {
     let corner = floor(at);
     let share = at - corner;
@@ -119,7 +119,7 @@ fn between(at: vec2<f32>, depth: f32, cascade: u32) -> f32 {
 }
 
 fn stored_depth(texel: vec2<i32>, cascade: u32) -> f32 {
-    // Texels outside are empty: the far plane.
+    // Texels outside the map are empty: farther than the far plane.
     if any(texel < vec2<i32>(0)) || any(texel >= vec2<i32>(params.map_size)) {
         return -1e9;
     }
@@ -137,7 +137,7 @@ fn stored_depth(texel: vec2<i32>, cascade: u32) -> f32 {
         for (var column = 0; column < width; column++) {
             let texel = first + vec2<i32>(column, row);
             let inside = all(texel >= vec2<i32>(0)) && all(texel < vec2<i32>(params.map_size));
-            // Texels outside are empty: the far plane.
+            // Texels outside the map are empty: farther than the far plane.
             var stored = -1e9;
             if inside {
                 stored = textureLoad(shadow_maps, texel, cascade, 0);
@@ -152,7 +152,7 @@ fn stored_depth(texel: vec2<i32>, cascade: u32) -> f32 {
     return min(lit / (side * side), 1.0);
 }
 
-// What of a texel the filter's square covers, in one of its directions.
+// The part of a texel that the filter's square covers along one of its axes.
 fn weight(index: i32, width: i32, last_share: f32) -> f32 {
     if index == 0 {
         return 1.0 - last_share;

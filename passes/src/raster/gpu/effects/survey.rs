@@ -1,4 +1,4 @@
-//! Which planes of glass a picture shows, asked on the device where the G-buffer is there.
+//! Finds the planes of glass that a picture shows, on the device that holds the G-buffer.
 
 use super::inputs::{Inputs, Ready};
 use super::question::{Question, Words};
@@ -10,13 +10,13 @@ use crate::raster::gpu::device::Gpu;
 use curitiba_pipeline::backend::{BackendError, EffectJob};
 use glam::Vec4;
 
-/// Numbers of a plane in the shader.
+/// Numbers that the shader writes for each plane.
 const FIELDS: usize = 5;
 
 const WORDS: Words =
     Words { label: "survey", building: "building the survey of the glass", asking: "looking for the planes of glass" };
 
-/// The question, and what it is asked with.
+/// The question, and its tables and answer.
 #[derive(Debug)]
 pub struct Surveyor {
     question: Question,
@@ -31,7 +31,7 @@ impl Surveyor {
         Ok(Self { question, normals: Table::new(gpu)?, found: Vec::new() })
     }
 
-    /// Looks at all pixels, and waits. `ranges` is the table of the glazing's runs.
+    /// Visits all pixels, and waits for the result. `ranges` is the table of the glazing's runs.
     pub fn look(
         &mut self,
         gpu: &Gpu,

@@ -1,26 +1,27 @@
-// Which planes of glass a picture shows, by how many pixels, and where: `raster::effects::mirrors::Survey`.
+// The planes of glass that a picture shows: how many pixels show each, and where. See
+// `raster::effects::mirrors::Survey`.
 
 struct Params {
-    // Pixels a row, and rows.
+    // Pixels in a row, and number of rows.
     size: vec2<u32>,
-    // What triangle ids are stored above their value.
+    // Offset of stored triangle ids: the stored value is the id plus this.
     id_base: u32,
-    // How many ranges of glass there are.
+    // Number of ranges of glass.
     ranges: u32,
 }
 
 @group(0) @binding(2) var normal_buffer: texture_2d<f32>;
 @group(0) @binding(3) var triangle_buffer: texture_2d<u32>;
 @group(1) @binding(0) var<uniform> params: Params;
-// First triangle, end and plane of each range of triangles of glass, ascending.
+// First triangle, end and plane of each range of glass triangles, ascending.
 @group(1) @binding(1) var<storage, read> glass: array<vec4<u32>>;
-// By plane: its unit normal, and the square of the sine that shading normals may lean from it.
+// For each plane: its unit normal, and the square of the greatest sine between it and shading normals.
 @group(1) @binding(2) var<storage, read> normals: array<vec4<f32>>;
-// Five for each plane after five of which the first counts all glass: pixels, the complements of the first column and row, the last
-// column and row. All begin at 0.
+// First five numbers, of which the first counts all glass pixels. Then five for each plane: the number of pixels, the
+// complements of the first column and row, and the last column and row. All start at 0.
 @group(1) @binding(3) var<storage, read_write> seen: array<atomic<u32>>;
 
-// Each invocation looks at some neighbours in a row: they mostly show the same plane, and write once.
+// Each invocation reads several neighbouring pixels of a row. They mostly show the same plane, so it writes once.
 @compute @workgroup_size(GROUP, GROUP)
 fn main(@builtin(global_invocation_id) id: vec3<u32>) {
     let first = id.x * SEGMENT;

@@ -1,13 +1,13 @@
-//! Short lists that programs read.
+//! Short lists that programs read from buffers.
 
 use crate::raster::gpu::device::Gpu;
 use curitiba_pipeline::backend::BackendError;
 
-/// A list, and what of it is on the device.
+/// A list in a device buffer, and a copy of its contents.
 #[derive(Debug)]
 pub struct Table {
     pub buffer: wgpu::Buffer,
-    /// What the device's buffer holds.
+    /// Contents of the device buffer.
     written: Vec<u8>,
 }
 
@@ -16,7 +16,7 @@ impl Table {
         Ok(Self { buffer: Self::buffer(gpu, 1024)?, written: Vec::new() })
     }
 
-    /// How many there are of a type that it was written from.
+    /// Number of elements of type `T` in the list.
     pub fn count<T>(&self) -> u32 {
         (self.written.len() / size_of::<T>()) as u32
     }
@@ -26,7 +26,7 @@ impl Table {
         gpu.buffer("creation of a table", usage, bytes)
     }
 
-    /// Uploads what is new; `true` if there is a new buffer.
+    /// Uploads the list if it has changed; returns whether the buffer is a new one.
     pub fn write(&mut self, gpu: &Gpu, bytes: &[u8]) -> Result<bool, BackendError> {
         if self.written == bytes {
             return Ok(false);

@@ -1,5 +1,5 @@
-//! Quads beside the host's. Without an adapter, tests that need one say `skipped: why`, and pass; with `CURITIBA_REQUIRE_GPU_TESTS=1` they
-//! fail instead.
+//! Quads of the device against those of the host. Without an adapter, tests that need one print `skipped: why` and
+//! pass; with `CURITIBA_REQUIRE_GPU_TESTS=1` they fail instead.
 
 use super::*;
 use crate::raster::gpu::AdapterChoice;
@@ -22,7 +22,8 @@ fn gpu() -> Option<Gpu> {
     }
 }
 
-/// Numbers of every kind: patterns of bits at random, numbers near 0 to 1, subnormal ones, edges of formats, and none.
+/// Numbers of every kind: random bit patterns, numbers around 0..1, subnormal numbers, edge cases of the formats, and
+/// NaN.
 fn numbers(seed: u64) -> Vec<[f32; 4]> {
     let mut state = seed;
     let mut next = || {
@@ -59,7 +60,7 @@ fn numbers(seed: u64) -> Vec<[f32; 4]> {
         0 => special[next() as usize % special.len()],
         1 => f32::from_bits(next()),
         2 => f32::from_bits(next() & 0x80ff_ffff),
-        // Where 16-bit floats are subnormal.
+        // Numbers that are subnormal as 16-bit floats.
         3 => f32::from_bits(0x3300_0000 + next() % 0x0600_0000),
         4 => (next() % 1021) as f32 / 510.0,
         _ => (next() >> 8) as f32 / 16_777_216.0 * 1.2 - 0.1,
@@ -92,7 +93,7 @@ fn quad(formats: [PixelFormat; 2], combines: bool) -> DeviceQuad {
     DeviceQuad { width: WIDTH, height: HEIGHT, color: source(0), factor: combines.then(|| source(1)) }
 }
 
-/// What the host makes of it.
+/// The quad as the host fills it.
 fn expected(pictures: [&[[f32; 4]]; 2], quad: &DeviceQuad) -> Vec<[f32; 4]> {
     let rounded = |pixels: &[[f32; 4]], format: PixelFormat| {
         let mut pixels = pixels.to_vec();
@@ -105,7 +106,7 @@ fn expected(pictures: [&[[f32; 4]]; 2], quad: &DeviceQuad) -> Vec<[f32; 4]> {
     color.iter().zip(&factor).map(|(color, factor)| color.map(|value| value * factor[0])).collect()
 }
 
-/// Which bits a number has, with one pattern for all that are none.
+/// The bits of a number; all NaN count as one pattern.
 fn bits(value: f32) -> u32 {
     if value.is_nan() { f32::NAN.to_bits() } else { value.to_bits() }
 }
@@ -174,7 +175,8 @@ fn codes_are_the_hosts_without_a_tone_curve() {
     assert!(codes(&mut quads, &lending, &quad, report) != linear, "control: the comparison can fail");
 }
 
-/// A driver's division may be off by 2.5 units in the last place, so a code may be the next one where the curve passes near a step.
+/// A driver's division may be off by 2.5 units in the last place. So where the curve passes near a step, a code may be
+/// the neighbouring one.
 #[test]
 fn codes_after_the_tone_curve_are_the_hosts_or_the_next_ones() {
     let Some(gpu) = gpu() else { return };
@@ -202,11 +204,11 @@ fn codes_after_the_tone_curve_are_the_hosts_or_the_next_ones() {
 #[test]
 fn pictures_of_one_colour_are_told_and_launches_of_a_few_rows_give_the_same() {
     let Some(mut gpu) = gpu() else { return };
-    // Five rows of floats a launch.
+    // Five rows of floats fit in a launch.
     gpu.limits.max_storage_buffer_binding_size = u64::from(5 * 16 * WIDTH);
     let mut grey = vec![[0.25, 0.5, 0.0, 1.0]; PIXELS];
     for (index, pixel) in grey.iter_mut().enumerate() {
-        // Alpha does not count, nor does the sign of 0.
+        // Neither alpha nor the sign of 0 makes colours different.
         (pixel[2], pixel[3]) = (if index % 2 == 0 { 0.0 } else { -0.0 }, index as f32);
     }
     let mut last = grey.clone();

@@ -1,4 +1,4 @@
-//! What there is to say where nothing can be shared.
+//! Stand-ins for builds that cannot share memory.
 
 use crate::raster::gpu::device::Gpu;
 use crate::raster::gpu::faults::unsupported;
@@ -7,7 +7,7 @@ use crate::raster::gpu::timer::Timer;
 use curitiba_pipeline::backend::{Attachments, BackendError, HandOver, RasterJob};
 use curitiba_pipeline::shared::{DeviceUuid, SharedGBuffer};
 
-/// None is made.
+/// Never constructed.
 #[derive(Debug)]
 pub enum Sharing {}
 

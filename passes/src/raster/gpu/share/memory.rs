@@ -1,8 +1,8 @@
-//! The memory, and the way into it.
+//! The shared memory, and the shader that writes to it.
 //!
-//! A compute shader writes the attachments into dense buffers: their textures' own layout is the driver's secret, and copies
-//! from textures to buffers pad their rows. Limit: ownership is not transferred between queue families, which NVIDIA's driver
-//! does not ask for.
+//! A compute shader writes the attachments into dense buffers, because the memory layout of textures is known only to
+//! the driver, and copies from textures to buffers pad their rows. Limit: ownership is not transferred between queue
+//! families, which NVIDIA's driver does not require.
 
 use super::vulkan::{self, Semaphore};
 use crate::raster::gpu::device::Gpu;
@@ -15,15 +15,15 @@ use std::fmt::Write as _;
 use std::num::NonZeroU64;
 use std::time::Instant;
 
-/// Pixels a side of a workgroup.
+/// Pixels along a side of a workgroup.
 const GROUP: u32 = 8;
 
-/// The shared memory and the way into it.
+/// The shared memory, the shader that writes to it, and the semaphore that tells when it did.
 #[derive(Debug)]
 pub struct Sharing {
     pub(super) packer: Packer,
     semaphore: Semaphore,
-    /// What the semaphore reaches with the last hand-over.
+    /// Value of the semaphore after the last hand-over.
     value: u64,
 }
 
@@ -49,8 +49,8 @@ impl Sharing {
     }
 }
 
-/// Lets what `encoder` draws be written into shared memory, too, and the semaphore tell when it is there; nothing if the job
-/// shares nothing.
+/// After the draw in `encoder`, writes the attachments to shared memory, too, and signals the semaphore when they are
+/// there. Does nothing if the job shares nothing.
 pub fn hand_over(
     gpu: &Gpu,
     sharing: Option<&mut Sharing>,
@@ -72,14 +72,14 @@ pub fn hand_over(
     Ok(Some(HandOver { value: sharing.value, host: start.elapsed(), device: None }))
 }
 
-/// Writes attachments into a buffer, dense and one after the other.
+/// Writes attachments into a buffer, densely and one after the other.
 #[derive(Debug)]
 pub(super) struct Packer {
     pub(super) buffer: wgpu::Buffer,
     width: u32,
     height: u32,
     attachments: Attachments,
-    /// A program for each choice of attachments, with what it was bound to last.
+    /// One program for each choice of attachments, with its last bind group.
     programs: Vec<Program>,
 }
 
@@ -92,7 +92,7 @@ struct Program {
 }
 
 impl Packer {
-    /// For pictures of that size; `buffer` holds them.
+    /// A packer for pictures of this size into `buffer`.
     pub(super) fn new(buffer: wgpu::Buffer, [width, height]: [u32; 2], attachments: Attachments) -> Self {
         Self { buffer, width, height, attachments, programs: Vec::new() }
     }
@@ -126,7 +126,7 @@ impl Packer {
         Ok(())
     }
 
-    /// The program that writes these attachments, bound to the textures that were drawn.
+    /// The index of the program that writes these attachments, bound to the drawn textures.
     fn program(&mut self, gpu: &Gpu, targets: &Targets, wanted: Attachments) -> Result<usize, BackendError> {
         let flags = in_order(wanted);
         let all = targets.views();
@@ -182,7 +182,7 @@ impl Packer {
     }
 }
 
-/// The shader that writes the channels of a picture of that size. Triangle ids are stored plus 1 in the texture.
+/// The shader that writes the chosen channels of a picture of this size. The texture stores triangle ids plus 1.
 fn source(flags: [bool; 4], width: u32, height: u32) -> String {
     let (mut declarations, mut stores) = (String::new(), String::new());
     for (channel, name) in CHANNELS.iter().enumerate().filter(|(channel, _)| flags[*channel]) {

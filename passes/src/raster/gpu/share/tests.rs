@@ -1,4 +1,4 @@
-//! What is handed over is what is read back, bit for bit.
+//! Shared G-buffers are bit for bit those that are read back.
 
 use super::super::tests::{ALL, SIZE, job, rasteriser, shades, squares};
 use super::memory::Packer;
@@ -7,7 +7,7 @@ use crate::raster::gpu::device::Gpu;
 use curitiba_pipeline::backend::{Attachments, GBuffer, RasterJob, Rasteriser as _};
 use curitiba_pipeline::shared::Offsets;
 
-/// The bytes of a buffer.
+/// Reads the bytes of a buffer back.
 fn read(gpu: &Gpu, buffer: &wgpu::Buffer) -> Vec<u8> {
     let usage = wgpu::BufferUsages::MAP_READ | wgpu::BufferUsages::COPY_DST;
     let staging = gpu.buffer("test", usage, buffer.size()).expect("room");
@@ -19,12 +19,12 @@ fn read(gpu: &Gpu, buffer: &wgpu::Buffer) -> Vec<u8> {
     bytes
 }
 
-/// Draws, and returns what was drawn.
+/// Draws, and returns the G-buffer.
 fn drawn(rasteriser: &mut WgpuRasteriser) -> GBuffer {
     drawn_as(rasteriser, Attachments::default())
 }
 
-/// The same with some attachments in 16-bit floats.
+/// As [`drawn`], with some attachments as 16-bit floats.
 fn drawn_as(rasteriser: &mut WgpuRasteriser, half: Attachments) -> GBuffer {
     let (scene, shades) = (squares(12), shades());
     let job = RasterJob { half, ..job(&scene, &shades) };

@@ -1,6 +1,6 @@
-//! What wgpu leaves to the driver's own interface: a device that exports semaphores, memory and semaphores as file
-//! descriptors. Vulkan 1.3 specification, chapters "Resource Creation" (external memory) and "Synchronization" (external
-//! semaphores).
+//! Calls of the Vulkan interface beneath wgpu: a device that exports semaphores, and memory and semaphores as file
+//! descriptors. See the Vulkan 1.3 specification, chapters "Resource Creation" (external memory) and "Synchronization"
+//! (external semaphores).
 #![allow(unsafe_code, reason = "calls the driver; each block says why what it hands over is valid")]
 
 use ash::{khr, vk};
@@ -11,7 +11,8 @@ use wgpu::hal::api::Vulkan;
 const MEMORY: vk::ExternalMemoryHandleTypeFlags = vk::ExternalMemoryHandleTypeFlags::OPAQUE_FD;
 const SEMAPHORE: vk::ExternalSemaphoreHandleTypeFlags = vk::ExternalSemaphoreHandleTypeFlags::OPAQUE_FD;
 
-/// Opens the adapter so that its memory and semaphores can be exported; `None` where it is no Vulkan device or cannot.
+/// Opens the adapter so that its memory and semaphores can be exported. `None` if it is no Vulkan device, or cannot
+/// export them.
 pub fn open(
     adapter: &wgpu::Adapter,
     descriptor: &wgpu::DeviceDescriptor<'_>,
@@ -61,7 +62,8 @@ pub fn uuid(device: &wgpu::Device) -> Option<DeviceUuid> {
     })
 }
 
-/// A buffer in memory of its own, the name of that memory outside, and its size, which may be larger than the buffer's.
+/// A buffer in memory of its own, the file descriptor of that memory, and the memory's size, which may exceed the
+/// buffer's.
 pub fn buffer(device: &wgpu::Device, bytes: u64) -> Result<(wgpu::Buffer, OwnedFd, u64), String> {
     let failed = |doing: &str, error: vk::Result| format!("{doing}: {error}");
     // SAFETY: nothing that wgpu owns is destroyed through the guard.
@@ -126,7 +128,7 @@ pub fn buffer(device: &wgpu::Device, bytes: u64) -> Result<(wgpu::Buffer, OwnedF
     Ok((buffer, handle, needs.size))
 }
 
-/// A timeline semaphore that another interface can wait for.
+/// A timeline semaphore that another interface can wait on.
 #[derive(Debug)]
 pub struct Semaphore {
     device: wgpu::Device,
@@ -134,7 +136,7 @@ pub struct Semaphore {
 }
 
 impl Semaphore {
-    /// The semaphore at 0, and its name outside.
+    /// A semaphore with value 0, and its file descriptor.
     pub fn new(device: &wgpu::Device) -> Result<(Self, OwnedFd), String> {
         // SAFETY: nothing that wgpu owns is destroyed through the guard.
         let hal = unsafe { device.as_hal::<Vulkan>() }.ok_or("the device is no Vulkan device")?;
@@ -155,7 +157,8 @@ impl Semaphore {
         Ok((semaphore, unsafe { OwnedFd::from_raw_fd(handle?) }))
     }
 
-    /// Lets the next submission set the semaphore to `value`, which is above all values before.
+    /// Makes the next submission set the semaphore to `value`, which must be greater than all earlier values. False if
+    /// the queue is no Vulkan queue.
     pub fn signal_after_next(&self, queue: &wgpu::Queue, value: u64) -> bool {
         // SAFETY: nothing is destroyed through the guard; the semaphore lives until the device was idle.
         let Some(hal) = (unsafe { queue.as_hal::<Vulkan>() }) else { return false };
@@ -166,7 +169,7 @@ impl Semaphore {
 
 impl Drop for Semaphore {
     fn drop(&mut self) {
-        // A lost device signals nothing any more.
+        // A lost device signals nothing any more, so the result does not matter.
         let _ = self.device.poll(wgpu::PollType::wait_indefinitely());
         // SAFETY: as above.
         if let Some(hal) = unsafe { self.device.as_hal::<Vulkan>() } {
