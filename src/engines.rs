@@ -158,8 +158,8 @@ impl Choice {
         }
     }
 
-    /// The same choice for a plan: where `auto` chooses the ray backend and a pass asks for more of glass than the report's panes, or for
-    /// soft shadows, the cpu may take over, which is told when it does.
+    /// The same choice for a plan: where `auto` chooses the ray backend and a pass asks for more of glass than the report's panes, for
+    /// soft shadows, or for a filter, the cpu may take over, which is told when it does.
     ///
     /// Where `auto` chooses the rasteriser and a pass draws with own shaders of the project, it is wgpu on any adapter.
     #[must_use]
@@ -170,7 +170,8 @@ impl Choice {
     }
 
     fn rays_for_plan(self, plan: &Plan) -> Self {
-        let more = |planned| plan.asks_of_glass(planned).or_else(|| plan.asks_of_sun(planned)).is_some();
+        let asked = |planned| plan.asks_of_glass(planned).or_else(|| plan.asks_of_sun(planned));
+        let more = |planned| asked(planned).or_else(|| plan.asks_of_filter(planned)).is_some();
         let asks = || plan.passes.iter().any(more);
         match (self.backend, self.fallback) {
             (BackendChoice::Auto, [None, None, None, None]) if asks() => {

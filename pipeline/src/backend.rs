@@ -788,6 +788,10 @@ pub trait RayBackend {
     fn traces_sun_discs(&self) -> bool {
         false
     }
+    /// Whether it filters the share that a program writes ([`RayParams::filter`] above 0).
+    fn filters_shares(&self) -> bool {
+        false
+    }
     /// Builds the acceleration structure; the executor times it. `filtered` tells by material whether some pass may let
     /// rays through it (alpha-cut textures, glass that shadow rays pass).
     ///
