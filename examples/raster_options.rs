@@ -227,8 +227,9 @@ fn main() -> Result<(), Box<dyn Error>> {
     let mut tables = plan.json();
     tables.insert("answers".to_owned(), plan.answers());
     let [width, height] = SIZE;
+    let name = output.file_name().unwrap_or_default().to_string_lossy();
     let file = json!({
-        "command": format!("cargo run --release --example raster_options -- {}", output.display()),
+        "command": format!("cargo run --release --example raster_options -- {name}"),
         "started_unix_s": started,
         "environment": environment,
         "size": [width, height],

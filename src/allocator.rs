@@ -1,30 +1,31 @@
-//! The allocator of the program: it counts what is held and refuses what would pass `--max-memory`.
+//! The program's global allocator: it counts allocated bytes and refuses allocations beyond `--max-memory`.
 //!
-//! A refusal, the system's own included (`ulimit -v`), reaches the caller as every allocator's does. Large allocations of
-//! this program ask with `try_reserve` and make an error of it that says where. Code that cannot be refused (the standard
-//! library's growing lists, crates) aborts the process; [`end_with_an_error`] makes of that an error message and exit
-//! code 1. Aborts of threads that were never refused memory stay aborts.
+//! A refusal, by this allocator or by the system (`ulimit -v`), is a null pointer, as with every allocator. Large allocations of
+//! this program use `try_reserve` and report an error. Code that cannot handle a refusal (growing lists of the standard library,
+//! other crates) aborts the process; [`end_with_an_error`] turns such an abort into an error message and exit code 1. Aborts of
+//! threads whose allocations were never refused stay aborts.
 //!
-//! The count leaves out what is no heap of this allocator: stacks, code, the heap of drivers. What frees leave in the C
-//! library's lists is not counted either; `tests/memory.rs` measures that the whole process stays within a tenth.
+//! The count does not include memory outside this heap: stacks, code, the heaps of drivers. Nor does it include freed memory that
+//! the C library keeps. `tests/memory.rs` checks that the whole process stays within a tenth of the limit.
 #![allow(unsafe_code, reason = "an allocator, a signal handler and the calls that end a process have no safe form")]
 
 use std::alloc::{GlobalAlloc, Layout, System};
 use std::cell::Cell;
 use std::sync::atomic::{AtomicI64, Ordering};
 
-/// Blocks of so many bytes or more are counted at once, smaller ones when a thread has collected so many.
+/// Size in bytes from which a block is counted at once. Smaller blocks are added up per thread and counted in batches of this size.
 const BATCH: i64 = 64 << 10;
 
-/// Bytes held, but for less than [`BATCH`] of each thread.
+/// Bytes allocated, up to [`BATCH`] per thread.
 static HELD: AtomicI64 = AtomicI64::new(0);
-/// Most bytes that may be held.
+/// Most bytes that may be allocated.
 static LIMIT: AtomicI64 = AtomicI64::new(i64::MAX);
 
 thread_local! {
-    /// Bytes of small blocks that this thread took and has not yet added to [`HELD`].
+    /// Net bytes of small blocks of this thread that are not yet in [`HELD`].
     static OWN: Cell<i64> = const { Cell::new(0) };
-    /// Why an allocation of this thread was refused last. It stays: what tells of a refusal takes memory itself, and succeeds.
+    /// Why an allocation of this thread was refused last. It is not reset: reporting the refusal allocates memory too, and
+    /// succeeds.
     static REFUSED: Cell<Refused> = const { Cell::new(Refused::No) };
 }
 
@@ -35,15 +36,15 @@ enum Refused {
     BySystem,
 }
 
-/// Counts what the system's allocator hands out.
+/// The system's allocator with counting and a limit.
 pub struct Counting;
 
-/// Sets how many bytes may be held from now on. Small blocks may pass it by a sixteenth, so that an error can be told.
+/// Sets the limit from now on. Small blocks may exceed it by a sixteenth, so that an error can still be reported.
 pub fn limit(bytes: u64) {
     LIMIT.store(i64::try_from(bytes).unwrap_or(i64::MAX), Ordering::Relaxed);
 }
 
-/// Books a part of a large block at once; `false` if it would pass the limit.
+/// Counts bytes of a large block at once; returns `false` if that would exceed the limit.
 fn take_large(bytes: usize) -> bool {
     let bytes = bytes as i64;
     let held = HELD.fetch_add(bytes, Ordering::Relaxed).saturating_add(bytes);
@@ -59,7 +60,7 @@ fn give_back_large(bytes: usize) {
     HELD.fetch_sub(bytes as i64, Ordering::Relaxed);
 }
 
-/// Books a block; `false` if it would pass the limit.
+/// Counts a block; returns `false` if that would exceed the limit.
 fn take(bytes: usize) -> bool {
     if bytes as i64 >= BATCH {
         return take_large(bytes);
@@ -79,7 +80,7 @@ fn take(bytes: usize) -> bool {
     true
 }
 
-/// Books what is freed.
+/// Uncounts a freed block.
 fn give_back(bytes: usize) {
     if bytes as i64 >= BATCH {
         return give_back_large(bytes);
@@ -93,12 +94,12 @@ fn give_back(bytes: usize) {
     }
 }
 
-/// Blocks of so many bytes or more, which the C library maps one by one, ask for large pages.
+/// Size in bytes from which blocks request huge pages; the C library maps each such block separately.
 #[cfg(target_os = "linux")]
 const LARGE_PAGES: usize = 32 << 20;
 
-/// Asks for large pages, where the system has them: first touches of 4 KiB each take longer than reading a scene's numbers, and those of
-/// several threads wait for each other.
+/// Requests huge pages, if the system has them. Page faults for 4 KiB each would take longer than parsing the numbers of a scene,
+/// and page faults of several threads wait for each other.
 #[cfg(target_os = "linux")]
 fn ask_for_large_pages(block: *mut u8, bytes: usize) {
     const PAGE: usize = 4096;
@@ -113,7 +114,7 @@ fn ask_for_large_pages(block: *mut u8, bytes: usize) {
 #[cfg(not(target_os = "linux"))]
 fn ask_for_large_pages(_: *mut u8, _: usize) {}
 
-/// Books `bytes`, calls the system, and takes the booking back if it has no memory.
+/// Counts `bytes`, allocates, and uncounts them if the system has no memory.
 fn counted(bytes: usize, allocate: impl FnOnce() -> *mut u8) -> *mut u8 {
     if !take(bytes) {
         return std::ptr::null_mut();
@@ -148,8 +149,8 @@ unsafe impl GlobalAlloc for Counting {
 
     unsafe fn realloc(&self, block: *mut u8, layout: Layout, size: usize) -> *mut u8 {
         let (old, grown) = (layout.size(), size.saturating_sub(layout.size()));
-        // A large block is moved by its pages, and never there twice; so only what it grows by is booked. One that grows from
-        // small to large is booked as both for a moment.
+        // A large block is remapped and never exists twice, so only its growth is counted. A block that grows from small to large
+        // is counted as both for a moment.
         let both_large = old.min(size) as i64 >= BATCH;
         if !(if both_large { take_large(grown) } else { take(size) }) {
             return std::ptr::null_mut();
@@ -170,21 +171,21 @@ unsafe impl GlobalAlloc for Counting {
     }
 }
 
-/// Makes the abort that follows a refused allocation an error message and exit code 1.
+/// Turns the abort after a refused allocation into an error message and exit code 1.
 #[cfg(unix)]
 pub fn end_with_an_error() {
     // SAFETY: the handler only reads a variable of its thread, writes and ends the process, which a handler may do.
     unsafe { libc::signal(libc::SIGABRT, on_abort as *const () as libc::sighandler_t) };
 }
 
-/// Other systems end such a process with what the standard library says.
+/// On other systems such a process ends with the message of the standard library.
 #[cfg(not(unix))]
 pub fn end_with_an_error() {}
 
 #[cfg(unix)]
 extern "C" fn on_abort(_: libc::c_int) {
     let message: &[u8] = match REFUSED.get() {
-        // `abort` goes on as if there were no handler.
+        // Not refused: `abort` then ends the process as without a handler.
         Refused::No => return,
         Refused::ByLimit => {
             b"error: what is needed does not fit into --max-memory\n       \

@@ -13,23 +13,23 @@ use serde::Serialize;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
-/// Most seeds that are rendered of one project.
+/// Most seeds with which a project is rendered.
 pub const MAX_SEEDS: u32 = 10_000;
 
-/// What is compared.
+/// One of the two things to compare.
 #[derive(Debug, Clone)]
 pub enum Operand {
     /// A picture in a file.
     Picture(PathBuf),
-    /// A project, rendered as asked.
+    /// A project, which is rendered with its settings.
     Project(Box<Spec>),
 }
 
 impl Operand {
-    /// Reads the name of a picture (`.png`, `.exr`) or a [`Spec`] of a project or scene.
+    /// Parses the name of a picture (`.png`, `.exr`), or a [`Spec`] of a project or scene.
     ///
     /// # Errors
-    /// If it is neither.
+    /// If it is neither of them.
     pub fn parse(text: &str) -> Result<Self, SpecError> {
         if Spec::is_project(text) {
             return Ok(Self::Project(Box::new(Spec::parse(text)?)));
@@ -47,7 +47,7 @@ impl Operand {
     }
 }
 
-/// Why two things could not be compared.
+/// Why a comparison failed.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum CompareError {
@@ -60,78 +60,79 @@ pub enum CompareError {
     /// A frame cannot be rendered.
     #[error(transparent)]
     Render(#[from] crate::pipeline::executor::RenderError),
-    /// The two do not match.
+    /// The two cannot be compared with each other.
     #[error("{0}")]
     Mismatch(String),
-    /// What is asked for makes no sense for these two.
+    /// An option does not apply to these two.
     #[error("{0}")]
     Usage(String),
 }
 
-/// One of the two, as a picture.
+/// One of the two things, as a picture.
 #[derive(Debug, Clone)]
 pub struct Side {
-    /// As the user wrote it.
+    /// Name as the user wrote it.
     pub name: String,
-    /// The picture; the mean over the seeds where there are several.
+    /// The picture; with several seeds their mean.
     pub image: Image,
     /// Names of its channels.
     pub channels: [String; 4],
-    /// Steps that a PNG was rounded to.
+    /// Largest integer of a PNG's channels; `None` for floats.
     pub steps: Option<u32>,
-    /// What its colours are, before they are made the other side's; `None` for an EXR file that does not say.
+    /// Colour space before conversion to that of the other side; `None` for an EXR file that does not say.
     pub space: Option<ColorSpace>,
-    /// Variance of the mean.
+    /// Variance of the mean, if known.
     pub variance: Option<Variance>,
-    /// How it was rendered; `None` for a picture of a file.
+    /// How it was rendered; `None` for a picture from a file.
     pub rendered: Option<Rendered>,
 }
 
-/// How a picture was rendered.
+/// Details of a rendered picture.
 #[derive(Debug, Clone, Serialize)]
 pub struct Rendered {
-    /// Median host time of a frame, milliseconds, without loading and building. Without a warm-up: `curitiba bench` measures.
+    /// Median host time of a frame in milliseconds, without loading and building, and without warm-up; `curitiba bench` measures
+    /// properly.
     pub frame_ms: f64,
-    /// Frames rendered, one for each seed.
+    /// Number of frames rendered: one for each seed.
     pub frames: u32,
-    /// Seed of the first frame; each next one has the next.
+    /// Seed of the first frame; seeds increase by one per frame.
     pub first_seed: u32,
-    /// What drew.
+    /// Name of the rasteriser.
     pub raster: &'static str,
-    /// Its device and driver.
+    /// Device and driver of the rasteriser.
     pub raster_device: String,
-    /// What traced.
+    /// Name of the ray backend.
     pub rays: &'static str,
-    /// Its device and driver.
+    /// Device and driver of the ray backend.
     pub rays_device: String,
-    /// Counted warnings of the scene.
+    /// Warnings of the scene, with counts.
     pub warnings: Vec<String>,
-    /// Problems of the project that do not stop it.
+    /// Warnings and notes of the project.
     #[serde(skip)]
     pub problems: Problems,
 }
 
-/// Two pictures and what was found.
+/// Result of a comparison.
 #[derive(Debug, Clone)]
 pub struct Compared {
-    /// The one that is judged.
+    /// The picture that is judged.
     pub test: Side,
-    /// The one that it is judged by.
+    /// The picture that it is compared with.
     pub reference: Side,
     /// The metrics.
     pub comparison: Comparison,
-    /// Error or noise; `None` unless both carry variance.
+    /// Result of the z-test; `None` unless both have a variance.
     pub z_test: Option<ZTest>,
-    /// FLIP of every pixel.
+    /// FLIP error of every pixel.
     pub flip: ErrorMap,
-    /// What both pictures were compared as: linear radiance if one of them is that. The colours of the sides are made so.
+    /// Colour space of the comparison, to which both sides are converted: linear if either of them is linear radiance.
     pub space: ColorSpace,
-    /// What a reader should know about these two.
+    /// Notes for the reader about these two pictures.
     pub notes: Vec<String>,
 }
 
-/// Obtains both pictures and compares them. With `seeds` of 2 or more each project is rendered with as many seeds and the
-/// means are compared; the two take different seeds, since a test of noise needs independent samples.
+/// Reads or renders both pictures and compares them. With `seeds` of 2 or more each project is rendered with that many seeds, and
+/// the means are compared; the two sides use different seeds, since the noise test needs independent samples.
 ///
 /// # Errors
 /// If a picture cannot be read or rendered, or the two do not match.
@@ -178,15 +179,15 @@ pub fn compare(
     Ok(Compared { test, reference, comparison, z_test, flip, space, notes })
 }
 
-/// Linear radiance where one of the two says that it is that, else display values.
+/// The colour space of the comparison: linear radiance if either side says that it is, otherwise display values.
 fn common_space(test: &Side, reference: &Side) -> ColorSpace {
     let linear = |side: &Side| side.space == Some(ColorSpace::Linear);
     let colors = test.channels[0] == "R" || test.channels[0] == "Y";
     if colors && (linear(test) || linear(reference)) { ColorSpace::Linear } else { ColorSpace::Report }
 }
 
-/// A side whose colours are display values, in linear radiance if that is compared: what a screen makes of them. Its variance
-/// is multiplied by the square of the slope of the transfer.
+/// Converts a side of display values to linear radiance if that is the space of the comparison. Its variance is multiplied by the
+/// squared slope of the transfer function.
 fn in_space(mut side: Side, space: ColorSpace) -> Side {
     if space == ColorSpace::Report || side.space != Some(ColorSpace::Report) {
         return side;
@@ -207,7 +208,7 @@ fn in_space(mut side: Side, space: ColorSpace) -> Side {
     side
 }
 
-/// What was done to make the colours of both the same, if that is anything.
+/// A note about the conversion of colours, if there was one.
 fn note_of_space(test: &Side, reference: &Side, space: ColorSpace) -> Vec<String> {
     let sides = [test, reference];
     let coded = sides.into_iter().filter(|side| side.space == Some(ColorSpace::Report));
@@ -229,7 +230,7 @@ fn estimate<'a>(side: &'a Side, variance: &'a Variance) -> Estimate<'a> {
     Estimate { mean: &side.image, variance_of_mean: &variance.of_mean, samples: variance.samples }
 }
 
-/// Seeds for which the two have no frame in common, if several are rendered of both.
+/// First seeds of the two sides. If both are rendered with several seeds, the two ranges of seeds do not overlap.
 fn first_seeds(test: &Operand, reference: &Operand, seeds: u32) -> [u32; 2] {
     let own = |operand: &Operand| match operand {
         Operand::Project(spec) => spec.settings.seed,
@@ -238,7 +239,7 @@ fn first_seeds(test: &Operand, reference: &Operand, seeds: u32) -> [u32; 2] {
     let (first, second) = (own(test), own(reference));
     let renders = |operand: &Operand| matches!(operand, Operand::Project(spec) if !spec.is_reference);
     let both = renders(test) && renders(reference);
-    // Seeds wrap around, so the distance is the shorter way.
+    // Seeds wrap around, so the distance is taken the shorter way.
     let distance = first.wrapping_sub(second).min(second.wrapping_sub(first));
     if both && seeds > 1 && distance < seeds { [first, first.wrapping_add(seeds)] } else { [first, second] }
 }
@@ -268,7 +269,7 @@ fn obtain(
     }
 }
 
-/// What is kept as the reference of a project's picture.
+/// The stored reference of a project's picture.
 fn reference_of_picture(name: &str, spec: &Spec, observer: &mut dyn Observer) -> Result<Side, CompareError> {
     let case = Case::new(&spec.project, spec.settings.clone(), Choice::CPU)?;
     let mut references = References::new(References::default_folder(), Duration::ZERO);
@@ -322,7 +323,7 @@ fn render(
 
 fn rendered(renderer: &Renderer, first_seed: u32, frames: u32) -> Rendered {
     let steps = renderer.timeline().rows.iter().filter(|row| row.kind.per_frame());
-    // A frame's time is the sum of its steps; where a frame ran several steps of one name, all of them count.
+    // A frame's time is the sum of its steps; steps that run several times in a frame count each time.
     let times: Vec<Vec<f64>> = steps.map(|row| per_frame(&row.host_ms, frames as usize)).collect();
     let whole: Vec<f64> = (0..frames as usize).map(|frame| times.iter().map(|step| step[frame]).sum()).collect();
     Rendered {
@@ -338,19 +339,19 @@ fn rendered(renderer: &Renderer, first_seed: u32, frames: u32) -> Rendered {
     }
 }
 
-/// The samples of a step, summed for each frame.
+/// The samples of a step, summed per frame.
 fn per_frame(samples: &[f64], frames: usize) -> Vec<f64> {
     (0..frames)
         .map(|frame| samples[frame * samples.len() / frames..(frame + 1) * samples.len() / frames].iter().sum())
         .collect()
 }
 
-/// Running mean and sum of squared deviations of pictures (Welford 1962), in 64 bits.
+/// Running mean and sum of squared deviations of pictures (Welford 1962), in `f64`.
 struct Moments {
     width: u32,
     height: u32,
     count: u32,
-    /// Mean and squared deviations of each value.
+    /// Mean and sum of squared deviations of each value.
     values: Vec<[[f64; 2]; 4]>,
 }
 
@@ -388,7 +389,7 @@ impl Moments {
     }
 }
 
-/// The same facts with the names that the user gave, and what to do.
+/// The error with the user's names of the two pictures, and a remedy.
 fn explain(error: &MetricError, test: &str, reference: &str) -> String {
     let name = |which: Which| match which {
         Which::Test => test,

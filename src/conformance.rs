@@ -1,5 +1,5 @@
-//! Whether ray backends compute the same: every ray pass of a project runs on the processor and, with the same G-buffer, on
-//! others beside it, and the pictures are compared pixel by pixel in full precision.
+//! Conformance of ray backends: every ray pass of a project runs on the processor and, with the same G-buffer, on other backends,
+//! and the pictures are compared pixel by pixel in full precision.
 
 use crate::pipeline::backend::{BackendError, BuildStats, RayBackend, RayCounts, RayJob, RayStats};
 use crate::pipeline::executor::{Progress, median};
@@ -11,12 +11,12 @@ use serde::Serialize;
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Instant;
 
-/// The share of pixels that may be off by more than a number.
+/// Limits for the share of pixels that differ by more than a given amount.
 ///
-/// Our own tracer on CUDA finds what the processor finds; what is left is the order in which the colours of glass are summed. OptiX
-/// tests triangles by its own arithmetic: rays through edges and grazing rays may differ, and the report's noise, the
-/// fraction of a sine times 43758, makes other occlusion rays of a hit that is off by its last bit. Our tracer on wgpu finds what the
-/// processor finds wherever the driver rounds as the processor does; where it does not, directions differ by last bits, as OptiX's hits do.
+/// Our own tracer on CUDA finds the same hits as the processor; what differs is the order in which the colours of glass are summed.
+/// OptiX has its own triangle test, so rays through edges and grazing rays may differ; and the report's noise function (the
+/// fraction of a sine times 43758) gives other occlusion rays for a hit that differs in its last bit. Our tracer on wgpu finds the
+/// same hits wherever the driver rounds as the processor does; elsewhere directions differ in their last bits, like OptiX's hits.
 pub const LIMITS: [Limit; 5] = [
     Limit { backend: "cuda", noise_at_hits: false, difference: 1e-5, share: 1e-4 },
     Limit { backend: "optix", noise_at_hits: false, difference: 1e-2, share: 2e-3 },
@@ -25,21 +25,21 @@ pub const LIMITS: [Limit; 5] = [
     Limit { backend: "wgpu", noise_at_hits: true, difference: 1e-2, share: 0.15 },
 ];
 
-/// How far apart pictures may be.
+/// A limit for differences between pictures.
 #[derive(Debug, Clone, Copy, Serialize)]
 pub struct Limit {
-    /// Of which backend.
+    /// The backend that it applies to.
     pub backend: &'static str,
-    /// Whether it is of `final` in thesis fidelity.
+    /// Whether it applies to `final` in thesis fidelity.
     pub noise_at_hits: bool,
-    /// Pixels may be off by this much in any of their numbers.
+    /// Difference in any component that a pixel may have.
     pub difference: f32,
-    /// The share of them that may be off by more.
+    /// Share of pixels that may differ by more.
     pub share: f64,
 }
 
 impl Limit {
-    /// The one that holds for a pass; a backend that has none of its own has the strictest.
+    /// The limit for a pass. A backend without a limit of its own has the strictest one.
     #[must_use]
     pub fn of(backend: &str, job: &RayJob<'_>) -> Self {
         let noise = backend != "cuda" && (job.program, job.fidelity) == (RayProgram::Final, Fidelity::Thesis);
@@ -48,29 +48,29 @@ impl Limit {
     }
 }
 
-/// Two pictures of one pass.
+/// Result of comparing two pictures of a pass.
 #[derive(Debug, Clone, Serialize)]
 pub struct Comparison {
-    /// How many pixels.
+    /// Number of pixels.
     pub pixels: usize,
-    /// Pixels whose four numbers are equal bit by bit.
+    /// Number of pixels whose four components are equal bit by bit.
     pub identical: usize,
-    /// Largest difference of a number; infinite where only one side is a number.
+    /// Largest difference of a component; infinite if only one of the two is a number.
     pub max_difference: f32,
-    /// Root mean square over all numbers.
+    /// Root mean square difference over all components.
     pub rmse: f64,
-    /// Pixels with a number that is off by more than this.
+    /// Number of pixels with a component that differs by more than 1e-6.
     pub above_1e_6: usize,
-    /// As above.
+    /// Number of pixels with a component that differs by more than 1e-5.
     pub above_1e_5: usize,
-    /// As above.
+    /// Number of pixels with a component that differs by more than 1e-3.
     pub above_1e_3: usize,
-    /// As above.
+    /// Number of pixels with a component that differs by more than 1e-2.
     pub above_1e_2: usize,
 }
 
 impl Comparison {
-    /// Whether no more pixels are off than may be.
+    /// Whether the share of differing pixels is within a limit.
     #[must_use]
     pub fn is_within(&self, limit: &Limit) -> bool {
         let above = if limit.difference > 1e-3 { self.above_1e_2 } else { self.above_1e_5 };
@@ -78,82 +78,82 @@ impl Comparison {
     }
 }
 
-/// One pass on one backend.
+/// Result of one pass on one backend.
 #[derive(Debug, Clone, Serialize)]
 pub struct Record {
     /// Stem of the project's file.
     pub project: String,
-    /// Camera; `None` for each pass's own.
+    /// Name of the camera; `None` for each pass's own.
     pub camera: Option<String>,
     /// `corrected` or `thesis`.
     pub fidelity: String,
-    /// Which backend.
+    /// Name of the backend.
     pub backend: &'static str,
-    /// Which program.
+    /// Name of the program.
     pub program: &'static str,
-    /// Triangles of the scene.
+    /// Number of triangles of the scene.
     pub triangles: usize,
-    /// Device times of all runs but the first, milliseconds.
+    /// Device times of all runs except the first, milliseconds.
     pub device_ms: Vec<f64>,
-    /// Their median.
+    /// Median of the device times.
     pub device_ms_median: f64,
-    /// Median host time of the same runs.
+    /// Median host time of the same runs, milliseconds.
     pub host_ms_median: f64,
-    /// Time of the processor's one run; `None` where it was left out.
+    /// Time of the single run on the processor, milliseconds; `None` if it was skipped.
     pub cpu_ms: Option<f64>,
-    /// Rays of a run.
+    /// Number of rays of a run.
     pub rays: RayCounts,
-    /// Rays of the processor's run.
+    /// Number of rays of the processor's run.
     pub cpu_rays: Option<RayCounts>,
-    /// Millions of rays a second of device time.
+    /// Millions of rays per second of device time.
     pub mrays_per_second: f64,
-    /// How far the picture is from the processor's.
+    /// Comparison with the processor's picture.
     pub comparison: Option<Comparison>,
-    /// Whether that is within [`LIMITS`].
+    /// Whether the comparison is within [`LIMITS`].
     pub within_limits: bool,
 }
 
-/// One structure.
+/// Result of building an acceleration structure.
 #[derive(Debug, Clone, Serialize)]
 pub struct Build {
     /// Stem of the project's file.
     pub project: String,
-    /// Which backend built it.
+    /// Name of the backend.
     pub backend: &'static str,
-    /// Triangles of the scene.
+    /// Number of triangles of the scene.
     pub triangles: usize,
     /// Host time, milliseconds.
     pub ms: f64,
-    /// Bytes held.
+    /// Memory of the structure, bytes.
     pub bytes: u64,
-    /// Nodes; 0 where the backend does not tell.
+    /// Number of nodes; 0 if the backend does not report it.
     pub nodes: u64,
 }
 
-/// What was found of all passes so far.
+/// Results of all passes so far.
 #[derive(Debug, Default)]
 pub struct Found {
-    /// Passes.
+    /// Results of passes.
     pub records: Vec<Record>,
-    /// Structures.
+    /// Results of building structures.
     pub builds: Vec<Build>,
 }
 
-/// The processor backend, whose pictures are handed on, with others beside it that run the same jobs.
+/// The processor's backend, with others beside it that run the same jobs. The pictures passed on are the processor's.
 pub struct Beside {
-    /// The processor.
+    /// The processor's backend.
     pub cpu: Box<dyn RayBackend>,
-    /// What is compared with it.
+    /// The backends that are compared with it.
     pub others: Vec<Box<dyn RayBackend>>,
-    /// Where records go.
+    /// Receives the results.
     pub found: Arc<Mutex<Found>>,
-    /// For the records: stem of the project's file.
+    /// Stem of the project's file, for the results.
     pub project: String,
-    /// For the records: camera.
+    /// Name of the camera, for the results.
     pub camera: Option<String>,
-    /// Runs of each pass on the others, at least 2; the first is not timed.
+    /// Runs of each pass on the other backends, at least 2; the first is not timed.
     pub runs: u32,
-    /// Whether the processor runs at all; without it, passes are timed alone and the picture is not of use.
+    /// Whether the processor runs too. Otherwise passes are only timed, and the picture is not usable.
     pub compare: bool,
 }
 
@@ -203,7 +203,7 @@ impl Beside {
     }
 }
 
-/// Compares pixel by pixel.
+/// Compares two pictures pixel by pixel.
 #[must_use]
 pub fn compare(expected: &[[f32; 4]], found: &[[f32; 4]]) -> Comparison {
     let mut result = Comparison {
@@ -221,7 +221,7 @@ pub fn compare(expected: &[[f32; 4]], found: &[[f32; 4]]) -> Comparison {
             result.identical += 1;
             continue;
         }
-        // What is a number on one side only is as far off as can be.
+        // If only one of the two is a number, the difference is infinite.
         let difference = |a: f32, b: f32| {
             let difference = (a - b).abs();
             if difference.is_nan() && !(a.is_nan() && b.is_nan()) { f32::INFINITY } else { difference.max(0.0) }
@@ -298,7 +298,7 @@ impl RayBackend for Beside {
 }
 
 impl Record {
-    /// One line of what was found.
+    /// The result as a line of text.
     #[must_use]
     pub fn in_words(&self) -> String {
         format!(

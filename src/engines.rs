@@ -1,4 +1,4 @@
-//! Which rasteriser and which ray backend do the work.
+//! Choice and construction of the rasteriser and the ray backend.
 
 use crate::passes::cpu::CpuRays;
 use crate::passes::raster::cpu::CpuRasteriser;
@@ -9,25 +9,26 @@ use crate::pipeline::executor::{Engines, Spare};
 use crate::pipeline::plan::Plan;
 use std::sync::OnceLock;
 
-/// Which rasteriser.
+/// The user's choice of rasteriser.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum RasterChoice {
-    /// wgpu on a real GPU if there is one, else the cpu.
+    /// wgpu on a real GPU if there is one, otherwise the processor.
     #[default]
     Auto,
-    /// Our own, on all cores.
+    /// The processor's rasteriser, on all cores.
     Cpu,
     /// wgpu on any adapter, software drivers included.
     Wgpu,
 }
 
-/// Which ray backend.
+/// The user's choice of ray backend.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default)]
 pub enum BackendChoice {
-    /// In builds with the feature `cuda` and on machines with an NVIDIA GPU `cuda`, else `wgpu` on a real GPU, else the cpu.
+    /// `cuda` in builds with the feature `cuda` on machines with an NVIDIA GPU; otherwise `wgpu` on a real GPU; otherwise the
+    /// processor.
     #[default]
     Auto,
-    /// Our own tracer, on all cores.
+    /// The processor's tracer, on all cores.
     Cpu,
     /// Our own tracer in compute shaders, on any GPU that wgpu opens, software drivers included.
     Wgpu,
@@ -38,10 +39,10 @@ pub enum BackendChoice {
 }
 
 impl RasterChoice {
-    /// All, by the names that users write.
+    /// All choices, with the names that users write.
     pub const NAMES: [(&str, Self); 3] = [("auto", Self::Auto), ("cpu", Self::Cpu), ("wgpu", Self::Wgpu)];
 
-    /// As users write it.
+    /// The name that users write.
     #[must_use]
     pub fn name(self) -> &'static str {
         Self::NAMES.iter().find(|(_, choice)| *choice == self).map_or("", |(name, _)| name)
@@ -49,26 +50,26 @@ impl RasterChoice {
 }
 
 impl BackendChoice {
-    /// All, by the names that users write.
+    /// All choices, with the names that users write.
     pub const NAMES: [(&str, Self); 5] =
         [("auto", Self::Auto), ("cpu", Self::Cpu), ("wgpu", Self::Wgpu), ("cuda", Self::Cuda), ("optix", Self::Optix)];
 
-    /// Those that are no choice between others.
+    /// All choices that name a backend, that is all but `Auto`.
     pub const ALL: [Self; 4] = [Self::Cpu, Self::Wgpu, Self::Cuda, Self::Optix];
 
-    /// As users write it.
+    /// The name that users write.
     #[must_use]
     pub fn name(self) -> &'static str {
         Self::NAMES.iter().find(|(_, choice)| *choice == self).map_or("", |(name, _)| name)
     }
 }
 
-/// How many GPUs share the rays of `cuda` and `optix`.
+/// Number of GPUs that share the rays of `cuda` and `optix`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Gpus {
-    /// This many, at least 1.
+    /// This number, at least 1.
     Count(u8),
-    /// Every one.
+    /// All GPUs.
     All,
 }
 
@@ -99,24 +100,24 @@ impl std::str::FromStr for Gpus {
     }
 }
 
-/// What the user asks for.
+/// The user's choice of engines.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct Choice {
     /// Rasteriser.
     pub raster: RasterChoice,
     /// Ray backend.
     pub backend: BackendChoice,
-    /// GPUs of `cuda` and `optix`.
+    /// Number of GPUs for `cuda` and `optix`.
     pub gpus: Gpus,
-    /// The device of `wgpu`, for rasteriser and rays: its place in the list of
-    /// [`adapters`]. `auto` takes it, whatever it is.
+    /// The device of `wgpu`, for rasteriser and rays, as an index into [`adapters`]. If it is given, `auto` takes it, whatever it
+    /// is.
     pub adapter: Option<u8>,
-    /// Ray backends that may take over where the one before them fails, in this order; none unless the user allowed it.
+    /// Fallbacks: ray backends that may take over, in this order, if the one before fails; none unless the user allowed them.
     pub fallback: [Option<BackendChoice>; 4],
 }
 
 impl Choice {
-    /// Both on the processor.
+    /// Rasteriser and rays on the processor.
     pub const CPU: Self = Self {
         raster: RasterChoice::Cpu,
         backend: BackendChoice::Cpu,
@@ -125,12 +126,12 @@ impl Choice {
         fallback: [None; 4],
     };
 
-    /// The device of `wgpu`: the one that is named, or what may be taken otherwise.
+    /// The device of `wgpu`: the chosen one, or else `otherwise`.
     pub(crate) fn device(self, otherwise: AdapterChoice) -> AdapterChoice {
         self.adapter.map_or(otherwise, AdapterChoice::Nth)
     }
 
-    /// The name of the device of `wgpu` that was asked for, where an engine may take it.
+    /// Name of the chosen device of `wgpu`; `None` if no engine of this choice can use it.
     #[must_use]
     pub fn adapter_name(self) -> Option<&'static str> {
         static ADAPTERS: OnceLock<Vec<AdapterSummary>> = OnceLock::new();
@@ -140,13 +141,13 @@ impl Choice {
         ADAPTERS.get_or_init(adapters).get(place).map(|adapter| adapter.name.as_str())
     }
 
-    /// The same rasteriser with another ray backend.
+    /// The choice with another ray backend.
     #[must_use]
     pub fn traced_by(self, backend: BackendChoice) -> Self {
         Self { backend, ..self }
     }
 
-    /// The ray backend, as keys of rows and messages have it: `cuda`, `cuda on 2 GPUs`.
+    /// Name of the ray backend for keys and messages: `cuda`, `cuda on 2 GPUs`.
     #[must_use]
     pub fn rays_in_words(self) -> String {
         let name = self.backend.name();
@@ -158,10 +159,10 @@ impl Choice {
         }
     }
 
-    /// The same choice for a plan: where `auto` chooses the ray backend and a pass asks for more of glass than the report's panes, for
-    /// soft shadows, or for a filter, the cpu may take over, which is told when it does.
+    /// The choice for a plan. If `auto` chooses the ray backend, and a pass asks for glass features beyond the report's panes,
+    /// soft shadows or a filter, the processor becomes a fallback; a message says so when it takes over.
     ///
-    /// Where `auto` chooses the rasteriser and a pass draws with own shaders of the project, it is wgpu on any adapter.
+    /// If `auto` chooses the rasteriser, and a pass draws with own shaders, the rasteriser is wgpu on any adapter.
     #[must_use]
     pub fn for_plan(self, plan: &Plan) -> Self {
         let own = self.raster == RasterChoice::Auto && plan.passes.iter().any(|planned| plan.draws_own(planned));
@@ -181,12 +182,12 @@ impl Choice {
         }
     }
 
-    /// What makes the ray backend, and those that may take over.
+    /// Constructors of the ray backend and of its fallbacks.
     pub fn ray_backends(self) -> impl Iterator<Item = Spare> {
         self.ray_backends_on(None)
     }
 
-    /// The same, where the rasteriser has a device that `wgpu` can trace on, too.
+    /// [`Self::ray_backends`], given the rasteriser's device, on which `wgpu` can trace too.
     fn ray_backends_on(self, device: Option<SharedDevice>) -> impl Iterator<Item = Spare> {
         let all = std::iter::once(self.backend).chain(self.fallback.into_iter().flatten());
         all.map(move |backend| {
@@ -196,20 +197,20 @@ impl Choice {
     }
 }
 
-/// Makes the engines. What `auto` chose can be read from [`Engines::raster`].
+/// Makes the engines. [`Engines::raster`] tells what `auto` chose.
 ///
 /// # Errors
-/// If one that was asked for by name cannot be had, and nothing may take over.
+/// If an engine named by the user is not available, and no fallback is allowed.
 pub fn choose(choice: Choice) -> Result<Engines, BackendError> {
     let (raster, rays, own) = parts(choice)?;
     Ok(Engines::first_of(raster, rays)?.with_own(own))
 }
 
-/// The rasteriser, what makes the ray backend and those that may take over, and what makes those of single passes: on one device where
-/// they can.
+/// The rasteriser, and constructors of the ray backend, of its fallbacks, and of the backends of single passes; all on one device
+/// if possible.
 ///
 /// # Errors
-/// If the rasteriser was asked for by name and cannot be had.
+/// If a rasteriser named by the user is not available.
 pub(crate) fn parts(
     choice: Choice,
 ) -> Result<(Box<dyn Rasteriser>, impl Iterator<Item = Spare>, MakeOwn), BackendError> {
@@ -217,10 +218,10 @@ pub(crate) fn parts(
     Ok((raster, choice.ray_backends_on(device.clone()), Box::new(own_rays(choice, device))))
 }
 
-/// The engines of a choice for a plan, with the ray backends of single passes; nothing takes the place of what cannot be had.
+/// The engines of a choice for a plan, with the ray backends of single passes, without fallbacks.
 ///
 /// # Errors
-/// If one cannot be had: says what is missing, and what to do.
+/// If an engine is not available; the message gives a remedy.
 pub fn exactly(choice: Choice, plan: &Plan) -> Result<Engines, BackendError> {
     let (raster, device) = rasteriser_and_device(choice)?;
     let rays = ray_backend_on(choice, device.as_ref())?;
@@ -229,10 +230,10 @@ pub fn exactly(choice: Choice, plan: &Plan) -> Result<Engines, BackendError> {
     Ok(engines)
 }
 
-/// Makes the ray backend of a name.
+/// Constructor of a ray backend by name.
 pub(crate) type MakeOwn = Box<dyn FnMut(&str) -> Result<Box<dyn RayBackend>, BackendError>>;
 
-/// Makes ray backends by their names, for single passes.
+/// A constructor of ray backends by name, for single passes.
 fn own_rays(
     choice: Choice,
     device: Option<SharedDevice>,
@@ -247,12 +248,12 @@ fn own_rays(
 /// Makes a rasteriser.
 ///
 /// # Errors
-/// If it was asked for by name and cannot be had.
+/// If a rasteriser named by the user is not available.
 pub fn rasteriser(choice: Choice) -> Result<Box<dyn Rasteriser>, BackendError> {
     Ok(rasteriser_and_device(choice)?.0)
 }
 
-/// Makes a rasteriser, and gives its device if it has one.
+/// Makes a rasteriser; also returns its device, if it has one.
 fn rasteriser_and_device(choice: Choice) -> Result<(Box<dyn Rasteriser>, Option<SharedDevice>), BackendError> {
     let on_gpu = |gpu: WgpuRasteriser| {
         let device = gpu.shared_device();
@@ -272,16 +273,16 @@ fn rasteriser_and_device(choice: Choice) -> Result<(Box<dyn Rasteriser>, Option<
 /// Makes a ray backend.
 ///
 /// # Errors
-/// If it cannot be had: says what is missing, and what to do.
+/// If it is not available; the message gives a remedy.
 pub fn ray_backend(choice: Choice) -> Result<Box<dyn RayBackend>, BackendError> {
     ray_backend_on(choice, None)
 }
 
-/// The same, where the rasteriser has a device that `wgpu` can trace on, too.
+/// [`ray_backend`], given the rasteriser's device, on which `wgpu` can trace too.
 fn ray_backend_on(choice: Choice, device: Option<&SharedDevice>) -> Result<Box<dyn RayBackend>, BackendError> {
     match choice.backend {
         BackendChoice::Auto => match cuda(choice) {
-            // Who asks for several GPUs does not mean the processor.
+            // A user who asks for several GPUs does not want the processor.
             Err(error) if choice.gpus != Gpus::default() => Err(error),
             Err(_) => Ok(match wgpu(choice.device(AdapterChoice::RealGpu), device) {
                 Err(error) if choice.adapter.is_some() => return Err(error),
@@ -297,7 +298,7 @@ fn ray_backend_on(choice: Choice, device: Option<&SharedDevice>) -> Result<Box<d
     }
 }
 
-/// Rays on the rasteriser's device if that is one that may be taken, else on one of their own.
+/// Makes `wgpu` rays, on the rasteriser's device if the choice allows it, otherwise on a device of their own.
 fn wgpu(choice: AdapterChoice, device: Option<&SharedDevice>) -> Result<Box<dyn RayBackend>, BackendError> {
     let fits =
         |device: &&SharedDevice| choice != AdapterChoice::RealGpu || device.adapter().kind != AdapterKind::Software;
@@ -307,13 +308,13 @@ fn wgpu(choice: AdapterChoice, device: Option<&SharedDevice>) -> Result<Box<dyn 
     }))
 }
 
-/// Why `auto` does not take `wgpu` where there is no `cuda`; nothing where it does.
+/// Why `auto` does not take `wgpu` in the absence of `cuda`; `None` if it does.
 #[must_use]
 pub fn why_not_wgpu(choice: Choice) -> Option<BackendError> {
     wgpu(choice.device(AdapterChoice::RealGpu), None).err()
 }
 
-/// What `auto` takes, and why it is not `cuda`; nothing where it is.
+/// Why `auto` does not take `cuda`; `None` if it does.
 #[must_use]
 pub fn why_not_cuda() -> Option<BackendError> {
     cuda(Choice::default()).err()

@@ -1,4 +1,4 @@
-//! What machine a timing was taken on.
+//! The machine and the build that timings were taken with.
 
 use crate::engines::{ray_backend, why_not_cuda, why_not_wgpu};
 use crate::passes::raster::gpu::{AdapterChoice, AdapterKind, WgpuRasteriser, adapters};
@@ -7,45 +7,45 @@ use crate::pipeline::executor::Engines;
 use crate::{BackendChoice, Choice, RasterChoice};
 use serde::{Deserialize, Serialize};
 
-/// The machine and the build.
+/// A machine and a build of the program.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Environment {
     /// Version of this program.
     pub version: String,
-    /// Commit that it was built from, with `-dirty` where files differed from it; `unknown` where there was no git.
+    /// Commit of the build, with `-dirty` if files differed from it; `unknown` without git.
     #[serde(default)]
     pub commit: String,
     /// `release` or `debug`.
     pub profile: String,
-    /// Level of optimisation, compiler flags and instruction sets of the build.
+    /// Optimisation level, compiler flags and instruction sets of the build.
     #[serde(default)]
     pub flags: String,
     /// Operating system and architecture.
     pub platform: String,
-    /// Processor, as the system names it.
+    /// Name of the processor as the system gives it.
     pub cpu: String,
-    /// Threads that the cpu engines use.
+    /// Number of threads of the cpu engines.
     pub threads: usize,
-    /// Graphics devices, as their drivers name them; empty where there is none, or none was looked for.
+    /// Names of graphics devices, as their drivers give them; empty if there are none, or they were not queried.
     #[serde(default)]
     pub gpu: Vec<String>,
-    /// Drivers of the devices, in the same order.
+    /// Drivers of these devices, in the same order.
     #[serde(default)]
     pub driver: Vec<String>,
-    /// Mean number of processes that wanted to run in the last minute; `None` where the system does not tell. On an idle
-    /// machine it is near 0.
+    /// Load average: mean number of runnable processes in the last minute, near 0 on an idle machine. `None` if the system does not
+    /// report it.
     #[serde(default)]
     pub load_average: Option<f64>,
-    /// Where something other than the first choice did the work, and why.
+    /// Fallbacks: where another engine than the first choice was used, and why.
     #[serde(default)]
     pub fallbacks: Vec<String>,
-    /// A name for the machine, where the user gave one: two of equal parts are told apart by it. Names of hosts are not looked up.
+    /// Name of the machine, if the user gave one; it distinguishes machines with equal parts. Host names are not looked up.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub host: Option<String>,
 }
 
 impl Environment {
-    /// Looks around, but for graphics devices: asking their drivers takes a while.
+    /// The environment without graphics devices: querying their drivers takes a while.
     #[must_use]
     pub fn here() -> Self {
         Self {
@@ -64,7 +64,7 @@ impl Environment {
         }
     }
 
-    /// [`Self::here`], with the graphics devices and what `auto` falls back to for this choice of engines.
+    /// [`Self::here`], with the graphics devices, and with what `auto` falls back to for this choice of engines.
     #[must_use]
     pub fn probe(choice: Choice) -> Self {
         let adapters = adapters();
@@ -87,7 +87,7 @@ impl Environment {
             BackendChoice::Cpu => {}
             BackendChoice::Auto => match why_not_cuda() {
                 Some(no_cuda) => match why_not_wgpu(choice) {
-                    // In builds without `cuda` there is none to fall back from.
+                    // In builds without `cuda` its absence is no fallback.
                     Some(_) if cfg!(not(feature = "cuda")) => {}
                     Some(_) => environment.fallbacks.push(format!("backend `auto` takes the cpu: {no_cuda}")),
                     None => environment.add_backend(choice.traced_by(BackendChoice::Wgpu)),
@@ -99,18 +99,18 @@ impl Environment {
         environment
     }
 
-    /// Adds the graphics devices that trace, if they are there.
+    /// Adds the graphics devices of a ray backend, if it is available.
     fn add_backend(&mut self, choice: Choice) {
         if let Ok(rays) = ray_backend(choice) {
             self.add_gpus(rays.as_ref());
         }
     }
 
-    /// Adds the graphics devices of a ray backend that are not named yet, with their drivers.
+    /// Adds the graphics devices of a ray backend that are not listed yet, with their drivers.
     pub fn add_gpus(&mut self, rays: &dyn RayBackend) {
         let known = self.gpu.clone();
         for (index, gpu) in rays.gpus().into_iter().enumerate() {
-            // Equal ones have equal names, and each is named.
+            // Several equal devices have equal names, and each is listed.
             let equal = rays.gpus()[..=index].iter().filter(|other| **other == gpu).count();
             if known.iter().filter(|name| **name == gpu.name).count() < equal {
                 self.gpu.push(gpu.name);
@@ -119,7 +119,7 @@ impl Environment {
         }
     }
 
-    /// With the graphics devices that the engines' rays use, and what these fell back to.
+    /// Adds the graphics devices and the fallbacks of engines.
     #[must_use]
     pub fn with_engines(mut self, engines: &Engines) -> Self {
         self.add_gpus(engines.rays.as_ref());
@@ -127,14 +127,14 @@ impl Environment {
         self
     }
 
-    /// Why timings taken in `other` cannot stand beside timings taken here; nothing if they can.
+    /// Why timings taken in `other` are not comparable with timings taken here; `None` if they are.
     #[must_use]
     pub fn differs_from(&self, other: &Self) -> Option<String> {
         let (what, a, b) = self.build_differs_from(other).or_else(|| self.machine_differs_from(other))?;
         Some(format!("{what}: `{a}` here, `{b}` there"))
     }
 
-    /// In which of its fields the program differs from that of `other`, and what they are here and there.
+    /// The first field in which the build of `other` differs: name, value here, value there.
     #[must_use]
     pub fn build_differs_from(&self, other: &Self) -> Option<(&'static str, String, String)> {
         first_difference([
@@ -156,13 +156,13 @@ impl Environment {
             .or_else(|| first_difference([("host", here, there)]))
     }
 
-    /// Whether both are one machine, as far as they say: the same processor, threads, graphics devices, drivers and name.
+    /// Whether both are the same machine, by processor, threads, graphics devices, drivers and name.
     #[must_use]
     pub fn same_machine(&self, other: &Self) -> bool {
         self.machine_differs_from(other).is_none() && (&self.gpu, &self.driver) == (&other.gpu, &other.driver)
     }
 
-    /// The machine in words: name, processor, threads, graphics devices.
+    /// Description of the machine: name, processor, threads, graphics devices.
     #[must_use]
     pub fn machine(&self) -> String {
         let host = self.host.as_ref().map(|host| format!("{host}: ")).unwrap_or_default();
@@ -186,7 +186,7 @@ fn load_average() -> Option<f64> {
     std::fs::read_to_string("/proc/loadavg").ok()?.split_whitespace().next()?.parse().ok()
 }
 
-/// The most memory that this process has held so far, bytes; `None` where the system does not tell.
+/// Peak memory of this process so far, in bytes; `None` if the system does not report it.
 #[must_use]
 pub fn peak_memory() -> Option<u64> {
     let status = std::fs::read_to_string("/proc/self/status").ok()?;

@@ -1,4 +1,4 @@
-//! Which ray backend is fastest on this machine: found by a short measurement, which is kept for the next time.
+//! The fastest ray backend of this machine, found by a short measurement whose result is stored.
 
 use crate::engines::{ray_backend, why_not_wgpu};
 use crate::environment::Environment;
@@ -15,38 +15,39 @@ use std::path::{Path, PathBuf};
 use std::sync::OnceLock;
 use std::time::{Duration, Instant};
 
-/// What is measured: shadows and ambient occlusion of a generated square of so many triangles, in a window of so many pixels a side.
+/// The measured scene: a generated square with this many triangles, with shadows and ambient occlusion, in a square window of
+/// `SIDE` pixels.
 const TRIANGLES: u32 = 30_000;
 const SIDE: u32 = 384;
-/// For how long, and at least how often, frames are rendered: first to warm up, since drivers compile and clocks rise in the first
-/// ones, then to take the median of their times.
+/// Least time and least number of frames: first for the warm-up, since drivers compile and clock rates rise in the first frames,
+/// then for the measurement, whose median is used.
 const WARM_UP: (Duration, usize) = (Duration::from_millis(400), 3);
 const MEASURED: (Duration, usize) = (Duration::from_millis(400), 5);
-/// A record that is larger is none.
+/// Largest record that is read, bytes.
 const MOST_BYTES: u64 = 1 << 20;
 
-/// Which backend was found to be the fastest, and why.
+/// The fastest backend, with the measurement.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Fastest {
-    /// Its name, as in [`BackendChoice::NAMES`].
+    /// Name of the backend, as in [`BackendChoice::NAMES`].
     pub backend: String,
-    /// Milliseconds of a frame with each that is there, the fastest first.
+    /// Milliseconds per frame of each available backend, the fastest first.
     pub frames_ms: Vec<(String, f64)>,
-    /// Those that are not there, and why.
+    /// Backends that are not available, with the reasons.
     pub missing: Vec<(String, String)>,
-    /// What the measurement holds for: the program, the processor, its threads, the graphics devices with their drivers, and what
-    /// else was asked of the engines.
+    /// Conditions of the measurement: program, processor, threads, graphics devices with their drivers, and further options of the
+    /// engines.
     pub holds_for: Vec<String>,
-    /// The file that the measurement was read from, if it was not made now.
+    /// The file that the measurement was read from; `None` if it was made now.
     #[serde(skip)]
     pub read_from: Option<PathBuf>,
-    /// Why it could not be kept.
+    /// Why the measurement could not be stored, if so.
     #[serde(skip)]
     pub not_kept: Option<String>,
 }
 
 impl Fastest {
-    /// Of measured times. The processor is always there, and wins ties, since it stands first.
+    /// Evaluates measured times. The processor is always available, and wins ties because it comes first.
     fn of(measured: Vec<(BackendChoice, Result<f64, String>)>, holds_for: Vec<String>) -> Self {
         let (mut frames_ms, mut missing) = (Vec::new(), Vec::new());
         for (backend, result) in measured {
@@ -60,7 +61,7 @@ impl Fastest {
         Self { backend, frames_ms, missing, holds_for, read_from: None, not_kept: None }
     }
 
-    /// The backend.
+    /// The fastest backend.
     #[must_use]
     pub fn choice(&self) -> BackendChoice {
         let named = BackendChoice::NAMES.iter().find(|(name, _)| *name == self.backend);
@@ -87,20 +88,21 @@ impl fmt::Display for Fastest {
 
 static TAKEN: OnceLock<Fastest> = OnceLock::new();
 
-/// What [`choose`] found in this process, if it was called.
+/// The result of [`choose`] in this process; `None` if it was not called.
 pub fn taken() -> Option<&'static Fastest> {
     TAKEN.get()
 }
 
-/// The choice with the fastest ray backend, on the threads of rayon's global pool. The first call measures all that are there, for
-/// some seconds, or reads what was measured before on the same machine with the same program; later calls give what the first found.
+/// The choice with the fastest ray backend, on the threads of rayon's global pool. The first call measures all available backends,
+/// which takes some seconds, or reads an earlier measurement of the same program on the same machine; later calls return the same
+/// result.
 #[must_use]
 pub fn choose(choice: Choice) -> Choice {
     let found = TAKEN.get_or_init(|| look_up(choice, &record()));
     choice.traced_by(found.choice())
 }
 
-/// The file of the record: beside the references.
+/// Path of the stored measurement, beside the references.
 fn record() -> PathBuf {
     References::default_folder().join("fastest.json")
 }
@@ -115,7 +117,7 @@ fn look_up(choice: Choice, record: &Path) -> Fastest {
     found
 }
 
-/// The record, if it holds for this machine.
+/// The stored measurement, if its conditions hold.
 fn read(path: &Path, holds_for: &[String]) -> Option<Fastest> {
     let bytes = files::read_if_there(path, MOST_BYTES).ok()??;
     let kept: Fastest = serde_json::from_slice(&bytes).ok()?;
@@ -145,7 +147,7 @@ fn holds_for(choice: Choice) -> Vec<String> {
 fn measure(choice: Choice) -> Vec<(BackendChoice, Result<f64, String>)> {
     let scene = square::generate(TRIANGLES).scene;
     let frame = |backend: BackendChoice| {
-        // A software driver is no GPU to measure, unless it is asked for.
+        // A software driver is measured only if it was asked for.
         if backend == BackendChoice::Wgpu
             && let Some(error) = why_not_wgpu(choice)
         {
@@ -158,7 +160,7 @@ fn measure(choice: Choice) -> Vec<(BackendChoice, Result<f64, String>)> {
     BackendChoice::ALL.into_iter().map(|backend| (backend, frame(backend))).collect()
 }
 
-/// The median time of a frame, milliseconds.
+/// The median time of a frame with a choice of engines, milliseconds.
 fn frame_ms(scene: crate::pipeline::scene::Scene, choice: Choice) -> Result<f64, OpenError> {
     let effects = Some("shadows,ao".parse().expect("they are effects"));
     let options = SceneOptions { effects, ..SceneOptions::default() };

@@ -17,10 +17,10 @@
 //! }
 //! ```
 //!
-//! [`Renderer`] has setters, `update` runs only the passes that depend on what was set, `accumulate` takes more and more samples of one
-//! sequence, and `cancellation` gives a frame up: `docs/library.md`.
+//! A [`Renderer`] has setters. `update` runs only the passes that depend on a change, `accumulate` takes more and more samples of a
+//! sequence, and `cancellation` cancels a frame: see `docs/library.md`.
 //!
-//! The command line (`curitiba --help`) does nothing that this library cannot: [`open`] reads a project, makes its plan
+//! Everything that the command line (`curitiba --help`) does is available in this library: [`open`] reads a project, makes its plan
 //! and loads its scenes; [`Renderer::frame`](pipeline::executor::Renderer::frame) renders.
 #![forbid(unsafe_code)]
 
@@ -63,28 +63,28 @@ use std::path::Path;
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum OpenError {
-    /// The project file or a material library; holds every problem of them.
+    /// The project file or a material library is in error; contains all problems.
     #[error(transparent)]
     Project(#[from] Problems),
-    /// A scene file of which a project was to be made, or a file that is neither.
+    /// A scene file is in error, or the file is neither a scene nor a project.
     #[error(transparent)]
     Source(#[from] SceneError),
-    /// Options that do not fit what is named.
+    /// Options do not fit what is opened.
     #[error("{0}")]
     Option(String),
     /// The settings do not fit the project.
     #[error(transparent)]
     Plan(#[from] PlanError),
-    /// No engine of the kind that was asked for, and no pass that would use it.
+    /// A requested engine is not available; the error concerns no particular pass.
     #[error(transparent)]
     Engine(#[from] pipeline::backend::BackendError),
-    /// A scene, or a backend.
+    /// A scene could not be loaded, or a backend failed.
     #[error(transparent)]
     Render(#[from] RenderError),
 }
 
 impl OpenError {
-    /// The message for a row of a table: problems are joined by semicolons.
+    /// The message in one line, for tables: problems are joined by semicolons.
     #[must_use]
     pub fn joined(&self) -> String {
         match self {
@@ -105,11 +105,11 @@ impl From<SourceError> for OpenError {
     }
 }
 
-/// Reads a project, makes its plan, chooses engines, loads the scenes and builds what the plan needs. `project` may also be a
-/// scene file or a folder of them: [`Settings::scene`] says what project is made of it.
+/// Reads a project, makes its plan, chooses engines, loads the scenes and builds what the plan needs. `project` may also be a scene
+/// file or a folder of scene files: [`Settings::scene`] then says how to make a project.
 ///
 /// # Errors
-/// All problems of the project's files together; or the first of what follows.
+/// All problems of the project's files together, or the first error of the later steps.
 pub fn open(
     project: impl AsRef<Path>,
     settings: Settings,
@@ -120,10 +120,10 @@ pub fn open(
     open_project(project, settings, choice, observer)
 }
 
-/// [`open`] for a project that is there already: one that was read and changed, or made in memory.
+/// [`open`] for a project in memory, such as one that was read and changed.
 ///
 /// # Errors
-/// The first of what follows reading.
+/// The first error of the steps after reading.
 pub fn open_project(
     project: Project,
     settings: Settings,
@@ -133,7 +133,7 @@ pub fn open_project(
     let plan = Plan::new(project, settings)?;
     let (raster, rays, own) = engines::parts(choice.for_plan(&plan))?;
     let engines = Engines::first_of(raster, rays).map_err(|error| {
-        // What is missing matters to the pass that would use it.
+        // A missing ray backend is reported for the first pass that needs it.
         let rays = |planned: &&PlannedPass| plan.traced(planned).is_some();
         match plan.passes.iter().find(rays) {
             Some(planned) => RenderError::Pass { pass: plan.pass(planned).name.clone(), frame: None, error }.into(),

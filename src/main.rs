@@ -1,5 +1,5 @@
-//! The command line. Exit codes: 0 done; 1 the work failed, or a comparison is beyond a limit; 2 the
-//! command line is wrong; 3 a project, scene or picture file is wrong.
+//! The command line. Exit codes: 0 success; 1 the work failed, or a comparison exceeds a limit; 2 wrong command line; 3 a project,
+//! scene or picture file is in error.
 mod allocator;
 mod cli;
 
@@ -14,14 +14,14 @@ const _: () = assert!(cfg!(panic = "unwind"), "the program has to be built with 
 #[global_allocator]
 static ALLOCATOR: allocator::Counting = allocator::Counting;
 
-/// Of the thread that runs the command, bytes. All of it is asked for at once: where a limit leaves no room for the first
-/// thread's stack to grow, the system ends the process without a word.
+/// Stack size of the thread that runs the command, bytes. It is allocated at once: if a memory limit left no room for the main
+/// thread's stack to grow, the system would end the process without a message.
 const STACK: usize = 8 << 20;
 
 fn main() -> ExitCode {
     allocator::end_with_an_error();
     match std::thread::Builder::new().stack_size(STACK).spawn(command) {
-        // A panic has printed its message.
+        // The panic has printed its message.
         Ok(thread) => thread.join().unwrap_or(ExitCode::from(101)),
         Err(error) => {
             let failure = Failure::Work(format!("no thread can be started: {error}"));

@@ -1,20 +1,20 @@
-//! Shards: which of many units of work (rows of a benchmark, frames of a path) one process does.
+//! Shards: the share of the work units (rows of a benchmark, frames of a path) that one process does.
 //!
-//! A scheduler starts the processes; nothing here starts, watches or repeats anything. Unit `i`, counted from 0, belongs to shard `K` of `N`
-//! where `i mod N = K - 1`, so neighbours, which often cost alike, go to different shards.
+//! A scheduler starts the processes; this module neither starts nor watches nor repeats anything. Unit `i`, counted from 0, belongs
+//! to shard `K` of `N` if `i mod N = K - 1`, so neighbouring units, which often have similar costs, go to different shards.
 
 use std::fmt;
 use std::str::FromStr;
 
-/// Most shards.
+/// Largest number of shards.
 pub const MOST: u64 = 1_000_000;
 
-/// A share of the work: every `count`-th unit.
+/// A shard: every `count`-th unit.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Shard {
-    /// Which share, from 0, below [`Self::count`].
+    /// Index of the shard, from 0, below [`Self::count`].
     pub index: u64,
-    /// How many there are, 1 to [`MOST`].
+    /// Number of shards, 1 to [`MOST`].
     pub count: u64,
 }
 
@@ -35,12 +35,12 @@ impl fmt::Display for Shard {
     }
 }
 
-/// What `--shard` may say.
+/// Value of `--shard`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Request {
-    /// `K/N`.
+    /// `K/N`: shard K of N.
     Named(Shard),
-    /// `auto`: both numbers are the scheduler's. `auto/N`: which one is the scheduler's.
+    /// `auto`: index and number of shards come from the scheduler. `auto/N`: only the index does.
     Auto(Option<u64>),
 }
 
@@ -69,17 +69,17 @@ impl FromStr for Request {
     }
 }
 
-/// Which task a scheduler says that this process is.
+/// The task that this process is, according to a scheduler.
 struct Task {
-    /// The variable that says so.
+    /// The environment variable that says so.
     variable: &'static str,
-    /// As the scheduler counts.
+    /// The task's index, counted as the scheduler does.
     index: u64,
-    /// The task's place, from 0, and how many there are, where the scheduler says both.
+    /// Index from 0 and number of tasks, if the scheduler gives both.
     place: Option<Shard>,
 }
 
-/// Variables of arrays whose range the scheduler says: index, first, last, step, and (where there is one) the number of tasks.
+/// Variables of array jobs with a known range: index, first, last, step, and number of tasks (if there is such a variable).
 const ARRAYS: [[&str; 5]; 2] = [
     [
         "SLURM_ARRAY_TASK_ID",
@@ -90,24 +90,24 @@ const ARRAYS: [[&str; 5]; 2] = [
     ],
     ["SGE_TASK_ID", "SGE_TASK_FIRST", "SGE_TASK_LAST", "SGE_TASK_STEPSIZE", ""],
 ];
-/// Variables of processes of an MPI launcher: rank from 0, and number.
+/// Variables of MPI launchers: rank from 0, and number of processes.
 const RANKS: [[&str; 2]; 2] = [["OMPI_COMM_WORLD_RANK", "OMPI_COMM_WORLD_SIZE"], ["PMI_RANK", "PMI_SIZE"]];
-/// Variables of tasks that do not say how many there are: PBS, HyperQueue, GNU parallel.
+/// Variables with an index only, without the number of tasks: PBS, HyperQueue, GNU parallel.
 const INDICES: [&str; 3] = ["PBS_ARRAY_INDEX", "HQ_TASK_ID", "PARALLEL_SEQ"];
 
 impl Request {
-    /// The shard that is meant, `variable` being the environment of the process.
+    /// The requested shard. `variable` looks up an environment variable of the process.
     ///
     /// # Errors
-    /// If `auto` finds no scheduler, two that differ, one that does not say how many tasks there are (then `auto/N` says it), or a variable
-    /// that is no number.
+    /// For `auto`: if there is no scheduler, if two of them disagree, if the scheduler does not give the number of tasks (use
+    /// `auto/N` then), or if a variable is no number.
     pub fn resolve(self, variable: impl Fn(&str) -> Option<String>) -> Result<Shard, String> {
         let count = match self {
             Self::Named(shard) => return Ok(shard),
             Self::Auto(count) => count,
         };
         let mut tasks = tasks(&variable)?;
-        // A launcher inside a task of an array that starts one process says nothing.
+        // A launcher that starts a single process inside a task of an array carries no information.
         let says = |task: &Task| task.place.is_none_or(|place| place.count > 1);
         if tasks.iter().any(says) {
             tasks.retain(says);
@@ -137,7 +137,7 @@ impl Request {
             }
         };
         match (count, task.place) {
-            // Any N indices in a row are all N shards, from whichever the array starts.
+            // N consecutive indices are all N shards, whatever index the array starts at.
             (Some(count), _) => Ok(Shard { index: (task.index % count + count - 1) % count, count }),
             (None, Some(place)) => Ok(place),
             (None, None) => Err(format!(
@@ -148,9 +148,9 @@ impl Request {
     }
 }
 
-/// The tasks that the environment names.
+/// The tasks that environment variables describe.
 fn tasks(variable: &impl Fn(&str) -> Option<String>) -> Result<Vec<Task>, String> {
-    // Schedulers set what does not apply to nothing or to `undefined`.
+    // Schedulers set variables that do not apply to an empty value or to `undefined`.
     let set = |name: &str| variable(name).filter(|value| !value.is_empty() && value != "undefined");
     let number = |name: &str| match set(name) {
         None => Ok(None),
@@ -177,7 +177,7 @@ fn tasks(variable: &impl Fn(&str) -> Option<String>) -> Result<Vec<Task>, String
     Ok(tasks)
 }
 
-/// The place of an index in an array; `None` where the array has gaps, as after some of its tasks were submitted again.
+/// Place of an index in an array; `None` if the array has gaps, such as after some of its tasks were submitted again.
 fn place(index: u64, first: Option<u64>, last: Option<u64>, step: Option<u64>, count: Option<u64>) -> Option<Shard> {
     let (first, last, step) = (first?, last?, step.filter(|step| *step > 0)?);
     let tasks = last.checked_sub(first)? / step + 1;
@@ -196,7 +196,7 @@ mod tests {
         request.parse::<Request>().expect("valid").resolve(|name| variables.get(name).map(|value| (*value).clone()))
     }
 
-    /// Asserts that shards take each of 97 units exactly once.
+    /// Asserts that the shards cover each of 97 units exactly once.
     #[track_caller]
     fn partition(shards: &[Shard]) {
         for unit in 0..97 {
@@ -225,7 +225,7 @@ mod tests {
                     ]
                 };
                 partition(&all("auto", &slurm));
-                // Each task of the array starts one process by a launcher.
+                // Each task of the array starts a single process with a launcher.
                 partition(&all("auto", &|k| [slurm(k), vec![pair("PMI_RANK", 0), pair("PMI_SIZE", 1)]].concat()));
                 partition(&all("auto", &|k| {
                     vec![
@@ -282,10 +282,10 @@ mod tests {
             &[&slurm("1", "8", "8")[..], &[of("PARALLEL_SEQ", "3")]].concat(),
             &["SLURM", "and PARALLEL_SEQ"],
         );
-        // Tasks 1, 5 and 7 alone.
+        // Only tasks 1, 5 and 7.
         fails("auto", &slurm("5", "7", "3"), &["leave gaps"]);
         assert_eq!(resolved("auto", &slurm("5", "8", "8")), Ok(Shard { index: 4, count: 8 }));
-        // Nothing and `undefined` are what schedulers set outside arrays.
+        // Outside arrays schedulers set these variables to an empty value or to `undefined`.
         assert_eq!(
             resolved("auto/4", &[of("SGE_TASK_ID", "undefined"), of("HQ_TASK_ID", ""), of("PARALLEL_SEQ", "4")]),
             Ok(Shard { index: 3, count: 4 })

@@ -1,4 +1,4 @@
-//! `project.xml@setting,setting`: a project and what is asked of it, as one word of a command line.
+//! `project.xml@setting,setting`: a project with settings, in one word of a command line.
 
 use crate::passes::raster::gpu;
 use crate::pipeline::color::ColorSpace;
@@ -10,7 +10,7 @@ use crate::{BackendChoice, Choice, RasterChoice};
 use std::fmt;
 use std::path::{Path, PathBuf};
 
-/// The settings by name, with what each may be; `PASS.NAME=VALUE` and `TEXTURE.format=FORMAT` are the last.
+/// Names of the settings, with the valid values; the last ones are `PASS.NAME=VALUE` and `TEXTURE.format=FORMAT`.
 pub const SETTINGS: &[(&str, &str)] = &[
     ("raster", "auto, cpu or wgpu: what draws"),
     ("backend", "auto, cpu, wgpu, cuda or optix: what traces rays"),
@@ -37,25 +37,25 @@ pub const SETTINGS: &[(&str, &str)] = &[
 
 const FIDELITIES: [(&str, Fidelity); 2] = [("corrected", Fidelity::Corrected), ("thesis", Fidelity::Thesis)];
 
-/// A project file, or scene files of which one is made, and what differs from its defaults.
+/// A project file, or scene files to make one from, with settings that differ from the defaults.
 #[derive(Debug, Clone)]
 pub struct Spec {
     /// The project file, scene file or folder.
     pub project: PathBuf,
-    /// What the plan is made from.
+    /// The settings of the plan.
     pub settings: Settings,
-    /// Which engines.
+    /// The choice of engines.
     pub choice: Choice,
-    /// Whether the reference of the project's picture is meant, and not a picture that is rendered.
+    /// Whether the stored reference of the project's picture is meant, instead of a rendered picture.
     pub is_reference: bool,
 }
 
-/// What is wrong with a [`Spec`], and where.
+/// An error in the text of a [`Spec`].
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct SpecError {
     /// The whole text.
     pub text: String,
-    /// Character of the text, counted from 1.
+    /// Position of the error in characters, from 1.
     pub position: usize,
     /// What is wrong there.
     pub message: String,
@@ -74,18 +74,18 @@ impl fmt::Display for SpecError {
 impl std::error::Error for SpecError {}
 
 impl Spec {
-    /// Whether a text names a project, scene file or folder of those and not another file: `x.xml`, `x.xml@` or `x.xml@setting`.
+    /// Whether a text names a project, a scene file or a folder of scene files: `x.xml`, `x.xml@` or `x.xml@setting`.
     #[must_use]
     pub fn is_project(text: &str) -> bool {
         let path = Path::new(split(text).0);
         path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("xml")) || names_scenes(path)
     }
 
-    /// Reads `project.xml@setting,setting`. The project's own values stand where nothing is set, so `project.xml@` and
-    /// `project.xml` mean the same. Names of cameras, pipelines and passes are only checked when the project is opened.
+    /// Parses `project.xml@setting,setting`. Settings that are not given have the project's values, so `project.xml@` and
+    /// `project.xml` mean the same. Names of cameras, pipelines and passes are checked only when the project is opened.
     ///
     /// # Errors
-    /// At the first setting that is unknown, given twice or without a valid value.
+    /// At the first setting that is unknown, repeated, or has an invalid value.
     pub fn parse(text: &str) -> Result<Self, SpecError> {
         let (project, settings) = split(text);
         let error = |offset: usize, message: String, help: String| SpecError {
@@ -124,7 +124,7 @@ impl Spec {
         Ok(spec)
     }
 
-    /// Sets one value; an error says whether it is in the value, what is wrong, and what is valid.
+    /// Sets a value. The error contains whether the value (not the key) is wrong, a message, and what is valid.
     fn set(&mut self, key: &str, value: &str) -> Result<(), (bool, String, String)> {
         if value.is_empty() {
             let help = format!("write {key}=VALUE, or leave it out for the project's own");
@@ -192,7 +192,7 @@ impl Spec {
     }
 }
 
-/// A value that its own reader refused.
+/// The error for a value that its parser rejected.
 fn in_value(key: &str, value: &str, help: String) -> (bool, String, String) {
     (true, format!("`{value}` is no value of `{key}`"), help)
 }
@@ -204,7 +204,7 @@ fn named<T: Copy>(key: &str, value: &str, valid: &[(&str, T)]) -> Result<T, (boo
     })
 }
 
-/// At the first `@` behind `.xml` or a scene's extension, since folders may have one in their names; else at the last.
+/// Splits at the first `@` after `.xml` or a scene extension, since names of folders may contain `@`; otherwise at the last `@`.
 fn split(text: &str) -> (&str, Option<&str>) {
     let lower = text.to_ascii_lowercase();
     let extensions = || ["xml"].into_iter().chain(SCENE_EXTENSIONS).map(|extension| format!(".{extension}"));

@@ -1,8 +1,8 @@
-//! The steps of a timeline as trace events: the JSON that Perfetto (<https://ui.perfetto.dev>) and `chrome://tracing` open.
+//! The steps of a timeline as trace events, in JSON for Perfetto (<https://ui.perfetto.dev>) and `chrome://tracing`.
 //!
-//! The format is Google's "Trace Event Format", of which complete events (`"ph": "X"`) and names of threads (`"ph": "M"`) are used. Times are
-//! microseconds after the first step. One row holds the steps of the host, another the same steps on the device's clock where it
-//! has one; that clock tells how long a step took and not when it began, so each begins there with its step on the host.
+//! The format is Google's "Trace Event Format": complete events (`"ph": "X"`) and thread names (`"ph": "M"`). Times are
+//! microseconds after the first step. One row shows the steps of the host; another shows the same steps on the device's clock, if
+//! it has one. That clock gives durations but no start times, so each device step is shown at the start of its host step.
 
 use crate::pipeline::executor::{Engines, Row, Timeline};
 use crate::pipeline::files;
@@ -14,7 +14,7 @@ const PROCESS: u32 = 1;
 const HOST: u32 = 1;
 const DEVICE: u32 = 2;
 
-/// The events of all steps, and what they ran on.
+/// The events of all steps, with the names of the engines.
 #[must_use]
 pub fn trace_events(timeline: &Timeline, engines: &Engines) -> Value {
     let mut events = vec![named("process_name", HOST, "curitiba"), named("thread_name", HOST, "host")];
@@ -23,7 +23,7 @@ pub fn trace_events(timeline: &Timeline, engines: &Engines) -> Value {
     }
     for row in &timeline.rows {
         events.extend(row.spans.iter().map(|span| complete(row, HOST, span.start_ms, span.ms)));
-        // Where a frame runs a step more than once, and where a run has no time of the device, it is not known which run took what.
+        // Device times are shown only if each run has one; otherwise it is not known which run a time belongs to.
         if row.device_ms.len() == row.spans.len() {
             let runs = row.spans.iter().zip(&row.device_ms);
             events.extend(runs.map(|(span, device)| complete(row, DEVICE, span.start_ms, *device)));
@@ -36,7 +36,7 @@ pub fn trace_events(timeline: &Timeline, engines: &Engines) -> Value {
     })
 }
 
-/// Writes them to a file.
+/// Writes the events to a file.
 ///
 /// # Errors
 /// If the file cannot be written.

@@ -19,19 +19,19 @@ use curitiba_pipeline::scene::RenderScene;
 use glam::Vec3;
 use rayon::prelude::*;
 
-/// Nodes that a thread of the host converts at a time, at least.
+/// Least number of nodes that a thread of the host converts at a time.
 const GRAIN: usize = 4096;
 
-/// What the threads of a kernel are dealt to. A warp is 8 x 4 threads.
+/// How work is assigned to the threads of a kernel. A warp is 8 x 4 threads.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Dealt {
-    /// One a pixel, in blocks of 8 x 8.
+    /// One thread a pixel, in blocks of 8 x 8 threads.
     Pixels,
-    /// One a pixel, in blocks of a warp.
+    /// One thread a pixel, in blocks of one warp.
     Tiles,
-    /// Work of a list: as many blocks of so many warps as the device runs at once take some until none is left.
+    /// Work from a list: as many blocks (of `warps` warps) as the device runs at once take work until none is left.
     List { warps: u32 },
-    /// One thread.
+    /// A single thread.
     Once,
 }
 
@@ -40,7 +40,7 @@ enum Dealt {
 struct Stage {
     entry: &'static str,
     dealt: Dealt,
-    /// Has to do with what is near the points of occlusion rays: left out where they are few.
+    /// Whether the stage settles occlusion rays by the triangles near their points; skipped where the rays are few.
     settles: bool,
 }
 
@@ -50,7 +50,7 @@ const OF_OCCLUSION: [Stage; 2] = [
     Stage { entry: "trace_occlusion", dealt: Dealt::List { warps: TRACING_WARPS }, settles: true },
 ];
 
-/// Those of `final`: glass is followed to the surfaces that are seen through it, which are then lit.
+/// The stages of `final` in corrected fidelity: glass is followed to the surfaces that are seen through it, which are then lit.
 const OF_FINAL: [Stage; 4] = [
     Stage { entry: "list_surfaces", dealt: Dealt::Pixels, settles: false },
     Stage { entry: "light_surfaces", dealt: Dealt::List { warps: 2 }, settles: false },
@@ -67,27 +67,27 @@ fn stages(program: RayProgram, variant: Variant) -> &'static [Stage] {
     }
 }
 
-/// Below so many rays a point, asking what is near costs more than the rays.
+/// With fewer rays a point than this, settling costs more than tracing the rays.
 const FEW_SAMPLES: u32 = 6;
 
-/// Places of the list of surfaces for each pixel of a launch on average; 256 bytes. A pixel whose surfaces find no place is computed
-/// from begin to end by one thread.
+/// Average number of entries in the list of surfaces for each pixel of a launch; together 256 bytes. A pixel whose surfaces find no room is
+/// computed by one thread from beginning to end.
 const SURFACES_PER_PIXEL: u64 = 4;
 
-/// Device memory of a triangle in the tree: three vectors of four numbers.
+/// Device memory of a triangle in the tree, in bytes: three vectors of four numbers.
 const BYTES_OF_TRIANGLE: u64 = 48;
 
-/// Triangles within the radius of a point, if they lay on a surface through the whole scene, from which on lists of what is near are to
-/// be short.
+/// Threshold for short lists: the number of triangles within the radius of a point, estimated as if all lay on one surface through the
+/// whole scene.
 const TOO_MANY_WITHIN: f32 = 2000.0;
 
-/// Places are taken by whole warps.
+/// Entries of the list are taken by whole warps.
 const WARP: u32 = 32;
 
-/// Counters of the kernels: `Progress` in `programs/count_open.cuh`.
+/// Number of progress counters: `Progress` in `programs/count_open.cuh`.
 const PROGRESS: usize = 5;
 
-/// Blocks of a kernel that takes work from a list, for each multiprocessor: as many as one can hold.
+/// Blocks for each multiprocessor of a kernel that takes work from a list: as many as a multiprocessor can hold.
 const BLOCKS: u32 = 32;
 
 /// The kernels of a program in one variant.
@@ -97,13 +97,13 @@ struct Kernel {
     variant: Variant,
     /// Finds the bodies that the camera is in.
     find_eye: Option<CudaFunction>,
-    /// What runs before.
+    /// Kernels that run before the one that writes the picture.
     stages: Vec<(Stage, CudaFunction)>,
-    /// Writes the picture.
+    /// The kernel that writes the picture.
     function: CudaFunction,
 }
 
-/// The tree on the device, and the kernels that were loaded so far.
+/// The tree on the device, and the kernels loaded so far.
 #[derive(Debug, Default)]
 pub struct BvhTracer {
     kernels: Vec<Kernel>,
@@ -115,13 +115,13 @@ pub struct BvhTracer {
     first_surface: Buffer<u32>,
     progress: Buffer<u32>,
     settled: Buffer<u32>,
-    /// Room in the list, where it is not to be [`SURFACES_PER_PIXEL`].
+    /// Number of entries in the list of surfaces; `None` for [`SURFACES_PER_PIXEL`] times the pixels of a launch.
     room: Option<u64>,
 }
 
 impl BvhTracer {
-    /// Gives the list of surfaces of `final` room for so many, whatever the picture. Pictures do not depend on it: what finds no
-    /// room is computed without.
+    /// Limits the list of surfaces of `final` to `room` entries, whatever the size of the picture. Pictures do not depend on it: pixels
+    /// whose surfaces find no room are computed without the list.
     pub fn limit_surfaces(&mut self, room: u64) {
         self.room = Some(room);
     }
@@ -139,7 +139,7 @@ impl BvhTracer {
         Ok(())
     }
 
-    /// Writes what programs read of the tree into a launch's parameters.
+    /// Writes the addresses and bounds of the tree into the parameters of a launch.
     pub(crate) fn fill(&self, device: &Device, params: &mut Params) {
         params.nodes = self.nodes.address(device);
         params.leaves = self.leaves.address(device);
@@ -147,8 +147,8 @@ impl BvhTracer {
         [params.scene_low, params.scene_high] = self.bounds;
     }
 
-    /// How long lists of what is near some points may be, within parts of the radius. Measured on an H100: long ones pay, except where
-    /// far too much is in reach for any.
+    /// Limits on the lengths of lists of nearby triangles, for the parts of the radius. Measured on an H100: long lists pay, except where
+    /// far too many triangles are in reach for any list.
     fn listed(&self, radius: f32) -> [u32; REACHES as usize - 1] {
         let [low, high] = self.bounds.map(Vec3::from_array);
         let triangles = (self.leaves.bytes() / BYTES_OF_TRIANGLE) as f32;
@@ -156,7 +156,8 @@ impl BvhTracer {
         if within > TOO_MANY_WITHIN { [192, 512] } else { [LISTED, 512] }
     }
 
-    /// Makes room for what the kernels of a program tell each other, which is kept for the next launch, and sets their counters to 0.
+    /// Reserves the buffers through which the kernels of a program communicate, which are kept for the next launch, and sets the counters
+    /// to 0.
     fn make_room(&mut self, device: &Device, program: RayProgram, params: &mut Params) -> Result<(), BackendError> {
         let pixels = params.width as usize * params.height as usize;
         let mut points = pixels;
@@ -174,7 +175,7 @@ impl BvhTracer {
         Ok(())
     }
 
-    /// Makes room for the surfaces of a launch.
+    /// Reserves the list of surfaces of a launch.
     fn make_room_for_surfaces(&mut self, device: &Device, params: &mut Params) -> Result<(), BackendError> {
         let launched = u64::from(params.width) * u64::from(params.rows);
         let room = self.room.unwrap_or(SURFACES_PER_PIXEL * launched).min(u64::from(u32::MAX / 2));
@@ -211,7 +212,7 @@ fn start(device: &Device, kernel: &CudaFunction, dealt: Dealt, params: &Params) 
 
 impl DeviceTracer for BvhTracer {
     const NAME: &'static str = "cuda";
-    /// About 115 on the device; while it is built, about 500 on the host for obvhs's tree, its collapse and the copy.
+    /// About 115 on the device, plus about 500 on the host during the build, for obvhs's tree, its collapse and the copy.
     const BYTES_PER_TRIANGLE: u64 = 610;
 
     type Prepared = DeviceTree;

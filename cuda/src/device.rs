@@ -1,4 +1,4 @@
-//! The driver and the device: found at run time, with faults that say what is missing.
+//! The driver and the device, found at run time; errors say what is missing.
 
 use crate::fault::{code, fault, loses_the_device};
 use cudarc::driver::sys::{self, CUresult};
@@ -7,25 +7,25 @@ use curitiba_pipeline::backend::{BackendError, Gpu};
 use std::ops::Range;
 use std::sync::{Arc, OnceLock};
 
-/// An address in device memory; 0 is none.
+/// An address in device memory; 0 means none.
 pub type Address = u64;
 
-/// The least driver interface that takes our PTX: version 9.0, of CUDA 13.0.
+/// The oldest driver interface that accepts our PTX: version 9.0, of CUDA 13.0.
 const LEAST_DRIVER: i32 = 13_000;
-/// The driver release that brought it.
+/// The first driver release with that interface.
 const LEAST_RELEASE: u32 = 580;
 
 /// The least compute capability that the device programs are compiled for.
 const LEAST_CAPABILITY: (i32, i32) = (7, 5);
 
-/// The variable that names the GPUs to use.
+/// The environment variable that names the GPUs to use.
 const GPUS_VARIABLE: &str = "CURITIBA_GPUS";
 
-/// The numbers of the GPUs to use, counted from 0 as the driver does; `None` asks for all. The variable `CURITIBA_GPUS` may
-/// list them (`1,3`), in this order; a GPU that it names twice is used as if it were two.
+/// The numbers of the GPUs to use, counted from 0 as the driver does; `wanted` of them, or all for `None`. The variable `CURITIBA_GPUS` may
+/// list the GPUs (`1,3`), in this order; a GPU that it names twice is used as if it were two.
 ///
 /// # Errors
-/// If there is no driver, an old one, or there are fewer GPUs.
+/// If there is no driver, the driver is too old, or there are fewer GPUs.
 pub fn ordinals(backend: &'static str, wanted: Option<usize>) -> Result<Vec<usize>, BackendError> {
     let listed = match std::env::var(GPUS_VARIABLE) {
         Ok(text) => Some(listed(&text).map_err(|message| BackendError::Device { backend, message })?),
@@ -40,7 +40,7 @@ pub fn ordinals(backend: &'static str, wanted: Option<usize>) -> Result<Vec<usiz
         .map_err(|message| BackendError::Device { backend, message })
 }
 
-/// `0,2` as numbers.
+/// Parses a list of numbers such as `0,2`.
 fn listed(text: &str) -> Result<Vec<usize>, String> {
     let numbers = text.split(',').map(|number| number.trim().parse::<usize>());
     numbers
@@ -48,7 +48,7 @@ fn listed(text: &str) -> Result<Vec<usize>, String> {
         .map_err(|_| format!("{GPUS_VARIABLE} is `{text}`; valid: numbers of GPUs with commas between, such as 0,1"))
 }
 
-/// The first of those that are there.
+/// The first `wanted` of the GPUs that are there; all of them for `None`.
 fn chosen(there: &[usize], wanted: Option<usize>) -> Result<Vec<usize>, String> {
     let wanted = wanted.unwrap_or(there.len()).max(1);
     if wanted > there.len() {
@@ -65,9 +65,9 @@ pub struct Device {
     stream: Arc<CudaStream>,
     backend: &'static str,
     gpu: Gpu,
-    /// What messages begin with, where there are several GPUs.
+    /// Prefix of messages where there are several GPUs; else empty.
     place: String,
-    /// How it was lost, if it was: nothing runs on it any more.
+    /// How the device was lost; unset while it works. Nothing runs on a lost device.
     lost: Arc<OnceLock<String>>,
 }
 
@@ -80,10 +80,10 @@ impl Device {
         Self::on(backend, 0, false)
     }
 
-    /// The GPU of a number. `several` tells whether messages must say which one they are of.
+    /// The GPU of a number. With `several`, messages name the GPU.
     ///
     /// # Errors
-    /// If there is no driver, an old one, or no such GPU, or it is too old; says which, and what to do.
+    /// If there is no driver, the driver is too old, there is no such GPU, or the GPU is too old; the message says which, and what to do.
     pub fn on(backend: &'static str, ordinal: usize, several: bool) -> Result<Self, BackendError> {
         let version = sufficient_driver(backend)?;
         let place = if several { format!("GPU {ordinal}: ") } else { String::new() };
@@ -104,16 +104,16 @@ impl Device {
         Ok(Self { context, stream, backend, gpu, place, lost: Arc::default() })
     }
 
-    /// Name, compute capability and memory; driver and CUDA version.
+    /// Name, compute capability and memory of the GPU; driver and CUDA version.
     #[must_use]
     pub fn gpu(&self) -> &Gpu {
         &self.gpu
     }
 
-    /// Makes it the device of this thread.
+    /// Makes the device current for this thread.
     ///
     /// # Errors
-    /// If it was lost.
+    /// If the device was lost.
     pub fn bind(&self) -> Result<(), BackendError> {
         if self.lost.get().is_some() {
             return Err(self.lost_before("using the GPU"));
@@ -121,35 +121,35 @@ impl Device {
         self.context.bind_to_thread().map_err(|error| self.fault("using the GPU", &error))
     }
 
-    /// The stream on which everything runs.
+    /// The stream on which all work of the device runs.
     #[must_use]
     pub fn stream(&self) -> &Arc<CudaStream> {
         &self.stream
     }
 
-    /// The context.
+    /// The CUDA context of the device.
     #[must_use]
     pub fn context(&self) -> &Arc<CudaContext> {
         &self.context
     }
 
-    /// How many multiprocessors it has.
+    /// Number of multiprocessors.
     ///
     /// # Errors
-    /// If the driver does not tell.
+    /// If the driver does not report it.
     pub fn multiprocessors(&self) -> Result<u32, DriverError> {
         let attribute = sys::CUdevice_attribute::CU_DEVICE_ATTRIBUTE_MULTIPROCESSOR_COUNT;
         Ok(self.context.attribute(attribute)?.unsigned_abs())
     }
 
-    /// What a failed call means, for a message. Once the device is lost, every later one says so.
+    /// The error for a failed call. Once the device is lost, the error of every later call says so.
     #[must_use]
     pub fn fault(&self, doing: &str, error: &DriverError) -> BackendError {
         if self.lost.get().is_some() {
             return self.lost_before(doing);
         }
         if loses_the_device(error) {
-            // Another thread may have been first, with the same device.
+            // Another thread may have recorded the loss of the same device first.
             let _ = self.lost.set(format!("{doing}: {}", code(error)));
         }
         let mut doing = format!("{}{doing}", self.place);
@@ -169,10 +169,10 @@ impl Device {
         BackendError::Device { backend: self.backend, message }
     }
 
-    /// Copies values to the device; nothing for none.
+    /// Copies values to the device; an empty buffer for no values.
     ///
     /// # Errors
-    /// If the device's memory does not hold them.
+    /// If the values do not fit into the device's memory.
     pub fn upload<T: DeviceRepr>(&self, what: &str, values: &[T]) -> Result<Buffer<T>, BackendError> {
         if values.is_empty() {
             return Ok(Buffer::default());
@@ -181,7 +181,7 @@ impl Device {
         Ok(Buffer(Some(slice.map_err(|error| self.fault(&copying(what, size_of_val(values)), &error))?)))
     }
 
-    /// Copies values into a buffer, which is made larger if it must be.
+    /// Copies values into a buffer, which is enlarged if necessary.
     ///
     /// # Errors
     /// As [`Self::upload`].
@@ -199,7 +199,7 @@ impl Device {
         }
     }
 
-    /// Makes a buffer large enough; what was in it is lost where it was not.
+    /// Makes a buffer hold at least `length` values. Its contents are lost if it must be enlarged.
     ///
     /// # Errors
     /// As [`Self::upload`].
@@ -218,7 +218,7 @@ impl Device {
         Ok(())
     }
 
-    /// A buffer of so many zeros.
+    /// Makes a buffer hold at least `length` values, and fills it with zeros.
     ///
     /// # Errors
     /// As [`Self::upload`].
@@ -233,7 +233,7 @@ impl Device {
         self.stream.memset_zeros(slice).map_err(|error| self.fault(&format!("clearing {what}"), &error))
     }
 
-    /// Copies some parts of values to their places in a buffer that has room for all; what else is in it does not matter.
+    /// Copies `parts` of values to the same places in a buffer that has room for all values; the rest of the buffer has no meaning.
     ///
     /// # Errors
     /// As [`Self::upload`].
@@ -258,7 +258,7 @@ impl Device {
     }
 }
 
-/// A stream of our own: copies between GPUs on their default streams wait for all work of both.
+/// A stream of our own: copies between GPUs on their default streams would wait for all work of both.
 #[allow(unsafe_code, reason = "switches the ordering of several streams off")]
 fn own_stream(context: &Arc<CudaContext>) -> Result<Arc<CudaStream>, DriverError> {
     // SAFETY: everything of this context runs on the one stream that is made here, in the order in which it is called.
@@ -287,21 +287,21 @@ impl<T> Default for Buffer<T> {
 impl<T> Drop for Buffer<T> {
     fn drop(&mut self) {
         if let Some(slice) = self.0.take() {
-            // Memory is released on the stream of the thread's own device, which may be another one just now. The first
-            // call may report an earlier failure instead; what cannot be released is released with the device.
+            // The memory is released on the stream of its own device, so that device must be current for this thread. The first call may
+            // report an earlier failure instead, hence the second; if that fails too, the memory is released with the device.
             let _ = slice.context().bind_to_thread().or_else(|_| slice.context().bind_to_thread());
         }
     }
 }
 
 impl<T: DeviceRepr> Buffer<T> {
-    /// Where it is; 0 if there is none. Valid for work on the device's own stream as long as the buffer lives.
+    /// Address of the buffer; 0 if it is empty. Valid for work on the device's own stream as long as the buffer lives.
     #[must_use]
     pub fn address(&self, device: &Device) -> Address {
         self.0.as_ref().map_or(0, |slice| slice.device_ptr(&device.stream).0)
     }
 
-    /// Bytes held.
+    /// Size in bytes.
     #[must_use]
     pub fn bytes(&self) -> u64 {
         self.0.as_ref().map_or(0, |slice| slice.num_bytes() as u64)
@@ -328,7 +328,7 @@ fn driver_version(backend: &'static str) -> Result<i32, BackendError> {
     }
 }
 
-/// The version of a driver that takes our programs.
+/// The version of the driver, if it is new enough for our programs; else an error.
 fn sufficient_driver(backend: &'static str) -> Result<i32, BackendError> {
     let version = driver_version(backend)?;
     if version < LEAST_DRIVER {
@@ -351,7 +351,7 @@ fn describe(context: &CudaContext, (major, minor): (i32, i32), driver: i32) -> R
     })
 }
 
-/// The release number of NVIDIA's kernel driver, where the system tells it.
+/// The release number of NVIDIA's kernel driver, if the system reports it.
 fn kernel_driver_release() -> Option<String> {
     let text = std::fs::read_to_string("/sys/module/nvidia/version").ok().or_else(|| {
         let text = std::fs::read_to_string("/proc/driver/nvidia/version").ok()?;

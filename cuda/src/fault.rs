@@ -4,7 +4,7 @@ use cudarc::driver::DriverError;
 use cudarc::driver::sys::CUresult;
 use curitiba_pipeline::backend::BackendError;
 
-/// Whether nothing more can run on the device in this process after such a failure.
+/// Whether a failure makes the device unusable for the rest of this process.
 #[must_use]
 pub fn loses_the_device(error: &DriverError) -> bool {
     matches!(
@@ -27,19 +27,19 @@ pub fn loses_the_device(error: &DriverError) -> bool {
     )
 }
 
-/// The code with its number: `CUDA_ERROR_OUT_OF_MEMORY (2)`.
+/// The error code with its number: `CUDA_ERROR_OUT_OF_MEMORY (2)`.
 #[must_use]
 pub fn code(error: &DriverError) -> String {
     format!("{:?} ({})", error.0, error.0 as u32)
 }
 
-/// A failed call as an error: what was done, the code, what it means and what to do.
+/// The error for a failed call: what was being done, the code, what it means and what to do.
 #[must_use]
 pub fn fault(backend: &'static str, doing: &str, error: &DriverError) -> BackendError {
     BackendError::Device { backend, message: format!("{doing}: {}; {}", code(error), meaning(error)) }
 }
 
-/// What happened and what to do, for the codes that users meet.
+/// What happened and what to do, for the codes that users may see.
 fn meaning(error: &DriverError) -> &'static str {
     match error.0 {
         CUresult::CUDA_ERROR_OUT_OF_MEMORY => {

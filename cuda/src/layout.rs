@@ -1,4 +1,4 @@
-//! Structs and constants that host and device share, declared once: what is here is written to `programs/params.cuh`.
+//! Structs and constants that host and device share, declared once; they are written to `programs/params.cuh`.
 
 use crate::device::Address;
 use cudarc::driver::DeviceRepr;
@@ -8,7 +8,7 @@ use curitiba_passes::trace::gpu_tree;
 use curitiba_pipeline::scene::normal_map;
 use std::fmt::Write as _;
 
-/// Declares structs in Rust and says how they are spelled in CUDA C++.
+/// Declares structs in Rust, with the type of each field in CUDA C++.
 macro_rules! shared_structs {
     ($( $(#[$about:meta])* struct $name:ident { $( $(#[$field_about:meta])* $field:ident: $type:ty = $spelling:literal, )* } )*) => {
         $(
@@ -18,7 +18,7 @@ macro_rules! shared_structs {
             pub struct $name { $( $(#[$field_about])* pub $field: $type, )* }
         )*
 
-        /// The structs as CUDA C++ declares them, with their sizes and offsets checked there.
+        /// The declarations of the structs in CUDA C++, with static assertions on their sizes and offsets.
         fn structs() -> String {
             let mut text = String::new();
             $(
@@ -41,7 +41,7 @@ macro_rules! shared_structs {
     };
 }
 
-/// `float[3]` becomes `float name[3]`.
+/// A field declaration in C++: `float[3]` becomes `float name[3]`.
 fn declaration(spelling: &str, name: &str) -> String {
     match spelling.split_once('[') {
         Some((element, length)) => format!("{element} {name}[{length}"),
@@ -50,66 +50,65 @@ fn declaration(spelling: &str, name: &str) -> String {
 }
 
 shared_structs! {
-    /// What hits on a material are shaded with.
+    /// Shading data of a material, for hits on it.
     struct Shade {
         /// Diffuse colour.
         diffuse: [f32; 3] = "float[3]",
-        /// [`SHADE_GLASS`], [`SHADE_SHADOW_GLASS`], [`SHADE_CUT`], [`SHADE_GLOW`], [`SHADE_VERTEX_COLORS`], [`SHADE_NORMAL_MAP`].
+        /// Flags: [`SHADE_GLASS`], [`SHADE_SHADOW_GLASS`], [`SHADE_CUT`], [`SHADE_GLOW`], [`SHADE_VERTEX_COLORS`], [`SHADE_NORMAL_MAP`].
         flags: u32 = "unsigned",
-        /// Index into [`Params::textures`], or [`NO_TEXTURE`].
+        /// Colour texture: an index into [`Params::textures`], or [`NO_TEXTURE`].
         texture: u32 = "unsigned",
-        /// With [`SHADE_CUT`]: alpha below this is a hole.
+        /// With [`SHADE_CUT`]: a point with alpha below this is a hole.
         cutoff: f32 = "float",
-        /// With [`SHADE_GLOW`]: light that is added.
+        /// With [`SHADE_GLOW`]: emitted light.
         glow: [f32; 3] = "float[3]",
-        /// What that is multiplied by: index into [`Params::textures`], or [`NO_TEXTURE`].
+        /// Texture that `glow` is multiplied by: an index into [`Params::textures`], or [`NO_TEXTURE`].
         glow_texture: u32 = "unsigned",
-        /// With [`SHADE_NORMAL_MAP`]: index into [`Params::textures`].
+        /// With [`SHADE_NORMAL_MAP`]: index of the normal map in [`Params::textures`].
         normal_texture: u32 = "unsigned",
-        /// What x and y of its vectors are multiplied by.
+        /// Factor of x and y of the normal map's vectors.
         normal_scale: f32 = "float",
     }
 
-    /// A material as rays in glass see it: `Dielectric` of the pipeline, smooth and without dispersion.
+    /// A material for rays in glass: `Dielectric` of the pipeline, smooth and without dispersion.
     struct Body {
         /// [`SHAPE_OPAQUE`], [`SHAPE_PANE`], [`SHAPE_THIN`] or [`SHAPE_SOLID`].
         shape: u32 = "unsigned",
         /// Index of refraction.
         index: f32 = "float",
-        /// Extinction by colour, per scene unit.
+        /// Extinction by colour channel, per scene unit.
         extinction: [f32; 3] = "float[3]",
-        /// Share of the light by colour that passes a surface, beside Fresnel's.
+        /// By colour channel, the share of the light that passes a surface, in addition to Fresnel's factor.
         filter: [f32; 3] = "float[3]",
-        /// What that is multiplied by: index into [`Params::textures`], or [`NO_TEXTURE`].
+        /// Texture that `filter` is multiplied by: an index into [`Params::textures`], or [`NO_TEXTURE`].
         filter_texture: u32 = "unsigned",
-        /// What it is multiplied by of the colours of vertices: [`VERTEX_COLORS_NONE`], [`VERTEX_COLORS_LINEAR`] or
-        /// [`VERTEX_COLORS_DISPLAY`].
+        /// Vertex colours that `filter` is multiplied by: [`VERTEX_COLORS_NONE`], [`VERTEX_COLORS_LINEAR`] or [`VERTEX_COLORS_DISPLAY`].
         filter_vertex_colors: u32 = "unsigned",
-        /// Share of the light that enters and is scattered back.
+        /// Share of the entering light that is scattered back.
         veil: f32 = "float",
-        /// Thickness of a thin wall that absorbs, scene units; else 0.
+        /// Thickness of a thin wall that absorbs light, in scene units; else 0.
         thickness: f32 = "float",
-        /// Where bodies overlap, the one of the higher priority fills the place.
+        /// Where bodies overlap, the one with the highest priority is the medium.
         priority: u32 = "unsigned",
     }
 
     /// Level 0 of a texture.
     struct TextureInfo {
-        /// Index of its first texel in [`Params::texels`].
+        /// Index of the texture's first texel in [`Params::texels`].
         first: u64 = "unsigned long long",
-        /// Texels a row.
+        /// Width in texels.
         width: u32 = "unsigned",
-        /// Rows.
+        /// Height in texels.
         height: u32 = "unsigned",
-        /// What lies beyond its sides along u: [`WRAP_REPEAT`], [`WRAP_MIRROR`], [`WRAP_CLAMP`].
+        /// Wrapping along u: [`WRAP_REPEAT`], [`WRAP_MIRROR`], [`WRAP_CLAMP`].
         wrap_u: u32 = "unsigned",
-        /// Likewise along v.
+        /// Wrapping along v.
         wrap_v: u32 = "unsigned",
     }
 
-    /// What a launch is given. Addresses of what the program does not read are 0.
+    /// The parameters of a launch. Addresses of data that the program does not read are 0.
     struct Params {
-        /// World position and light cosine of each pixel.
+        /// For each pixel: world position, and cosine of the light.
         position: Address = "const float4 *",
         /// Shading normal of each pixel.
         normal: Address = "const float4 *",
@@ -117,7 +116,7 @@ shared_structs! {
         color: Address = "const float4 *",
         /// Triangle id of each pixel.
         triangle: Address = "const unsigned *",
-        /// Where each pixel goes.
+        /// Output colour of each pixel.
         output: Address = "float4 *",
         /// World positions of the vertices, three numbers each.
         positions: Address = "const float *",
@@ -125,75 +124,77 @@ shared_structs! {
         normals: Address = "const float *",
         /// Texture coordinates of the vertices.
         texcoords: Address = "const float2 *",
-        /// Colours of the vertices, with [`SHADE_VERTEX_COLORS`].
+        /// Colours of the vertices; read with [`SHADE_VERTEX_COLORS`].
         colors: Address = "const float4 *",
-        /// Tangents of the vertices and sides of the bitangents, with [`SHADE_NORMAL_MAP`].
+        /// Tangents of the vertices, with the sign of the bitangent in w; read with [`SHADE_NORMAL_MAP`].
         tangents: Address = "const float4 *",
         /// Vertices of the triangles, three indices each.
         triangles: Address = "const unsigned *",
         /// Material of each triangle.
         materials: Address = "const unsigned *",
-        /// By material.
+        /// Shading data of each material.
         shades: Address = "const Shade *",
-        /// By texture.
+        /// Description of each texture.
         textures: Address = "const TextureInfo *",
         /// Texels of all textures.
         texels: Address = "const uchar4 *",
-        /// The linear values of the 256 codes of sRGB; 0 where texels are read as stored.
+        /// Linear values of the 256 sRGB codes; 0 where texels are read as stored.
         decoded: Address = "const float *",
-        /// Occlusion points: both dimensions of the Sobol sequence, bits reversed; then their numbers (`sobol_table.rs`).
+        /// Occlusion points: both dimensions of the Sobol sequence, bits reversed; then sample numbers in neighbouring order
+        /// (`sobol_table.rs`).
         sobol: Address = "const uint2 *",
-        /// By the number of open rays: their share to the power of the intensity.
+        /// For each number of open rays: the open share to the power of the intensity.
         open_share: Address = "const float *",
-        /// By the number of glass surfaces crossed: what is left of the light.
+        /// For each number of glass surfaces crossed: the share of the light that is left.
         through_glass: Address = "const float *",
-        /// Sums of rays: [`RAY_COUNT_SLOTS`] times [`RAY_COUNT_KINDS`], then [`EXCEPTION_SLOT`].
+        /// Ray counts: [`RAY_COUNT_SLOTS`] times [`RAY_COUNT_KINDS`] sums, then [`EXCEPTION_SLOT`].
         ray_counts: Address = "unsigned long long *",
         /// Nodes of our tree, eight vectors each.
         nodes: Address = "const uint4 *",
         /// Triangles of our tree, three vectors each.
         leaves: Address = "const float4 *",
-        /// Of `final` on our own traversal: the list of surfaces, [`SURFACE_BYTES`] each.
+        /// For `final` on our own traversal: the list of surfaces, [`SURFACE_BYTES`] each.
         surfaces: Address = "float4 *",
-        /// By pixel: its first surface in the list.
+        /// For each pixel, the index of its first surface in the list.
         first_surface: Address = "unsigned *",
-        /// How many surfaces were found, and how far the kernels have come with them.
+        /// Progress counters of the kernels: surfaces found, and how far each kernel has come.
         progress: Address = "unsigned *",
-        /// By pixel, in `final` by surface of the list: what is near, [`SETTLED_BYTES`] each; 0 where that is not asked.
+        /// For each pixel, in `final` for each listed surface: what is settled of its occlusion rays, [`SETTLED_BYTES`] each; 0 where rays
+        /// are not settled.
         settled: Address = "uint4 *",
-        /// Surfaces that the list has room for.
+        /// Number of surfaces that the list has room for.
         capacity: u64 = "unsigned long long",
-        /// The structure that OptiX built.
+        /// Handle of the acceleration structure that OptiX built.
         handle: Address = "unsigned long long",
-        /// By material, where glass is what each says; 0 where all of it is panes.
+        /// Glass data of each material, where materials define their glass; 0 where all glass is panes.
         bodies: Address = "const Body *",
-        /// The bodies that the camera is in ([`MEDIA_BYTES`]); 0 where there is none to be in.
+        /// The bodies that the camera is in ([`MEDIA_BYTES`]); 0 where there are no bodies.
         around_eye: Address = "void *",
-        /// Number of nodes.
+        /// Number of nodes of our tree.
         node_count: u32 = "unsigned",
-        /// Pixels a row.
+        /// Width of the picture in pixels.
         width: u32 = "unsigned",
-        /// Rows.
+        /// Height of the picture in pixels.
         height: u32 = "unsigned",
         /// First row of this launch.
         first_row: u32 = "unsigned",
-        /// Rows of this launch.
+        /// Number of rows of this launch.
         rows: u32 = "unsigned",
-        /// How many of them follow each other in the picture, a multiple of [`BLOCK_HEIGHT`].
+        /// Number of consecutive rows in a stripe, a multiple of [`BLOCK_HEIGHT`].
         stripe: u32 = "unsigned",
-        /// How many rows of other GPUs lie between one stripe and the next.
+        /// Number of rows between one stripe and the next, which other GPUs compute.
         skipped: u32 = "unsigned",
         /// Seed of the random numbers.
         seed: u32 = "unsigned",
-        /// Occlusion rays a point; 0 switches occlusion off.
+        /// Number of occlusion rays a point; 0 switches occlusion off.
         samples: u32 = "unsigned",
-        /// Strata a side; 0 takes Sobol points.
+        /// Number of strata along a side; 0 selects Sobol points.
         strata: u32 = "unsigned",
-        /// Deepest glass bounce, at most [`MAX_DEPTH`].
+        /// Greatest number of glass bounces, at most [`MAX_DEPTH`].
         depth: u32 = "unsigned",
-        /// Whether any material is cut out.
+        /// 1 if any material has cut-outs, else 0.
         cut: u32 = "unsigned",
-        /// Longest distance to an occluder.
+        /// Length of occlusion rays.
         radius: f32 = "float",
         /// Index of refraction of a pane.
         index: f32 = "float",
@@ -203,25 +204,25 @@ shared_structs! {
         to_light: [f32; 3] = "float[3]",
         /// The light's colour.
         light_color: [f32; 3] = "float[3]",
-        /// Least coordinates of all triangles.
+        /// Low corner of the bounds of all triangles.
         scene_low: [f32; 3] = "float[3]",
-        /// Greatest coordinates of all triangles.
+        /// High corner of the bounds of all triangles.
         scene_high: [f32; 3] = "float[3]",
         /// Colour of rays that leave the scene through glass or from a mirror.
         beyond: [f32; 3] = "float[3]",
-        /// [`ASKS_STRAIGHT`], [`ASKS_EYE`].
+        /// Flags: [`ASKS_STRAIGHT`], [`ASKS_EYE`].
         asks: u32 = "unsigned",
-        /// 1: Schlick's weights of glass; 0: Fresnel's.
+        /// 1: Schlick's approximation for glass; 0: Fresnel's equations.
         schlick: u32 = "unsigned",
-        /// Triangles of a list of what is near some points, within parts of the radius, at most: no more than [`LISTED`].
+        /// Greatest length of a list of nearby triangles, for each part of the radius; at most [`LISTED`].
         listed: [u32; REACHES as usize - 1] = "unsigned[2]",
-        /// Segments between triangles, two vectors each: start and end, direction and pair.
+        /// Segments between triangles, two vectors each: (start, length), (direction, pair).
         segments: Address = "const float4 *",
-        /// By pair: the two triangles that do not block its segments.
+        /// For each pair: the two triangles that do not block its segments.
         own: Address = "const uint2 *",
-        /// One bit a segment: whether it is blocked.
+        /// Answers: one bit a segment, set if it is blocked.
         blocked: Address = "unsigned *",
-        /// How many segments there are.
+        /// Number of segments.
         segment_count: u64 = "unsigned long long",
     }
 }
@@ -239,74 +240,74 @@ unsafe impl DeviceRepr for TextureInfo {}
 // SAFETY: as above.
 unsafe impl DeviceRepr for Body {}
 
-/// Rays bounce on the material.
+/// Rays bounce on the material (reflection and refraction).
 pub const SHADE_GLASS: u32 = 1;
-/// Shadow rays pass through it, dimmed.
+/// Shadow rays pass the material, dimmed.
 pub const SHADE_SHADOW_GLASS: u32 = 2;
-/// It is cut out by the alpha of its texture and vertices.
+/// The material has cut-outs, by the alpha of its texture and vertices.
 pub const SHADE_CUT: u32 = 4;
-/// The material sends out light.
+/// The material emits light.
 pub const SHADE_GLOW: u32 = 8;
-/// What it reflects, and its alpha, is multiplied by the colours of its vertices.
+/// The material's reflected colour and alpha are multiplied by the vertex colours.
 pub const SHADE_VERTEX_COLORS: u32 = 16;
-/// A normal map bends its shading normals.
+/// A normal map bends the material's shading normals.
 pub const SHADE_NORMAL_MAP: u32 = 32;
-/// Light falls straight through glass, weakened by what each material does; else each surface of glass dims it alike.
+/// Light passes glass in a straight line, weakened as each material defines; if unset, each surface of glass dims it by the same factor.
 pub const ASKS_STRAIGHT: u32 = 1;
-/// The launch is one thread, which finds the bodies that the camera is in.
+/// The launch is a single thread, which finds the bodies that the camera is in.
 pub const ASKS_EYE: u32 = 2;
-/// No glass.
+/// Not glass.
 pub const SHAPE_OPAQUE: u32 = 0;
-/// The report's plane that stands for a whole pane.
+/// The report's plane that represents a whole pane.
 pub const SHAPE_PANE: u32 = 1;
 /// A plane-parallel wall.
 pub const SHAPE_THIN: u32 = 2;
-/// The border of a body.
+/// The surface of a body.
 pub const SHAPE_SOLID: u32 = 3;
-/// The colours of vertices are no part of a filter.
+/// Vertex colours do not affect the filter.
 pub const VERTEX_COLORS_NONE: u32 = 0;
-/// They are shares of light.
+/// Vertex colours are linear shares of light.
 pub const VERTEX_COLORS_LINEAR: u32 = 1;
-/// They are display values of shares of light.
+/// Vertex colours are display values (sRGB) of shares of light.
 pub const VERTEX_COLORS_DISPLAY: u32 = 2;
-/// Where there is no body.
+/// Stands for the medium outside all bodies.
 pub const NO_BODY: u32 = u32::MAX;
-/// Bytes of a list of bodies: [`effects::MOST_BODIES`] and their number.
+/// Size of a list of bodies in bytes: [`effects::MOST_BODIES`] entries and their number.
 pub const MEDIA_BYTES: u32 = 4 * (effects::MOST_BODIES + 1);
-/// A texture is seen again beyond its sides.
+/// The texture repeats beyond its border.
 pub const WRAP_REPEAT: u32 = 0;
-/// Mirrored.
+/// The texture repeats mirrored.
 pub const WRAP_MIRROR: u32 = 1;
-/// The texels at its edge.
+/// The texels at the border continue.
 pub const WRAP_CLAMP: u32 = 2;
-/// Bytes of a surface in the list of `final`.
+/// Size of a surface in the list of `final`, in bytes.
 pub const SURFACE_BYTES: u32 = 64;
-/// Bytes of what is known of a point's occlusion rays before any is traced.
+/// Size of what is known of a point's occlusion rays before any is traced, in bytes.
 pub const SETTLED_BYTES: u32 = 32;
 /// Threads of a block along x; a warp is a tile of 8 x 4 pixels.
 pub const BLOCK_WIDTH: u32 = 8;
 /// Threads of a block along y.
 pub const BLOCK_HEIGHT: u32 = 8;
-/// Threads of a block that trace segments between triangles.
+/// Threads of a block that traces segments between triangles.
 pub const SEGMENT_THREADS: u32 = 128;
-/// Warps of a block that trace the occlusion rays of 32 points together.
+/// Warps of a block that traces the occlusion rays of 32 points together.
 pub const TRACING_WARPS: u32 = 4;
-/// The radius and parts of it within which occlusion looks at what is near.
+/// Number of distances within which nearby triangles are gathered: the radius and parts of it.
 pub const REACHES: u32 = 3;
-/// Room in a list of what is near, triangles.
+/// Capacity of a list of nearby triangles.
 pub const LISTED: u32 = 768;
-/// Over how many sums the counts of rays are spread, so that threads seldom meet.
+/// Number of slots over which ray counts are spread, so that atomics rarely collide.
 pub const RAY_COUNT_SLOTS: u32 = 1024;
-/// Kinds of rays that are counted: shadow, occlusion, reflected, refracted, certain; and paths that got lost in glass.
+/// Kinds of counts: shadow, occlusion, reflected, refracted and certain rays; and paths lost in glass.
 pub const RAY_COUNT_KINDS: u32 = 6;
-/// Where among the counts OptiX's exception program writes why a ray was stopped; 0 if none was.
+/// Index, behind the counts, at which OptiX's exception program writes its code; 0 if there was no exception.
 pub const EXCEPTION_SLOT: u32 = RAY_COUNT_SLOTS * RAY_COUNT_KINDS;
-/// Types of rays that OptiX's programs tell apart: of radiance (`Phong` in project files) and of shadow.
+/// Ray types of OptiX's programs: radiance (`Phong` in project files) and shadow.
 pub const RAY_TYPES: u32 = 2;
-/// Values that OptiX's programs pass along a ray.
+/// Number of payload values of a ray in OptiX.
 pub const PAYLOADS: u32 = 6;
 
-/// The header, whole: `programs/params.cuh`.
+/// The whole header `programs/params.cuh`.
 #[must_use]
 pub fn header() -> String {
     let mut text = String::from(

@@ -1,11 +1,10 @@
 //! The ray programs on NVIDIA GPUs.
 //!
-//! Two tracers run the same device programs (`programs/`, one text an effect): `cuda` traverses our own wide tree, `optix`
-//! asks the OptiX that the driver carries. Both need NVIDIA's driver and nothing else, and look for it when they are made:
-//! a program that holds this crate starts everywhere.
+//! Two tracers run the same device programs (`programs/`, one file an effect): `cuda` traverses our own wide tree, `optix` uses the OptiX
+//! in the driver. Both need only NVIDIA's driver, and look for it when they are made, so a program with this crate starts on every machine.
 //!
-//! Results are those of the processor backend, whose module [`curitiba_passes::effects`] describes them: random numbers are
-//! equal bit for bit, and with our own tracer so is what rays hit.
+//! Results are those of the processor backend, whose module [`curitiba_passes::effects`] describes them: random numbers are equal bit for
+//! bit, and with our own tracer so are hits.
 
 pub mod bvh;
 pub mod device;

@@ -1,7 +1,8 @@
 //! The ray backends: one GPU, or several that share the rows of each pass.
 //!
-//! A picture is dealt in stripes of rows, so that costly and cheap parts of it are spread, and a GPU computes all pixels of
-//! its stripes from its own copy of the scene. No pixel depends on another, so pictures and ray counts are those of one GPU.
+//! A picture is divided into stripes of rows, which are assigned to the GPUs in turn, so that expensive and cheap parts are spread. A GPU
+//! computes all pixels of its stripes from its own copy of the scene. Pixels are independent, so pictures and ray counts are those of one
+//! GPU.
 
 use crate::device::Device;
 use crate::layout::BLOCK_HEIGHT;
@@ -24,32 +25,32 @@ pub type CudaRays = DeviceRays<crate::bvh::BvhTracer>;
 /// NVIDIA's OptiX, from the driver.
 pub type OptixRays = DeviceRays<crate::optix::OptixTracer>;
 
-/// Stripes that each of several GPUs gets of a picture: many, so that none has the dear rows to itself, and few, since each is
-/// copied by itself.
+/// Number of stripes of a picture for each of several GPUs: many, so that no GPU gets all expensive rows, but few, since each stripe is
+/// copied separately.
 const STRIPES: u32 = 16;
 
 /// A ray backend on one GPU or several.
 #[derive(Debug)]
 pub struct DeviceRays<T> {
-    /// At least one.
+    /// The GPUs, at least one.
     gpus: Vec<OneGpu<T>>,
-    /// Which of them has the shared G-buffer, if there is one.
+    /// Index of the GPU that has the shared G-buffer, if there is one.
     owner: usize,
 }
 
 impl<T: DeviceTracer> DeviceRays<T> {
-    /// A backend on the first GPU, with nothing built.
+    /// A backend on the first GPU, without a structure.
     ///
     /// # Errors
-    /// If there is no driver, an old one, or no GPU; says which, and what to do.
+    /// If there is no driver, the driver is too old, or there is no GPU; the message says which, and what to do.
     pub fn new() -> Result<Self, BackendError> {
         Self::on(&[0])
     }
 
-    /// A backend on the GPUs of these numbers, or on the first for none. A GPU that is named twice is used as if it were two.
+    /// A backend on the GPUs of these numbers; on the first GPU for an empty list. A GPU that is named twice is used as if it were two.
     ///
     /// # Errors
-    /// As [`Self::new`], and if one of them is missing.
+    /// As [`Self::new`], and if one of the GPUs is missing.
     pub fn on(ordinals: &[usize]) -> Result<Self, BackendError> {
         let ordinals = if ordinals.is_empty() { &[0] } else { ordinals };
         let several = ordinals.len() > 1;
@@ -57,12 +58,12 @@ impl<T: DeviceTracer> DeviceRays<T> {
         Ok(Self { gpus: ordinals.iter().map(open).collect::<Result<_, _>>()?, owner: 0 })
     }
 
-    /// The first of the GPUs that is the one of that UUID.
+    /// Index of the first GPU with that UUID.
     fn drawn_on(&self, device: DeviceUuid) -> Option<usize> {
         self.gpus.iter().position(|gpu| shared_gbuffer::is_on(&gpu.device, device))
     }
 
-    /// Does the same on every GPU, each on a thread of its own, and returns what each gives, or the first failure.
+    /// Runs `work` on every GPU, each on its own thread with its own share, and returns the results, or the first error.
     fn on_each<S: Send, R: Send>(
         &mut self,
         shares: Vec<S>,
@@ -84,7 +85,7 @@ impl<T: DeviceTracer> DeviceRays<T> {
     }
 }
 
-/// Deals the rows of a picture: stripe by stripe, to each GPU in turn. One GPU gets all in one piece.
+/// Divides the rows of a picture into stripes and assigns them to the GPUs in turn. A single GPU gets all rows as one stripe.
 fn deal(pixels: &mut [[f32; 4]], [width, height]: [u32; 2], gpus: usize) -> Vec<Vec<Stripe<'_>>> {
     let rows = match u32::try_from(gpus) {
         Ok(1) | Err(_) => height.max(1),
@@ -98,13 +99,13 @@ fn deal(pixels: &mut [[f32; 4]], [width, height]: [u32; 2], gpus: usize) -> Vec<
 }
 
 impl CudaRays {
-    /// On each GPU, room for so many surfaces in the list of `final`: see [`BvhTracer::limit_surfaces`](crate::bvh::BvhTracer::limit_surfaces).
+    /// On each GPU, limits the list of surfaces of `final`: see [`BvhTracer::limit_surfaces`](crate::bvh::BvhTracer::limit_surfaces).
     pub fn limit_surfaces(&mut self, room: u64) {
         self.gpus.iter_mut().for_each(|gpu| gpu.tracer.limit_surfaces(room));
     }
 }
 
-/// All rays and memory, and the time of the GPU that took longest.
+/// The statistics of all GPUs: sums of rays and memory, and maxima of times.
 fn together(parts: &[RayStats]) -> RayStats {
     let mut whole = RayStats::default();
     for part in parts {
@@ -138,12 +139,12 @@ impl<T: DeviceTracer> RayBackend for DeviceRays<T> {
     }
 
     fn limits(&self) -> Limits {
-        // The device programs take a pixel's place in the launch for its place in the picture.
+        // The device programs use a pixel's place in the launch as its place in the picture, so they cannot compute parts.
         Limits { parts: false, ..Limits::NONE }
     }
 
     fn continues_sequences(&self) -> bool {
-        // The device's tables of points are of the beginning of the sequence.
+        // The device's tables hold only the beginning of the sequence of points.
         false
     }
 
@@ -214,7 +215,7 @@ impl<T: DeviceTracer> RayBackend for DeviceRays<T> {
         let owner = self.owner;
         let shares = shares.into_iter().enumerate().collect();
         let parts = self.on_each(shares, |gpu, (index, mut share)| {
-            // A small picture may not have a stripe for everyone.
+            // In a small picture some GPUs may have no stripe.
             if share.is_empty() {
                 return Ok(RayStats::default());
             }

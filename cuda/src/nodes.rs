@@ -1,4 +1,4 @@
-//! The nodes of the tree as kernels read them.
+//! The nodes of the tree in the layout of the kernels.
 
 use bytemuck::{Pod, Zeroable};
 use curitiba_passes::trace::gpu_tree::DeviceNode;
@@ -6,17 +6,17 @@ use curitiba_passes::trace::gpu_tree::DeviceNode;
 /// Children of a node.
 const CHILDREN: usize = 8;
 
-/// A node of eight children: 128 bytes, a line of the cache.
+/// A node of eight children: 128 bytes, one cache line.
 ///
-/// As [`DeviceNode`], but for the quantised planes, which are numbers of 16 bits here: a kernel takes one from half a register
-/// and makes it a 32-bit number in one instruction, on a pipe that has time for it. Bytes had to be cut out first, on the pipe that
-/// bounds traversal. All 256 values are exact.
+/// As [`DeviceNode`], except that quantised planes are 16-bit floats here: a kernel converts half a register to an `f32` in one
+/// instruction, on a pipe with spare capacity. Bytes would have to be extracted first, on the pipe that limits traversal. All 256 values
+/// are exact.
 #[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
 #[repr(C, align(16))]
 pub(crate) struct WideNode {
-    /// Corner, exponents, inner slots, first child, first triangle and children: what comes before the planes.
+    /// The part of [`DeviceNode`] before the planes: corner, exponents, inner slots, first child, first triangle and children.
     head: [u32; 8],
-    /// Low and high planes of the children by axis, as halves.
+    /// Low and high planes of the children by axis, as 16-bit floats.
     planes: [[[u16; CHILDREN]; 2]; 3],
 }
 
@@ -29,7 +29,7 @@ impl From<&DeviceNode> for WideNode {
     }
 }
 
-/// A byte as a half (IEEE 754 binary16), exactly.
+/// A byte as a 16-bit float (IEEE 754 binary16), exactly.
 fn half(byte: u8) -> u16 {
     match byte.checked_ilog2() {
         None => 0,

@@ -1,4 +1,4 @@
-//! The ray programs on one GPU, whichever tracer it asks. [`crate::multi_gpu`] makes a backend of one or several.
+//! The ray programs on one GPU, with any tracer. [`crate::multi_gpu`] makes a backend from one or several of these.
 
 use crate::device::{Address, Buffer, Device};
 use crate::layout::{
@@ -28,29 +28,29 @@ use std::ops::Range;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
-/// What traces the rays of the device programs.
+/// Traces the rays of the device programs.
 pub trait DeviceTracer: Sized + Send {
-    /// `cuda` or `optix`.
+    /// Name of the tracer: `cuda` or `optix`.
     const NAME: &'static str;
-    /// About how many bytes of host and device memory a triangle takes in the structure and while it is built.
+    /// Approximate host and device memory a triangle takes in the structure and while it is built, in bytes.
     const BYTES_PER_TRIANGLE: u64;
-    /// What the processor makes of a scene, once for all GPUs.
+    /// What the processor computes from a scene, once for all GPUs.
     type Prepared: Sync;
-    /// Makes it. `filtered` is that of [`RayBackend::build`](curitiba_pipeline::backend::RayBackend::build).
+    /// Computes it. `filtered` is that of [`RayBackend::build`](curitiba_pipeline::backend::RayBackend::build).
     fn prepare(scene: &RenderScene, filtered: &[bool]) -> Self::Prepared;
-    /// Finds what it needs on the device.
+    /// Prepares the tracer on a device.
     ///
     /// # Errors
-    /// If something is missing; says what, and what to do.
+    /// If something is missing; the message says what, and what to do.
     fn new(device: &Device) -> Result<Self, BackendError>;
-    /// The device program of a ray program; `None` if it has none, and the pass runs elsewhere.
+    /// The device program of a ray program; `None` if there is none and the pass must run on another backend.
     fn program(program: RayProgram, variant: Variant) -> Option<&'static str>;
-    /// What is to be known of it beyond the device; may be empty.
+    /// Details of the tracer in addition to the device's name; may be empty.
     fn description(&self) -> String;
-    /// Builds the structure; the old one is released first.
+    /// Builds the structure. The caller has released the old one with [`Self::clear`].
     ///
     /// # Errors
-    /// If the device cannot hold it.
+    /// If it does not fit into the device's memory.
     fn build(
         &mut self,
         device: &Device,
@@ -61,38 +61,38 @@ pub trait DeviceTracer: Sized + Send {
     ) -> Result<BuildStats, BackendError>;
     /// Releases the structure: until the next build there is nothing to hit.
     fn clear(&mut self);
-    /// Bytes of device memory that passes hold besides the structure, from one to the next.
+    /// Device memory in bytes that is kept between passes, without the structure.
     fn held_bytes(&self) -> u64;
-    /// Makes the job's program ready to launch; compiled once for each variant.
+    /// Loads the job's program; each variant is compiled once.
     ///
     /// # Errors
     /// If the driver refuses it.
     fn load(&mut self, device: &Device, job: &RayJob<'_>) -> Result<(), BackendError>;
-    /// Starts the job's program, which was loaded, over the rows that the parameters name.
+    /// Starts the job's program, which must be loaded, on the rows that the parameters name.
     ///
     /// # Errors
     /// If the launch fails.
     fn launch(&mut self, device: &Device, job: &RayJob<'_>, params: &mut Params) -> Result<(), BackendError>;
 }
 
-/// Pixels of one launch at most: long passes are cut, so that no kernel runs into a display driver's time limit unless a
-/// pixel is very dear, and progress is seen.
+/// Greatest number of pixels of a launch: long passes are split, so that no kernel exceeds a display driver's time limit unless a pixel is
+/// very expensive, and so that progress is visible.
 const PIXELS_OF_LAUNCH: u32 = 1 << 20;
 
-/// Launches that wait behind one another at most: enough that the device never waits for the host.
+/// Greatest number of launches in flight: enough that the device never waits for the host.
 const LAUNCHES_AHEAD: usize = 3;
 
-/// Rows of a picture that one GPU computes, without a gap.
+/// Consecutive rows of a picture that one GPU computes.
 #[derive(Debug)]
 pub(crate) struct Stripe<'a> {
     /// The first row.
     pub first_row: u32,
-    /// Their pixels in the picture.
+    /// The pixels of these rows in the picture.
     pub pixels: &'a mut [[f32; 4]],
 }
 
 impl Stripe<'_> {
-    /// Which pixels of the picture they are.
+    /// Indices of these pixels in the picture.
     fn range(&self, width: u32) -> Range<usize> {
         let first = self.first_row as usize * width as usize;
         first..first + self.pixels.len()
@@ -103,21 +103,21 @@ impl Stripe<'_> {
     }
 }
 
-/// Some rows of a picture, which one launch computes.
+/// Rows of a picture that one launch computes.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) struct Launch {
-    /// The first.
+    /// The first row.
     first_row: u32,
-    /// How many.
+    /// Number of rows.
     rows: u32,
-    /// How many follow each other before some belong to other GPUs.
+    /// Number of consecutive rows in a stripe.
     stripe: u32,
-    /// How many do.
+    /// Number of rows of other GPUs between two stripes.
     skipped: u32,
 }
 
-/// The launches of a share of a picture. Its stripes have as many rows, but for the last, and are as far apart: a launch
-/// takes as many as it may, since its end leaves a part of the GPU idle.
+/// The launches for a share of a picture. All stripes have the same number of rows, except perhaps the last, and the same distance. Each
+/// launch takes as many stripes as allowed, since part of the GPU idles at the end of a launch.
 pub(crate) fn launches(stripes: &[Stripe<'_>], width: u32) -> Vec<Launch> {
     let Some(first) = stripes.first() else { return Vec::new() };
     let (stripe, skipped) = match stripes.get(1) {
@@ -135,7 +135,7 @@ pub(crate) fn launches(stripes: &[Stripe<'_>], width: u32) -> Vec<Launch> {
     (0..all).step_by(most as usize).map(launch).collect()
 }
 
-/// What the exception program reported.
+/// The message for a code that the exception program reported.
 fn stopped(program: RayProgram, code: i64) -> String {
     let meaning = match code {
         -1 => "the stack was full",
@@ -164,7 +164,7 @@ struct Images {
 }
 
 impl Images {
-    /// Bytes of device memory.
+    /// Size in bytes of device memory.
     fn bytes(&self) -> u64 {
         let attachments = [&self.position, &self.normal, &self.color, &self.output].map(Buffer::bytes);
         let tables = [self.open_share.buffer.bytes(), self.through_glass.buffer.bytes(), self.sobol.buffer.bytes()];
@@ -174,7 +174,7 @@ impl Images {
     }
 }
 
-/// Values that seldom change from pass to pass: they are copied to the device when they do.
+/// Values that rarely change between passes; they are copied to the device only when they change.
 #[derive(Debug)]
 pub(crate) struct Table<T> {
     values: Vec<T>,
@@ -188,19 +188,19 @@ impl<T> Default for Table<T> {
 }
 
 impl<T: DeviceRepr + PartialEq> Table<T> {
-    /// Where they are; see [`Buffer::address`].
+    /// Address of the values; see [`Buffer::address`].
     pub fn address(&self, device: &Device) -> Address {
         self.buffer.address(device)
     }
 
-    /// How many there are.
+    /// Number of values.
     pub fn len(&self) -> usize {
         self.values.len()
     }
 
     pub fn set(&mut self, device: &Device, what: &str, values: Vec<T>) -> Result<(), BackendError> {
         if self.values != values {
-            // What fails leaves nothing that a later pass could take for its own.
+            // After a failure the table is empty, so that no later pass takes old values for its own.
             self.values.clear();
             device.replace(what, &mut self.buffer, &values)?;
             self.values = values;
@@ -221,20 +221,20 @@ pub(crate) struct OneGpu<T> {
 }
 
 impl<T: DeviceTracer> OneGpu<T> {
-    /// With nothing built.
+    /// A GPU without a structure.
     pub fn new(device: Device) -> Result<Self, BackendError> {
         let tracer = T::new(&device)?;
         Ok(Self { device, tracer, built: None, images: Images::default(), joined: None, staging: Staging::default() })
     }
 
-    /// Opens a G-buffer that the rasteriser fills; the one opened before is released.
+    /// Opens a G-buffer that the rasteriser fills; releases the one opened before.
     pub fn join(&mut self, shared: SharedGBuffer) -> Result<(), BackendError> {
         self.joined = None;
         self.joined = Some(Joined::open(&self.device, shared)?);
         Ok(())
     }
 
-    /// The shared G-buffer of a job that reads one.
+    /// The shared G-buffer and semaphore value of a job that reads one; `None` for other jobs.
     fn shared(&self, job: &RayJob<'_>) -> Result<Option<(&Joined, u64)>, BackendError> {
         let Some(value) = job.shared else { return Ok(None) };
         match self.joined.as_ref().filter(|joined| joined.has_size(job.width, job.height)) {
@@ -258,8 +258,8 @@ impl<T: DeviceTracer> OneGpu<T> {
         Ok(start.elapsed())
     }
 
-    /// Lends the shared G-buffer of a job to other GPUs: a copy, since the rasteriser's own memory is read by other GPUs as slowly
-    /// as that of the host.
+    /// Lends the shared G-buffer of a job to other GPUs. Lends a copy, since other GPUs read the rasteriser's own memory as slowly as host
+    /// memory.
     #[allow(unsafe_code, reason = "copies from the memory of the rasteriser")]
     pub fn lend(&mut self, job: &RayJob<'_>) -> Result<Lent, BackendError> {
         self.device.bind()?;
@@ -288,7 +288,7 @@ impl<T: DeviceTracer> OneGpu<T> {
         Ok(Lent { context: Arc::clone(device.context()), attachments, ready })
     }
 
-    /// Starts copying the rows of a lent G-buffer that are computed here.
+    /// Starts copying those rows of a lent G-buffer that are computed here.
     #[allow(unsafe_code, reason = "copies from the memory of another GPU")]
     fn borrow(&mut self, job: &RayJob<'_>, lent: &Lent, stripes: &[Stripe<'_>]) -> Result<Copies, BackendError> {
         let (device, images) = (&self.device, &mut self.images);
@@ -315,7 +315,7 @@ impl<T: DeviceTracer> OneGpu<T> {
         })
     }
 
-    /// Addresses of positions, normals, colours and triangle ids: in the shared G-buffer, or in the copy that is here.
+    /// Addresses of positions, normals, colours and triangle ids: in the shared G-buffer or, if `copied`, in this GPU's copy.
     fn gbuffer(&self, job: &RayJob<'_>, copied: bool) -> Result<[Address; 4], BackendError> {
         let (device, images) = (&self.device, &self.images);
         if !copied && let Some((joined, _)) = self.shared(job)? {
@@ -326,7 +326,7 @@ impl<T: DeviceTracer> OneGpu<T> {
         Ok([floats[0], floats[1], floats[2], images.triangle.address(device)])
     }
 
-    /// Copies a pass's tables to the device, and describes them.
+    /// Copies a pass's tables to the device, and fills in the launch parameters.
     fn describe(&mut self, job: &RayJob<'_>, copied: bool) -> Result<Params, BackendError> {
         let [position, normal, color, triangle] = self.gbuffer(job, copied)?;
         let (device, images) = (&self.device, &mut self.images);
@@ -426,7 +426,7 @@ impl<T: DeviceTracer> OneGpu<T> {
         })
     }
 
-    /// Runs a pass over its rows, launch after launch without waiting in between, and returns the time that the device took.
+    /// Runs a pass over its rows, with several launches in flight, and returns the device time.
     fn launch_all(
         &mut self,
         job: &RayJob<'_>,
@@ -487,7 +487,7 @@ impl<T: DeviceTracer> OneGpu<T> {
         self.device.stream().synchronize().map_err(|error| self.device.fault(doing, &error))
     }
 
-    /// Copies a scene to the device and builds its structure; the old ones are released first.
+    /// Copies a scene to the device and builds its structure. The caller has released the old ones with [`Self::clear`].
     pub fn build(
         &mut self,
         scene: &Arc<RenderScene>,
@@ -503,14 +503,14 @@ impl<T: DeviceTracer> OneGpu<T> {
         Ok(stats)
     }
 
-    /// Releases scene and structure: two would not always fit.
+    /// Releases scene and structure: memory may not hold two.
     pub fn clear(&mut self) {
         self.built = None;
         self.tracer.clear();
     }
 
-    /// Runs a pass, which was checked, over some of its rows. A shared G-buffer is this GPU's own, or `lent` by another. What
-    /// fails leaves no pixel of use.
+    /// Runs a pass, which must have been checked, over some of its rows. A shared G-buffer is this GPU's own, or `lent` by another. After
+    /// an error, no pixel is valid.
     pub fn run(
         &mut self,
         job: &RayJob<'_>,
@@ -524,7 +524,7 @@ impl<T: DeviceTracer> OneGpu<T> {
         let borrowed = lent.map(|lent| self.borrow(job, lent, stripes)).transpose()?;
         let copied = upload.is_some() || borrowed.is_some();
         let mut params = self.describe(job, copied)?;
-        // Kept until the kernels are done.
+        // Kept alive until the kernels are done.
         let unbuilt;
         match &self.built {
             _ if job.program == RayProgram::Dummy => {}
@@ -573,7 +573,7 @@ mod tests {
 
     #[test]
     fn launches_cover_the_rows_of_a_share_once_and_in_order() {
-        // Width, rows of a stripe, GPUs, rows in all.
+        // Width, rows of a stripe, number of GPUs, rows of the picture.
         for (width, stripe, gpus, height) in
             [(1024, 1024, 1, 1024), (2048, 64, 3, 1500), (3, 8, 2, 1), (70_000, 16, 2, 99), (16_384, 40, 1, 333)]
         {

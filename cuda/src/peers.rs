@@ -1,4 +1,4 @@
-//! A G-buffer that the rasteriser left in the memory of one GPU, on its way to the others: from GPU to GPU.
+//! Copies a G-buffer that the rasteriser left in the memory of one GPU to other GPUs.
 //!
 //! CUDA driver API, "Peer Context Memory Access".
 #![allow(unsafe_code, reason = "copies between the memories of two GPUs; each block says why that is sound")]
@@ -12,7 +12,7 @@ use std::ops::Range;
 use std::sync::Arc;
 use std::time::Duration;
 
-/// Whether a GPU can read the memory of another without the host. Of two that are one, each can.
+/// Whether a GPU can read the memory of another directly. True if both are the same GPU.
 pub(crate) fn reaches(device: &Device, other: &Device) -> bool {
     if device.context().ordinal() == other.context().ordinal() {
         return true;
@@ -24,7 +24,7 @@ pub(crate) fn reaches(device: &Device, other: &Device) -> bool {
     asked == CUresult::CUDA_SUCCESS && reaches != 0
 }
 
-/// Lets a GPU read the memory of another, which it [`reaches`].
+/// Lets a GPU read the memory of another; [`reaches`] must be true.
 pub(crate) fn connect(device: &Device, other: &Device) -> Result<(), BackendError> {
     if device.context().ordinal() == other.context().ordinal() {
         return Ok(());
@@ -39,8 +39,8 @@ pub(crate) fn connect(device: &Device, other: &Device) -> Result<(), BackendErro
     if !other.context().has_async_alloc() {
         return Ok(());
     }
-    // What was allocated in the order of a stream comes from a pool, which contexts do not open: the driver would copy through
-    // the host.
+    // Stream-ordered allocations come from a pool, which peer access of contexts does not cover: without this, the driver would copy
+    // through the host.
     let reader = sys::CUmemAccessDesc {
         location: sys::CUmemLocation {
             type_: sys::CUmemLocationType::CU_MEM_LOCATION_TYPE_DEVICE,
@@ -61,11 +61,11 @@ pub(crate) fn connect(device: &Device, other: &Device) -> Result<(), BackendErro
     }
 }
 
-/// Starts copying `length` values of the same GPU's memory to a buffer, which is made larger if it must be. Nothing for an address
-/// of 0.
+/// Starts copying `length` values within the same GPU's memory to a buffer, which is enlarged if necessary. Returns the buffer's address.
+/// For a `from` of 0, does nothing and returns 0.
 ///
 /// # Safety
-/// At `from` in the device's memory are `length` values, until its stream has come to the end of the copy.
+/// At `from` in the device's memory there must be `length` values, until its stream has come to the end of the copy.
 pub(crate) unsafe fn copy_here<T: DeviceRepr + ValidAsZeroBits>(
     device: &Device,
     what: &str,
@@ -87,23 +87,23 @@ pub(crate) unsafe fn copy_here<T: DeviceRepr + ValidAsZeroBits>(
     Ok(to)
 }
 
-/// A G-buffer in the memory of a GPU. It stays as it is as long as this lives.
+/// A G-buffer in the memory of a GPU. It does not change as long as this lives.
 #[derive(Debug)]
 pub(crate) struct Lent {
-    /// Whose it is.
+    /// Context of the GPU that has it.
     pub context: Arc<CudaContext>,
-    /// Positions, normals, colours and triangle ids; 0 for those that are not there.
+    /// Addresses of positions, normals, colours and triangle ids; 0 for those that are absent.
     pub attachments: [Address; 4],
-    /// Happens when it is complete.
+    /// Event that occurs when the G-buffer is complete.
     pub ready: CudaEvent,
 }
 
-/// Copies that were started, between two events.
+/// Copies in flight: the events before and after them.
 #[derive(Debug)]
 pub(crate) struct Copies(CudaEvent, CudaEvent);
 
 impl Copies {
-    /// Lets the device's stream wait until the G-buffer is complete, and calls `copy` for what follows.
+    /// Makes the device's stream wait until the G-buffer is complete, then calls `copy` to start the copies.
     pub fn start(
         device: &Device,
         lent: &Lent,
@@ -117,7 +117,7 @@ impl Copies {
         Ok(Self(start, event()?))
     }
 
-    /// How long they took; waits for their end.
+    /// Waits for the end of the copies, and returns their duration.
     pub fn time(&self, device: &Device) -> Result<Duration, BackendError> {
         let time = self.0.elapsed_ms(&self.1);
         let milliseconds = time.map_err(|error| device.fault("copying from another GPU", &error))?;
@@ -125,11 +125,11 @@ impl Copies {
     }
 }
 
-/// Starts copying some parts of `length` values from the memory of another GPU to their places in a buffer, which is made
-/// larger if it must be; what else is in it does not matter.
+/// Starts copying parts of `length` values from the memory of another GPU to the same places in a buffer, which is enlarged if necessary;
+/// the rest of the buffer has no meaning.
 ///
 /// # Safety
-/// At `from` in the lender's memory are `length` values, until the device's stream has come to the end of the copies.
+/// At `from` in the lender's memory there must be `length` values, until the device's stream has come to the end of the copies.
 pub(crate) unsafe fn copy_parts<T: DeviceRepr + ValidAsZeroBits>(
     device: &Device,
     what: &str,

@@ -1,4 +1,4 @@
-//! The device programs, as PTX that the driver compiles for its GPU; `programs/build.sh` writes them.
+//! The device programs as PTX, which the driver compiles for its GPU; `programs/build.sh` writes them.
 
 use curitiba_passes::effects::dielectric::Variant;
 use curitiba_pipeline::backend::BackendError;
@@ -11,7 +11,8 @@ macro_rules! text {
 }
 macro_rules! table {
     ($($program:ident $stem:literal),* $(,)?) => {
-        /// The programs that have device programs: on our own traversal and on OptiX, corrected and thesis.
+        /// PTX of the ray programs that exist as device programs: `[tracer][fidelity]`, on our own traversal and on OptiX, corrected and
+        /// thesis.
         const TABLE: &[(RayProgram, [[&str; 2]; 2])] = &[$((RayProgram::$program, [
             [text!("bvh/corrected/", $stem), text!("bvh/thesis/", $stem)],
             [text!("optix/corrected/", $stem), text!("optix/thesis/", $stem)],
@@ -20,7 +21,7 @@ macro_rules! table {
 }
 macro_rules! bodies {
     ($($program:ident $stem:literal),* $(,)?) => {
-        /// Those that know glass as each material says, in corrected fidelity.
+        /// PTX of the programs with glass as defined by each material, in corrected fidelity: on our own traversal and on OptiX.
         const BODIES: &[(RayProgram, [&str; 2])] = &[$((RayProgram::$program, [
             text!("bvh/bodies/", $stem), text!("optix/bodies/", $stem),
         ])),*];
@@ -50,14 +51,15 @@ fn text(program: RayProgram, tracer: usize, variant: Variant) -> Option<&'static
     }
 }
 
-/// A program on our own traversal: one kernel, called as the ray-generation program is. `None` if it exists in Rust alone.
+/// A program on our own traversal: a module whose kernel has the name of the ray-generation program. `None` if the program exists only in
+/// Rust.
 #[must_use]
 pub fn on_bvh(program: RayProgram, variant: Variant) -> Option<&'static str> {
     text(program, 0, variant)
 }
 
-/// A program on OptiX: everything that a project may name, as `__raygen__buffer_camera` or `__closesthit__closest_hit`. Both
-/// fidelities have the same names. `None` if it exists in Rust alone.
+/// A program on OptiX: all entries that a project may name, such as `__raygen__buffer_camera` or `__closesthit__closest_hit`. Both
+/// fidelities have the same names. `None` if the program exists only in Rust.
 #[must_use]
 pub fn on_optix(program: RayProgram, variant: Variant) -> Option<&'static str> {
     text(program, 1, variant)
@@ -69,13 +71,13 @@ pub fn segments_on_bvh() -> &'static str {
     text!("bvh/", "segments")
 }
 
-/// The programs that trace them on OptiX.
+/// The programs that trace segments between triangles on OptiX.
 #[must_use]
 pub fn segments_on_optix() -> &'static str {
     text!("optix/", "segments")
 }
 
-/// The error of a program that has no device program.
+/// The error for a ray program without a device program.
 #[must_use]
 pub fn not_written(backend: &'static str, program: RayProgram) -> BackendError {
     let why = "it is written for the processor alone; `--backend cpu` runs it".to_owned();
@@ -149,7 +151,7 @@ mod tests {
         }
     }
 
-    /// How modules call a program that a project names; `None` for triangles, which are the tracer's own.
+    /// The entry name in a module of a program that a project names; `None` for triangle intersection, which the tracer itself provides.
     fn entry(kind: &str, proc: &str) -> Option<String> {
         let kind = kind.to_ascii_lowercase().replace('_', "");
         (kind != "geometryintersection" && kind != "boundingbox").then(|| format!(".entry __{kind}__{proc}("))
@@ -180,7 +182,7 @@ mod tests {
                 assert!(!module.contains(".entry __raygen__pinhole_camera("));
                 for text in [kernel, module] {
                     assert!(text.contains(".target sm_75") && text.contains(".version 9.0"), "{}", info.stem);
-                    // Of numbers in 64 bits the library's powers begin with an estimate that drops them.
+                    // Only `.ftz.f32`: the library's 64-bit powers begin with an estimate that flushes denormals (`.ftz.f64`).
                     assert!(!text.contains(".ftz.f32"), "{}: denormals are kept, as on the processor", info.stem);
                 }
             }
@@ -208,7 +210,7 @@ mod tests {
         if of_2014.is_none() {
             println!("those of 2014 skipped: CURITIBA_PROJECTS names no folder");
         }
-        // The packaged crate is without them.
+        // The packaged crate does not include the projects.
         let here = here.is_dir().then_some(here);
         if here.is_none() {
             println!("those of the repository skipped: they are not here");

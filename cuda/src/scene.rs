@@ -13,13 +13,13 @@ use curitiba_pipeline::programs::Fidelity;
 use curitiba_pipeline::scene::RenderScene;
 use curitiba_pipeline::scene::texture::Wrap;
 
-/// What programs read of a scene, whatever traces the rays.
+/// The scene data that programs read, whatever traces the rays.
 #[derive(Debug, Default)]
 pub struct SceneBuffers {
     positions: Buffer<f32>,
     normals: Buffer<f32>,
     texcoords: Buffer<f32>,
-    /// Empty where no mesh has colours.
+    /// Empty where no mesh has vertex colours.
     colors: Buffer<f32>,
     /// Empty where no mesh has a normal map.
     tangents: Buffer<f32>,
@@ -27,7 +27,7 @@ pub struct SceneBuffers {
     materials: Buffer<u32>,
     textures: Buffer<TextureInfo>,
     texels: Buffer<u8>,
-    /// Empty where texels are read as stored.
+    /// Linear values of the sRGB codes; empty where texels are read as stored.
     decoded: Buffer<f32>,
 }
 
@@ -50,7 +50,7 @@ impl SceneBuffers {
         })
     }
 
-    /// Writes the addresses into a launch's parameters.
+    /// Writes the addresses into the parameters of a launch.
     pub fn fill(&self, device: &Device, params: &mut Params) {
         params.positions = self.positions.address(device);
         params.normals = self.normals.address(device);
@@ -64,12 +64,12 @@ impl SceneBuffers {
         params.decoded = self.decoded.address(device);
     }
 
-    /// Vertex positions, triangles and their materials, for a structure that is built on the device.
+    /// Addresses of vertex positions, triangles and their materials, for a structure that is built on the device.
     pub fn mesh(&self, device: &Device) -> [Address; 3] {
         [self.positions.address(device), self.triangles.address(device), self.materials.address(device)]
     }
 
-    /// Bytes held.
+    /// Size in bytes of device memory.
     pub fn bytes(&self) -> u64 {
         self.positions.bytes()
             + self.normals.bytes()
@@ -101,7 +101,7 @@ fn textures(scene: &RenderScene) -> (Vec<TextureInfo>, Vec<u8>) {
     (infos, texels)
 }
 
-/// What the job knows of the materials.
+/// The job's shading data, by material.
 pub fn shades(job: &RayJob<'_>) -> Vec<Shade> {
     let set = |flags: &[bool], material: usize, flag: u32| {
         if flags.get(material).copied().unwrap_or(false) { flag } else { 0 }
@@ -127,7 +127,7 @@ pub fn shades(job: &RayJob<'_>) -> Vec<Shade> {
     job.shades.iter().enumerate().map(shade).collect()
 }
 
-/// What the job knows of glass.
+/// The job's glass data, by material.
 pub fn bodies(job: &RayJob<'_>) -> Vec<Body> {
     let body = |dielectric: &Dielectric| Body {
         shape: match dielectric.shape {

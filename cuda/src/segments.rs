@@ -1,4 +1,4 @@
-//! Segments between triangles on one GPU: the processor makes them, the device says which are blocked.
+//! Segments between triangles on one GPU: the processor makes them, the device finds which are blocked.
 
 use crate::bvh::BvhTracer;
 use crate::device::{Buffer, Device};
@@ -14,10 +14,10 @@ use curitiba_passes::trace::{Quality, SegmentTracer, Segments};
 use curitiba_pipeline::backend::BackendError;
 use curitiba_pipeline::scene::{Geometry, Material, RenderScene};
 
-/// Segments of a launch at most: no kernel runs into a display driver's time limit.
+/// Greatest number of segments of a launch, so that no kernel exceeds a display driver's time limit.
 const LAUNCHED: usize = 1 << 22;
 
-/// What a launch reads and writes.
+/// Device buffers that a launch reads and writes.
 #[derive(Debug, Default)]
 struct Room {
     segments: Buffer<u32>,
@@ -26,7 +26,7 @@ struct Room {
 }
 
 impl Room {
-    /// Copies segments to the device, and describes them.
+    /// Copies segments to the device, and fills in the launch parameters.
     fn fill(&mut self, device: &Device, segments: &Segments) -> Result<Params, BackendError> {
         device.replace("the segments", &mut self.segments, bytemuck::cast_slice(&segments.all))?;
         device.replace("the pairs of the segments", &mut self.own, segments.own.as_flattened())?;
@@ -40,7 +40,7 @@ impl Room {
         })
     }
 
-    /// Waits for the answers, and copies them here.
+    /// Waits for the answers, and copies them to the host.
     fn read(&self, device: &Device, count: usize, bits: &mut [u32]) -> Result<(), BackendError> {
         let failed = |error| device.fault("tracing segments", &error);
         if let Some(blocked) = &self.blocked.0 {
@@ -50,7 +50,7 @@ impl Room {
     }
 }
 
-/// Takes segments in launches of at most [`LAUNCHED`].
+/// Splits segments into launches of at most [`LAUNCHED`].
 fn in_launches(
     segments: &Segments,
     bits: &mut Vec<u32>,
@@ -70,7 +70,7 @@ fn in_launches(
     Ok(())
 }
 
-/// On our own traversal: answers have the bits of the processor's.
+/// Segments on our own traversal: the answers are exactly those of the processor.
 #[derive(Debug)]
 pub struct CudaSegments {
     device: Device,
@@ -80,10 +80,10 @@ pub struct CudaSegments {
 }
 
 impl CudaSegments {
-    /// For the triangles of a scene; those of materials that `see_through` marks block nothing.
+    /// A tracer for the triangles of a scene; those of materials that `see_through` marks block nothing.
     ///
     /// # Errors
-    /// If there is no driver, an old one, or no GPU, or it cannot hold the scene.
+    /// If there is no driver, the driver is too old, there is no GPU, or the scene does not fit into its memory.
     pub fn new(geometry: &Geometry, see_through: &[bool]) -> Result<Self, BackendError> {
         let device = Device::first(BvhTracer::NAME)?;
         device.bind()?;
@@ -126,10 +126,10 @@ impl SegmentTracer for CudaSegments {
     }
 }
 
-/// On NVIDIA's OptiX: where a segment grazes an edge, it may decide otherwise than the processor.
+/// Segments on NVIDIA's OptiX: for a segment that grazes an edge, the answer may differ from the processor's.
 #[derive(Debug)]
 pub struct OptixSegments {
-    // Before the device, whose context they belong to.
+    // Declared before the device, so that they are dropped before the context that they belong to.
     pipeline: SegmentPipeline,
     room: Room,
     counts: Buffer<u64>,
@@ -151,7 +151,7 @@ impl OptixSegments {
             materials: vec![Material::default(); materials],
             ..RenderScene::default()
         };
-        // All materials ask: the pair is told by its ids.
+        // Every material has an any-hit program, which excludes the pair's triangles by their ids.
         let asks = vec![true; materials.max(1)];
         let buffers = SceneBuffers::new(&device, &scene)?;
         tracer.build(&device, &scene, &asks, &(), &buffers)?;

@@ -1,12 +1,12 @@
-//! G-buffers that the rasteriser shares: its memory and its semaphore, opened by CUDA.
+//! G-buffers shared by the rasteriser: its memory and its semaphore, opened in CUDA.
 //!
-//! CUDA driver API, "External Resource Interoperability". Made for systems with file descriptors; elsewhere nothing is shared.
+//! CUDA driver API, "External Resource Interoperability". Only for systems with file descriptors; on others nothing is shared.
 
 use crate::device::{Address, Device};
 use curitiba_pipeline::backend::BackendError;
 use curitiba_pipeline::shared::{DeviceUuid, SharedGBuffer};
 
-/// Whether the device is the one of that UUID.
+/// Whether the device has that UUID.
 pub(crate) fn is_on(device: &Device, uuid: DeviceUuid) -> bool {
     cfg!(unix) && device.context().uuid().is_ok_and(|own| own.bytes.map(|byte| byte as u8) == uuid)
 }
@@ -65,25 +65,25 @@ mod opened {
             // SAFETY: the handle is of a timeline semaphore, and the description lives during the call.
             let opened = unsafe { sys::cuImportExternalSemaphore(raw.as_mut_ptr(), &raw const description).result() };
             opened.map_err(failed)?;
-            // The driver owns the descriptor now.
+            // The driver owns the file descriptor now.
             let _ = shared.semaphore.into_raw_fd();
             // SAFETY: the call succeeded, which wrote the handle.
             let semaphore = Semaphore { raw: unsafe { raw.assume_init() }, device: device.clone() };
             Ok(Self { memory, semaphore, size: [shared.width, shared.height], offsets })
         }
 
-        /// Whether it holds pictures of that size.
+        /// Whether the G-buffer has that size.
         pub fn has_size(&self, width: u32, height: u32) -> bool {
             self.size == [width, height]
         }
 
-        /// The addresses of positions, normals, colours and triangle ids; 0 for those that are not shared.
+        /// Addresses of positions, normals, colours and triangle ids; 0 for those that are not shared.
         pub fn attachments(&self, device: &Device) -> [Address; 4] {
             let (memory, at) = (self.memory.device_ptr(device.stream()).0, self.offsets);
             [at.position, at.normal, at.color, at.triangle].map(|offset| offset.map_or(0, |offset| memory + offset))
         }
 
-        /// Lets the stream go on when the semaphore has reached `value`.
+        /// Makes the stream wait until the semaphore has reached `value`.
         pub fn wait(&self, device: &Device, value: u64) -> Result<(), BackendError> {
             // SAFETY: plain numbers and unions of plain numbers, for which zeros are valid.
             let mut parameters: sys::CUDA_EXTERNAL_SEMAPHORE_WAIT_PARAMS = unsafe { std::mem::zeroed() };
@@ -100,7 +100,7 @@ mod opened {
 
     impl Drop for Semaphore {
         fn drop(&mut self) {
-            // Where the device was lost, nothing is left to be released.
+            // If the device was lost, there is nothing left to release.
             if self.device.bind().is_ok() {
                 // SAFETY: ours, and every wait is done: passes end with a synchronised stream.
                 let _ = unsafe { sys::cuDestroyExternalSemaphore(self.raw).result() };
@@ -109,7 +109,7 @@ mod opened {
     }
 }
 
-/// Where nothing is shared, there is none.
+/// Without sharing there are no values of this type.
 #[cfg(not(unix))]
 #[derive(Debug)]
 pub(crate) enum Joined {}

@@ -1,15 +1,15 @@
 //! The order of the occlusion points in device memory.
 
-/// The first Sobol points, bits reversed, in blocks that follow each other in the sequence, each the longest of 4^m points that fits.
+/// The first Sobol points, bits reversed, in consecutive blocks of the sequence; each block is the longest of 4^m points that fits.
 ///
-/// In a block of 4^m points each of as many squares of the unit square has one point ([`owen_sobol`] says why), also after
-/// the scrambling, which permutes the first m digits of each coordinate among themselves. The points of a block are sorted by
-/// these digits, those of both coordinates interleaved, the first digits lowest. So a kernel finds the point that the
-/// scrambling takes into a given square without searching (`sample_of` in `programs/fan.cuh`).
+/// In a block of 4^m points, each of 4^m squares of the unit square has one point ([`owen_sobol`] says why). This holds after scrambling
+/// too, which permutes the first m digits of each coordinate among themselves. The points of a block are sorted by these digits, those of
+/// both coordinates interleaved, the first digits lowest. So a kernel finds the point that the scrambling moves into a given square without
+/// searching (`sample_of_turn` in `programs/fan.cuh`).
 ///
 /// [`owen_sobol`]: curitiba_passes::sampling::owen_sobol
 fn in_blocks(mut points: Vec<[u32; 2]>) -> Vec<[u32; 2]> {
-    // The reversed bits of the first coordinate are the number of the point.
+    // The reversed bits of the first coordinate are the index of the point.
     points.sort_unstable_by_key(|point| point[0]);
     let mut rest = points.as_mut_slice();
     while let Some(digits) = rest.len().checked_ilog(4) {
@@ -20,14 +20,13 @@ fn in_blocks(mut points: Vec<[u32; 2]>) -> Vec<[u32; 2]> {
     points
 }
 
-/// The points [`in_blocks`], and after them their numbers in the order in which they were given, where neighbours
-/// lie side by side.
+/// The points of [`in_blocks`], then their indices there in the order in which the points were given, in which neighbours are adjacent.
 pub fn table(points: Vec<[u32; 2]>) -> Vec<u32> {
     let sorted = in_blocks(points.clone());
     let mut places: Vec<(u32, u32)> = sorted.iter().zip(0..).map(|(point, place)| (point[0], place)).collect();
     places.sort_unstable();
     let mut table = sorted.into_flattened();
-    // The first coordinate is the point's number in the sequence.
+    // The first coordinate is the point's index in the sequence.
     table.extend(points.iter().map(|point| places[point[0] as usize].1));
     table
 }

@@ -1,4 +1,4 @@
-//! Pictures on their way to the host: through memory that the device writes directly.
+//! Copies pictures to the host through page-locked memory, which the device writes directly.
 
 use crate::device::Device;
 use cudarc::driver::result::memcpy_dtoh_async;
@@ -6,19 +6,19 @@ use cudarc::driver::{CudaSlice, DevicePtr as _, DriverError, PinnedHostSlice};
 use curitiba_pipeline::backend::BackendError;
 use rayon::prelude::*;
 
-/// Numbers in each of the two pieces: 4 MiB.
+/// Numbers in each of the two pieces of memory: 4 MiB.
 const PIECE: usize = 1 << 20;
 /// Numbers that one task copies.
 const COPIED_AT_ONCE: usize = 1 << 16;
 
-/// Two pieces of page-locked memory: one is filled by the device while the other is emptied.
+/// Two pieces of page-locked memory: the device fills one while the host empties the other.
 #[derive(Debug, Default)]
 pub(crate) struct Staging(Option<[PinnedHostSlice<f32>; 2]>);
 
-/// Numbers from a place of the device's memory on, and where they go.
+/// A range of device memory to copy: the index of its first number, and the destination.
 type Part<'a> = (usize, &'a mut [f32]);
 
-/// The parts, cut and gathered so that each batch fits into a piece.
+/// The parts, cut and grouped so that each batch fits into a piece.
 fn batches(parts: Vec<Part<'_>>) -> Vec<Vec<Part<'_>>> {
     let (mut batches, mut batch, mut room) = (Vec::new(), Vec::new(), PIECE);
     for (mut first, mut target) in parts {

@@ -1,7 +1,7 @@
-//! What real faults of a GPU lead to: a message that names the pass and what to do, and a process that can go on.
+//! Real faults of a GPU lead to a message that names the pass and what to do, and the process can continue.
 //!
-//! Without a GPU they say `skipped: why`, and pass; with `CURITIBA_REQUIRE_CUDA_TESTS=1` they fail instead. The binary runs
-//! anywhere: where it was not built, it looks for the projects in the folder that it is started in.
+//! Without a GPU the tests print `skipped: why` and pass; with `CURITIBA_REQUIRE_CUDA_TESTS=1` they fail instead. The binary runs on any
+//! machine: where it was not built, it looks for the projects in the current folder.
 #![allow(unsafe_code, reason = "launches a kernel that fails on purpose")]
 
 use cudarc::driver::{CudaContext, CudaSlice, LaunchConfig};
@@ -21,13 +21,13 @@ use std::path::Path;
 use std::process::Command;
 use std::sync::{Arc, Mutex, PoisonError};
 
-/// Names the backend of [`loses_its_device`], which runs in a process of its own.
+/// Environment variable that names the backend of [`loses_its_device`], which runs in a process of its own.
 const LOSE: &str = "CURITIBA_TEST_LOSES";
 
-/// One test at a time: one of them takes all memory.
+/// Runs one test at a time: one of them takes all memory.
 static GPU: Mutex<()> = Mutex::new(());
 
-/// A kernel that fails at once.
+/// A kernel that traps at once.
 const FAILS: &str = "\
 .version 6.5
 .target sm_75
@@ -77,7 +77,7 @@ fn expected() -> Vec<[u32; 4]> {
     bits(&renderer(vec![cpu()]).frame(&mut Silent).expect("rendered"))
 }
 
-/// All memory of a GPU but for small pieces.
+/// Allocates all memory of a GPU, except for small pieces.
 fn take_all(device: &Device) -> Vec<CudaSlice<u8>> {
     let (mut taken, mut piece) = (Vec::new(), device.context().mem_get_info().expect("memory is counted").0);
     while piece >= 1 << 16 {
@@ -127,7 +127,7 @@ fn full_memory_is_told_with_what_is_free_and_the_run_goes_on_with_the_cpu() {
     }
 }
 
-/// Loses its device in the second run.
+/// A backend that loses its device in the second run.
 struct Sabotaged {
     inner: Box<dyn RayBackend>,
     runs: u32,
@@ -195,7 +195,7 @@ fn loses_its_device() {
     assert!(fallback.why.starts_with(backend) && fallback.why.contains("lost to this program"), "{fallback}");
     renderer.frame(&mut Silent).expect("and goes on");
     assert_eq!(renderer.fallbacks().len(), 1);
-    // Releasing what a lost device held must not panic either; this process may end in peace.
+    // Releasing what a lost device held must not panic either, and this process may end normally.
     drop(renderer);
     println!("ended in peace");
 }

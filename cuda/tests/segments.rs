@@ -1,7 +1,7 @@
-//! Rows of pairs with the segments traced on an NVIDIA GPU, beside those of the processor.
+//! Compares rows of pairs whose segments are traced on an NVIDIA GPU with those of the processor.
 //!
-//! Without a GPU they say `skipped: why`, and pass; with `CURITIBA_REQUIRE_CUDA_TESTS=1` they fail instead. The binary runs anywhere: where
-//! it was not built, it looks for the square in the folder that it is started in.
+//! Without a GPU the tests print `skipped: why` and pass; with `CURITIBA_REQUIRE_CUDA_TESTS=1` they fail instead. The binary runs on any
+//! machine: where it was not built, it looks for the square in the current folder.
 
 use curitiba_cuda::{CudaSegments, OptixSegments};
 use curitiba_passes::trace::{Bvh, Quality, Ray, Recent, Segment, SegmentTracer, Segments, Tracer as _};
@@ -59,7 +59,7 @@ fn geometry(triangles: &[[Vec3; 3]]) -> Geometry {
     }
 }
 
-/// Two triangles that face each other, and what is at x < `c` in the middle, as a grid of more triangles than are gathered.
+/// Two triangles that face each other, and between them, at x < `c`, a grid of more triangles than are gathered.
 fn half_grid(c: f32) -> Vec<[Vec3; 3]> {
     let v = Vec3::new;
     let mut scene = vec![
@@ -113,7 +113,7 @@ fn on_device(surfaces: &Surfaces, tracer: Box<dyn SegmentTracer>, pairs: &[[u32;
     rows
 }
 
-/// How many rows differ; on `cuda` none may.
+/// The number of rows that differ; for `cuda` none may.
 fn compare(backend: &str, found: &[Row], expected: &[Row]) -> usize {
     let different = found.iter().zip(expected).filter(|(found, expected)| found != expected);
     let different: Vec<_> = different.collect();
@@ -123,7 +123,7 @@ fn compare(backend: &str, found: &[Row], expected: &[Row]) -> usize {
     for (found, expected) in &different {
         assert_eq!((found.pair, found.class, found.samples), (expected.pair, expected.class, expected.samples));
         let [seen, as_seen] = [found, expected].map(|row| row.visibility.unwrap_or(-1.0));
-        // What grazes an edge may be decided otherwise.
+        // Segments that graze an edge may be decided differently.
         assert!((seen - as_seen).abs() <= 2.0 / f64::from(found.valid.max(1)) + 1e-12, "{found:?} {expected:?}");
     }
     println!("{backend}: {} of {} rows differ", different.len(), expected.len());
@@ -178,7 +178,7 @@ fn rows_of_random_soups_are_those_of_the_processor() {
     }
 }
 
-/// The square that is shipped.
+/// The square that is shipped with the repository.
 fn square() -> Surfaces {
     let built = Path::new(env!("CARGO_MANIFEST_DIR")).join("..");
     let root = if built.is_dir() { built.as_path() } else { Path::new(".") };
@@ -204,7 +204,7 @@ fn rows_of_the_square_are_those_of_the_processor() {
     }
 }
 
-/// What the device alone does in a second is printed: answers to segments that are made before, with both copies.
+/// Also prints the device's throughput: answers a second to segments made in advance, including both copies.
 #[test]
 fn millions_of_segments_of_the_square_are_answered_as_the_processor_does() {
     let surfaces = square();
@@ -253,7 +253,7 @@ fn millions_of_segments_of_the_square_are_answered_as_the_processor_does() {
     }
 }
 
-/// Not more than the limits of a launch, and one that is no multiple of a word.
+/// Counts below, at and above the limit of a launch, and counts that are not a multiple of a word's bits.
 #[test]
 fn any_number_of_segments_is_answered() {
     let wall = [Vec3::new(-9.0, -9.0, 0.5), Vec3::new(30.0, -9.0, 0.5), Vec3::new(-9.0, 30.0, 0.5)];
@@ -264,7 +264,7 @@ fn any_number_of_segments_is_answered() {
         tracer.blocked(&Segments::default(), &mut bits).expect("nothing is asked");
         assert!(bits.is_empty());
         for count in [1, 31, 33, 1000, (1 << 22) + 77] {
-            // Every third one ends before the wall, every fifth one is its own.
+            // Every third segment ends before the wall; every fifth has the wall as one of its own triangles.
             let segment = |index: usize| Segment {
                 from: [0.1, 0.1, 0.0],
                 end: if index.is_multiple_of(3) { 0.4 } else { 1.0 },

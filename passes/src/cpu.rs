@@ -24,10 +24,10 @@ use std::sync::Arc;
 
 const NAME: &str = "cpu";
 
-/// The most that building the structure takes, as [`Bvh`] documents it.
+/// Greatest memory that building the structure takes, in bytes a triangle: above the 110 to 160 that [`Bvh`] documents.
 const BYTES_PER_TRIANGLE: u64 = 270;
 
-/// What rays are traced in.
+/// The acceleration structure that rays are traced in.
 pub(crate) struct Structure {
     pub(crate) triangles: Bvh,
     spheres: SphereTree,
@@ -42,13 +42,13 @@ pub struct CpuRays {
 }
 
 impl CpuRays {
-    /// A backend with nothing built.
+    /// A backend without an acceleration structure.
     #[must_use]
     pub fn new() -> Self {
         Self::default()
     }
 
-    /// The structure of a job's scene; `None` where there is none and the job can trace no ray.
+    /// The structure of a job's scene; `None` where there is none and the job cannot trace a ray.
     ///
     /// # Errors
     /// [`BackendError::Unsupported`] if it was not built.
@@ -140,7 +140,7 @@ pub(crate) fn empty() -> Structure {
     Structure { triangles, spheres: SphereTree::default() }
 }
 
-/// Scenes without spheres are traced by programs that know none.
+/// Traces a job. Scenes without spheres use programs that are compiled without them.
 fn trace_in(
     Structure { triangles, spheres }: &Structure,
     job: &RayJob<'_>,
@@ -161,10 +161,10 @@ fn in_host(job: &RayJob<'_>) -> Result<(), BackendError> {
     }
 }
 
-/// Whether a job can trace any ray: where it cannot, the executor builds no structure.
+/// Whether a job can trace any ray. If not, the executor builds no structure.
 #[must_use]
 pub fn may_trace(job: &RayJob<'_>) -> bool {
-    // In thesis fidelity a pixel is glass by its colour, whatever its material.
+    // In thesis fidelity, glass is recognised by a pixel's colour, whatever its material.
     let finds_glass = job.fidelity == Fidelity::Thesis || job.glass.contains(&true);
     job.program.info().needs_structure(&job.params, finds_glass).0
 }
@@ -172,7 +172,7 @@ pub fn may_trace(job: &RayJob<'_>) -> bool {
 /// Runs a program other than `dummy` on any tracer of the job's scene.
 ///
 /// # Errors
-/// [`BackendError::Unsupported`] if the job lacks what the program reads; says what.
+/// [`BackendError::Unsupported`] if the job lacks something that the program reads; the error names it.
 pub fn trace<T: Tracer>(
     tracer: &T,
     job: &RayJob<'_>,
@@ -196,7 +196,7 @@ fn trace_with<T: Tracer>(
     Ok(RayStats { rays, ..RayStats::default() })
 }
 
-/// [`trace`] ray by ray, on a tracer behind a pointer: the programs are compiled once for all of these. The same picture, later.
+/// [`trace`] ray by ray, on a tracer behind a pointer: the programs are compiled once for all tracers. The same picture, but slower.
 ///
 /// # Errors
 /// As [`trace`].
@@ -213,10 +213,10 @@ pub fn trace_by_rays(
     Ok(RayStats { rays, ..RayStats::default() })
 }
 
-/// Computes each pixel of a job by a function, tile by tile, and counts the rays that it says it traced.
+/// Computes each pixel of a job by a function, tile by tile, and sums the rays that the function counts.
 ///
 /// # Errors
-/// [`BackendError::Unsupported`] if the job lacks what its program reads; says what.
+/// [`BackendError::Unsupported`] if the job lacks something that its program reads; the error names it.
 pub(crate) fn trace_pixels(
     job: &RayJob<'_>,
     output: &mut Image,
@@ -231,7 +231,8 @@ pub(crate) fn trace_pixels(
     Ok(each_tile(Whole { output, progress, tiles }, alone, |at, work| pixel(at, &mut work.rays)))
 }
 
-/// What a program other than `dummy` computes at one pixel, which lies inside the job's images: with a filter, the pixel's own share before it.
+/// The colour that a program other than `dummy` writes at one pixel, which must lie inside the job's images; with a filter, the pixel's own
+/// share before it.
 ///
 /// # Errors
 /// As [`trace`].
@@ -240,7 +241,7 @@ pub fn trace_pixel<T: Tracer>(tracer: &T, job: &RayJob<'_>, x: u32, y: u32) -> R
     run(tracer, job, One(Pixel { x, y, index: y as usize * job.width as usize + x as usize }))
 }
 
-/// [`trace_pixel`] on a tracer behind a pointer, as [`trace_by_rays`].
+/// [`trace_pixel`] on a tracer behind a pointer; see [`trace_by_rays`].
 ///
 /// # Errors
 /// As [`trace`].
@@ -249,7 +250,8 @@ pub fn trace_pixel_by_rays(tracer: &dyn DynTracer, job: &RayJob<'_>, x: u32, y: 
     run_by_rays(tracer, job, One(Pixel { x, y, index: y as usize * job.width as usize + x as usize }))
 }
 
-/// The programs of corrected fidelity serve scenes with exact spheres and cut-outs and without; those of thesis fidelity know neither.
+/// Runs a program on a tracer behind a pointer. In corrected fidelity the programs are compiled with exact spheres and serve every scene;
+/// thesis fidelity has neither spheres nor cut-outs.
 fn run_by_rays<R: Runner>(tracer: &dyn DynTracer, job: &RayJob<'_>, runner: R) -> Result<R::Output, BackendError> {
     in_host(job)?;
     check::scene(NAME, job, tracer.knows_spheres())?;
@@ -267,7 +269,7 @@ fn run<T: Tracer, R: Runner>(tracer: &T, job: &RayJob<'_>, runner: R) -> Result<
     in_host(job)?;
     check::scene(NAME, job, T::SPHERES)?;
     let cut = job.fidelity == Fidelity::Corrected && job.shades.iter().any(|shade| shade.alpha_cutoff.is_some());
-    // Programs that know spheres always ask for cut-outs: each of the two is compiled for itself, and takes a minute.
+    // Programs with spheres always test cut-outs: each combination is compiled separately, and takes a minute.
     Ok(if T::SPHERES || cut {
         let coverage = AlphaTested { scene: job.scene, shades: job.shades };
         run_program(&new_pass(job, tracer, coverage)?, runner)
@@ -317,12 +319,12 @@ fn new_pass<'a, T: Tracer, C: Coverage>(
     Ok(pass)
 }
 
-/// The pixels for which a program is run.
+/// The pixels for which a program is run: all, or one.
 trait Runner {
     type Output;
 
-    /// Computes them; where they are computed in tiles, `tile` is shown each before its pixels, with its rows. It may write them all
-    /// itself, and says so.
+    /// Computes the pixels. Where they are computed in tiles, `tile` is called for each tile before its pixels, with the tile's rows. It
+    /// returns true if it has written all of the tile's pixels itself.
     fn each(
         self,
         tile: impl Fn(Area, &mut Rows<'_>, &mut Workspace) -> bool + Sync,
@@ -330,15 +332,15 @@ trait Runner {
     ) -> Self::Output;
 }
 
-/// The rows of a tile, [`TILE`] each; those that one at the lower border lacks are empty.
+/// The rows of a tile, up to [`TILE`]; rows beyond the lower border are empty.
 type Rows<'o> = [&'o mut [[f32; 4]]; TILE];
 
-/// For programs whose pixels have nothing in common.
+/// The `tile` function of programs whose pixels are independent.
 fn alone(_: Area, _: &mut Rows<'_>, _: &mut Workspace) -> bool {
     false
 }
 
-/// For programs that prepare a tile before its pixels are computed.
+/// The `tile` function of programs that prepare a tile before its pixels are computed.
 fn before(prepare: impl Fn(Area, &mut Workspace)) -> impl Fn(Area, &mut Rows<'_>, &mut Workspace) -> bool {
     move |area, _, work| {
         prepare(area, work);
@@ -346,11 +348,11 @@ fn before(prepare: impl Fn(Area, &mut Workspace)) -> impl Fn(Area, &mut Rows<'_>
     }
 }
 
-/// All of them, over rayon's global pool.
+/// All pixels, computed on rayon's global pool.
 struct Whole<'o> {
     output: &'o mut Image,
     progress: &'o Progress,
-    /// Tiles side by side that a thread takes at a time.
+    /// Number of adjacent tiles that a thread takes at a time.
     tiles: usize,
 }
 
@@ -366,7 +368,7 @@ impl Runner for Whole<'_> {
     }
 }
 
-/// One.
+/// One pixel.
 struct One(Pixel);
 
 impl Runner for One {
@@ -381,8 +383,8 @@ impl Runner for One {
     }
 }
 
-/// The table of the programs' implementations: for each program and fidelity what computes a pixel, and where its pixels have something
-/// in common, what is done with a tile before.
+/// Selects the implementation of the program: for each program and fidelity, the function that computes a pixel and, where pixels of a tile
+/// share work, the function that is called for the tile before.
 fn run_program<T: Tracer, C: Coverage, R: Runner>(pass: &Pass<'_, T, C>, pixels: R) -> R::Output {
     match pass.job.fidelity {
         Fidelity::Corrected => run_corrected(pass, pixels),
@@ -408,7 +410,7 @@ fn run_thesis<T: Tracer, C: Coverage, R: Runner>(pass: &Pass<'_, T, C>, pixels: 
 }
 
 fn run_corrected<T: Tracer, C: Coverage, R: Runner>(pass: &Pass<'_, T, C>, pixels: R) -> R::Output {
-    // Programs of their own, so that the report's panes cost what they did.
+    // Scenes with bodies have programs of their own, so that the report's panes do not become slower.
     let bodies = !pass.job.dielectrics.is_empty();
     match pass.job.program {
         RayProgram::Dummy => pixels.each(alone, |p, _| pass.job.color[p.index]),
@@ -447,15 +449,15 @@ fn run_corrected<T: Tracer, C: Coverage, R: Runner>(pass: &Pass<'_, T, C>, pixel
     }
 }
 
-/// Tiles side by side that a thread takes at a time. Many spare the program of hard shadows, whose pixels take about 70 cycles, what each
-/// start costs. Of the others a pixel may take a thousand times as long as its neighbour, and the last tile of a frame keeps 15 of 16
-/// threads waiting: of pairs that took 4 % of the time of ambient occlusion, and 7 % of `final`'s.
+/// Number of adjacent tiles that a thread takes at a time. Hard shadows take about 70 cycles a pixel, so taking many tiles saves the cost
+/// of each start. In other programs a pixel may take a thousand times as long as its neighbour, and the last tile of a frame keeps 15 of 16
+/// threads waiting: with two tiles at a time, that took 4 % of the time of ambient occlusion and 7 % of the time of `final`.
 fn tiles_at_a_time(job: &RayJob<'_>) -> usize {
     let is_soft = job.program.info().sun_samples(&job.params) > 0;
     if job.program == RayProgram::DeferredShadows && !is_soft { 8 } else { 1 }
 }
 
-/// The rows of an image, cut into runs of some tiles: those of the first row of tiles come first.
+/// The rows of an image, cut into runs of up to `tiles` adjacent tiles, in row-major order.
 fn runs_of_tiles(image: &mut Image, tiles: usize) -> Vec<Rows<'_>> {
     let width = (image.width as usize).max(1);
     let across = width.div_ceil(tiles * TILE);
@@ -470,8 +472,8 @@ fn runs_of_tiles(image: &mut Image, tiles: usize) -> Vec<Rows<'_>> {
 }
 
 thread_local! {
-    /// What the tiles of this thread need, kept from frame to frame. It lives on the heap: a thread that waits for others may
-    /// start their tiles on top of its own stack, many deep.
+    /// Buffers for the tiles of this thread, kept from frame to frame. They live on the heap: a thread that waits for others may start
+    /// their tiles on top of its own stack, many deep.
     static WORKSPACE: RefCell<Box<Workspace>> = RefCell::default();
 }
 
@@ -495,9 +497,9 @@ fn each_tile(
     runs.par_iter_mut().enumerate().with_max_len(1).map(each).reduce(RayCounts::default, add)
 }
 
-/// Computes a run of tiles, the first of which has its upper left pixel at `(left, top)`.
+/// Computes a run of tiles; the upper left pixel of the first tile is `(left, top)`.
 ///
-/// Never inlined: its frame would become part of the frame that splits the work, which may lie on the stack many times.
+/// Never inlined: its stack frame would become part of the frame that splits the work, which may be on the stack many times.
 #[inline(never)]
 fn run_of_tiles(
     work: &mut Workspace,
@@ -511,7 +513,7 @@ fn run_of_tiles(
     work.begin();
     let end = left + run[0].len();
     for left in (left..end).step_by(TILE) {
-        // What is written after that is thrown away.
+        // After a cancellation the output is discarded.
         if progress.is_cancelled() {
             break;
         }

@@ -1,4 +1,4 @@
-//! The seam between the executor and what does the work: rasterisers and ray tracers.
+//! The interface between the executor and its engines: rasterisers ([`Rasteriser`]) and ray tracers ([`RayBackend`]).
 
 pub use crate::gbuffer::{Attachments, GBuffer, NO_TRIANGLE, Rect, drawn_part};
 
@@ -18,48 +18,48 @@ use glam::{DMat4, DVec3, Mat4, Vec3, Vec4};
 use std::sync::Arc;
 use std::time::Duration;
 
-/// A camera ready for a viewport. World positions are those of a scene as it is held: relative to [`RenderScene::origin`].
+/// A camera ready for a viewport. World positions are relative to [`RenderScene::origin`], as the scene holds them.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct View {
-    /// World to clip, right-handed, depth reversed: 1 at the near plane, 0 at the far plane.
+    /// World to clip space, right-handed, with reversed depth: 1 at the near plane, 0 at the far plane.
     pub clip_from_world: Mat4,
-    /// Camera position, world.
+    /// Camera position in world space.
     pub eye: Vec3,
-    /// The same as [`Self::clip_from_world`] for positions from which the eye was subtracted: what rasterisers project with where it is
-    /// given. A product with a matrix that moves by a large distance loses digits that the difference keeps.
+    /// Like [`Self::clip_from_world`], but for positions minus [`Self::eye`]. Rasterisers project with it where it is given: a
+    /// camera far from the origin has a large translation in its matrix, and the product loses digits that the difference keeps.
     pub clip_from_eye: Option<Mat4>,
-    /// Side of the square of the picture over which textures are filtered, in pixels: below 1 where a pixel has several samples.
+    /// Side of the square over which a texture lookup is filtered, in pixels: 1 for one sample a pixel, below 1 for several.
     pub footprint: f32,
-    /// Nothing is drawn where the dot product of this and `(p, 1)` is below 0: the mirror before a mirrored camera, which sees nothing
-    /// of what lies behind it. `p` is a position less what [`Self::projection`] says.
+    /// Clip plane of a mirrored camera: the plane of its mirror. Fragments with `dot(plane, (p, 1)) < 0` lie behind the mirror and
+    /// are not drawn. `p` is the position minus the offset that [`Self::projection`] returns. `None` clips nothing.
     pub clip_plane: Option<Vec4>,
 }
 
 impl View {
-    /// A camera not far from the origin.
+    /// A camera near the origin: without [`Self::clip_from_eye`] and without a clip plane, with a footprint of one pixel.
     #[must_use]
     pub fn new(clip_from_world: Mat4, eye: Vec3) -> Self {
         Self { clip_from_world, eye, clip_from_eye: None, footprint: 1.0, clip_plane: None }
     }
 
-    /// The same camera for one of the samples of every pixel of a viewport: where the pixel's sample was is its centre now.
+    /// The camera for sample number `sample` of every pixel of a viewport: shifted so that this sample falls on the pixel's centre.
     #[must_use]
     pub fn of_sample(self, viewport: Rect, samples: PixelSamples, sample: u32) -> Self {
         let [right, down] = samples.offset(sample).map(f64::from);
         let [width, height] = [viewport.width, viewport.height].map(|side| f64::from(side.max(1)));
-        // Clip space is 2 wide and 2 high, and goes up; what is seen moves against the sample.
+        // Clip space is 2 wide and 2 high, with y upwards. The picture moves in the direction opposite to the sample's offset.
         let moved = DMat4::from_translation(DVec3::new(-2.0 * right / width, 2.0 * down / height, 0.0));
         Self { footprint: samples.side(), ..self.mapped(moved) }
     }
 
-    /// The same camera with its clip space mapped by a matrix, which is multiplied in `f64`.
+    /// The same camera with `map` applied after its projection. The matrices are multiplied in `f64`.
     #[must_use]
     pub fn mapped(self, map: DMat4) -> Self {
         let of = |matrix: Mat4| (map * matrix.as_dmat4()).as_mat4();
         Self { clip_from_world: of(self.clip_from_world), clip_from_eye: self.clip_from_eye.map(of), ..self }
     }
 
-    /// What rasterisers project with: a matrix, and what is subtracted from positions before.
+    /// The projection for rasterisers: a matrix, and the offset to subtract from positions before it is applied.
     #[must_use]
     pub fn projection(&self) -> (Mat4, Vec3) {
         self.clip_from_eye.map_or((self.clip_from_world, Vec3::ZERO), |matrix| (matrix, self.eye))
@@ -71,29 +71,29 @@ impl View {
 pub struct Sun {
     /// Unit direction in which the light travels.
     pub direction: Vec3,
-    /// Its colour.
+    /// Colour of the light.
     pub color: Vec3,
 }
 
-/// The light of a pass that shines from a place.
+/// A point light of a pass.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Lamp {
-    /// Where it is, world.
+    /// Position in world space.
     pub position: Vec3,
-    /// Its colour.
+    /// Colour of the light.
     pub color: Vec3,
 }
 
-/// What programs read whose rays start at the camera.
+/// Further inputs of programs whose rays start at the camera.
 #[derive(Debug, Clone, Copy)]
 pub struct FromCamera<'a> {
     /// The camera, with perspective.
     pub view: View,
-    /// Pixels a row and rows of the whole picture, of which a job may be a part.
+    /// Width and height of the whole picture, in pixels. A job may cover only a part of it.
     pub picture: [u32; 2],
-    /// The light, where it shines from a place; else it is [`RayJob::sun`].
+    /// The point light of the pass, if it has one; otherwise the light is [`RayJob::sun`].
     pub lamp: Option<Lamp>,
-    /// By material: what rays do there.
+    /// How rays behave at each material, by material index.
     pub surfaces: &'a [SurfaceKind],
 }
 
@@ -106,16 +106,16 @@ pub struct Shade {
     pub emission: Vec4,
     /// Index into [`RenderScene::textures`], where the material has a texture and the pass reads it.
     pub texture: Option<u32>,
-    /// What bends the shading normal. `None` in thesis fidelity.
+    /// Normal map. `None` in thesis fidelity.
     pub normal_map: Option<NormalMap>,
-    /// Whether what the surface reflects, and its alpha, is multiplied by the colours of its vertices
+    /// Whether the reflected colour and the alpha are multiplied by the vertex colours
     /// ([`Geometry::colors`](crate::scene::Geometry::colors)).
     pub vertex_colors: bool,
-    /// Where the alpha of texture and vertices alone is below this, there is no surface, whatever the diffuse colour's alpha;
-    /// infinite where nothing is left of the material. `None` in thesis fidelity and for opaque materials; without effect where
-    /// there are neither.
+    /// Alpha test: where texture alpha times vertex alpha is below this, the surface has a hole. The diffuse opacity is divided out
+    /// of the value beforehand; it is infinite for an opacity of 0. `None` in thesis fidelity and for opaque materials. Without
+    /// effect on a material that has neither a texture nor vertex colours.
     pub alpha_cutoff: Option<f32>,
-    /// Light that the surface adds to what it reflects. `None` in thesis fidelity and where it sends out none.
+    /// Light that the surface emits in addition to what it reflects. `None` in thesis fidelity and for surfaces that emit none.
     pub glow: Option<Glow>,
 }
 
@@ -126,7 +126,7 @@ impl Default for Shade {
 }
 
 impl Shade {
-    /// White and whole, without a texture and light of its own.
+    /// Opaque white, without textures, vertex colours, alpha test and emission.
     pub const WHITE: Self = Self {
         diffuse: Vec4::ONE,
         emission: Vec4::ZERO,
@@ -137,94 +137,97 @@ impl Shade {
         glow: None,
     };
 
-    /// Whether an alpha says where the surface is.
+    /// Whether an alpha test can cut holes into the surface.
     #[must_use]
     pub fn is_cut(&self) -> bool {
         self.alpha_cutoff.is_some() && (self.texture.is_some() || self.vertex_colors)
     }
 }
 
-/// A texture that bends the shading normal; [`crate::scene::normal_map`] says how.
+/// A normal map; [`crate::scene::normal_map`] says how it bends the shading normal.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct NormalMap {
-    /// Index into [`RenderScene::textures`], read where [`Shade::texture`] is.
+    /// Index into [`RenderScene::textures`], sampled at the same coordinates as [`Shade::texture`].
     pub texture: u32,
-    /// What x and y of its vectors are multiplied by: finite, of at most 1e6.
+    /// Factor of the x and y components of the map's vectors: finite, at most 1e6.
     pub scale: f32,
 }
 
-/// Light that a surface sends out by itself.
+/// Emission of a surface.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Glow {
-    /// Its colour, added to that of the surface.
+    /// Emitted colour, added to the reflected one.
     pub color: Vec3,
-    /// What that is multiplied by: index into [`RenderScene::textures`], read where [`Shade::texture`] is.
+    /// Texture that multiplies the emitted colour: index into [`RenderScene::textures`], sampled at the coordinates of
+    /// [`Shade::texture`].
     pub texture: Option<u32>,
 }
 
-/// The largest pictures that an engine can do.
+/// The largest pictures that an engine can make.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Limits {
-    /// Pixels a side.
+    /// Most pixels along a side.
     pub side: u32,
-    /// Whether it does a part of a picture as it would do the whole.
+    /// Whether a picture can be made in parts: whether each part equals that region of the whole picture.
     pub parts: bool,
 }
 
 impl Limits {
-    /// As large as memory allows, and parts.
+    /// No limit but memory; parts are possible.
     pub const NONE: Self = Self { side: u32::MAX, parts: true };
 }
 
 /// One raster pass.
 #[derive(Debug, Clone, Copy)]
 pub struct RasterJob<'a> {
-    /// What is drawn.
+    /// The scene to draw.
     pub scene: &'a RenderScene,
-    /// What runs per pixel.
+    /// The program that runs per fragment.
     pub program: RasterProgram,
-    /// From where.
+    /// The camera.
     pub view: View,
-    /// The light; without one the cosine is 0.
+    /// The light. Without a light the cosine that shading multiplies with is 0.
     pub sun: Option<Sun>,
-    /// By material index.
+    /// Colours of the materials, by material index.
     pub shades: &'a [Shade],
-    /// By material index: whether triangles are left out that are seen from behind, where their corners go clockwise. None where
-    /// it is empty.
+    /// Whether back faces (corners clockwise on the screen) are culled, by material index. Empty: nothing is culled.
     pub culled: &'a [bool],
-    /// The part of the picture that is seen by [`Self::view`]. What of it the target holds is cleared and drawn into: the
-    /// whole viewport, unless the target is cut at multiples of [`ALIGNMENT`](crate::gbuffer::ALIGNMENT) pixels from its corner.
+    /// The part of the picture that [`Self::view`] covers. It is cleared and drawn as far as the target holds it. A target that
+    /// cuts the viewport must do so at multiples of [`ALIGNMENT`](crate::gbuffer::ALIGNMENT) pixels from the viewport's corner.
     pub viewport: Rect,
-    /// What clears the colour; the other attachments are cleared to 0, and the triangle id to [`NO_TRIANGLE`].
+    /// Clear value of the colour. The other attachments are cleared to 0 and the triangle id to [`NO_TRIANGLE`].
     pub clear_color: Vec4,
-    /// What is written.
+    /// The attachments to write.
     pub attachments: Attachments,
-    /// What of it is also written into the memory that [`Rasteriser::share`] made, whose size is the viewport's.
+    /// Those of [`Self::attachments`] that are also written into the memory made by [`Rasteriser::share`], which has the viewport's
+    /// size.
     pub shared: Attachments,
-    /// What of it is declared in 16-bit floats. A rasteriser that keeps attachments of its own stores these so, and effects
-    /// read them so; in host memory the executor rounds them. Whether a device rounds to the nearest is its own affair.
+    /// Those of [`Self::attachments`] that are declared as 16-bit floats. A rasteriser with attachments of its own stores them so,
+    /// and effects read the rounded values; in host memory the executor rounds them. The rounding mode of a device is its own
+    /// choice.
     pub half: Attachments,
-    /// Whether depth is that of planes through snapped corners, as it was; else of the triangles' own. A device has its own rule.
+    /// Whether depth is interpolated between corners snapped to the subpixel grid (thesis fidelity), or between the exact corners.
+    /// Only the processor's rasteriser obeys this; devices have their own rule.
     pub snapped_depth: bool,
 }
 
-/// What a material is given whose triangles an own shader of the project draws.
+/// Inputs of a material whose triangles are drawn by an own shader of the project.
 #[derive(Debug, Clone, PartialEq)]
 pub struct OwnMaterial {
     /// Index into [`OwnShaders::programs`].
     pub program: usize,
-    /// By block of the program: its bytes.
+    /// Bytes of each uniform block of the program.
     pub uniforms: Vec<Vec<u8>>,
-    /// By sampler of the program.
+    /// Texture of each sampler of the program.
     pub textures: Vec<OwnTexture>,
     /// How its triangles are drawn.
     pub drawn: Drawn,
 }
 
-/// What a sampler of an own shader reads in a raster pass.
+/// The texture of a sampler of an own shader, in a raster pass.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum OwnTexture {
-    /// Black and opaque.
+    /// No texture: reads opaque black.
     Nothing,
     /// Index into [`RenderScene::textures`].
     Scene(u32),
@@ -235,15 +238,16 @@ pub enum OwnTexture {
 /// The own shaders of a raster pass.
 #[derive(Debug, Clone, Copy)]
 pub struct OwnShaders<'a> {
-    /// What runs.
+    /// The compiled programs.
     pub programs: &'a [Arc<Program>],
-    /// By material index; `None` for what the job's own program draws.
+    /// Own shader of each material, by material index; `None` for materials that the job's own program draws.
     pub materials: &'a [Option<OwnMaterial>],
-    /// What earlier passes wrote.
+    /// Channels that earlier passes wrote.
     pub channels: &'a [QuadTexture<'a>],
-    /// The attachment that holds depth, of colour, position and normal: it is cleared to 1, the far plane. `None` where depth is not kept.
+    /// Index of the attachment (0 colour, 1 position, 2 normal) that receives depth. It is cleared to 1, the far plane. `None`:
+    /// depth is not stored.
     pub depth: Option<usize>,
-    /// Whether what lies before the near plane or behind the far plane is drawn at that plane's depth, instead of left out.
+    /// Depth clamp: geometry beyond the near or far plane is drawn at that plane's depth instead of being clipped.
     pub clamped: bool,
     /// How often each triangle is drawn: `gl_InstanceID` counts from 0.
     pub instances: u32,
@@ -255,32 +259,32 @@ impl OwnShaders<'_> {
         Self { programs: &[], materials: &[], channels: &[], depth: None, clamped: false, instances: 1 };
 }
 
-/// What a sampler of a quad's own shader reads.
+/// The texture of a sampler of a quad's own shader.
 #[derive(Debug, Clone, Copy)]
 pub enum QuadTexture<'a> {
-    /// Black and opaque.
+    /// No texture: reads opaque black.
     Nothing,
     /// An image file.
     Image(&'a Texture),
-    /// What an earlier pass wrote.
+    /// A channel that an earlier pass wrote.
     Channel {
         /// Pixels a row.
         width: u32,
         /// Rows.
         height: u32,
-        /// Top row first.
+        /// `width * height` texels, top row first.
         texels: &'a [[f32; 4]],
     },
 }
 
-/// One quad that an own shader of the project fills.
+/// A full-screen quad that an own shader of the project fills.
 #[derive(Debug, Clone, Copy)]
 pub struct QuadJob<'a> {
-    /// What runs. `position` is in clip space, from -1 to 1, and `texCoord0` from 0 to 1.
+    /// The compiled program. Its `position` is in clip space, -1 to 1, and its `texCoord0` runs from 0 to 1.
     pub program: &'a Arc<Program>,
-    /// By block of the program: its bytes.
+    /// Bytes of each uniform block of the program.
     pub uniforms: &'a [Vec<u8>],
-    /// By sampler of the program.
+    /// Texture of each sampler of the program.
     pub textures: &'a [QuadTexture<'a>],
     /// Pixels a row.
     pub width: u32,
@@ -291,20 +295,20 @@ pub struct QuadJob<'a> {
 /// Why a backend could not do its work.
 #[derive(Debug, Clone, thiserror::Error)]
 pub enum BackendError {
-    /// The backend cannot do this at all; says why, and what would.
+    /// The backend lacks the feature; the message names the reason and a remedy.
     #[error("{backend} cannot run {what}: {why}")]
     Unsupported {
-        /// Its name.
+        /// Name of the backend.
         backend: &'static str,
         /// Pass or feature.
         what: String,
         /// Reason and remedy.
         why: String,
     },
-    /// The device failed.
+    /// The device reported a failure.
     #[error("{backend}: {message}")]
     Device {
-        /// Its name.
+        /// Name of the backend.
         backend: &'static str,
         /// What the device said.
         message: String,
@@ -312,21 +316,22 @@ pub enum BackendError {
 }
 
 impl BackendError {
-    /// That a pass shows exact spheres, of which the first is declared at `place`, and the backend knows triangles only; `what` of it does.
+    /// The error of a backend without exact spheres. `what` names the pass, `place` the declaration of its first sphere, `help` a
+    /// remedy.
     #[must_use]
     pub fn no_spheres(backend: &'static str, what: &str, place: &str, help: &str) -> Self {
         let why = format!("it knows triangles only; {help}, or declare them without exact=\"true\"");
         Self::Unsupported { backend, what: format!("{what} with exact spheres ({place})"), why }
     }
 
-    /// That a pass draws with own shaders of the project, of which the first is named at `place`, and the rasteriser runs none.
+    /// The error of a rasteriser that runs no GLSL, for a pass with own shaders; `place` is where the first of them is named.
     #[must_use]
     pub fn no_shaders(backend: &'static str, place: &str) -> Self {
         let why = "it runs no GLSL; draw with --raster wgpu, on any Vulkan, Metal or DirectX 12 driver".to_owned();
         Self::Unsupported { backend, what: format!("own shaders ({place})"), why }
     }
 
-    /// The name of the backend that it is of.
+    /// The name of the backend that failed.
     #[must_use]
     pub fn backend(&self) -> &'static str {
         match self {
@@ -334,7 +339,7 @@ impl BackendError {
         }
     }
 
-    /// What is wrong, for a line that names the backend already.
+    /// The message for a line that already names the backend.
     #[must_use]
     pub fn reason(&self) -> String {
         match self {
@@ -346,19 +351,19 @@ impl BackendError {
 
 /// Draws triangles into G-buffers.
 pub trait Rasteriser {
-    /// `cpu` or `wgpu`.
+    /// Short name: `cpu` or `wgpu`.
     fn name(&self) -> &'static str;
     /// The largest viewport that it draws.
     fn limits(&self) -> Limits;
-    /// The device and driver, in words.
+    /// Description of the device and its driver.
     fn device(&self) -> String;
-    /// Makes the scene ready to draw; the executor times it as an upload.
+    /// Uploads the scene; the executor times this step.
     ///
     /// # Errors
     /// If the device cannot hold it.
     fn upload(&mut self, scene: &Arc<RenderScene>) -> Result<(), BackendError>;
-    /// Draws, and waits until it is done. `target` has the job's attachments allocated; a rasteriser in host memory writes
-    /// them here, another keeps its own until [`Rasteriser::read_back`]. Pixels outside the viewport are left as they are.
+    /// Draws, and waits until it is done. The attachments of the job are allocated in `target`. A rasteriser in host memory writes
+    /// them directly; others keep their own until [`Rasteriser::read_back`]. Pixels outside the viewport keep their values.
     ///
     /// # Errors
     /// If the device fails.
@@ -380,10 +385,10 @@ pub trait Rasteriser {
     fn draws_shaders(&self) -> bool {
         false
     }
-    /// [`Rasteriser::draw`] with own shaders for some materials. They write no triangle ids.
+    /// [`Rasteriser::draw`], with own shaders for some materials. Their fragments write no triangle ids.
     ///
     /// # Errors
-    /// If the device fails, or it draws with none.
+    /// If the device fails, or the rasteriser cannot draw with own shaders.
     fn draw_with(
         &mut self,
         job: &RasterJob<'_>,
@@ -409,32 +414,33 @@ pub trait Rasteriser {
     ) -> Result<(), BackendError> {
         Err(BackendError::no_shaders(self.name(), "a quad"))
     }
-    /// Whether [`Rasteriser::read_back`] has anything to do.
+    /// Whether attachments reach host memory only through [`Rasteriser::read_back`].
     fn needs_read_back(&self) -> bool;
-    /// Copies those of the attachments drawn last that are wanted into `target`; the others of `target` stay as they are.
+    /// Copies the `wanted` attachments of the last draw into `target`. Other attachments of `target` keep their values.
     ///
     /// # Errors
     /// If the device fails.
     fn read_back(&mut self, job: &RasterJob<'_>, wanted: Attachments, target: &mut GBuffer)
     -> Result<(), BackendError>;
-    /// Whether it draws exact spheres ([`Geometry::spheres`](crate::scene::Geometry::spheres)); none draws them into maps.
+    /// Whether the rasteriser draws exact spheres ([`Geometry::spheres`](crate::scene::Geometry::spheres)). No rasteriser draws
+    /// them into the maps of effects.
     fn draws_spheres(&self) -> bool {
         false
     }
-    /// What a ray backend on the same device reads attachments by, without a copy: those of the last job that named some in
-    /// [`RasterJob::shared`].
+    /// A handle through which a ray backend on the same device reads attachments without a copy. It refers to the last job that
+    /// named attachments in [`RasterJob::shared`].
     fn lends(&mut self) -> Option<InPlace> {
         None
     }
-    /// The device, if other interfaces of it can read what is drawn where it is.
+    /// The device, if other interfaces (CUDA, OptiX) can read its attachments in place.
     fn shares(&self) -> Option<DeviceUuid> {
         None
     }
-    /// Makes memory for G-buffers of that size, in place of what was made before; jobs name in [`RasterJob::shared`] what
-    /// is written there.
+    /// Allocates shared memory for G-buffers of this size, replacing the previous allocation. Jobs name the attachments to store
+    /// there in [`RasterJob::shared`].
     ///
     /// # Errors
-    /// If the device cannot share so much, or nothing at all.
+    /// If the device has too little memory, or shares none at all.
     fn share(&mut self, width: u32, height: u32, attachments: Attachments) -> Result<SharedGBuffer, BackendError> {
         let what = format!("a shared G-buffer of {width} x {height} pixels with {attachments:?}");
         Err(BackendError::Unsupported { backend: self.name(), what, why: "it shares no memory".to_owned() })
@@ -449,27 +455,29 @@ pub trait Rasteriser {
         output: &mut Image,
         progress: &Progress,
     ) -> Result<EffectStats, BackendError>;
-    /// Where it fills quads; only on a device it runs [`Rasteriser::effect_in_place`] and [`Rasteriser::fill_on_device`].
+    /// Where the rasteriser fills quads. Only [`QuadPlace::Device`] allows [`Rasteriser::effect_in_place`] and
+    /// [`Rasteriser::fill_on_device`].
     fn fills_quads(&self) -> QuadPlace {
         QuadPlace::Host
     }
-    /// Runs a raster effect whose picture stays on the device under a number, for [`Rasteriser::fill_on_device`].
+    /// Runs a raster effect and keeps its picture on the device under the given number, for [`Rasteriser::fill_on_device`].
     ///
     /// # Errors
-    /// As [`Rasteriser::effect`]; if pictures do not stay.
+    /// As [`Rasteriser::effect`], or if the rasteriser keeps no pictures on a device.
     fn effect_in_place(&mut self, _: &EffectJob<'_>, _: usize, _: &Progress) -> Result<EffectStats, BackendError> {
         Err(not_in_place(self.name()))
     }
-    /// Fills a quad from what was drawn, computed and traced on the device, waits, and brings it into host memory in the form that is asked for.
+    /// Fills a quad from pictures on the device (drawn, computed or traced), waits, and copies it into host memory in the form
+    /// asked for.
     ///
     /// # Errors
-    /// If the device fails, or what the quad reads is not there.
+    /// If the device fails, or a picture that the quad reads is missing.
     fn fill_on_device(&mut self, _: &DeviceQuad, _: Shown<'_>) -> Result<DeviceQuadStats, BackendError> {
         Err(not_in_place(self.name()))
     }
 }
 
-/// The error of an engine whose pictures are in host memory.
+/// The error of an engine whose pictures are always in host memory.
 fn not_in_place(backend: &'static str) -> BackendError {
     let (what, why) = ("pictures that stay on a device".to_owned(), "it leaves them in host memory".to_owned());
     BackendError::Unsupported { backend, what, why }
@@ -478,15 +486,15 @@ fn not_in_place(backend: &'static str) -> BackendError {
 /// One effect pass. All images have the same size.
 #[derive(Debug, Clone, Copy)]
 pub struct EffectJob<'a> {
-    /// What is drawn into maps; it was uploaded.
+    /// The scene drawn into maps; it is uploaded already.
     pub scene: &'a RenderScene,
-    /// What runs per pixel.
+    /// The program that runs per pixel.
     pub program: EffectProgram,
-    /// Its constants.
+    /// Constants of the program.
     pub params: EffectParams,
     /// Seed of the random numbers.
     pub seed: u32,
-    /// The camera that drew the G-buffer, over the whole of it.
+    /// The camera that drew the G-buffer; the G-buffer covers its whole viewport.
     pub view: View,
     /// The light, for programs that read it.
     pub sun: Option<Sun>,
@@ -494,24 +502,24 @@ pub struct EffectJob<'a> {
     pub width: u32,
     /// Rows.
     pub height: u32,
-    /// Whether the G-buffer is what this rasteriser drew last, whole and unchanged, with every attachment that the program
-    /// reads. Then it may use its own copy, and the slices below are empty if it needs read-back.
+    /// Whether the G-buffer is the unchanged result of this rasteriser's last draw, with every attachment that the program reads.
+    /// The rasteriser may then use its own copy, and if it needs read-back the slices below are empty.
     pub resident: bool,
-    /// World position and light cosine, 0 where nothing is seen; empty where the program does not read it.
+    /// World position, and light cosine in the fourth component; 0 where no surface is seen. Empty if the program does not read it.
     pub position: &'a [[f32; 4]],
-    /// Shading normal; empty where the program does not read it.
+    /// Shading normal. Empty if the program does not read it.
     pub normal: &'a [[f32; 4]],
-    /// Shaded colour; empty where the program does not read it.
+    /// Shaded colour. Empty if the program does not read it.
     pub color: &'a [[f32; 4]],
-    /// Triangle ids; empty where the program looks for no glass.
+    /// Triangle ids. Empty if the program does not distinguish glass.
     pub triangle: &'a [u32],
-    /// By material: what maps show.
+    /// Colours of the materials in maps, by material index.
     pub shades: &'a [Shade],
-    /// By material: whether it is glass. Glass is in no cube map and in no mirror.
+    /// Whether a material is glass, by material index. Glass is not drawn into cube maps and mirrors.
     pub glass: &'a [bool],
 }
 
-/// What a part of an effect took.
+/// Time of a part of an effect.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub struct Part {
     /// Host time with synchronisation.
@@ -523,49 +531,52 @@ pub struct Part {
 /// What an effect pass did.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub struct EffectStats {
-    /// Drawing the maps; `None` for an effect that has none, or drew none because nothing calls for it.
+    /// Time to draw the maps; `None` if no map was drawn.
     pub maps: Option<Part>,
-    /// Computing the pixels.
+    /// Time to compute the pixels.
     pub pixels: Part,
-    /// Copying the G-buffer to the device and the result back; `None` in host memory.
+    /// Time to copy the G-buffer to the device and the result back; `None` for a rasteriser in host memory.
     pub transfer: Option<Duration>,
-    /// Maps drawn; a cube map is one.
+    /// Number of maps drawn; a cube map counts as one.
     pub map_count: u32,
     /// Triangles submitted for the maps.
     pub triangles: u64,
-    /// Bytes that the maps take.
+    /// Bytes of the maps.
     pub bytes: u64,
-    /// Pixels of glass, and those of them that no map serves: they keep their colour. Both 0 for a program whose maps serve all glass.
+    /// Number of glass pixels, and how many of them no map covers: those keep their colour. `[0, 0]` for a program whose maps cover
+    /// all glass.
     pub glass_pixels: [u64; 2],
-    /// Which way the pixels of glass were answered, in a program that marches rays through the picture.
+    /// How the rays of glass pixels were answered; only of programs that march rays through screen space.
     pub answers: Option<Answers>,
 }
 
-/// Pixels of glass, by what answered their rays. With [`Missing::Rays`](crate::raster_effects::Missing) the rasteriser writes an alpha of
-/// [`Answers::LEFT`] to those of [`Answers::rays`], and the executor has them traced; all others have an alpha of 1.
+/// Number of glass pixels, by what answered their rays. With [`Missing::Rays`](crate::raster_effects::Missing) the rasteriser marks
+/// the pixels counted in [`Answers::rays`] with an alpha of [`Answers::LEFT`], and the executor traces them. Other pixels have
+/// alpha 1.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
 pub struct Answers {
-    /// The screen, all of them.
+    /// Pixels whose rays all hit something in screen space.
     pub screen: u64,
-    /// A cube map, one of them at least.
+    /// Pixels with at least one ray answered by a cube map.
     pub cube: u64,
-    /// The counterpart program on the ray backend.
+    /// Pixels left to the counterpart program on the ray backend.
     pub rays: u64,
-    /// None: one of them at least shows the glass's own colour.
+    /// Pixels with at least one ray that nothing answered: it shows the glass's own colour.
     pub kept: u64,
 }
 
 impl Answers {
-    /// Alpha of pixels that are left to the ray backend.
+    /// Alpha that marks a pixel for the ray backend.
     pub const LEFT: f32 = -1.0;
 
-    /// All pixels of glass.
+    /// Number of all glass pixels.
     #[must_use]
     pub fn glass(self) -> u64 {
         self.screen + self.cube + self.rays + self.kept
     }
 
-    /// Of so many pixels of glass, of which the screen answers some, some keep something of their colour, and `missing` stands for the rest.
+    /// Counts of `glass` pixels, of which `screen` were answered in screen space and `kept` show some of their own colour.
+    /// `missing` says what answers the rest.
     #[must_use]
     pub fn new([glass, screen, kept]: [u64; 3], missing: Missing) -> Self {
         let left = glass.saturating_sub(screen + kept);
@@ -580,7 +591,7 @@ impl Answers {
 }
 
 impl std::fmt::Display for Answers {
-    /// `glass: screen 41.20 %, cube 58.80 %`, without what answered none.
+    /// Such as `1000 pixels of glass: screen 41.20 %, cube 58.80 %`. Counts of 0 are left out.
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         let all = self.glass();
         let ways = [(self.screen, "screen"), (self.cube, "cube"), (self.rays, "rays"), (self.kept, "kept")];
@@ -594,23 +605,23 @@ impl std::fmt::Display for Answers {
     }
 }
 
-/// Attachments on their way into shared memory.
+/// The copy of attachments into shared memory.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub struct HandOver {
-    /// What the memory's semaphore reaches when they are there.
+    /// Value of the shared memory's semaphore once the copy is complete.
     pub value: u64,
-    /// Host time with synchronisation: not in that of the draw.
+    /// Host time with synchronisation; not part of the draw's time.
     pub host: Duration,
-    /// Time on the device's own clock, where it has one: not in that of the draw.
+    /// Time on the device's own clock, if it has one; not part of the draw's time.
     pub device: Option<Duration>,
 }
 
 /// What a draw did.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub struct DrawStats {
-    /// Time on the device's own clock, where it has one.
+    /// Time on the device's own clock, if it has one.
     pub device_time: Option<Duration>,
-    /// What bringing attachments into shared memory took, if that was asked for.
+    /// The copy into shared memory, if the job asked for one.
     pub shared: Option<HandOver>,
     /// Triangles submitted.
     pub triangles: u64,
@@ -619,74 +630,77 @@ pub struct DrawStats {
 /// One ray pass. All images have the same size.
 #[derive(Debug, Clone, Copy)]
 pub struct RayJob<'a> {
-    /// What is traced.
+    /// The scene to trace.
     pub scene: &'a RenderScene,
-    /// What runs per pixel.
+    /// The program that runs per pixel.
     pub program: RayProgram,
-    /// Its constants.
+    /// Constants of the program.
     pub params: RayParams,
-    /// Mended or as written.
+    /// Corrected, or as the thesis has it.
     pub fidelity: Fidelity,
     /// Seed of the random numbers.
     pub seed: u32,
-    /// Camera position, world.
+    /// Camera position in world space.
     pub eye: Vec3,
     /// The light, for programs that read it.
     pub sun: Option<Sun>,
-    /// Column and row, in the picture, of the images' top left pixel: random numbers belong to a pixel's place in the picture.
+    /// Column and row of the job's top left pixel in the whole picture. Random numbers depend on a pixel's place in the whole
+    /// picture.
     pub origin: [u32; 2],
     /// Pixels a row.
     pub width: u32,
     /// Rows.
     pub height: u32,
-    /// World position and light cosine; empty where the program does not read it.
+    /// World position, and light cosine in the fourth component. Empty if the program does not read it.
     pub position: &'a [[f32; 4]],
-    /// Shading normal; empty where the program does not read it.
+    /// Shading normal. Empty if the program does not read it.
     pub normal: &'a [[f32; 4]],
-    /// Shaded colour; empty where the program does not read it.
+    /// Shaded colour. Empty if the program does not read it.
     pub color: &'a [[f32; 4]],
-    /// Triangle ids; empty in thesis fidelity and where the program traces no ray.
+    /// Triangle ids. Empty in thesis fidelity and if the program traces no rays.
     pub triangle: &'a [u32],
-    /// The G-buffer lies in shared memory, complete when its semaphore reaches this value, and the slices above are empty.
+    /// If set, the G-buffer lies in shared memory, is complete once its semaphore reaches this value, and the slices above are
+    /// empty.
     pub shared: Option<u64>,
-    /// What rays show that leave the scene, linear; black in the report's projects.
+    /// Linear colour of rays that miss the scene; black in the report's projects.
     pub beyond: Vec3,
-    /// By material: what glass is, with `glass=auto` in corrected fidelity; empty where all glass is panes of the pass's index.
+    /// Glass properties by material index, for `glass=auto` in corrected fidelity. Empty: all glass is thin panes of the pass's
+    /// index.
     pub dielectrics: &'a [Dielectric],
-    /// By material: what closest hits shade with.
+    /// Colours that hits are shaded with, by material index.
     pub shades: &'a [Shade],
-    /// By material: whether rays bounce on it (`closest_hit_glass`).
+    /// Whether rays bounce on the material (`closest_hit_glass`), by material index.
     pub glass: &'a [bool],
-    /// By material: whether shadow rays pass through it, dimmed (`any_hit_shadow_glass`).
+    /// Whether shadow rays pass through the material, dimmed (`any_hit_shadow_glass`), by material index.
     pub shadow_glass: &'a [bool],
-    /// What a program reads whose rays start at the camera; `None` for one that starts from a G-buffer.
+    /// Inputs of a program whose rays start at the camera; `None` for programs that start from a G-buffer.
     pub from_camera: Option<FromCamera<'a>>,
 }
 
-/// Rays traced, by kind.
+/// Number of rays traced, by kind.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
 pub struct RayCounts {
-    /// Towards the light.
+    /// Shadow rays towards the light.
     pub shadow: u64,
-    /// Ambient occlusion.
+    /// Ambient occlusion rays.
     pub occlusion: u64,
-    /// Reflected.
+    /// Reflected rays.
     pub reflected: u64,
-    /// Refracted.
+    /// Refracted rays.
     pub refracted: u64,
-    /// From the camera.
+    /// Camera rays.
     #[serde(default)]
     pub camera: u64,
-    /// Occlusion rays that were not traced, because it was certain that nothing is in reach; not in the total.
+    /// Occlusion rays that were skipped because they certainly miss. Not part of the total.
     pub certain: u64,
-    /// Paths in glass whose colour is not what it should be, not in the total: given up as black after too many surfaces, or in more
-    /// bodies at once than are kept.
+    /// Paths in glass with a wrong colour: paths given up as black after too many surfaces, and paths inside more nested bodies
+    /// than are tracked. Not part of the total.
     #[serde(default)]
     pub lost: u64,
 }
 
 impl RayCounts {
-    /// All that were traced.
+    /// Number of all rays traced.
     #[must_use]
     pub fn total(self) -> u64 {
         self.shadow + self.occlusion + self.reflected + self.refracted + self.camera
@@ -710,64 +724,65 @@ impl std::ops::AddAssign for RayCounts {
 pub struct RayStats {
     /// Rays traced.
     pub rays: RayCounts,
-    /// What copying the G-buffer to the device took, on the host, or to another device from the one that drew it, on its own
-    /// clock; `None` where nothing was copied.
+    /// Time to copy the G-buffer to the device: host time, or the clock of the drawing device for a copy between two devices.
+    /// `None` if nothing was copied.
     pub upload: Option<Duration>,
-    /// What copying the picture back took, on the host; `None` in host memory.
+    /// Time to copy the picture back, on the host; `None` in host memory.
     pub read_back: Option<Duration>,
-    /// Time on the device's own clock, where it has one.
+    /// Time on the device's own clock, if it has one.
     pub device_time: Option<Duration>,
-    /// Bytes of device memory that the backend's passes hold from one to the next, besides what building gave: pictures,
-    /// tables, lists. 0 for the processor.
+    /// Device memory that the backend keeps between passes, in bytes: pictures, tables, lists. The acceleration structure is not
+    /// included. 0 for the processor.
     pub held_bytes: u64,
 }
 
-/// What building an acceleration structure gave.
+/// Size of an acceleration structure.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub struct BuildStats {
-    /// Bytes held.
+    /// Bytes of the structure.
     pub bytes: u64,
-    /// Nodes.
+    /// Number of nodes.
     pub nodes: u64,
 }
 
-/// A graphics device, in words.
+/// Description of a graphics device.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Gpu {
-    /// Its name and what it has.
+    /// Name and capabilities, in words.
     pub name: String,
-    /// Its driver.
+    /// The driver, in words.
     pub driver: String,
 }
 
 /// Runs ray programs.
 pub trait RayBackend {
-    /// `cpu`, and later `wgpu`, `cuda`, `optix`.
+    /// Short name, such as `cpu`, `wgpu`, `cuda` or `optix`.
     fn name(&self) -> &'static str;
     /// The largest job that it runs.
     fn limits(&self) -> Limits {
         Limits::NONE
     }
-    /// Whether it goes on with sequences of samples where another job ended: [`RayParams::first`] above 0.
+    /// Whether the backend can continue sample sequences where another job ended: [`RayParams::first`] above 0.
     fn continues_sequences(&self) -> bool {
         true
     }
-    /// The device and driver, in words.
+    /// Description of the device and its driver.
     fn device(&self) -> String;
-    /// The graphics devices among what it uses; none for the processor.
+    /// The graphics devices that the backend uses; empty for the processor.
     fn gpus(&self) -> Vec<Gpu> {
         Vec::new()
     }
-    /// Why a program cannot run here, or `Ok`.
+    /// Whether the backend can run a program.
     ///
     /// # Errors
     /// [`BackendError::Unsupported`] with the reason.
     fn supports(&self, program: RayProgram, fidelity: Fidelity) -> Result<(), BackendError>;
-    /// Why a program cannot run here with what these parameters ask of glass (corrected fidelity, in a scene that has glass), which
-    /// the materials are ([`RayJob::dielectrics`]), or `Ok`. A backend knows the report's panes alone, unless it says otherwise.
+    /// Whether the backend can run a program with the glass features that these parameters and materials ([`RayJob::dielectrics`])
+    /// ask for. Applies to corrected fidelity and scenes with glass. By default a backend supports only the thin panes of the
+    /// report.
     ///
     /// # Errors
-    /// [`BackendError::Unsupported`] with the reason, and what would help.
+    /// [`BackendError::Unsupported`] with the reason and a remedy.
     fn supports_glass(
         &self,
         program: RayProgram,
@@ -780,11 +795,11 @@ pub trait RayBackend {
         let what = format!("{} with {asked}", program.info().stem);
         Err(BackendError::Unsupported { backend: self.name(), what, why: why.to_owned() })
     }
-    /// Whether it traces exact spheres ([`Geometry::spheres`](crate::scene::Geometry::spheres)), in corrected fidelity.
+    /// Whether the backend traces exact spheres ([`Geometry::spheres`](crate::scene::Geometry::spheres)), in corrected fidelity.
     fn traces_spheres(&self) -> bool {
         false
     }
-    /// Whether it traces soft shadows, of a light with a disc ([`RayParams::sun`] above 0).
+    /// Whether the backend traces soft shadows: lights with a disc ([`RayParams::sun`] above 0).
     fn traces_sun_discs(&self) -> bool {
         false
     }
@@ -792,8 +807,8 @@ pub trait RayBackend {
     fn filters_shares(&self) -> bool {
         false
     }
-    /// Builds the acceleration structure; the executor times it. `filtered` tells by material whether some pass may let
-    /// rays through it (alpha-cut textures, glass that shadow rays pass).
+    /// Builds the acceleration structure; the executor times this step. `filtered` says by material index whether rays of any pass
+    /// may pass through it (alpha-cut textures, glass that shadow rays pass), so that hits need an any-hit test.
     ///
     /// # Errors
     /// If the device cannot hold it.
@@ -813,15 +828,16 @@ pub trait RayBackend {
     }
     /// About how many bytes a triangle takes in the structure and while it is built.
     fn bytes_per_triangle(&self) -> u64;
-    /// Whether the backend can read attachments where a rasteriser leaves them; from then on jobs with [`RayJob::shared`] do.
+    /// Accepts a rasteriser's handle to attachments in place. Returns whether the backend can read them; if so, later jobs with
+    /// [`RayJob::shared`] read there.
     fn reads(&mut self, _lent: &InPlace) -> bool {
         false
     }
-    /// Whether the backend can read G-buffers in the memory of that device.
+    /// Whether the backend can read G-buffers in shared memory of that device.
     fn joins(&self, _device: DeviceUuid) -> bool {
         false
     }
-    /// Opens a shared G-buffer, in place of the one opened before; jobs with [`RayJob::shared`] read it.
+    /// Opens a shared G-buffer and closes the previous one. Jobs with [`RayJob::shared`] read it.
     ///
     /// # Errors
     /// If the device refuses it.
@@ -829,15 +845,16 @@ pub trait RayBackend {
         let (what, why) = ("a shared G-buffer".to_owned(), "it reads host memory".to_owned());
         Err(BackendError::Unsupported { backend: self.name(), what, why })
     }
-    /// Runs one pass into `output`, which has the job's size, and moves `progress` while it does.
+    /// Runs one pass into `output`, which has the job's size. Advances `progress` meanwhile.
     ///
     /// # Errors
     /// If the device fails or the job lacks what the program reads.
     fn run(&mut self, job: &RayJob<'_>, output: &mut Image, progress: &Progress) -> Result<RayStats, BackendError>;
-    /// Runs one pass whose picture stays, under a number, on the device of the rasteriser that lent what [`RayBackend::reads`] accepted.
+    /// Runs one pass and keeps its picture under the given number on the device of the rasteriser whose handle
+    /// [`RayBackend::reads`] accepted.
     ///
     /// # Errors
-    /// As [`RayBackend::run`]; if nothing was accepted.
+    /// As [`RayBackend::run`], or if no handle was accepted.
     fn run_in_place(&mut self, _: &RayJob<'_>, _: usize, _: &Progress) -> Result<RayStats, BackendError> {
         Err(not_in_place(self.name()))
     }

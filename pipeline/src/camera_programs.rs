@@ -1,30 +1,30 @@
-//! What the ray programs have of their own whose rays start at the camera: parameters, and what rays do at a material.
+//! Parameters and materials of ray programs whose rays start at the camera.
 
 use glam::Vec3;
 
-/// What a ray from the camera does where it meets a material.
+/// How a ray from the camera behaves at a material.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default)]
 pub enum SurfaceKind {
-    /// It shows the material's colour in the light that arrives.
+    /// An opaque surface: the material's colour, lit.
     #[default]
     Painted,
-    /// The same, and the surface is a hole where the texture has less than [`CUT_OUT`] alpha.
+    /// As [`Self::Painted`], with holes where the texture's alpha is below [`CUT_OUT`].
     CutOut,
-    /// It shows the light itself, and shadow rays pass.
+    /// A light source: it shows the light's radiance, and shadow rays pass through it.
     Light,
-    /// A body of glass: reflection and refraction by Fresnel's share; shadow rays pass, dimmed.
+    /// A glass body: reflection and refraction with Fresnel weights; shadow rays pass, dimmed.
     Glass,
-    /// A pane that is seen through straight on, dimmed; shadow rays likewise.
+    /// A clear pane: rays pass straight through, dimmed; shadow rays too.
     Clear,
-    /// A mirror, dimmed; a rough one with `gloss`.
+    /// A mirror, dimmed; rough if `gloss` is set.
     Metal,
 }
 
-/// Alpha below which a surface that is cut out is a hole, where its material names no other.
+/// Alpha cutoff of cut-out surfaces whose material has no other.
 pub const CUT_OUT: f32 = 0.25;
 
 impl SurfaceKind {
-    /// Each with the element of a pass that lists its materials.
+    /// The kinds, with the elements of a pass that list their materials.
     pub const NAMED: [(&'static str, Self); 5] = [
         ("cutOut", Self::CutOut),
         ("light", Self::Light),
@@ -33,45 +33,45 @@ impl SurfaceKind {
         ("metal", Self::Metal),
     ];
 
-    /// Its name; that of painted surfaces, which no element lists, is `painted`.
+    /// Name of the kind; `painted` for painted surfaces, which no element lists.
     #[must_use]
     pub fn name(self) -> &'static str {
         Self::NAMED.iter().find(|(_, kind)| *kind == self).map_or("painted", |(name, _)| name)
     }
 
-    /// Whether shadow rays pass through it.
+    /// Whether shadow rays pass through such a surface.
     #[must_use]
     pub fn passes_light(self) -> bool {
         matches!(self, Self::Light | Self::Glass | Self::Clear)
     }
 }
 
-/// The background that the tutorials of the engine's descendant write where a ray meets nothing.
+/// Background of rays that miss, in the tutorials of the engine's descendant.
 pub const BLUE: Vec3 = Vec3::Z;
 
-/// Parameters of programs whose rays start at the camera, beside those that other programs read as well.
+/// Parameters of programs whose rays start at the camera, in addition to those shared with other programs.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct CameraParams {
-    /// Side of the light along x, scene units; with [`Self::light_depth`] 0 as well the light is a point.
+    /// Side of the light along x, scene units. If this and [`Self::light_depth`] are 0, it is a point light.
     pub light_width: f32,
     /// Side of the light along z, scene units.
     pub light_depth: f32,
-    /// What the light sends out: of a rectangle radiance, of a point radiant intensity.
+    /// Emission of the light: radiance of a rectangle, radiant intensity of a point.
     pub radiance: f32,
-    /// Light that is everywhere, as a share of white.
+    /// Ambient light, as a share of white.
     pub ambient: f32,
-    /// Exponent of the lobe of a rough mirror; 0 is a smooth one.
+    /// Exponent of the Phong lobe of a rough mirror; 0 for a smooth mirror.
     pub gloss: f32,
-    /// Radius of the lens, scene units; 0 is a pinhole.
+    /// Radius of the lens, scene units; 0 for a pinhole camera.
     pub aperture: f32,
-    /// Distance of the plane that is sharp, along the viewing direction, scene units.
+    /// Distance of the focal plane along the viewing direction, scene units.
     pub focus: f32,
-    /// What is written is the colour to the power of 1 / gamma.
+    /// Output gamma: the written colour is raised to the power of 1 / gamma.
     pub gamma: f32,
 }
 
 impl CameraParams {
-    /// A point of intensity 1, smooth mirrors, a pinhole, and colours as they are.
+    /// A point light of intensity 1, smooth mirrors, a pinhole camera, and gamma 1.
     pub const DEFAULT: Self = Self {
         light_width: 0.0,
         light_depth: 0.0,
@@ -90,13 +90,13 @@ impl Default for CameraParams {
     }
 }
 
-/// Longest side of the light and widest lens, scene units.
+/// Largest side of the light and largest lens radius, scene units.
 pub const LONGEST: f32 = 1e5;
-/// Largest [`CameraParams::gloss`].
+/// Largest value of [`CameraParams::gloss`].
 pub const MOST_GLOSS: f32 = 1e5;
 
 impl CameraParams {
-    /// The parameter of a name, with its least and its greatest value.
+    /// The parameter with a name, with its least and largest value.
     fn field(&mut self, name: &str) -> Option<(&mut f32, f32, f32)> {
         Some(match name {
             "lightwidth" => (&mut self.light_width, 0.0, LONGEST),
@@ -111,7 +111,7 @@ impl CameraParams {
         })
     }
 
-    /// Sets a parameter by its name; false if there is none of that name, or the value is not valid.
+    /// Sets a parameter by its name. Returns `false` if the name is unknown or the value invalid.
     #[must_use]
     pub fn set(&mut self, name: &str, value: &str) -> bool {
         let Some((field, low, high)) = self.field(name) else { return false };
@@ -119,7 +119,7 @@ impl CameraParams {
         valid.map(|value| *field = value).is_some()
     }
 
-    /// The value of a parameter as it is written; `None` if there is none of that name.
+    /// The value of a parameter as text; `None` for an unknown name.
     #[must_use]
     pub fn get(mut self, name: &str) -> Option<String> {
         self.field(name).map(|(value, ..)| value.to_string())

@@ -1,7 +1,7 @@
-//! Quads that a rasteriser fills on its own device, from what was drawn and traced there.
+//! Quads that a rasteriser fills on its own device, from pictures that were drawn and traced there.
 //!
-//! What they give is the host's, bit for bit: pixels are rounded to the declared formats, and products of two channels and of radiance
-//! with the exposure are rounded as IEEE 754 says. Codes of 8 bits are found in tables that the host makes with its own rule
+//! The result equals the host's, bit for bit: pixels are rounded to the declared formats, and products (of two channels, or of
+//! radiance and exposure) are rounded as in IEEE 754. 8-bit codes are looked up in tables that the host computes by its own rule
 //! ([`Steps`]).
 
 use crate::color::{ColorSpace, Display};
@@ -11,80 +11,81 @@ use std::time::Duration;
 /// Where a rasteriser fills quads.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum QuadPlace {
-    /// It draws in host memory, where the executor fills them.
+    /// In host memory, where the rasteriser draws and the executor fills quads.
     #[default]
     Host,
-    /// On its device.
+    /// On the rasteriser's device.
     Device,
-    /// It could on its device, whose driver runs on the processor and is slower than the executor there.
+    /// The rasteriser could fill them on its device, but the driver runs on the processor (a software device) and is slower there
+    /// than the executor.
     Software,
 }
 
 /// A channel on the rasteriser's device.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum OnDevice {
-    /// A channel of what was drawn last.
+    /// A channel of the last draw.
     Drawn {
-        /// The number of that draw ([`HandOver::value`](crate::backend::HandOver::value)).
+        /// Number of that draw ([`HandOver::value`](crate::backend::HandOver::value)).
         value: u64,
-        /// 0 to 2.
+        /// Channel, 0 to 2.
         channel: usize,
     },
-    /// The picture that an effect or a ray pass left there, under this number.
+    /// The picture that an effect or a ray pass kept on the device under this number.
     Made(usize),
 }
 
-/// What a quad reads.
+/// A source of a quad.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct DeviceSource {
-    /// Where it is; it has the quad's size.
+    /// Where the source lies; it has the quad's size.
     pub place: OnDevice,
-    /// The declared format, to which the pixels are rounded first.
+    /// The declared format, to which its pixels are rounded first.
     pub format: PixelFormat,
 }
 
-/// A quad over the whole of the window.
+/// A quad that fills the whole window.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct DeviceQuad {
     /// Pixels a row.
     pub width: u32,
     /// Rows.
     pub height: u32,
-    /// What it shows.
+    /// The colour that it shows.
     pub color: DeviceSource,
-    /// Of the material `combine`: what the colour is multiplied by, the `x` of it.
+    /// For the material `combine`: the source whose `x` multiplies the colour.
     pub factor: Option<DeviceSource>,
 }
 
-/// What of a quad is brought into host memory: `width * height` pixels, the top row first.
+/// Form in which a quad is copied into host memory: `width * height` pixels, top row first.
 #[derive(Debug)]
 pub enum Shown<'a> {
-    /// 16 bytes a pixel.
+    /// Four floats, 16 bytes a pixel.
     Floats(&'a mut [[f32; 4]]),
-    /// 4 bytes a pixel: what is displayed, as [`Codes`](crate::image::Codes) has it.
+    /// Display codes, 4 bytes a pixel, as in [`Codes`](crate::image::Codes).
     Codes(Display, &'a mut [[u8; 4]]),
 }
 
-/// What a quad took, and what it shows.
+/// Times of a quad, and properties of its pixels.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub struct DeviceQuadStats {
-    /// Host time of filling it, with synchronisation.
+    /// Host time to fill it, with synchronisation.
     pub host: Duration,
-    /// Time on the device's own clock, where it has one.
+    /// Time on the device's own clock, if it has one.
     pub device: Option<Duration>,
-    /// Host time of bringing it into host memory.
+    /// Host time of the copy into host memory.
     pub read_back: Duration,
-    /// Pixels with a value that is not finite.
+    /// Number of pixels with a value that is not finite.
     pub not_finite: u32,
-    /// Whether all pixels have one colour; alpha does not count.
+    /// Whether all pixels have the same colour; alpha is ignored.
     pub is_blank: bool,
 }
 
-/// The least number of each step of a function of one number that never falls and counts from 0 in steps of 1, as patterns of bits: of numbers
-/// that are not below 0, the order of the patterns is that of the numbers.
+/// Thresholds of a monotonic function from numbers to 0..=255: entry `i` is the bit pattern of the least number whose value is `i +
+/// 1`. For numbers that are not negative, bit patterns have the order of the numbers.
 pub type Steps = [u32; 255];
 
-/// The steps of a function that counts from 0 at 0 to 255 at 1.
+/// The thresholds of a monotonic function that is 0 at 0 and 255 at 1.
 fn steps(count: impl Fn(f32) -> u8) -> Steps {
     let first_with = |wanted: u8| {
         let (mut below, mut from) = (0, 1.0_f32.to_bits());
@@ -97,13 +98,13 @@ fn steps(count: impl Fn(f32) -> u8) -> Steps {
     std::array::from_fn(|step| first_with(step as u8 + 1))
 }
 
-/// From which number on each code above 0 is displayed; of linear radiance, after exposure and tone curve.
+/// The least number for each display code above 0; in linear light, after exposure and tone curve.
 #[must_use]
 pub fn code_steps(space: ColorSpace) -> Steps {
     steps(|value| code_of(Display::of(space), value))
 }
 
-/// From which number on [`PixelFormat::Rgba8Unorm`] holds each byte above 0.
+/// The least number for each byte above 0 in [`PixelFormat::Rgba8Unorm`].
 #[must_use]
 pub fn byte_steps() -> Steps {
     steps(|value| {

@@ -1,4 +1,4 @@
-//! Problems of an input file, each with its place, and warnings counted by kind.
+//! Problems of an input file, each with its place, warnings counted by kind, and decisions with their reasons.
 
 use std::fmt;
 use std::path::{Path, PathBuf};
@@ -27,10 +27,10 @@ impl Source {
     }
 }
 
-/// How much a problem matters.
+/// Severity of a problem.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Severity {
-    /// Worth saying; the result is what the file asks for.
+    /// Information only; the result is what the file asks for.
     Note,
     /// Something was left out or replaced.
     Warning,
@@ -38,16 +38,16 @@ pub enum Severity {
     Error,
 }
 
-/// One problem: where, what, what would be valid and what to do next.
+/// A problem: its place, a message, and a hint.
 #[derive(Debug, Clone)]
 pub struct Problem {
-    /// How much it matters.
+    /// Severity.
     pub severity: Severity,
-    /// The file and the byte range in it; `None` where the problem has no place in a text file.
+    /// The file and the byte range in it; `None` if the problem has no place in a text file.
     pub place: Option<(Source, std::ops::Range<usize>)>,
     /// What is wrong, in one sentence without a full stop.
     pub message: String,
-    /// What would be valid, and the nearest name where there is one.
+    /// What would be valid, with the nearest name if there is one.
     pub help: Option<String>,
 }
 
@@ -76,7 +76,7 @@ impl fmt::Display for Problem {
 pub struct Problems(pub Vec<Problem>);
 
 impl Problems {
-    /// Whether any of them stops the run.
+    /// Whether there is an error among them.
     #[must_use]
     pub fn has_errors(&self) -> bool {
         self.0.iter().any(|problem| problem.severity == Severity::Error)
@@ -97,7 +97,7 @@ impl fmt::Display for Problems {
 
 impl std::error::Error for Problems {}
 
-/// `did you mean …?` for the nearest of `valid` to `written`, or the list of what is valid.
+/// A hint: `did you mean …?` with the name in `valid` that is nearest to `written`, or the list of valid names.
 #[must_use]
 pub fn valid_names<'a>(written: &str, valid: impl IntoIterator<Item = &'a str>) -> String {
     let mut names: Vec<&str> = valid.into_iter().collect();
@@ -122,23 +122,23 @@ pub fn valid_names<'a>(written: &str, valid: impl IntoIterator<Item = &'a str>) 
     }
 }
 
-/// Warnings of one kind in one file, counted, with the first few places.
+/// Warnings of one kind in one file: their number, and the first few places.
 #[derive(Debug, Clone)]
 pub struct WarningGroup {
-    /// The file they are in.
+    /// The file.
     pub file: PathBuf,
     /// What was found, in the plural: `degenerate triangles`, `missing textures`.
     pub what: &'static str,
     /// What was done about it: `left out`, `the diffuse colour serves`.
     pub remedy: &'static str,
-    /// How many there are.
+    /// Number of such warnings.
     pub count: u64,
-    /// The first [`WarningGroup::PLACES`] of them: an object, a line, a texture name.
+    /// The first [`WarningGroup::PLACES`] places: an object, a line, a texture name.
     pub places: Vec<String>,
 }
 
 impl WarningGroup {
-    /// How many places are kept.
+    /// Number of places that are kept.
     pub const PLACES: usize = 5;
 }
 
@@ -160,7 +160,7 @@ pub struct Warnings {
 }
 
 impl Warnings {
-    /// Counts one more `what` in `file`. `place` is only called while places are still kept.
+    /// Counts a warning `what` in `file`. `place` is called only while places are still kept.
     pub fn add(&mut self, file: &Path, what: &'static str, remedy: &'static str, place: impl FnOnce() -> String) {
         let index =
             self.groups.iter().position(|group| group.what == what && group.file == file).unwrap_or_else(|| {
@@ -174,12 +174,12 @@ impl Warnings {
         }
     }
 
-    /// Appends those of another file.
+    /// Appends the warnings of another file.
     pub fn append(&mut self, mut other: Warnings) {
         self.groups.append(&mut other.groups);
     }
 
-    /// Adds those of a later part of the same work: as if both had been counted in one.
+    /// Merges the warnings of a later part of the same work, as if both had been counted together.
     pub(crate) fn merge(&mut self, other: Warnings) {
         for mut later in other.groups {
             match self.groups.iter_mut().find(|group| group.what == later.what && group.file == later.file) {
@@ -205,12 +205,12 @@ impl Warnings {
         self.groups.is_empty()
     }
 }
-/// One choice and its reason.
+/// A decision and its reason.
 #[derive(Debug, Clone, PartialEq, Eq, serde::Serialize)]
 pub struct Decision {
-    /// What it is about: a channel, a pass, an attribute.
+    /// Subject of the decision: a channel, a pass, an attribute.
     pub what: String,
-    /// Whether it is built, written or run.
+    /// Whether the subject is built, written or run.
     pub built: bool,
     /// The reason.
     pub why: String,

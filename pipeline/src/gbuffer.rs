@@ -1,8 +1,8 @@
-//! What a raster pass leaves: attachments, and rectangles of them.
+//! The result of a raster pass: attachments, and rectangles of them.
 
 use crate::memory::{self, Refused};
 
-/// Sides of the tiles that engines cut pictures into, pixels. Those of the rasteriser on the processor are the largest.
+/// Side of the tiles that engines divide pictures into, in pixels: that of the processor's rasteriser, which has the largest.
 pub const ALIGNMENT: u32 = 64;
 
 /// A rectangle of pixels; `y` counts from the top row.
@@ -18,9 +18,9 @@ pub struct Rect {
     pub height: u32,
 }
 
-/// What of a viewport a target holds that is `held` of the picture, in pixels from the viewport's corner. `None` for nothing,
-/// and where the target cuts the viewport elsewhere than at multiples of [`ALIGNMENT`] pixels from its corner: a rasteriser that
-/// works in tiles would make others than those of the whole viewport.
+/// The part of a viewport that a target holds, relative to the viewport's corner; `held` is the target's part of the picture.
+/// `None` if the part is empty, or if the target cuts the viewport elsewhere than at multiples of [`ALIGNMENT`] pixels from its
+/// corner: a rasteriser that works in tiles would then use other tiles than for the whole viewport.
 #[must_use]
 pub fn drawn_part(viewport: Rect, held: Rect) -> Option<Rect> {
     let axis = |start: u32, length: u32, held: u32, room: u32| {
@@ -35,12 +35,12 @@ pub fn drawn_part(viewport: Rect, held: Rect) -> Option<Rect> {
     Some(Rect { x, y, width, height })
 }
 
-/// Which attachments a raster pass writes: those that something reads later.
+/// The attachments that a raster pass writes, namely those that are read later.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default)]
 pub struct Attachments {
     /// Shaded colour.
     pub color: bool,
-    /// World position; `w` is the light's cosine, clamped at 0.
+    /// World position; `w` is the light's cosine, at least 0.
     pub position: bool,
     /// Shading normal; `w` is 0.
     pub normal: bool,
@@ -49,7 +49,7 @@ pub struct Attachments {
 }
 
 impl Attachments {
-    /// What either has.
+    /// The attachments in either set.
     #[must_use]
     pub fn union(self, other: Self) -> Self {
         Self {
@@ -60,7 +60,7 @@ impl Attachments {
         }
     }
 
-    /// What it has and the other has not.
+    /// The attachments in this set but not in the other.
     #[must_use]
     pub fn without(self, other: Self) -> Self {
         Self {
@@ -72,13 +72,13 @@ impl Attachments {
     }
 }
 
-/// The triangle id of a pixel that nothing covers.
+/// Triangle id of a pixel without a surface.
 pub const NO_TRIANGLE: u32 = u32::MAX;
 
-/// The attachments of one raster pass, in host memory. Those not asked for are empty.
+/// The attachments of one raster pass, in host memory. Attachments that were not asked for are empty.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct GBuffer {
-    /// Column and row, in the picture, of the top left pixel that is held: viewports count from the picture's.
+    /// Column and row, in the picture, of the top left pixel held. Viewports are relative to the picture.
     pub origin: [u32; 2],
     /// Pixels a row.
     pub width: u32,
@@ -98,22 +98,22 @@ impl GBuffer {
     /// Allocates the attachments asked for, cleared to 0 (triangles to [`NO_TRIANGLE`]).
     ///
     /// # Panics
-    /// If there is not so much memory; [`Self::try_new`] says so.
+    /// If there is too little memory; [`Self::try_new`] returns an error instead.
     #[must_use]
     pub fn new(width: u32, height: u32, attachments: Attachments) -> Self {
         Self::try_new(width, height, attachments).unwrap_or_else(|error| panic!("{error}"))
     }
 
-    /// What it holds of the picture.
+    /// The rectangle of the picture that it holds.
     #[must_use]
     pub fn held(&self) -> Rect {
         Rect { x: self.origin[0], y: self.origin[1], width: self.width, height: self.height }
     }
 
-    /// [`Self::new`] where memory may be short.
+    /// [`Self::new`] that returns an error if there is too little memory.
     ///
     /// # Errors
-    /// If there is not so much.
+    /// If there is too little memory.
     pub fn try_new(width: u32, height: u32, attachments: Attachments) -> Result<Self, Refused> {
         let pixels = width as usize * height as usize;
         let channel = |wanted: bool| if wanted { memory::zeroed(pixels) } else { Ok(Vec::new()) };

@@ -1,26 +1,26 @@
-//! The border to the crates that read files: a panic inside one becomes an error of the loader that called it.
+//! Protection against panics in crates that read files: a panic becomes an error of the loader that called the crate.
 //!
-//! [`call`] wraps the calls into such a crate and nothing else, so that our own defects still end the program with a
-//! message. While it runs, the panic hook is silent for its thread: what went wrong stands in the error, once.
+//! [`call`] wraps only the calls into such a crate, so that defects of this program still end it with a message. During the call
+//! the panic hook is silent for this thread: the message appears once, in the error.
 
 use std::cell::Cell;
 use std::panic::{AssertUnwindSafe, PanicHookInfo, catch_unwind, set_hook, take_hook};
 use std::sync::Once;
 
-/// Letters of a panic's message that an error repeats: such messages may quote the file.
+/// Most characters of a panic's message that an error repeats: such messages may quote the file.
 const SHOWN: usize = 160;
 
 thread_local! {
-    /// Whether this thread runs code of another crate.
+    /// Whether this thread is inside a guarded call.
     static THEIRS: Cell<bool> = const { Cell::new(false) };
 }
 
-/// Runs `theirs`, which calls into the crate of that name on this thread; other threads are not guarded.
+/// Runs `theirs`, which calls into the crate `name` on this thread; other threads are not guarded.
 ///
-/// What `theirs` borrows must not be used after an error: the panic may have left it half changed.
+/// Values that `theirs` borrows must not be used after an error: the panic may have left them in an invalid state.
 ///
 /// # Errors
-/// If the crate panicked: its name and the message.
+/// If the crate panicked: the crate's name and the message.
 pub(crate) fn call<T>(name: &'static str, theirs: impl FnOnce() -> T) -> Result<T, String> {
     silence_hook();
     let before = THEIRS.replace(true);
@@ -33,7 +33,7 @@ pub(crate) fn call<T>(name: &'static str, theirs: impl FnOnce() -> T) -> Result<
     result.map_err(|panic| format!("the crate `{name}` failed on this file, which is its defect: {}", message(&*panic)))
 }
 
-/// Wraps the hook that is there, once.
+/// Replaces the panic hook by a wrapper around it, once.
 fn silence_hook() {
     static ONCE: Once = Once::new();
     ONCE.call_once(|| set_hook(quiet(take_hook())));
@@ -41,7 +41,7 @@ fn silence_hook() {
 
 type Hook = Box<dyn Fn(&PanicHookInfo<'_>) + Sync + Send>;
 
-/// A hook that is not called for threads inside [`call`].
+/// A hook that calls `hook`, except for threads inside [`call`].
 fn quiet(hook: Hook) -> Hook {
     Box::new(move |info| {
         if !THEIRS.get() {
@@ -50,7 +50,7 @@ fn quiet(hook: Hook) -> Hook {
     })
 }
 
-/// The first line of a panic's message, shortened, without what a terminal would interpret.
+/// The first line of a panic's message, shortened, without characters that a terminal would interpret.
 fn message(payload: &(dyn std::any::Any + Send)) -> String {
     let text = payload.downcast_ref::<&str>().copied();
     let text = text.or_else(|| payload.downcast_ref::<String>().map(String::as_str)).unwrap_or_default();
@@ -62,7 +62,7 @@ fn message(payload: &(dyn std::any::Any + Send)) -> String {
     if shown.is_empty() { "a panic without a message".to_owned() } else { shown }
 }
 
-/// Panics that tests plant where another crate is called.
+/// Panics planted by tests in calls of other crates.
 #[cfg(test)]
 pub(crate) mod plant {
     use std::cell::Cell;
@@ -71,7 +71,8 @@ pub(crate) mod plant {
         static PLANTED: Cell<Option<&'static str>> = const { Cell::new(None) };
     }
 
-    /// Runs `body` while every call into the crate of that name panics; on one thread, also what is shared out to many.
+    /// Runs `body` while every guarded call into the crate `name` panics. A single-threaded pool makes that hold for parallel work
+    /// too.
     pub(crate) fn in_crate<T: Send>(name: &'static str, body: impl FnOnce() -> T + Send) -> T {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build().expect("a thread");
         pool.install(|| {
@@ -102,7 +103,7 @@ mod tests {
         path
     }
 
-    /// An error names file and crate, repeats the start of the message, and only that.
+    /// Checks that an error names file and crate and repeats only the start of the message.
     fn names(error: &str, file: &str, krate: &str) {
         assert!(error.contains(file) && error.contains(&format!("`{krate}`")), "{error}");
         assert!(error.contains("planted: éé") && error.chars().count() < 3 * SHOWN, "{error}");
@@ -179,7 +180,7 @@ mod tests {
         thread_local! {
             static CALLS: Cell<Option<usize>> = const { Cell::new(None) };
         }
-        // A hook is the whole process's: panics of other tests go on to the one that was there.
+        // The hook is global to the process: panics of other tests are passed on to the previous hook.
         let before = take_hook();
         set_hook(quiet(Box::new(move |info| match CALLS.get() {
             Some(calls) => CALLS.set(Some(calls + 1)),

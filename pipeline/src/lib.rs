@@ -1,8 +1,8 @@
-//! Curitiba's pipeline: what a project declares, what its scene contains, what must therefore be done (the
-//! [`plan`]), and the [`executor`] that does it and times every step.
+//! Curitiba's pipeline. It reads projects and scenes, makes a [`plan`] of the work that they require, and the [`executor`] carries
+//! out the plan and times every step.
 //!
-//! This crate knows no GPU interface and holds no `unsafe` code. What a step does is behind the two traits of
-//! [`backend`]; `curitiba-passes` implements them.
+//! This crate uses no GPU interface and contains no `unsafe` code. The work of a step is done by the two traits in [`backend`],
+//! which `curitiba-passes` implements.
 #![forbid(unsafe_code)]
 
 #[macro_use]

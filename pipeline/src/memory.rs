@@ -1,21 +1,21 @@
-//! Asking for large blocks of memory: a refusal is an error that says how much was asked for, never an abort.
+//! Allocation of large blocks: a failure is an error that names the requested size, never an abort.
 
-/// A number of bytes as `12.3 MiB`.
+/// Formats a number of bytes as `12.3 MiB`.
 #[must_use]
 pub fn mebibytes(bytes: u64) -> String {
     format!("{:.1} MiB", bytes as f64 / f64::from(1 << 20))
 }
 
-/// Memory that was asked for and refused, by the system or by the allocator of the program.
+/// An allocation that the system, or the program's own allocator, refused.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
 #[error("{} of memory are refused: raise --max-memory, or the system's limit (`ulimit -v`)", mebibytes(*bytes))]
 pub struct Refused {
-    /// How much was asked for.
+    /// Requested size.
     pub bytes: u64,
 }
 
 impl Refused {
-    /// Of `count` items.
+    /// The refusal of `count` items of type `T`.
     #[must_use]
     pub fn items<T>(count: usize) -> Self {
         Self { bytes: (count as u64).saturating_mul(size_of::<T>() as u64) }
@@ -28,38 +28,38 @@ impl From<Refused> for std::io::Error {
     }
 }
 
-/// An empty list with room for so many items.
+/// An empty list with room for `count` items.
 ///
 /// # Errors
-/// If there is not so much memory.
+/// If there is too little memory.
 pub fn with_capacity<T>(count: usize) -> Result<Vec<T>, Refused> {
     let mut list = Vec::new();
     list.try_reserve_exact(count).map_err(|_| Refused::items::<T>(count))?;
     Ok(list)
 }
 
-/// A list of so many zeros. The system hands out zeros: pages are touched when they are first written.
+/// A list of `count` zeros. The system provides zeroed pages, which are touched only when they are first written.
 ///
 /// # Errors
-/// If there is not so much memory.
+/// If there is too little memory.
 pub fn zeroed<T: bytemuck::Zeroable>(count: usize) -> Result<Vec<T>, Refused> {
     bytemuck::allocation::try_zeroed_vec(count).map_err(|()| Refused::items::<T>(count))
 }
 
-/// A list of so many equal items.
+/// A list of `count` equal items.
 ///
 /// # Errors
-/// If there is not so much memory.
+/// If there is too little memory.
 pub fn filled<T: Clone>(item: T, count: usize) -> Result<Vec<T>, Refused> {
     let mut list = with_capacity(count)?;
     list.resize(count, item);
     Ok(list)
 }
 
-/// Makes a list longer, at the end; room for no more is asked for.
+/// Resizes a list to `count` items, without spare capacity.
 ///
 /// # Errors
-/// If there is not so much memory.
+/// If there is too little memory.
 pub fn resize<T: Clone>(list: &mut Vec<T>, count: usize, item: T) -> Result<(), Refused> {
     list.try_reserve_exact(count.saturating_sub(list.len())).map_err(|_| Refused::items::<T>(count))?;
     list.resize(count, item);
@@ -69,23 +69,23 @@ pub fn resize<T: Clone>(list: &mut Vec<T>, count: usize, item: T) -> Result<(), 
 /// A copy of a list.
 ///
 /// # Errors
-/// If there is not so much memory.
+/// If there is too little memory.
 pub fn copied<T: Copy>(items: &[T]) -> Result<Vec<T>, Refused> {
     let mut list = with_capacity(items.len())?;
     list.extend_from_slice(items);
     Ok(list)
 }
 
-/// Whether so much could be had at once. What is asked for is given back: for work of crates that take what they get, whose
-/// need is estimated first.
+/// Tests whether `bytes` of memory can be allocated at once, and frees them again. It is for work in crates that allocate without a
+/// check, whose need is estimated beforehand.
 ///
 /// # Errors
-/// If there is not so much memory.
+/// If there is too little memory.
 pub fn probe(bytes: u64) -> Result<(), Refused> {
     let refused = Refused { bytes };
     let count = usize::try_from(bytes).map_err(|_| refused)?;
     let block: Vec<u8> = with_capacity(count).map_err(|_| refused)?;
-    // Asked for in earnest: a list that nobody looks at would be left out.
+    // Keeps the compiler from removing an allocation that is never read.
     std::hint::black_box(&block);
     Ok(())
 }

@@ -1,13 +1,13 @@
-//! Values that users write by name.
+//! Enumerations whose values users write by name.
 
-/// Gives the variants of an enumeration their names: a table of them, and both ways through it.
+/// Generates the table of names of an enumeration's variants, and look-ups in both directions.
 macro_rules! named {
     ($kind:ty, $($name:literal => $value:ident),+) => {
         impl $kind {
-            /// Each with the name that users write.
+            /// The variants with the names that users write.
             pub const NAMED: &'static [(&'static str, Self)] = &[$(($name, Self::$value)),+];
 
-            /// Its name, as users write it.
+            /// The name of the variant, as users write it.
             #[must_use]
             pub fn name(self) -> &'static str {
                 match self {
@@ -15,7 +15,7 @@ macro_rules! named {
                 }
             }
 
-            /// The one of this name.
+            /// The variant with this name; `None` for an unknown name.
             #[must_use]
             pub fn named(name: &str) -> Option<Self> {
                 Self::NAMED.iter().find(|(known, _)| *known == name).map(|(_, value)| *value)

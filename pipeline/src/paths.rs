@@ -1,8 +1,8 @@
-//! Paths as 2014 project and scene files write them: with `\`, and with letters of either case.
+//! Paths as project and scene files of 2014 write them: with `\`, and with inconsistent case.
 
 use std::path::{Component, Path, PathBuf};
 
-/// Longest path that is looked for, bytes: no system opens a longer one, and a damaged file may hold one of gigabytes.
+/// Longest path that is resolved, bytes: no system opens a longer one, and a damaged file may contain one of gigabytes.
 pub const MAX_WRITTEN: usize = 4096;
 
 /// A path that was found.
@@ -10,11 +10,11 @@ pub const MAX_WRITTEN: usize = 4096;
 pub struct Resolved {
     /// The existing file or folder.
     pub path: PathBuf,
-    /// Whether it exists only with other upper and lower case letters than were written; worth a note.
+    /// Whether the existing path differs from the written one in case; worth a note.
     pub case_differs: bool,
 }
 
-/// `written` as a path of this system: every `\` becomes `/`.
+/// `written` as a path of this system: trimmed, and with every `\` replaced by `/`.
 #[must_use]
 pub fn portable(written: &str) -> PathBuf {
     PathBuf::from(written.trim().replace('\\', "/"))
@@ -22,9 +22,9 @@ pub fn portable(written: &str) -> PathBuf {
 
 /// Finds the file that `written` names, relative to `folder` unless absolute.
 ///
-/// `\` separates like `/`. Where the exact path does not exist, each component is compared without regard to letter
-/// case; of several such names the first in byte order is taken, so that the result does not depend on the file system.
-/// `None` if nothing matches, or if `written` is longer than [`MAX_WRITTEN`].
+/// `\` separates like `/`. If the exact path does not exist, components are compared without case; among several matches the first
+/// in byte order is taken, so that the result does not depend on the file system. `None` if nothing matches, or if `written` is
+/// longer than [`MAX_WRITTEN`].
 #[must_use]
 pub fn resolve_path(folder: &Path, written: &str) -> Option<Resolved> {
     if written.len() > MAX_WRITTEN {
@@ -58,11 +58,10 @@ pub fn resolve_path(folder: &Path, written: &str) -> Option<Resolved> {
     Some(Resolved { path: found, case_differs: true })
 }
 
-/// What to say of a path that is not there: the first folder of it that is missing, or the names beside it, the nearest first
-/// named.
+/// A hint for a missing path: its first missing folder, or the names beside it, the nearest first.
 #[must_use]
 pub fn nearest_help(missing: &Path) -> String {
-    /// Entries of a folder that are looked at.
+    /// Most entries of a folder that are looked at.
     const MOST: usize = 10_000;
     let lacking = missing.ancestors().find(|part| part.parent().is_some_and(|folder| here(folder).is_dir()));
     let Some((lacking, folder)) = lacking.and_then(|part| Some((part, part.parent()?))) else {
@@ -85,8 +84,8 @@ fn here(folder: &Path) -> &Path {
     if folder.as_os_str().is_empty() { Path::new(".") } else { folder }
 }
 
-/// The way from `folder` to `target`, with `/`, as files store it: `../textures/wall.png`. Both are made absolute
-/// first. `None` if they have no common root (two Windows drives) or `target` is not valid Unicode.
+/// The relative path from `folder` to `target`, with `/`, as files store it: `../textures/wall.png`. Both are made absolute first.
+/// `None` if they have no common root (two Windows drives) or `target` is not valid Unicode.
 #[must_use]
 pub fn relative_to(folder: &Path, target: &Path) -> Option<String> {
     let folder = absolute(folder)?;
@@ -103,7 +102,7 @@ pub fn relative_to(folder: &Path, target: &Path) -> Option<String> {
     Some(parts.join("/"))
 }
 
-/// The canonical path of the longest part that exists, and the rest as written.
+/// The canonical path of the longest existing prefix, followed by the rest as written.
 fn absolute(path: &Path) -> Option<PathBuf> {
     let path = std::path::absolute(path).ok()?;
     for existing in path.ancestors() {

@@ -1,53 +1,54 @@
-//! Where in a pixel its samples lie.
+//! Positions of the samples within a pixel.
 //!
-//! The samples are Hammersley points, shifted digit by digit: sample `i` of `N = 2^m` lies `(i + 1/2) / N` of a pixel from the left and
-//! `(v + 1/2) / N` from the top, where `v` is `i` with its `m` binary digits reversed and the first `⌊m/2⌋` of them flipped. They are a
-//! (0, m, 2)-net in base 2 (Niederreiter 1987, "Point sets and sequences with small discrepancy", Monatshefte für Mathematik 104): each of
-//! the `N` columns and of the `N` rows has one sample, and so has each box of area `1/N` that halving the pixel makes. So:
+//! The samples are Hammersley points with a digital shift: sample `i` of `N = 2^m` lies `(i + 1/2) / N` of a pixel from the left
+//! and `(v + 1/2) / N` from the top, where `v` is `i` with its `m` binary digits reversed and the first `⌊m/2⌋` of them flipped.
+//! They form a (0, m, 2)-net in base 2 (Niederreiter 1987, "Point sets and sequences with small discrepancy", Monatshefte für
+//! Mathematik 104): each of the `N` columns, each of the `N` rows, and each box of area `1/N` from repeatedly halving the pixel
+//! contains one sample. So:
 //!
-//! * An upright or level edge has `N + 1` shades; a regular grid of as many samples has `√N + 1`.
-//! * The mean of the samples is the pixel's centre, and turning the pixel by half a turn maps them to each other; with 4, 16 and 64
-//!   samples, so does a quarter turn. Of 4 samples it is the rotated grid of graphics devices.
-//! * The coordinates are whole multiples of 1/128 of a pixel: rasterisers that snap corners to 1/256 snap every sample's picture alike.
+//! * A vertical or horizontal edge has `N + 1` shades; a regular grid of as many samples has `√N + 1`.
+//! * The mean of the samples is the pixel's centre, and the set is symmetric under half turns; with 4, 16 and 64 samples also under
+//!   quarter turns. With 4 samples it is the rotated grid of graphics hardware.
+//! * The coordinates are multiples of 1/128 of a pixel: rasterisers that snap corners to 1/256 treat every sample's picture alike.
 //!
-//! Which digits are flipped was chosen among all `N` by the error of half-planes, at all angles and distances.
+//! The flipped digits were chosen among all `N` possibilities by the coverage error of half-planes at all angles and distances.
 
 use std::fmt;
 use std::str::FromStr;
 
-/// Samples a pixel: 1, 2, 4, 8, 16, 32 or 64.
+/// Number of samples a pixel: 1, 2, 4, 8, 16, 32 or 64.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub struct PixelSamples(u32);
 
 impl PixelSamples {
-    /// One, at the pixel's centre.
+    /// One sample, at the pixel's centre.
     pub const ONE: Self = Self(1);
 
-    /// The numbers that there are.
+    /// The valid numbers.
     pub const COUNTS: [u32; 7] = [1, 2, 4, 8, 16, 32, 64];
 
-    /// So many; `None` where it is none of [`Self::COUNTS`].
+    /// `count` samples; `None` if it is not in [`Self::COUNTS`].
     #[must_use]
     pub fn new(count: u32) -> Option<Self> {
         Self::COUNTS.contains(&count).then_some(Self(count))
     }
 
-    /// How many.
+    /// Number of samples.
     #[must_use]
     pub fn count(self) -> u32 {
         self.0
     }
 
-    /// Whether there are several.
+    /// Whether there is more than one sample.
     #[must_use]
     pub fn are_several(self) -> bool {
         self.0 > 1
     }
 
-    /// Where a sample lies: pixels right of the pixel's centre and below it, in -1/2..1/2; exact.
+    /// Position of a sample: offset in pixels to the right of the pixel's centre and below it, in -1/2..1/2; exact.
     ///
     /// # Panics
-    /// If there are not so many.
+    /// If `sample` is not below the number of samples.
     #[must_use]
     pub fn offset(self, sample: u32) -> [f32; 2] {
         assert!(sample < self.0, "sample {sample} of {}", self.0);
@@ -57,14 +58,15 @@ impl PixelSamples {
         [sample, flipped].map(|cell| (cell as f32 + 0.5) / self.0 as f32 - 0.5)
     }
 
-    /// Side of the square that a sample stands for, in pixels: what a texture is filtered over. The whole of the samples then filters
-    /// as much as one sample does that stands for the pixel.
+    /// Side of the square that a sample stands for, in pixels: the footprint of texture filtering. All samples together then filter
+    /// as much as a single sample for the whole pixel.
     #[must_use]
     pub fn side(self) -> f32 {
         (self.0 as f32).sqrt().recip()
     }
 
-    /// The seed of a sample's random numbers that do not continue those of the sample before: that of the first is the picture's own.
+    /// Seed for a sample whose random numbers do not continue those of the sample before. The first sample has the picture's own
+    /// seed.
     #[must_use]
     pub fn seed(seed: u32, sample: u32) -> u32 {
         seed.wrapping_add(sample.wrapping_mul(0x85eb_ca6b))
@@ -136,7 +138,7 @@ mod tests {
         assert_eq!(four, [[-0.375, 0.125], [-0.125, -0.375], [0.125, 0.375], [0.375, -0.125]]);
     }
 
-    /// The area of a pixel on one side of a line, `distance` from its centre: that of sums of two uniform numbers.
+    /// The area of a pixel on one side of a line at `distance` from its centre: the distribution of a sum of two uniform numbers.
     fn share(normal: [f64; 2], distance: f64) -> f64 {
         let [a, b] = normal.map(f64::abs);
         let ramp = |value: f64| value.max(0.0).powi(2);
@@ -145,7 +147,7 @@ mod tests {
             / (2.0 * a * b)
     }
 
-    /// Root mean square and largest error of the covered share over half-planes at `angles`.
+    /// Root mean square error and largest error of the coverage of half-planes at `angles`.
     fn error(points: &[[f32; 2]], angles: impl Iterator<Item = f64>) -> [f64; 2] {
         let (mut squares, mut largest, mut count) = (0.0, 0.0_f64, 0);
         for angle in angles {
@@ -164,7 +166,7 @@ mod tests {
         [(squares / f64::from(count)).sqrt(), largest]
     }
 
-    /// Half-planes at all angles have the error of a regular grid, those of nearly upright and level edges far less.
+    /// At all angles half-planes have the error of a regular grid; nearly vertical and horizontal edges have far less.
     #[test]
     fn half_planes_are_covered_as_by_a_grid_and_better_along_the_axes() {
         let everywhere = || (0..90).map(|step| (f64::from(step) + 0.5) * 2.0_f64.to_radians());

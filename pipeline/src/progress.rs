@@ -1,9 +1,9 @@
-//! How far a long step is, and giving it up.
+//! Progress of long steps, and their cancellation.
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 
-/// A request to stop, shared between who renders and who may ask: clones are one request.
+/// A request to stop, shared between the renderer and whoever may cancel it: all clones are one request.
 ///
 /// It is looked for between passes, between parts of a picture, and on the processor between the tiles of raster, effect and ray passes, between
 /// the rows of quads and between the steps of building a structure. A frame that is
@@ -13,7 +13,7 @@ use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 pub struct Cancellation(Arc<AtomicBool>);
 
 impl Cancellation {
-    /// Nothing is asked for.
+    /// A request that is not set.
     #[must_use]
     pub fn new() -> Self {
         Self::default()
@@ -24,19 +24,19 @@ impl Cancellation {
         self.0.store(true, Ordering::Relaxed);
     }
 
-    /// Takes the request back: frames that begin from now on are rendered.
+    /// Clears the request: frames that begin from now on are rendered.
     pub fn reset(&self) {
         self.0.store(false, Ordering::Relaxed);
     }
 
-    /// Whether it was asked to stop.
+    /// Whether the request is set.
     #[must_use]
     pub fn is_cancelled(&self) -> bool {
         self.0.load(Ordering::Relaxed)
     }
 }
 
-/// How far a long step is: written by the workers, read by whoever shows it.
+/// Progress of a long step, written by its threads and read by displays.
 #[derive(Debug, Default)]
 pub struct Progress {
     done: AtomicU64,
@@ -46,7 +46,7 @@ pub struct Progress {
 }
 
 impl Progress {
-    /// That of a step which may be given up: engines ask [`Self::is_cancelled`] between tiles.
+    /// Progress of a step that can be cancelled: engines check [`Self::is_cancelled`] between tiles.
     #[must_use]
     pub fn until(cancellation: &Cancellation) -> Self {
         Self { cancellation: cancellation.clone(), ..Self::default() }
@@ -80,12 +80,12 @@ impl Progress {
         self.total.store(total, Ordering::Relaxed);
     }
 
-    /// Counts `amount` more.
+    /// Adds `amount` to the count.
     pub fn advance(&self, amount: u64) {
         self.done.fetch_add(amount, Ordering::Relaxed);
     }
 
-    /// Done and total; the total is 0 where it is not known.
+    /// Count and total; the total is 0 if it is not known.
     #[must_use]
     pub fn get(&self) -> (u64, u64) {
         (self.done.load(Ordering::Relaxed), self.total.load(Ordering::Relaxed))

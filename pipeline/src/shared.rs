@@ -1,46 +1,46 @@
-//! G-buffers in device memory that a rasteriser and a ray backend share, so that nothing passes through the host.
+//! G-buffers in device memory, shared between a rasteriser and a ray backend without a copy through the host.
 
 use crate::gbuffer::Attachments;
 use std::any::Any;
 use std::sync::Arc;
 
-/// What tells GPUs apart, whichever interface shows them: the UUID that its driver gives a device.
+/// Identifies a GPU across interfaces: the UUID that its driver reports.
 pub type DeviceUuid = [u8; 16];
 
-/// Attachments that a rasteriser leaves where it draws them, for a ray backend that uses the same device through the same interface. What it
-/// is, both know.
+/// A handle to attachments in a rasteriser's memory, for a ray backend that uses the same device through the same interface. Both
+/// know its concrete type.
 pub type InPlace = Arc<dyn Any + Send + Sync>;
 
-/// A handle of the operating system to device memory or to a semaphore, which another interface of the same device opens.
+/// A handle of the operating system to device memory or a semaphore, which another interface of the same device can open.
 #[cfg(unix)]
 pub type SharedHandle = std::os::fd::OwnedFd;
 
-/// Sharing is made for systems with file descriptors: elsewhere there is no handle, and nothing is shared.
+/// Sharing requires file descriptors: on other systems there are no handles, and nothing is shared.
 #[cfg(not(unix))]
 #[derive(Debug)]
 pub enum SharedHandle {}
 
-/// Device memory for one G-buffer. Every attachment is dense, its top row first: four 32-bit floats a pixel, of the triangle
-/// id one 32-bit integer, as in [`GBuffer`](crate::gbuffer::GBuffer).
+/// Device memory of one G-buffer. Every attachment is densely packed, top row first: four 32-bit floats a pixel, or one 32-bit
+/// integer for triangle ids, as in [`GBuffer`](crate::gbuffer::GBuffer).
 #[derive(Debug)]
 pub struct SharedGBuffer {
-    /// The device whose memory it is.
+    /// The device that owns the memory.
     pub device: DeviceUuid,
     /// Pixels a row.
     pub width: u32,
     /// Rows.
     pub height: u32,
-    /// Which attachments there are.
+    /// The attachments that it contains.
     pub attachments: Attachments,
     /// The memory.
     pub memory: SharedHandle,
-    /// Its size, at least where the last attachment ends.
+    /// Size of the memory in bytes, at least [`Offsets::end`].
     pub bytes: u64,
-    /// A timeline semaphore. It reaches the value that a hand-over names when the attachments are complete.
+    /// A timeline semaphore. It reaches the value of a hand-over when the attachments are complete.
     pub semaphore: SharedHandle,
 }
 
-/// Where attachments start in the memory, in bytes.
+/// Offsets of the attachments in the memory, in bytes.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub struct Offsets {
     /// Shaded colour.
@@ -51,12 +51,12 @@ pub struct Offsets {
     pub normal: Option<u64>,
     /// Triangle id.
     pub triangle: Option<u64>,
-    /// Where the last one ends.
+    /// End of the last attachment.
     pub end: u64,
 }
 
 impl Offsets {
-    /// Every attachment starts at a multiple of this: what graphics interfaces want at most of a bound buffer.
+    /// Alignment of every attachment: the strictest that graphics interfaces require for bound buffers.
     pub const ALIGNMENT: u64 = 256;
 
     /// The layout of a G-buffer of that size.

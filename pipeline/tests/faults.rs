@@ -1,5 +1,5 @@
-//! Every loader, with a reader that fails or ends early at each of its calls in turn; and the writers of scenes, with a
-//! disk that is full from each of its calls on. A load that met a fault is refused, or says in a warning what is missing.
+//! Runs every loader with a reader that fails or ends early, at each of its calls in turn; and the writers of scenes with a disk
+//! that is full from each of their calls on. A load that met a fault must be refused, or a warning must say what is missing.
 
 mod scene_support;
 
@@ -12,24 +12,24 @@ use curitiba_pipeline::square;
 use scene_support::Folder;
 use std::path::{Path, PathBuf};
 
-/// What came of a load.
+/// Result of a load.
 enum Outcome {
     Refused,
-    /// With what can be told of it, and the warnings.
+    /// Description of what was loaded, and the warnings.
     Loaded(String, Vec<String>),
 }
 
-/// How faults ended, by loader.
+/// Number of faults by their effect, for one loader.
 #[derive(Default)]
 struct Count {
     tried: u64,
     refused: u64,
     warned: u64,
-    /// The call that failed was made again, or was not needed.
+    /// The result was unchanged: the failed call was repeated, or was not needed.
     same: u64,
 }
 
-/// Loads with a fault at each call; the folder's files are those that can fail.
+/// Loads with a fault at each call in turn; only the files of the folder can fail.
 fn try_all(name: &str, folder: &Path, load: &dyn Fn() -> Outcome) {
     let Outcome::Loaded(whole, known) = load() else { panic!("{name} cannot be loaded without a fault") };
     for fault in [Fault::ReadFails, Fault::ReadEndsEarly] {
@@ -160,8 +160,8 @@ fn a_fault_at_any_read_of_any_loader_is_an_error_or_a_warning() {
     });
 }
 
-/// Writes with a disk that is full from each call on. Each file of `names` is then what it was or what it is to be, and
-/// nothing else is there. Only every `step`-th call is tried.
+/// Writes with a disk that is full from each call on. Afterwards each file of `names` must hold its old or its new contents, and no
+/// other file may exist. Only every `step`-th call is tried.
 fn fill_disk(name: &str, folder: &Folder, names: &[&str], step: usize, write: &dyn Fn() -> Result<(), String>) {
     let before = |file: &str| format!("before {file}").into_bytes();
     let reset = || names.iter().for_each(|file| drop(folder.write(file, before(file))));
@@ -192,7 +192,7 @@ fn fill_disk(name: &str, folder: &Folder, names: &[&str], step: usize, write: &d
     println!("| {name} | the disk is full | {tried} | {old} files as before, {new} whole new ones, none else |");
 }
 
-/// Names of temporary files, in a folder and those below it.
+/// Names of temporary files in a folder and its subfolders.
 fn temporaries(folder: &Path) -> Vec<String> {
     let mut found = Vec::new();
     for entry in std::fs::read_dir(folder).expect("a folder").map(|entry| entry.expect("an entry")) {
@@ -219,7 +219,7 @@ fn a_full_disk_leaves_every_file_as_it_was_or_whole() {
     let png = std::fs::read(scenes.png("x.png", 3, 3, [1, 2, 3, 255])).expect("written");
     let mut scene = load(&[obj(&scenes)], &LoadOptions::default(), &|_| {}).expect("it loads");
     scene.textures[0] = curitiba_pipeline::scene::TextureSource::Embedded { name: "t".to_owned(), bytes: png };
-    // More than one buffer of the writer.
+    // More than the writer's buffer holds.
     scene.meshes[0].positions.resize(3000, glam::Vec3::ONE);
     scene.meshes[0].normals.clear();
     scene.meshes[0].texcoords.clear();

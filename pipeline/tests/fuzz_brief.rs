@@ -1,4 +1,4 @@
-//! The fuzz targets of `fuzz/`, for a few hundred mutations each, and all inputs that ever broke one.
+//! Runs the fuzz targets of `fuzz/` with a few hundred mutations each, and with all inputs that ever broke one.
 //! `docs/robustness.md` records the long runs.
 
 mod fuzz_targets;
@@ -19,17 +19,17 @@ use mutate::{Tally, run, run_one};
 use std::panic::catch_unwind;
 use std::path::Path;
 
-/// Mutations of each format, unless the environment variable `CURITIBA_FUZZ_ROUNDS` says how many.
+/// Number of mutations of each format; the environment variable `CURITIBA_FUZZ_ROUNDS` overrides it.
 const ROUNDS: usize = 400;
 
 fn rounds() -> usize {
     std::env::var("CURITIBA_FUZZ_ROUNDS").map_or(ROUNDS, |rounds| rounds.parse().expect("a number"))
 }
 
-/// What is changed about a thing, for messages, and how.
+/// A change to a value: its name for messages, and the function that makes it.
 type Change<T> = (&'static str, fn(&mut T));
 
-/// All targets that the features of this build have.
+/// All targets that this build's features include.
 fn targets() -> impl Iterator<Item = &'static Target> {
     #[cfg(feature = "glsl")]
     const WITH_FEATURES: &[Target] = &[Target { name: "shader", run: shader::shader }];
@@ -55,7 +55,7 @@ fn every_seed_loads() {
 fn mutated_seeds_load_as_promised_or_are_refused() {
     for target in targets() {
         match run(target, &seeds_of(target), rounds()) {
-            // What cannot be read of an OBJ file is left out and counted; the file is not refused for it.
+            // The OBJ reader leaves out and counts what it cannot read; it does not refuse the file.
             Ok(tally) => assert!(
                 tally.loaded > 0 && (tally.refused > 0 || target.name == "obj"),
                 "{}: some damage is harmless, some is not: {tally:?}",
@@ -86,7 +86,7 @@ fn inputs_that_once_broke_a_loader_do_so_no_more() {
     assert!(inputs > 0, "{} holds the inputs", folder.display());
 }
 
-/// The control: a reader with the mistake that all of this looks for, a count that is believed.
+/// Control: a reader with the kind of defect that these tests look for, a count that it trusts, is detected.
 #[test]
 fn a_reader_that_believes_a_count_is_found_out() {
     fn careless(input: &[u8]) -> Outcome {
@@ -102,7 +102,7 @@ fn a_reader_that_believes_a_count_is_found_out() {
     assert!(catch_unwind(|| careless(&finding.input)).is_err(), "the input it gives breaks the reader again");
 }
 
-/// The control of the checks: scenes that break one promise each.
+/// Control of the checks: scenes that each violate one guarantee are detected.
 #[test]
 fn scenes_that_break_a_promise_are_found_out() {
     let folder = Folder::new();
@@ -143,7 +143,7 @@ fn scenes_that_break_a_promise_are_found_out() {
     }
 }
 
-/// The same for pictures.
+/// Control of the checks: pictures that each violate one guarantee are detected.
 #[test]
 fn pictures_that_break_a_promise_are_found_out() {
     let pixels = vec![[0.0, 1.0, 102.0 / 255.0, 1.0]; 6];
@@ -171,7 +171,7 @@ fn pictures_that_break_a_promise_are_found_out() {
     }
 }
 
-/// The control of the round trip: scenes that are not read as they were written.
+/// Control of the round trip: scenes that differ after writing and reading are detected.
 #[test]
 fn scenes_that_differ_are_not_taken_for_the_same() {
     let folder = Folder::new();

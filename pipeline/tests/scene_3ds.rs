@@ -20,7 +20,7 @@ fn shorts(values: &[u16]) -> Vec<u8> {
     values.iter().flat_map(|value| value.to_le_bytes()).collect()
 }
 
-/// A square of two triangles, one red and half clear, one textured; a third face names nothing.
+/// A square of two triangles, one red and half transparent, one textured; a third face names no material.
 fn square() -> Vec<u8> {
     let red = chunk(
         0xAFFF,
@@ -49,7 +49,7 @@ fn square() -> Vec<u8> {
         &[&chunk(0x4110, &[&shorts(&[5]), &positions]), &faces, &chunk(0x4140, &[&shorts(&[5]), &texcoords])],
     );
     let object = chunk(0x4000, &[b"box\0", &mesh]);
-    // Unknown chunks are passed over; the materials stand after the object.
+    // Unknown chunks are skipped; the materials follow the object.
     chunk(0x4D4D, &[&chunk(0x0002, &[&[3, 0, 0, 0]]), &chunk(0x3D3D, &[&object, &red, &wall]), &chunk(0xB000, &[])])
 }
 
@@ -66,7 +66,7 @@ fn meshes_materials_and_textures_are_read() {
     assert_eq!((red.diffuse.w, red.transmission), (0.5, 0.5));
     let groups: Vec<_> = scene.meshes[0].groups.iter().map(|group| (group.material, group.triangles[0])).collect();
     assert_eq!(groups, [(0, [0, 1, 2]), (1, [2, 1, 3]), (2, [0, 1, 4])]);
-    // Only the corners of the textured face are placed by its material.
+    // Only the texture coordinates of the textured face are transformed by its material.
     let moved = |u: f32, v: f32| Vec2::new(2.0 * u, v + 0.25);
     assert_eq!(scene.meshes[0].texcoords, [Vec2::ZERO, moved(1.0, 0.0), moved(0.0, 1.0), moved(1.0, 1.0), Vec2::ZERO]);
     let (built, warnings) = RenderScene::build(scene, &BuildOptions::default()).unwrap();
@@ -99,7 +99,7 @@ fn damaged_files_are_errors_with_their_place_or_load_with_valid_references() {
         }
     }
     assert!(refused > 200 && loaded > 200, "{refused} refused, {loaded} loaded");
-    // A list of faces for a material that nobody declared.
+    // A list of faces for an undeclared material.
     let unknown = whole.windows(3).position(|window| window == b"red").expect("the list of faces names it");
     let mut renamed = whole;
     renamed[unknown] = b'b';

@@ -1,4 +1,4 @@
-//! Scenes made ready for rendering.
+//! Building render scenes.
 
 mod scene_support;
 
@@ -137,7 +137,7 @@ fn computed_normals_of_a_cube_are_those_of_its_faces() {
     }
 }
 
-/// A fan of `sides` faces around the top of a pyramid whose faces lean by `slope` radians.
+/// A fan of `sides` faces around the apex of a pyramid; faces are inclined by `slope` radians.
 fn pyramid(sides: u32, slope: f32) -> Mesh {
     let rim = (0..sides).map(|i| {
         let (sin, cos) = (i as f32 * std::f32::consts::TAU / sides as f32).sin_cos();
@@ -153,7 +153,7 @@ fn pyramid(sides: u32, slope: f32) -> Mesh {
 
 #[test]
 fn computed_normals_are_smooth_below_the_crease_angle_and_weighted_by_angle() {
-    // Neighbours of a fine fan differ little, though opposite faces meet at far more than 60 degrees.
+    // In a fine fan adjacent faces differ little, though opposite faces meet at far more than 60 degrees.
     let fan = |sides| {
         let scene = scene(vec![pyramid(sides, 1.0)], vec![object(0, Mat4::IDENTITY)], 1);
         build(scene, &BuildOptions::default()).0.geometry
@@ -161,13 +161,13 @@ fn computed_normals_are_smooth_below_the_crease_angle_and_weighted_by_angle() {
     let smooth = fan(40);
     assert_eq!(smooth.positions.len(), 41);
     assert!(smooth.normals[0].distance(Vec3::Z) < 1e-5, "{}", smooth.normals[0]);
-    // The faces of one with three sides meet at more than 60 degrees: three corners each.
+    // With three sides adjacent faces meet at more than 60 degrees: each face has its own corners.
     assert_eq!(fan(3).positions.len(), 9);
 }
 
 #[test]
 fn normals_follow_the_inverse_transpose_also_through_mirrors() {
-    // A plane x + y = const, stretched twofold along x: its normal turns to (1, 2, 0).
+    // A plane x + y = const, scaled twofold along x: its normal becomes parallel to (1, 2, 0).
     let mut mesh = triangle(0);
     mesh.positions = vec![Vec3::X, Vec3::Y, Vec3::X + Vec3::Z];
     mesh.normals = vec![Vec3::new(3.0, 3.0, 0.0); 3];
@@ -177,7 +177,7 @@ fn normals_follow_the_inverse_transpose_also_through_mirrors() {
         (Vec3::splat(1e-25), Vec3::new(1.0, 1.0, 0.0)),
     ] {
         let transform = Mat4::from_scale(scale);
-        // The smallest scale leaves no area; what counts there is that nothing panics.
+        // At the smallest scale the triangle has no area and is dropped; the test is that nothing panics.
         let (built, _) = build(scene(vec![mesh.clone()], vec![object(0, transform)], 1), &BuildOptions::default());
         for normal in &built.geometry.normals {
             assert!(normal.distance(expected.normalize()) < 1e-6, "{normal} for {scale}");
@@ -231,7 +231,7 @@ fn meshes_without_colours_are_white_beside_others_and_creases_keep_the_colours_o
         assert_eq!(*color, expected.extend(1.0), "at {at}");
     }
     assert_eq!(built.materials.iter().map(|m| m.vertex_colors).collect::<Vec<_>>(), [true, false]);
-    // Scenes with and without are one.
+    // Scenes with and without vertex colours are joined.
     let (bare, _) = build(scene(vec![triangle(0)], vec![object(0, Mat4::IDENTITY)], 1), &BuildOptions::default());
     assert!(bare.geometry.colors.is_empty());
     let mut both = bare.clone();
@@ -351,7 +351,7 @@ fn the_result_does_not_depend_on_the_number_of_threads() {
     assert_eq!(one.triangles, four.triangles);
 }
 
-/// Whatever places a scene, far away it has the shape that it has at the origin.
+/// A scene far away must have the same shape as at the origin, whatever transform places it there.
 #[test]
 fn far_scenes_are_placed_before_they_are_rounded() {
     let moved = DVec3::new(1e6, -5e6, 3e5);

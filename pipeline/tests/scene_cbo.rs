@@ -1,4 +1,4 @@
-//! CBO and NBO files, built byte by byte.
+//! CBO and NBO files that are built byte by byte.
 
 mod scene_support;
 
@@ -6,7 +6,7 @@ use curitiba_pipeline::scene::{Layout, LoadOptions, Material, Needs, TextureSour
 use glam::{Mat4, Vec2, Vec3, Vec4};
 use scene_support::{Folder, assert_references_are_valid, count, load_capped, load_one, mutations, triangles};
 
-/// Little-endian bytes in the making.
+/// A builder of little-endian bytes.
 #[derive(Default, Clone)]
 struct Bytes(Vec<u8>);
 
@@ -58,7 +58,7 @@ impl Bytes {
         bytes.floats(&transform.to_cols_array())
     }
 
-    /// A unit right triangle with normals along z and its own x and y as texture coordinates.
+    /// A unit right triangle with normals along z; its texture coordinates are x and y.
     fn vertices(self) -> Self {
         self.u32(4)
             .string("position")
@@ -77,7 +77,7 @@ impl Bytes {
     }
 }
 
-/// Two objects that share one renderable, the second one moved; then one without geometry.
+/// Two objects that share a renderable, the second one moved; then an object without geometry.
 fn object_list(layout: Layout) -> Bytes {
     let head = |bytes: Bytes, name: &str| {
         bytes.string("SimpleObject").string(name).string("BoundingBox").u32(2).floats(&[0.0; 6])
@@ -89,7 +89,7 @@ fn object_list(layout: Layout) -> Bytes {
     head(bytes, "empty").transform(layout, Mat4::IDENTITY).string("NULLOBJECT")
 }
 
-/// An octree of two levels with one object in each; the inner one has no index list.
+/// An octree of two levels with one object each; the inner object has no index list.
 fn octree(layout: Layout) -> Bytes {
     let object = |bytes: Bytes, name: &str, indices: &[u32]| {
         let bytes = bytes.string("key").string(name).floats(&[0.0; 6]).transform(layout, Mat4::IDENTITY);
@@ -179,7 +179,7 @@ fn damaged_files_are_errors_that_name_the_byte_and_what_was_expected() {
     let error = load_one(&folder.write("long.cbo", longer)).unwrap_err();
     assert!(error.to_string().contains("1 bytes follow"), "{error}");
 
-    // A count far beyond the file is refused before it is allocated.
+    // A count far beyond the file's size is refused before memory is allocated.
     let greedy = Bytes::default().u32(0).string("OctreeUnified").u32(1).string("SimpleObject").string("o");
     let greedy = greedy.string("BoundingBox").u32(u32::MAX);
     let error = load_one(&folder.write("greedy.nbo", greedy.0)).unwrap_err();
@@ -262,7 +262,7 @@ fn what_is_written_reads_back_the_same() {
         for (copy, original) in copy.objects.iter().zip(&original.objects) {
             assert_eq!((&copy.name, copy.mesh, copy.transform), (&original.name, original.mesh, original.transform));
         }
-        // Written again it is the same, byte for byte.
+        // Writing it again gives the same bytes.
         let bytes = std::fs::read(&copy_path).unwrap();
         write_cbo(&copy, &copy_path, layout).unwrap();
         assert_eq!(std::fs::read(&copy_path).unwrap(), bytes);
@@ -324,7 +324,7 @@ fn the_alpha_test_is_kept_by_the_2014_layout_and_counted_as_lost_by_todays() {
     assert_eq!(load_one(&folder.path("b.cbo")).unwrap().materials[0].alpha_cutoff, Some(0.25));
     let warnings = write_cbo(&scene, &folder.path("b.nbo"), Layout::NboToday).unwrap();
     assert_eq!(count(&warnings, "materials with an alpha cutoff"), 1);
-    // The texture tells that it is one: it has texels that are less than half opaque.
+    // The texture makes the material a cut-out: it has texels of less than half opacity.
     assert_eq!(load_one(&folder.path("b.nbo")).unwrap().materials[0].alpha_cutoff, Some(0.5));
     folder.png("grade.png", 1, 1, [0, 0, 0, 128]);
     assert_eq!(load_one(&folder.path("b.nbo")).unwrap().materials[0].alpha_cutoff, None);
@@ -364,7 +364,7 @@ fn written_files_have_the_permissions_of_any_new_file() {
 fn numbers_of_materials_that_are_not_finite_are_replaced_and_counted() {
     let folder = Folder::new();
     let mut bytes = object_list(Layout::NboToday).0;
-    // Past the count and the name "Pedra": the red of the ambient colour.
+    // Offset of the ambient colour's red: after the count and the name "Pedra".
     let red = 4 + 4 + 5 + 1;
     bytes[red..red + 4].copy_from_slice(&f32::NAN.to_le_bytes());
     let scene = load_one(&folder.write("a.nbo", bytes)).unwrap();

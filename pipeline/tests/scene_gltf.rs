@@ -1,4 +1,4 @@
-//! glTF and GLB assets, written by hand.
+//! glTF and GLB assets that are written by hand.
 
 mod scene_support;
 
@@ -33,7 +33,7 @@ fn glb(json: &Value, binary: &[u8]) -> Vec<u8> {
     bytes
 }
 
-/// A unit square of four vertices (0,0) (1,0) (0,1) (1,1), texture coordinates the same, six 16-bit indices.
+/// A unit square of four vertices (0,0) (1,0) (0,1) (1,1) with equal texture coordinates and six 16-bit indices.
 fn square() -> (Value, Vec<u8>) {
     let mut binary = floats(&[0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 1.0, 1.0, 0.0]);
     binary.extend(floats(&[0.0, 0.0, 1.0, 0.0, 0.0, 1.0, 1.0, 1.0]));
@@ -107,7 +107,7 @@ fn node_transforms_multiply_and_meshes_are_shared() {
     ]);
     let scene = read(&json, &binary).unwrap();
     assert_eq!((scene.meshes.len(), scene.objects.len()), (1, 2));
-    // Scaled by -2 along x, turned by 90° about z (the quaternion is made unit length), moved along z.
+    // Scaled by -2 along x, rotated by 90° about z (the quaternion is normalised), translated along z.
     let point = scene.objects[0].transform.transform_point3(Vec3::X);
     assert!(point.distance(Vec3::new(0.0, -2.0, 5.0)) < 1e-5, "{point}");
     assert_eq!(scene.objects[1].transform, Mat4::from_translation(Vec3::new(7.0, 8.0, 9.0)));
@@ -139,7 +139,7 @@ fn strips_and_fans_keep_their_orientation_and_missing_indices_count_up() {
 #[test]
 fn sparse_accessors_strides_and_normalised_integers_are_read() {
     let (mut json, mut binary) = square();
-    // Two vertices replaced by a sparse accessor; the first stays as in the view.
+    // A sparse accessor replaces two vertices; the first keeps the view's value.
     let sparse_at = binary.len();
     binary.extend([1, 3, 0, 0]);
     binary.extend(floats(&[9.0, 0.0, 0.0, 9.0, 9.0, 0.0]));
@@ -200,7 +200,7 @@ fn materials_and_their_extensions_are_read() {
     json["cameras"] = json!([{"type": "perspective", "perspective": {"yfov": 1.0, "znear": 0.1}}]);
     let scene = read(&json, &binary).unwrap();
     let glass = &scene.materials[0];
-    // sRGB of the linear 0.1, 0.2, 0.3.
+    // The linear factors 0.1, 0.2, 0.3 encoded in sRGB.
     assert!(glass.diffuse.distance(Vec4::new(0.34919, 0.48453, 0.58383, 1.0)) < 1e-4, "{}", glass.diffuse);
     assert_eq!(glass.alpha_cutoff, Some(0.5), "0.25 of the product of factor and texture");
     assert!(glass.emission.distance(Vec4::new(1.35326, 1.0, 0.0, 1.0)) < 1e-4, "{}", glass.emission);
@@ -345,7 +345,7 @@ fn emission_is_the_factor_times_its_texture() {
     assert_eq!((built.textures.len(), built.materials[1].emission_texture), (1, Some(0)));
 }
 
-/// Adds an accessor over bytes of its own.
+/// Adds an accessor with its own bytes.
 fn add_accessor(json: &mut Value, binary: &mut Vec<u8>, bytes: &[u8], mut accessor: Value) -> usize {
     binary.resize(binary.len().next_multiple_of(4), 0);
     let view = json!({"buffer": 0, "byteOffset": binary.len(), "byteLength": bytes.len()});
@@ -359,7 +359,7 @@ fn add_accessor(json: &mut Value, binary: &mut Vec<u8>, bytes: &[u8], mut access
     accessors.len() - 1
 }
 
-/// sRGB by its formula.
+/// sRGB encoding by the standard's formula.
 fn encoded(linear: f64) -> f32 {
     (if linear <= 0.003_130_8 { 12.92 * linear } else { 1.055 * linear.powf(1.0 / 2.4) - 0.055 }) as f32
 }
@@ -396,12 +396,12 @@ fn vertex_colours_of_every_component_type_are_linear_and_have_alpha_where_the_ma
                 assert_eq!(scene.meshes[0].colors.len(), 4);
                 let cutoff = match mode {
                     "MASK" => Some(0.25),
-                    // What is mostly clear is a hole, as where a texture says so.
+                    // Vertices of less than half opacity make holes, as with a texture.
                     "BLEND" if components == 4 => Some(0.5),
                     _ => None,
                 };
                 assert_eq!(scene.materials[0].alpha_cutoff, cutoff, "{kind} {mode}");
-                // In linear light the file's numbers come back.
+                // In linear light the colours have the file's values.
                 let options = BuildOptions { color: ColorSpace::Linear, ..BuildOptions::default() };
                 let (built, _) = RenderScene::build(scene, &options).unwrap();
                 for (found, [r, g, b, _]) in built.geometry.colors.iter().zip(linear) {
@@ -498,7 +498,8 @@ fn texture_transforms_are_baked_into_the_coordinates() {
         "KHR_texture_transform": {"offset": [0.5, 0.25], "rotation": std::f32::consts::FRAC_PI_2, "scale": [2.0, 3.0]}
     }}}});
     let scene = read(&json, &binary).unwrap();
-    // The extension's own formula: u' = cos u + sin v, v' = -sin u + cos v after the scale, then the offset; v upwards.
+    // The formula of the extension: u' = cos u + sin v, v' = -sin u + cos v after the scale, then the offset; finally v is
+    // flipped.
     let expected = |u: f32, v: f32| Vec2::new(3.0 * v + 0.5, 1.0 - (-2.0 * u + 0.25));
     for (texcoord, (u, v)) in scene.meshes[0].texcoords.iter().zip([(0.0, 0.0), (1.0, 0.0), (0.0, 1.0), (1.0, 1.0)]) {
         assert!(texcoord.distance(expected(u, v)) < 1e-5, "{texcoord} at {u} {v}");
@@ -540,7 +541,7 @@ fn images_in_views_data_and_files_are_found_and_urls_are_warnings() {
     let (built, _) = RenderScene::build(scene, &BuildOptions::default()).unwrap();
     assert_eq!(built.textures[0].levels[0].texels, [[5, 6, 7, 255]]);
 
-    // What a conversion writes: the embedded image as a file beside the scene.
+    // A conversion writes the embedded image to a file beside the scene.
     let scene = load_one(&path).unwrap();
     let layout = curitiba_pipeline::scene::Layout::Cbo2014;
     let warnings = curitiba_pipeline::scene::write_cbo(&scene, &folder.path("b.cbo"), layout).unwrap();
@@ -648,7 +649,7 @@ fn changed_and_cut_files_never_panic_and_never_break_a_reference() {
 #[test]
 fn objects_count_against_the_memory_cap() {
     let (mut json, binary) = square();
-    // Four million objects out of a few kilobytes.
+    // Four million objects from a few kilobytes.
     json["meshes"][0]["primitives"] = vec![json!({"attributes": {"POSITION": 0}, "mode": 4}); 2000].into();
     json["nodes"] = vec![json!({"mesh": 0}); 2000].into();
     json.as_object_mut().expect("an object").remove("scenes");
@@ -665,13 +666,14 @@ fn numbers_beyond_f32_are_refused_with_their_place() {
         "pbrMetallicRoughness": {"baseColorFactor": [1, 1, 1, 1e39]}});
     let error = read(&json, &binary).unwrap_err();
     assert!(error.contains("number out of range at line 1 column"), "{error}");
-    // The largest that is one.
+    // A cutoff near the largest finite number.
     json["materials"][0]["alphaCutoff"] = 3.4e38.into();
     json["materials"][0]["pbrMetallicRoughness"]["baseColorFactor"] = json!([1, 1, 1, 1e-3]);
     assert_eq!(read(&json, &binary).unwrap().materials[0].alpha_cutoff, Some(f32::INFINITY));
 }
 
-/// A wavy grid of `side * side` vertices as Draco's own encoder packs it, with positions (id 0), normals (1) and texture coordinates (2).
+/// A wavy grid of `side * side` vertices, compressed with Draco's own encoder: positions (id 0), normals (1), texture coordinates
+/// (2).
 fn draco_grid(side: usize, speed: i32) -> (Vec<u8>, Vec<Vec3>) {
     use draco_core::{
         DataType, EncoderBuffer, EncoderOptions, FaceIndex, GeometryAttributeType, Mesh, MeshEncoder, PointAttribute,
@@ -741,13 +743,13 @@ fn draco_asset(side: usize, packed: &[u8]) -> Value {
 #[test]
 fn draco_meshes_have_their_triangles_and_attributes_within_the_quantisation() {
     const SIDE: usize = 20;
-    // The speeds choose all ways to encode connectivity: valence and standard edge breaker, sequential.
+    // The speeds select the different encodings of connectivity: valence and standard edgebreaker, and sequential.
     for speed in [0, 5, 10] {
         let (packed, positions) = draco_grid(SIDE, speed);
         let scene = read(&draco_asset(SIDE, &packed), &packed).unwrap();
         let mesh = &scene.meshes[0];
         assert_eq!((mesh.positions.len(), mesh.groups[0].triangles.len()), (SIDE * SIDE, 2 * 19 * 19), "{speed}");
-        // A grid of 14 bits over 19 units; the file may order vertices as it likes.
+        // Positions are quantised to 14 bits over 19 units; the decoder may reorder vertices.
         let step = 19.0 / 16383.0;
         for (at, (normal, texcoord)) in mesh.positions.iter().zip(mesh.normals.iter().zip(&mesh.texcoords)) {
             let nearest = positions.iter().map(|p| p.distance(*at)).fold(f32::INFINITY, f32::min);
@@ -808,7 +810,7 @@ fn draco_streams_that_are_damaged_or_too_large_are_errors_of_the_file() {
     assert!(refused > 100 && loaded > 10, "{refused} refused, {loaded} loaded");
 }
 
-/// The square with its buffer views compressed, in a buffer of their own; the first buffer is a fallback without bytes.
+/// The square with compressed buffer views in a separate buffer; the first buffer is a fallback without bytes.
 fn meshopt_square() -> (Value, Vec<u8>) {
     use meshoptimizer_rs::Workspace;
     use meshoptimizer_rs::codec::{IndexEncoding, VertexEncoding, encode_index_buffer, encode_vertex_buffer};
@@ -845,7 +847,7 @@ fn buffer_views_compressed_by_meshopt_hold_what_the_plain_ones_held() {
     assert_eq!(scene.meshes[0].positions, expected.meshes[0].positions);
     assert_eq!(scene.meshes[0].texcoords, expected.meshes[0].texcoords);
     let sorted = |scene: &Scene| {
-        // The codec may turn the corners of a triangle round.
+        // The codec may rotate the corners of a triangle.
         let first = |[a, b, c]: [u32; 3]| {
             if a < b && a < c {
                 [a, b, c]
@@ -881,12 +883,13 @@ fn buffer_views_compressed_by_meshopt_hold_what_the_plain_ones_held() {
     }
 }
 
-/// The compressed seeds of the fuzz targets. `CURITIBA_WRITE_SEEDS=1` writes them again where an encoder has changed.
+/// Checks the compressed seeds of the fuzz targets. With `CURITIBA_WRITE_SEEDS=1` they are written again, if an encoder has
+/// changed.
 #[test]
 fn the_seeds_of_the_fuzzer_are_what_the_encoders_make() {
     let (packed, _) = draco_grid(6, 5);
     let draco = glb(&draco_asset(6, &packed), &packed);
-    // In a GLB the bytes that are there are the first buffer.
+    // In a GLB the embedded bytes belong to the first buffer.
     let (mut json, packed) = meshopt_square();
     let buffers = json["buffers"].as_array_mut().expect("two buffers");
     buffers.swap(0, 1);
@@ -925,7 +928,7 @@ fn images_of_other_formats_are_taken_from_their_extensions() {
     let scene = load_one(&folder.write("a.gltf", json.to_string())).unwrap();
     let (built, warnings) = RenderScene::build(scene, &BuildOptions::default()).unwrap();
     assert_eq!(warnings.groups().len(), 0, "{:?}", warnings.groups());
-    // Our own writer is lossless.
+    // Our own WebP encoding is lossless.
     assert_eq!(built.textures[0].levels[0].texels, [[200, 100, 50, 255]; 6]);
 
     json["textures"] = json!([{"extensions": {"KHR_texture_basisu": {"source": 0}}}]);
@@ -937,8 +940,8 @@ fn images_of_other_formats_are_taken_from_their_extensions() {
     assert!(error.contains("KHR_texture_basisu") && error.contains("PNG, JPEG or WebP"), "{error}");
 }
 
-/// The square in a skin of two joints: A, which lifts by 5, and under it B, which turns by 90 degrees about (1, 0). Its node would move
-/// it by 100. `weights` are of A and B, vertex by vertex.
+/// The square in a skin of two joints: A translates by 5, and its child B rotates by 90 degrees about (1, 0). The node of the mesh
+/// would move it by 100, which a skin ignores. `weights` are those of A and B, by vertex.
 fn skinned(weights: [[f32; 2]; 4]) -> (Value, Vec<u8>) {
     let (mut json, mut binary) = square();
     let half = std::f32::consts::FRAC_1_SQRT_2;
@@ -976,14 +979,14 @@ fn skinned(weights: [[f32; 2]; 4]) -> (Value, Vec<u8>) {
     (json, binary)
 }
 
-/// Of A, of B, of both alike, and of B by half: the sum of weights is made 1.
+/// Weights of A only, of B only, of both equally, and of B with 0.5: the sum is normalised to 1.
 const WEIGHTS: [[f32; 2]; 4] = [[1.0, 0.0], [0.0, 1.0], [0.25, 0.25], [0.0, 0.5]];
 
 #[test]
 fn skinned_meshes_are_where_their_joints_are() {
     let (json, binary) = skinned(WEIGHTS);
     let scene = read(&json, &binary).unwrap();
-    // B turns about (1, 0): (0, 1) goes to (0, -1), which with A's (0, 1) has the middle (0, 0); (1, 1) goes to (0, 0).
+    // B rotates about (1, 0): (0, 1) goes to (0, -1), whose mean with A's (0, 1) is (0, 0); (1, 1) goes to (0, 0).
     let expected = [[0.0, 0.0, 5.0], [1.0, 0.0, 5.0], [0.0, 0.0, 5.0], [0.0, 0.0, 5.0]].map(Vec3::from);
     let mesh = &scene.meshes[0];
     for (found, expected) in mesh.positions.iter().zip(expected) {
@@ -997,12 +1000,12 @@ fn skinned_meshes_are_where_their_joints_are() {
     assert!(scene.warnings.groups().is_empty(), "{:?}", scene.warnings.groups());
     assert_eq!(mesh.groups[0].triangles, [[0, 1, 2], [2, 1, 3]]);
 
-    // A joint that mirrors turns the triangles with it.
+    // A mirroring joint reverses the winding of the triangles.
     let mut mirrored = json.clone();
     mirrored["nodes"][1]["scale"] = json!([1.0, 1.0, -1.0]);
     let scene = read(&mirrored, &binary).unwrap();
     assert_eq!(scene.meshes[0].groups[0].triangles, [[0, 2, 1], [2, 3, 1]]);
-    // The same mesh without a skin stays where its node is, beside it.
+    // The same mesh on a node without a skin is placed by that node.
     let mut both = json.clone();
     both["nodes"].as_array_mut().unwrap().push(json!({"mesh": 0, "translation": [7.0, 0.0, 0.0]}));
     both["scenes"][0]["nodes"] = json!([0, 1, 3]);
@@ -1014,7 +1017,7 @@ fn skinned_meshes_are_where_their_joints_are() {
 #[test]
 fn joints_far_from_the_origin_move_vertices_without_loss() {
     let (mut json, mut binary) = skinned([[0.0, 1.0]; 4]);
-    // In 32 bits both places are known to half a unit.
+    // In 32 bits both positions would be known only to half a unit.
     let far = Vec3::new(6_000_001.0, -3_000_002.0, 9_000_003.0);
     json["nodes"][1] = json!({"children": [2]});
     json["nodes"][2]["translation"] = json!(far.to_array());
@@ -1036,7 +1039,7 @@ fn joints_far_from_the_origin_move_vertices_without_loss() {
         let error = (found.as_dvec3() - expected).length();
         assert!(error < 0.75, "{found}, not {expected}: off by {error}, where 32 bits alone store it to half a unit");
     }
-    // Where the joint stands as it was bound, nothing moves, however far it is.
+    // A joint in its bind pose moves nothing, however far away it is.
     json["nodes"][2].as_object_mut().unwrap().remove("rotation");
     let scene = read(&json, &binary).unwrap();
     assert_eq!(scene.meshes[0].positions, corners.map(|corner| corner.as_vec3()));
@@ -1129,7 +1132,7 @@ fn morph_targets_move_vertices_by_the_default_weights() {
     json["nodes"][0]["weights"] = json!([0.0, 1.0, 3.0]);
     let scene = read(&json, &binary).unwrap();
     assert_eq!(count(&scene.warnings, "primitives with another number of morph targets than weights"), 1);
-    // Sparse targets without a view displace some vertices only.
+    // Sparse targets without a view displace only some vertices.
     let (mut json, mut binary) = square();
     let at = binary.len();
     binary.extend([2, 0, 0, 0]);
@@ -1171,7 +1174,7 @@ fn translations_have_all_digits_of_the_file() {
     let (built, _) = RenderScene::build(scene, &BuildOptions { origin: None, ..BuildOptions::default() }).unwrap();
     let found = built.geometry.positions[0].as_dvec3() + built.origin;
     assert!(found.distance(place) < 1e-6, "{found}");
-    // A matrix in the place of the translation.
+    // A matrix in place of the translation.
     json["nodes"][0] = json!({"children": [1, 2], "matrix": [
         1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 554_000.003, 0.0, 5_812_000.0, 1.0
     ]});

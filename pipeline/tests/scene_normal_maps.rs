@@ -1,4 +1,4 @@
-//! Normal maps: what loaders read, and the tangents that scenes get, against where u and v grow on the surface.
+//! Normal maps: what loaders read, and the tangents of scenes compared with the directions of growing u and v.
 
 mod scene_support;
 
@@ -10,15 +10,15 @@ use scene_support::{Folder, count};
 use serde_json::{Value, json};
 use std::path::PathBuf;
 
-/// A vector that leans along u and along v by different amounts.
+/// A texel whose vector leans along u and along v by different amounts.
 const TEXEL: [u8; 3] = [214, 86, 230];
 
 fn vector() -> DVec3 {
     DVec3::from(TEXEL.map(f64::from)) / 255.0 * 2.0 - 1.0
 }
 
-/// Two squares side by side in the plane z = 0, with glTF's coordinates (v downwards) `uv` of each vertex. They share the two vertices at
-/// x = 1 if there are six.
+/// Two adjacent squares in the plane z = 0, with glTF texture coordinates (v downwards). With six vertices they share the two at x
+/// = 1.
 struct Asset {
     positions: Vec<[f32; 3]>,
     texcoords: Vec<[f32; 2]>,
@@ -30,7 +30,7 @@ struct Asset {
 }
 
 impl Asset {
-    /// One square whose coordinates are `uv` of its x and y.
+    /// A single square; `uv` gives its texture coordinates from x and y.
     fn square(uv: impl Fn(f32, f32) -> [f32; 2]) -> Self {
         let places = [[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]];
         Self {
@@ -44,7 +44,7 @@ impl Asset {
         }
     }
 
-    /// Two squares whose coordinates are mirrored at x = 1, where they share their vertices.
+    /// Two squares with texture coordinates mirrored at x = 1, where they share vertices.
     fn mirrored() -> Self {
         let places = [[0.0, 0.0], [1.0, 0.0], [2.0, 0.0], [0.0, 1.0], [1.0, 1.0], [2.0, 1.0]];
         Self {
@@ -102,7 +102,7 @@ impl Asset {
     }
 }
 
-/// Where u and v grow on a triangle, and its normal, from the places and coordinates of its corners alone.
+/// The directions of growing u and v on a triangle and its normal, computed only from its positions and texture coordinates.
 fn frame(scene: &RenderScene, triangle: [u32; 3]) -> [DVec3; 3] {
     let [a, b, c] = triangle.map(|corner| scene.geometry.positions[corner as usize].as_dvec3());
     let [ta, tb, tc] = triangle.map(|corner| scene.geometry.texcoords[corner as usize].as_dvec2());
@@ -112,8 +112,8 @@ fn frame(scene: &RenderScene, triangle: [u32; 3]) -> [DVec3; 3] {
     [along(inverse.x_axis), along(inverse.y_axis), e1.cross(e2).normalize()]
 }
 
-/// The largest distance of bent normals from those of the frame of u and v, over all corners. `flip` turns the texels' green round, `side` the
-/// tangents' sign.
+/// The largest distance, over all corners, of bent normals from those in the exact frame of u and v. `flip` inverts the texels'
+/// green, `side` multiplies the tangents' sign.
 fn error(scene: &RenderScene, scale: f64, flip: bool, side: f32) -> f64 {
     let geometry = &scene.geometry;
     let map = scene.materials[0].normal_texture.expect("the material has a normal map");
@@ -138,7 +138,8 @@ fn error(scene: &RenderScene, scale: f64, flip: bool, side: f32) -> f64 {
 
 #[test]
 fn computed_tangents_tilt_the_normal_towards_growing_u_and_v_in_every_layout() {
-    // Plain (v downwards, as images lie), turned by 30 degrees, upside down, mirrored in u, and a slanted scale.
+    // Plain (v downwards, as in images), rotated by 30 degrees, upside down, mirrored in u, and with axes exchanged and
+    // scaled by 7.
     let layouts: [fn(f32, f32) -> [f32; 2]; 5] = [
         |x, y| [x, 1.0 - y],
         |x, y| [0.866 * x - 0.5 * y, -0.5 * x - 0.866 * y],
@@ -159,12 +160,12 @@ fn computed_tangents_tilt_the_normal_towards_growing_u_and_v_in_every_layout() {
 #[test]
 fn vertices_are_split_where_texture_coordinates_are_mirrored() {
     let built = Asset::mirrored().build(&BuildOptions::default());
-    // Both vertices of the seam are there twice, once with each tangent.
+    // Both vertices of the seam are duplicated, one for each tangent.
     assert_eq!((built.geometry.positions.len(), built.geometry.triangles.len()), (8, 4));
     assert!(error(&built, 1.0, false, 1.0) < 1e-6);
     assert!(built.geometry.tangents.iter().any(|tangent| tangent.w > 0.0));
     assert!(built.geometry.tangents.iter().any(|tangent| tangent.w < 0.0));
-    // Control: without the sign, one half is wrong.
+    // Control: with the sign ignored one half is wrong.
     let mut unsigned = built.clone();
     unsigned.geometry.tangents.iter_mut().for_each(|tangent| tangent.w = 1.0);
     assert!(error(&unsigned, 1.0, false, 1.0) > 0.3);
@@ -172,7 +173,7 @@ fn vertices_are_split_where_texture_coordinates_are_mirrored() {
 
 #[test]
 fn tangents_turn_and_mirror_with_the_objects_and_the_scene() {
-    // Transforms under which the lines of the coordinates stay at right angles; under the others frames cannot be at right angles and right.
+    // Transforms that keep the texture axes perpendicular; under others an orthogonal frame cannot be exact.
     let nodes = [
         json!({"mesh": 0, "rotation": [0.5, 0.5, 0.5, 0.5]}),
         json!({"mesh": 0, "scale": [-1.0, 1.0, 1.0]}),
@@ -211,7 +212,7 @@ fn scales_multiply_what_is_not_the_height() {
 
 #[test]
 fn tangents_of_the_file_are_taken_as_they_are() {
-    // Deliberately not where u grows; the third has no direction.
+    // These tangents deliberately differ from the direction of growing u; the third has no direction.
     let tangents = vec![[0.0, 2.0, 0.0, 1.0], [0.6, 0.8, 0.0, -1.0], [0.0, 0.0, 0.0, 1.0], [1.0, 0.0, 0.0, -0.99]];
     let asset = Asset { tangents: Some(tangents), ..Asset::square(|x, y| [x, 1.0 - y]) };
     let folder = Folder::new();
@@ -221,7 +222,7 @@ fn tangents_of_the_file_are_taken_as_they_are() {
         [Vec4::new(0.0, 1.0, 0.0, 1.0), Vec4::new(0.6, 0.8, 0.0, -1.0), Vec4::ZERO, Vec4::new(1.0, 0.0, 0.0, -1.0)];
     assert_eq!(built.geometry.tangents, expected);
     assert_eq!(count(&warnings, "meshes with tangents that have no direction"), 1);
-    // Without normals they mean nothing (glTF 2.0, section 3.7.2.1).
+    // Tangents without normals are ignored (glTF 2.0, section 3.7.2.1).
     let bare = Asset { normals: false, ..asset }.build(&BuildOptions::default());
     assert!(error(&bare, 1.0, false, 1.0) < 1e-6);
     let short = Asset { tangents: Some(vec![[1.0, 0.0, 0.0, 1.0]; 3]), ..Asset::square(|x, y| [x, y]) };
@@ -274,13 +275,13 @@ fn what_nobody_asks_for_is_not_loaded() {
     let (loaded, built) = build(Needs { normal_maps: false, ..Needs::ALL });
     assert_eq!((loaded, built.geometry.tangents.len(), built.textures.len()), ((0, 6), 0, 0));
     assert_eq!(built.materials[0].normal_texture, None);
-    // For the normals alone: coordinates and the map, and no other texture.
+    // If only normals are needed: texture coordinates and the normal map are loaded, and no other texture.
     let normals = Needs { normals: true, normal_maps: true, ..Needs::NOTHING };
     let (loaded, built) = build(normals);
     assert_eq!((loaded, built.geometry.texcoords.len(), built.textures.len()), ((6, 6), 6, 1));
     let (loaded, built) = build(Needs { normal_maps: true, ..Needs::NOTHING });
     assert_eq!((loaded, built.geometry.texcoords.len(), built.geometry.tangents.len()), ((0, 0), 0, 0));
-    // Nor where no material has one.
+    // Nothing is loaded if no material has a normal map.
     let text = std::fs::read_to_string(&path).expect("it was written").replace("normalTexture", "extras");
     let path = folder.write("plain.gltf", text);
     let scene = load(&[path], &LoadOptions { needs: normals, ..LoadOptions::default() }, &|_| {}).expect("it loads");
@@ -336,7 +337,7 @@ fn obj_materials_name_normal_maps_in_two_ways_and_height_maps_are_warnings() {
 
 #[test]
 fn vertices_of_very_many_triangles_have_no_tangent_and_take_no_time() {
-    // A fan of 100,000 triangles around one vertex: what compares all of them with each other would not end.
+    // A fan of 100,000 triangles around one vertex: comparing all pairs would not end.
     let count_of = 100_000;
     let mut obj = "mtllib a.mtl\nusemtl bumps\nv 0 0 0\nvn 0 0 1\nvt 0 0\n".to_owned();
     for step in 0..=count_of {

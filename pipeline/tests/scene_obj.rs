@@ -13,7 +13,7 @@ fn obj(text: &str) -> Scene {
     load_one(&folder.write("a.obj", text)).unwrap()
 }
 
-/// The materials of a library, and its warnings.
+/// Loads a material library with a triangle.
 fn mtl(folder: &Folder, text: &str) -> Scene {
     folder.write("a.mtl", text);
     load_one(&folder.write("a.obj", "mtllib a.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n")).unwrap()
@@ -75,7 +75,7 @@ fn faces_with_and_without_attributes_may_alternate() {
 
 #[test]
 fn a_concave_quad_is_cut_at_its_inward_corner_and_harder_polygons_are_counted() {
-    // An arrow head whose corner 4 points inwards: cut from corner 1, a triangle would lie outside.
+    // An arrow head whose corner 4 is a reflex corner: a fan from corner 1 would have a triangle outside.
     let arrow = "v 0 0 0\nv 2 -2 0\nv 0 4 0\nv -2 -2 0\n";
     for face in ["f 1 2 3 4", "f 2 3 4 1", "f 4 1 2 3"] {
         let scene = obj(&format!("{arrow}{face}\n"));
@@ -135,7 +135,7 @@ fn groups_become_objects_and_materials_divide_them() {
 
 #[test]
 fn normals_are_smooth_across_materials_where_the_file_has_none() {
-    // A valley: two rectangles that meet along the y axis, with 45 degrees between their normals.
+    // A valley: two rectangles that meet along the y axis, with an angle of 45 degrees between their normals.
     let text = "v 0 0 0\nv 0 1 0\nv 1 1 0\nv 1 0 0\nv -1 0 1\nv -1 1 1\nusemtl a\nf 1 4 3 2\nusemtl b\nf 1 2 6 5\n";
     let (built, _) = RenderScene::build(obj(text), &BuildOptions::default()).unwrap();
     let on_the_ridge = built.geometry.positions.iter().position(|p| *p == Vec3::ZERO).unwrap();
@@ -145,7 +145,7 @@ fn normals_are_smooth_across_materials_where_the_file_has_none() {
 
 #[test]
 fn vertices_that_the_file_lists_twice_stay_apart_in_later_runs_too() {
-    // After a face of another material, the valley with vertices of its own for each side: flat.
+    // After a face of another material: the valley with separate vertices for each side, so it is flat.
     let text = "v 9 0 0\nv 9 1 0\nv 8 0 0\nusemtl a\nf 1 2 3\nusemtl b\n\
                 v 0 0 0\nv 0 1 0\nv 1 1 0\nv 1 0 0\nf 4 7 6 5\nv 0 0 0\nv 0 1 0\nv -1 1 1\nv -1 0 1\nf 8 9 10 11\n";
     let (built, _) = RenderScene::build(obj(text), &BuildOptions::default()).unwrap();
@@ -225,7 +225,7 @@ fn material_statements_are_read_in_every_legal_form() {
     assert_eq!(named(&scene, "mirror").transmission, 0.0);
     assert_eq!(named(&scene, "seen").transmission, 0.75);
     assert_eq!(named(&scene, "exported").transmission, 0.0);
-    // As glass: a body, its filter at each of two surfaces, and what is scattered back.
+    // As a glass body: whether it has a volume, its filter per surface, and the share scattered back.
     let glass = |name| {
         let material = named(&scene, name);
         (material.volume, material.filter, material.veil)
@@ -325,7 +325,7 @@ fn a_library_that_is_named_again_and_again_is_read_once() {
     let scene = load_one(&folder.write("a.obj", named + "usemtl wall\nv 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n")).unwrap();
     assert_eq!(scene.materials[0].diffuse, Vec4::new(1.0, 0.0, 0.0, 1.0));
     assert_eq!(count(&scene.warnings, "missing material libraries"), 1);
-    // `a.mtl` and `./a.mtl` are two paths of one file.
+    // `a.mtl` and `./a.mtl` are two paths of the same file.
     assert!(count(&scene.warnings, "materials declared twice") <= 1);
 }
 
@@ -387,7 +387,7 @@ fn changed_and_cut_files_never_panic_and_never_stop_the_load() {
     }
 }
 
-/// A building in map coordinates: 0.12 units off where they are rounded to `f32`.
+/// A building in map coordinates; rounding to `f32` would move it by 0.12 units.
 const FAR: [[f64; 3]; 4] = [
     [554_321.123, 12.25, 5_812_345.678],
     [554_327.456, 12.5, 5_812_345.012],
@@ -411,22 +411,22 @@ fn files_far_from_their_origin_keep_their_digits() {
         let options = BuildOptions { origin, ..BuildOptions::default() };
         RenderScene::build(scene.clone(), &options).unwrap().0
     };
-    // In f32 the positions have steps of half a unit; near the building of half a millionth.
+    // In f32 positions in map coordinates have a spacing of half a unit; relative to the nearby origin, of half a millionth.
     let (world, near) = (build(&scene, Some(DVec3::ZERO)), build(&scene, None));
     assert_eq!((world.origin, near.origin), (DVec3::ZERO, scene.origin));
     assert!((0.05..0.5).contains(&worst(&world)), "{}", worst(&world));
     assert!(worst(&near) < 2e-6, "{}", worst(&near));
-    // The world's positions are rounded once.
+    // Positions in world coordinates are rounded only once.
     for (i, position) in world.geometry.positions.iter().enumerate() {
         assert!(position.as_dvec3().distance(exact(i)) <= exact(i).as_vec3().as_dvec3().distance(exact(i)) + 1e-5);
     }
-    // Another scene's origin is taken, and files that are converted keep theirs.
+    // A given origin is used, and converted files keep their origin.
     let elsewhere = build(&scene, Some(scene.origin + 32.0));
     assert!(elsewhere.origin != near.origin && worst(&elsewhere) < 8e-6);
     let copy = folder.path("far.nbo");
     write_cbo(&scene, &copy, Layout::NboToday).unwrap();
     assert!(worst(&build(&load_one(&copy).unwrap(), None)) < 2e-6);
-    // Of several files the first has the origin of all.
+    // The first of several files determines the common origin.
     let near_it = folder.write("near.obj", "v 554300 0 5812300\nv 554301 0 5812300\nv 554300 1 5812300\nf 1 2 3\n");
     let both = load(&[file, near_it], &LoadOptions::default(), &|_| {}).unwrap();
     assert_eq!(both.origin, scene.origin);

@@ -1,4 +1,4 @@
-//! Real scenes, from the folder that `CURITIBA_SCENES` names; triangle counts were measured by other parsers.
+//! Real scenes from the folder that `CURITIBA_SCENES` names; the expected triangle counts come from other parsers.
 
 mod scene_support;
 
@@ -15,7 +15,7 @@ fn scenes() -> Option<PathBuf> {
     folder
 }
 
-/// Loads and builds, and prints how long it took.
+/// Loads and builds a scene, and prints the time taken.
 fn check(files: &[PathBuf], expected: u64) -> (Scene, RenderScene) {
     let start = Instant::now();
     let scene = load(files, &LoadOptions::default(), &|_| {}).unwrap_or_else(|error| panic!("{error}"));

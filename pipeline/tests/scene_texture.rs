@@ -1,4 +1,4 @@
-//! Image formats, and the one definition of texture filtering.
+//! Image formats, and the reference definition of texture filtering.
 
 mod scene_support;
 
@@ -58,14 +58,14 @@ fn mip_levels_halve_down_to_one_texel_and_are_blended() {
 fn the_level_of_detail_is_the_logarithm_of_the_longer_footprint() {
     let texture = Texture::new("long".to_owned(), 64, 16, vec![[0; 4]; 1024]);
     let step = |x: f32, y: f32| Vec2::new(x, y);
-    // Four texels along u, one along v.
+    // The footprint is four texels along u and one along v.
     assert_eq!(lod(texture.size(), step(4.0 / 64.0, 0.0), step(0.0, 1.0 / 16.0)), 2.0);
     assert_eq!(lod(texture.size(), step(0.0, 0.5), step(0.0, 0.0)), 3.0);
     assert_eq!(lod(texture.size(), step(0.001, 0.0), step(0.0, 0.001)), 0.0);
     assert_eq!(lod(texture.size(), step(f32::NAN, 0.0), step(0.0, 0.0)), 0.0);
 }
 
-/// Green wires, two of each eight texels wide, over holes that are stored red.
+/// Green wires, two of every eight texels wide, between holes whose stored colour is red.
 fn wires() -> Vec<[u8; 4]> {
     (0..64 * 64).map(|i| if i % 8 < 2 { [0, 200, 0, 255] } else { [255, 0, 0, 0] }).collect()
 }
@@ -113,7 +113,7 @@ fn a_texture_of_a_cut_out_and_an_opaque_material_is_built_as_a_cut_out() {
     assert_eq!(build(&[None, None]), plain, "without a cutoff the levels are plain means");
 }
 
-/// Decodes image files through a scene of one triangle for each.
+/// Decodes image files by building a scene with one triangle for each.
 fn decode(files: &[std::path::PathBuf]) -> Vec<Texture> {
     let mut scene = Scene::default();
     for (index, file) in files.iter().enumerate() {
@@ -153,7 +153,7 @@ fn lossy_and_block_compressed_images_are_read() {
     let folder = Folder::new();
     let jpeg = folder.path("a.jpg");
     image::RgbImage::from_pixel(8, 8, image::Rgb([200, 200, 200])).save(&jpeg).unwrap();
-    // One BC1 block whose texels all have the first end colour, pure red in 5:6:5 bits.
+    // A BC1 block whose texels all have the first end colour: pure red in 5:6:5 bits.
     let mut dds = b"DDS ".to_vec();
     let mut words = [0_u32; 31];
     words[..5].copy_from_slice(&[124, 0x8_1007, 4, 4, 8]);
@@ -166,7 +166,7 @@ fn lossy_and_block_compressed_images_are_read() {
     assert_eq!(decoded[1].levels[0].texels, [[255, 0, 0, 255]; 16]);
 }
 
-/// The filter by its definition: whole texels repeat, whatever the coordinate.
+/// Bilinear filtering by definition, with repetition of whole texels.
 fn by_definition(level: &Level, uv: Vec2) -> Vec4 {
     let (width, height) = (level.width as f32, level.height as f32);
     let (x, y) = ((uv.x - uv.x.floor()) * width - 0.5, (1.0 - (uv.y - uv.y.floor())) * height - 0.5);

@@ -1,4 +1,4 @@
-//! The arguments by which command lines name a project or scene and what is asked of it: those of `curitiba` and of `curitiba-view`.
+//! Command-line arguments that `curitiba` and `curitiba-view` share: those that name a project or scene, and its options.
 
 #[cfg(feature = "cli")]
 mod project;
@@ -12,5 +12,5 @@ pub use project::{Backend, FidelityArg, ProjectArgs, Raster, parse_bytes, parse_
 pub use scene::SceneFlags;
 pub use words::{parse_error_bound, quoted};
 
-/// Most memory that a command may take, unless it is told otherwise.
+/// Default limit of a command's memory, bytes.
 pub const MAX_MEMORY: u64 = 8 << 30;

@@ -1,4 +1,4 @@
-//! `PROJECT.xml|SCENE…` with its options.
+//! Arguments that name a project or scene files, with their options.
 
 use super::scene::SceneFlags;
 use crate::pipeline::backend::Rect;
@@ -99,7 +99,7 @@ pub enum Raster {
 }
 
 impl Raster {
-    /// As the library has it.
+    /// The library's value for this argument.
     #[must_use]
     pub fn choice(self) -> RasterChoice {
         match self {
@@ -123,7 +123,7 @@ pub enum Backend {
 }
 
 impl Backend {
-    /// As the library has it; `None` if it is the fastest, which has to be found.
+    /// The library's value for this argument; `None` for `fastest`, which must be measured.
     #[must_use]
     pub fn choice(self) -> Option<BackendChoice> {
         Some(match self {
@@ -136,7 +136,8 @@ impl Backend {
         })
     }
 
-    /// The choice with this ray backend. The fastest is found by [`fastest::choose`], on the threads that there are when this is called.
+    /// `choice` with this ray backend. For `fastest` it calls [`fastest::choose`], which measures on the threads that exist at that
+    /// moment.
     #[must_use]
     pub fn chosen(self, choice: Choice) -> Choice {
         self.choice().map_or_else(|| fastest::choose(choice), |backend| choice.traced_by(backend))
@@ -152,7 +153,7 @@ pub enum FidelityArg {
 }
 
 impl ProjectArgs {
-    /// What the plan is made from.
+    /// The settings of the plan.
     #[must_use]
     pub fn settings(&self) -> Settings {
         Settings {
@@ -178,7 +179,7 @@ impl ProjectArgs {
         }
     }
 
-    /// Which engines.
+    /// The choice of engines.
     #[must_use]
     pub fn choice(&self) -> Choice {
         let raster = self.raster.choice();
@@ -186,10 +187,10 @@ impl ProjectArgs {
     }
 }
 
-/// Reads `WIDTHxHEIGHT`.
+/// Parses `WIDTHxHEIGHT`.
 ///
 /// # Errors
-/// What would be valid.
+/// A message that says what would be valid.
 pub fn parse_size(text: &str) -> Result<[u32; 2], String> {
     let wrong = || format!("`{text}` is not WIDTHxHEIGHT, such as 1024x1024");
     let (width, height) = text.split_once(['x', 'X']).ok_or_else(wrong)?;
@@ -203,20 +204,20 @@ fn parse_crop(text: &str) -> Result<Rect, String> {
     Ok(Rect { x, y, width, height })
 }
 
-/// Reads `COLUMN,ROW`.
+/// Parses `COLUMN,ROW`.
 ///
 /// # Errors
-/// What would be valid.
+/// A message that says what would be valid.
 pub fn parse_pixel(text: &str) -> Result<[u32; 2], String> {
     let wrong = || format!("`{text}` is not COLUMN,ROW, such as 512,300");
     let (x, y) = text.split_once(',').ok_or_else(wrong)?;
     Ok([x.trim().parse().map_err(|_| wrong())?, y.trim().parse().map_err(|_| wrong())?])
 }
 
-/// Reads a number of bytes, with or without a unit: `512MiB`.
+/// Parses a number of bytes, with or without a unit: `512MiB`.
 ///
 /// # Errors
-/// What would be valid.
+/// A message that says what would be valid.
 pub fn parse_bytes(text: &str) -> Result<u64, String> {
     let wrong = || format!("`{text}` is not a number of bytes, such as 512MiB or 8GiB");
     let digits = text.find(|c: char| !c.is_ascii_digit()).unwrap_or(text.len());

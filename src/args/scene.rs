@@ -1,4 +1,4 @@
-//! The arguments that describe the project of a scene without one.
+//! Arguments for projects made from scene files.
 
 use crate::pipeline::project::{Effects, SceneOptions, Up};
 use clap::Args;
@@ -33,7 +33,7 @@ pub struct SceneFlags {
 }
 
 impl SceneFlags {
-    /// As the library has it; `more` are scene files beside the first.
+    /// The library's options; `more` are scene files in addition to the first.
     #[must_use]
     pub fn options(&self, more: &[PathBuf]) -> SceneOptions {
         SceneOptions {

@@ -1,6 +1,6 @@
-//! Words of a shell, and numbers that several commands read alike.
+//! Quoting for shells, and parsing that several commands share.
 
-/// A word as a POSIX shell reads it: in quotes where the shell would take it apart or replace something in it.
+/// A word for a POSIX shell, quoted if the shell would otherwise split it or expand something in it.
 #[must_use]
 pub fn quoted(word: &str) -> String {
     let plain = |c: char| c.is_ascii_alphanumeric() || "-_./=,:+@%".contains(c);
@@ -11,10 +11,10 @@ pub fn quoted(word: &str) -> String {
     }
 }
 
-/// An error that a picture may have, from 0 on.
+/// Parses the largest error that a picture may have: a number from 0 on.
 ///
 /// # Errors
-/// What would be valid.
+/// A message that says what would be valid.
 pub fn parse_error_bound(text: &str) -> Result<f64, String> {
     let error = text.parse::<f64>().ok().filter(|error| error.is_finite() && *error >= 0.0);
     error.ok_or_else(|| format!("`{text}` is not an error; valid: a number from 0 on, such as 0.02"))

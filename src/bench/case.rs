@@ -1,4 +1,4 @@
-//! What one row of a benchmark measures.
+//! The case that a row of a benchmark measures.
 
 use super::model::Technique;
 use crate::pipeline::color::Display;
@@ -11,36 +11,37 @@ use std::path::{Path, PathBuf};
 /// A project with its settings on one set of engines.
 #[derive(Debug, Clone)]
 pub struct Case {
-    /// What tells it from all other cases of a benchmark.
+    /// Identifies the case among all cases of a benchmark.
     pub key: String,
-    /// What a reader calls it: `AO, 100 samples`.
+    /// Name for readers: `AO, 100 samples`.
     pub label: String,
-    /// `none`, `dummy`, `shadows`, `reflection`, `refraction`, `ao`, `all-but-ao`, `all`.
+    /// Name of the effect: `none`, `dummy`, `shadows`, `reflection`, `refraction`, `ao`, `all-but-ao`, `all`.
     pub effect: String,
-    /// By rays or by raster.
+    /// Whether the effect is computed by rays or by rasterisation.
     pub technique: Technique,
     /// The view: `Fonte`, `Vidro`, or the camera's name.
     pub view: String,
-    /// Project file, or scene files of which a project is made.
+    /// Project file, or scene files from which a project is made.
     pub project: PathBuf,
-    /// What is asked of it.
+    /// The settings.
     pub settings: Settings,
-    /// Which engines.
+    /// The choice of engines.
     pub choice: Choice,
-    /// What its pictures' pixels are, and how they are displayed.
+    /// Colour space of the picture, and its conversion to display values.
     pub display: Display,
 }
 
-/// The report names the camera of its first view `MainCamera`, and the view `Fonte`.
+/// Name of a camera's view: as in the report, `Fonte` for the camera `MainCamera`.
 fn view_of(camera: &str) -> String {
     if camera == "MainCamera" { "Fonte".to_owned() } else { camera.to_owned() }
 }
 
 impl Case {
-    /// Reads what the project computes, and names the case after it. Scenes are not loaded, unless the project is made of them.
+    /// Determines what the project computes, and names the case accordingly. Scenes are not loaded, unless a project is made from
+    /// them.
     ///
     /// # Errors
-    /// All problems of the project's files together; or why its plan cannot be made.
+    /// All problems of the project's files together, or the reason why its plan cannot be made.
     pub fn new(path: &Path, settings: Settings, choice: Choice) -> Result<Self, OpenError> {
         let plan = Plan::new(settings.open(path)?, settings)?;
         let camera = plan.passes.iter().find_map(|planned| match &plan.pass(planned).kind {
@@ -80,7 +81,7 @@ fn effect(plan: &Plan) -> (String, Technique) {
     for planned in &plan.passes {
         if let (Work::Rays { params, .. }, PassKind::Ray(ray)) = (&planned.work, &plan.pass(planned).kind) {
             let (info, name) = (ray.program.info(), effect_name(ray.program));
-            // What else it computes is measured without occlusion.
+            // With 0 occlusion samples the program computes the other effects only.
             let without_occlusion = info.traces != Traces::Samples && info.reads("samples") && params.samples == 0;
             return (if without_occlusion { format!("{name}-but-ao") } else { name.to_owned() }, Technique::Rays);
         }

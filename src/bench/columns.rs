@@ -2,10 +2,10 @@
 
 use super::model::{BenchFile, BenchRow, RowError};
 
-/// The cells of the table, its header first; every row has as many. A row that a machine measured twice takes two lines.
+/// The cells of the table, header first; all rows have the same length. A row that a machine measured twice takes two lines.
 ///
-/// Columns: effect, view, engines, and of each machine the median with its standard deviation (milliseconds) and the root mean square
-/// error. What a machine has not measured is a dash.
+/// Columns: effect, view, engines, and for each machine the median with its standard deviation (milliseconds) and the root mean
+/// square error. Missing measurements are dashes.
 #[must_use]
 pub fn table(file: &BenchFile) -> Vec<Vec<String>> {
     let machines = file.machines.len().max(1);
@@ -15,7 +15,7 @@ pub fn table(file: &BenchFile) -> Vec<Vec<String>> {
     }
     let mut table = vec![header];
     let mut rows = &file.rows[..];
-    // Rows of one key stand one after the other.
+    // Rows with the same key are adjacent.
     while let Some(first) = rows.first() {
         let (same, rest) = rows.split_at(rows.iter().position(|row| row.key != first.key).unwrap_or(rows.len()));
         rows = rest;
@@ -31,7 +31,7 @@ pub fn table(file: &BenchFile) -> Vec<Vec<String>> {
     table
 }
 
-/// What ran: that of the first machine, and of others where they differ.
+/// The engines of the rows: those of the first machine, followed by different ones of other machines.
 fn engines(rows: &[Option<&BenchRow>]) -> String {
     let mut names: Vec<String> = Vec::new();
     for row in rows.iter().flatten() {

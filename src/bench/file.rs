@@ -1,4 +1,4 @@
-//! The file of a benchmark: written whole after every row, and continued.
+//! The file of a benchmark. It is written whole after every row, and an interrupted benchmark can be continued from it.
 
 use super::model::{BenchFile, BenchRow, FORMAT, Unavailable};
 use crate::environment::Environment;
@@ -16,7 +16,7 @@ pub(super) const MOST_BYTES: u64 = 1 << 30;
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum FileError {
-    /// The system.
+    /// The system reports an error.
     #[error("{}: {message}", path.display())]
     Io {
         /// The file.
@@ -24,7 +24,7 @@ pub enum FileError {
         /// What the system says.
         message: String,
     },
-    /// It is no benchmark, or not a whole one.
+    /// The file is no benchmark, or truncated.
     #[error("{}: this is no benchmark file: {message}\n       name another file; without --resume, --overwrite replaces it", path.display())]
     Broken {
         /// The file.
@@ -32,7 +32,7 @@ pub enum FileError {
         /// Where reading ended.
         message: String,
     },
-    /// It holds another benchmark.
+    /// The file holds a different benchmark.
     #[error("{}: cannot be continued: {message}\n       start with the same arguments, or name another file", path.display())]
     Other {
         /// The file.
@@ -40,20 +40,20 @@ pub enum FileError {
         /// What differs.
         message: String,
     },
-    /// It holds rows that starting again would throw away.
+    /// The file holds rows that starting again would discard.
     #[error(
         "{}: holds an interrupted benchmark of {rows} rows\n       --resume continues it; --overwrite starts again", path.display()
     )]
     Interrupted {
         /// The file.
         path: PathBuf,
-        /// Rows that it has.
+        /// Number of rows in it.
         rows: usize,
     },
 }
 
 impl BenchFile {
-    /// A benchmark that begins now.
+    /// A new benchmark without rows.
     #[must_use]
     pub fn begin(command: String, environment: Environment, frames: u32, warmup: u32) -> Self {
         let now = SystemTime::now().duration_since(UNIX_EPOCH).map_or(0, |time| time.as_secs());
@@ -75,19 +75,19 @@ impl BenchFile {
     /// Reads a file; `None` if there is none.
     ///
     /// # Errors
-    /// If it cannot be read or holds anything else.
+    /// If it cannot be read, or is no benchmark.
     pub fn read(path: &Path) -> Result<Option<Self>, FileError> {
         let text = files::read_if_there(path, MOST_BYTES)
             .map_err(|error| FileError::Io { path: path.to_owned(), message: error.to_string() })?;
-        // An empty file is one that something made to be written into.
+        // An empty file counts as missing: some tool created it as a place to write to.
         let Some(text) = text.filter(|text| !text.is_empty()) else { return Ok(None) };
         Self::parse(&text).map(Some).map_err(|message| FileError::Broken { path: path.to_owned(), message })
     }
 
-    /// Reads the text of a file.
+    /// Parses the text of a file.
     ///
     /// # Errors
-    /// What is wrong, with the line and the column or the field where it is.
+    /// What is wrong, with line and column, or with the field.
     pub fn parse(text: &[u8]) -> Result<Self, String> {
         match serde_json::from_slice::<Self>(text) {
             Ok(file) if file.format == FORMAT => match file.rows.iter().position(|row| !file.has_machine(row)) {
@@ -105,17 +105,17 @@ impl BenchFile {
         row.machine < self.machines.len().max(1)
     }
 
-    /// Where a row of the file was measured.
+    /// The machine on which a row of the file was measured.
     #[must_use]
     pub fn environment_of(&self, row: &BenchRow) -> &Environment {
         self.machines.get(row.machine).unwrap_or(&self.environment)
     }
 
-    /// What a benchmark that is begun as `self` goes on from: the rows of the file at `path` with `resume`, none without.
+    /// The benchmark to continue: with `resume` the rows of the file at `path`, otherwise no rows.
     ///
     /// # Errors
-    /// If the file is no benchmark of this program or is broken, holds another benchmark, or (without `resume`) an
-    /// interrupted one: none of these is replaced.
+    /// If the file is broken, is no benchmark of this program, or holds another benchmark; or, without `resume`, an interrupted
+    /// one. Such files are not replaced.
     pub fn continued(self, path: &Path, resume: bool) -> Result<Self, FileError> {
         let Some(found) = Self::read(path)? else { return Ok(self) };
         if !resume {
@@ -163,7 +163,7 @@ impl BenchFile {
         self.rows.iter().find(|row| row.key == key)
     }
 
-    /// Notes that something is not there.
+    /// Records that something could not be measured.
     pub fn miss(&mut self, what: impl Into<String>, why: impl Into<String>) {
         self.unavailable.push(Unavailable { what: what.into(), why: why.into() });
     }
@@ -173,7 +173,7 @@ fn other_format(format: &str) -> String {
     format!("format: it is {format}, and this program writes {FORMAT}")
 }
 
-/// Which field of a file is not what it should be.
+/// Name of the field that does not parse.
 fn wrong(value: &Value, error: &serde_json::Error) -> String {
     fn each<T: DeserializeOwned>(value: &Value, name: &str) -> Option<String> {
         let list = value[name].as_array()?;

@@ -1,4 +1,4 @@
-//! Telling what rows were measured from, and what they showed.
+//! Hashes that identify the inputs of rows, and their pictures.
 
 use super::model::Inputs;
 use crate::pipeline::diagnostic::Problems;
@@ -8,23 +8,23 @@ use crate::pipeline::project::Project;
 use crate::pipeline::scene::fnv1a;
 use rayon::prelude::*;
 
-/// Pixels hashed by one task.
+/// Number of pixels hashed by one task.
 const CHUNK: usize = 1 << 14;
 
-/// A hash as files hold it.
+/// A hash in the notation of files.
 #[must_use]
 pub fn hex(hash: u128) -> String {
     format!("{hash:032x}")
 }
 
-/// A short name of a text, the same on every machine: the two halves of its hash, folded.
+/// A short identifier of a text, the same on every machine: the two halves of its hash, combined.
 #[must_use]
 pub fn short_hash(text: &str) -> String {
     let hash = fnv1a(text.as_bytes());
     format!("{:016x}", (hash >> 64) as u64 ^ hash as u64)
 }
 
-/// A hash of the colours of a picture, bit for bit, and of its size.
+/// A hash of a picture's colours, bit for bit, and of its size.
 #[must_use]
 pub fn picture_hash(picture: &Image) -> String {
     let hashes = picture.pixels.par_chunks(CHUNK).map(|pixels| {
@@ -37,13 +37,13 @@ pub fn picture_hash(picture: &Image) -> String {
 }
 
 impl Inputs {
-    /// Of a renderer with everything loaded.
+    /// The inputs of a renderer whose scenes are loaded.
     #[must_use]
     pub fn of(renderer: &Renderer) -> Self {
         let project = Project { problems: Problems::default(), ..renderer.plan().declared.clone() };
         let scenes: Vec<u8> = renderer.scenes().flat_map(|scene| scene.fingerprint().to_be_bytes()).collect();
         Self {
-            // Numbers are printed with as many digits as tell them apart.
+            // `Debug` prints enough digits to distinguish all numbers.
             project: hex(fnv1a(format!("{project:?}").as_bytes())),
             needs: format!("{:?}", renderer.plan().needs),
             scenes: hex(fnv1a(&scenes)),

@@ -1,17 +1,19 @@
-//! Intervals of medians and of ratios of medians, by the bootstrap: the samples are drawn again and again with replacement, and
-//! the interval holds the middle 95 % of what the draws give (Efron, "Bootstrap methods: another look at the jackknife", 1979).
+//! Confidence intervals of medians and of ratios of medians, by the bootstrap: the samples are resampled with replacement many
+//! times, and the interval holds the middle 95 % of the resampled values (Efron, "Bootstrap methods: another look at the
+//! jackknife", 1979).
 //!
-//! An interval of few samples is too narrow: of five it holds the true median in about 9 of 10 cases, of fifteen in 94 of 100.
+//! Intervals from few samples are too narrow: for 5 samples they contain the true median in about 9 of 10 cases, for 15 in 94 of
+//! 100.
 
 use crate::pipeline::executor::median;
 use serde::{Deserialize, Serialize};
 
-/// Draws for one interval.
+/// Number of resamplings for one interval.
 const DRAWS: usize = 2000;
-/// Share of the draws that lie below the interval, and above it.
+/// Share of the resampled values below the interval, and the share above it.
 const TAIL: f64 = 0.025;
 
-/// Where a quantity lies, as far as its samples tell.
+/// A 95 % confidence interval.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Interval {
     /// Lower end.
@@ -21,13 +23,14 @@ pub struct Interval {
 }
 
 impl Interval {
-    /// Of the median of samples; the same for the same samples. `None` for no sample or one that is not a number.
+    /// Interval of the median of `samples`. Deterministic: equal samples give equal intervals. `None` if there are no samples, or
+    /// one is not finite.
     #[must_use]
     pub fn of_median(samples: &[f64]) -> Option<Self> {
         Self::of(draw_medians(samples, 1)?)
     }
 
-    /// Of the median of `a` divided by the median of `b`, all above 0. `None` where one of them has none.
+    /// Interval of the median of `a` divided by the median of `b`; all samples must be above 0. `None` if either has no interval.
     #[must_use]
     pub fn of_ratio(a: &[f64], b: &[f64]) -> Option<Self> {
         let (a, b) = (draw_medians(a, 1)?, draw_medians(b, 2)?);
@@ -50,7 +53,7 @@ impl Interval {
     }
 }
 
-/// Medians of samples drawn with replacement. Different streams are independent.
+/// Medians of [`DRAWS`] resamplings. Different streams have different random numbers.
 fn draw_medians(samples: &[f64], stream: u64) -> Option<Vec<f64>> {
     if samples.is_empty() || samples.iter().any(|sample| !sample.is_finite()) {
         return None;
@@ -64,12 +67,11 @@ fn draw_medians(samples: &[f64], stream: u64) -> Option<Vec<f64>> {
     Some((0..DRAWS).map(draw).collect())
 }
 
-/// Random numbers of a fixed seed: the generator SplitMix64 (Steele, Lea and Flood, "Fast splittable pseudorandom number
-/// generators", 2014).
+/// Random numbers with a fixed seed, by SplitMix64 (Steele, Lea and Flood, "Fast splittable pseudorandom number generators", 2014).
 struct SplitMix(u64);
 
 impl SplitMix {
-    /// A number from 0 to below `end`.
+    /// A random number in `0..end`.
     fn below(&mut self, end: usize) -> usize {
         self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
         let mut mixed = self.0;
@@ -84,7 +86,7 @@ impl SplitMix {
 mod tests {
     use super::*;
 
-    /// A sample of a distribution whose median is 1: most near it, some later ones far above, as times are.
+    /// A random sample with median 1 and a distribution like that of times: most are near 1, some far above.
     fn time(random: &mut SplitMix) -> f64 {
         let spread = random.below(2_000_001) as f64 / 1e6 - 1.0;
         if spread > 0.0 { 1.0 + spread * spread } else { 1.0 + 0.1 * spread }

@@ -1,4 +1,4 @@
-//! Measuring one case: warm-up, frames, and every step of them.
+//! Measuring a case: warm-up, frames, and every step of them.
 
 use super::case::{Case, fidelity_name};
 use super::model::{BenchRow, BenchStep, EngineName, RowError, Stats};
@@ -8,12 +8,12 @@ use crate::environment::peak_memory;
 use crate::pipeline::executor::{Observer, RenderError, Renderer, Row, StepKind};
 use crate::pipeline::image::Image;
 
-/// How much is measured.
+/// Number of frames of a measurement.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct MeasureOptions {
-    /// Frames measured, at least 1.
+    /// Number of frames that are measured, at least 1.
     pub frames: u32,
-    /// Frames rendered before, and not counted.
+    /// Number of frames rendered before, which are not measured.
     pub warmup: u32,
 }
 
@@ -23,21 +23,21 @@ impl Default for MeasureOptions {
     }
 }
 
-/// What was measured.
+/// Result of a measurement.
 pub struct Measured {
-    /// The row; its error is [`RowError::Missing`] until the picture is compared with a reference.
+    /// The row. Its error is [`RowError::Missing`] until the picture is compared with a reference.
     pub row: BenchRow,
-    /// What rendered it.
+    /// The renderer.
     pub renderer: Renderer,
-    /// The last frame.
+    /// The picture of the last frame.
     pub picture: Image,
 }
 
-/// Opens a case, renders its frames and collects what each step took.
+/// Opens a case, renders its frames and collects the times of all steps.
 ///
-/// Whole frames are timed around [`Renderer::frame`], with all that it does, the copy of the picture included; where the rasteriser's device fills
-/// the window, around [`Renderer::displayed_frame`], whose picture has 4 bytes a pixel. Then one more frame, which is not timed, gives the
-/// picture in floats.
+/// Whole frames are timed around [`Renderer::frame`], including its copy of the picture. If the rasteriser's device fills the
+/// window, they are timed around [`Renderer::displayed_frame`], whose picture has 4 bytes a pixel; then one more, untimed frame
+/// gives the picture in floats.
 ///
 /// # Errors
 /// If the case cannot be opened or a frame fails.
@@ -46,7 +46,7 @@ pub fn measure(case: &Case, options: &MeasureOptions, observer: &mut dyn Observe
     measure_with(renderer, case, options, observer).map_err(OpenError::from)
 }
 
-/// [`measure`] with a renderer that is open already.
+/// [`measure`] with an open renderer.
 ///
 /// # Errors
 /// If a frame fails.
@@ -74,7 +74,7 @@ pub fn measure_with(
     }
     let row = row(&renderer, case, &samples);
     if on_device {
-        // Errors are of floats.
+        // Errors are computed from floats.
         picture = renderer.frame(observer)?;
     }
     Ok(Measured { row, renderer, picture })
@@ -138,7 +138,7 @@ fn step(row: &Row) -> Option<BenchStep> {
     })
 }
 
-/// Sums of the device times of each frame; `None` where a step other than a copy has none.
+/// The sum of the device times of each frame; `None` if a step other than a copy has no device time.
 fn frame_device(timeline: &[Row], frames: usize) -> Option<Stats> {
     let mut sums = vec![0.0; frames];
     for row in timeline.iter().filter(|row| row.kind.per_frame() && row.kind != StepKind::ReadBack) {

@@ -1,7 +1,7 @@
-//! Merging benchmarks: parts into a whole, and machines side by side.
+//! Merging benchmarks: joins parts, and puts machines side by side.
 //!
-//! Nothing is averaged. Rows that were measured on different machines stay apart, and so do those that one machine measured twice. The
-//! result depends on the rows alone, and not on how they were shared out.
+//! Nothing is averaged. Rows from different machines stay separate, and so do repeated measurements of one machine. The result
+//! depends only on the rows, and not on how they were distributed over files.
 
 use super::model::{BenchFile, BenchRow, Inputs, RowError};
 use super::part::{self, Difference, LIST, ListedRow, PartError, RowList};
@@ -15,28 +15,28 @@ use std::path::{Path, PathBuf};
 /// Most files of a folder that are merged.
 const MOST_PARTS: usize = 1_000_000;
 
-/// A benchmark to be merged, and where it was read.
+/// A benchmark to be merged, with the path of its file.
 struct Source {
     path: PathBuf,
     file: BenchFile,
 }
 
-/// What was merged.
+/// Result of a merge.
 #[derive(Debug, Clone)]
 pub struct Merged {
-    /// The benchmark; its rows are in the order of the list, and of one row in the order of the machines.
+    /// The benchmark. Its rows have the order of the list, and within a row the order of the machines.
     pub file: BenchFile,
     /// Rows that no machine has measured.
     pub missing: Vec<ListedRow>,
-    /// What is there and may not be meant.
+    /// Findings that may not be intended.
     pub warnings: Vec<String>,
 }
 
-/// Merges benchmarks: folders of parts, parts, and whole files.
+/// Merges benchmarks, given as folders of parts, as single parts, or as whole files.
 ///
 /// # Errors
-/// At the first file that cannot be read, is no benchmark, or differs from the others in its command, build, list of rows, project, scenes
-/// or references.
+/// At the first file that cannot be read, is no benchmark, or differs from the others in command, build, list of rows, project,
+/// scenes or references.
 pub fn merge(paths: &[PathBuf]) -> Result<Merged, PartError> {
     let (files, folders) = named(paths)?;
     let mut sources: Vec<Source> = files.into_par_iter().map(read).collect::<Result<_, _>>()?;
@@ -80,7 +80,7 @@ fn io_error(path: &Path, error: &io::Error) -> PartError {
     PartError::Io { path: path.to_owned(), message: error.to_string() }
 }
 
-/// The files that are named, in the order of their names in each folder; and all folders that may hold a list.
+/// The named files, sorted by name within each folder, and all folders that may contain a list.
 fn named(paths: &[PathBuf]) -> Result<(Vec<PathBuf>, Vec<PathBuf>), PartError> {
     let (mut found, mut folders) = (Vec::new(), Vec::new());
     for path in paths {
@@ -112,7 +112,7 @@ fn read(path: PathBuf) -> Result<Source, PartError> {
     }
 }
 
-/// The list of all rows, if there are parts: the same in every folder.
+/// The list of all rows, if there are parts; all folders must have the same list.
 fn list(sources: &[Source], mut folders: Vec<PathBuf>) -> Result<Option<RowList>, PartError> {
     for source in sources.iter().filter(|source| source.file.part.is_some()) {
         let folder = source.path.parent().unwrap_or(Path::new("")).to_owned();
@@ -155,12 +155,12 @@ fn other(path: &Path, field: &str, found: String, wanted: String, by: &Path) -> 
     difference.into()
 }
 
-/// What several files say of one thing, with the file that said it first.
+/// Values that several files must agree on, each with the file that stated it first.
 #[derive(Default)]
 struct Agreed<'s>(HashMap<String, (String, &'s Path)>);
 
 impl<'s> Agreed<'s> {
-    /// Notes what a file says of a thing.
+    /// Records the value that a file states; fails if another file stated a different one.
     fn note(&mut self, of: String, field: impl Fn() -> String, says: &str, path: &'s Path) -> Result<(), PartError> {
         match self.0.get(&of) {
             None => {
@@ -173,7 +173,7 @@ impl<'s> Agreed<'s> {
     }
 }
 
-/// Refuses what does not belong together.
+/// Fails if the benchmarks do not belong together.
 fn check(sources: &[Source], list: Option<&RowList>) -> Result<(), PartError> {
     let Some(first) = sources.first() else { return Ok(()) };
     let mut agreed = Agreed::default();
@@ -208,7 +208,8 @@ fn check(sources: &[Source], list: Option<&RowList>) -> Result<(), PartError> {
     Ok(())
 }
 
-/// Rows of one project have one project, those with the same attributes of its scenes one content, and equal rows one reference.
+/// Checks a row: rows of the same project must have equal projects, rows with the same scene attributes equal scene contents, and
+/// rows with the same key equal references.
 fn agree<'s>(agreed: &mut Agreed<'s>, row: &BenchRow, index: usize, path: &'s Path) -> Result<(), PartError> {
     let project = row.project.display();
     if let Some(Inputs { project: hash, needs, scenes }) = &row.inputs {
@@ -225,7 +226,7 @@ fn agree<'s>(agreed: &mut Agreed<'s>, row: &BenchRow, index: usize, path: &'s Pa
     Ok(())
 }
 
-/// Whole files that are not whole.
+/// Warnings about whole benchmarks that were interrupted.
 fn interrupted(sources: &[Source]) -> Vec<String> {
     let cut = sources.iter().filter(|source| !source.file.complete);
     cut.map(|source| {
@@ -237,7 +238,7 @@ fn interrupted(sources: &[Source]) -> Vec<String> {
     .collect()
 }
 
-/// The machines, in the order of their words; and the indices of sources in the order of their machines.
+/// The machines, sorted by their descriptions, and the indices of the sources in the order of their machines.
 fn machines(sources: &[Source]) -> (Vec<Environment>, Vec<usize>) {
     let mut machines: Vec<Environment> = Vec::new();
     for source in sources {
@@ -263,7 +264,7 @@ fn machines(sources: &[Source]) -> (Vec<Environment>, Vec<usize>) {
     (machines, places)
 }
 
-/// The busiest that a machine was, and all that did not run on the engine of first choice.
+/// Merges what was recorded of one machine: the highest load, and all fallbacks.
 fn join(known: &mut Environment, other: &Environment) {
     known.load_average = match (known.load_average, other.load_average) {
         (Some(a), Some(b)) => Some(a.max(b)),
@@ -296,7 +297,7 @@ fn take_rows(sources: &mut [Source], machines: &[Environment], order: &HashMap<&
     rows.into_iter().map(|(_, row)| row).collect()
 }
 
-/// Rows that one machine has measured more than once.
+/// Warnings about rows that one machine measured more than once.
 fn repeated(rows: &[BenchRow], machines: &[Environment]) -> Vec<String> {
     let mut times: BTreeMap<(usize, &str), usize> = BTreeMap::new();
     for row in rows {
@@ -310,13 +311,13 @@ fn repeated(rows: &[BenchRow], machines: &[Environment]) -> Vec<String> {
         .collect()
 }
 
-/// A program that cannot be told from others.
+/// A warning about a build whose source is not known exactly.
 fn changed(machine: &Environment) -> Option<String> {
     let unsure = machine.commit == "unknown" || machine.commit.ends_with("-dirty");
     unsure.then(|| format!("the commit is `{}`: whether all were measured by one program is not known", machine.commit))
 }
 
-/// The rows of the list that no source has, neither measured nor found impossible.
+/// The rows of the list that no source contains, neither as measured nor as impossible.
 fn missing(list: Option<&RowList>, sources: &[Source]) -> Vec<ListedRow> {
     let Some(list) = list else { return Vec::new() };
     let mut there = vec![false; list.rows.len()];

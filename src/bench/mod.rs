@@ -1,4 +1,4 @@
-//! Benchmarks: what each effect costs per frame, and what error it has against which reference.
+//! Benchmarks: the cost of each effect per frame, and its error against a reference.
 
 pub mod case;
 pub mod columns;

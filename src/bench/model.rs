@@ -1,4 +1,4 @@
-//! What a benchmark writes: one file of rows, each with all its samples, and the machine that they were taken on.
+//! The data of a benchmark file: rows with all their samples, and the machine.
 
 use crate::environment::Environment;
 use crate::pipeline::backend::{Answers, RayCounts};
@@ -7,7 +7,7 @@ use crate::pipeline::metrics::Comparison;
 use serde::{Deserialize, Serialize};
 use std::path::PathBuf;
 
-/// Version of the layout below: files of another version are not resumed.
+/// Version of the layout below. Files of other versions are not resumed.
 pub const FORMAT: u32 = 1;
 
 /// A benchmark, whole or interrupted.
@@ -15,58 +15,58 @@ pub const FORMAT: u32 = 1;
 pub struct BenchFile {
     /// [`FORMAT`].
     pub format: u32,
-    /// The command that wrote it.
+    /// The command that wrote the file.
     pub command: String,
-    /// When it was begun, seconds since 1970.
+    /// Start time, seconds since 1970.
     pub started_unix_s: u64,
-    /// Where.
+    /// Machine and build.
     pub environment: Environment,
     /// Frames measured of each row.
     pub frames: u32,
-    /// Frames rendered before, and not counted.
+    /// Number of frames rendered before, which are not measured.
     pub warmup: u32,
-    /// Whether every row that was asked for is there.
+    /// Whether every requested row is present.
     pub complete: bool,
     /// The rows, in the order in which they were measured.
     pub rows: Vec<BenchRow>,
-    /// What was asked for and is not there, with the reason.
+    /// Requested rows and engines that are missing, each with the reason.
     pub unavailable: Vec<Unavailable>,
-    /// In a file that was merged of others, their machines; empty in all other files. [`BenchRow::machine`] is an index of it.
+    /// Machines of a merged file, to which [`BenchRow::machine`] is an index; empty in other files.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub machines: Vec<Environment>,
-    /// In a file that holds one row of many, which; `None` in all other files.
+    /// Identifies the row of a file that holds a single row of a benchmark; `None` in other files.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub part: Option<PartOf>,
 }
 
-/// Which row of a benchmark a file holds.
+/// The row that a file of a single row holds.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 pub struct PartOf {
-    /// The row's id.
+    /// Id of the row.
     pub id: String,
-    /// Its index, from 0.
+    /// Index of the row, from 0.
     pub index: usize,
-    /// How many rows there are.
+    /// Number of rows of the benchmark.
     pub of: usize,
 }
 
-/// What a row was measured from, so that rows of one project can be told from rows of another of the same name.
+/// Identifies the inputs of a row, so that rows of different projects with the same name are distinguished.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Inputs {
-    /// Hash of all that the project declares: passes, cameras, lights, targets, where scenes lie.
+    /// Hash of the project's declarations: passes, cameras, lights, targets, placement of scenes.
     pub project: String,
-    /// Which attributes of the scene files are read.
+    /// The attributes of the scene files that are read.
     pub needs: String,
-    /// Hash of the content of its scenes, as far as it is read.
+    /// Hash of the parts of the scenes' contents that are read.
     pub scenes: String,
 }
 
 /// An engine or a row that could not be measured.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Unavailable {
-    /// What.
+    /// Name of the engine or row.
     pub what: String,
-    /// Why not, and what would help.
+    /// The reason, and a remedy.
     pub why: String,
 }
 
@@ -74,9 +74,9 @@ pub struct Unavailable {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Technique {
-    /// No effect at all.
+    /// No effect.
     None,
-    /// By rays.
+    /// By tracing rays.
     Rays,
     /// By maps or loops over the G-buffer.
     Raster,
@@ -85,21 +85,21 @@ pub enum Technique {
 /// One row: a project with its settings on one set of engines.
 #[derive(Debug, Clone, Serialize, Deserialize)]
 pub struct BenchRow {
-    /// What tells it from all other rows: a row that a file has already is not measured again.
+    /// Identifies the row; a row that a file already has is not measured again.
     pub key: String,
-    /// What a reader calls it: `AO, 100 samples`.
+    /// Name for readers: `AO, 100 samples`.
     pub label: String,
-    /// `none`, `dummy`, `shadows`, `reflection`, `refraction`, `ao`, `all-but-ao`, `all`.
+    /// Name of the effect: `none`, `dummy`, `shadows`, `reflection`, `refraction`, `ao`, `all-but-ao`, `all`.
     pub effect: String,
-    /// By rays or by raster.
+    /// Whether the effect is computed by rays or by rasterisation.
     pub technique: Technique,
     /// The view: `Fonte`, `Vidro`, or the camera's name.
     pub view: String,
     /// Project file.
     pub project: PathBuf,
-    /// `PASS.NAME=VALUE`.
+    /// Parameters set by the user, as `PASS.NAME=VALUE`.
     pub set: Vec<String>,
-    /// Window, pixels.
+    /// Width and height of the window in pixels.
     pub size: [u32; 2],
     /// `corrected` or `thesis`.
     pub fidelity: String,
@@ -107,41 +107,42 @@ pub struct BenchRow {
     pub seed: u32,
     /// Triangles of the scene.
     pub triangles: u64,
-    /// What drew.
+    /// The rasteriser.
     pub raster: EngineName,
-    /// What traced; `None` where no ray pass runs.
+    /// The ray backend; `None` if no ray pass runs.
     pub rays: Option<EngineName>,
     /// Host time of whole frames.
     pub frame: Stats,
-    /// Device time of whole frames, where every step of the frame but copies has one.
+    /// Device time of whole frames; `None` if a step of the frame, other than a copy, has no device time.
     pub frame_device: Option<Stats>,
-    /// Processor time of whole frames, of all threads together; `None` where the system does not tell.
+    /// Processor time of whole frames, summed over all threads; `None` if the system does not report it.
     #[serde(default)]
     pub frame_processor: Option<Stats>,
     /// Steps of the frame.
     pub steps: Vec<BenchStep>,
     /// Steps done once: load, upload, build.
     pub setup: Vec<BenchStep>,
-    /// Share of the frame's host time spent in ray passes, 0 to 1; `None` without a ray pass.
+    /// Share of a frame's host time in ray passes, 0 to 1; `None` without ray passes.
     pub ray_share: Option<f64>,
-    /// Most memory that the process has held so far, bytes; rows measured before count too.
+    /// Peak memory of the process so far, in bytes, including rows measured before.
     pub peak_memory_bytes: Option<u64>,
-    /// Bytes of targets, acceleration structure, maps, and what ray passes hold on their device.
+    /// Bytes of targets, acceleration structure, maps, and memory that ray passes hold on their device.
     pub held_bytes: u64,
-    /// The error of the effect: against a reference that shares the G-buffer, the programs and their formulas.
+    /// Error of the effect, against a reference that uses the same G-buffer, programs and formulas.
     pub error: RowError,
-    /// The error of the picture: against a reference from the camera, in `f64`, of many samples a pixel. `None` in files of before 2026-11-24.
+    /// Error of the picture, against a reference rendered from the camera in `f64` with many samples a pixel. `None` in files from
+    /// before 2026-11-24.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub picture_error: Option<RowError>,
-    /// The report's figure for the same row.
+    /// The report's figure for this row.
     pub thesis: Option<ThesisFigure>,
-    /// What it was measured from; `None` in files of before 2026-11-23, and in reports.
+    /// Identity of the inputs; `None` in files from before 2026-11-23, and in reports.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub inputs: Option<Inputs>,
-    /// Hash of the last frame's numbers, bit for bit; `None` as for [`Self::inputs`].
+    /// Hash of the last frame's picture, bit for bit; `None` as for [`Self::inputs`].
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub picture: Option<String>,
-    /// Index into [`BenchFile::machines`]; 0 where that is empty.
+    /// Index into [`BenchFile::machines`]; 0 if that is empty.
     #[serde(default, skip_serializing_if = "is_zero")]
     pub machine: usize,
 }
@@ -152,7 +153,8 @@ fn is_zero(number: &usize) -> bool {
 }
 
 impl BenchRow {
-    /// Takes over the samples of another round of the same row. What only one of the two has is dropped.
+    /// Adds the samples of another round of the same row. Device and processor times that only one of the rounds has become `None`;
+    /// steps that the other round lacks keep their samples.
     pub fn add(&mut self, more: &Self) {
         let both = |old: &Option<Stats>, new: &Option<Stats>| Some(old.as_ref()?.joined(new.as_ref()?));
         let rays_ms = |row: &Self| row.ray_share.map(|share| share * row.frame.mean * row.frame.n() as f64);
@@ -175,12 +177,12 @@ impl BenchRow {
     }
 }
 
-/// Name of an engine and its device.
+/// An engine and its device.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 pub struct EngineName {
-    /// `cpu`, `wgpu`, `cuda`, `optix`.
+    /// Name of the engine: `cpu`, `wgpu`, `cuda`, `optix`.
     pub name: String,
-    /// Device and driver.
+    /// Description of device and driver.
     pub device: String,
 }
 
@@ -188,23 +190,23 @@ pub struct EngineName {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum RowError {
-    /// Measured.
+    /// The error was computed.
     Against {
-        /// What the reference is, in words.
+        /// Description of the reference.
         reference: String,
-        /// Its key in the cache.
+        /// Key of the reference in the cache.
         key: String,
-        /// Estimated root mean square error of the reference itself; 0 for one that has no noise.
+        /// Estimated root mean square error of the reference itself; 0 for a reference without noise.
         own_error: f64,
-        /// Test against reference.
+        /// The metrics of the row's picture against the reference.
         comparison: Comparison,
     },
-    /// Not measured, and why.
+    /// There is no error; contains the reason.
     Missing(String),
 }
 
 impl RowError {
-    /// What was found, with the estimated error of the reference itself; `None` where nothing was measured.
+    /// The metrics, with the estimated error of the reference itself; `None` if there is no error.
     #[must_use]
     pub fn found(&self) -> Option<(&Comparison, f64)> {
         match self {
@@ -213,69 +215,69 @@ impl RowError {
         }
     }
 
-    /// Whether so much of the root mean square error is the reference's own that it tells only what the error is at most: less than twice
-    /// that.
+    /// Whether the error is only an upper bound, because much of it may be the reference's own: the root mean square error is less
+    /// than twice the reference's.
     #[must_use]
     pub fn is_at_most(&self) -> bool {
         self.found().is_some_and(|(comparison, own_error)| comparison.rmse < 2.0 * own_error)
     }
 }
 
-/// One step.
+/// A step of a row.
 #[derive(Debug, Clone, Serialize, Deserialize)]
 pub struct BenchStep {
-    /// What it is.
+    /// Kind of the step.
     pub kind: StepKind,
-    /// Its pass, scene or engine.
+    /// Name of its pass, scene or engine.
     pub name: String,
     /// Host time.
     pub host: Stats,
     /// Device time.
     pub device: Option<Stats>,
-    /// Rays of one frame.
+    /// Number of rays of one frame.
     pub rays: Option<RayCounts>,
-    /// Millions of rays a second of median host time.
+    /// Millions of rays per second of median host time.
     pub mrays_per_second: Option<f64>,
-    /// What answered the pixels of glass of one frame, in an effect that marches rays through the picture.
+    /// What answered the glass pixels of one frame; only of effects that march rays through screen space.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub answers: Option<Answers>,
-    /// What was done.
+    /// Further details.
     pub note: String,
 }
 
-/// The report's own figure.
+/// A figure of the report.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct ThesisFigure {
-    /// Milliseconds a frame.
+    /// Milliseconds per frame.
     pub frame_ms: f64,
-    /// Percentage of it in the ray pass.
+    /// Percentage of the frame in the ray pass.
     pub ray_percent: Option<f64>,
-    /// The machine of the report.
+    /// The report's machine.
     pub machine: String,
-    /// The report's time divided by our median: above 1 where ours is faster. `None` where the row has another size than
-    /// the report's: times of different numbers of pixels have no ratio.
+    /// The report's time divided by our median: above 1 if this program is faster. `None` if the row has another size than the
+    /// report's, since times of different numbers of pixels have no meaningful ratio.
     pub ratio: Option<f64>,
 }
 
-/// Times of one thing, milliseconds.
+/// Statistics of a time, in milliseconds.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Stats {
-    /// All samples, in order.
+    /// All samples, in order of measurement.
     pub samples: Vec<f64>,
-    /// The middle one.
+    /// Median.
     pub median: f64,
     /// Mean.
     pub mean: f64,
     /// Standard deviation of the samples (divided by n - 1; 0 for one sample).
     pub sd: f64,
-    /// Least.
+    /// Smallest sample.
     pub min: f64,
-    /// Most.
+    /// Largest sample.
     pub max: f64,
 }
 
 impl Stats {
-    /// Of at least one sample; `None` for none.
+    /// The statistics of `samples`; `None` if there are none.
     #[must_use]
     pub fn new(samples: Vec<f64>) -> Option<Self> {
         let n = samples.len() as f64;
@@ -287,7 +289,7 @@ impl Stats {
         (!samples.is_empty()).then(|| Self { median: median(&samples), samples, mean, sd, min, max })
     }
 
-    /// Of these samples and more of the same.
+    /// The statistics of the samples of both.
     #[must_use]
     pub fn joined(&self, more: &Self) -> Self {
         Self::new([self.samples.as_slice(), &more.samples].concat()).unwrap_or_else(|| self.clone())

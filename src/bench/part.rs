@@ -1,7 +1,7 @@
 //! A benchmark in parts: a folder with a file for each row, named by the row's id, and a list of all rows.
 //!
-//! A part is there whole or not at all, so whatever process dies leaves a folder that the next one goes on with. Which process measured a
-//! row, and how many there were, is not written down.
+//! A part is written whole or not at all, so after a process dies the next one continues with the folder. The files do not record
+//! which process measured a row, or how many processes there were.
 
 use super::case::Case;
 use super::file::{FileError, MOST_BYTES};
@@ -12,14 +12,14 @@ use crate::pipeline::files::{self, write_atomically};
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
 
-/// Name of the list of all rows, in the folder of the parts.
+/// Name of the file with the list of all rows, in the folder of the parts.
 pub const LIST: &str = "rows.json";
 
-/// Why parts of a benchmark cannot be used together.
+/// Why parts of a benchmark cannot be used.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum PartError {
-    /// The system.
+    /// The system reports an error.
     #[error("{}: {message}", path.display())]
     Io {
         /// The file or folder.
@@ -27,34 +27,34 @@ pub enum PartError {
         /// What the system says.
         message: String,
     },
-    /// It is no part of a benchmark, or not a whole one.
+    /// The file is no part of a benchmark, or truncated.
     #[error("{}: this is no part of a benchmark: {message}\n       remove the file, and measure its rows again", path.display())]
     Broken {
         /// The file.
         path: PathBuf,
-        /// What is wrong, and where.
+        /// What is wrong, and at which place.
         message: String,
     },
-    /// It belongs to another benchmark.
+    /// The file belongs to another benchmark.
     #[error("{0}")]
     Other(Box<Difference>),
 }
 
-/// What tells a file from those that it should belong to.
+/// A difference between a file and the benchmark that it should belong to.
 #[derive(Debug, thiserror::Error)]
 #[error("{}: {field} differs: `{found}` there, and `{wanted}` {wanted_by}\n       {help}", path.display())]
 pub struct Difference {
     /// The file.
     pub path: PathBuf,
-    /// Its field.
+    /// The field that differs.
     pub field: String,
-    /// What the field says.
+    /// Value of the field in the file.
     pub found: String,
-    /// What others say.
+    /// Value that was expected.
     pub wanted: String,
-    /// Which others: `here`, or `in FILE`.
+    /// Where the expected value comes from: `here`, or `in FILE`.
     pub wanted_by: String,
-    /// What to do.
+    /// What to do about it.
     pub help: String,
 }
 
@@ -69,20 +69,20 @@ impl From<Difference> for PartError {
 pub struct RowList {
     /// [`FORMAT`].
     pub format: u32,
-    /// The command of the benchmark, without what says which rows are measured.
+    /// The command of the benchmark, without the options that select rows.
     pub command: String,
     /// The rows.
     pub rows: Vec<ListedRow>,
 }
 
-/// What a list says of a row.
+/// A row in the list.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 pub struct ListedRow {
-    /// Name of the row: the same wherever and in however many parts it is measured.
+    /// Id of the row, the same wherever and in however many parts it is measured.
     pub id: String,
-    /// What tells it from all other rows.
+    /// Identifies the row among all rows.
     pub key: String,
-    /// What a reader calls it.
+    /// Name for readers.
     pub label: String,
     /// The view.
     pub view: String,
@@ -104,7 +104,7 @@ impl RowList {
     /// Reads the list of a folder; `None` if there is none.
     ///
     /// # Errors
-    /// If it cannot be read or is no list.
+    /// If it cannot be read, or is no list.
     pub fn read(folder: &Path) -> Result<Option<Self>, PartError> {
         let path = folder.join(LIST);
         let Some(text) = text_of(&path)? else { return Ok(None) };
@@ -117,7 +117,7 @@ impl RowList {
         Ok(Some(list))
     }
 
-    /// The first field in which another list differs, with what it says and what this one says.
+    /// The first field in which `other` differs: its name, the value in `other`, and the value here.
     pub(super) fn differs_from(&self, other: &Self) -> Option<(String, String, String)> {
         if self.command != other.command {
             return Some(("command".to_owned(), other.command.clone(), self.command.clone()));
@@ -137,7 +137,7 @@ pub struct Parts {
 }
 
 impl Parts {
-    /// Makes the folder and writes the list, where they are not there.
+    /// Makes the folder and writes the list, if they do not exist.
     ///
     /// # Errors
     /// If the folder holds another benchmark, or cannot be written.
@@ -160,16 +160,16 @@ impl Parts {
         Ok(Self { folder: folder.to_owned(), list })
     }
 
-    /// The file of the row at an index of the list.
+    /// Path of the file for the row at an index of the list.
     #[must_use]
     pub fn path(&self, index: usize) -> PathBuf {
         self.folder.join(format!("{}.json", self.list.rows[index].id))
     }
 
-    /// The part of a row, if it is there.
+    /// The part of a row, if it exists.
     ///
     /// # Errors
-    /// If what is there is no part of this benchmark, or was measured by another build of the program.
+    /// If the file is no part of this benchmark, or was measured by another build of the program.
     pub fn find(&self, index: usize) -> Result<Option<BenchFile>, PartError> {
         let path = self.path(index);
         let Some(file) = read(&path)? else { return Ok(None) };
@@ -215,7 +215,7 @@ impl Parts {
     }
 }
 
-/// Reads a benchmark, whole or a part; `None` if there is no file.
+/// Reads a benchmark, whole or in part; `None` if there is no file.
 pub(super) fn read(path: &Path) -> Result<Option<BenchFile>, PartError> {
     let Some(text) = text_of(path)? else { return Ok(None) };
     BenchFile::parse(&text).map(Some).map_err(|message| PartError::Broken { path: path.to_owned(), message })

@@ -1,4 +1,4 @@
-//! The report's table 2: its rows, its figures, and the projects that compute the same.
+//! The report's table 2: its rows, its figures, and the corresponding projects.
 
 use super::case::Case;
 use super::model::{BenchRow, ThesisFigure};
@@ -6,26 +6,26 @@ use crate::pipeline::plan::Settings;
 use crate::{Choice, OpenError};
 use std::path::Path;
 
-/// The machine of the report.
+/// The report's machine.
 pub const MACHINE: &str = "GeForce GTX 780M laptop, OptiX 3.0.1, January 2014";
 
-/// The size of the report's frames, pixels.
+/// Size of the report's frames in pixels.
 pub const SIZE: [u32; 2] = [1024, 1024];
 
 /// A row of the table.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct TableRow {
-    /// What the report calls it.
+    /// Label in the report.
     pub label: &'static str,
-    /// `Fonte` or `Vidro`.
+    /// View: `Fonte` or `Vidro`.
     pub view: &'static str,
     /// Project file.
     pub project: &'static str,
-    /// Occlusion samples of its pass `pass2`, where the row sets them.
+    /// Occlusion samples of the project's pass `pass2`, if the row sets them.
     pub samples: Option<u32>,
-    /// The report's milliseconds a frame.
+    /// The report's time per frame, milliseconds.
     pub frame_ms: f64,
-    /// The report's percentage of them in the ray pass.
+    /// The report's percentage of it in the ray pass.
     pub ray_percent: Option<f64>,
 }
 
@@ -44,7 +44,7 @@ const fn occlusion(label: &'static str, samples: u32, frame_ms: f64, ray_percent
     row(label, "Fonte", "SceneSSAO.xml", Some(samples), frame_ms, ray_percent)
 }
 
-/// The table.
+/// The rows of the table.
 pub const ROWS: [TableRow; 19] = [
     TableRow {
         label: "no effects",
@@ -75,7 +75,7 @@ pub const ROWS: [TableRow; 19] = [
 ];
 
 impl TableRow {
-    /// The case that measures the row with the projects in a folder; its settings are those given, with the row's own.
+    /// The case that measures this row with the projects in a folder, with the given settings and the row's own.
     ///
     /// # Errors
     /// As [`Case::new`].
@@ -89,7 +89,7 @@ impl TableRow {
         Ok(Case { label: self.label.to_owned(), view: self.view.to_owned(), ..case })
     }
 
-    /// The report's figure beside a measured row.
+    /// The report's figure for a measured row.
     #[must_use]
     pub fn figure(&self, measured: &BenchRow) -> ThesisFigure {
         ThesisFigure {
@@ -113,7 +113,7 @@ mod tests {
         for row in ROWS {
             let case = row.case(&projects, &Settings::default(), Choice::default()).expect("the project is valid");
             let plain = Case::new(&case.project, case.settings.clone(), case.choice).expect("valid");
-            // The report's `all` has its 100 samples without saying so.
+            // The report's `all` implies 100 samples.
             assert_eq!(case.label, if row.label == "all" { "all" } else { &plain.label });
             assert_eq!(case.view, plain.view);
             keys.push(case.key);

@@ -5,9 +5,9 @@ use crate::pipeline::backend::RayCounts;
 use crate::pipeline::executor::StepKind;
 use std::fmt::Write as _;
 
-/// What a page of Markdown begins with.
+/// First line of a Markdown page.
 const MARKDOWN_TITLE: &str = "# Benchmark";
-/// The columns of a CSV file.
+/// Columns of a CSV file.
 const CSV_HEADER: [&str; 38] = [
     "label",
     "effect",
@@ -49,21 +49,21 @@ const CSV_HEADER: [&str; 38] = [
     "picture_reference",
 ];
 
-/// Whether a text begins as [`csv`] and [`markdown`] write it, so that it may be replaced by another of them.
+/// Whether a text begins like the output of [`csv`] or [`markdown`], so that it may be overwritten by such output.
 #[must_use]
 pub fn is_ours(text: &[u8]) -> bool {
     let columns: Vec<&[u8]> = text.split(|byte| *byte == b',').take(3).collect();
     text.starts_with(MARKDOWN_TITLE.as_bytes()) || columns == CSV_HEADER.map(str::as_bytes)[..3]
 }
 
-/// Rays of one frame.
+/// Number of rays of one frame; `None` if no rays were traced.
 #[must_use]
 pub fn rays(row: &BenchRow) -> Option<u64> {
     let counts = row.steps.iter().filter_map(|step| step.rays).map(RayCounts::total);
     row.rays.as_ref().map(|_| counts.sum())
 }
 
-/// Millions of rays a second of the time in ray passes.
+/// Millions of rays per second of the time in ray passes.
 #[must_use]
 pub fn mrays_per_second(row: &BenchRow) -> Option<f64> {
     let traced: Vec<_> = row.steps.iter().filter(|step| step.mrays_per_second.is_some()).collect();
@@ -72,7 +72,7 @@ pub fn mrays_per_second(row: &BenchRow) -> Option<f64> {
     (rays > 0).then(|| rays as f64 / 1e3 / ms.max(1e-6))
 }
 
-/// Time of the ray passes on the device's own clock, milliseconds; `None` where one of them has none.
+/// Time of the ray passes on the device's own clock, milliseconds; `None` if one of them has no device time.
 #[must_use]
 pub fn ray_device_ms(row: &BenchRow) -> Option<f64> {
     let mut steps = row.steps.iter().filter(|step| step.kind == StepKind::Rays).peekable();
@@ -80,7 +80,7 @@ pub fn ray_device_ms(row: &BenchRow) -> Option<f64> {
     steps.map(|step| step.device.as_ref().map(|device| device.median)).sum()
 }
 
-/// A CSV file: one line a row. What is not known is an empty field; times are milliseconds.
+/// A CSV file with one line a row. Unknown values are empty fields; times are in milliseconds.
 #[must_use]
 pub fn csv(file: &BenchFile) -> String {
     let mut text = CSV_HEADER.join(",") + "\n";
@@ -151,7 +151,7 @@ fn fields(row: &BenchRow) -> Vec<String> {
     ]
 }
 
-/// RFC 4180.
+/// Quotes a field as in RFC 4180.
 fn quoted(field: &str) -> String {
     if field.contains([',', '"', '\n', '\r']) {
         format!("\"{}\"", field.replace('"', "\"\""))
@@ -160,7 +160,7 @@ fn quoted(field: &str) -> String {
     }
 }
 
-/// References in the order of their first use, so that a table can number them.
+/// The references in order of first use, for numbering in a table.
 #[must_use]
 pub fn references(rows: &[BenchRow]) -> Vec<&str> {
     let mut found: Vec<&str> = Vec::new();
@@ -173,7 +173,7 @@ pub fn references(rows: &[BenchRow]) -> Vec<&str> {
     found
 }
 
-/// What a row's error is against, or why it has none.
+/// The reference of a row's error, or why it has no error.
 #[must_use]
 pub fn reference(row: &BenchRow) -> &str {
     match &row.error {
@@ -182,8 +182,8 @@ pub fn reference(row: &BenchRow) -> &str {
     }
 }
 
-/// The error of the picture of a row and its FLIP error, as tables have them: a dash where there is none, and `≤` where the reference's own error
-/// leaves no more to be said.
+/// The error of a row's picture and its FLIP error, as table cells: a dash if there is none, and a `≤` in front if the error is
+/// only an upper bound because of the reference's own error.
 #[must_use]
 pub fn picture_cells(row: &BenchRow) -> [String; 2] {
     let Some(error) = &row.picture_error else { return ["-", "-"].map(str::to_owned) };
@@ -193,7 +193,8 @@ pub fn picture_cells(row: &BenchRow) -> [String; 2] {
     })
 }
 
-/// What the errors of the rows' pictures are against, with the least and the most of the references' own errors; and why rows have none.
+/// Sentences about the references of the rows' pictures, with the range of the references' own errors, and about the reasons why
+/// rows have no such error.
 #[must_use]
 pub fn of_pictures<'r>(rows: impl IntoIterator<Item = &'r BenchRow>) -> Vec<String> {
     let mut found: Vec<(&str, [f64; 2])> = Vec::new();
@@ -217,7 +218,7 @@ pub fn of_pictures<'r>(rows: impl IntoIterator<Item = &'r BenchRow>) -> Vec<Stri
     against.chain(missing).collect()
 }
 
-/// A page of Markdown: machine, table, steps, references, and what is not there.
+/// A Markdown page: machine, table, steps, references, and missing rows.
 #[must_use]
 pub fn markdown(file: &BenchFile) -> String {
     let mut text = String::new();

@@ -1,4 +1,4 @@
-//! Keyframes.
+//! Paths through keyframes.
 
 use super::MOST_FRAMES;
 use super::curve::{angle, hermite, slerp, tangent};
@@ -7,15 +7,16 @@ use glam::DVec3;
 use serde::Deserialize;
 use std::f64::consts::PI;
 
-/// Least angle, radians, between the directions of two keys and their being opposite, where no great circle is the shortest.
+/// Least angle in radians by which the directions of adjacent keys must differ from being opposite: between opposite directions the
+/// shortest great circle is not unique.
 const LEAST_ANGLE: f64 = 1e-4;
 
 /// A path through keyframes.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Keyframes {
-    /// The camera that is moved, where the file names one.
+    /// The camera that is moved, if the file names one.
     pub camera: Option<String>,
-    /// At least 2, with rising frames from 0 on.
+    /// At least 2 keys; their frames start at 0 and increase.
     keys: Vec<Key>,
 }
 
@@ -23,15 +24,15 @@ pub struct Keyframes {
 struct Key {
     frame: u32,
     position: DVec3,
-    /// Unit.
+    /// Unit viewing direction.
     direction: DVec3,
-    /// Unit.
+    /// Unit up vector.
     up: Option<DVec3>,
-    /// Radians.
+    /// Vertical field of view, radians.
     fov_y: Option<f64>,
 }
 
-/// The file.
+/// The contents of a file.
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 struct File {
@@ -51,7 +52,7 @@ struct FileKey {
 }
 
 impl Keyframes {
-    /// Reads the text of a file. An error names the field.
+    /// Parses the text of a file. An error names the field.
     pub(super) fn parse(text: &[u8]) -> Result<Self, String> {
         let file: File = serde_json::from_slice(text).map_err(|error| error.to_string())?;
         let at = |index: usize, message: String| format!("keys[{index}].{message}");
@@ -81,7 +82,7 @@ impl Keyframes {
         Ok(Self { camera: file.camera, keys })
     }
 
-    /// One more than the last key's.
+    /// Number of frames: the last key's frame plus one.
     pub(super) fn frames(&self) -> u32 {
         self.keys.last().map_or(0, |key| key.frame + 1)
     }
@@ -187,7 +188,8 @@ mod tests {
         let at = |frame: u32| bend.pose(frame, OWN).position.as_dvec3();
         for key in [1000, 1500] {
             let (before, after) = (at(key) - at(key - 1), at(key + 1) - at(key));
-            // Its steps before and after that key are 500 and 1000 frames, or 500 and 2500: by their number alone it would double.
+            // The intervals before and after that key are 500 and 1000 frames long, or 500 and 2500. If tangents ignored the
+            // lengths, the speed would double there.
             assert!((before - after).length() < 0.1 * before.length(), "{before} {after}");
         }
     }

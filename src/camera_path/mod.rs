@@ -1,16 +1,17 @@
-//! Camera paths: where a camera stands in every frame of a sequence.
+//! Camera paths: the pose of a camera in every frame of a sequence.
 //!
-//! A path is a function of the number of the frame and nothing else, so a frame is the same whether it is rendered alone, after others, or
-//! on another machine.
+//! A path depends on nothing but the frame number, so a frame is the same whether it is rendered alone, after others, or on another
+//! machine.
 //!
 //! | path | frame `k` |
 //! |---|---|
 //! | `orbit:CX,CY,CZ,R,N` | on a circle of radius R around C, looking at C, at `k / N` of a turn |
 //! | a file of keyframes | positions by a Catmull-Rom spline, directions along great circles |
 //!
-//! A file is JSON: `{"keys": [{"frame": 0, "position": [0, 2, 9], "look_at": [0, 1, 0]}, …]}`. `frame` is whole, 0 in the first key and more in
-//! each that follows; the path ends with the last. Each key has `direction` or `look_at`, and may have `fov` (vertical, degrees); all keys
-//! may have `up`. What they do not have is the camera's own. `camera` beside `keys` names the camera that is moved.
+//! The file is JSON: `{"keys": [{"frame": 0, "position": [0, 2, 9], "look_at": [0, 1, 0]}, …]}`. `frame` is a whole number, 0 for
+//! the first key and increasing; the path ends with the last key. Each key has `direction` or `look_at`, and may have `fov`
+//! (vertical, degrees); either all keys or none have `up`. Missing values are the camera's own. `camera` beside `keys` names the
+//! camera that is moved.
 
 mod curve;
 mod keys;
@@ -31,11 +32,11 @@ pub const MOST_FRAMES: u32 = 1_000_000;
 /// Largest file of keyframes, bytes.
 const MOST_BYTES: u64 = 16 << 20;
 
-/// Why there is no path.
+/// Why a path could not be opened.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 #[non_exhaustive]
 pub enum PathError {
-    /// What names it is wrong.
+    /// The argument that describes the path is wrong.
     #[error("{0}")]
     Named(String),
     /// The file is wrong, or cannot be read.
@@ -43,20 +44,20 @@ pub enum PathError {
     File(String),
 }
 
-/// Where a camera stands in every frame.
+/// The pose of a camera in every frame.
 #[derive(Debug, Clone, PartialEq)]
 pub enum CameraPath {
-    /// A circle.
+    /// A circle around a point.
     Orbit(Orbit),
-    /// Keyframes.
+    /// A path through keyframes.
     Keys(Keyframes),
 }
 
 impl CameraPath {
-    /// Reads `orbit:CX,CY,CZ,R,N`, or the file that `text` names.
+    /// Opens `orbit:CX,CY,CZ,R,N`, or the file named `text`.
     ///
     /// # Errors
-    /// What is wrong, where, and what would be valid.
+    /// What is wrong and where, with what would be valid.
     pub fn open(text: &str) -> Result<Self, PathError> {
         if let Some(numbers) = text.strip_prefix("orbit:") {
             return Orbit::parse(numbers).map(Self::Orbit).map_err(PathError::Named);
@@ -66,7 +67,7 @@ impl CameraPath {
         Keyframes::parse(&bytes).map(Self::Keys).map_err(wrong)
     }
 
-    /// How many frames it has, from 0: 1 to [`MOST_FRAMES`].
+    /// Number of frames, 1 to [`MOST_FRAMES`].
     #[must_use]
     pub fn frames(&self) -> u32 {
         match self {
@@ -75,7 +76,7 @@ impl CameraPath {
         }
     }
 
-    /// The camera that it moves, where it names one.
+    /// The camera that the path moves, if it names one.
     #[must_use]
     pub fn camera(&self) -> Option<&str> {
         match self {
@@ -84,7 +85,7 @@ impl CameraPath {
         }
     }
 
-    /// Where the camera stands in a frame below [`Self::frames`]; `own` is where it stands without the path.
+    /// The pose in a frame below [`Self::frames`]. `own` is the camera's pose without the path.
     #[must_use]
     pub fn pose(&self, frame: u32, own: Pose) -> Pose {
         match self {

@@ -1,25 +1,25 @@
-//! A circle around what is looked at.
+//! A circle around a point.
 
 use super::MOST_FRAMES;
 use crate::pipeline::project::Pose;
 use glam::{DVec3, Vec3};
 use std::f64::consts::TAU;
 
-/// A camera that goes round a point once, at an even pace.
+/// A camera that circles a point once, at an even pace, and looks at it.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Orbit {
-    /// What it goes round and looks at, world.
+    /// The point, world.
     pub center: DVec3,
-    /// Its distance from that, world units, above 0.
+    /// Distance of the camera from the point, world units, above 0.
     pub radius: f64,
-    /// Frames of the whole turn: 1 to [`MOST_FRAMES`].
+    /// Number of frames of the whole turn: 1 to [`MOST_FRAMES`].
     pub frames: u32,
-    /// How high above the centre it is seen from there, degrees, between -90 and 90.
+    /// Elevation of the camera above the centre, degrees, between -90 and 90.
     pub elevation: f64,
 }
 
 impl Orbit {
-    /// Reads `CX,CY,CZ,R,N` or `CX,CY,CZ,R,N,ELEVATION`.
+    /// Parses `CX,CY,CZ,R,N` or `CX,CY,CZ,R,N,ELEVATION`.
     pub(super) fn parse(text: &str) -> Result<Self, String> {
         let wrong = |what: &str| {
             format!(
@@ -48,8 +48,8 @@ impl Orbit {
         Ok(Self { center, radius, frames, elevation })
     }
 
-    /// The circle lies around the axis of the world that is nearest to the camera's own up vector, which is up in every frame. Frame 0
-    /// looks against the axis that follows, so with y up towards -z, and the camera goes on towards the one after.
+    /// The circle's axis is the world axis nearest to the camera's own up vector, which is up in every frame. Frame 0 looks against
+    /// the cyclically next axis (with y up, towards -z), and the camera moves towards the axis after that.
     pub(super) fn pose(&self, frame: u32, own: Pose) -> Pose {
         let up = axis(own.up);
         let first = DVec3::new(up.z, up.x, up.y).abs();
@@ -62,7 +62,7 @@ impl Orbit {
     }
 }
 
-/// The axis, in either sense, that is nearest to a vector.
+/// The axis (positive or negative) that is nearest to a vector.
 fn axis(vector: Vec3) -> DVec3 {
     let size = vector.abs();
     if size.y >= size.x && size.y >= size.z {
@@ -91,7 +91,7 @@ mod tests {
                 let towards = orbit.center - pose.position.as_dvec3();
                 assert!((towards.length() - 12.5).abs() < 1e-5, "{pose:?}");
                 assert!((towards.normalize() - pose.direction.as_dvec3()).length() < 1e-6, "{pose:?}");
-                // 20 degrees above it, in the sense of the camera's own up.
+                // 20 degrees above the centre, in the direction of the camera's own up vector.
                 let sine = -f64::from(pose.direction.dot(pose.up));
                 assert!((sine - 20.0_f64.to_radians().sin()).abs() < 1e-6 && pose.up.dot(up) > 0.0, "{pose:?}");
             }

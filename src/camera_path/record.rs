@@ -1,6 +1,6 @@
-//! What is kept beside each frame of a path: what it was rendered from, and what it took.
+//! The record beside each frame of a path: the frame's inputs, and its times.
 //!
-//! The record is written after the pictures, whole or not at all: with it the frame is complete.
+//! The record is written after the pictures, whole or not at all; its existence means that the frame is complete.
 
 use crate::Choice;
 use crate::bench::model::Inputs;
@@ -15,45 +15,45 @@ use std::path::{Path, PathBuf};
 /// Largest record that is read, bytes.
 const MOST_BYTES: u64 = 16 << 20;
 
-/// All that a frame's picture depends on.
+/// Everything that a frame's picture depends on.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Origin {
     /// Version and commit of the program.
     pub program: String,
-    /// Project and scenes.
+    /// Hashes of project and scenes.
     pub inputs: Inputs,
-    /// What was asked for: window, settings, engines.
+    /// Window, settings and engines.
     pub settings: String,
     /// Position, direction, up vector and vertical field of view (radians) of the camera.
     pub pose: [f32; 10],
 }
 
-/// A frame that is there.
+/// The record of a complete frame.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct FrameRecord {
-    /// Its number, from 0.
+    /// Frame number, from 0.
     pub frame: u32,
-    /// What it was rendered from.
+    /// The inputs of the frame.
     pub origin: Origin,
-    /// Processor, threads and engines. Times of different machines have nothing to do with each other.
+    /// Processor, threads and engines. Times of different machines are not comparable.
     pub machine: String,
     /// Host time of all passes, milliseconds.
     pub ms: f64,
-    /// Of which in ray passes.
+    /// The part of it in ray passes, milliseconds.
     pub ray_ms: f64,
-    /// Writing the pictures, milliseconds.
+    /// Time to write the pictures, milliseconds.
     pub write_ms: f64,
-    /// Rays.
+    /// Number of rays.
     pub rays: u64,
-    /// The pictures: names in the record's folder, and sizes in bytes.
+    /// The pictures: names in the record's folder, with sizes in bytes.
     pub files: Vec<(PathBuf, u64)>,
 }
 
-/// Why a frame that is there cannot be taken for the one that is wanted, or a record cannot be written.
+/// Why an existing frame cannot be used, or a record cannot be written.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum RecordError {
-    /// The system.
+    /// The system reports an error.
     #[error("{}: {message}", path.display())]
     Io {
         /// The record.
@@ -61,30 +61,30 @@ pub enum RecordError {
         /// What the system says.
         message: String,
     },
-    /// It is no record.
+    /// The file is no record.
     #[error("{}: this is no record of a frame: {message}\n       name another output, or replace it with --overwrite", path.display())]
     Broken {
         /// The record.
         path: PathBuf,
-        /// What is wrong, and where.
+        /// What is wrong, and at which place.
         message: String,
     },
-    /// It is of another picture.
+    /// The record belongs to a different picture.
     #[error("{}: this frame was rendered from something else: {field} differs\n       name another output, or replace it with --overwrite", path.display())]
     Other {
         /// The record.
         path: PathBuf,
-        /// Its field.
+        /// The field that differs.
         field: &'static str,
     },
 }
 
 impl Origin {
-    /// Of the frames of a renderer, before its camera is moved.
+    /// The origin of a renderer's frames, before its camera is moved.
     #[must_use]
     pub fn of(renderer: &Renderer, choice: Choice) -> Self {
         let here = Environment::here();
-        // How much memory there is, and in how many bands a picture is rendered, changes nothing in it.
+        // The memory limit and the number of bands do not affect the picture.
         let settings = Settings { max_memory: 0, bands: None, ..renderer.settings().clone() };
         Self {
             program: format!("{} {}", here.version, here.commit),
@@ -94,7 +94,7 @@ impl Origin {
         }
     }
 
-    /// With the camera of a frame.
+    /// This origin with the camera's pose in a frame.
     #[must_use]
     pub fn with_pose(&self, pose: Pose) -> Self {
         let [p, d, u] = [pose.position, pose.direction, pose.up];
@@ -115,7 +115,7 @@ impl Origin {
 }
 
 impl FrameRecord {
-    /// Of the frame that a renderer has just rendered and written; only its last frame is in the timeline.
+    /// The record of the frame that a renderer has just rendered and written. The timeline must contain only that frame.
     #[must_use]
     pub fn new(frame: u32, origin: Origin, renderer: &Renderer, written: &[Written]) -> Self {
         let rows = &renderer.timeline().rows;
@@ -152,10 +152,10 @@ impl FrameRecord {
         }
     }
 
-    /// The record at `path`, if the frame is complete: its pictures `files` are there with the sizes that were written.
+    /// The record at `path`, if the frame is complete: the pictures `files` exist with the recorded sizes.
     ///
     /// # Errors
-    /// If what is there is no record, or of another picture.
+    /// If the file is no record, or belongs to a different picture.
     pub fn find(path: &Path, origin: &Origin, files: &[PathBuf]) -> Result<Option<Self>, RecordError> {
         let text = files::read_if_there(path, MOST_BYTES)
             .map_err(|error| RecordError::Io { path: path.to_owned(), message: error.to_string() })?;
@@ -184,7 +184,7 @@ impl FrameRecord {
     }
 }
 
-/// Mean and 99th percentile (by nearest rank: with fewer than 100 the largest) of times; `None` of none.
+/// Mean and 99th percentile of times (nearest rank; with fewer than 100 times it is the largest); `None` for an empty list.
 #[must_use]
 pub fn mean_and_p99(times: &[f64]) -> Option<(f64, f64)> {
     let mut sorted = times.to_vec();

@@ -190,7 +190,7 @@ It is built by: cargo build --release --manifest-path view/Cargo.toml --target-d
 }
 
 impl Command {
-    /// The most memory that the command may take, bytes; `None` for commands that take next to none.
+    /// Limit of the command's memory in bytes; `None` for commands that need almost none.
     pub fn max_memory(&self) -> Option<u64> {
         match self {
             Self::Render(args) => Some(args.project.max_memory),
@@ -369,7 +369,7 @@ pub enum FallbackArg {
 }
 
 impl RenderArgs {
-    /// Which engines, and which may take over. A backend that is named twice is tried once.
+    /// The choice of engines and fallbacks. A backend that is named twice is tried once.
     pub fn choice(&self) -> Choice {
         let mut fallback = [None; 4];
         let mut named: Vec<FallbackArg> = Vec::new();

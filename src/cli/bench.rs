@@ -1,4 +1,4 @@
-//! `curitiba bench`: what each effect costs, and what error it has.
+//! `curitiba bench`: the cost and the error of each effect.
 
 use super::bench_args::BenchArgs;
 use super::bench_begin::{begin, check_folder_of_references, choices, references_folder};
@@ -22,7 +22,7 @@ impl From<FileError> for Failure {
     }
 }
 
-/// Measures row after row; prints and writes each as soon as it is there.
+/// Measures row after row; prints and writes each one as soon as it is measured.
 pub fn run(args: &BenchArgs) -> Result<(), Failure> {
     if !args.sweep_threads.is_empty() {
         return bench_threads::run(args);
@@ -60,7 +60,7 @@ pub fn run(args: &BenchArgs) -> Result<(), Failure> {
     failure.map_or(Ok(()), Err)
 }
 
-/// Refuses to replace a file that is neither empty nor a table that an earlier benchmark wrote.
+/// Fails if a file would be replaced that is neither empty nor a table of an earlier benchmark.
 fn check_ours(path: &Path) -> Result<(), Failure> {
     let begin = match files::open(path) {
         Ok(file) => {
@@ -80,7 +80,7 @@ fn check_ours(path: &Path) -> Result<(), Failure> {
     }
 }
 
-/// Measures what the file lacks. Returns the first failure of a row; the others are measured all the same.
+/// Measures the rows that the file lacks. Returns the first failure of a row; the other rows are still measured.
 fn measure_all(args: &BenchArgs, jobs: &[Job], file: &mut BenchFile) -> Result<Option<Failure>, Failure> {
     let mut rows = Rows::new(args, references_folder(args));
     let mut table = Table::new(jobs.iter().map(|job| job.case.label.as_str()), file);
@@ -108,7 +108,7 @@ fn measure_all(args: &BenchArgs, jobs: &[Job], file: &mut BenchFile) -> Result<O
     Ok(first_failure)
 }
 
-/// Writes every file that was asked for.
+/// Writes every requested file.
 fn write(args: &BenchArgs, file: &BenchFile) -> Result<(), Failure> {
     if let Some(path) = &args.json {
         file.write(path)?;

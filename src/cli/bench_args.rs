@@ -153,7 +153,7 @@ pub enum EngineArg {
 }
 
 impl EngineArg {
-    /// As it is written.
+    /// Name on the command line.
     pub fn name(self) -> &'static str {
         match self {
             Self::Cpu => "cpu",
@@ -166,7 +166,7 @@ impl EngineArg {
 }
 
 impl BenchArgs {
-    /// What is asked of one project, as for `render`.
+    /// The equivalent arguments of `render` for one project.
     pub fn project(&self, path: PathBuf, camera: Option<String>) -> ProjectArgs {
         ProjectArgs {
             path,
@@ -195,18 +195,18 @@ impl BenchArgs {
         }
     }
 
-    /// Which engines, unless --compare names some.
+    /// The choice of engines, unless --compare names some.
     pub fn choice(&self) -> Choice {
         self.project(PathBuf::new(), None).choice()
     }
 
-    /// The command with all that decides about the rows, in one order and with its defaults: equal commands make equal
-    /// rows. Where results are written is not part of it.
+    /// A canonical form of the command, with defaults, of everything that affects the rows: equal commands give equal rows. Output
+    /// files are not part of it.
     pub fn command(&self) -> String {
         self.words().join(" ")
     }
 
-    /// The command that measures a shard of the rows here, for a shell.
+    /// The command that measures a shard of the rows on this machine, quoted for a shell.
     pub fn command_of(&self, shard: Shard) -> String {
         let mut words = self.words();
         words.extend(["--shard".to_owned(), shard.to_string()]);
@@ -241,9 +241,9 @@ impl BenchArgs {
             let engines: Vec<&str> = self.compare.iter().map(|engine| engine.name()).collect();
             words.extend(named("compare", engines.join(",")));
         }
-        // The fastest of this machine by its name: another one's may be another.
+        // `fastest` is replaced by the backend found here, since another machine's may differ.
         words.extend(named("backend", self.choice().backend.name().to_owned()));
-        // By its name: its place may be another one on the machine that runs the command.
+        // The adapter is given by name, since its index may differ on the machine that runs the command.
         words.extend(self.choice().adapter_name().into_iter().flat_map(|name| named("adapter", name.to_owned())));
         if self.gpus != Gpus::default() {
             words.extend(named("gpus", self.gpus.to_string()));
@@ -274,7 +274,7 @@ impl BenchArgs {
     }
 }
 
-/// An option with its value.
+/// An option and its value as words.
 fn named(name: &str, value: String) -> [String; 2] {
     [format!("--{name}"), value]
 }

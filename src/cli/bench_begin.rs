@@ -1,4 +1,4 @@
-//! What a benchmark begins with: the machine, the engines, where references are kept.
+//! Start of a benchmark: machine, engines, and the folder of references.
 
 use super::bench_args::{BenchArgs, EngineArg};
 use super::bench_jobs::engines;
@@ -12,14 +12,14 @@ use curitiba::pipeline::backend::Rasteriser as _;
 use curitiba::reference::References;
 use std::path::PathBuf;
 
-/// A benchmark that begins now, on this machine.
+/// A new benchmark on this machine.
 pub(super) fn begin(args: &BenchArgs) -> BenchFile {
     let environment = Environment::probe(if args.compare.is_empty() { args.choice() } else { Choice::CPU });
     let environment = Environment { host: args.host.clone(), ..environment };
     BenchFile::begin(args.command(), environment, args.frames, args.warmup)
 }
 
-/// Finds out before the work whether references can be kept.
+/// Checks before the work whether references can be stored.
 pub(super) fn check_folder_of_references(args: &BenchArgs) -> Result<(), Failure> {
     if args.no_error {
         return Ok(());
@@ -27,12 +27,12 @@ pub(super) fn check_folder_of_references(args: &BenchArgs) -> Result<(), Failure
     check_references(&references_folder(args), "--references names another folder, and --no-error does without")
 }
 
-/// Where references are kept.
+/// The folder of references.
 pub(super) fn references_folder(args: &BenchArgs) -> PathBuf {
     args.references.clone().unwrap_or_else(References::default_folder)
 }
 
-/// The engines on which every row is measured. Those that are not there are noted in the file.
+/// The engines on which every row is measured. Missing engines are recorded in the file.
 pub(super) fn choices(args: &BenchArgs, choice: Choice, file: &mut BenchFile) -> Vec<Choice> {
     let mut choices = Vec::new();
     if args.compare.is_empty() {
@@ -63,7 +63,7 @@ pub(super) fn choices(args: &BenchArgs, choice: Choice, file: &mut BenchFile) ->
     choices
 }
 
-/// The choice, if its ray backend is there; the file names its devices.
+/// The choice, if its ray backend exists; its devices are recorded in the file.
 fn traced_by(choice: Choice, file: &mut BenchFile) -> Result<Choice, String> {
     let rays = ray_backend(choice).map_err(|error| error.to_string())?;
     file.environment.add_gpus(rays.as_ref());

@@ -9,14 +9,14 @@ use curitiba::pipeline::project::PassKind;
 use curitiba::{BackendChoice, Choice, OpenError, RasterChoice};
 use std::path::Path;
 
-/// A case, and the row of the report's table that it is.
+/// A case, and the corresponding row of the report's table, if any.
 pub(super) struct Job {
     pub case: Case,
     pub row: Option<TableRow>,
 }
 
 impl EngineArg {
-    /// The engines that it names; what is not named is as in `choice`.
+    /// The engines of this argument; the rest is as in `choice`.
     pub fn choice(self, choice: Choice) -> Choice {
         match self {
             Self::Cpu => Choice::CPU,
@@ -28,19 +28,19 @@ impl EngineArg {
     }
 }
 
-/// The engines of `--compare`, each once; what they do not name is as in `choice`.
+/// The engines of `--compare`, without repetition; the rest is as in `choice`.
 pub(super) fn engines(args: &BenchArgs, choice: Choice) -> impl Iterator<Item = (EngineArg, Choice)> {
     let named = args.compare.iter().enumerate();
     let first = named.filter(|(index, engine)| !args.compare[..*index].contains(engine));
     first.map(move |(_, engine)| (*engine, engine.choice(choice)))
 }
 
-/// All engines on which every row is to be measured, whether they are here or not: the same on every machine.
+/// All engines on which every row is to be measured, whether or not this machine has them: the same on every machine.
 pub(super) fn all_choices(args: &BenchArgs, choice: Choice) -> Vec<Choice> {
     if args.compare.is_empty() { vec![choice] } else { engines(args, choice).map(|(_, asked)| asked).collect() }
 }
 
-/// Everything that is to be measured, checked before anything is.
+/// All cases to be measured. They are checked before any is measured.
 pub(super) fn jobs(args: &BenchArgs, choices: &[Choice]) -> Result<Vec<Job>, Failure> {
     let mut jobs = Vec::new();
     if args.table2 {
@@ -52,7 +52,7 @@ pub(super) fn jobs(args: &BenchArgs, choices: &[Choice]) -> Result<Vec<Job>, Fai
             )));
         }
         for row in table2::ROWS {
-            // Parameters set from outside hold where the row's pass reads them.
+            // Parameters set by the user apply to the rows whose pass reads them.
             let settings = args.project(args.folder.join(row.project), None).settings();
             for choice in choices {
                 let case = row.case(&args.folder, &settings, *choice)?;
@@ -88,7 +88,7 @@ pub(super) fn jobs(args: &BenchArgs, choices: &[Choice]) -> Result<Vec<Job>, Fai
     Ok(jobs)
 }
 
-/// The assignments of a sweep: `PASS.NAME=VALUE` for each of its values.
+/// The assignments of a sweep: `PASS.NAME=VALUE` for each value.
 fn swept(path: &Path, sweep: &str, settings: &Settings) -> Result<Vec<String>, Failure> {
     let wrong = |help: &str| Failure::Usage(format!("`--sweep {sweep}`: {help}"));
     let Some((name, values)) = sweep.split_once('=') else {

@@ -1,4 +1,4 @@
-//! `curitiba bench --list` and `--shard`: rows that several processes measure, each into a file of its own.
+//! `curitiba bench --list` and `--shard`: rows distributed over several processes, each row in its own file.
 
 use super::bench_args::BenchArgs;
 use super::bench_begin::{begin, check_folder_of_references, choices, references_folder};
@@ -25,13 +25,13 @@ impl From<PartError> for Failure {
     }
 }
 
-/// The shard that `--shard` names, with the environment of this process; all the work without it.
+/// The shard that `--shard` selects, resolved with the environment of this process; without it all the work.
 pub(super) fn shard(request: Option<Request>) -> Result<Shard, Failure> {
     let variable = |name: &str| std::env::var(name).ok();
     request.map_or(Ok(Shard::WHOLE), |request| request.resolve(variable)).map_err(Failure::Usage)
 }
 
-/// Prints a line for each row: its index from 0, its id, and the command that measures it alone, with tabs between.
+/// Prints a line for each row, separated by tabs: index from 0, id, and the command that measures this row alone.
 pub(super) fn list(args: &BenchArgs) -> Result<(), Failure> {
     let shard = shard(args.shard)?;
     let jobs = jobs(args, &all_choices(args, args.choice()))?;
@@ -48,7 +48,7 @@ fn row_list(args: &BenchArgs, jobs: &[Job]) -> RowList {
     RowList::new(args.command(), jobs.iter().map(|job| &job.case))
 }
 
-/// Measures the rows of a shard that are not in the folder yet, and prints all of the shard.
+/// Measures the rows of a shard that the folder does not contain yet, and prints all rows of the shard.
 pub(super) fn run(args: &BenchArgs, folder: &Path) -> Result<(), Failure> {
     let shard = shard(args.shard)?;
     check_folder(folder)?;
@@ -92,7 +92,7 @@ pub(super) fn run(args: &BenchArgs, folder: &Path) -> Result<(), Failure> {
     first_failure.map_or(Ok(()), Err)
 }
 
-/// References that are refined row by row differ with the rows that one process happens to measure.
+/// Fails if references would be refined row by row: they would then depend on the rows that one process happens to measure.
 fn check_noise(args: &BenchArgs, jobs: &[Job]) -> Result<(), Failure> {
     if args.no_error || args.reference_samples.is_some() {
         return Ok(());
@@ -109,11 +109,11 @@ fn check_noise(args: &BenchArgs, jobs: &[Job]) -> Result<(), Failure> {
     Ok(())
 }
 
-/// What measuring needs: looked up when the first row is measured, and not before.
+/// State for measuring, set up when the first row is measured.
 struct Measuring {
-    /// Without rows: command and machine.
+    /// Benchmark without rows: command and machine.
     file: BenchFile,
-    /// The engines that are here.
+    /// The engines that this machine has.
     choices: Vec<Choice>,
     rows: Rows,
 }
@@ -126,8 +126,8 @@ impl Measuring {
         Ok(Self { file, choices, rows: Rows::new(args, references_folder(args)) })
     }
 
-    /// Measures a row. Where an engine says that it cannot do this at all, the part holds the answer and no row; where it is not here, the
-    /// row is left to another machine.
+    /// Measures a row. If an engine does not support it at all, the part records that answer instead of a row. If the engine is
+    /// missing here, the row is left to another machine.
     fn row(&mut self, job: &Job, place: (usize, usize)) -> Result<BenchFile, Failure> {
         if !self.choices.contains(&job.case.choice) {
             let engines = job.case.choice.rays_in_words();

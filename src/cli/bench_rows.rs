@@ -1,4 +1,4 @@
-//! Measuring one row of `bench` after the other.
+//! Measuring the rows of `bench` one after another.
 
 use super::bench_args::BenchArgs;
 use super::bench_jobs::Job;
@@ -19,22 +19,22 @@ use std::time::{Duration, Instant};
 /// Measures rows, and compares their pictures with references.
 pub(super) struct Rows {
     options: MeasureOptions,
-    /// `None` where no error is wanted.
+    /// `None` if no errors are wanted.
     references: Option<References>,
     warned: BTreeSet<String>,
     start: Instant,
 }
 
-/// A row that is not there.
+/// A row that could not be measured.
 pub(super) struct Missing {
-    /// What, and why.
+    /// The row and the reason.
     pub what: Unavailable,
-    /// What ends the command; `None` where an engine says that it cannot do this at all, which is an answer.
+    /// The failure that ends the command; `None` if an engine does not support the row at all, which is a valid answer.
     pub failure: Option<Failure>,
 }
 
 impl Rows {
-    /// `folder` is where references are kept.
+    /// `folder` is the folder of references.
     pub fn new(args: &BenchArgs, folder: PathBuf) -> Self {
         let references = References::new(folder, Duration::from_secs(args.reference_seconds.into()));
         Self {
@@ -45,7 +45,7 @@ impl Rows {
         }
     }
 
-    /// Measures a row; `place` is its index and how many there are. Says on the error stream what it does.
+    /// Measures a row; `place` is its index and the number of rows. Reports progress on the error stream.
     pub fn measure(&mut self, job: &Job, (index, of): (usize, usize)) -> Result<BenchRow, Missing> {
         let case = &job.case;
         let spent = self.start.elapsed().as_secs_f64();
@@ -66,7 +66,7 @@ impl Rows {
         let (mut row, picture) = (measured.row, measured.picture);
         row.inputs = Some(Inputs::of(&measured.renderer));
         row.picture = Some(picture_hash(&picture));
-        // Its scene need not stay beside the reference's.
+        // Frees the scene before that of the reference is loaded.
         drop(measured.renderer);
         row.thesis = job.row.map(|of_table| of_table.figure(&row));
         row.error = match &mut self.references {
@@ -98,7 +98,7 @@ fn missing(job: &Job, error: OpenError) -> Missing {
     Missing { what, failure: (!is_unsupported(&error)).then(|| Failure::from(error)) }
 }
 
-/// Whether an engine says that it cannot do this at all, which is an answer and no failure.
+/// Whether an engine does not support a case at all, which is a valid answer and not a failure.
 fn is_unsupported(error: &OpenError) -> bool {
     matches!(
         error,

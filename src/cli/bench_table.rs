@@ -1,4 +1,4 @@
-//! The table that `bench` prints, row by row.
+//! The table that `bench` prints row by row.
 
 use anstyle::Style;
 use curitiba::bench::model::{BenchFile, BenchRow, RowError};
@@ -10,7 +10,7 @@ const HEADER: Style = Style::new().bold();
 /// Columns of a line beside the labels.
 const BESIDE_LABELS: usize = 158;
 
-/// Prints rows as they come, and numbers the references that they name.
+/// Prints rows as they are measured, and numbers their references.
 pub struct Table {
     label: usize,
     references: Vec<String>,
@@ -20,7 +20,7 @@ pub struct Table {
 }
 
 impl Table {
-    /// Prints what the rows are measured on.
+    /// Prints a header about the machine.
     pub fn new<'a>(labels: impl Iterator<Item = &'a str>, file: &BenchFile) -> Self {
         let machine = &file.environment;
         crate::say!(
@@ -115,7 +115,7 @@ impl Table {
         }) + 1
     }
 
-    /// Prints what the numbers of the references stand for, whose times the ratios are with, and what is not there.
+    /// Prints the numbered references, the machine of the report's times, and the missing rows.
     pub fn end(&self, file: &BenchFile) {
         for (index, reference) in self.references.iter().enumerate() {
             crate::say!("[{}]  {reference}", index + 1);

@@ -1,4 +1,4 @@
-//! `curitiba bench --sweep-threads`: how each step's time falls with the number of threads.
+//! `curitiba bench --sweep-threads`: how the time of each step falls with the number of threads.
 
 use super::bench_args::BenchArgs;
 use super::progress::Bars;
@@ -23,7 +23,7 @@ impl From<SweepError> for Failure {
     }
 }
 
-/// Measures one project and camera after the other; prints each as soon as it is there, and writes all so far.
+/// Measures each project and camera; prints each one as soon as it is measured, and writes all so far.
 pub fn run(args: &BenchArgs) -> Result<(), Failure> {
     let cases = cases(args)?;
     let mut threads: Vec<usize> = args.sweep_threads.iter().map(|threads| usize::from(*threads)).collect();
@@ -32,7 +32,7 @@ pub fn run(args: &BenchArgs) -> Result<(), Failure> {
     let outputs = [(&args.json, "--json"), (&args.markdown, "--markdown")];
     check_outputs(outputs.iter().filter_map(|(path, what)| Some((path.as_deref()?, *what))))?;
     if let Some(path) = args.json.as_ref().filter(|_| !args.overwrite) {
-        // Whatever else is there stays.
+        // Fails for any other file, so that it is not replaced.
         ThreadsFile::read(path)?;
     }
     if let Some(folder) = &args.plots {
@@ -62,7 +62,7 @@ pub fn run(args: &BenchArgs) -> Result<(), Failure> {
     Ok(())
 }
 
-/// Everything that is to be measured, checked before anything is.
+/// All cases to be measured. They are checked before any is measured.
 fn cases(args: &BenchArgs) -> Result<Vec<Case>, Failure> {
     let cameras: Vec<Option<String>> =
         if args.camera.is_empty() { vec![None] } else { args.camera.iter().cloned().map(Some).collect() };
@@ -79,7 +79,7 @@ fn cases(args: &BenchArgs) -> Result<Vec<Case>, Failure> {
     Ok(cases)
 }
 
-/// Threads are those of the cpu engines: `auto` means them here.
+/// The choice with `auto` replaced by `cpu`: only the cpu engines use these threads.
 fn on_cpu(choice: Choice) -> Choice {
     Choice {
         raster: if choice.raster == RasterChoice::Auto { RasterChoice::Cpu } else { choice.raster },
@@ -102,7 +102,7 @@ fn write(args: &BenchArgs, file: &ThreadsFile) -> Result<(), Failure> {
     Ok(())
 }
 
-/// Draws the curves into a file named after the project and the view; a second of one name gets a number.
+/// Draws the curves into a file named after project and view; if the name is taken, a number is appended.
 fn plot(folder: &Path, case: &ThreadsCase, written: &[PathBuf]) -> Result<Option<PathBuf>, Failure> {
     let Some(plot) = threads_plot(case) else { return Ok(None) };
     let project = case.project.file_stem().and_then(|stem| stem.to_str()).unwrap_or("project");

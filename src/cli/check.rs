@@ -8,7 +8,7 @@ use curitiba::pipeline::plan::Plan;
 use curitiba::pipeline::project::{SceneDecl, SourceError, declared_scenes};
 use curitiba::pipeline::scene::{self, BuildOptions, LoadOptions, Needs, RenderScene, SceneError};
 
-/// Reads everything that `render` would read, renders nothing, and prints what it finds.
+/// Reads everything that `render` would read, without rendering, and prints all problems.
 pub fn run(args: &ProjectArgs) -> Result<(), Failure> {
     set_threads(args.threads)?;
     tell_fastest(args.choice());
@@ -17,7 +17,7 @@ pub fn run(args: &ProjectArgs) -> Result<(), Failure> {
     let max_bytes = settings.max_memory;
     let project = settings.open(&args.path).map_err(|error| {
         if matches!(error, SourceError::Project(_)) {
-            // What is wrong with the scenes' files is said all the same.
+            // Problems of the scene files are reported too.
             let mut found = Found::default();
             declared_scenes(&args.path).iter().for_each(|declared| found.look_at(declared, Needs::ALL, max_bytes));
             if let Some(failures) = found.failures() {
@@ -45,7 +45,7 @@ pub fn run(args: &ProjectArgs) -> Result<(), Failure> {
     Ok(())
 }
 
-/// What is said of scene files.
+/// Problems of scene files.
 #[derive(Default)]
 struct Found {
     warnings: usize,
@@ -53,7 +53,7 @@ struct Found {
 }
 
 impl Found {
-    /// Reads a scene's files, each by itself, so that one that is wrong does not hide the others.
+    /// Reads each file of a scene separately, so that a broken one does not hide the others.
     fn look_at(&mut self, declared: &SceneDecl, needs: Needs, max_bytes: u64) {
         let options = LoadOptions { needs, max_bytes };
         for file in &declared.files {
@@ -91,7 +91,7 @@ impl Found {
         }
     }
 
-    /// All that is wrong, in words; `None` if nothing is.
+    /// Description of all problems; `None` if there are none.
     fn failures(&self) -> Option<String> {
         let count = self.failures.len();
         let files = if count == 1 { "scene file is" } else { "scene files are" };

@@ -1,4 +1,4 @@
-//! `curitiba compare`: how far two pictures are apart, or two ways to render a project.
+//! `curitiba compare`: the difference between two pictures, or between two ways to render a project.
 
 use super::compare_args::{CompareArgs, Z_TEST};
 use super::progress::Bars;
@@ -40,7 +40,7 @@ pub fn run(args: &CompareArgs) -> Result<(), Failure> {
     record_files_read();
     for operand in [&test, &reference] {
         if let Operand::Picture(path) = operand {
-            // What is wrong with it is told when it is read.
+            // Errors of reading it are reported when it is read.
             let _ = files::open(path);
         }
     }
@@ -86,17 +86,17 @@ impl From<CompareError> for Failure {
     }
 }
 
-/// A limit, and what it was held against.
+/// A limit of the command line, and whether it holds.
 #[derive(Debug, Clone, Serialize)]
 struct Limit {
     metric: &'static str,
-    /// The option, such as `--max-rmse`.
+    /// Name of the option, such as `--max-rmse`.
     option: &'static str,
     limit: f64,
     within: bool,
 }
 
-/// Holds what was found against the limits of the command line.
+/// Checks the results against the limits of the command line.
 fn check(args: &CompareArgs, compared: &Compared) -> Result<Vec<Limit>, Failure> {
     let limits = &args.limits;
     let given = [
@@ -144,7 +144,7 @@ fn write_pictures(args: &CompareArgs, compared: &Compared) -> Result<Vec<PathBuf
         write(path, &heat)?;
     }
     if let Some(path) = &args.strip {
-        // The heat map holds display values whatever the pictures do.
+        // The heat map holds display values, whatever the pictures hold.
         let shown = |side: &Side| displayed(&side.image, Display::of(compared.space)).map_err(Failure::work);
         write(path, &strip(&[&shown(&compared.test)?, &shown(&compared.reference)?, &heat]))?;
     }
@@ -213,7 +213,7 @@ fn print_line(title: &str, value: &str, limit: Option<&Limit>) {
     crate::say!("{}", format!("{title:18}  {value:>14}  {limit}").trim_end());
 }
 
-/// Six digits, whatever the magnitude.
+/// Formats a number with six significant digits.
 fn number(value: f64) -> String {
     match value.abs() {
         0.0 => "0".to_owned(),
@@ -235,7 +235,7 @@ fn in_words(found: &ZTest) -> String {
         count => format!("; {count} colours of tiles without noise differ"),
     };
     let chi_square = number(found.chi_square);
-    // Few samples of a pixel are far from normal, so these shares alone decide nothing.
+    // Single pixels with few samples are far from normally distributed, so these shares alone decide nothing.
     let few = if found.beyond_3 > 4.0 * EXPECTED_BEYOND_3 && found.verdict == Verdict::Noise {
         "; as single pixels have too few samples for a normal distribution, the tiles decide"
     } else {
@@ -258,7 +258,7 @@ struct Report<'a> {
     test: ReportedSide<'a>,
     reference: ReportedSide<'a>,
     pixels: u64,
-    /// `report` (values as stored) or `linear` (radiance).
+    /// Colour space of the comparison: `report` (values as stored) or `linear` (radiance).
     color: &'static str,
     metrics: &'a Comparison,
     z_test: &'a Option<ZTest>,

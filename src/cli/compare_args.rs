@@ -84,19 +84,19 @@ pub struct LimitArgs {
     pub max_z: Option<f64>,
 }
 
-/// A name for `--metric`.
+/// Parses a name for `--metric`.
 fn parse_metric(text: &str) -> Result<String, String> {
     let names = METRICS.iter().map(|metric| metric.name).chain([Z_TEST]);
     if names.clone().any(|name| name == text) { Ok(text.to_owned()) } else { Err(valid_names(text, names)) }
 }
 
-/// A limit: a number of 0 or more. SSIM may be negative.
+/// Parses a limit: a number of 0 or more. (SSIM may be negative, but not its limit.)
 fn parse_limit(text: &str) -> Result<f64, String> {
     let value: Option<f64> = text.trim().parse().ok().filter(|value: &f64| value.is_finite() && *value >= 0.0);
     value.ok_or_else(|| format!("`{text}` is no number of 0 or more"))
 }
 
-/// What `--help` says below the options: settings, formulas, examples and exit codes.
+/// The text of `--help` below the options: settings, formulas, examples and exit codes.
 pub fn long_help() -> String {
     let settings: String = SETTINGS.iter().map(|(name, value)| format!("  {name:10} {value}\n")).collect();
     let formulas: String = METRICS.iter().map(|metric| format!("  {:10} {}\n", metric.name, metric.formula)).collect();

@@ -1,4 +1,4 @@
-//! `render --display`: what passes write, sent to the image viewer tev while it is rendered.
+//! `render --display`: sends what passes write to the image viewer tev during rendering.
 
 use super::{Failure, failure};
 use curitiba::pipeline::color::{ColorSpace, decode};
@@ -9,21 +9,21 @@ use std::net::{TcpStream, ToSocketAddrs as _};
 use std::time::{Duration, Instant};
 use tev_client::{PacketCreateImage, PacketUpdateImage, TevClient};
 
-/// How long the viewer may take to answer or to take a packet.
+/// Timeout for the viewer to answer or to accept a packet.
 const PATIENCE: Duration = Duration::from_secs(5);
-/// The least time between two pictures of an accumulation.
+/// Least time between two pictures of an accumulation.
 const PAUSE: Duration = Duration::from_millis(250);
-/// Numbers of a packet at most, whole rows of them: 4 MiB, far below the 4 GiB that its length can say.
+/// Most numbers in a packet, which holds whole rows: 4 MiB, far below the 4 GiB that its length field allows.
 const NUMBERS: usize = 1 << 20;
 const CHANNELS: [&str; 4] = ["R", "G", "B", "A"];
 
-/// A connection to tev. One that breaks is told once, and rendering goes on without it.
+/// A connection to tev. If it breaks, that is reported once, and rendering continues without it.
 pub struct Display {
     viewer: Option<TevClient>,
     address: String,
-    /// What the images are named after.
+    /// Prefix of the images' names.
     project: String,
-    /// What colours are.
+    /// Colour space of the colours.
     space: ColorSpace,
     /// Images that the viewer has, with their sizes.
     images: HashMap<String, [u32; 2]>,
@@ -31,7 +31,7 @@ pub struct Display {
 }
 
 impl Display {
-    /// Connects.
+    /// Connects to a viewer.
     pub fn connect(address: &str, project: String) -> Result<Self, Failure> {
         let connect = || {
             let mut last = io::Error::new(io::ErrorKind::NotFound, "the name has no address");
@@ -60,12 +60,12 @@ impl Display {
         })
     }
 
-    /// The same, with what colours are.
+    /// Sets the colour space.
     pub fn of(self, space: ColorSpace) -> Self {
         Self { space, ..self }
     }
 
-    /// Whether a picture of an accumulation is due.
+    /// Whether the next picture of an accumulation is due.
     pub fn is_due(&mut self) -> bool {
         let due = self.viewer.is_some() && self.shown.elapsed() >= PAUSE;
         if due {
@@ -74,7 +74,8 @@ impl Display {
         due
     }
 
-    /// Sends a channel. Colours go as linear light, since the viewer encodes for the screen; all else as the numbers that it is.
+    /// Sends a channel. Colours are sent as linear light, since the viewer encodes them for the screen; other values are sent
+    /// unchanged.
     pub fn send(&mut self, output: &Output<'_>) {
         let Some(viewer) = &mut self.viewer else { return };
         let name = format!("{} {}", self.project, output.channel);

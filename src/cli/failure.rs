@@ -1,4 +1,4 @@
-//! Why a command failed, how that is shown, and the exit code that says so.
+//! Failures of commands: their messages and exit codes.
 
 use anstyle::{AnsiColor, Style};
 use curitiba::OpenError;
@@ -18,25 +18,25 @@ const WARNING: Style = AnsiColor::Yellow.on_default().bold();
 /// Why a command failed.
 #[derive(Debug)]
 pub enum Failure {
-    /// The work failed: a device, a file that cannot be written. Exit code 1.
+    /// The work failed, because of a device or a file that cannot be written, for example. Exit code 1.
     Work(String),
-    /// A comparison is beyond these limits. Exit code 1.
+    /// A comparison exceeds these limits. Exit code 1.
     Beyond(String),
-    /// What the command line asks for does not fit the project. Exit code 2.
+    /// The command line does not fit the project. Exit code 2.
     Usage(String),
-    /// A project, scene or picture file is wrong. Exit code 3.
+    /// A project, scene or picture file is in error. Exit code 3.
     Input(String),
-    /// A project's files are wrong, in these places. Exit code 3.
+    /// The project's files have these errors. Exit code 3.
     Problems(Problems),
 }
 
 impl Failure {
-    /// The work failed.
+    /// A failure of the work.
     pub fn work(error: impl Display) -> Self {
         Self::Work(error.to_string())
     }
 
-    /// With what to do about a ray backend that failed while nothing was allowed to take over.
+    /// A failure of rendering. If a ray backend failed and no fallback was allowed, the message says how to allow one.
     pub fn of_rendering(error: impl Into<OpenError>, may_fall_back: bool) -> Self {
         let error = error.into();
         let of_device = match &error {
@@ -138,18 +138,18 @@ pub fn print_warning(text: &str) {
     crate::tell!("{WARNING}warning:{WARNING:#} {text}");
 }
 
-/// Prints the problems that are worth interrupting a rendering for; `check` and `plan` print the notes too.
+/// Prints warnings and errors, which are worth interrupting a rendering for; `check` and `plan` print the notes too.
 pub fn print_warnings_of(problems: &Problems) {
     let warnings = problems.0.iter().filter(|problem| problem.severity != Severity::Note);
     print_problems(&Problems(warnings.cloned().collect()));
 }
 
-/// Prints an error that does not end the command by itself.
+/// Prints an error that does not by itself end the command.
 pub fn print_error(message: &str) {
     crate::tell!("{ERROR}error:{ERROR:#} {message}");
 }
 
-/// Prints every problem with its place; on a terminal with the lines around it, and a closing count.
+/// Prints every problem with its place, on a terminal with the surrounding lines, and a final count.
 pub fn print_problems(problems: &Problems) {
     let graphical = std::io::stderr().is_terminal();
     for problem in &problems.0 {
@@ -167,8 +167,8 @@ pub fn print_problems(problems: &Problems) {
     }
 }
 
-/// Whether the lines around a problem may be shown: not those of a file that is no XML, which a project may have named to
-/// have it shown.
+/// Whether the lines around a problem may be printed. They are not for a file that is no XML: a project may name such a file in
+/// order to have its contents shown.
 fn may_be_shown(problem: &Problem) -> bool {
     problem.place.as_ref().is_none_or(|(source, _)| source.text.trim_start().starts_with('<'))
 }
@@ -193,7 +193,7 @@ fn graphical_problem(problem: &Problem) -> String {
     let handler = GraphicalReportHandler::new_themed(GraphicalTheme::unicode());
     match handler.render_report(&mut text, report.as_ref()) {
         Ok(()) => text,
-        // The same facts without the picture.
+        // The same information without the source lines.
         Err(_) => format!("{problem}\n"),
     }
 }

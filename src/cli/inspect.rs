@@ -1,4 +1,4 @@
-//! `render --pixel` and `render --check-numerics`: what passes write, and why.
+//! `render --pixel` and `render --check-numerics`: inspection of what passes write.
 
 use super::Failure;
 use super::display::Display;
@@ -10,38 +10,38 @@ use curitiba::pipeline::image::Image;
 use glam::DVec3;
 use std::sync::Arc;
 
-/// Shows progress, and looks into what passes write.
+/// An observer that shows progress and inspects outputs of passes.
 pub struct Inspector {
     bars: Bars,
     pixel: Option<[u32; 2]>,
     check: bool,
     lines: Vec<String>,
-    /// What could not be explained.
+    /// Why the pixel could not be explained.
     failed: Option<String>,
     checked: Vec<Checked>,
     display: Option<Display>,
 }
 
-/// A component of an output over all frames.
+/// Counts for a component of an output, over all frames.
 struct Checked {
-    /// ``pass `pass2`, library::texture.red``.
+    /// Name, such as ``pass `pass2`, library::texture.red``.
     name: String,
     width: u32,
     faults: Faults,
 }
 
 impl Inspector {
-    /// `pixel` is explained in the first frame; `check` counts in every one.
+    /// `pixel` is explained in the first frame; with `check` values are checked in every frame.
     pub fn new(bars: Bars, pixel: Option<[u32; 2]>, check: bool) -> Self {
         Self { bars, pixel, check, lines: Vec::new(), failed: None, checked: Vec::new(), display: None }
     }
 
-    /// Shows pictures there.
+    /// Sends pictures to a viewer.
     pub fn show_on(&mut self, display: Display) {
         self.display = Some(display);
     }
 
-    /// Found out before the work, not after it.
+    /// Checks before the work whether the pixel lies in the picture.
     pub fn check_pixel(&self, [width, height]: [u32; 2]) -> Result<(), Failure> {
         match self.pixel {
             Some([x, y]) if x >= width || y >= height => Err(Failure::Usage(format!(
@@ -51,7 +51,7 @@ impl Inspector {
         }
     }
 
-    /// Prints what was found out of the pixel; later frames add nothing.
+    /// Prints the explanation of the pixel; later frames add nothing.
     pub fn print_pixel(&mut self) -> Result<(), Failure> {
         self.bars.end();
         for line in self.lines.drain(..) {
@@ -61,7 +61,7 @@ impl Inspector {
         self.failed.take().map_or(Ok(()), |message| Err(Failure::Work(message)))
     }
 
-    /// Fails if a value was wrong; says where.
+    /// Fails if an invalid value was found; prints where.
     pub fn verdict(&self, quiet: bool) -> Result<(), Failure> {
         if !self.check {
             return Ok(());

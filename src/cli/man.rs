@@ -1,4 +1,4 @@
-//! `curitiba man`: manual pages, from the declaration of the command line.
+//! `curitiba man`: manual pages, generated from the declaration of the command line.
 
 use super::{Failure, printed};
 use clap::{Args, ValueHint};
@@ -16,7 +16,7 @@ pub struct ManArgs {
     pub folder: Option<PathBuf>,
 }
 
-/// Prints the page of a program, or writes those of all its commands.
+/// Prints the page of the program, or writes the pages of all commands.
 pub fn run(args: &ManArgs, program: clap::Command) -> Result<(), Failure> {
     let pages = pages(program).map_err(Failure::work)?;
     let Some(folder) = &args.folder else {
@@ -34,7 +34,7 @@ pub fn run(args: &ManArgs, program: clap::Command) -> Result<(), Failure> {
     Ok(())
 }
 
-/// File names and pages: that of the program first, then one for each command.
+/// File names and pages: the program's page first, then one for each command.
 fn pages(program: clap::Command) -> io::Result<Vec<(String, Vec<u8>)>> {
     let mut program = program.disable_help_subcommand(true);
     program.build();
@@ -42,7 +42,7 @@ fn pages(program: clap::Command) -> io::Result<Vec<(String, Vec<u8>)>> {
     std::iter::once(program.clone()).chain(commands).map(page).collect()
 }
 
-/// A page, with examples as they are written: the crate would fill them as a paragraph.
+/// A page. Examples keep their lines, which the crate would join to paragraphs.
 fn page(command: clap::Command) -> io::Result<(String, Vec<u8>)> {
     let more = command.get_after_long_help().or_else(|| command.get_after_help()).map(ToString::to_string);
     let (has_options, has_commands) = (command.get_arguments().next().is_some(), command.has_subcommands());
@@ -65,7 +65,7 @@ fn page(command: clap::Command) -> io::Result<(String, Vec<u8>)> {
     Ok((man.get_filename(), text))
 }
 
-/// What help says at its end: indented lines stay lines, others are filled.
+/// The text at the end of a help page: indented lines are kept, others are joined to paragraphs.
 fn notes(text: &str) -> Roff {
     let mut page = Roff::default();
     let (mut heading, mut fills) = ("", true);

@@ -1,4 +1,4 @@
-//! `curitiba merge`: parts of a benchmark, and machines side by side.
+//! `curitiba merge`: joins parts of a benchmark, and puts machines side by side.
 
 use super::bench_table::Table;
 use super::{Failure, failure, table};
@@ -11,7 +11,7 @@ use curitiba::pipeline::files::{check_outputs, record_files_read};
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
-/// Rows that are missing and printed one by one.
+/// Most missing rows that are printed.
 const MOST_PRINTED: usize = 50;
 
 /// Arguments of `merge`.
@@ -37,7 +37,7 @@ pub fn run(args: &MergeArgs) -> Result<(), Failure> {
     if !args.overwrite {
         check_ours(&args.output)?;
     }
-    // No file that is merged is to be replaced.
+    // No input file may be replaced.
     record_files_read();
     let Merged { file, missing, warnings } = merge(&args.parts)?;
     check_outputs([(&*args.output, "merged benchmark")])?;
@@ -63,7 +63,7 @@ pub fn run(args: &MergeArgs) -> Result<(), Failure> {
     )))
 }
 
-/// Refuses to replace a file that is neither empty nor a merged benchmark: a part that is named first by mistake.
+/// Fails if a file would be replaced that is neither empty nor a merged benchmark, such as a part that was named first by mistake.
 fn check_ours(path: &Path) -> Result<(), Failure> {
     let help = "name the file to write first, then the parts; --overwrite replaces it";
     match BenchFile::read(path) {
@@ -78,7 +78,7 @@ fn check_ours(path: &Path) -> Result<(), Failure> {
     }
 }
 
-/// One machine as `bench` prints it; several side by side.
+/// Prints a single machine as `bench` does, and several side by side.
 fn print(file: &BenchFile) {
     if let [_] = file.machines[..] {
         let mut table = Table::new(file.rows.iter().map(|row| row.label.as_str()), file);

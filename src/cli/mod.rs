@@ -1,4 +1,4 @@
-//! The verbs of the command line, one module each, and what they share.
+//! The commands of the program, one module each, and what they share.
 
 pub mod args;
 pub mod bench;
@@ -49,15 +49,16 @@ use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::sync::atomic::{AtomicBool, Ordering};
 
-/// Prints a line to the output stream, with colours only where it is a terminal. There the last column of a table is [wrapped](width::wrapped).
+/// Prints a line to the output stream, with colours only on a terminal. On a terminal the last column of a table is
+/// [wrapped](width::wrapped).
 ///
-/// A closed pipe is no error, as `head` expects: the files are still written. A full disk ends the program with a message.
+/// A closed pipe is no error, as with `head`: files are still written. A full disk ends the program with a message.
 #[macro_export]
 macro_rules! say {
     ($($argument:tt)*) => { $crate::cli::print_line(format_args!($($argument)*)) };
 }
 
-/// Prints a line to the error stream, with colours only where it is a terminal. See [`unheard`].
+/// Prints a line to the error stream, with colours only on a terminal. See [`unheard`].
 #[macro_export]
 macro_rules! tell {
     ($($argument:tt)*) => { $crate::cli::tell_line(format_args!($($argument)*)) };
@@ -74,7 +75,7 @@ pub fn print_line(line: std::fmt::Arguments<'_>) {
     };
     if let Err(failure) = printed(writeln!(anstream::stdout(), "{lines}")) {
         failure.print();
-        // Nothing is dropped from here on.
+        // `exit` runs no destructors, so temporary files are removed here.
         files::abandon();
         std::process::exit(1);
     }
@@ -87,13 +88,12 @@ pub fn tell_line(line: std::fmt::Arguments<'_>) {
     }
 }
 
-/// Whether the error stream could not be written, other than because its reader went away. Nothing can say so but the exit
-/// code.
+/// Whether writing to the error stream failed, other than because its reader went away. Only the exit code can report that.
 pub fn unheard() -> bool {
     UNHEARD.load(Ordering::Relaxed)
 }
 
-/// What a stream that failed means. A closed pipe means nothing.
+/// Whether a result is a failure: a closed pipe is none.
 fn printed(result: std::io::Result<()>) -> Result<(), Failure> {
     match result {
         Err(error) if error.kind() != std::io::ErrorKind::BrokenPipe => {
@@ -111,10 +111,10 @@ pub fn completions(shell: clap_complete::Shell) -> Result<(), Failure> {
     printed(stream.write_all(&script).and_then(|()| stream.flush()))
 }
 
-/// Prints help, or what is wrong with the command line, and says with which code to exit.
+/// Prints help, or the error of the command line, and returns the exit code.
 pub fn usage(error: &clap::Error) -> ExitCode {
     match printed(error.print().and_then(|()| std::io::stdout().flush())) {
-        // Help was asked for.
+        // Help was requested.
         Err(failure) if error.exit_code() == 0 => {
             failure.print();
             failure.exit_code()
@@ -129,13 +129,13 @@ pub fn confine(folder: Option<&Path>) -> Result<(), Failure> {
     files::confine(folder).map_err(|error| Failure::Usage(format!("--confine {}: {error}", folder.display())))
 }
 
-/// Whether references may be kept where they are, if the process is confined.
+/// Checks that references can be stored in their folder, if the process is confined.
 fn check_references(folder: &Path, remedy: &str) -> Result<(), Failure> {
     files::check_place(folder)
         .map_err(|error| Failure::Usage(format!("references cannot be kept: {error}\n       {remedy}")))
 }
 
-/// Says where the files lie that were read and are not in the project's folder, or in one of its folders.
+/// Prints the files that were read and lie outside the project's folder and its subfolders.
 fn print_outside(project: &Path, more: impl IntoIterator<Item = PathBuf>) {
     let outside = files::outside(project.parent().unwrap_or(Path::new("")), more);
     if outside.is_empty() {
@@ -147,20 +147,20 @@ fn print_outside(project: &Path, more: impl IntoIterator<Item = PathBuf>) {
     }
 }
 
-/// Starts the threads of the cpu engines: all cores, unless a number is named.
+/// Starts the threads of the cpu engines: all cores, unless a number is given.
 fn set_threads(threads: Option<u16>) -> Result<(), Failure> {
     curitiba::threads::start(threads).map_err(Failure::Work)
 }
 
-/// Says which ray backend of a choice was found to be the fastest, where that was asked for. Threads have to be started before.
+/// Prints which ray backend was found to be the fastest, if that was asked for. The threads must be started already.
 fn tell_fastest(_: Choice) {
     if let Some(found) = fastest::taken() {
         crate::tell!("{found}");
     }
 }
 
-/// Asks the engines that would do the work for what they cannot do: before anything is loaded, not at the first frame. What
-/// is not there is told, and only `render` fails for it.
+/// Asks the engines for what they cannot do, before anything is loaded instead of at the first frame. Missing engines are only
+/// reported; `render` alone fails for them.
 fn ask_engines(plan: &mut Plan, choice: Choice) -> Result<(), Failure> {
     let mut engines = match engines::exactly(Choice { raster: choice.for_plan(plan).raster, ..choice }, plan) {
         Ok(engines) => engines,
@@ -175,7 +175,7 @@ fn ask_engines(plan: &mut Plan, choice: Choice) -> Result<(), Failure> {
     let apart = shared || engines.differ();
     _ = plan.decide_showing_quad(&mut *engines.raster, &mut *engines.rays, apart);
     let (raster, rays_of) = (&*engines.raster, |pass: &str| engines.rays_of(pass));
-    // Where another backend may take over, it does.
+    // If a fallback is allowed, it takes over.
     let stands_in = choice.for_plan(plan).fallback.iter().any(Option::is_some);
     let for_the_cpu = || plan.untraced_sun(rays_of).or_else(|| plan.unfiltered(rays_of));
     let left = || if stands_in { None } else { for_the_cpu() };

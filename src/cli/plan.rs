@@ -1,4 +1,4 @@
-//! `curitiba plan`: what would be done, and why.
+//! `curitiba plan`: prints what would be done, and why.
 
 use super::{Failure, ask_engines, failure, print_outside, print_warnings, set_threads, tell_fastest};
 use anstyle::{AnsiColor, Style};
@@ -52,7 +52,7 @@ pub fn run(args: &ProjectArgs) -> Result<(), Failure> {
     Ok(())
 }
 
-/// The files of a set of scenes as far as a plan needs them: materials, and which textures they name.
+/// Loads the files of a set of scenes as far as a plan needs them: materials, and which textures they name.
 fn load(plan: &Plan, set: &[usize]) -> Result<Scene, Failure> {
     let files = set.iter().flat_map(|index| &plan.project.scenes[*index].files).map(|file| file.path.clone());
     let needs = Needs { normals: false, ..plan.needs };
@@ -95,7 +95,7 @@ fn describe(plan: &Plan, planned: &PlannedPass) -> String {
     format!("{}: {} into {target}, {width} x {height}", pass.name, what.trim_end())
 }
 
-/// What the materials of each set of scenes are as glass, where a pass asks.
+/// Decisions about the glass of each set of scenes, if a pass asks for it.
 fn glass(plan: &Plan, scenes: &[Scene]) -> Result<Vec<Decision>, Failure> {
     let mut decisions = Vec::new();
     for (set, scene) in scenes.iter().enumerate() {
@@ -115,7 +115,7 @@ fn glass(plan: &Plan, scenes: &[Scene]) -> Result<Vec<Decision>, Failure> {
     Ok(decisions)
 }
 
-/// Whether each pass that traces needs an acceleration structure, which the scene's materials decide.
+/// Decisions whether each tracing pass needs an acceleration structure, which depends on the scene's materials.
 fn structures(plan: &Plan, scenes: &[Scene]) -> Vec<Decision> {
     let mut decisions = Vec::new();
     for planned in &plan.passes {

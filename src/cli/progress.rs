@@ -1,4 +1,4 @@
-//! Progress of steps that take longer than a second, on terminals only.
+//! Progress bars for steps that take longer than a second, on terminals only.
 
 use super::failure;
 use curitiba::pipeline::executor::{Fallback, Observer, Progress, StepKind};
@@ -9,11 +9,11 @@ use std::sync::mpsc::{RecvTimeoutError, Sender, channel};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
-/// How long a step may run before it is shown.
+/// Time after which a running step is shown.
 const PATIENCE: Duration = Duration::from_secs(1);
 const TICK: Duration = Duration::from_millis(100);
 
-/// Shows a bar for a long step, on the error stream, if that is a terminal.
+/// Shows a progress bar for a long step on the error stream, if that is a terminal.
 #[derive(Debug, Default)]
 pub struct Bars {
     running: Option<(Sender<()>, JoinHandle<()>)>,
@@ -38,14 +38,14 @@ impl Observer for Bars {
             }
             bar.finish_and_clear();
         };
-        // Where no thread can be started, there is no bar.
+        // If no thread can be started, there is no bar.
         self.running = std::thread::Builder::new().spawn(watch).ok().map(|watcher| (stop, watcher));
     }
 
     fn end(&mut self) {
         if let Some((stop, watcher)) = self.running.take() {
             drop(stop);
-            // The watcher only draws: if it panicked, the picture is not worse for it.
+            // The thread only draws: a panic in it does not affect the picture.
             let _ = watcher.join();
         }
     }

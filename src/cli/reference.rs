@@ -1,4 +1,4 @@
-//! `curitiba reference`: the picture that rows are judged by.
+//! `curitiba reference`: renders the picture that rows are compared with.
 
 use super::progress::Bars;
 use super::reference_args::ReferenceArgs;
@@ -24,7 +24,7 @@ impl From<ReferenceError> for Failure {
     }
 }
 
-/// Renders the reference, keeps it, and writes it where it was asked for.
+/// Renders the reference, stores it, and writes it to a requested file.
 pub fn run(args: &ReferenceArgs) -> Result<(), Failure> {
     set_threads(args.threads)?;
     let shard = bench_parts::shard(args.shard)?;

@@ -76,7 +76,7 @@ pub struct ReferenceArgs {
 }
 
 impl ReferenceArgs {
-    /// What is asked of the project.
+    /// The settings of the project.
     pub fn settings(&self) -> Settings {
         Settings {
             pipeline: self.pipeline.clone(),

@@ -1,4 +1,4 @@
-//! `curitiba render`: a picture, and what each step took.
+//! `curitiba render`: renders a picture and prints the time of each step.
 
 use super::args::{Frames, RenderArgs};
 use super::display::Display;
@@ -37,7 +37,7 @@ pub fn run(args: &RenderArgs) -> Result<(), Failure> {
     check_extension(&output)?;
     let trace = args.trace.as_deref().map(|path| (path, "trace"));
     check_outputs([(&*output, "window")].into_iter().chain(trace))?;
-    // No file that the project consists of is to be replaced.
+    // No file that the project consists of may be replaced.
     record_files_read();
     let mut inspector = Inspector::new(Bars::default(), args.pixel, args.check_numerics);
     let project = args.project.path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
@@ -127,7 +127,7 @@ pub fn run(args: &RenderArgs) -> Result<(), Failure> {
     inspector.verdict(args.json)
 }
 
-/// Refuses what is of one sample a pixel.
+/// Fails if options are given that need one sample a pixel.
 fn check_samples(args: &RenderArgs) -> Result<(), Failure> {
     let samples = args.project.aa;
     let refused = |option: &str, help: &str| Err(Failure::Usage(format!("{option} with --aa {samples}: {help}")));
@@ -144,20 +144,20 @@ fn check_samples(args: &RenderArgs) -> Result<(), Failure> {
     }
 }
 
-/// What was accumulated in a pass.
+/// Accumulated samples of a pass, for the report.
 #[derive(Serialize)]
 struct Accumulated {
     pass: String,
-    /// Samples a point.
+    /// Number of samples a point.
     samples: u64,
     batches: u32,
-    /// Root mean square of the pixels' standard errors; none after one batch.
+    /// Root mean square of the pixels' standard errors; `None` after one batch.
     error: Option<f64>,
-    /// The largest of them.
+    /// Largest of the pixels' standard errors.
     largest: Option<f64>,
 }
 
-/// Accumulates samples, and says where the goal was not reached and where there is nothing to accumulate.
+/// Accumulates samples; prints a warning if the goal was not reached or there is nothing to accumulate.
 fn accumulate(renderer: &mut Renderer, goal: Goal, inspector: &mut Inspector) -> Result<Vec<Accumulated>, RenderError> {
     let accumulation = renderer.accumulate(goal, inspector)?;
     if accumulation.passes().is_empty() {

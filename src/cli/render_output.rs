@@ -1,4 +1,4 @@
-//! Where pictures go, and what is said before they are rendered.
+//! Names of output files, and the header printed before rendering.
 
 use super::Failure;
 use curitiba::bench::case::fidelity_name;
@@ -6,9 +6,9 @@ use curitiba::environment::Environment;
 use curitiba::pipeline::executor::Renderer;
 use std::path::{Path, PathBuf};
 
-/// The name of the project, scene file or folder, in this folder.
+/// Default output: the name of the project, scene file or folder, in the current folder.
 pub(super) fn default_output(path: &Path) -> PathBuf {
-    // A folder may be `.`, and what follows its last point is no extension.
+    // A folder may be `.`, and the part after the last dot of its name is no extension.
     let whole = std::fs::canonicalize(path).ok().filter(|whole| whole.is_dir());
     let name = whole.as_deref().map_or(path.file_stem(), Path::file_name);
     let mut name = name.unwrap_or_else(|| "picture".as_ref()).to_owned();
@@ -16,7 +16,7 @@ pub(super) fn default_output(path: &Path) -> PathBuf {
     PathBuf::from(name)
 }
 
-/// Whether a file name asks for a picture that can be written.
+/// Fails if a file name has no extension of a supported picture format.
 pub(super) fn check_extension(output: &Path) -> Result<(), Failure> {
     let extension = output.extension().and_then(|extension| extension.to_str()).unwrap_or_default().to_lowercase();
     if !matches!(extension.as_str(), "png" | "exr") {
@@ -25,7 +25,7 @@ pub(super) fn check_extension(output: &Path) -> Result<(), Failure> {
     Ok(())
 }
 
-/// Prints what is rendered and on what.
+/// Prints what is rendered, and on which engines.
 pub(super) fn print_header(renderer: &Renderer) {
     let plan = renderer.plan();
     let environment = Environment::here();

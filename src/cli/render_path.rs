@@ -1,4 +1,4 @@
-//! `curitiba render --path`: the frames of a moving camera.
+//! `curitiba render --path`: renders the frames of a moving camera.
 
 use super::args::{Frames, RenderArgs};
 use super::bench_parts::shard;
@@ -31,16 +31,16 @@ impl From<RecordError> for Failure {
     }
 }
 
-/// A frame of the table.
+/// A frame in the table.
 #[derive(Serialize)]
 struct Told {
     #[serde(flatten)]
     record: FrameRecord,
-    /// Whether it was there already.
+    /// Whether the frame existed already.
     found: bool,
 }
 
-/// Times of one machine.
+/// Mean times of one machine.
 #[derive(Serialize)]
 struct Times {
     machine: String,
@@ -49,7 +49,7 @@ struct Times {
     p99_ms: f64,
 }
 
-/// What the frames are called.
+/// Names of the frames' files.
 struct Names {
     output: PathBuf,
     digits: usize,
@@ -67,7 +67,7 @@ impl Names {
     }
 }
 
-/// Renders the frames of a shard that are not there yet, and prints what each took.
+/// Renders the frames of a shard that do not exist yet, and prints the times of each.
 pub(super) fn run(args: &RenderArgs, named: &str) -> Result<(), Failure> {
     let path = CameraPath::open(named)?;
     let shard = shard(args.shard)?;
@@ -81,7 +81,7 @@ pub(super) fn run(args: &RenderArgs, named: &str) -> Result<(), Failure> {
     if let Some(first) = frames.first() {
         check_outputs([(&*names.picture(*first), "frame"), (&*names.record(*first), "its record")])?;
     }
-    // No file that the project consists of is to be replaced.
+    // No file that the project consists of may be replaced.
     record_files_read();
     let mut bars = Bars::default();
     let (settings, may_fall_back) = (args.project.settings(), !args.fallback.is_empty());
@@ -112,7 +112,7 @@ pub(super) fn run(args: &RenderArgs, named: &str) -> Result<(), Failure> {
     Ok(())
 }
 
-/// The frames that are asked for.
+/// The requested range of frames.
 fn range(frames: Option<Frames>, of: u32) -> Result<std::ops::Range<u32>, Failure> {
     match frames {
         None => Ok(0..of),
@@ -127,7 +127,7 @@ fn range(frames: Option<Frames>, of: u32) -> Result<std::ops::Range<u32>, Failur
     }
 }
 
-/// The name of the camera that the path moves: the one that --camera or the path names, else that of all passes.
+/// Name of the camera that the path moves: given by --camera or the path, otherwise the camera of all passes.
 fn moved_camera(renderer: &Renderer, path: &CameraPath) -> Result<String, Failure> {
     let plan = renderer.plan();
     let project = &plan.project;
@@ -174,7 +174,7 @@ fn moved_camera(renderer: &Renderer, path: &CameraPath) -> Result<String, Failur
     Ok(project.cameras[moved].name.clone())
 }
 
-/// Renders the frames that are not there, and prints a line for each.
+/// Renders the missing frames, and prints a line for each frame.
 fn render(
     args: &RenderArgs,
     renderer: &mut Renderer,
@@ -238,7 +238,7 @@ fn print_frame(Told { record, found }: &Told, picture: &Path) {
     );
 }
 
-/// Means of each machine: times of different ones are never averaged.
+/// Mean times of each machine; times of different machines are not averaged.
 fn times(told: &[Told]) -> Vec<Times> {
     let mut machines: Vec<&str> = told.iter().map(|frame| frame.record.machine.as_str()).collect();
     machines.sort_unstable();

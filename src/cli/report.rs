@@ -1,4 +1,4 @@
-//! `curitiba report`: a page that says what each effect costs by raster and by rays here.
+//! `curitiba report`: writes a page about the cost of each effect by rasterisation and by rays on this machine.
 
 use super::args::ReportArgs;
 use super::progress::Bars;
@@ -34,7 +34,7 @@ pub fn run(args: &ReportArgs) -> Result<(), Failure> {
         wanted.triangles.retain(|triangles| *triangles <= most);
     }
     if made.is_some() {
-        // The generated square is another scene.
+        // The generated square is a different scene.
         wanted.triangles.clear();
     }
     let raster = args.raster.choice();
@@ -69,12 +69,12 @@ pub fn run(args: &ReportArgs) -> Result<(), Failure> {
     Ok(())
 }
 
-/// The projects of a scene, one for each technique, in a folder that goes when the first of the two does; `None` where a folder
-/// of projects is named.
+/// The projects of a scene, one for each technique, in a temporary folder that exists as long as the first value; `None` if a
+/// folder of projects is given.
 fn projects_of_scene(args: &ReportArgs) -> Result<Option<(TemporaryFolder, PathBuf)>, Failure> {
     const FIRST: &str = "SceneNoEffects.xml";
     let options = args.scene.options(&[]);
-    // A folder without any scene is refused as one of projects.
+    // A folder without scenes counts as a folder of projects, and is refused as such.
     let has_scenes = !args.projects.is_dir() || project::scene_files(&args.projects).is_ok();
     let is_scene = names_scenes(&args.projects) && has_scenes && !args.projects.join(FIRST).is_file();
     if !is_scene {
@@ -89,10 +89,10 @@ fn projects_of_scene(args: &ReportArgs) -> Result<Option<(TemporaryFolder, PathB
     let projects =
         project::open_scenes(&args.projects, &options, args.size, args.max_memory).map_err(OpenError::from)?;
     let Some(projects) = projects else { return Ok(None) };
-    // Beside the report: whoever confines all files to a folder has room for them there.
+    // Beside the report: a folder for all files, given with --confine, contains that place.
     let beside = args.output.parent().unwrap_or(Path::new("."));
     let folder = TemporaryFolder::new(beside).map_err(Failure::work)?;
-    // Written projects name their scenes by whole paths.
+    // Written projects name their scenes by absolute paths.
     let path = std::fs::canonicalize(folder.path()).map_err(Failure::work)?;
     create_folder(&path.join("raster")).map_err(Failure::work)?;
     for (file, project) in projects.by_technique() {
@@ -101,7 +101,7 @@ fn projects_of_scene(args: &ReportArgs) -> Result<Option<(TemporaryFolder, PathB
     Ok(Some((folder, path)))
 }
 
-/// One line a row, on the error stream.
+/// Prints a line for a row to the error stream.
 fn print(told: &Told<'_>) {
     let left = (told.time.total_s - told.time.spent_s).max(0.0);
     crate::tell!(
@@ -114,7 +114,7 @@ fn print(told: &Told<'_>) {
     );
 }
 
-/// The command as it can be typed again.
+/// The command line, quoted so that it can be typed again.
 fn command() -> String {
     let arguments = std::env::args_os().skip(1).map(|argument| quoted(&argument.to_string_lossy()));
     std::iter::once("curitiba".to_owned()).chain(arguments).collect::<Vec<_>>().join(" ")

@@ -1,4 +1,4 @@
-//! `curitiba scene`: describe scene files, convert them, or generate the square.
+//! `curitiba scene`: describes scene files, converts them, or generates the square.
 
 use super::args::SceneArgs;
 use super::progress::Bars;
@@ -15,7 +15,7 @@ use std::sync::Arc;
 
 const HEADER: Style = Style::new().bold();
 
-/// Loads or generates, describes, and writes if an output is named.
+/// Loads or generates a scene, describes it, and writes it if an output is given.
 pub fn run(args: &SceneArgs) -> Result<(), Failure> {
     set_threads(None)?;
     let output = args.output.as_deref();
@@ -36,7 +36,7 @@ pub fn run(args: &SceneArgs) -> Result<(), Failure> {
     let options = LoadOptions { needs: Needs::ALL, max_bytes: args.max_memory };
     let mut files = Vec::new();
     for path in &args.files {
-        // What is no scene is refused where it is read.
+        // Files that are no scenes are refused when they are read.
         let found = project::scene_files(path).map_err(OpenError::from)?;
         files.extend(found.unwrap_or_else(|| vec![path.clone()]));
     }
@@ -50,7 +50,7 @@ pub fn run(args: &SceneArgs) -> Result<(), Failure> {
     Ok(())
 }
 
-/// Writes the project with which `render` shows the scene.
+/// Writes a project that shows the scene.
 fn write_project(args: &SceneArgs, path: &Path) -> Result<(), Failure> {
     if !path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("xml")) {
         return Err(Failure::Usage(format!("{}: a project is written as .xml", path.display())));
@@ -67,7 +67,7 @@ fn write_project(args: &SceneArgs, path: &Path) -> Result<(), Failure> {
     Ok(())
 }
 
-/// Shows that something long is going on.
+/// Runs `work` with a progress bar.
 fn working<T>(kind: StepKind, name: &str, work: impl FnOnce() -> T) -> T {
     let mut bars = Bars::default();
     bars.begin(kind, name, &Arc::new(Progress::default()));
@@ -76,7 +76,7 @@ fn working<T>(kind: StepKind, name: &str, work: impl FnOnce() -> T) -> T {
     result
 }
 
-/// The layout that a file name asks for.
+/// The layout for a file name.
 fn layout_of(path: &Path) -> Result<Layout, Failure> {
     let extension = path.extension().and_then(|extension| extension.to_str()).unwrap_or_default().to_lowercase();
     match extension.as_str() {
@@ -89,7 +89,7 @@ fn layout_of(path: &Path) -> Result<Layout, Failure> {
     }
 }
 
-/// With `--json` the output stream holds nothing but JSON.
+/// Prints a line. With `--json` it goes to the error stream, since the output stream holds only JSON.
 fn say(json: bool, line: &str) {
     if json { crate::tell!("{line}") } else { crate::say!("{line}") }
 }

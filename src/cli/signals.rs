@@ -1,4 +1,4 @@
-//! Signals: an interrupted program leaves nothing half written behind.
+//! Signal handling: an interrupted program leaves no half-written files.
 
 use curitiba::pipeline::files;
 use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM, SIGXFSZ};
@@ -7,12 +7,12 @@ use std::ffi::c_int;
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 
-/// From now on SIGINT, SIGTERM and SIGHUP end the program as they always do, but after its temporary files are removed. A
-/// write beyond the limit on file sizes fails, as on a full disk, instead of ending the program by SIGXFSZ.
+/// From now on SIGINT, SIGTERM and SIGHUP end the program after its temporary files are removed. A write beyond the file size limit
+/// returns an error, as on a full disk, instead of ending the program by SIGXFSZ.
 ///
-/// A signal that the program was started with as ignored, as `nohup` does with SIGHUP, stays ignored.
+/// A signal that was ignored when the program started, as `nohup` does with SIGHUP, stays ignored.
 pub fn handle() -> std::io::Result<()> {
-    // Nobody reads the flag: that there is a handler is enough for the write to return an error.
+    // The flag is not read: the mere existence of a handler makes the write return an error.
     signal_hook::flag::register(SIGXFSZ, Arc::new(AtomicBool::new(false)))?;
     let mut signals = Signals::new([SIGINT, SIGTERM, SIGHUP].into_iter().filter(|signal| !ignored(*signal)))?;
     std::thread::Builder::new().name("signals".to_owned()).spawn(move || {
@@ -24,7 +24,7 @@ pub fn handle() -> std::io::Result<()> {
     Ok(())
 }
 
-/// Whether a signal is ignored, where the system tells.
+/// Whether a signal is ignored, by `/proc/self/status`; `false` on systems without it.
 fn ignored(signal: c_int) -> bool {
     let status = std::fs::read_to_string("/proc/self/status").unwrap_or_default();
     let mask = status.lines().find_map(|line| u64::from_str_radix(line.strip_prefix("SigIgn:")?.trim(), 16).ok());

@@ -6,7 +6,7 @@ use curitiba::pipeline::executor::{Row, StepKind, Timeline};
 const HEADER: Style = Style::new().bold();
 const TOTAL: Style = AnsiColor::Cyan.on_default();
 
-/// Prints the steps, what they took and what they did. With several frames the times are medians.
+/// Prints the steps, their times and their notes. With several frames the times are medians.
 pub fn print(timeline: &Timeline, frames: u32) {
     let width = timeline.rows.iter().map(|row| row.name.chars().count()).max().unwrap_or(0).clamp(4, 44);
     let device = timeline.rows.iter().any(|row| !row.device_ms.is_empty());
@@ -29,8 +29,8 @@ pub fn print(timeline: &Timeline, frames: u32) {
     crate::say!("{TOTAL}frame {frame:.2} ms{TOTAL:#} ({runs}{rays})");
 }
 
-/// Prints rows of cells, the first as a header: columns are as wide as their widest cell, and from the one of index `right` on they
-/// end at the right.
+/// Prints rows of cells, the first as a header. Columns are as wide as their widest cell; from column `right` on they are
+/// right-aligned.
 pub fn print_aligned(rows: &[Vec<String>], right: usize) {
     let columns = rows.iter().map(Vec::len).max().unwrap_or(0);
     let width = |column: usize| rows.iter().filter_map(|row| row.get(column)).map(|cell| cell.chars().count()).max();
@@ -67,7 +67,7 @@ fn print_row(row: &Row, width: usize, device: bool) {
     crate::say!("{}", line.trim_end());
 }
 
-/// The end of a long name tells more than its beginning.
+/// Shortens a name from the left: its end is more informative than its beginning.
 fn shorten(name: &str, width: usize) -> String {
     let length = name.chars().count();
     if length <= width {

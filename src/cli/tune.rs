@@ -1,4 +1,4 @@
-//! `curitiba tune`: raster or rays for each effect, and their settings, by measuring here.
+//! `curitiba tune`: chooses rasterisation or rays for each effect, and their settings, by measuring on this machine.
 
 use super::progress::Bars;
 use super::tune_args::TuneArgs;
@@ -10,10 +10,10 @@ use curitiba::tune::{self, Bench, Found, Goal, Slot, Trial, label, machine::Requ
 use std::path::Path;
 use std::time::Duration;
 
-/// How many next best are named with the one chosen.
+/// Number of next best candidates that are named with the chosen one.
 const NEXT_BEST: usize = 2;
 
-/// Measures, chooses, writes the project and measures that.
+/// Measures candidates, chooses one, writes its project and measures that.
 pub fn run(args: &TuneArgs) -> Result<(), Failure> {
     set_threads(args.project.threads)?;
     tell_fastest(args.project.choice());
@@ -22,7 +22,7 @@ pub fn run(args: &TuneArgs) -> Result<(), Failure> {
     let references = References::default_folder();
     check_references(&references, "the variable CURITIBA_CACHE names another folder")?;
     let references = References::new(references, Duration::from_secs(args.reference_seconds.into()));
-    // Beside the output: whoever confines all files to a folder has room for them there.
+    // Beside the output: a folder for all files, given with --confine, contains that place.
     let folder = TemporaryFolder::new(args.output.parent().unwrap_or(Path::new(""))).map_err(Failure::work)?;
     let mut bars = Bars::default();
     let request = Request {
@@ -64,7 +64,7 @@ pub fn run(args: &TuneArgs) -> Result<(), Failure> {
     confirm(&mut bench, args)
 }
 
-/// Whether what was written keeps what it promises.
+/// Checks by a measurement that the written project keeps its promise.
 fn confirm(bench: &mut Bench<'_>, args: &TuneArgs) -> Result<(), Failure> {
     let run = bench.run_file(&args.output).map_err(Failure::Work)?;
     let trial = Trial::new(Vec::new(), run);
@@ -83,7 +83,7 @@ fn confirm(bench: &mut Bench<'_>, args: &TuneArgs) -> Result<(), Failure> {
     )))
 }
 
-/// `tune` measures whole frames of the window.
+/// Fails if options restrict the window: `tune` measures whole frames.
 fn whole_frames(args: &TuneArgs) -> Result<(), Failure> {
     let project = &args.project;
     let given = [
@@ -97,7 +97,7 @@ fn whole_frames(args: &TuneArgs) -> Result<(), Failure> {
     }
 }
 
-/// Refuses an output that is there or is no project, before anything is measured.
+/// Fails if the output exists already or is not a project file, before anything is measured.
 fn check_output(path: &Path) -> Result<(), Failure> {
     let wrong = |why: &str| Err(Failure::Usage(format!("-o {}: {why}", path.display())));
     if path.extension().is_none_or(|extension| extension != "xml") {
@@ -115,7 +115,7 @@ fn times(trial: &Trial) -> String {
     format!("{:.2} ({low:.2} to {high:.2})", trial.median())
 }
 
-/// The goal in words.
+/// Description of the goal.
 fn goal(args: &TuneArgs) -> String {
     match args.goal() {
         Goal::Time(most) => format!("the least {} within {most} ms", args.metric.title),
@@ -123,7 +123,7 @@ fn goal(args: &TuneArgs) -> String {
     }
 }
 
-/// What was measured, the fastest first.
+/// Prints the measured candidates, the fastest first.
 fn print(found: &Found, args: &TuneArgs, slots: &[Slot]) {
     let title = args.metric.title;
     crate::say!("  {:>26}  {title:>8}  {:>6}  ", "ms a frame (95 % of median)", "frames");
@@ -153,7 +153,7 @@ fn print(found: &Found, args: &TuneArgs, slots: &[Slot]) {
     }
 }
 
-/// What comes nearest to a goal that nothing reaches.
+/// Message about the candidate nearest to a goal that none reaches.
 fn nothing_fits(found: &Found, args: &TuneArgs, slots: &[Slot]) -> String {
     let key = |trial: &&Trial| match args.goal() {
         Goal::Time(_) => trial.median(),

@@ -38,7 +38,7 @@ pub struct TuneArgs {
 }
 
 impl TuneArgs {
-    /// What is asked for: one of the two, by the group.
+    /// The goal: time or error; the argument group guarantees that exactly one is given.
     pub fn goal(&self) -> Goal {
         match (self.time, self.error) {
             (Some(ms), _) => Goal::Time(ms),
@@ -53,7 +53,7 @@ fn metric_parser() -> impl TypedValueParser<Value = &'static MetricInfo> {
         .try_map(move |name| errors().find(|metric| metric.name == name).ok_or("no metric"))
 }
 
-/// Milliseconds of `16.6ms` or `0.5s`.
+/// Parses `16.6ms` or `0.5s` as milliseconds.
 fn parse_time(text: &str) -> Result<f64, String> {
     let wrong = || format!("`{text}` is no time; valid: a number above 0 with its unit, such as 16.6ms or 0.5s");
     let (number, scale) = match (text.strip_suffix("ms"), text.strip_suffix('s')) {

@@ -1,4 +1,4 @@
-//! `curitiba view`: starts the window, which is a program of its own.
+//! `curitiba view`: starts the window, which is a separate program.
 
 use super::Failure;
 use std::ffi::OsString;
@@ -6,10 +6,10 @@ use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
-/// The window's program.
+/// Name of the window's program.
 const PROGRAM: &str = "curitiba-view";
 
-/// Starts it with these arguments, waits, and ends with its exit code.
+/// Starts the program with these arguments, waits, and exits with its exit code.
 pub fn run(confine: Option<&Path>, arguments: &[OsString]) -> Result<(), Failure> {
     let program = beside().unwrap_or_else(|| PROGRAM.into());
     let mut command = Command::new(&program);
@@ -18,7 +18,7 @@ pub fn run(confine: Option<&Path>, arguments: &[OsString]) -> Result<(), Failure
     }
     match command.args(arguments).status() {
         Ok(status) if status.success() => Ok(()),
-        // It has said why; ended by a signal it has no code.
+        // The program has printed its error; a program ended by a signal has no exit code.
         Ok(status) => std::process::exit(status.code().unwrap_or(1)),
         Err(error) if error.kind() == ErrorKind::NotFound => Err(Failure::Work(format!(
             "the window is a program of its own, `{PROGRAM}`, which is neither beside this one nor on PATH\n       \
@@ -29,7 +29,7 @@ pub fn run(confine: Option<&Path>, arguments: &[OsString]) -> Result<(), Failure
     }
 }
 
-/// The program beside this one, if it is there.
+/// The program beside this one, if it exists.
 fn beside() -> Option<PathBuf> {
     let own = std::env::current_exe().ok()?;
     let program = own.with_file_name(format!("{PROGRAM}{}", std::env::consts::EXE_SUFFIX));

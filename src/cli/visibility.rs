@@ -1,4 +1,4 @@
-//! `curitiba visibility`: rows for many pairs of triangles.
+//! `curitiba visibility`: visibility of many pairs of triangles.
 
 use super::progress::Bars;
 use super::visibility_args::{Pairs, VisibilityArgs};
@@ -17,7 +17,7 @@ use std::path::Path;
 use std::sync::Arc;
 use std::time::Instant;
 
-/// Loads, builds, and streams the rows into the output.
+/// Loads the scene, builds the structure, and streams the rows to the output.
 pub fn run(args: &VisibilityArgs) -> Result<(), Failure> {
     set_threads(args.threads)?;
     let options = args.options();
@@ -76,7 +76,7 @@ pub fn run(args: &VisibilityArgs) -> Result<(), Failure> {
     print(args, &surfaces, &summary, &engine, times)
 }
 
-/// What did the work.
+/// The engine that traced.
 struct Engine {
     name: &'static str,
     device: Option<String>,
@@ -138,9 +138,9 @@ fn source<'s>(args: &VisibilityArgs, surfaces: &'s Surfaces) -> Result<(Box<dyn 
     })
 }
 
-/// All that the rows depend on, in a line.
+/// A line with everything that the rows depend on.
 fn about(loaded: &Loaded, options: &Options, pairs: &str, engine: &str) -> String {
-    // Rows of `cuda` have the bits of the processor's.
+    // `cuda` gives the same rows as the processor, bit for bit.
     let tracer = if ["cpu", "cuda"].contains(&engine) { String::new() } else { format!(", traced by {engine}") };
     let effort = match options.effort {
         Effort::Samples(samples) => format!("{samples} samples"),

@@ -87,7 +87,7 @@ pub enum SamplerArg {
 }
 
 impl VisibilityArgs {
-    /// As the library has them.
+    /// The library's options for these arguments.
     pub fn options(&self) -> Options {
         Options {
             effort: self.error.map_or(Effort::Samples(self.samples), Effort::Error),

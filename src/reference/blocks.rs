@@ -1,8 +1,9 @@
-//! References of many samples, in blocks that any number of processes may render.
+//! References with many samples, divided into blocks that several processes can render.
 //!
-//! A reference is the mean of two estimates, and a block a fixed number of the samples of both. Its two pictures do not depend on who renders
-//! it. The reference is the mean of its blocks, in `f64` and in their order: the same, bit for bit, however they were shared out. Blocks are
-//! kept beside references until they are joined, so a run that was killed goes on where it was.
+//! A reference is the mean of two estimates. A block consists of a fixed number of samples of both, and its two pictures do not
+//! depend on the process that renders it. The reference is the mean of its blocks, in `f64` and in their order, so it is the same,
+//! bit for bit, however the blocks were distributed. Blocks are stored beside references until they are joined, so a killed run can
+//! be continued.
 
 use super::cache::{Entry, Folder};
 use super::{ReferenceError, mean_of_two};
@@ -14,43 +15,43 @@ use std::time::{Duration, Instant};
 
 /// The blocks of a reference.
 pub(super) struct Blocks<'a> {
-    /// Where they are kept.
+    /// Folder in which they are stored.
     pub folder: &'a Folder,
-    /// All that determines a block but for its index.
+    /// Everything that determines a block, except its index.
     pub base: String,
-    /// How many there are; of one, nothing but the reference is kept.
+    /// Number of blocks; with a single block only the reference is stored.
     pub count: u32,
-    /// Pixels a row, and rows, of the picture.
+    /// Width and height of the picture in pixels.
     pub size: [u32; 2],
 }
 
-/// What a process did of a reference.
+/// Result of a process's work on a reference.
 #[derive(Debug)]
 pub(super) enum Done {
-    /// All of it: the picture, the estimated error of it, and how long rendering took, by whichever processes.
+    /// The complete reference: picture, its estimated error, and the total time of rendering, summed over processes.
     Whole(Entry),
-    /// Its shard.
+    /// The blocks of a shard.
     Part(Part),
 }
 
-/// How far the blocks of a reference have come.
+/// State of the blocks of a reference.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Part {
-    /// How many blocks there are.
+    /// Number of blocks.
     pub blocks: u32,
-    /// Those of the shard.
+    /// Number of blocks of the shard.
     pub mine: u32,
-    /// Those of the shard that were kept already.
+    /// Number of blocks of the shard that were stored already.
     pub found: u32,
-    /// Those of all shards that are kept now.
+    /// Number of blocks of all shards that are stored now.
     pub kept: u32,
 }
 
-/// Both estimates of a block, or of the whole.
+/// The two estimates of a block, or of the whole reference.
 type Estimates = [Image; 2];
 
 impl Blocks<'_> {
-    /// Renders the blocks of a shard that are not kept, and joins them if it is all the work.
+    /// Renders the blocks of a shard that are not stored yet; joins the blocks if the shard is all the work.
     pub fn work(
         &self,
         shard: Shard,
@@ -100,7 +101,7 @@ impl Blocks<'_> {
                     let start = Instant::now();
                     let estimates = render(block)?;
                     let seconds = start.elapsed();
-                    // All that is lost is that another run renders it again.
+                    // If storing fails, another run has to render the block again; nothing else is lost.
                     self.store(block, &estimates, seconds)?.unwrap_or_else(|why| warnings.push(why));
                     (estimates, seconds)
                 }
@@ -124,7 +125,7 @@ impl Blocks<'_> {
         Ok(Entry { picture, own_error, took })
     }
 
-    /// Removes the blocks of a reference that is kept.
+    /// Removes the blocks of a reference that is stored.
     pub fn forget(&self) {
         if self.count > 1 {
             (0..self.count).for_each(|block| self.folder.forget(&self.material(block)));
@@ -135,7 +136,7 @@ impl Blocks<'_> {
         format!("{}\nblock {block}", self.base)
     }
 
-    /// A block that is kept, and how long it took.
+    /// A stored block, and the time of rendering it.
     fn load(&self, block: u32, warnings: &mut Vec<String>) -> Option<(Estimates, Duration)> {
         let [width, height] = self.size;
         match self.folder.load(&self.material(block), [width, 2 * height]) {
@@ -151,7 +152,7 @@ impl Blocks<'_> {
         }
     }
 
-    /// Keeps a block as one picture, the second estimate below the first; the inner error is why it cannot be kept.
+    /// Stores a block as one picture, the second estimate below the first. The inner error says why it cannot be stored.
     fn store(
         &self,
         block: u32,
@@ -170,7 +171,7 @@ impl Blocks<'_> {
 mod tests {
     use super::*;
 
-    /// What a block is made of: values whose sums in another order, or in `f32`, are others.
+    /// A test block whose values have different sums in another order, or in `f32`.
     fn block(index: u32) -> Estimates {
         let value = |half: u32, i: u32| (0.1 + f32::from(index as u16) * 0.37 + (half * 7 + i) as f32).sin();
         [0, 1].map(|half| Image {
@@ -219,7 +220,7 @@ mod tests {
             assert_eq!(std::fs::read_dir(place.path()).expect("the folder").count(), 0, "joined blocks are removed");
         }
         assert!(means.iter().all(|mean| *mean == means[0]));
-        // The mean is that of all values, by another way.
+        // The mean of all values, computed in another way.
         let of = |half: usize| (0..16).map(|index| f64::from(block(index)[half].pixels[4][0])).sum::<f64>() / 16.0;
         let (expected, found) = (f64::midpoint(of(0), of(1)), f64::from(means[0].0.pixels[4][0]));
         assert!((expected - found).abs() < 1e-7, "{expected} {found}");

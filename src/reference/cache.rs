@@ -1,4 +1,4 @@
-//! The folder in which references are kept.
+//! The folder in which references are stored.
 
 use crate::pipeline::files;
 use crate::pipeline::image::{Image, Layer, read_image, write_exr};
@@ -12,11 +12,11 @@ const MOST_SIDECAR: u64 = 16 << 20;
 /// Largest picture of a reference, bytes: four floats for each pixel of the largest one.
 const MOST_EXR: u64 = 8 << 30;
 
-/// A folder of EXR files, each with a JSON file that says what it is and vouches for its bytes.
+/// A folder of EXR files. Each has a JSON file that describes it and contains a hash of its bytes.
 #[derive(Debug, Clone)]
 pub(super) struct Folder(PathBuf);
 
-/// What is kept of a reference.
+/// A stored reference.
 #[derive(Debug)]
 pub(super) struct Entry {
     pub picture: Image,
@@ -26,11 +26,11 @@ pub(super) struct Entry {
 
 #[derive(Serialize, Deserialize)]
 struct Sidecar {
-    /// All that determines the picture; the file's name is its hash.
+    /// Everything that determines the picture; its hash is the file's name.
     material: Vec<String>,
     /// Estimated root mean square error of the picture.
     own_error: f64,
-    /// How long rendering took.
+    /// Time of rendering, seconds.
     seconds: f64,
     /// Hash of the EXR file.
     exr: String,
@@ -41,12 +41,12 @@ impl Folder {
         Self(path)
     }
 
-    /// Whether nothing is kept in it.
+    /// Whether the folder is empty or missing.
     pub fn is_empty(&self) -> bool {
         std::fs::read_dir(&self.0).map_or(true, |mut files| files.next().is_none())
     }
 
-    /// The name of a reference.
+    /// The file name of a reference.
     pub fn key(material: &str) -> String {
         format!("{:032x}", fnv1a(material.as_bytes()))
     }
@@ -56,15 +56,15 @@ impl Folder {
         (self.0.join(format!("{key}.exr")), self.0.join(format!("{key}.json")))
     }
 
-    /// Whether a reference is there, and written to its end.
+    /// Whether a reference exists and was completely written.
     pub fn has(&self, material: &str) -> bool {
         self.files(material).1.exists()
     }
 
-    /// A reference of this size, if there is one; or why what is there is not trusted.
+    /// A reference of this size, if there is one. The error says why an existing one is not trusted.
     pub fn load(&self, material: &str, size: [u32; 2]) -> Result<Option<Entry>, String> {
         let (exr, json) = self.files(material);
-        // The JSON file is written last: without it there is nothing, or what an interrupted run left.
+        // The JSON file is written last: without it there is no reference, or only the rest of an interrupted run.
         let text = files::read_if_there(&json, MOST_SIDECAR).map_err(|error| damaged(&json, error))?;
         let Some(text) = text else { return Ok(None) };
         let sidecar: Sidecar = serde_json::from_slice(&text).map_err(|error| damaged(&json, error))?;
@@ -86,7 +86,7 @@ impl Folder {
         Ok(Some(Entry { picture, own_error: sidecar.own_error, took }))
     }
 
-    /// Keeps a reference.
+    /// Stores a reference.
     pub fn store(&self, material: &str, entry: &Entry) -> Result<(), String> {
         let (exr, json) = self.files(material);
         let wrong =
@@ -105,7 +105,7 @@ impl Folder {
         files::write_atomically(&json, text.as_bytes()).map_err(|error| wrong(&error))
     }
 
-    /// Removes a reference that a better one replaces. One that stays behind does no harm.
+    /// Removes a reference that a better one replaces. A failure is ignored, since the old one does no harm.
     pub fn forget(&self, material: &str) {
         let (exr, json) = self.files(material);
         let _ = std::fs::remove_file(json);

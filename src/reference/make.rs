@@ -1,4 +1,4 @@
-//! References that are made on demand: of the picture, or of the effect with a chosen number of samples; whole, or a shard of their blocks.
+//! References on demand: of the picture, or of the effect with a chosen number of samples; as a whole, or the blocks of a shard.
 
 use super::blocks::{Blocks, Done, Part};
 use super::picture;
@@ -14,34 +14,35 @@ use crate::shard::Shard;
 use std::sync::Arc;
 use std::time::Duration;
 
-/// Which reference of a case.
+/// Kind of reference.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Of {
-    /// That of the picture.
+    /// Reference of the picture.
     Picture,
-    /// That of the effect.
+    /// Reference of the effect.
     Effect,
 }
 
-/// What [`References::make`] made.
+/// Result of [`References::make`].
 #[derive(Debug, Clone)]
 pub enum Made {
-    /// The reference, and how long rendering it took; `None` if it was kept already.
+    /// The reference, and the time of rendering it; `None` if it was stored already.
     Whole(Reference, Option<Duration>),
-    /// A shard's blocks of it.
+    /// The blocks of a shard.
     Part(Part),
 }
 
 impl References {
-    /// A reference of a case, rendered and kept unless one that is as good is kept already: of the picture, of at least so many samples a pixel (a
-    /// power of two within [`PICTURE_SAMPLES`](super::PICTURE_SAMPLES)); of the effect, of that many in each of its two renders, 1 to [`MOST_SAMPLES`](super::MOST_SAMPLES).
+    /// Renders and stores a reference of a case, unless one of at least that quality is stored already. For the picture `samples`
+    /// is the least number of samples a pixel (a power of two within [`PICTURE_SAMPLES`](super::PICTURE_SAMPLES)); for the effect
+    /// it is the number in each of its two renders, 1 to [`MOST_SAMPLES`](super::MOST_SAMPLES).
     ///
-    /// Many samples are cut into blocks. A shard renders its blocks and keeps them; who asks for the whole afterwards joins
-    /// what is kept, and renders what is not. The picture is the same, bit for bit, whoever rendered the blocks.
+    /// Large numbers of samples are divided into blocks. A shard renders and stores its blocks; a later request for the whole joins
+    /// the stored blocks and renders missing ones. The picture is the same, bit for bit, whoever rendered the blocks.
     ///
     /// # Errors
-    /// If there is something in the picture that the reference renderer does not know; if the effect has no noise; if it cannot be rendered; if a
-    /// shard's block cannot be kept.
+    /// If the picture contains something that the reference renderer does not support, the effect has no noise, rendering fails, or
+    /// a block of a shard cannot be stored.
     pub fn make(
         &mut self,
         case: &Case,

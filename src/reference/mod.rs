@@ -1,4 +1,4 @@
-//! References: what the picture of a row should be, rendered by ourselves with more care than any row is.
+//! References: what the picture of a row should be, rendered with more care than any row.
 //!
 //! | the row computes | its reference |
 //! |---|---|
@@ -7,28 +7,28 @@
 //! | ambient occlusion | the mean of two renders with different seeds and as many samples as it takes |
 //! | a raster effect | the reference of the ray program in its place, with the constants that both have |
 //!
-//! All are of the corrected programs, whatever the row's fidelity: an error is against what is right. G-buffers are the
-//! cpu rasteriser's, whatever drew the row.
+//! All references use the corrected programs, whatever the row's fidelity: errors are measured against the correct result.
+//! G-buffers are the cpu rasteriser's, whatever drew the row.
 //!
-//! The number of samples is doubled until the estimated error of the reference is ten times below what is compared with
-//! it. The estimate is half the root mean square difference of the two renders: that of their mean, if their errors are
-//! independent and unbiased. The power that occlusion is raised to makes a bias that shrinks with the square of the
-//! noise, far below it at the sample counts used here.
+//! The number of samples is doubled until the estimated error of the reference is a tenth of the error that it measures. The
+//! estimate is half the root mean square difference of the two renders, which is the error of their mean if their errors are
+//! independent and unbiased. The exponent of occlusion causes a bias that shrinks with the square of the noise; at the numbers of
+//! samples used here it is far below the noise.
 //!
-//! Which of these references a row meets depends on the rows before it. With a fixed number of samples
-//! ([`References::with_samples`]) it depends on the row alone, so that rows may be shared out over processes.
+//! The reference that a row is compared with then depends on the rows before it. With a fixed number of samples
+//! ([`References::with_samples`]) it depends on the row alone, so that rows can be distributed over processes.
 //!
 //! # References of the picture
 //!
-//! All of these judge the effect alone: they share the G-buffer, the programs and their formulas with the rows. What a row shows of the
-//! *picture* is judged by another one, which [`reference`](crate::passes::reference) renders from the camera in `f64`, with many samples a pixel. It
-//! takes long, so it is made on demand alone ([`References::make`]); rows are compared with it where it is kept
+//! The references above judge the effect alone: they use the same G-buffer, programs and formulas as the rows. The *picture* of a
+//! row is judged by another reference, which [`reference`](crate::passes::reference) renders from the camera in `f64` with many
+//! samples a pixel. This takes long, so it is made only on demand ([`References::make`]); rows are compared with it if it is stored
 //! ([`References::compare_picture`]).
 //!
-//! # Where they are kept
-//! References are kept in a folder, as EXR files with a JSON file beside each. The name is a hash of everything that
-//! determines the picture: the passes and their constants, the view, the lights, the size, the scene's content, the
-//! sample count, and [`FORMAT`] for the programs themselves. Two versions of this program share none.
+//! # Storage
+//! References are stored in a folder, as EXR files with a JSON file beside each. The file name is a hash of everything that
+//! determines the picture: the passes and their constants, the view, the lights, the size, the scene's content, the number of
+//! samples, and [`FORMAT`] for the programs themselves. Versions of this program with different formats share no references.
 
 mod blocks;
 mod cache;
@@ -59,55 +59,57 @@ use std::path::PathBuf;
 use std::rc::Rc;
 use std::time::{Duration, Instant};
 
-/// Changes whenever the same passes give other pictures than before: references of another format are not used.
+/// Must change whenever the same passes give different pictures: references of another format are not used.
 pub const FORMAT: u32 = 2;
 
-/// How many times the estimated error of a reference is to be below what is compared with it.
+/// Least ratio between a measured error and the estimated error of its reference.
 pub const MARGIN: f64 = 10.0;
 
 /// Most samples of each of the two renders of a reference with noise.
 pub const MOST_SAMPLES: u32 = 65_536;
 
-/// Samples of each of the two renders of a reference with noise: the first, and the most.
+/// First and largest number of samples of each of the two renders of a reference with noise.
 const SAMPLES: (u32, u32) = (256, MOST_SAMPLES);
 
-/// Samples a pixel that a reference of a picture may have: powers of two from the first to the second.
+/// Valid numbers of samples a pixel of a reference of the picture: powers of two from the first to the second.
 pub const PICTURE_SAMPLES: (u32, u32) = (64, 65_536);
 
-/// Samples a pixel of a block of a reference of the picture. Changing it changes references of more samples: see [`FORMAT`] and that of pictures.
+/// Samples a pixel of a block of a reference of the picture. Changing it changes references with more samples: see [`FORMAT`], and
+/// the format of references of pictures.
 const PICTURE_BLOCK: u32 = 1024;
 
-/// The same of each of the two renders of a reference of the effect. Numbers of samples that are no multiple of it are not cut into blocks.
+/// Samples in a block of each of the two renders of a reference of the effect. Numbers of samples that are no multiple of it are
+/// rendered in one piece.
 const EFFECT_BLOCK: u32 = 4096;
 
-/// Seeds of the two renders; far from those that people choose.
+/// Seeds of the two renders, far from those that users choose.
 const SEEDS: [u32; 2] = [0x9e37_79b9, 0x7f4a_7c15];
 
 /// Why a row has no error.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum ReferenceError {
-    /// The reference's project, plan or engines.
+    /// The reference's project, plan or engines could not be opened.
     #[error("the reference cannot be opened: {0}")]
     Open(#[from] OpenError),
-    /// Rendering it.
+    /// The reference could not be rendered.
     #[error("the reference cannot be rendered: {0}")]
     Render(#[from] RenderError),
-    /// Comparing with it.
+    /// The picture could not be compared with the reference.
     #[error("the picture cannot be compared with its reference: {0}")]
     Metric(#[from] MetricError),
-    /// What the reference renderer does not know.
+    /// The picture contains something that the reference renderer does not support.
     #[error("the picture has no reference: {0}")]
     Picture(String),
-    /// A reference without noise has no samples to choose.
+    /// The reference has no noise, so there is no number of samples to choose.
     #[error(
         "the reference of the effect has no noise, so it has no samples to share out: the first row that asks for it makes it"
     )]
     NoNoise,
-    /// A block of it cannot be kept for the others.
+    /// A block of the reference cannot be stored for other processes.
     #[error("{0}")]
     Keep(String),
-    /// The reference of the picture is not kept; the command that makes it.
+    /// The reference of the picture is not stored; contains the command that makes it.
     #[error("the reference of the picture is not made; this makes it: {0}")]
     NoPicture(String),
 }
@@ -128,40 +130,40 @@ impl From<renderer_of_pictures::ReferenceError> for ReferenceError {
 pub struct Reference {
     /// The picture.
     pub picture: Image,
-    /// What it is, in words.
+    /// Description of the reference.
     pub what: String,
-    /// Its name in the folder.
+    /// File name in the folder.
     pub key: String,
-    /// Estimated root mean square error of its own; 0 where it has no noise.
+    /// Estimated root mean square error of the reference itself; 0 without noise.
     pub own_error: f64,
-    /// Samples of each of its two renders, of the picture's reference of both; 0 where it has no noise.
+    /// Samples of each of its two renders, or of both together for a reference of the picture; 0 without noise.
     pub samples: u32,
 }
 
-/// Makes references, and keeps them.
+/// Makes and stores references.
 pub struct References {
     folder: Folder,
-    /// The same of references of pictures.
+    /// Folder of the references of pictures.
     folder_of_pictures: Folder,
     allowance: Duration,
-    /// Samples of every reference with noise, where they are not to be refined.
+    /// Number of samples of every reference with noise, if they are not refined.
     fixed: Option<u32>,
-    /// By what a request says of itself: the content of its scenes.
+    /// Hashes of the scenes of a request, by the request's identity.
     fingerprints: HashMap<String, Vec<String>>,
-    /// By what determines a reference but for its samples.
+    /// References in memory, by what determines them except the number of samples.
     held: HashMap<String, Held>,
-    /// By what a request says of itself: what determines its reference of the picture but for its samples.
+    /// What determines the reference of the picture except the number of samples, by the request's identity.
     materials_of_pictures: HashMap<String, String>,
-    /// References of pictures, by what determines them but for their samples.
+    /// References of pictures in memory, by what determines them except the number of samples.
     pictures: HashMap<String, Reference>,
-    /// The renderer of the request served last.
+    /// The renderer of the last request, with the request's identity.
     open: Option<(String, Open)>,
     warnings: Vec<String>,
 }
 
 struct Held {
     reference: Reference,
-    /// How long rendering took.
+    /// Time of rendering it.
     took: Duration,
     /// Time spent on this reference by this process.
     spent: Duration,
@@ -173,8 +175,8 @@ struct Open {
 }
 
 impl References {
-    /// Keeps references in `folder`, which is made when the first is written; `allowance` is the time that refining one
-    /// reference may take. The first render of a reference is made whatever it takes.
+    /// References in `folder`, which is made when the first one is written. `allowance` is the time for refining one reference; its
+    /// first render is made however long it takes.
     #[must_use]
     pub fn new(folder: PathBuf, allowance: Duration) -> Self {
         Self {
@@ -191,15 +193,15 @@ impl References {
         }
     }
 
-    /// Takes references of exactly this many samples in each of their two renders, 1 to [`MOST_SAMPLES`], whatever the rows ask for and
-    /// however long they take: a row's error then depends on nothing but the row. `None` refines them.
+    /// Uses exactly this number of samples, 1 to [`MOST_SAMPLES`], in each of the two renders of references, however long they
+    /// take. A row's error then depends only on the row. `None` refines references as needed.
     #[must_use]
     pub fn with_samples(self, samples: Option<u32>) -> Self {
         Self { fixed: samples.map(|samples| samples.clamp(1, MOST_SAMPLES)), ..self }
     }
 
-    /// Where references are kept unless a folder is named: `CURITIBA_CACHE`, or `curitiba/references` in the user's
-    /// cache folder (`XDG_CACHE_HOME`, `HOME/.cache`, `LOCALAPPDATA`), or in the folder for temporary files.
+    /// Default folder: `CURITIBA_CACHE`, or `curitiba/references` in the user's cache folder (`XDG_CACHE_HOME`, `HOME/.cache`,
+    /// `LOCALAPPDATA`), or in the folder for temporary files.
     #[must_use]
     pub fn default_folder() -> PathBuf {
         let variable = |name: &str| std::env::var_os(name).filter(|value| !value.is_empty()).map(PathBuf::from);
@@ -213,13 +215,13 @@ impl References {
         })
     }
 
-    /// What went wrong with the folder since this was last asked: damaged files, files that cannot be written.
+    /// Returns and clears warnings about the folder: damaged files, and files that could not be written.
     pub fn take_warnings(&mut self) -> Vec<String> {
         std::mem::take(&mut self.warnings)
     }
 
-    /// Compares a row's picture with its reference, which is refined until its own error is [`MARGIN`] times below the
-    /// row's, or the time or the samples are used up; then the row says by how much it falls short.
+    /// Compares a row's picture with its reference. The reference is refined until its own error is below the row's error divided
+    /// by [`MARGIN`], or until time or samples are used up; the row then says how much is missing.
     ///
     /// # Errors
     /// If the reference cannot be rendered, or the pictures cannot be compared.
@@ -251,7 +253,7 @@ impl References {
         Ok(RowError::Against { reference, key: key.clone(), own_error: *own_error, comparison })
     }
 
-    /// The reference of a case, as good as it is already; rendered if there is none yet.
+    /// The current reference of a case; it is rendered if there is none yet.
     ///
     /// # Errors
     /// If it cannot be rendered.
@@ -261,8 +263,8 @@ impl References {
         Ok(self.held[&base].reference.clone())
     }
 
-    /// Compares a row's picture with the reference of the picture, if it is kept; else says why it is not, and how it is made. Nothing is
-    /// rendered.
+    /// Compares a row's picture with the reference of the picture, if that is stored; otherwise the result says why not, and how to
+    /// make it. Nothing is rendered.
     ///
     /// # Errors
     /// If the scene cannot be loaded, or the pictures cannot be compared.
@@ -286,10 +288,10 @@ impl References {
         }
     }
 
-    /// The reference of a case's picture, if it is kept.
+    /// The stored reference of a case's picture.
     ///
     /// # Errors
-    /// If it is not, with the command that makes it; if the scene cannot be loaded, whose content is a part of what it is kept by.
+    /// If it is not stored, with the command that makes it; or if the scene, whose content is part of its name, cannot be loaded.
     pub fn picture(&mut self, case: &Case, observer: &mut dyn Observer) -> Result<&Reference, ReferenceError> {
         let request = Request::of_picture(case)?;
         if let Some(why) = picture::unsupported(&request.plan) {
@@ -297,14 +299,14 @@ impl References {
         }
         let missing = || ReferenceError::NoPicture(picture::command(case));
         if self.folder_of_pictures.is_empty() {
-            // The scene need not be loaded.
+            // No reference is stored, so the scene need not be loaded.
             return Err(missing());
         }
         let base = self.base_of_picture(&request, observer)?;
         self.kept_picture(&request, &base).ok_or_else(missing)
     }
 
-    /// The best reference of a picture that is kept.
+    /// The stored reference of a picture with the most samples.
     fn kept_picture(&mut self, request: &Request, base: &str) -> Option<&Reference> {
         if !self.pictures.contains_key(base) {
             let (least, most) = PICTURE_SAMPLES;
@@ -322,7 +324,7 @@ impl References {
         self.pictures.get(base)
     }
 
-    /// What determines the reference of a picture but for its samples.
+    /// What determines the reference of a picture, except the number of samples.
     fn base_of_picture(&mut self, request: &Request, observer: &mut dyn Observer) -> Result<String, ReferenceError> {
         let identity = request.identity();
         if let Some(base) = self.materials_of_pictures.get(&identity) {
@@ -335,7 +337,7 @@ impl References {
         Ok(base)
     }
 
-    /// What determines a reference but for its samples, with the content of its scenes.
+    /// What determines a reference, except the number of samples; it contains the hashes of the scenes.
     fn base(&mut self, request: &Request, observer: &mut dyn Observer) -> Result<String, ReferenceError> {
         let identity = request.identity();
         if !self.fingerprints.contains_key(&identity) {
@@ -346,7 +348,7 @@ impl References {
         Ok(request.base(&self.fingerprints[&identity]))
     }
 
-    /// Makes sure that there is a reference, and returns what determines it but for its samples.
+    /// Makes sure that a first reference exists, and returns what determines it except the number of samples.
     fn first(&mut self, request: &Request, observer: &mut dyn Observer) -> Result<String, ReferenceError> {
         let base = self.base(request, observer)?;
         if self.held.contains_key(&base) {
@@ -374,7 +376,7 @@ impl References {
         Ok(base)
     }
 
-    /// Renders a reference with more samples, or says why it does not.
+    /// Renders a reference with more samples, or returns why it does not.
     fn refine(
         &mut self,
         request: &Request,
@@ -391,7 +393,7 @@ impl References {
             return Ok(Some("the most samples are used up"));
         }
         let left = self.allowance.saturating_sub(held.spent).as_secs_f64();
-        // The error of these points falls no faster than as 1 / n: fewer doublings than this would not do.
+        // The error of Sobol points falls at most as fast as 1 / n, so fewer doublings would not suffice.
         let doublings = (held.reference.own_error / wanted).log2().ceil().clamp(1.0, 8.0) as u32;
         let affordable = (0..=doublings).rev().find(|n| held.took.as_secs_f64() * f64::from(1 << n) <= left);
         match affordable {
@@ -403,7 +405,7 @@ impl References {
         }
     }
 
-    /// Renders a reference, or a shard of its blocks, of which it says how far they are.
+    /// Renders a reference, or the blocks of a shard, whose state is returned.
     fn render(
         &mut self,
         request: &Request,
@@ -464,7 +466,7 @@ impl References {
     fn open(&mut self, request: &Request, observer: &mut dyn Observer) -> Result<&mut Open, ReferenceError> {
         let identity = request.identity();
         if self.open.as_ref().is_none_or(|(open, _)| *open != identity) {
-            // The old one is released first: two would not always fit.
+            // The old renderer is dropped first: two may not fit into memory.
             self.open = None;
             let sampling =
                 Rc::new(Cell::new(Sampling { all: SAMPLES.0, first: 0, samples: SAMPLES.0, seed: SEEDS[0] }));
@@ -480,7 +482,7 @@ impl References {
     }
 }
 
-/// Whether the reference of a case has noise: whether there are samples to choose a number of.
+/// Whether the reference of a case has noise, so that its number of samples can be chosen.
 ///
 /// # Errors
 /// As [`Case::new`].
@@ -488,18 +490,18 @@ pub fn has_noise(case: &Case) -> Result<bool, OpenError> {
     Ok(Request::new(case)?.kind == Kind::Converged)
 }
 
-/// Whether a reference of so many samples is the mean of blocks.
+/// Whether a reference of the effect with this number of samples is divided into blocks.
 fn is_in_blocks(samples: u32) -> bool {
     samples > EFFECT_BLOCK && samples.is_multiple_of(EFFECT_BLOCK)
 }
 
-/// Everything that determines a reference, in words.
+/// Text of everything that determines a reference.
 fn material(base: &str, samples: u32) -> String {
     let blocks = if is_in_blocks(samples) { format!(" in blocks of {EFFECT_BLOCK}") } else { String::new() };
     format!("{base}\nsamples {samples}{blocks}, seeds {SEEDS:?}")
 }
 
-/// The same of a reference of a picture.
+/// Text of everything that determines a reference of a picture.
 fn picture_material(base: &str, samples: u32) -> String {
     let blocks = if samples > PICTURE_BLOCK { format!(" in blocks of {PICTURE_BLOCK}") } else { String::new() };
     format!("{}, {samples} samples a pixel{blocks}", from_the_camera(base))
@@ -524,7 +526,7 @@ fn shortfall(comparison: &Comparison, own_error: f64, end: &str) -> String {
     format!("its own error is only {times:.1} times below this row's, not {MARGIN:.0}: {end}")
 }
 
-/// The mean, and the estimated root mean square error of it over the three colours.
+/// The mean of two renders, and its estimated root mean square error over the three colours.
 fn mean_of_two(mut first: Image, second: &Image) -> (Image, f64) {
     let mut squares = 0.0;
     for (a, b) in first.pixels.iter_mut().zip(&second.pixels) {

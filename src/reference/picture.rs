@@ -1,4 +1,4 @@
-//! What the passes of a plan mean, for the reference renderer: one expression, from the window back to what the camera sees.
+//! Translates the passes of a plan for the reference renderer: into one expression, from the window back to what the camera sees.
 
 use crate::args::quoted;
 use crate::bench::Case;
@@ -13,10 +13,10 @@ use crate::pipeline::scene::fnv1a;
 use glam::{DVec3, DVec4, Vec4};
 use std::ops::Range;
 
-/// Changes whenever the reference renderer gives other pictures than before.
+/// Must change whenever the reference renderer gives different pictures.
 pub(super) const FORMAT: u32 = 1;
 
-/// What a reference of the picture is, in words.
+/// Description of a reference of the picture.
 pub(super) fn words(samples: u32) -> String {
     format!("the picture from the camera in f64, {samples} samples a pixel")
 }
@@ -48,8 +48,8 @@ pub(super) fn command(case: &Case) -> String {
     words.iter().map(|word| quoted(word)).collect::<Vec<_>>().join(" ")
 }
 
-/// Everything that determines the reference of a picture but for its samples: what is seen, and what of it is computed. How a project comes to
-/// it does not count, so that raster effects share the reference of the rays in their place.
+/// Everything that determines the reference of a picture, except the number of samples: the scene, the camera, and what is
+/// computed. How the project computes it is not included, so raster effects share the reference of their ray counterparts.
 pub(super) fn material(job: &Job<'_>, space: ColorSpace) -> String {
     let Job { seen, value, size, .. } = job;
     let scene = seen.scene;
@@ -63,7 +63,8 @@ pub(super) fn material(job: &Job<'_>, space: ColorSpace) -> String {
     .join("\n")
 }
 
-/// The materials without the colours that no camera sees, because a pass for glass writes over them: projects mark glass by them or do not.
+/// The materials without the colours that the camera never sees because a glass pass overwrites them: some projects mark glass by
+/// such colours, others do not.
 fn shown(shades: &[Shade], value: &Value<'_>) -> Vec<Shade> {
     let glass = match value {
         Value::Held(_, value) => return shown(shades, value),
@@ -80,7 +81,7 @@ fn shown(shades: &[Shade], value: &Value<'_>) -> Vec<Shade> {
         .collect()
 }
 
-/// Whether rays of a program bounce on glass, and show what they meet.
+/// Whether rays of a program bounce on glass and show what they hit.
 fn bounces(program: RayProgram) -> bool {
     matches!(program, RayProgram::Reflection | RayProgram::Refraction | RayProgram::Final)
 }
@@ -127,16 +128,16 @@ fn marked(materials: &[bool]) -> String {
     format!("{:?}", marked.collect::<Vec<_>>())
 }
 
-/// Why the picture of a plan has no reference, as far as the plan alone tells.
+/// Why the picture of a plan has no reference, as far as the plan alone determines it.
 pub(super) fn unsupported(plan: &Plan) -> Option<String> {
     let nothing = |_: usize| Look { shades: &[], glass: &[], shadow_glass: &[], sun: None };
     Expression { plan, look: &nothing, bodies: &|_| false, drawn: None }.window().err()
 }
 
-/// What the reference renderer is asked for, with the samples of each of its two estimates.
+/// The job for the reference renderer, with the given samples for each of its two estimates.
 ///
 /// # Errors
-/// What it does not know, with the pass.
+/// A feature that the reference renderer does not support, with the pass.
 pub(super) fn job(renderer: &Renderer, samples: Range<u32>) -> Result<Job<'_>, String> {
     let plan = renderer.plan();
     let look = |index: usize| {
@@ -180,14 +181,14 @@ pub(super) fn job(renderer: &Renderer, samples: Range<u32>) -> Result<Job<'_>, S
     Ok(Job { seen, value, size: plan.window, samples })
 }
 
-/// Reads a plan from the window back.
+/// Translates a plan, starting at the window.
 struct Expression<'p, 'a> {
     plan: &'p Plan,
-    /// How the pass at an index sees materials and light.
+    /// Materials and light as the pass at an index sees them.
     look: &'p dyn Fn(usize) -> Look<'a>,
-    /// Whether the materials of a pass at an index say what glass is.
+    /// Whether the materials of the pass at an index decide about glass.
     bodies: &'p dyn Fn(usize) -> bool,
-    /// The raster pass that everything starts from.
+    /// The raster pass that the picture starts from.
     drawn: Option<usize>,
 }
 
@@ -202,7 +203,7 @@ impl<'a> Expression<'_, 'a> {
         Ok(Value::Held(format, Box::new(value)))
     }
 
-    /// What the passes before an index leave in a channel of a target, or of the window.
+    /// The value in a channel of a target, or of the window, after the passes before index `before`.
     fn written(&mut self, target: Option<usize>, channel: usize, before: usize) -> Result<Value<'a>, String> {
         let plan = self.plan;
         let writes = |(_, planned): &(usize, &PlannedPass)| plan.pass(planned).target == target;
@@ -245,7 +246,7 @@ impl<'a> Expression<'_, 'a> {
                 if let Some(why) = Traced::unsupported(ray.program, params, (self.bodies)(index)) {
                     return refuse(why);
                 }
-                // The G-buffer's channels are those of one raster pass, which the picture starts from.
+                // All G-buffer channels must come from the one raster pass that the picture starts from.
                 let buffers = [(ray.position, 1), (ray.normal, 2)];
                 for (read, expected) in buffers.into_iter().filter_map(|(read, expected)| Some((read?, expected))) {
                     let draws = |(_, planned): &(usize, &PlannedPass)| plan.pass(planned).target == Some(read.target);
@@ -293,7 +294,7 @@ impl<'a> Expression<'_, 'a> {
         }
     }
 
-    /// Notes the raster pass that the picture starts from, of which there may be one.
+    /// Records the raster pass that the picture starts from; it is an error if there is more than one.
     fn starts_from(&mut self, index: usize) -> Result<(), String> {
         if self.drawn.is_some_and(|drawn| drawn != index) {
             return Err("a picture of several raster passes has no reference".to_owned());

@@ -1,4 +1,4 @@
-//! What a reference renders: the row's project with every pass at its best.
+//! The plan of a reference: the row's project with every pass at its best quality.
 
 use super::FORMAT;
 use crate::OpenError;
@@ -10,26 +10,26 @@ use crate::pipeline::plan::{Plan, PlanError, PlannedPass, Settings, Work};
 use crate::pipeline::programs::{Fidelity, Fresnel, Sampler};
 use crate::pipeline::project::{ChannelRef, EffectPass, Pass, PassKind, RayPass};
 
-/// How a reference is rendered.
+/// Kind of rendering.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Kind {
-    /// Without rays.
+    /// Without ray tracing.
     Raster,
-    /// By rays in `f64`.
+    /// By tracing rays in `f64`.
     Exact,
     /// By many samples.
     Converged,
 }
 
-/// A reference that is asked for.
+/// A request for a reference.
 pub(super) struct Request {
     pub plan: Plan,
     pub kind: Kind,
 }
 
 impl Request {
-    /// The plan of a case's reference: corrected programs, rays in the place of raster effects, Sobol points, exact Fresnel
-    /// weights, and 32-bit floats in the place of 16-bit ones.
+    /// The plan of a case's reference: corrected programs, rays in place of raster effects, Sobol points, exact Fresnel
+    /// reflectance, and 32-bit floats in place of 16-bit ones.
     pub fn new(case: &Case) -> Result<Self, OpenError> {
         let mut project = case.settings.open(&case.project)?;
         let wrong = |message: String| OpenError::Plan(PlanError { message, help: None });
@@ -58,25 +58,26 @@ impl Request {
         Ok(Self { plan, kind })
     }
 
-    /// The plan of the reference of a case's picture: the same, of the whole window, with the samples of a pixel left to the reference renderer.
+    /// The plan of the reference of a case's picture: as [`Self::new`], for the whole window, with one sample a pixel, since the
+    /// reference renderer takes its own samples.
     pub fn of_picture(case: &Case) -> Result<Self, OpenError> {
         let settings = Settings { aa: PixelSamples::ONE, crop: None, bands: None, ..case.settings.clone() };
         Self::new(&Case { settings, ..case.clone() })
     }
 
-    /// What tells the request from others while scene files stay as they are.
+    /// Identifies the request as long as the scene files do not change.
     pub fn identity(&self) -> String {
         format!("{:?}\n{}", self.plan.project.scenes, self.base(&[]))
     }
 
-    /// Everything that determines the picture but for the number of samples; `scenes` are hashes of their content.
+    /// Text of everything that determines the picture, except the number of samples. `scenes` are hashes of the scenes' contents.
     pub fn base(&self, scenes: &[String]) -> String {
         let plan = &self.plan;
         let mut lines = vec![
             format!("curitiba {}, format {FORMAT}, {:?}", env!("CARGO_PKG_VERSION"), self.kind),
             format!("window {:?}", plan.window),
         ];
-        // What the passes of a project of display values always were.
+        // The line is omitted for display values, so that references from before this line keep their names.
         if plan.display.space != ColorSpace::Report {
             lines.push(format!("color {}", plan.display.space));
         }
@@ -96,7 +97,7 @@ impl Request {
         lines.join("\n")
     }
 
-    /// What the reference is.
+    /// Description of the reference.
     pub fn words(&self, samples: u32) -> String {
         match self.kind {
             Kind::Raster => {
@@ -112,13 +113,13 @@ impl Request {
     }
 }
 
-/// The best that a pass can do: rays for raster effects, and (where there are any) the samples that
-/// [`ReferenceRays`](super::rays::ReferenceRays) puts in the place of the pass's own.
+/// Replaces a pass by its best version: raster effects by rays. The pass's own number of samples is replaced later, by
+/// [`ReferenceRays`](super::rays::ReferenceRays).
 fn at_its_best(pass: &mut Pass, set: &[String]) -> Result<(), String> {
     let own = set.iter().filter_map(|assignment| {
         let (key, value) = assignment.split_once('=')?;
         let (name, parameter) = key.rsplit_once('.')?;
-        // Formats are the row's own affair.
+        // Formats of channels stay as the row has them.
         (name == pass.name && parameter != "format").then_some((parameter, value.trim()))
     });
     match &mut pass.kind {
@@ -145,11 +146,11 @@ fn at_its_best(pass: &mut Pass, set: &[String]) -> Result<(), String> {
     Ok(())
 }
 
-/// The ray pass whose place an effect pass takes, with the constants that both have.
+/// The ray pass that corresponds to an effect pass, with the constants that both have.
 fn by_rays(effect: &EffectPass) -> RayPass {
     let EffectPass { scenes, camera, light, position, normal, color, colors, glass, program, .. } = effect.clone();
     let counterpart = program.info().counterpart;
-    // What the rays do not read need not be drawn: the reference is then the one of the ray project.
+    // Channels that the rays do not read need not be drawn, so the reference equals that of the ray project.
     let read = |channel: Option<ChannelRef>, name: &str| channel.filter(|_| counterpart.info().buffers.contains(&name));
     RayPass {
         scenes,

@@ -12,24 +12,24 @@ use std::cell::Cell;
 use std::rc::Rc;
 use std::sync::Arc;
 
-/// About what [`Double`] takes a triangle, and as much again while it is built.
+/// Approximate memory of [`Double`] per triangle, bytes; building takes the same again.
 const BYTES_PER_TRIANGLE: u64 = 400;
 
-/// What a reference with noise takes in the place of a pass's own samples and seed.
+/// Samples and seed of a reference with noise, in place of the pass's own.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) struct Sampling {
-    /// All samples of the reference.
+    /// Total number of samples of the reference.
     pub all: u32,
-    /// The first that is taken now.
+    /// Index of the first sample of this render.
     pub first: u32,
-    /// How many are.
+    /// Number of samples of this render.
     pub samples: u32,
     pub seed: u32,
 }
 
-/// Runs the programs of the cpu backend on the `f64` tracer, or on the fast one with as many samples as it is told.
+/// Runs the programs of the cpu backend on the `f64` tracer, or on the fast tracer with a given number of samples.
 ///
-/// Builds when it first traces: a reference that is found in its folder needs no structure.
+/// The structure is built when rays are first traced: a reference that is found in its folder needs none.
 pub(super) struct ReferenceRays {
     exact: bool,
     sampling: Rc<Cell<Sampling>>,
@@ -90,7 +90,7 @@ impl RayBackend for ReferenceRays {
             self.fast = Some(fast);
         }
         let Sampling { all, first, samples, seed } = self.sampling.get();
-        // The plan of a reference takes one sample: of several samples a pixel, each goes on behind as many as this is told.
+        // The plan has one sample a pixel or several; each one continues after `all` samples of the one before.
         let [first, first_sun] = [job.params.first, job.params.first_sun].map(|before| before * all + first);
         let of_occlusion = if job.params.samples > 0 { samples } else { 0 };
         let params = RayParams { samples: of_occlusion, sun_samples: samples, first, first_sun, ..job.params };

@@ -64,7 +64,7 @@ fn with_a_fixed_number_of_samples_an_error_depends_on_the_row_alone() {
         let folder = tempfile::tempdir().expect("a folder");
         let mut found = [None, None];
         for index in order {
-            // Every row by another process, with one folder.
+            // Each row is measured by another process, with one folder of references.
             let mut references = references(folder.path(), 60).with_samples(samples);
             let error = references.compare(&cases[index], &pictures[index], &mut Silent).expect("compared");
             found[index] = Some(error);
@@ -163,7 +163,7 @@ fn the_fidelity_the_seed_and_the_samples_of_a_row_do_not_change_what_is_right() 
     assert_ne!(plain.base(&["a".to_owned()]), plain.base(&["b".to_owned()]));
 }
 
-/// What a JSON file beside a reference says that determines it.
+/// The text that determines a reference, from the JSON file beside it.
 fn found_material(json: &Path) -> String {
     let text = std::fs::read_to_string(json).expect("text");
     let value: serde_json::Value = serde_json::from_str(&text).expect("JSON");

@@ -1,4 +1,4 @@
-//! What traces the segments of pairs with much in between.
+//! The engine that traces the segments of pairs with many occluders.
 
 use crate::engines::BackendChoice;
 use crate::passes::raster::gpu::AdapterChoice;
@@ -7,12 +7,12 @@ use crate::passes::visibility::Surfaces;
 use crate::passes::wgpu_rays::WgpuSegments;
 use crate::pipeline::backend::BackendError;
 
-/// The device of a choice, made for the triangles of a scene; none where the processor traces.
+/// A tracer on the chosen device, with the triangles of a scene; `None` if the processor traces.
 ///
-/// `auto` takes `cuda` where that can be had, since its rows have the bits of the processor's, and else the processor.
+/// `auto` takes `cuda` if it is available, since its rows equal the processor's bit for bit; otherwise the processor.
 ///
 /// # Errors
-/// If it cannot be had: says what is missing, and what to do.
+/// If the device is not available; the message gives a remedy.
 pub fn segment_tracer(
     choice: BackendChoice,
     surfaces: &Surfaces,

@@ -1,26 +1,26 @@
-//! Rows as bytes.
+//! File formats of rows.
 
 use crate::passes::visibility::Row;
 use std::fmt::Write as _;
 
-/// What a file of rows looks like.
+/// File format of rows.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Format {
-    /// Text: a comment with what was asked for, a line of names, a line for each pair. Numbers are the shortest that read back
-    /// as the same `f64`; what is absent is empty.
+    /// Text: a comment with the options, a line of column names, and a line for each pair. Numbers are the shortest that are read
+    /// back as the same `f64`; missing values are empty.
     Csv,
-    /// A NumPy array of records; what is absent is NaN.
+    /// A NumPy array of records; missing values are NaN.
     Npy,
 }
 
-/// Bytes of the header of an array: fixed, so that the number of rows can be written when it is known.
+/// Size of the header of an array in bytes: fixed, so that the number of rows can be filled in at the end.
 const HEADER: usize = 512;
 
 impl Format {
-    /// By the file's extension.
+    /// The format for a file's extension.
     ///
     /// # Errors
-    /// What would be valid.
+    /// A message that says what would be valid.
     pub fn of(path: &std::path::Path) -> Result<Self, String> {
         let extension = path.extension().and_then(|extension| extension.to_str()).unwrap_or_default().to_lowercase();
         match extension.as_str() {
@@ -30,7 +30,7 @@ impl Format {
         }
     }
 
-    /// The first bytes of a file of so many rows.
+    /// The header of a file with `rows` rows.
     #[must_use]
     pub fn header(self, about: &str, form_factors: bool, rows: u64) -> Vec<u8> {
         match self {
@@ -58,13 +58,13 @@ impl Format {
         }
     }
 
-    /// Whether the header holds the number of rows.
+    /// Whether the header contains the number of rows.
     #[must_use]
     pub fn counts(self) -> bool {
         self == Self::Npy
     }
 
-    /// Adds a row.
+    /// Appends a row.
     pub fn write(self, row: &Row, bytes: &mut Vec<u8>) {
         let Row { pair: [a, b], class, visibility, error, form_factors, form_factor_errors, samples, valid } = row;
         match self {

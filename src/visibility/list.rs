@@ -6,29 +6,30 @@ use crate::pipeline::scene::fnv1a;
 use std::io::{BufRead as _, BufReader, Read as _, Seek as _, SeekFrom};
 use std::path::{Path, PathBuf};
 
-/// Longest line that is read.
+/// Longest line that is read, bytes.
 const LONGEST: u64 = 4096;
 /// Bytes hashed at a time.
 const CHUNK: usize = 1 << 20;
 
-/// Pairs of a text file: two ids a line, between them a comma, a semicolon or blanks. Empty lines and those that begin with `#` are
-/// passed over, as are a first line of names and one that begins with `a,b`. What follows two ids is not read, so a file of rows is a list too.
+/// Pairs in a text file: two ids a line, separated by a comma, a semicolon or blanks. Empty lines and lines that begin with `#` are
+/// skipped, as are a first line of column names and a line that begins with `a,b`. Anything after two ids is ignored, so a file of
+/// rows is a valid list.
 #[derive(Debug)]
 pub struct ListedPairs {
     path: PathBuf,
     reader: BufReader<Input>,
     triangles: usize,
-    /// Offset of the next line and its number, from 0.
+    /// Offset and number (from 0) of the next line.
     next: Cursor,
     bytes: u64,
     hash: u128,
 }
 
 impl ListedPairs {
-    /// Opens a list for a scene of so many triangles, and reads it once to the end: what is wrong with it is found before the work.
+    /// Opens a list for a scene with `triangles` triangles. It is read once to its end, so that errors are found before the work.
     ///
     /// # Errors
-    /// With file, line and column.
+    /// The first error, with file, line and column.
     pub fn open(path: &Path, triangles: usize) -> Result<Self, String> {
         let wrong = |error: std::io::Error| format!("{}: {error}", path.display());
         let mut file = files::open(path).map_err(wrong)?;
@@ -63,7 +64,7 @@ impl ListedPairs {
         Ok(list)
     }
 
-    /// A hash of the file.
+    /// Hash of the file's contents.
     #[must_use]
     pub fn hash(&self) -> u128 {
         self.hash
@@ -79,7 +80,7 @@ impl ListedPairs {
         let mut pair = [0; 2];
         for (index, id) in pair.iter_mut().enumerate() {
             let word = words.next().unwrap_or_default();
-            // Words are parts of the line.
+            // Words are slices of the line, so pointer differences give the column.
             let column =
                 if word.is_empty() { line.trim_end().len() } else { word.as_ptr() as usize - line.as_ptr() as usize };
             let place = format!("{}:{}:{}", self.path.display(), self.next[1] + 1, column + 1);
@@ -90,7 +91,7 @@ impl ListedPairs {
             *id = match word.parse::<u32>() {
                 Ok(id) if (id as usize) < self.triangles => id,
                 Ok(id) => return Err(format!("{place}: there is no triangle {id}; {valid}")),
-                // Names of columns.
+                // A line of column names.
                 Err(_) if self.next[1] == 0 && index == 0 => return Ok(None),
                 Err(_) if text.starts_with("a,b") => return Ok(None),
                 Err(_) if word.is_empty() => return Err(format!("{place}: the second id is missing; {valid}")),
@@ -157,7 +158,7 @@ mod tests {
         let (mut pairs, mut all) = (Vec::new(), Vec::new());
         loop {
             pairs.clear();
-            // One by one, from a new place each time.
+            // Reads one pair at a time, each time after seeking to the cursor.
             list.fill(1, &mut pairs)?;
             let cursor = list.cursor();
             list.seek(cursor)?;

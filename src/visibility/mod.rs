@@ -1,4 +1,4 @@
-//! Visibility of many pairs of triangles: from a stream of pairs to a file that survives a kill.
+//! Visibility of many pairs of triangles: from a stream of pairs to a file, resumable after a kill.
 
 mod engine;
 mod format;
@@ -17,18 +17,18 @@ use pipeline::scene::{self, BuildOptions, LoadOptions, Material, Needs, RenderSc
 use crate::pipeline;
 use std::path::PathBuf;
 
-/// The triangles of a scene, and which of its materials are not opaque.
+/// The triangles of a scene, and its materials that are not opaque.
 #[derive(Debug, Default)]
 pub struct Loaded {
     /// Triangles and materials, without textures.
     pub scene: RenderScene,
-    /// By material: whether its triangles block nothing.
+    /// By material: whether its triangles never occlude.
     pub see_through: Vec<bool>,
-    /// What was left out while loading.
+    /// Warnings about contents left out while loading.
     pub warnings: Warnings,
 }
 
-/// Whether a material lets anything through: by transmission, by opacity, or by a texture that cuts it out.
+/// Whether a material is not fully opaque: by transmission, by opacity, or by a texture that cuts it out.
 #[must_use]
 pub fn is_see_through(material: &Material) -> bool {
     let cut = material.alpha_cutoff.is_some_and(|cutoff| cutoff > 0.0);
@@ -46,7 +46,7 @@ pub fn load_files(files: &[PathBuf], max_bytes: u64) -> Result<Loaded, SceneErro
     )
 }
 
-/// Loads all scenes of a project, in their order. What a ray pass maps to glass is not opaque either.
+/// Loads all scenes of a project, in order. Materials that a ray pass maps to glass count as not opaque too.
 ///
 /// # Errors
 /// As [`scene::load`] and [`RenderScene::build`].
@@ -71,7 +71,7 @@ pub fn load_project(project: &Project, max_bytes: u64) -> Result<Loaded, SceneEr
 const NEEDS: Needs = Needs::NOTHING;
 
 fn load(read: &dyn Fn(&LoadOptions) -> Result<Scene, SceneError>, options: BuildOptions) -> Result<Loaded, SceneError> {
-    // Which materials textures and vertices cut out is said with the files; textures are not decoded.
+    // The files say which materials are cut out by textures and vertex colours; textures are not decoded.
     let load =
         LoadOptions { needs: Needs { textures: true, colors: true, ..Needs::NOTHING }, max_bytes: options.max_bytes };
     let mut read = read(&load)?;

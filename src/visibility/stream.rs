@@ -1,8 +1,8 @@
-//! Blocks of pairs to a file, and a journal that a run after a kill goes on from.
+//! Streams blocks of pairs to a file, with a journal from which a run after a kill continues.
 //!
-//! Rows are added to `OUT.part`. After each block a line of `OUT.part.journal` says how many bytes are whole, where the next pairs come
-//! from, and the hash of the block; it holds its own hash too, so that half a line is told. At the end the
-//! file gets its name and the journal goes. What lies beyond the journal's last whole line is computed again.
+//! Rows are appended to `OUT.part`. After each block a line is appended to `OUT.part.journal`: the number of complete bytes, the
+//! position of the next pairs, and the hash of the block; a hash of the line itself reveals a truncated line. At the end the file
+//! is renamed and the journal removed. A resumed run recomputes everything after the journal's last complete line.
 
 use super::Format;
 use crate::passes::visibility::{Cursor, PairSource, Row, RowFinder};
@@ -15,21 +15,21 @@ use std::fs::{File, OpenOptions};
 use std::io::{self, Read as _, Seek as _, SeekFrom, Write as _};
 use std::path::{Path, PathBuf};
 
-/// Pairs of a block.
+/// Number of pairs in a block.
 pub const BLOCK: usize = 1 << 16;
-/// Rows that are made into bytes together.
+/// Number of rows that a task formats.
 const GRAIN: usize = 1 << 12;
 
-/// Where rows go.
+/// Destination of the rows.
 #[derive(Debug, Clone)]
 pub struct Target {
     /// The file.
     pub path: PathBuf,
-    /// How it is written.
+    /// Format of the file.
     pub format: Format,
-    /// What the rows depend on, in a line: a run goes on only from one with the same.
+    /// A line with everything that the rows depend on; a run continues only one with the same line.
     pub about: String,
-    /// Whether to go on from a run that was interrupted; without one it begins.
+    /// Whether to continue an interrupted run, if there is one.
     pub resume: bool,
 }
 
@@ -42,13 +42,13 @@ pub enum StreamError {
     File {
         /// The file.
         path: String,
-        /// Why.
+        /// The reason.
         error: io::Error,
     },
-    /// The pairs are wrong.
+    /// The list of pairs is in error.
     #[error("{0}")]
     Pairs(String),
-    /// An interrupted run is in the way, or is another one.
+    /// An interrupted run exists and may not be continued: resuming was not requested, or it is a different run.
     #[error("{0}")]
     Interrupted(String),
     /// The engine failed.
@@ -56,26 +56,26 @@ pub enum StreamError {
     Engine(#[from] BackendError),
 }
 
-/// What was written.
+/// Counts of a run.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub struct Summary {
-    /// Pairs by their class.
+    /// Number of pairs of each class.
     pub classes: [u64; 4],
-    /// Segments of sampled pairs.
+    /// Number of segments of sampled pairs.
     pub samples: u64,
-    /// Pairs that an interrupted run had done.
+    /// Number of pairs that the interrupted run had completed.
     pub resumed: u64,
 }
 
 impl Summary {
-    /// All pairs.
+    /// Number of all pairs.
     #[must_use]
     pub fn pairs(&self) -> u64 {
         self.classes.iter().sum()
     }
 }
 
-/// What a line of the journal holds.
+/// A line of the journal.
 #[derive(Debug, Clone, Copy, Default)]
 struct Mark {
     bytes: u64,
@@ -94,7 +94,7 @@ impl Mark {
         format!("{text} {:032x}\n", fnv1a(text.as_bytes()))
     }
 
-    /// Nothing of half a line.
+    /// Parses a line; `None` for a truncated one.
     fn parse(line: &str) -> Option<Self> {
         let (text, hash) = line.strip_suffix('\n')?.rsplit_once(' ')?;
         if format!("{:032x}", fnv1a(text.as_bytes())) != hash {
@@ -113,7 +113,7 @@ impl Mark {
     }
 }
 
-/// Both files of a run.
+/// The file of rows and the journal of a run.
 struct Files {
     part: PathBuf,
     journal: PathBuf,
@@ -132,7 +132,7 @@ fn failed(path: &Path) -> impl Fn(io::Error) -> StreamError + '_ {
 }
 
 impl Files {
-    /// Begins, or finds the last whole mark of an interrupted run.
+    /// Begins a run, or finds the last valid mark of an interrupted one.
     fn open(target: &Target, header: &[u8]) -> Result<(Self, Mark), StreamError> {
         let (part, journal) = (beside(&target.path, ".part"), beside(&target.path, ".part.journal"));
         let title = format!("{}\n", target.about);
@@ -168,12 +168,12 @@ impl Files {
         Ok((files, mark))
     }
 
-    /// The last mark of which the block is as it was written, and where the journal's lines end with it; nothing if there is none.
+    /// The last mark whose block is intact, and the length of the journal up to it; `None` if there is none.
     fn last_mark(part: &Path, journal: &Path, title: &str) -> Result<Option<(Mark, u64)>, StreamError> {
         let text = std::fs::read(journal).map_err(failed(journal))?;
         let text = String::from_utf8_lossy(&text);
         if !text.ends_with('\n') && !text.contains('\n') {
-            // Not even the title is whole: nothing was done.
+            // Even the title is truncated: nothing was completed.
             return Ok(None);
         }
         let Some(lines) = text.strip_prefix(title) else {
@@ -210,13 +210,13 @@ impl Files {
     }
 }
 
-/// Writes the rows of all pairs of a source; `progress` counts what of the source is done.
+/// Writes the rows of all pairs of a source; `progress` counts the pairs done.
 ///
 /// Holds one block at a time, whatever the number of pairs.
 ///
 /// # Errors
-/// If a file cannot be read or written, the pairs are wrong, the engine fails, or an interrupted run is in the way. What was
-/// written stays, to be gone on with.
+/// If a file cannot be read or written, the pairs are in error, the engine fails, or an interrupted run is in the way. The rows
+/// written so far stay, so that the run can be continued.
 pub fn stream(
     finder: &mut dyn RowFinder,
     source: &mut dyn PairSource,
@@ -241,7 +241,7 @@ pub fn stream(
             break;
         }
         let (mut written, mut hashes) = (0, Vec::new());
-        // A source may give more than a block at once.
+        // A source may return more than a block at once.
         for pairs in pairs.chunks(BLOCK) {
             finder.rows(pairs, &mut rows)?;
             for row in &rows {
@@ -267,7 +267,7 @@ pub fn stream(
     files.rows.sync_all().map_err(failed(&files.part))?;
     let Files { part, journal, .. } = files;
     std::fs::rename(&part, &target.path).map_err(failed(&target.path))?;
-    // A journal that stays behind is not looked at without its file.
+    // A journal that remains is ignored without its file.
     let _ = std::fs::remove_file(journal);
     Ok(summary)
 }

@@ -1,16 +1,16 @@
-//! The structs and numbers of the OptiX interface that are used here, for the interface versions 87 (OptiX 8.0) and 93
-//! (8.1), which agree on all of them.
+//! The structs and constants of the OptiX interface that are used here, for the interface versions 87 (OptiX 8.0) and
+//! 93 (8.1), in which they are the same.
 //!
 //! Names follow OptiX's own, so that its programming guide explains them.
 
 use std::ffi::{c_char, c_int, c_uint, c_void};
 
-/// Interface versions that are asked for, newest first, with the number of functions in their tables.
+/// Interface versions that are requested, newest first, with the number of functions in their tables.
 pub const VERSIONS: [(c_int, usize); 2] = [(93, 50), (87, 48)];
-/// Functions in the largest table.
+/// Number of functions in the largest table.
 pub const FUNCTIONS: usize = 50;
 
-/// Places of the functions in the table.
+/// Indices of the functions in the table.
 pub mod place {
     pub const GET_ERROR_NAME: usize = 0;
     pub const DEVICE_CONTEXT_CREATE: usize = 2;
@@ -31,13 +31,13 @@ pub mod place {
     pub const LAUNCH: usize = 39;
 }
 
-/// What every function returns; 0 is success.
+/// Result code of every function; 0 is success.
 pub type OptixResult = c_int;
 /// Opaque objects of OptiX.
 pub type Handle = *mut c_void;
 /// An address in device memory.
 pub type DevicePointer = u64;
-/// What rays are traced in; 0 is empty.
+/// Handle of an acceleration structure; 0 is empty.
 pub type Traversable = u64;
 
 pub const BUILD_INPUT_TYPE_TRIANGLES: c_int = 0x2141;
@@ -59,7 +59,7 @@ pub const EXCEPTION_FLAG_TRACE_DEPTH: c_uint = 1 << 1;
 pub const TRAVERSABLE_GRAPH_FLAG_ALLOW_SINGLE_GAS: c_uint = 1;
 pub const PRIMITIVE_TYPE_FLAGS_TRIANGLE: c_uint = 1 << 31;
 pub const DEVICE_PROPERTY_RTCORE_VERSION: c_int = 0x2005;
-/// Bytes of a record's header in the shader binding table; records have nothing else here.
+/// Size in bytes of a record's header in the shader binding table; records have no other data here.
 pub const SBT_RECORD_HEADER: usize = 32;
 
 macro_rules! structs {
@@ -116,7 +116,7 @@ structs! {
         opacity_micromap: OptixBuildInputOpacityMicromap,
         displacement_micromap: OptixBuildInputDisplacementMicromap,
     }
-    /// The union of OptiX, of which only triangles are used.
+    /// OptiX's union, of which only triangles are used.
     OptixBuildInput(1032) {
         kind: c_int,
         triangle_array: OptixBuildInputTriangleArray,
@@ -170,7 +170,7 @@ structs! {
     OptixPipelineLinkOptions(4) {
         max_trace_depth: c_uint,
     }
-    /// The union of OptiX: a ray-generation, miss or exception program takes the first two fields.
+    /// OptiX's union: a ray-generation, miss or exception program uses the first two fields.
     OptixProgramGroupDesc(56) {
         kind: c_int,
         flags: c_uint,

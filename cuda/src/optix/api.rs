@@ -1,4 +1,4 @@
-//! Calls into the function table, each made safe for the one way in which it is used here.
+//! Calls into OptiX's function table, each made safe for the one way in which it is used here.
 #![allow(unsafe_code, reason = "foreign functions found at run time")]
 
 use super::abi::*;
@@ -17,8 +17,8 @@ const LIBRARY: &str = "libnvoptix.so.1";
 
 /// The functions of one interface version, and the OptiX context on a device.
 ///
-/// Invariants: the library stays loaded as long as this lives, so the pointers of the table are functions of the types that
-/// the interface gives to their places; `context` was created by them and is destroyed with this.
+/// Invariants: the library stays loaded as long as this lives, so the pointers of the table are functions of the types that the interface
+/// gives to their places; `context` was created by them and is destroyed with this.
 pub struct Api {
     table: [*const c_void; FUNCTIONS],
     version: i32,
@@ -33,13 +33,13 @@ impl std::fmt::Debug for Api {
     }
 }
 
-/// The compiled programs of one effect. Destroyed by [`Api::destroy`].
+/// The compiled programs of one effect. Must be released with [`Api::destroy`].
 #[derive(Debug)]
 pub struct Pipeline {
     module: Handle,
     groups: Vec<Handle>,
     pipeline: Handle,
-    /// What records of the shader binding table begin with.
+    /// Headers of the records of the shader binding table.
     pub headers: Headers,
 }
 
@@ -54,25 +54,24 @@ unsafe impl Send for Pipeline {}
 pub struct Mesh<'a> {
     /// Vertex positions, three floats each.
     pub positions: DevicePointer,
-    /// How many.
+    /// Number of vertices.
     pub vertices: u32,
     /// Vertices of the triangles, three indices each.
     pub triangles: DevicePointer,
-    /// How many.
+    /// Number of triangles.
     pub count: u32,
-    /// By triangle, 32 bits: its material.
+    /// For each triangle, its material as 32 bits.
     pub materials: DevicePointer,
-    /// By material, one at least: [`GEOMETRY_FLAG_NONE`] where any-hit programs are called, else
-    /// [`GEOMETRY_FLAG_DISABLE_ANYHIT`].
+    /// For each material (at least one): [`GEOMETRY_FLAG_NONE`] where any-hit programs are called, else [`GEOMETRY_FLAG_DISABLE_ANYHIT`].
     pub flags: &'a [c_uint],
 }
 
-/// Memory that a build needs.
+/// Memory that a build needs, in bytes.
 #[derive(Debug, Clone, Copy)]
 pub struct BuildSizes {
-    /// For the structure.
+    /// Memory of the structure.
     pub output: usize,
-    /// While building.
+    /// Temporary memory during the build.
     pub temporary: usize,
 }
 
@@ -80,7 +79,7 @@ impl Api {
     /// Loads OptiX and opens it on a device.
     ///
     /// # Errors
-    /// What is missing, and what to do.
+    /// A message that says what is missing, and what to do.
     pub fn new(cuda: &Arc<CudaContext>) -> Result<Self, String> {
         cuda.bind_to_thread().map_err(|error| format!("the GPU cannot be used: {error:?}"))?;
         // SAFETY: the driver's own library; its initialisers are NVIDIA's.
@@ -125,8 +124,8 @@ impl Api {
         ))
     }
 
-    /// Makes the context's device that of the thread, which may have another just now. The first call may report an earlier
-    /// failure instead; what cannot be released is released with the device.
+    /// Makes the context's device current for this thread, which may use another one. The first call may report an earlier failure instead,
+    /// hence the second; objects that cannot be released are released with the device.
     fn bind_for_release(&self) {
         let _ = self.cuda.bind_to_thread().or_else(|_| self.cuda.bind_to_thread());
     }
@@ -136,10 +135,10 @@ impl Api {
         self.version
     }
 
-    /// The function at a place.
+    /// The function at an index of the table.
     ///
     /// # Safety
-    /// `F` must be the type that the interface gives to the place.
+    /// `F` must be the type that the interface gives to the function at `place`.
     unsafe fn function<F: Copy>(&self, place: usize) -> F {
         const { assert!(size_of::<F>() == size_of::<*const c_void>()) };
         // SAFETY: by the contract, the pointer is a function of type F; the query filled all places that are used.
@@ -159,7 +158,7 @@ impl Api {
         Err(format!("{doing}: {name} ({result}){separator}{log}"))
     }
 
-    /// The version of the chip's ray-tracing cores; 0 if it has none.
+    /// Version of the GPU's ray-tracing cores; 0 if it has none.
     pub fn rt_core_version(&self) -> Result<u32, String> {
         let mut version = 0_u32;
         // SAFETY: by the invariant; the property is one unsigned integer.
@@ -170,7 +169,7 @@ impl Api {
         self.check("asking for ray-tracing cores", result, "").map(|()| version)
     }
 
-    /// Compiles the programs of a module, and looks those up that are called.
+    /// Compiles the programs of a module, and links those that are called into a pipeline.
     pub fn pipeline(&self, called: &[Option<Group>; GROUPS], ptx: &str) -> Result<Pipeline, String> {
         let mut pipeline = Pipeline {
             module: null_mut(),
@@ -271,7 +270,7 @@ impl Api {
         Ok(())
     }
 
-    /// Room for a ray-generation program and one ray at a time.
+    /// Sets the stack size: room for the ray-generation program and one ray at a time.
     fn set_stack_size(&self, pipeline: &Pipeline) -> Result<(), String> {
         let (mut generation, mut traced) = (0, 0);
         for group in &pipeline.groups {
@@ -301,7 +300,7 @@ impl Api {
         self.check("making room for the stack", result, "")
     }
 
-    /// Frees what [`Self::pipeline`] made.
+    /// Releases what [`Self::pipeline`] made.
     pub fn destroy(&self, pipeline: &Pipeline) {
         self.bind_for_release();
         // SAFETY: by the invariant; objects that were not made are null and left out. Results are of no use here.
@@ -318,7 +317,7 @@ impl Api {
         }
     }
 
-    /// Calls `use_input` with the description of a mesh, whose pointers live through the call.
+    /// Calls `use_input` with the description of a mesh; its pointers are valid during the call.
     fn with_input<R>(
         mesh: &Mesh<'_>,
         use_input: impl FnOnce(*const OptixBuildInput, *const OptixAccelBuildOptions) -> R,
@@ -370,7 +369,7 @@ impl Api {
         use_input(&raw const input, &raw const options)
     }
 
-    /// The memory that building over a mesh takes.
+    /// The memory that a build over a mesh takes.
     pub fn build_sizes(&self, mesh: &Mesh<'_>) -> Result<BuildSizes, String> {
         let mut sizes = OptixAccelBufferSizes { output: 0, temp: 0, temp_update: 0 };
         let result = Self::with_input(mesh, |input, options| {
@@ -384,11 +383,11 @@ impl Api {
         Ok(BuildSizes { output: sizes.output, temporary: sizes.temp })
     }
 
-    /// Starts building over a mesh. `compacted` gets the number of bytes that the structure really needs, as 64 bits.
+    /// Starts building over a mesh. The size in bytes that the structure really needs is written to `compacted`, as 64 bits.
     ///
     /// # Safety
-    /// All addresses are of live device memory of the sizes that [`Self::build_sizes`] and the mesh say, until the stream
-    /// has come to the end of the build; those of the structure as long as it is traced.
+    /// All addresses must be of live device memory, of the sizes given by [`Self::build_sizes`] and the mesh, until the stream has come to
+    /// the end of the build; those of the structure as long as it is traced.
     pub unsafe fn build(
         &self,
         stream: *mut c_void,
@@ -410,7 +409,7 @@ impl Api {
         self.check("building the structure", result, "").map(|()| handle)
     }
 
-    /// Starts copying a structure to where it has no more room than it needs.
+    /// Starts copying a structure to memory of the size that it really needs.
     ///
     /// # Safety
     /// As for [`Self::build`].
@@ -433,8 +432,8 @@ impl Api {
     /// Starts a pipeline.
     ///
     /// # Safety
-    /// `params` and `records` are live device memory: the launch parameters as the programs read them, with all that they
-    /// point to, and the [`records`](super::entries::records) of the pipeline and the pass, of that many bytes.
+    /// `params` and `records` must be live device memory: the launch parameters as the programs read them, with everything that they point
+    /// to, and the [`records`](super::entries::records) of the pipeline and the pass, each of the given number of bytes.
     pub unsafe fn launch(
         &self,
         stream: *mut c_void,
@@ -479,7 +478,7 @@ impl Drop for Api {
     }
 }
 
-/// A buffer for what OptiX says.
+/// A buffer for OptiX's log messages.
 struct Log {
     bytes: [u8; 2048],
     length: usize,

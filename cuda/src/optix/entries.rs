@@ -1,5 +1,4 @@
-//! Which device programs OptiX calls for which rays and materials: those that a project names, as the table of programs has
-//! them.
+//! Which device programs OptiX calls for which rays and materials: those that a project names, according to the table of programs.
 
 use super::abi::{PROGRAM_GROUP_KIND_EXCEPTION, PROGRAM_GROUP_KIND_HITGROUP, PROGRAM_GROUP_KIND_MISS};
 use super::abi::{PROGRAM_GROUP_KIND_RAYGEN, SBT_RECORD_HEADER};
@@ -8,29 +7,29 @@ use curitiba_pipeline::backend::RayJob;
 use curitiba_pipeline::programs::{Fidelity, RayProgramInfo};
 use std::ffi::{CString, c_int};
 
-/// Types of rays as projects name them, in the order of `RayType` in `trace_optix.cuh`.
+/// Ray types by their names in projects, in the order of `RayType` in `trace_optix.cuh`.
 const RAYS: [&str; RAY_TYPES as usize] = ["Phong", "Shadow"];
-/// The any-hit program of radiance rays on materials with holes, which no project names.
+/// The any-hit program for radiance rays on materials with holes; no project names it.
 const ALPHA_TEST: &str = "alpha_test";
 
-/// Kinds of materials whose hits may have programs of their own: glass or not, with holes or not.
+/// Kinds of materials with separate hit programs: glass or not, with holes or not.
 const MATERIALS: usize = 4;
-/// Where the groups of each kind stand: one for ray generation, one for exceptions, one a type of ray for misses, and for hits
-/// one a type of ray and kind of material.
+/// Indices of the first group of each kind. Group 0 is the ray-generation program, followed by one group for exceptions, one miss group a
+/// ray type, and one hit group for each ray type and kind of material.
 const EXCEPTION: usize = 1;
 const MISSES: usize = 2;
 const HITS: usize = MISSES + RAYS.len();
-/// How many groups there are at most.
+/// Greatest number of groups.
 pub const GROUPS: usize = HITS + RAYS.len() * MATERIALS;
 
-/// Programs that OptiX calls together.
+/// Programs that OptiX calls together (a program group).
 #[derive(Debug, PartialEq, Eq)]
 pub struct Group {
-    /// `PROGRAM_GROUP_KIND_…`.
+    /// The kind: `PROGRAM_GROUP_KIND_…`.
     pub kind: c_int,
-    /// The program; of a hit the closest-hit program, if any.
+    /// The program; in a hit group the closest-hit program, if any.
     pub entry: Option<CString>,
-    /// Of a hit, the any-hit program, if any.
+    /// In a hit group, the any-hit program, if any.
     pub any_hit: Option<CString>,
 }
 
@@ -38,7 +37,7 @@ fn entry(kind: &str, name: &str) -> CString {
     CString::new(format!("__{kind}__{name}")).expect("names have no zero byte")
 }
 
-/// The name that the program calls for hits, on glass the one of glass if there is one.
+/// The name of the program of a kind for a ray type; on glass, the program for glass if there is one.
 fn called(info: &RayProgramInfo, kind: &str, ray: &str, glass: bool) -> Option<&'static str> {
     let of = |required| {
         let mut procs = info.procs.iter();
@@ -47,7 +46,7 @@ fn called(info: &RayProgramInfo, kind: &str, ray: &str, glass: bool) -> Option<&
     if glass { of(false).or_else(|| of(true)) } else { of(true) }
 }
 
-/// The groups of a program; `None` for rays that it never traces.
+/// The groups of a program; `None` for ray types that it never traces.
 pub fn groups(info: &RayProgramInfo) -> [Option<Group>; GROUPS] {
     let alone = |kind, entry| Some(Group { kind, entry: Some(entry), any_hit: None });
     let mut groups = [const { None }; GROUPS];
@@ -70,7 +69,7 @@ pub fn groups(info: &RayProgramInfo) -> [Option<Group>; GROUPS] {
     groups
 }
 
-/// The groups that trace segments between triangles: hits on opaque materials, and on the others.
+/// The groups that trace segments between triangles: hits on opaque materials, and on other materials.
 pub fn segment_groups() -> [Option<Group>; GROUPS] {
     let mut groups = [const { None }; GROUPS];
     let alone = |kind, entry| Some(Group { kind, entry: Some(entry), any_hit: None });
@@ -84,26 +83,26 @@ pub fn segment_groups() -> [Option<Group>; GROUPS] {
     groups
 }
 
-/// The shader binding table that goes with them, for so many materials.
+/// The shader binding table for these groups and at least `materials` materials.
 pub fn segment_records(headers: &Headers, see_through: &[bool], materials: usize) -> Vec<u8> {
     let mut table = headers[..HITS].as_flattened().to_vec();
     for material in 0..materials.max(1) {
         let kind = usize::from(see_through.get(material).copied().unwrap_or(false));
         table.extend_from_slice(&headers[HITS + kind]);
-        // Rays of the second type are not traced.
+        // Rays of the second type are never traced.
         table.resize(table.len() + SBT_RECORD_HEADER, 0);
     }
     table
 }
 
-/// The header of each group's records; zeros for those that are not there, which nothing calls.
+/// The header of each group's records; zeros for groups that do not exist, which are never called.
 pub type Headers = [[u8; SBT_RECORD_HEADER]; GROUPS];
 
-/// Where the records of one kind stand in the table, in records.
+/// Index of the exception record in the shader binding table.
 pub const EXCEPTION_RECORD: usize = EXCEPTION;
-/// See [`EXCEPTION_RECORD`].
+/// Index of the first miss record.
 pub const MISS_RECORDS: usize = MISSES;
-/// See [`EXCEPTION_RECORD`]. From here on: material by material, each with one a type of ray.
+/// Index of the first hit record. Hit records are ordered by material, each with one record a ray type.
 pub const HIT_RECORDS: usize = HITS;
 
 /// The shader binding table of a pass, for a scene of at least `materials` materials.
@@ -166,7 +165,7 @@ mod tests {
             assert_eq!(at(HITS + MATERIALS + cut), ["__anyhit__any_hit_shadow"]);
             assert_eq!(at(HITS + MATERIALS + cut + 1), ["__anyhit__any_hit_shadow_glass"]);
         }
-        // What has no program for glass calls the other one; what traces no such rays has none.
+        // A program without a variant for glass uses the other one; a ray type that is never traced has no groups.
         let shadows = groups(RayProgram::DeferredShadows.info());
         assert_eq!(shadows[HITS + MATERIALS + 1], shadows[HITS + MATERIALS]);
         assert!(shadows[MISSES].is_none() && shadows[HITS].is_none() && shadows[MISSES + 1].is_some());

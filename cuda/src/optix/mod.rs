@@ -1,4 +1,4 @@
-//! OptiX, as NVIDIA's driver carries it: no SDK, a table of functions that is asked for by version.
+//! OptiX from NVIDIA's driver: no SDK, only a table of functions that is requested by version.
 
 mod abi;
 mod api;

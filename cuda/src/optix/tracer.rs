@@ -13,7 +13,7 @@ use curitiba_pipeline::backend::{BackendError, BuildStats, RayJob};
 use curitiba_pipeline::programs::RayProgram;
 use curitiba_pipeline::scene::RenderScene;
 
-/// OptiX's structure of a scene, and the programs that were loaded so far.
+/// OptiX's structure of a scene, and the programs loaded so far.
 #[derive(Debug)]
 pub struct OptixTracer {
     api: Api,
@@ -21,12 +21,12 @@ pub struct OptixTracer {
     programs: Vec<Loaded>,
     structure: Buffer<u8>,
     handle: u64,
-    /// How many the structure knows of.
+    /// Number of materials in the structure.
     materials: usize,
     params: Buffer<u8>,
 }
 
-/// A program, with the shader binding table of the pass that it last ran.
+/// A program, with the shader binding table of its last pass.
 #[derive(Debug)]
 struct Loaded {
     program: RayProgram,
@@ -39,7 +39,7 @@ fn wrong(message: String) -> BackendError {
     BackendError::Device { backend: OptixTracer::NAME, message }
 }
 
-/// What OptiX refused. Where the device itself failed, what CUDA says of it is nearer to the cause.
+/// The error for a refused call of OptiX. If the device itself failed, CUDA's error is closer to the cause, and is returned.
 fn refused(device: &Device, doing: &str, why: String) -> BackendError {
     match device.stream().synchronize() {
         Ok(()) => wrong(format!("{doing}: {why}")),
@@ -47,7 +47,7 @@ fn refused(device: &Device, doing: &str, why: String) -> BackendError {
     }
 }
 
-/// By material: whether any-hit programs are called on its triangles. One at least.
+/// For each material (at least one): whether any-hit programs are called on its triangles.
 fn flags(materials: usize, filtered: &[bool]) -> Vec<u32> {
     let flag = |material| match filtered.get(material) {
         Some(true) => GEOMETRY_FLAG_NONE,
@@ -56,7 +56,7 @@ fn flags(materials: usize, filtered: &[bool]) -> Vec<u32> {
     (0..materials.max(1)).map(flag).collect()
 }
 
-/// Copies the launch parameters to the device: where they are, and how long.
+/// Copies the launch parameters to the device; returns their address and length in bytes.
 #[allow(unsafe_code, reason = "shows the parameters as bytes")]
 fn describe(device: &Device, buffer: &mut Buffer<u8>, params: &Params) -> Result<(Address, usize), BackendError> {
     // SAFETY: plain numbers without padding, as the unit test of this module checks.
@@ -72,10 +72,10 @@ fn room(device: &Device, what: &str, bytes: usize) -> Result<Buffer<u8>, Backend
 
 impl DeviceTracer for OptixTracer {
     const NAME: &'static str = "optix";
-    /// An upper estimate of what OptiX takes while it builds, on the device.
+    /// An upper estimate of the device memory that OptiX takes while it builds.
     const BYTES_PER_TRIANGLE: u64 = 250;
 
-    /// OptiX builds on the GPU.
+    /// Nothing: OptiX builds on the GPU.
     type Prepared = ();
 
     fn prepare(_: &RenderScene, _: &[bool]) {}
@@ -152,7 +152,7 @@ impl DeviceTracer for OptixTracer {
         } else {
             (output, handle)
         };
-        // OptiX does not tell how many nodes it made.
+        // OptiX does not report its number of nodes.
         Ok(BuildStats { bytes: self.structure.bytes(), nodes: 0 })
     }
 
@@ -199,7 +199,7 @@ impl DeviceTracer for OptixTracer {
     }
 }
 
-/// The programs that trace segments between triangles, with the structure that they trace.
+/// The programs that trace segments between triangles, with their acceleration structure.
 #[derive(Debug)]
 pub struct SegmentPipeline {
     tracer: OptixTracer,
@@ -208,7 +208,7 @@ pub struct SegmentPipeline {
 }
 
 impl SegmentPipeline {
-    /// With a tracer whose structure was built. `see_through` says by material whose triangles block nothing.
+    /// A pipeline on a tracer whose structure was built. `see_through` says for each material whether its triangles block nothing.
     ///
     /// # Errors
     /// If the driver refuses the programs.
@@ -221,13 +221,13 @@ impl SegmentPipeline {
         Ok(made)
     }
 
-    /// What is to be known of it beyond the device.
+    /// Details of the tracer in addition to the device's name.
     #[must_use]
     pub fn description(&self) -> String {
         self.tracer.description()
     }
 
-    /// Starts them over the segments that the parameters name.
+    /// Starts the programs on the segments that the parameters name.
     ///
     /// # Errors
     /// If the launch fails.

@@ -1,5 +1,5 @@
-//! `refraction` and `final` with glass as each material says: the text of the device programs, compiled for the host with a tracer that
-//! asks all triangles, against the processor's programs.
+//! `refraction` and `final` with glass as defined by each material: the source of the device programs, compiled for the host with a tracer
+//! that tests all triangles, compared with the processor's programs.
 
 use super::{compiled_with, run, words};
 use curitiba_passes::cpu;
@@ -16,7 +16,7 @@ use std::path::Path;
 const SIZE: u32 = 40;
 const BEYOND: Vec3 = Vec3::new(0.2, 0.5, 0.9);
 
-/// A scene, what its materials are to rays, and what is seen of it.
+/// A scene, the optical data of its materials, and the camera.
 struct Scene {
     scene: RenderScene,
     dielectrics: Vec<Dielectric>,
@@ -30,7 +30,8 @@ impl Scene {
         Self { scene: RenderScene::default(), dielectrics: Vec::new(), diffuse: Vec::new(), eye, target }
     }
 
-    /// Triangles of a material of their own, with corners of their own; `normal` gives that of a corner.
+    /// Adds triangles with a new material and their own vertices; `normal` gives the normal of a corner from its position and the flat
+    /// normal.
     fn add(&mut self, what: Dielectric, diffuse: Vec3, triangles: &[[Vec3; 3]], normal: impl Fn(Vec3, Vec3) -> Vec3) {
         let geometry = &mut self.scene.geometry;
         let (first, material) = (geometry.triangles.len() as u32, self.dielectrics.len() as u32);
@@ -48,7 +49,7 @@ impl Scene {
     }
 }
 
-/// A box, its outer sides counter-clockwise.
+/// A box whose outer faces are counter-clockwise.
 fn cuboid(low: Vec3, high: Vec3) -> Vec<[Vec3; 3]> {
     let corner = |i: usize| {
         Vec3::new(
@@ -61,7 +62,7 @@ fn cuboid(low: Vec3, high: Vec3) -> Vec<[Vec3; 3]> {
     quads.iter().flat_map(|[a, b, c, d]| [[*a, *b, *c], [*a, *c, *d]]).map(|ids| ids.map(corner)).collect()
 }
 
-/// A sphere of triangles.
+/// A triangulated sphere.
 fn ball(center: Vec3, radius: f32) -> Vec<[Vec3; 3]> {
     let (rings, sectors) = (10, 16);
     let at = |ring: u32, sector: u32| {
@@ -179,7 +180,7 @@ fn rasterised(scene: &Scene, tree: &Bvh) -> GBuffer {
     seen
 }
 
-/// What a program is asked.
+/// The parameters of a program.
 #[derive(Clone, Copy)]
 struct Asked {
     program: RayProgram,
@@ -188,7 +189,7 @@ struct Asked {
     depth: u32,
 }
 
-/// The largest difference of a colour, how many kinds of rays are counted otherwise, and how many pixels show glass.
+/// The largest difference of a colour, the number of ray kinds whose counts differ, and the number of pixels that show glass.
 fn differences(program: &Path, scene: &Scene, asked: Asked) -> (f32, usize, usize) {
     let geometry = &scene.scene.geometry;
     let tree = Bvh::build(geometry, &vec![true; scene.dielectrics.len()], Quality::default());
@@ -247,7 +248,7 @@ fn differences(program: &Path, scene: &Scene, asked: Asked) -> (f32, usize, usiz
         shown += usize::from(triangle != NO_TRIANGLE && glass[geometry.material_of(triangle) as usize]);
     }
     let rays = stats.rays;
-    // Not shadow rays: the processor traces some of a tile's together first, and those through glass again.
+    // Shadow rays are not compared: the processor first traces some of a tile's rays together, and those through glass again.
     let expected = [rays.reflected, rays.refracted, rays.lost];
     let differ = counts.iter().zip(&expected).filter(|(a, b)| a != b).count();
     (largest, differ, shown)
@@ -283,7 +284,7 @@ fn serialised(scene: &Scene, seen: &GBuffer, job: &RayJob<'_>) -> Vec<u32> {
     input
 }
 
-/// Rounds of the exponential function differ between libraries, and so does the order in which colours are summed.
+/// Rounding of the exponential function differs between libraries, and so does the order in which colours are summed.
 const ROUNDING: f32 = 2e-5;
 
 fn compiled_program(program: RayProgram, name: &str, change: Option<(&str, [&str; 2])>) -> Option<std::path::PathBuf> {
@@ -316,13 +317,13 @@ fn glass_of_the_device_programs_looks_as_on_the_processor() {
 fn a_wrong_word_of_the_device_programs_is_noticed() {
     let asked = |program| Asked { program, fresnel: Fresnel::Exact, shadow: GlassShadow::Straight, depth: 5 };
     for (program, scene, change) in [
-        // Absorption of a way that is twice as long.
+        // Absorption over twice the distance.
         (
             RayProgram::Refraction,
             several(),
             ["(double)(-extinction * length)", "(double)(-extinction * 2.0f * length)"],
         ),
-        // The ratio of the indices upside down.
+        // The ratio of the indices inverted.
         (
             RayProgram::Refraction,
             several(),
@@ -331,9 +332,9 @@ fn a_wrong_word_of_the_device_programs_is_noticed() {
                 "index_in(params, before) / index_in(params, border.after)",
             ],
         ),
-        // Of overlapping bodies the one entered first.
+        // Of overlapping bodies with equal priority, the one entered first.
         (RayProgram::Refraction, several(), ["priority <= priority) ++place", "priority < priority) ++place"]),
-        // A camera that is in nothing.
+        // A camera that is in no body.
         (
             RayProgram::Refraction,
             under_water(),

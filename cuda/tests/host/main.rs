@@ -1,5 +1,5 @@
-//! The device headers that contain arithmetic, compiled for the host and compared bit for bit with the Rust that they follow; no GPU is
-//! needed. Without a C++ compiler (`$CXX`, `c++`, `g++` or `clang++`) the tests are skipped.
+//! The device headers that contain arithmetic, compiled for the host and compared bit for bit with the Rust code that they follow; no GPU
+//! is needed. Without a C++ compiler (`$CXX`, `c++`, `g++` or `clang++`) the tests are skipped.
 //!
 //! Each comparison has a negative control: with one constant of the header changed, it fails.
 
@@ -17,7 +17,7 @@ use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 use std::sync::OnceLock;
 
-/// The first C++ compiler that answers.
+/// The first C++ compiler that runs.
 fn compiler() -> Option<String> {
     static FOUND: OnceLock<Option<String>> = OnceLock::new();
     let answers = |name: &String| {
@@ -28,13 +28,13 @@ fn compiler() -> Option<String> {
     FOUND.get_or_init(|| named.chain(["c++", "g++", "clang++"].map(str::to_owned)).find(answers)).clone()
 }
 
-/// The functions of the headers, as a program of the host; `change` is made to `params.cuh` before it is compiled. `None` without a
-/// compiler.
+/// The functions of the headers as a host program; `change` is applied to `params.cuh` before it is compiled. `None` without a compiler.
 fn compiled(name: &str, change: Option<[&str; 2]>) -> Option<PathBuf> {
     compiled_with("functions.cpp", name, change.map(|change| ("params.cuh", change)))
 }
 
-/// A source of this folder with the headers; `change` is made to one of them before it is compiled.
+/// A host program from a source of this folder and the headers; `change` (file, from and to) is applied to one of them before it is
+/// compiled.
 fn compiled_with(source: &str, name: &str, change: Option<(&str, [&str; 2])>) -> Option<PathBuf> {
     let Some(compiler) = compiler() else {
         println!("skipped: there is no C++ compiler (c++, g++ or clang++)");
@@ -71,7 +71,7 @@ fn compiled_with(source: &str, name: &str, change: Option<(&str, [&str; 2])>) ->
     Some(program)
 }
 
-/// What functions of the headers make of a table of words.
+/// Runs a function of the compiled headers on a table of words, and returns its output.
 fn run(program: &Path, function: &str, input: &[u32]) -> Vec<u32> {
     let mut child = Command::new(program)
         .arg(function)
@@ -109,7 +109,7 @@ impl Random {
     }
 }
 
-/// Triangles with corners of their own, of several sizes, some of them slivers, around a centre.
+/// Triangles with their own vertices, of several sizes, some of them slivers, around a centre.
 fn soup(random: &mut Random, count: u32, center: Vec3) -> Geometry {
     let mut geometry = Geometry::default();
     for index in 0..count {
@@ -133,7 +133,7 @@ fn header(geometry: &Geometry) -> Vec<u32> {
     [geometry.triangles.len() as u32].into_iter().chain(words(geometry.positions.iter().copied())).collect()
 }
 
-/// A point of a triangle: inside, on an edge or at a corner, by `kind`.
+/// A point of a triangle: at a corner (`kind` 0), on an edge (1) or inside.
 fn target(random: &mut Random, geometry: &Geometry, triangle: u32, kind: usize) -> Vec3 {
     let [a, b, c] = geometry.corners(triangle);
     let (u, v) = (random.unit(), random.unit());
@@ -147,7 +147,7 @@ fn target(random: &mut Random, geometry: &Geometry, triangle: u32, kind: usize) 
 
 const CENTERS: [Vec3; 3] = [Vec3::ZERO, Vec3::new(30.0, -20.0, 10.0), Vec3::new(1.0e4, 3.0e3, 0.0)];
 
-/// Rays at points, edges and corners of triangles, and how many of them the headers answer otherwise than the tree.
+/// For rays at points, edges and corners of triangles: how many answers of the headers differ from the tree's, and how many rays hit.
 fn intersections_that_differ(program: &Path) -> [usize; 2] {
     let mut random = Random(1);
     let (mut differ, mut hits) = (0, 0);
@@ -190,7 +190,7 @@ fn the_triangle_test_of_the_device_has_the_bits_of_the_tree() {
     }
 }
 
-/// Points of triangles and starts of rays that differ, of how many.
+/// How many points of triangles and ray origins differ, and how many were compared.
 fn points_that_differ(program: &Path) -> [usize; 2] {
     let mut random = Random(2);
     let (mut differ, mut all) = (0, 0);
@@ -210,7 +210,7 @@ fn points_that_differ(program: &Path) -> [usize; 2] {
             expected.push(words);
         }
         for (found, expected) in run(program, "points", &input).as_chunks::<10>().0.iter().zip(expected) {
-            // Zeros of either sign are one place.
+            // Zeros of either sign are equal.
             let same = found.iter().zip(expected).all(|(a, b)| f32::from_bits(*a) == f32::from_bits(b));
             differ += usize::from(!same);
             all += 1;
@@ -234,7 +234,7 @@ fn points_and_offsets_of_the_device_have_the_bits_of_the_processor() {
     }
 }
 
-/// Ways onto round surfaces that differ, those that are none, and all.
+/// Vectors from triangles to curved surfaces: how many differ, how many are 0, and how many were compared.
 fn ways_that_differ(program: &Path) -> [usize; 3] {
     let mut random = Random(5);
     let (mut differ, mut none, mut all) = (0, 0, 0);
@@ -243,7 +243,7 @@ fn ways_that_differ(program: &Path) -> [usize; 3] {
         for triangle in 0..60 {
             let [a, b, c] = geometry.corners(triangle);
             let normal = (b - a).cross(c - a).normalize_or(Vec3::Y);
-            // Flat, bent a little or much, either way round.
+            // Vertex normals: flat, bent a little or much, with either sign.
             let bend = [0.0, 0.1, 0.3, 0.8][triangle as usize % 4];
             let side = if triangle % 3 == 0 { -1.0 } else { 1.0 };
             geometry.normals.extend([0; 3].map(|_| (normal + random.cube() * bend).normalize_or(normal) * side));
@@ -255,7 +255,7 @@ fn ways_that_differ(program: &Path) -> [usize; 3] {
             let triangle = index % 60;
             let position = target(&mut random, &geometry, triangle, index as usize % 4);
             let point = SurfacePoint::snap(&geometry, triangle, position);
-            // Near the plane: where bent normals face the light and the triangle does not.
+            // Light nearly in the plane, where bent normals may face it although the triangle does not.
             let across = point.normal.cross(random.direction()).normalize_or(Vec3::X);
             let to_light = (across + point.normal * 0.1 * random.cube().x).normalize_or(Vec3::X);
             let facing = point.normal * if point.normal.dot(to_light) > 0.0 { -1.0 } else { 1.0 };
@@ -284,14 +284,14 @@ fn points_are_lifted_by_the_device_as_by_the_processor() {
     assert!(ways_that_differ(&changed)[0] > 0, "{change:?} is not noticed");
 }
 
-/// Bent normals that differ, of how many, and how many of them were kept from turning to the other side of the triangle.
+/// Bent normals: how many differ, how many were compared, and how many were kept from turning to the other side of the triangle.
 fn bumps_that_differ(program: &Path) -> [usize; 3] {
     let mut random = Random(7);
     let (mut input, mut expected, mut kept) = (Vec::new(), Vec::new(), 0);
     for index in 0..20_000 {
         let texel = random.cube() * 0.5 + 0.5;
         let flat = random.direction();
-        // Between the corners neither is of unit length; none at all in some.
+        // Interpolated normals are not of unit length, nor are tangents; some tangents are 0.
         let normal = (flat + random.cube() * 0.6) * [0.9, -0.7, 1.0][index % 3];
         let along = if index % 50 == 0 { Vec3::ZERO } else { random.cube() };
         let (scale, side) = ([1.0, 0.5, -4.0, 1e6][index % 4], [1.0, -1.0, 0.3][index % 3]);
@@ -321,7 +321,7 @@ fn normals_are_bent_by_the_device_as_by_the_processor() {
     }
 }
 
-/// Samples that differ, of how many.
+/// How many samples differ, and how many were compared.
 fn samples_that_differ(program: &Path) -> [usize; 2] {
     let mut random = Random(3);
     let (mut input, mut expected) = (Vec::new(), Vec::new());
@@ -370,7 +370,7 @@ fn verdicts(program: &Path) -> [usize; 3] {
         let mut rays = Vec::new();
         for index in 0..9000 {
             let triangle = index % 60;
-            // At corners and edges, and at ends of rays: where bounds are needed.
+            // Rays to corners and edges, whose ends are near the limits, where bounds matter.
             let goal = target(&mut random, &geometry, triangle, index as usize % 3);
             let distance = [0.3, radius, 0.69999, 1e-3][index as usize % 4];
             let direction = random.direction();

@@ -1,4 +1,4 @@
-//! Whether a job has all that its program reads, so that no pixel needs to ask.
+//! Checks that a job has everything that its program reads, so that no pixel needs to check.
 
 use crate::trace::{Detected, Kernel, Simd};
 use curitiba_pipeline::backend::{BackendError, NO_TRIANGLE, RayJob};
@@ -6,19 +6,19 @@ use curitiba_pipeline::image::Image;
 use curitiba_pipeline::programs::{Fidelity, RayProgram, Traces};
 use rayon::prelude::*;
 
-/// Pixels whose triangles a thread looks at.
+/// Pixels whose triangle ids a thread checks at a time.
 const PART: usize = 1 << 15;
 
-/// The error of a job that lacks something.
+/// The error for a job that lacks something.
 #[must_use]
 pub fn missing(backend: &'static str, job: &RayJob<'_>, why: &str) -> BackendError {
     BackendError::Unsupported { backend, what: job.program.info().stem.to_owned(), why: why.to_owned() }
 }
 
-/// Refuses programs that the report does not have, in thesis fidelity.
+/// In thesis fidelity, refuses programs that the report does not have.
 ///
 /// # Errors
-/// [`BackendError::Unsupported`] of that backend.
+/// [`BackendError::Unsupported`] for that backend.
 pub fn fidelity(backend: &'static str, program: RayProgram, fidelity: Fidelity) -> Result<(), BackendError> {
     if fidelity == Fidelity::Corrected || !program.info().starts_at_camera() {
         return Ok(());
@@ -27,10 +27,10 @@ pub fn fidelity(backend: &'static str, program: RayProgram, fidelity: Fidelity) 
     Err(BackendError::Unsupported { backend, what: program.info().stem.to_owned(), why })
 }
 
-/// Refuses a light with a disc, for a backend that knows a point alone.
+/// Refuses a light with a disc, for a backend that supports only lights without extent.
 ///
 /// # Errors
-/// [`BackendError::Unsupported`] of that backend.
+/// [`BackendError::Unsupported`] for that backend.
 pub fn sun(backend: &'static str, job: &RayJob<'_>) -> Result<(), BackendError> {
     match job.program.asks_of_sun(&job.params).filter(|_| job.fidelity == Fidelity::Corrected) {
         None => Ok(()),
@@ -55,10 +55,10 @@ pub fn filter(backend: &'static str, job: &RayJob<'_>) -> Result<(), BackendErro
     }
 }
 
-/// Checks the sizes of the images that the program reads and of the one it writes.
+/// Checks the sizes of the images that the program reads and of the one that it writes.
 ///
 /// # Errors
-/// [`BackendError::Unsupported`] of that backend; says what is missing.
+/// [`BackendError::Unsupported`] for that backend; the error names what is missing.
 pub fn images(backend: &'static str, job: &RayJob<'_>, output: &Image) -> Result<(), BackendError> {
     let size = format!("{} x {}", job.width, job.height);
     let pixels = job.width as usize * job.height as usize;
@@ -72,7 +72,7 @@ pub fn images(backend: &'static str, job: &RayJob<'_>, output: &Image) -> Result
 /// Checks the sizes of the images that the program reads, unless they are in shared memory.
 ///
 /// # Errors
-/// [`BackendError::Unsupported`] of that backend; says what is missing.
+/// [`BackendError::Unsupported`] for that backend; the error names what is missing.
 pub fn buffers(backend: &'static str, job: &RayJob<'_>) -> Result<(), BackendError> {
     if job.shared.is_some() {
         return Ok(());
@@ -97,11 +97,11 @@ pub fn buffers(backend: &'static str, job: &RayJob<'_>) -> Result<(), BackendErr
     Ok(())
 }
 
-/// Checks that materials, vertex attributes and the light are there as far as the program reads them; `spheres` says whether the backend
-/// knows exact spheres.
+/// Checks that the materials, vertex attributes and the light that the program reads are present. `spheres` says whether the backend
+/// supports exact spheres.
 ///
 /// # Errors
-/// [`BackendError::Unsupported`] of that backend; says what is missing.
+/// [`BackendError::Unsupported`] for that backend; the error names what is missing.
 pub fn scene(backend: &'static str, job: &RayJob<'_>, spheres: bool) -> Result<(), BackendError> {
     fidelity(backend, job.program, job.fidelity)?;
     let info = job.program.info();
@@ -180,7 +180,8 @@ pub fn scene(backend: &'static str, job: &RayJob<'_>, spheres: bool) -> Result<(
     Ok(())
 }
 
-/// How many triangles there are at least, if pixels show these. A maximum, and not a search: it becomes vector code.
+/// Least number of triangles of a scene whose pixels show these ids. Computed as a maximum, without an early exit, so that it is
+/// vectorised.
 fn most_triangles(shown: &[u32]) -> usize {
     const { assert!(NO_TRIANGLE.wrapping_add(1) == 0) }
     let most = shown.par_chunks(PART).map(|part| Detected::cached().run(Most(part))).max();

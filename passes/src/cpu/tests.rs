@@ -14,7 +14,7 @@ use std::sync::Arc;
 const TRACING: [RayProgram; 5] =
     [RayProgram::DeferredShadows, RayProgram::Reflection, RayProgram::Refraction, RayProgram::Ssao, RayProgram::Final];
 
-/// A floor, a crowd of triangles of four materials, one of them glass and one cut out.
+/// A floor, and many triangles of four materials, one of them glass and one with cut-outs.
 fn crowd() -> World {
     let mut world = World::lit_along(Vec3::new(0.3, -0.2, -1.0));
     let materials = [
@@ -37,7 +37,7 @@ fn crowd() -> World {
 }
 
 fn look(world: &World) -> Shot<'_> {
-    // Odd sizes: tiles at the right and lower edge are not whole. Some pixels show nothing.
+    // An odd size, so that tiles at the right and lower border are not whole. Some pixels show no surface.
     Shot::of(world, Vec3::new(0.1, 0.2, 6.0), grid(37, Vec3::ZERO, Vec3::X * 3.3, Vec3::Y * 3.3)).rows(37)
 }
 
@@ -45,7 +45,7 @@ fn params() -> RayParams {
     RayParams { samples: 16, depth: 3, ..RayParams::default() }
 }
 
-/// The backend, built on a copy of a world's scene.
+/// The backend, with the structure of a copy of a world's scene built.
 fn backend(world: &World) -> (CpuRays, Arc<RenderScene>) {
     let scene = Arc::new(world.scene.clone());
     let mut backend = CpuRays::new();
@@ -76,7 +76,7 @@ fn every_program_gives_what_brute_force_gives() {
             let expected = shot.run(program, fidelity, params());
             let found = run(&mut backend, &RayJob { scene: &scene, ..shot.job(program, fidelity, params()) });
             let wrong = differing(&expected.0, &found.0);
-            // Rays that graze an edge, and thesis rays that graze 1e-4, may fall either way.
+            // Rays that graze an edge, and thesis rays that graze 1e-4, may fall on either side.
             assert!(wrong <= 6, "{program:?} {fidelity:?}: {wrong} of 1369 pixels differ");
             assert!(found.0.iter().flatten().all(|v| v.is_finite()), "every pixel is written");
             assert!(found.1.total() > 50, "{program:?} {fidelity:?}: {:?}", found.1);
@@ -200,7 +200,7 @@ fn scenes_without_the_attributes_that_hits_read_are_refused() {
     let refused =
         refusal(&mut bare, &RayJob { scene: &scene, ..shot.job(RayProgram::Refraction, Corrected, params()) });
     assert!(refused.contains("without texture coordinates"), "{refused}");
-    // Positions are all that thesis shadows read.
+    // Thesis shadows read only positions.
     run(&mut bare, &RayJob { scene: &scene, shades: &[], ..shot.job(RayProgram::DeferredShadows, Thesis, params()) });
 
     let mut flat = world.scene.clone();
@@ -223,7 +223,7 @@ fn the_backend_describes_itself() {
 
 #[test]
 fn rays_that_leave_planes_through_the_origin_do_not_meet_them() {
-    // Along the normal every coordinate is 0 and so is its rounding error; the triangle test's is not.
+    // Along the normal every coordinate is 0, and so is its rounding error; the triangle test's error is not.
     for (x, y) in [(Vec3::X, Vec3::Y), (Vec3::Y, Vec3::Z), (Vec3::Z, Vec3::X), (Vec3::new(1.0, 1.0, 0.0), Vec3::Z)] {
         let mut world = World::lit_along(Vec3::NEG_Z);
         let paint = world.paint(Vec3::ONE);

@@ -1,26 +1,26 @@
-//! Directions of a cone: those of a light that is a disc in the sky.
+//! Directions in a cone: samples of a light that is a disc in the sky.
 
 use super::hash::{self, unit};
 use super::hemisphere::{Basis, concentric_disk};
 use super::{owen_sobol, sequence};
 use glam::{Vec2, Vec3};
 
-/// Chooses directions of a cone, uniform over its solid angle: Owen-scrambled Sobol points of the unit square, mapped.
+/// Samples directions in a cone, uniform in solid angle, from Owen-scrambled Sobol points of the unit square.
 #[derive(Debug, Clone, PartialEq)]
 pub struct ConeSampler {
-    /// Unscrambled, bits reversed, neighbours side by side.
+    /// Unscrambled points with reversed bits, sorted so that neighbours are adjacent.
     points: Vec<[u32; 2]>,
     basis: Basis,
-    /// 1 less the cosine of the half angle.
+    /// Height of the spherical cap: 1 minus the cosine of the half angle.
     height: f32,
 }
 
 impl ConeSampler {
-    /// A sampler of the `samples` directions that follow the `first` ones of the sequence, in a cone around `axis` (unit length) of
-    /// `degrees` from side to side, 0 to 180.
+    /// A sampler of the `samples` directions that follow the `first` ones of the sequence, in a cone around `axis` (unit length) with a
+    /// full opening angle of `degrees`, 0 to 180.
     ///
     /// # Errors
-    /// The sequence has 2^32 points.
+    /// If the range goes beyond the 2^32 points of the sequence.
     pub fn new(axis: Vec3, degrees: f32, first: u32, samples: u32) -> Result<Self, String> {
         // 1 - cos a = 2 sin² (a/2), which does not cancel for small angles.
         let quarter = (f64::from(degrees) * 0.25).to_radians().sin();
@@ -28,7 +28,7 @@ impl ConeSampler {
         Ok(Self { points: sequence(first, samples)?, basis: Basis::around(axis), height })
     }
 
-    /// Directions a point.
+    /// Number of directions for each shaded point.
     #[must_use]
     pub fn samples(&self) -> u32 {
         self.points.len() as u32
@@ -44,12 +44,12 @@ impl ConeSampler {
     }
 }
 
-/// A direction around z, uniform over the solid angle of a cone, from a uniform point of the unit square.
+/// Maps a uniform point of the unit square to a direction around z, uniform in the solid angle of a cone.
 ///
-/// Heights on a sphere are uniform (Archimedes), so 1 - cos θ is the square of the radius of a uniform point of the unit disk times `height`,
-/// that of the cone's cap: 1 - cos θ = r² h, and sin θ = r √(h (2 - r² h)). As Shirley, Wang and Zimmerman 1996, "Monte Carlo
-/// Techniques for Direct Lighting Calculations", ACM TOG 15(1), section 3.2, sample a luminaire's cone, with the concentric map in the
-/// place of the polar one.
+/// Heights on a sphere are uniform (Archimedes), so 1 - cos θ is the squared radius r² of a uniform point of the unit disk times the
+/// `height` h of the cone's cap: 1 - cos θ = r² h, and sin θ = r √(h (2 - r² h)). Shirley, Wang and Zimmerman 1996, "Monte Carlo Techniques
+/// for Direct Lighting Calculations", ACM TOG 15(1), section 3.2, sample a luminaire's cone in this way, with the polar map instead of the
+/// concentric one.
 fn in_cone(point: Vec2, height: f32) -> Vec3 {
     let disk = concentric_disk(point);
     let below = disk.length_squared() * height;

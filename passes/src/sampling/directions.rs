@@ -1,4 +1,4 @@
-//! Directions of a whole point set at once, compiled for the instruction set of the processor.
+//! Computes the directions of a whole point set at once, compiled for the instruction set of the processor.
 
 use super::hash::unit;
 use super::hemisphere::{Basis, cosine, mirrored};
@@ -6,11 +6,12 @@ use super::owen_sobol::scramble_reversed;
 use crate::trace::{Detected, Directions, F16, Kernel, Simd};
 use glam::{Vec2, Vec3};
 
-/// Points that are computed together: loops of this fixed length become vector code.
+/// Points that are computed together; loops of this fixed length are vectorised.
 const BLOCK: usize = 16;
 
-/// Adds the cosine-distributed directions of the scrambled `points`, mirrored at the plane of `above` where they look against
-/// it. That is not copied, because it would be read as a whole just after its parts were written, which makes some processors wait.
+/// Replaces `directions` by cosine-distributed ones for the scrambled `points`. Directions with `direction · above < 0` are mirrored at
+/// the plane of `above`. `above` is a reference: a copy would be read as a whole just after its parts were written, which stalls some
+/// processors.
 pub(super) fn fill(
     points: &[[u32; 2]],
     seeds: [u32; 2],
@@ -47,7 +48,7 @@ impl Kernel<()> for Fill<'_> {
     }
 }
 
-/// One block by axis, stage by stage. Every number is computed as for a single point.
+/// Computes one block by axis, stage by stage. Every number is computed as for a single point.
 #[allow(clippy::needless_range_loop, reason = "a lane indexes several arrays side by side")]
 #[inline(always)]
 fn block(points: &[[u32; 2]; BLOCK], seeds: [u32; 2], basis: &Basis, above: Option<&Vec3>, vector: &mut [F16; 3]) {

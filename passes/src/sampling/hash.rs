@@ -1,29 +1,29 @@
 //! Counter-based hashes of the PCG family: four integers in, four out, no state.
 
-/// The counter that [`dimensions`] takes for the scrambling seeds of a point set; above every sample number.
+/// Counter of [`dimensions`] for the scrambling seeds of a point set; above every sample number.
 pub const SCRAMBLE: u32 = u32::MAX;
 
-/// The same for the microfacets of a rough surface.
+/// Counter of [`dimensions`] for the microfacets of a rough surface.
 pub const FACETS: u32 = u32::MAX - 1;
 
-/// The same for the light's disc.
+/// Counter of [`dimensions`] for the light's disc.
 pub const DISC: u32 = u32::MAX - 2;
 
-/// The first of those for the choices of paths from the camera, which take it and some below.
+/// Highest counter of [`dimensions`] for the choices of paths from the camera, which also use some below it.
 pub const PATHS: u32 = u32::MAX - 3;
 
-/// The same for paths in glass that are followed by chance.
+/// Counter of [`dimensions`] for random decisions on paths in glass (Russian roulette).
 pub const ROULETTE: u32 = 1 << 31;
 
-/// The last word that [`pixel_key`] hashes: what is hashed for one purpose is never hashed for another.
+/// Last word of the input of [`pixel_key`]. Each purpose has its own last word, so no input is hashed for two purposes.
 pub const PIXEL: u32 = 0;
-/// The same for [`path_key`].
+/// Last word of the input of [`path_key`].
 pub const PATH: u32 = 1;
-/// The same for [`dimensions`].
+/// Last word of the input of [`dimensions`].
 pub const DIMENSIONS: u32 = 2;
 
-/// The hash `pcg4d` (Jarzynski and Olano 2020, "Hash Functions for GPU Rendering", JCGT 9(3), listing in section 4):
-/// a permutation of 128-bit values. Word by word: as a vector in memory it would be read just after its words were written.
+/// The hash `pcg4d` (Jarzynski and Olano 2020, "Hash Functions for GPU Rendering", JCGT 9(3), listing in section 4): a permutation of
+/// 128-bit values. Written word by word: a vector in memory would be read just after its words were written, which stalls.
 #[must_use]
 #[inline(always)]
 pub fn pcg4d([x, y, z, w]: [u32; 4]) -> [u32; 4] {
@@ -43,20 +43,20 @@ pub fn pcg4d([x, y, z, w]: [u32; 4]) -> [u32; 4] {
     [x, y, z, w]
 }
 
-/// The key of a pixel: everything random at it derives from this.
+/// The key of a pixel: all its random numbers derive from this.
 #[must_use]
 #[inline(always)]
 pub fn pixel_key(x: u32, y: u32, seed: u32) -> u32 {
     pcg4d([x, y, seed, PIXEL])[3]
 }
 
-/// The key of what a ray that left along `branch` meets: each bounce path has its own numbers.
+/// The key for what a ray that left along `branch` hits: each bounce path has its own random numbers.
 #[must_use]
 pub fn path_key(key: u32, branch: u32) -> u32 {
     pcg4d([key, branch, 0, PATH])[3]
 }
 
-/// Two independent numbers for a key and a counter, one a dimension.
+/// Two independent random words for a key and a counter, one a dimension.
 #[must_use]
 #[inline(always)]
 pub fn dimensions(key: u32, counter: u32) -> [u32; 2] {

@@ -40,13 +40,13 @@ impl Basis {
     }
 }
 
-/// Maps the unit square to the unit disk, keeping areas and, nearly, neighbourhoods: concentric squares become concentric
+/// Maps the unit square to the unit disk. It preserves areas, and nearly preserves neighbourhoods: concentric squares become concentric
 /// circles (Shirley and Chiu 1997, "A Low Distortion Map Between Disk and Square", JGT 2(3)).
 #[must_use]
 #[inline(always)]
 pub fn concentric_disk(point: Vec2) -> Vec2 {
     let Vec2 { x, y } = 2.0 * point - Vec2::ONE;
-    // Choices, not branches: which way it goes is random, and loops over many points become vector code.
+    // Selections instead of branches: the outcome is random, and loops over many points are vectorised.
     let upright = x.abs() > y.abs();
     let (radius, other) = if upright { (x, y) } else { (y, x) };
     let (sin, cos) = sin_cos_eighth(FRAC_PI_4 * (other / radius));
@@ -55,7 +55,7 @@ pub fn concentric_disk(point: Vec2) -> Vec2 {
     if radius == 0.0 { Vec2::ZERO } else { disk }
 }
 
-/// A cosine-distributed direction around z: the point of the hemisphere above the disk's point (Malley's method).
+/// A cosine-distributed direction around z: a point of the disk, projected up to the hemisphere (Malley's method).
 #[must_use]
 #[inline(always)]
 pub fn cosine(point: Vec2) -> Vec3 {
@@ -63,7 +63,7 @@ pub fn cosine(point: Vec2) -> Vec3 {
     disk.extend((1.0 - disk.length_squared()).max(0.0).sqrt())
 }
 
-/// A direction, mirrored at the plane of a unit normal if it looks against it.
+/// The direction, mirrored at the plane of a unit normal if it points away from the normal.
 #[must_use]
 #[inline(always)]
 pub fn mirrored(direction: Vec3, normal: Vec3) -> Vec3 {
@@ -73,7 +73,7 @@ pub fn mirrored(direction: Vec3, normal: Vec3) -> Vec3 {
 
 /// Sine and cosine for angles up to π/4, by the Cephes library's polynomials for single precision (error below 1e-7).
 ///
-/// The standard library's differ in the last bit from platform to platform.
+/// The standard library's results differ in the last bit from platform to platform.
 #[inline(always)]
 fn sin_cos_eighth(angle: f32) -> (f32, f32) {
     let square = angle * angle;

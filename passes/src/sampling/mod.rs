@@ -1,7 +1,7 @@
 //! Random numbers without state, points in the unit square and directions of a hemisphere.
 //!
-//! Every number is a hash of (pixel, bounce path, sample, dimension, seed), so that a picture depends neither on the order
-//! in which pixels are computed nor on the number of threads. All integer steps are exact on every machine.
+//! Every number is a hash of (pixel, bounce path, sample, dimension, seed), so a picture depends neither on the order in which pixels are
+//! computed nor on the number of threads. All integer steps are exact on every machine.
 
 pub mod cone;
 mod directions;
@@ -16,24 +16,24 @@ use curitiba_pipeline::programs::Sampler;
 use glam::{Vec2, Vec3};
 use hemisphere::Basis;
 
-/// Chooses the occlusion directions of a shaded point.
+/// Samples the occlusion directions of a shaded point.
 #[derive(Debug, Clone, PartialEq)]
 pub enum HemisphereSampler {
-    /// Owen-scrambled Sobol points; what is stored are the unscrambled ones, bits reversed, neighbours side by side. As
-    /// scrambling keeps the points of a cell together, so are directions: those of one vector meet the same triangles.
+    /// Owen-scrambled Sobol points. Stored are the unscrambled points with reversed bits, sorted so that neighbours are adjacent.
+    /// Scrambling keeps the points of a cell together, so the directions of one vector are similar and meet the same triangles.
     Sobol(Vec<[u32; 2]>),
     /// `side` x `side` cells with one jittered point each.
     Strata {
-        /// Cells a side.
+        /// Number of cells along a side.
         side: u32,
     },
 }
 
 impl HemisphereSampler {
-    /// A sampler of `samples` directions a point.
+    /// A sampler of `samples` directions for each shaded point.
     ///
     /// # Errors
-    /// If strata are asked for and `samples` is not a square number; says what would be valid.
+    /// If strata are requested and `samples` is not a square number; the message says what would be valid.
     pub fn new(sampler: Sampler, samples: u32) -> Result<Self, String> {
         Self::from(sampler, 0, samples)
     }
@@ -41,7 +41,7 @@ impl HemisphereSampler {
     /// A sampler of the `samples` directions that follow the `first` ones of the sequence.
     ///
     /// # Errors
-    /// As [`Self::new`]; strata, which are no sequence, have only a beginning; the sequence has 2^32 points.
+    /// As [`Self::new`]; for strata with `first > 0`, since they are not a sequence; and beyond the 2^32 points of the sequence.
     pub fn from(sampler: Sampler, first: u32, samples: u32) -> Result<Self, String> {
         match sampler {
             Sampler::Sobol => Ok(Self::Sobol(sequence(first, samples)?)),
@@ -50,7 +50,7 @@ impl HemisphereSampler {
         }
     }
 
-    /// Directions a point.
+    /// Number of directions for each shaded point.
     #[must_use]
     pub fn samples(&self) -> u32 {
         match self {
@@ -75,7 +75,7 @@ impl HemisphereSampler {
                     for j in 0..*side {
                         let [x, y] = hash::dimensions(key, i * side + j).map(hash::unit);
                         let point = Vec2::new(i as f32 + x, j as f32 + y) * width;
-                        // Rounding may reach the next cell's edge, and in the last cell 1.
+                        // Rounding may give the edge of the next cell, and 1 in the last cell.
                         each(point.min(Vec2::splat(ONE_BELOW)));
                     }
                 }
@@ -83,8 +83,8 @@ impl HemisphereSampler {
         }
     }
 
-    /// Replaces `directions` by cosine-distributed unit directions around `normal` (unit length) that belong to `key`; those
-    /// that look against `above`, a unit vector, are mirrored at its plane.
+    /// Replaces `directions` by cosine-distributed unit directions around `normal` (unit length) that belong to `key`. Directions with
+    /// `direction · above < 0` are mirrored at the plane of `above`, a unit vector.
     pub fn directions(&self, key: u32, normal: Vec3, above: Option<Vec3>, directions: &mut Directions) {
         let basis = Basis::around(normal);
         match self {
@@ -103,10 +103,10 @@ impl HemisphereSampler {
     }
 }
 
-/// The `samples` points that follow the `first` ones of the Sobol sequence, bits reversed, neighbours side by side.
+/// The `samples` points that follow the `first` ones of the Sobol sequence, with reversed bits, sorted so that neighbours are adjacent.
 ///
 /// # Errors
-/// The sequence has 2^32 points.
+/// If the range goes beyond the 2^32 points of the sequence.
 fn sequence(first: u32, samples: u32) -> Result<Vec<[u32; 2]>, String> {
     let end = first.checked_add(samples).ok_or("the sequence has 2^32 points")?;
     let mut points: Vec<_> = (first..end).map(owen_sobol::reversed_sobol).collect();
@@ -114,7 +114,7 @@ fn sequence(first: u32, samples: u32) -> Result<Vec<[u32; 2]>, String> {
     Ok(points)
 }
 
-/// The place of a point, bits reversed, on the Z-order curve through 16 x 16 cells.
+/// Position of a point (bits reversed) on the Z-order curve through 16 x 16 cells.
 fn cell([x, y]: [u32; 2]) -> u32 {
     (0..4).fold(0, |cell, digit| cell << 2 | (x >> digit & 1) << 1 | y >> digit & 1)
 }
@@ -122,10 +122,10 @@ fn cell([x, y]: [u32; 2]) -> u32 {
 /// The largest number below 1.
 const ONE_BELOW: f32 = 1.0 - f32::EPSILON / 2.0;
 
-/// The side of a square number.
+/// The square root of a square number.
 ///
 /// # Errors
-/// What would be valid, if it is none.
+/// If `samples` is not a square number; the message names the nearest ones.
 pub fn square_root(samples: u32) -> Result<u32, String> {
     let side = samples.isqrt();
     if side * side == samples {

@@ -1,13 +1,13 @@
-//! The first two dimensions of the Sobol sequence, with a hash in the place of Owen's random permutations.
+//! The first two dimensions of the Sobol sequence, with a hash instead of Owen's random permutations.
 //!
-//! Burley 2020, "Practical Hash-based Owen Scrambling", JCGT 9(4). Any 2^k consecutive points that start at a multiple of
-//! 2^k, and so any first 2^k, put exactly one point into each elementary interval of area 2^-k.
+//! Burley 2020, "Practical Hash-based Owen Scrambling", JCGT 9(4). Any 2^k consecutive points that start at a multiple of 2^k, and so any
+//! first 2^k, put exactly one point into each elementary interval of area 2^-k.
 
 /// Both dimensions of point `index` of the Sobol sequence, bits reversed (the first binary digit is the lowest bit).
 #[must_use]
 pub fn reversed_sobol(index: u32) -> [u32; 2] {
-    // Dimension 0 is the van der Corput sequence: reversed, the index itself. The columns of dimension 1 are Pascal's
-    // triangle modulo 2, where each is the one before, plus that one shifted by a digit.
+    // Dimension 0 is the van der Corput sequence: with reversed bits, the index itself. The columns of dimension 1 are those of Pascal's
+    // triangle modulo 2: each is the one before, xor that one shifted by a digit.
     let (mut second, mut column, mut digits) = (0, 1, index);
     while digits != 0 {
         if digits & 1 != 0 {
@@ -19,8 +19,8 @@ pub fn reversed_sobol(index: u32) -> [u32; 2] {
     [index, second]
 }
 
-/// The permutation of Laine and Karras with Burley's constants (section 3.1): each bit of the result depends on the lower
-/// bits of `v` and on the seed only.
+/// The permutation of Laine and Karras with Burley's constants (section 3.1): each bit of the result depends only on the seed and on the
+/// same and lower bits of `v`.
 #[must_use]
 #[inline(always)]
 pub fn laine_karras(mut v: u32, seed: u32) -> u32 {

@@ -1,8 +1,8 @@
 //! Points of the unit square for paths: a pair of numbers for each choice that a path makes.
 //!
-//! Every choice has a Sobol sequence of its own, Owen-scrambled and in an order of its own, which scrambling the index gives: points of one
-//! index have nothing to do with each other, and the first 2^k points of each sequence stay a net (Burley 2020, "Practical Hash-based
-//! Owen Scrambling", JCGT 9(4), section 4).
+//! Every choice has its own Sobol sequence, Owen-scrambled and with a shuffled order, which comes from scrambling the index. So the points
+//! that one index gives for different choices are uncorrelated, and the first 2^k points of each sequence remain a net (Burley 2020,
+//! "Practical Hash-based Owen Scrambling", JCGT 9(4), section 4).
 
 use super::hash::{self, unit};
 use super::owen_sobol::{laine_karras, reversed_sobol, scramble_reversed};
@@ -11,13 +11,13 @@ use glam::Vec2;
 /// A choice of a path.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Place {
-    /// Where it leaves the pixel.
+    /// Where the path starts in the pixel.
     Film,
-    /// Where it leaves the lens.
+    /// Where it starts on the lens.
     Lens,
-    /// Which point of the light it asks for after so many bounces.
+    /// Which point of the light is sampled after that many bounces.
     Light(u32),
-    /// Where it goes on after so many bounces.
+    /// The direction in which it continues after that many bounces.
     Bounce(u32),
 }
 
@@ -40,13 +40,13 @@ pub struct Points {
 }
 
 impl Points {
-    /// Those of path `index` of the pixel of a key.
+    /// The points of path `index` of the pixel with this key.
     #[must_use]
     pub fn new(key: u32, index: u32) -> Self {
         Self { key, index }
     }
 
-    /// The point of a choice, in [0, 1).
+    /// The point of a choice, in [0, 1)².
     #[must_use]
     pub fn at(&self, place: Place) -> Vec2 {
         let counter = hash::PATHS - 2 * place.number();
@@ -79,8 +79,8 @@ mod tests {
                 }
             }
         }
-        // Two choices of the same paths: their product's mean is that of independent numbers, 1/4. Without an order of each choice's own
-        // it would be near 1/3 or 1/6 for many keys.
+        // For two choices of the same paths, the mean of the product is that of independent numbers, 1/4. Without a shuffled order for each
+        // choice it would be near 1/3 or 1/6 for many keys.
         let mut worst = 0.0_f64;
         for key in 0..50 {
             let product = |index| {

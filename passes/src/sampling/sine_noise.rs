@@ -1,7 +1,7 @@
 //! The report's noise, for thesis fidelity only: the fractional part of a large multiple of a sine.
 //!
-//! Its flaws are kept: numbers are negative as often as positive, few values remain far from the origin, and neighbours
-//! are alike there.
+//! Its flaws are kept: numbers are negative as often as positive, few distinct values remain far from the origin, and neighbours are alike
+//! there.
 
 use super::hemisphere::Basis;
 use crate::trace::Directions;
@@ -20,7 +20,7 @@ pub fn rand(co: Vec2) -> f32 {
     product.fract()
 }
 
-/// The unit-square point of stratum (`i`, `j`) of `side` x `side` at a position. Not always inside the square.
+/// The unit-square point of stratum (`i`, `j`) of `side` x `side` at a position. It may lie outside the square.
 #[must_use]
 pub fn stratum(position: Vec3, i: u32, j: u32, side: u32) -> Vec2 {
     let (a, b) = ((i + 1) as f32, (j + 1) as f32);
@@ -32,7 +32,7 @@ pub fn stratum(position: Vec3, i: u32, j: u32, side: u32) -> Vec2 {
     Vec2::new(i as f32 + rand5, j as f32 + rand4) * (1.0 / side as f32)
 }
 
-/// OptiX's `cosine_sample_hemisphere`: the polar map. Not a number where `point.x` is negative, as there.
+/// OptiX's `cosine_sample_hemisphere`: the polar map. NaN where `point.x` is negative, as there.
 #[must_use]
 pub fn polar_cosine(point: Vec2) -> Vec3 {
     let radius = point.x.sqrt();
@@ -41,7 +41,7 @@ pub fn polar_cosine(point: Vec2) -> Vec3 {
     Vec3::new(x, y, (1.0 - x * x - y * y).max(0.0).sqrt())
 }
 
-/// OptiX's `Onb`. Not a number for a zero normal, as there.
+/// OptiX's `Onb`. NaN for a zero normal, as there.
 #[must_use]
 pub fn optix_basis(normal: Vec3) -> Basis {
     let bitangent = if normal.x.abs() > normal.z.abs() {
@@ -53,11 +53,11 @@ pub fn optix_basis(normal: Vec3) -> Basis {
     Basis { tangent: bitangent.cross(normal), bitangent, normal }
 }
 
-/// Replaces `directions` by those of the report's `side` x `side` occlusion directions at a position that are numbers, and
-/// returns how many are not.
+/// Replaces `directions` by the finite ones of the report's `side` x `side` occlusion directions at a position, and returns how many are
+/// not finite.
 ///
-/// Where the noise leaves the unit square a direction is not a number. On the report's device such a ray met nothing (every
-/// comparison of its intersection test is false) and counted as open.
+/// Where the noise leaves the unit square, a direction is NaN. On the report's device such a ray hit nothing (every comparison of its
+/// intersection test is false) and counted as open.
 pub fn directions(position: Vec3, normal: Vec3, side: u32, directions: &mut Directions) -> u32 {
     directions.clear();
     let basis = optix_basis(normal);

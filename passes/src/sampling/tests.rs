@@ -1,4 +1,4 @@
-//! Distributions against closed forms, and bit-exact values that other spellings of these functions must give.
+//! Distributions against closed forms, and bit-exact values that implementations in other languages must reproduce.
 
 use super::hash::{dimensions, path_key, pcg4d, pixel_key, unit};
 use super::hemisphere::{Basis, concentric_disk, cosine};
@@ -10,7 +10,7 @@ use curitiba_pipeline::programs::Sampler;
 use glam::{Vec2, Vec3};
 use std::collections::HashSet;
 
-/// Pearson's statistic of values in [0, 1) over 64 equal cells.
+/// Pearson's chi-square statistic of values in [0, 1) over 64 equal cells.
 fn chi_square(values: &[f32]) -> f64 {
     let mut cells = [0u32; 64];
     values.iter().for_each(|v| cells[((v * 64.0) as usize).min(63)] += 1);
@@ -20,7 +20,7 @@ fn chi_square(values: &[f32]) -> f64 {
 
 #[test]
 fn the_hash_has_its_reference_values() {
-    // From an independent implementation in another language.
+    // Values from an independent implementation in another language.
     assert_eq!(pcg4d([0; 4]), [0x0f02_f829, 0x2d56_8769, 0x32b0_c43b, 0xd325_48ea]);
     assert_eq!(pcg4d([1, 2, 3, 4]), [0x3622_cd16, 0xf114_71d8, 0xe110_9b3f, 0x02b9_4c2f]);
     assert_eq!(pcg4d([u32::MAX; 4]), [0x974e_d892, 0xc015_dc67, 0x9f95_5760, 0xa1bb_a208]);
@@ -34,7 +34,7 @@ fn pixel_keys_are_uniform_and_distinct() {
         let keys: Vec<u32> = (0..512 * 512).map(|i| pixel_key(offset + i % 512, offset + i / 512, 7)).collect();
         let values: Vec<f32> = keys.iter().map(|key| unit(*key)).collect();
         assert!(chi_square(&values) < 103.0, "{}", chi_square(&values));
-        // 2^18 draws of 2^24 values leave 260,106 distinct ones on average.
+        // 2^18 draws from 2^24 values leave 260,106 distinct ones on average.
         let distinct = values.iter().map(|v| v.to_bits()).collect::<HashSet<_>>().len();
         assert!(distinct > 259_600, "{distinct}");
         let equal = keys.windows(2).filter(|pair| pair[0] == pair[1]).count();
@@ -90,7 +90,7 @@ fn unit_numbers_stay_below_one() {
 
 #[test]
 fn sobol_points_have_their_reference_values() {
-    // From direction numbers (each the one before, xor that shifted right by one), in another language.
+    // Computed from direction numbers (each is the one before, xor that one shifted right by one), in another language.
     let table: [(u32, u32, u32); 7] = [
         (0, 0, 0),
         (1, 0x8000_0000, 0x8000_0000),
@@ -107,11 +107,11 @@ fn sobol_points_have_their_reference_values() {
     for (index, expected) in scrambled {
         assert_eq!(scramble_reversed(index, 0x1234_5678), expected, "{index}");
     }
-    // A permutation in which a bit depends on lower ones only keeps the low bits of equal low bits equal.
+    // Each bit depends only on the same and lower bits, so inputs with equal low bits have results with equal low bits.
     assert_eq!(laine_karras(0x5_1234, 99) & 0xffff, laine_karras(0xa_1234, 99) & 0xffff);
 }
 
-/// Points of all elementary intervals of area 2^-k that hold other than one of the first 2^k points.
+/// Number of elementary intervals of area 2^-k that do not hold exactly one of the first 2^k points.
 fn misplaced(points: &[Vec2], k: u32) -> usize {
     let mut wrong = 0;
     for columns in 0..=k {
@@ -186,7 +186,7 @@ fn bases_are_orthonormal_for_every_normal() {
     ];
     for i in 0..200_000u32 {
         let [a, b, c, _] = pcg4d([i, 0, 0, 0]).map(unit);
-        // Half of them with 1 + z log-uniform in 1e-12..1, where other constructions lose all digits.
+        // Half of the normals have 1 + z log-uniform in 1e-12..1, where other constructions lose all digits.
         let z = if i % 2 == 0 { 2.0 * a - 1.0 } else { -1.0 + 10f32.powf(-12.0 * c) };
         let (sin, cos) = (std::f32::consts::TAU * b).sin_cos();
         let radius = if i % 2 == 0 { (1.0 - z * z).max(0.0).sqrt() } else { (2.0 * 10f32.powf(-12.0 * c)).sqrt() };
@@ -212,7 +212,7 @@ fn the_concentric_map_keeps_areas_and_is_exact_on_its_axes() {
         let point = Vec2::new((i % side) as f32 + 0.5, (i / side) as f32 + 0.5) / side as f32;
         let disk = concentric_disk(point);
         assert!(disk.length() <= 1.0 + 1e-6);
-        // The same map by the standard library's functions.
+        // The same map with functions of the standard library.
         let s = 2.0 * point - Vec2::ONE;
         let (radius, angle) = if s.x.abs() > s.y.abs() {
             (s.x, std::f64::consts::FRAC_PI_4 * f64::from(s.y) / f64::from(s.x))
@@ -227,7 +227,7 @@ fn the_concentric_map_keeps_areas_and_is_exact_on_its_axes() {
     }
     let share = |count: usize| count as f64 / f64::from(side * side);
     assert!((share(inner) - 0.25).abs() < 1e-3 && (share(diagonal) - 0.125).abs() < 1e-3);
-    // The disk's segment beyond half the radius: 1/3 - √3 / (4π).
+    // Area of the disk's segment beyond half the radius: 1/3 - √3 / (4π).
     assert!((share(right) - 0.195_501).abs() < 1e-3);
 }
 

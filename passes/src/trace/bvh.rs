@@ -66,7 +66,7 @@ impl Bvh {
         Some(Self { tree, instruction_set: Detected::best() })
     }
 
-    /// The same tree, traversed with another instruction set; nothing if the processor lacks it. For tests and benches.
+    /// The same tree, traversed with another instruction set; `None` if the processor lacks it. For tests and benches.
     #[must_use]
     pub fn with_instruction_set(self, set: InstructionSet) -> Option<Self> {
         Some(Self { instruction_set: Detected::new(set)?, ..self })
@@ -91,7 +91,7 @@ impl Bvh {
     }
 }
 
-/// The traversals, compiled once for whatever `accept` is: it is called for transparent triangles only.
+/// The traversals. `accept` is called for transparent triangles only, so it is a trait object and each traversal is compiled once.
 impl Bvh {
     fn find_closest(&self, ray: &Ray, accept: &mut dyn FnMut(&Hit) -> bool) -> Option<Hit> {
         self.instruction_set.run(Closest { tree: &self.tree, ray, accept })
@@ -195,7 +195,7 @@ impl<A: FnMut(usize, &Hit) -> bool> Kernel<()> for ClosestPackets<'_, A> {
     }
 }
 
-/// With `LISTS`, rays of one direction are answered from lists of triangles where that is possible.
+/// Occlusion query for packets. With `LISTS`, packets of parallel rays are answered from lists of triangles where that is possible.
 struct OccludedPackets<'a, A, const LISTS: bool> {
     tree: &'a WideTree,
     packets: &'a [Packet],

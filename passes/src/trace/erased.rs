@@ -4,8 +4,8 @@ use super::ray::{Hit, Ray};
 use super::tracer::{Announcement, Tracer};
 use glam::Vec3;
 
-/// What any [`Tracer`] answers ray by ray, as a trait that can be pointed to. Packets, fans and neighbourhoods are asked ray by ray as well:
-/// for references and for people who look into a pixel, not for speed.
+/// The queries of [`Tracer`] for single rays, as a trait that can be pointed to. Packets, fans and neighbourhoods are traced ray by ray:
+/// for reference pictures and for inspecting a pixel, not for speed.
 pub trait DynTracer: Sync {
     /// [`Tracer::SPHERES`].
     fn knows_spheres(&self) -> bool;
@@ -45,8 +45,8 @@ impl<T: Tracer> DynTracer for T {
     }
 }
 
-/// A [`Tracer`] that asks another through a pointer. `SPHERES` says whether programs are compiled with exact spheres; with them they serve
-/// tracers that know none as well.
+/// A [`Tracer`] that forwards to another through a pointer. `SPHERES` says whether programs are compiled with exact spheres; if so, they
+/// also serve tracers that have none.
 #[derive(Clone, Copy)]
 pub(crate) struct Erased<'a, const SPHERES: bool>(pub(crate) &'a dyn DynTracer);
 

@@ -1,4 +1,4 @@
-//! A tracer that keeps what it is asked and what it answers.
+//! A tracer that keeps its queries and their answers.
 
 use super::ray::{Hit, Ray};
 use super::tracer::{Announcement, Purpose, Tracer};
@@ -13,46 +13,46 @@ pub enum Outcome {
     Hit(Hit),
     /// Nothing in its interval.
     Miss,
-    /// Something is in the way; of all that is, the nearest.
+    /// Something blocks the ray; the hit is the nearest that does.
     Blocked(Hit),
-    /// Nothing is in the way.
+    /// Nothing blocks the ray.
     Open,
 }
 
-/// A ray with its answer.
+/// A ray and its answer.
 #[derive(Debug, Clone, PartialEq)]
 pub struct RecordedRay {
-    /// What it was traced for.
+    /// Purpose of the ray.
     pub purpose: Purpose,
-    /// Glass surfaces met before it.
+    /// Number of glass surfaces on the path before the ray.
     pub bounce: u32,
-    /// The ray's share of the pixel: the product of the weights along its path. Visibilities multiply the colour that they
-    /// belong to, so a shadow ray has the weight of that colour, and each of N occlusion rays the N-th part of it.
+    /// The ray's share of the pixel: the product of the weights along its path. A visibility multiplies the colour that it belongs to, so a
+    /// shadow ray has the weight of that colour, and each of N occlusion rays has 1/N of it.
     pub weight: f32,
     /// The ray.
     pub ray: Ray,
-    /// The triangle or sphere that it leaves; `None` at a pixel that shows none.
+    /// Id of the triangle or sphere that the ray leaves; `None` at a pixel that shows no surface.
     pub leaves: Option<u32>,
-    /// Distance of its origin from that triangle's plane, positive on the side to which the ray goes; 0 without one.
+    /// Distance of the ray's origin from the plane of that triangle, positive on the side to which the ray goes; 0 if there is no surface.
     pub offset: f64,
-    /// What it met.
+    /// The answer.
     pub outcome: Outcome,
-    /// Candidates on transparent materials, and whether there was a surface: alpha cut-outs, glass that lets light pass.
+    /// Candidate hits on transparent materials, each with whether it was accepted: alpha cut-outs, glass that lets light pass.
     pub asked: Vec<(Hit, bool)>,
 }
 
-/// What the recorder saw, in order.
+/// One thing that the recorder saw.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Event {
-    /// A ray.
+    /// A ray was traced.
     Ray(RecordedRay),
-    /// It was certain, without a ray, that nothing is within `t_max` of `origin` on the side of `normal`.
+    /// A tracer was certain, without tracing rays, that nothing lies within `t_max` of `origin` on the side of `normal`.
     Certain {
         /// Origin of the rays that were not traced.
         origin: Vec3,
-        /// Unit normal.
+        /// Unit normal of the half space.
         normal: Vec3,
-        /// How far they would have gone.
+        /// Length of the rays that were not traced.
         t_max: f32,
     },
 }
@@ -60,16 +60,16 @@ pub enum Event {
 #[derive(Debug)]
 struct Log {
     announced: Announcement,
-    /// The weight of the ray of each bounce on the current path.
+    /// Weights of the rays of each bounce on the current path.
     weights: Vec<f32>,
-    /// The triangle that the rays of each bounce leave.
+    /// For each bounce on the current path, the triangle that its rays leave.
     surfaces: Vec<Option<u32>>,
     events: Vec<Event>,
 }
 
-/// Answers as another tracer does, one ray at a time, and keeps every question and answer of **one pixel**.
+/// Forwards queries to another tracer, one ray at a time, and keeps all queries and answers of **one pixel**.
 ///
-/// For people who look into a pixel; it locks and allocates for each ray.
+/// For inspecting a pixel; it locks a mutex and allocates for each ray.
 #[derive(Debug)]
 pub struct Recorder<'a, T> {
     inner: &'a T,
@@ -78,7 +78,7 @@ pub struct Recorder<'a, T> {
 }
 
 impl<'a, T: Tracer> Recorder<'a, T> {
-    /// A recorder of a pixel that shows `triangle` of the scene that `inner` was built on.
+    /// A recorder for a pixel that shows `triangle` (`None`: no surface) of the scene that `inner` was built on.
     #[must_use]
     pub fn new(inner: &'a T, geometry: &'a Geometry, triangle: Option<u32>) -> Self {
         let announced = Announcement { purpose: Purpose::Shadow, bounce: 0, weight: 1.0 };
@@ -86,7 +86,7 @@ impl<'a, T: Tracer> Recorder<'a, T> {
         Self { inner, geometry, log: Mutex::new(log) }
     }
 
-    /// What was recorded.
+    /// The recorded events, in order.
     #[must_use]
     pub fn events(self) -> Vec<Event> {
         self.log.into_inner().unwrap_or_else(PoisonError::into_inner).events
@@ -100,7 +100,7 @@ impl<'a, T: Tracer> Recorder<'a, T> {
         let mut log = self.log();
         let Announcement { purpose, bounce, weight } = log.announced;
         let leads_on = matches!(purpose, Purpose::Reflected | Purpose::Refracted | Purpose::Camera);
-        // Rays of light and occlusion leave the surface that was found last.
+        // Shadow and occlusion rays leave the surface that was found last.
         let leaves = if leads_on { log.surfaces.get(bounce as usize) } else { log.surfaces.last() };
         let leaves = leaves.copied().flatten();
         let path: f32 = log.weights.iter().product();
@@ -129,7 +129,7 @@ impl<'a, T: Tracer> Recorder<'a, T> {
     }
 }
 
-/// `accept`, with every question and its answer kept.
+/// Wraps `accept` so that each candidate and its answer are added to `asked`.
 fn listen<'l>(
     asked: &'l mut Vec<(Hit, bool)>,
     accept: &'l mut impl FnMut(&Hit) -> bool,
@@ -154,7 +154,7 @@ impl<T: Tracer> Tracer for Recorder<'_, T> {
     fn occluded(&self, ray: &Ray, mut accept: impl FnMut(&Hit) -> bool) -> bool {
         let mut asked = Vec::new();
         let blocked = self.inner.occluded(ray, listen(&mut asked, &mut accept));
-        // A second question says by what; asking `accept` again is allowed.
+        // A second query finds the blocker; calling `accept` again is allowed.
         let blocker = if blocked { self.inner.closest(ray, &mut accept) } else { None };
         self.record(ray, blocker.map_or(Outcome::Open, Outcome::Blocked), asked);
         blocked

@@ -1,43 +1,44 @@
-//! Segments between triangles, asked many at a time: the seam between estimates of visibility and devices.
+//! Segments between triangles, traced many at a time: the interface between estimates of visibility and devices.
 
 use bytemuck::{Pod, Zeroable};
 use curitiba_pipeline::backend::BackendError;
 
-/// A segment from one triangle of a pair to the other, as a ray that ends.
+/// A segment from a point of one triangle to a point of another, as a ray with an end.
 #[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
 #[repr(C)]
 pub struct Segment {
-    /// Where it starts.
+    /// Start point, world.
     pub from: [f32; 3],
-    /// Where it ends, in lengths of `along`.
+    /// Length of the segment in multiples of `along`.
     pub end: f32,
-    /// Its direction; no longer than a unit vector.
+    /// Direction; its length is at most 1.
     pub along: [f32; 3],
-    /// Its pair: an index into [`Segments::own`].
+    /// Index of the segment's pair of triangles in [`Segments::own`].
     pub pair: u32,
 }
 
-/// Segments of some pairs.
+/// Segments between pairs of triangles.
 #[derive(Debug, Default)]
 pub struct Segments {
-    /// All of them, those of a pair beside each other.
+    /// All segments; the segments of a pair are consecutive.
     pub all: Vec<Segment>,
-    /// By pair: the two triangles that do not block.
+    /// For each pair, the ids of its two triangles, which do not block its segments.
     pub own: Vec<[u32; 2]>,
 }
 
-/// What traces many segments at a time, in a scene that it was made for.
+/// A device that traces many segments at a time, in the scene that it was made for.
 pub trait SegmentTracer: Send {
-    /// As users call it: `cuda`, `optix`, `wgpu`.
+    /// Name of the device's kind in the user interface: `cuda`, `optix`, `wgpu`.
     fn name(&self) -> &'static str;
 
-    /// The device, in words.
+    /// Name of the device, for people.
     fn device(&self) -> String;
 
-    /// Says which segments an opaque triangle blocks other than their own two, as
-    /// [`Tracer::occluded`](super::Tracer::occluded) has it: one bit a segment in words of 32, the first lowest. What was in `bits` goes.
+    /// Finds the segments that are blocked by an opaque triangle other than the two of their pair. The answers are those of
+    /// [`Tracer::occluded`](super::Tracer::occluded), one bit a segment in words of 32, the first segment in the lowest bit. The earlier
+    /// contents of `bits` are discarded.
     ///
     /// # Errors
-    /// If the device fails, or its memory does not hold them.
+    /// If the device fails, or its memory does not hold the segments.
     fn blocked(&mut self, segments: &Segments, bits: &mut Vec<u32>) -> Result<(), BackendError>;
 }

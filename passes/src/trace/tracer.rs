@@ -1,27 +1,27 @@
-//! What effects ask of a scene: the seam between programs and acceleration structures.
+//! What effects ask of a scene: the interface between programs and acceleration structures.
 
 use super::fan::{Candidates, Neighbourhood};
 use super::parallel::{Decided, Estimates};
 use super::ray::{Fan, Hit, PACKET, Packet, PacketHits, Ray, Recent};
 use glam::Vec3;
 
-/// What a ray is traced for.
+/// The purpose of a ray.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Purpose {
-    /// Whether light arrives.
+    /// Shadow ray: does light arrive?
     Shadow,
-    /// Whether something is near.
+    /// Ambient occlusion ray: is something near?
     Occlusion,
-    /// What a surface mirrors.
+    /// Reflected ray: what does a surface mirror?
     Reflected,
-    /// What is seen through a surface.
+    /// Refracted ray: what is seen through a surface?
     Refracted,
-    /// What a pixel shows.
+    /// Camera ray: what does a pixel show?
     Camera,
 }
 
 impl Purpose {
-    /// As it is printed.
+    /// The name as it is printed.
     #[must_use]
     pub fn name(self) -> &'static str {
         match self {
@@ -37,23 +37,23 @@ impl Purpose {
 /// What a program says of the rays that it is about to trace.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Announcement {
-    /// What for.
+    /// Purpose of the rays.
     pub purpose: Purpose,
-    /// Glass surfaces met before; only for reflected and refracted rays.
+    /// Number of glass surfaces on the path before these rays; only for reflected and refracted rays.
     pub bounce: u32,
-    /// What the ray's result is multiplied by in the colour of the surface that it leaves.
+    /// Factor by which the ray's result is multiplied in the colour of the surface that it leaves.
     pub weight: f32,
 }
 
-/// What effects ask of a scene.
+/// The ray queries that effects make.
 ///
-/// Each query takes a closure that says whether there really is a surface at a candidate hit: it is how alpha-cut
-/// textures and glass that shadow rays pass work. It is shown candidates **on triangles of transparent materials only**
-/// (what is transparent is said when the tracer is built), in no particular order, some perhaps more than once and not
-/// all of them; hits on other triangles are accepted without asking.
+/// Each query takes a closure that decides whether a candidate hit is on a real surface: alpha-cut textures, and glass that shadow rays
+/// pass, are made this way. The closure is called for triangles of **transparent materials only** (the set of transparent materials is
+/// given when the tracer is built). Candidates come in no particular order; some may come more than once and some not at all. Hits on other
+/// triangles are accepted without a call.
 pub trait Tracer: Sync {
-    /// Whether it knows exact spheres ([`Geometry::spheres`](curitiba_pipeline::scene::Geometry::spheres)). Their hits have ids beyond those of
-    /// the triangles, and no barycentric coordinates. Effects on a tracer that knows none are compiled without them.
+    /// Whether the tracer supports exact spheres ([`Geometry::spheres`](curitiba_pipeline::scene::Geometry::spheres)). Hits on spheres have
+    /// ids beyond those of the triangles, and no barycentric coordinates. For a tracer without spheres, effects are compiled without them.
     const SPHERES: bool = false;
 
     /// The nearest accepted hit; of several at the same distance, the one with the lowest triangle id.
@@ -62,48 +62,48 @@ pub trait Tracer: Sync {
     /// Whether any accepted hit exists; the order of the search is free.
     fn occluded(&self, ray: &Ray, accept: impl FnMut(&Hit) -> bool) -> bool;
 
-    /// Which of up to 64 rays are stopped by a triangle that `blocks` takes by its id: one bit a ray, the first lowest. All triangles
-    /// must be transparent. `recent` is room that is used again for rays like these.
+    /// Which of up to 64 rays are stopped by a triangle whose id `blocks` accepts: one bit a ray, the first ray in the lowest bit. All
+    /// triangles must be transparent. `recent` is a cache that successive calls with similar rays share.
     ///
-    /// The result is that of asking [`Self::occluded`] for each ray.
+    /// The result is the same as calling [`Self::occluded`] for each ray.
     fn blocked_by(&self, rays: &[Ray], recent: &mut Recent, mut blocks: impl FnMut(u32) -> bool) -> u64 {
         let _ = recent;
         let bit = |(index, ray): (usize, &Ray)| u64::from(self.occluded(ray, |hit| blocks(hit.triangle))) << index;
         rays.iter().enumerate().map(bit).sum()
     }
 
-    /// Told what the next rays are for. Tracers ignore it, at no cost; a [`Recorder`](super::Recorder) keeps it.
+    /// Announces the purpose of the rays that follow. Tracers ignore it, at no cost; a [`Recorder`](super::Recorder) keeps it.
     #[inline(always)]
     fn announce(&self, rays: Announcement) {
         let _ = rays;
     }
 
-    /// Whether it is certain that no ray from `origin` into the half space of `normal` (a unit vector) meets a triangle
-    /// within `t_max`. False says nothing: a tracer may always answer so.
+    /// Whether it is certain that no ray from `origin` into the half space of `normal` (a unit vector) meets a triangle within `t_max`.
+    /// `false` means "not known": a tracer may always return it.
     fn clear_above(&self, origin: Vec3, normal: Vec3, t_max: f32) -> bool {
         let _ = (origin, normal, t_max);
         false
     }
 
-    /// Collects the triangles that the rays of a neighbourhood may meet, to be asked many times. False says nothing, and
-    /// leaves `candidates` without use: they are too many to be worth it, or the tracer does not know how.
+    /// Collects the triangles that rays of a neighbourhood may meet, so that many rays can be tested against them. `false` means that
+    /// `candidates` must not be used: there are too many triangles to be worth it, or the tracer does not support it.
     fn gather(&self, around: &Neighbourhood, candidates: &mut Candidates) -> bool {
         let _ = (around, candidates);
         false
     }
 
-    /// How many rays of a fan are not blocked.
+    /// The number of rays of a fan that are not blocked.
     ///
-    /// The result is that of asking [`Self::occluded`] for each of them.
+    /// The result is the same as calling [`Self::occluded`] for each ray.
     fn count_open(&self, fan: &Fan<'_>, accept: impl FnMut(&Hit) -> bool) -> u32 {
         let mut accept = accept;
         fan.rays().filter(|ray| !self.occluded(ray, &mut accept)).count() as u32
     }
 
-    /// How many rays of each of some fans are not blocked. Where the triangles near some that follow each other are few, they
-    /// are gathered; `candidates` is room for them.
+    /// For each fan, the number of its rays that are not blocked. Consecutive fans share one list of candidate triangles where few
+    /// triangles are near them; `candidates` is the buffer for that list.
     ///
-    /// The result is that of asking [`Self::occluded`] for each ray; `accept` is told the ray's fan.
+    /// The result is the same as calling [`Self::occluded`] for each ray. `accept` also receives the index of the ray's fan.
     ///
     /// # Panics
     /// If `open` is not as long as `fans`.
@@ -126,10 +126,10 @@ pub trait Tracer: Sync {
         }
     }
 
-    /// The nearest accepted hits of the rays of some packets, those of neighbouring pixels for example.
+    /// The nearest accepted hits of the rays of packets, for example of neighbouring pixels.
     ///
-    /// The result is that of asking [`Self::closest`] for each ray. `accept` is told the ray as 16 times its packet plus
-    /// its lane.
+    /// The result is the same as calling [`Self::closest`] for each ray. `accept` also receives the ray's number: 16 times the index of its
+    /// packet, plus its lane.
     ///
     /// # Panics
     /// If `hits` is not as long as `packets`.
@@ -150,19 +150,19 @@ pub trait Tracer: Sync {
         }
     }
 
-    /// Whether [`Self::decide`] is of use.
+    /// Whether [`Self::decide`] ever decides a ray.
     const DECIDES: bool = false;
 
-    /// What is certain of rays of which only estimates are known, so that the others alone need to be traced. Nothing: a
-    /// tracer may always answer so.
+    /// Decides rays whose origins are only estimated, where the answer is certain, so that only the other rays need to be traced. A tracer
+    /// may always decide none.
     fn decide(&self, estimates: &Estimates, decided: &mut Decided) {
         let _ = estimates;
         decided.clear();
     }
 
-    /// Which rays of some packets meet anything, one bit a ray.
+    /// Which rays of packets are blocked, one bit a ray.
     ///
-    /// The result is that of asking [`Self::occluded`] for each ray; `accept` as in [`Self::closest_packets`].
+    /// The result is the same as calling [`Self::occluded`] for each ray; `accept` as in [`Self::closest_packets`].
     ///
     /// # Panics
     /// If `blocked` is not as long as `packets`.
@@ -177,7 +177,7 @@ pub trait Tracer: Sync {
         }
     }
 
-    /// The same of rays of which [`Self::decide`] said nothing: what did not help there need not be tried again.
+    /// As [`Self::occluded_packets`], for rays that [`Self::decide`] left undecided: methods that failed there are not tried again.
     ///
     /// # Panics
     /// As [`Self::occluded_packets`].

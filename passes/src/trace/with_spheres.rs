@@ -6,7 +6,7 @@ use super::spheres::SphereTree;
 use super::tracer::{Announcement, Tracer};
 use glam::Vec3;
 
-/// A tracer of triangles, and spheres beside them. A scene without spheres needs none: the tracer itself serves it.
+/// A tracer of triangles with exact spheres added. A scene without spheres uses the tracer of triangles directly.
 #[derive(Debug)]
 pub struct WithSpheres<'a, T> {
     /// The triangles.
@@ -16,10 +16,10 @@ pub struct WithSpheres<'a, T> {
 }
 
 impl<T> WithSpheres<'_, T> {
-    /// Whether a sphere may be met by rays of that length from a box.
+    /// Whether a ray of length `t_max` that starts in the box may meet a sphere. Errs on the side of `true`.
     fn is_near(&self, [low, high]: [Vec3; 2], t_max: f32) -> bool {
         let center = low.midpoint(high);
-        // Rounding: of the centre, and of the origins themselves.
+        // The factor and the summand are above the rounding errors of the centre and of the origins.
         self.spheres.reaches(center, (high.distance(center) + t_max) * 1.001 + center.abs().max_element() * 1e-6)
     }
 }

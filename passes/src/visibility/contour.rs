@@ -1,7 +1,7 @@
-//! What two polygons exchange with nothing between them: `∫∫ cos cos / (π r²)` over both areas, which is an area times a form factor.
+//! The unblocked exchange of two polygons: `∫∫ cos cos / (π r²)` over both areas, which is an area times a form factor.
 //!
-//! By Stokes' theorem it is `1/2π ∮∮ ln r dp · dq` over both borders (Lambert 1760; Sparrow, "A New and Simpler Formulation for
-//! Radiative Angle Factors", 1963).
+//! By Stokes' theorem it is `1/2π ∮∮ ln r dp · dq` over both borders (Lambert 1760; Sparrow, "A New and Simpler Formulation for Radiative
+//! Angle Factors", 1963).
 
 use super::shaft::Polygon;
 use crate::trace::{Detected, Kernel, Simd};
@@ -10,7 +10,7 @@ use std::f64::consts::{FRAC_PI_2, FRAC_PI_4, LN_2, PI, SQRT_2, TAU};
 
 /// Nodes that are evaluated together.
 const NODES: usize = 8;
-/// Nodes of Gauss and Legendre on [0, 1], eight points.
+/// Nodes of the eight-point Gauss-Legendre rule on [0, 1].
 const AT: [f64; NODES] = [
     0.019_855_071_751_231_856,
     0.101_666_761_293_186_63,
@@ -21,7 +21,7 @@ const AT: [f64; NODES] = [
     0.898_333_238_706_813_4,
     0.980_144_928_248_768_1,
 ];
-/// Their weights.
+/// Weights of these nodes.
 const WEIGHT: [f64; NODES] = [
     0.050_614_268_145_188_13,
     0.111_190_517_226_687_24,
@@ -32,10 +32,10 @@ const WEIGHT: [f64; NODES] = [
     0.111_190_517_226_687_24,
     0.050_614_268_145_188_13,
 ];
-/// Halvings of an edge at most: singular ends are graded until they do not matter.
+/// Greatest number of halvings of an edge: towards singular ends the parts shrink until they no longer matter.
 const DEEP: u32 = 30;
 
-/// The exchange of two polygons, the area of the first times its form factor to the second. Each must lie in front of the other.
+/// The exchange of two polygons: the area of the first times its form factor to the second. Each must lie in front of the other.
 pub(super) fn exchange(p: &Polygon, q: &Polygon) -> f64 {
     let size = p.corners().iter().chain(q.corners()).fold(0.0_f64, |size, corner| size.max(corner.abs().max_element()));
     let least = 1e-9 * p.area().min(q.area());
@@ -44,7 +44,7 @@ pub(super) fn exchange(p: &Polygon, q: &Polygon) -> f64 {
         let along = to - from;
         for (start, end) in q.edges() {
             let cosine = along.dot(end - start);
-            // Cutting a polygon where it touches a plane leaves edges of no length.
+            // A polygon that was cut where it touches a plane has edges of length zero.
             let short = along.length().min(start.distance(end)) <= 1e-13 * size;
             if cosine != 0.0 && !short {
                 sum += cosine * mean_log((from, along), (start, end - start), least / cosine.abs(), size);
@@ -63,23 +63,23 @@ fn mean_log((p, u): (DVec3, DVec3), (q, v): (DVec3, DVec3), least: f64, size: f6
         (to - to.dot(unit) * unit).length()
     };
     if off(p) + off(p + u) <= 1e-14 * size {
-        // On one line, as two faces that share an edge have it: in closed form.
+        // Both edges on one line, as for two faces that share an edge: closed form.
         let (c, d) = ((p - q).dot(unit), (p + u - q).dot(unit));
         let twice = |x: f64| if x == 0.0 { 0.0 } else { x * x * (0.5 * x.abs().ln() - 0.75) };
         return (twice(d) - twice(c) - twice(d - length) + twice(c - length)) / (length * (d - c));
     }
     let inner = Inner { start: p - q, along: u, unit, length };
-    // What rounding makes of the inner integral: a difference of terms as large as the distance in edges.
+    // Rounding error of the inner integral: it is a difference of terms as large as the distance in units of the edge length.
     let noise = 1e-14 * (1.0 + size / length) * (1.0 + size.ln().abs() + length.ln().abs());
     let whole = inner.mean(0.0, 1.0);
     inner.halve((0.0, 1.0), whole, (least, noise), DEEP)
 }
 
-/// The mean of `ln r` over one edge, from a point that moves over the other.
+/// The mean of `ln r` over one edge, for a point that moves along the other edge.
 struct Inner {
-    /// Where the point starts, from the start of the edge.
+    /// Start of the point's path, relative to the start of the edge.
     start: DVec3,
-    /// Where it goes.
+    /// The point's path: from `start` to `start + along`.
     along: DVec3,
     /// Direction and length of the edge.
     unit: DVec3,
@@ -87,12 +87,12 @@ struct Inner {
 }
 
 impl Inner {
-    /// The integral over a part of the way, from 0 to 1, by eight points.
+    /// The integral over the part from `from` to `to` of the path (0 to 1), by eight points.
     fn mean(&self, from: f64, to: f64) -> f64 {
         Detected::cached().run(Nodes { inner: self, from, width: to - from })
     }
 
-    /// Halves an interval until both halves say what the whole says, to `least` or to what rounding leaves.
+    /// Halves an interval until the halves agree with the whole, within `least` or within the rounding error.
     fn halve(&self, (from, to): (f64, f64), whole: f64, (least, noise): (f64, f64), deep: u32) -> f64 {
         let middle = 0.5 * (from + to);
         let (low, high) = (self.mean(from, middle), self.mean(middle, to));
@@ -112,9 +112,9 @@ struct Nodes<'a> {
 }
 
 impl Kernel<f64> for Nodes<'_> {
-    /// With the foot of the perpendicular at `a` on the edge and its length `h`, the integral of `ln √(x² + h²)` from `-a` to `b = length - a`
-    /// is `(b ln(b² + h²) + a ln(a² + h²)) / 2 - length + h (atan(b/h) + atan(a/h))`; both arcs are one, of the tangent
-    /// `h length / (h² - a b)`.
+    /// Let `a` be the position on the edge of the foot of the perpendicular, and `h` the perpendicular's length. The integral of
+    /// `ln √(x² + h²)` from `-a` to `b = length - a` is `(b ln(b² + h²) + a ln(a² + h²)) / 2 - length + h (atan(b/h) + atan(a/h))`; the two
+    /// arcs are one, with the tangent `h length / (h² - a b)`.
     #[inline(always)]
     fn run<S: Simd>(self, _: S) -> f64 {
         let Self { inner: Inner { start, along, unit, length }, from, width } = self;
@@ -148,7 +148,7 @@ impl Kernel<f64> for Nodes<'_> {
     }
 }
 
-/// Natural logarithms to some units in the last place, of what is below the least normal number that of the least.
+/// Natural logarithms, to a few units in the last place. Values below the least normal number count as that number.
 ///
 /// With `x = m 2^e`, m from √½ to √2, and `s = (m - 1) / (m + 1)` it is `e ln 2 + 2 (s + s³/3 + s⁵/5 + …)`.
 #[inline(always)]
@@ -172,9 +172,9 @@ fn logarithms(values: &[f64; NODES]) -> [f64; NODES] {
     logs
 }
 
-/// The angles of points with `across` at least 0, from 0 to π, to some units in the last place; π/2 at the origin.
+/// The angles, from 0 to π, of points (`down`, `across`) with `across >= 0`, to a few units in the last place; π/2 at the origin.
 ///
-/// Turned into the eighth of a circle about the axis by symmetry, it is Gregory's series of a tangent of at most √2 - 1.
+/// Reduced by symmetry to π/8 around the axis, the angle is Gregory's series of a tangent of at most √2 - 1.
 #[inline(always)]
 fn arcs(across: &[f64; NODES], down: &[f64; NODES]) -> [f64; NODES] {
     const TERMS: u32 = 22;
@@ -182,7 +182,7 @@ fn arcs(across: &[f64; NODES], down: &[f64; NODES]) -> [f64; NODES] {
     for lane in 0..NODES {
         let (y, x) = (across[lane], down[lane].abs());
         let (low, high) = if y < x { (y, x) } else { (x, y) };
-        // About the diagonal if the tangent is above √2 - 1.
+        // Reflected at the diagonal if the tangent is above √2 - 1.
         let turned = low > (SQRT_2 - 1.0) * high;
         let above = if turned { low - high } else { low };
         let below = if turned { low + high } else { high };

@@ -1,46 +1,45 @@
-//! The proof that a pair does not see each other at all.
+//! The proof that the triangles of a pair do not see each other at all.
 //!
-//! Take triangles whose planes have one side of the pair strictly in front and the other strictly behind, and that have no border
-//! inside the shaft: each edge belongs to as many of them in one direction as in the other, or lies outside the shaft. A
-//! segment of the pair that moves never loses such a surface over a border, nor over an end of the segment. So how often it
-//! crosses the surface is the same number for all segments, and one of them tells it. The surface may be a wall of many triangles, and
-//! need not be flat.
+//! Take triangles whose planes have one side of the pair strictly in front and the other strictly behind, and which have no border inside
+//! the shaft: each edge is used by equally many of them in both directions, or lies outside the shaft. When a segment of the pair moves, it
+//! never loses such a surface over a border or over an end of the segment. So all segments cross the surface equally often, and testing one
+//! of them is enough. The surface may be a wall of many triangles, and need not be flat.
 
 use super::shaft::{Blocker, Pair, Shaft};
 use crate::trace::{Detected, Kernel, Simd};
 use glam::DVec3;
 
-/// What the proof needs.
+/// Buffers of the proof.
 #[derive(Debug, Default)]
 pub(super) struct Walls {
     places: Vec<Place>,
     edges: Vec<Edge>,
-    /// By triangle: whether it is left.
+    /// For each triangle, whether it is still part of the surface.
     alive: Vec<bool>,
 }
 
-/// Where a triangle lies.
+/// How a triangle lies relative to the pair.
 #[derive(Debug, Clone, Copy)]
 struct Place {
-    /// 1 if the first side is strictly in front of its plane and the second behind, -1 if it is the other way round, else 0.
+    /// 1 if the first side is strictly in front of its plane and the second strictly behind, -1 for the reverse, else 0.
     between: i8,
-    /// By edge: whether it has a point inside the shaft. Of triangles that are between only.
+    /// For each edge, whether it has a point inside the shaft. Computed only where `between` is not 0.
     inside: [bool; 3],
 }
 
 #[derive(Debug, Clone, Copy)]
 struct Edge {
-    /// Bits of both ends, the lower first.
+    /// Both end points as bits, the lower first.
     ends: [[u64; 3]; 2],
-    /// Place of the triangle in the list.
+    /// Index of the triangle in the list.
     triangle: usize,
-    /// 1 from the lower to the higher end, else -1.
+    /// 1 if the edge runs from the lower to the higher end, else -1.
     direction: i32,
     inside: bool,
 }
 
 impl Walls {
-    /// Whether some of the blockers surely stop every segment. False says nothing.
+    /// Whether some of the blockers certainly stop every segment. `false` means "not known".
     pub(super) fn cover(&mut self, blockers: &[Blocker], pair: &Pair, shaft: &Shaft) -> bool {
         self.places.clear();
         Detected::cached().run(Places { blockers, shaft, places: &mut self.places });
@@ -56,14 +55,14 @@ impl Walls {
         })
     }
 
-    /// The edges of the triangles that are left, those of one place beside each other.
+    /// Collects the edges of the triangles that are left, sorted so that equal edges are adjacent.
     fn collect(&mut self, blockers: &[Blocker]) {
         self.edges.clear();
         for (triangle, blocker) in blockers.iter().enumerate().filter(|(index, _)| self.alive[*index]) {
             let [a, b, c] = blocker.corners;
             let inside = self.places[triangle].inside;
             for ((from, to), inside) in [(a, b), (b, c), (c, a)].into_iter().zip(inside) {
-                // Adding 0 makes both zeros one.
+                // Adding 0 turns -0 into 0.
                 let [f, t] = [from, to].map(|end| (end + 0.0).to_array().map(f64::to_bits));
                 let (ends, direction) = if f <= t { ([f, t], 1) } else { ([t, f], -1) };
                 self.edges.push(Edge { ends, triangle, direction, inside });
@@ -72,7 +71,7 @@ impl Walls {
         self.edges.sort_unstable_by_key(|edge| (edge.ends, edge.triangle, edge.direction));
     }
 
-    /// Leaves out triangles with a border inside the shaft until there are none.
+    /// Removes triangles with a border inside the shaft until there are none.
     fn peel(&mut self) {
         loop {
             let mut changed = false;
@@ -91,7 +90,7 @@ impl Walls {
         }
     }
 
-    /// Whether a segment between the fronts surely crosses what is left: one of a few, since each may meet an edge.
+    /// Whether a segment between the fronts certainly crosses the surface. Tries several, since each may meet an edge.
     fn is_crossed(&self, blockers: &[Blocker], pair: &Pair) -> bool {
         const SHARES: [f64; 4] = [0.53, 0.29, 0.13, 0.05];
         let left = || blockers.iter().zip(&self.alive).filter(|(_, alive)| **alive).map(|(blocker, _)| blocker);
@@ -104,7 +103,7 @@ impl Walls {
             left().any(|blocker| {
                 let [a, b, c] = blocker.corners.map(|corner| corner - from);
                 let sides = [a.cross(b), b.cross(c), c.cross(a)].map(|normal| normal.dot(to - from));
-                // Far beyond rounding.
+                // A margin far above rounding.
                 let least = 1e-9 * sides.iter().map(|side| side.abs()).sum::<f64>();
                 sides.iter().all(|side| *side > least) || sides.iter().all(|side| *side < -least)
             })
@@ -127,7 +126,7 @@ impl Kernel<()> for Places<'_> {
             let [a, b, c] = *corners;
             let mut inside = [false; 3];
             if between != 0 {
-                // Closures would be compiled for the least processor.
+                // Calls, not closures: a closure would be compiled for the baseline instruction set.
                 inside = [meets(shaft, (a, b)), meets(shaft, (b, c)), meets(shaft, (c, a))];
             }
             places.push(Place { between, inside });
@@ -135,14 +134,14 @@ impl Kernel<()> for Places<'_> {
     }
 }
 
-/// See [`Place::between`].
+/// The value of [`Place::between`].
 #[inline(always)]
 fn between(shaft: &Shaft, corners: &[DVec3; 3]) -> i8 {
     let [a, b, c] = *corners;
     let normal = (b - a).cross(c - a).normalize_or_zero();
     let slack = slack(shaft, corners);
     let heights = shaft.ends_over(normal, a);
-    // By side: corners in front and behind.
+    // For each side, the number of corners in front and behind.
     let (mut front, mut back) = ([0_u64; 2], [0_u64; 2]);
     for lane in 0..8 {
         front[lane / 4] += u64::from(heights[lane] > slack);
@@ -155,7 +154,7 @@ fn between(shaft: &Shaft, corners: &[DVec3; 3]) -> i8 {
     }
 }
 
-/// Whether a segment has a point inside the shaft; as for triangles, touching its surface does not count.
+/// Whether a segment has a point inside the shaft; touching the shaft's surface does not count.
 #[inline(always)]
 fn meets(shaft: &Shaft, (from, to): (DVec3, DVec3)) -> bool {
     let slack = slack(shaft, &[from, to]);

@@ -16,7 +16,7 @@ use rayon::prelude::*;
 /// Pairs that a thread takes at a time.
 pub(super) const GRAIN: usize = 256;
 
-/// What decides pairs: the triangles, what is asked for, and the points.
+/// What decides pairs: the triangles, the options, and the sample points.
 #[derive(Debug)]
 pub(super) struct Method<'a> {
     pub(super) surfaces: &'a Surfaces,
@@ -24,7 +24,7 @@ pub(super) struct Method<'a> {
     pub(super) table: Table,
 }
 
-/// Room that a thread uses again for every pair.
+/// Buffers that a thread reuses for every pair.
 #[derive(Debug, Default)]
 pub struct Room {
     pub(super) gathered: Gathered,
@@ -36,17 +36,17 @@ pub struct Room {
 /// What is known of a pair before any segment is sampled.
 #[allow(clippy::large_enum_variant, reason = "one at a time, on the stack")]
 pub(super) enum Found {
-    /// All of it.
+    /// The row is exact.
     Exact(Row),
-    /// It is to be sampled; what is in the way was gathered.
+    /// The pair must be sampled; the triangles in the shaft were gathered.
     Gathered(Sampling),
-    /// It is to be sampled; too much is in the way.
+    /// The pair must be sampled; the shaft holds too many triangles to gather.
     Many(Sampling),
 }
 
 impl<'a> Method<'a> {
     /// # Errors
-    /// What would be valid, if the options are not.
+    /// If the options are not valid; the message says what would be valid.
     pub(super) fn new(surfaces: &'a Surfaces, options: Options) -> Result<Self, String> {
         options.check()?;
         let points = options.most() / REPLICATES as u32;
@@ -54,8 +54,8 @@ impl<'a> Method<'a> {
         Ok(Self { surfaces, options, table })
     }
 
-    /// Whether a pair is asked for in the order in which it is estimated: one for both questions. Where even the corners are the same,
-    /// so is the result.
+    /// Whether a pair is given in the order in which it is estimated: `(a, b)` and `(b, a)` are one pair with one result. If the corners of
+    /// both are equal, the order does not matter.
     pub(super) fn is_in_order(&self, pair: [u32; 2]) -> bool {
         let surfaces = self.surfaces;
         let [first, second] = pair.map(|id| surfaces.all[id as usize].key);
@@ -63,7 +63,7 @@ impl<'a> Method<'a> {
         first < second || first == second && bits(pair[0]) <= bits(pair[1])
     }
 
-    /// Decides a pair that is in order, as far as that is possible without sampling.
+    /// Decides a pair as far as that is possible without sampling; the pair must be in order.
     pub(super) fn find(&self, ids: [u32; 2], room: &mut Room) -> Found {
         let form_factors = self.options.form_factors;
         let exact = |class, visibility| Row {
@@ -105,7 +105,7 @@ impl<'a> Method<'a> {
         if many { Found::Many(sampling) } else { Found::Gathered(sampling) }
     }
 
-    /// The exchange with nothing in the way, of the triangles themselves: offsets do not enter it.
+    /// The exchange of a pair with nothing between. It uses the triangles themselves, without the offsets of ray origins.
     fn unblocked(&self, pair: &Pair) -> f64 {
         let [p, q] = pair.sides.map(|side| self.surfaces.corners(side.id).map(|corner| corner - pair.origin));
         let [n, m] = pair.sides.map(|side| side.normal);
@@ -143,8 +143,8 @@ impl<'a> Method<'a> {
 
 /// Finds rows on the processor.
 ///
-/// The tracer, of which [`Surfaces::geometry`] and [`Surfaces::marks`] say what to build it on, is asked only where more than
-/// 128 triangles are between a pair.
+/// The tracer must be built on [`Surfaces::geometry`] with [`Surfaces::marks`]. It is used only for pairs with more than 128 triangles in
+/// the shaft.
 #[derive(Debug)]
 pub struct Estimator<'a, T> {
     method: Method<'a>,
@@ -153,18 +153,18 @@ pub struct Estimator<'a, T> {
 
 impl<'a, T: Tracer> Estimator<'a, T> {
     /// # Errors
-    /// What would be valid, if the options are not.
+    /// If the options are not valid; the message says what would be valid.
     pub fn new(surfaces: &'a Surfaces, tracer: &'a T, options: Options) -> Result<Self, String> {
         Ok(Self { method: Method::new(surfaces, options)?, tracer })
     }
 
-    /// What it was made with.
+    /// The options of the estimator.
     #[must_use]
     pub fn options(&self) -> &Options {
         &self.method.options
     }
 
-    /// The rows of some pairs, in their order, over rayon's global pool.
+    /// Replaces `rows` by the rows of the pairs, in their order, computed on rayon's global pool.
     ///
     /// # Panics
     /// If there is no triangle with such an id.
@@ -230,7 +230,7 @@ impl<T: Tracer> RowFinder for Estimator<'_, T> {
     }
 }
 
-/// Whether all segments between the corners of both fronts are blocked: only then can all be.
+/// Whether all segments between corners of both fronts are blocked: a cheap necessary condition for all segments to be blocked.
 fn ends_are_blocked(pair: &Pair, gathered: &Gathered, batch: &mut Batch) -> bool {
     let [a, b] = &pair.sides;
     batch.valid = [0; BATCH];
@@ -241,7 +241,7 @@ fn ends_are_blocked(pair: &Pair, gathered: &Gathered, batch: &mut Batch) -> bool
             lane += 1;
         }
     }
-    // Both have four corners at most.
+    // Both fronts have at most four corners, so there are at most 16 segments.
     batch.block_first::<16>(&gathered.blockers);
     batch.blocked[..lane].iter().all(|blocked| *blocked == 1)
 }

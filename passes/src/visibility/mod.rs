@@ -1,7 +1,7 @@
 //! How much two triangles see of each other.
 //!
-//! The visibility of a pair is the share of the segments between its triangles that nothing blocks: of the segments that leave
-//! both front sides, or of all (see [`Facing`]). The form factor weighs each segment by what it carries:
+//! The visibility of a pair is the share of the segments between its triangles that nothing blocks: of the segments that leave both front
+//! sides, or of all (see [`Facing`]). The form factor weights each segment by what it carries:
 //! `F_ab = 1/A_a ∫∫ V cos θ_a cos θ_b / (π r²) dA_b dA_a`.
 //!
 //! A pair is decided before a ray is traced where that is exact:
@@ -10,22 +10,21 @@
 //! 2. [`Class::Open`]: the shaft, which is the convex hull of both (Haines and Wallace, "Shaft Culling for Efficient Ray-Traced
 //!    Radiosity", 1991), meets no triangle. The form factor is then the contour integral of Sparrow and Lambert.
 //! 3. [`Class::Closed`]: a surface without a border inside the shaft crosses it.
-//! 4. [`Class::Sampled`]: everything else. Segments between four-dimensional points are tested in `f64` against the triangles in the
-//!    shaft, or traced where those are many.
+//! 4. [`Class::Sampled`]: everything else. Segments between the triangles, given by four-dimensional points, are tested in `f64` against
+//!    the triangles in the shaft, or traced where those are many.
 //!
 //! What makes results trustworthy:
 //!
-//! * Segments run between error-bounded offset points of both triangles
-//!   ([`SurfacePoint`](crate::trace::SurfacePoint)): no distance is multiplied by an epsilon. What is nearer to a triangle
-//!   than that offset is not seen.
-//! * The triangles of the pair are excluded by their ids. A copy of a triangle in the same place is at the distance 0 and does not
-//!   block; [`Surfaces::duplicates`] counts them.
+//! * Segments run between error-bounded offset points of both triangles ([`SurfacePoint`](crate::trace::SurfacePoint)): no distance is
+//!   multiplied by an epsilon. What is nearer to a triangle than that offset is not seen.
+//! * The triangles of the pair are excluded by their ids. A copy of a triangle in the same place is at distance 0 and does not block;
+//!   [`Surfaces::duplicates`] counts the copies.
 //! * The points of a pair come from a hash of the seed and of both triangles' corners. Results are equal, bit by bit, for `(a, b)` and
 //!   `(b, a)`, for any number of threads, and for any order of the triangles.
-//! * Triangles are one-sided, as the source of this module has them: what leaves the back of one is not counted.
+//! * Triangles are one-sided, as in the source of this module: what leaves the back of one is not counted.
 //!
-//! It does not compute light that is reflected on the way, and it does not look through textures: triangles of materials that
-//! are not opaque block nothing.
+//! It does not compute light that is reflected on the way, and it does not look through textures: triangles of materials that are not
+//! opaque block nothing.
 
 mod contour;
 mod cover;
@@ -49,17 +48,17 @@ pub use pairs::{AllPairs, Cursor, NearPairs, PairSource, RowPairs};
 pub use points::REPLICATES;
 pub use surfaces::Surfaces;
 
-/// What is done with segments that do not leave the front of both triangles.
+/// How segments count that do not leave the front of both triangles.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Facing {
-    /// They are left out: the visibility of the parts that face each other. Where there are none it is absent.
+    /// They are left out: the visibility is that of the parts that face each other, and absent if there are none.
     #[default]
     Skip,
     /// They count as blocked: the result is divided by the number of all segments.
     Zero,
 }
 
-/// Which points are used.
+/// The point set that is used.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Sampler {
     /// Owen-scrambled Sobol points.
@@ -72,38 +71,38 @@ pub enum Sampler {
 /// When a pair is sampled well enough.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Effort {
-    /// So many segments, a multiple of [`REPLICATES`] in [`Options::SAMPLES`].
+    /// A fixed number of segments: a multiple of [`REPLICATES`] in [`Options::SAMPLES`].
     Samples(u32),
-    /// From 64 segments on twice as many until the standard error of the visibility is at most this, or until there are
-    /// [`Options::MOST`].
+    /// 64 segments, doubled until the standard error of the visibility (of the form factors, if those are computed) is at most this, or
+    /// until there are [`Options::MOST`].
     Error(f64),
 }
 
-/// What is asked for.
+/// Options of an estimate.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Options {
-    /// How long pairs are sampled.
+    /// When a pair is sampled well enough.
     pub effort: Effort,
-    /// What segments that leave a back side count.
+    /// How segments count that leave a back side.
     pub facing: Facing,
-    /// Which points.
+    /// The point set.
     pub sampler: Sampler,
-    /// Whether form factors are wanted too.
+    /// Whether form factors are computed too.
     pub form_factors: bool,
     /// Seed of the points.
     pub seed: u32,
 }
 
 impl Options {
-    /// How many segments a pair may have.
+    /// Valid numbers of segments for a pair.
     pub const SAMPLES: std::ops::RangeInclusive<u32> = 8..=Self::MOST;
-    /// Most segments of a pair.
+    /// Greatest number of segments for a pair.
     pub const MOST: u32 = 1 << 16;
 
-    /// What is wrong with them.
+    /// Checks the options.
     ///
     /// # Errors
-    /// What would be valid, if the effort is out of range.
+    /// If the effort is out of range; the message says what would be valid.
     pub fn check(&self) -> Result<(), String> {
         match self.effort {
             Effort::Samples(samples)
@@ -121,7 +120,7 @@ impl Options {
         }
     }
 
-    /// Segments of the point sets that a pair may need.
+    /// Greatest number of segments that a pair may need; the size of the point sets.
     pub(crate) fn most(&self) -> u32 {
         match self.effort {
             Effort::Samples(samples) => samples,
@@ -142,12 +141,12 @@ impl Default for Options {
     }
 }
 
-/// What finds the rows of many pairs, on whatever engine.
+/// Finds the rows of many pairs, on any engine.
 pub trait RowFinder {
-    /// What it was made with.
+    /// The options of the finder.
     fn options(&self) -> &Options;
 
-    /// The rows of some pairs, in their order; what was in `rows` goes.
+    /// Replaces `rows` by the rows of the pairs, in their order.
     ///
     /// # Errors
     /// If a device fails.
@@ -161,21 +160,21 @@ pub trait RowFinder {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 #[repr(u8)]
 pub enum Class {
-    /// No part of one is in front of the other, or one has no area.
+    /// No part of one triangle is in front of the other, or one has no area.
     Never = 0,
-    /// Nothing is between them: exact.
+    /// Nothing is between the triangles: exact.
     Open = 1,
-    /// Nothing of one is seen from the other: exact.
+    /// Something blocks every segment between the triangles: exact.
     Closed = 2,
-    /// From samples, with a standard error.
+    /// Estimated from samples, with a standard error.
     Sampled = 3,
 }
 
 impl Class {
-    /// All, by their number.
+    /// All classes, by their number.
     pub const ALL: [Self; 4] = [Self::Never, Self::Open, Self::Closed, Self::Sampled];
 
-    /// As it is written.
+    /// The name as it is written to files.
     #[must_use]
     pub fn name(self) -> &'static str {
         ["never", "open", "closed", "sampled"][self as usize]
@@ -185,31 +184,30 @@ impl Class {
 /// The result of a pair.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Row {
-    /// The triangles, as they were asked for.
+    /// The triangles, in the order in which they were asked for.
     pub pair: [u32; 2],
-    /// How it was found.
+    /// How the visibility was found.
     pub class: Class,
     /// The visibility, 0 to 1; `None` if no segment leaves the front of both and such segments are skipped.
     pub visibility: Option<f64>,
-    /// Its standard error; 0 where it is exact. Where all samples agree it is 3 over their number, the bound of the rule
-    /// of three. [`Self::QUANTILE`] times it on either side is a 95 % interval.
+    /// Standard error of the visibility; 0 where it is exact. Where all samples agree, it is 3 divided by their number, the bound of the
+    /// rule of three. The visibility ± [`Self::QUANTILE`] times the error is a 95 % interval.
     pub error: f64,
-    /// The form factors from the first to the second triangle and back, if they were asked for: shares of what leaves a
-    /// triangle.
+    /// The form factors from the first to the second triangle and back, if they were asked for: shares of what leaves a triangle.
     pub form_factors: Option<[f64; 2]>,
-    /// Their standard errors; 0 where they are exact.
+    /// Standard errors of the form factors; 0 where they are exact.
     pub form_factor_errors: [f64; 2],
-    /// Segments that were sampled for the visibility.
+    /// Number of segments that were sampled for the visibility.
     pub samples: u32,
-    /// Those of them that leave the front of both.
+    /// Number of those segments that leave the front of both triangles.
     pub valid: u32,
 }
 
 impl Row {
-    /// The 97.5 % quantile of Student's distribution with seven degrees of freedom, one fewer than replicates.
+    /// The 97.5 % quantile of Student's distribution with seven degrees of freedom (one less than the number of replicates).
     pub const QUANTILE: f64 = 2.364_624;
 
-    /// A row that is not known yet.
+    /// Placeholder for a row that is not known yet.
     pub(crate) const NONE: Self = Self {
         pair: [0; 2],
         class: Class::Never,
@@ -221,7 +219,7 @@ impl Row {
         valid: 0,
     };
 
-    /// The same pair, asked for in the other order.
+    /// The row of the same pair in the other order.
     #[must_use]
     pub(crate) fn swapped(self) -> Self {
         let ([a, b], [e, f]) = (self.pair, self.form_factor_errors);

@@ -1,4 +1,4 @@
-//! From many pairs to their rows, with the segments that are traced on a device.
+//! From many pairs to their rows, with segments that are traced on a device.
 
 use super::estimate::{Found, GRAIN, Method, Room};
 use super::sampling::{Sampling, Step};
@@ -8,15 +8,15 @@ use crate::trace::{Segment, SegmentTracer, Segments};
 use curitiba_pipeline::backend::BackendError;
 use rayon::prelude::*;
 
-/// Pairs that are decided before a launch: those that are sampled on the device wait for it.
+/// Pairs that are decided before a launch; those to be sampled on the device wait for it.
 const TOGETHER: usize = 1 << 14;
-/// Segments of a launch, about: 32 MiB.
+/// Approximate number of segments in a launch: 32 MiB.
 const LAUNCH: usize = 1 << 20;
 
 /// Finds rows with a device.
 ///
-/// The processor decides pairs and samples those with few triangles in between, as [`Estimator`](super::Estimator) does. The
-/// segments of the others are the same too, and the device traces them.
+/// The processor decides pairs, and samples those with few triangles in the shaft, as [`Estimator`](super::Estimator) does. For the other
+/// pairs it makes the same segments as [`Estimator`](super::Estimator), and the device traces them.
 pub struct DeviceEstimator<'a> {
     method: Method<'a>,
     tracer: Box<dyn SegmentTracer + 'a>,
@@ -26,23 +26,23 @@ pub struct DeviceEstimator<'a> {
 
 /// A pair that waits for the device.
 struct Waiting {
-    /// Its place among the pairs.
+    /// Index of the pair in its chunk.
     place: usize,
     in_order: bool,
     sampling: Sampling,
-    /// The first step that was not asked yet.
+    /// The first step that was not traced yet.
     next: Step,
-    /// What is asked of it in this launch.
+    /// The steps that are traced in this launch.
     asked: Vec<Asked>,
     segments: Vec<Segment>,
 }
 
-/// A step that is asked.
+/// A step that is traced.
 struct Asked {
     step: Step,
-    /// One bit a lane.
+    /// Valid lanes, one bit a lane.
     valid: u64,
-    /// Of the valid lanes, if form factors are wanted.
+    /// Weights of the valid lanes; empty unless form factors are computed.
     weights: Vec<f64>,
 }
 
@@ -53,16 +53,16 @@ impl std::fmt::Debug for DeviceEstimator<'_> {
 }
 
 impl<'a> DeviceEstimator<'a> {
-    /// With a tracer that was made for these triangles.
+    /// An estimator with a tracer that was made for these triangles.
     ///
     /// # Errors
-    /// What would be valid, if the options are not.
+    /// If the options are not valid; the message says what would be valid.
     pub fn new(surfaces: &'a Surfaces, tracer: Box<dyn SegmentTracer + 'a>, options: Options) -> Result<Self, String> {
         let method = Method::new(surfaces, options)?;
         Ok(Self { method, tracer, segments: Segments::default(), bits: Vec::new() })
     }
 
-    /// As [`RowFinder::rows`].
+    /// The implementation of [`RowFinder::rows`].
     fn find(&mut self, pairs: &[[u32; 2]], rows: &mut Vec<Row>) -> Result<(), BackendError> {
         rows.clear();
         for pairs in pairs.chunks(TOGETHER) {
@@ -83,7 +83,7 @@ impl<'a> DeviceEstimator<'a> {
         Ok(())
     }
 
-    /// Adds the rows of some pairs, and gives those that wait for the device; their rows have no meaning yet.
+    /// Appends the rows of some pairs, and returns the pairs that wait for the device; the rows of those are placeholders.
     fn decide(&self, pairs: &[[u32; 2]], rows: &mut Vec<Row>) -> Vec<Waiting> {
         let method = &self.method;
         let decide = |room: &mut Room, (place, pair): (usize, &[u32; 2])| {
@@ -117,7 +117,7 @@ impl<'a> DeviceEstimator<'a> {
         waiting
     }
 
-    /// Asks the device for the next steps of all pairs that wait, and adds what it says.
+    /// Traces the next steps of all waiting pairs on the device, and adds the answers to their tallies.
     fn launch(&mut self, waiting: &mut [Waiting]) -> Result<(), BackendError> {
         let Self { method, tracer, segments, bits } = self;
         let steps = (LAUNCH / BATCH / waiting.len()).max(1);
@@ -159,7 +159,7 @@ impl RowFinder for DeviceEstimator<'_> {
 }
 
 impl Waiting {
-    /// Makes the segments of the next steps, some at most, of this round.
+    /// Makes the segments of the next steps of this round, at most `steps` of them.
     fn ask(&mut self, method: &Method<'_>, steps: usize, pair: u32, batch: &mut Batch) {
         let Self { sampling, asked, segments, next, .. } = self;
         asked.clear();
@@ -180,7 +180,7 @@ impl Waiting {
         }
     }
 
-    /// Adds the answers, the first of which is at a place.
+    /// Adds the answers, which start at bit `start`.
     fn add(&mut self, bits: &[u32], start: usize, batch: &mut Batch) {
         let mut place = start;
         for Asked { step, valid, weights } in &self.asked {
@@ -199,7 +199,7 @@ impl Waiting {
         }
     }
 
-    /// Goes on; gives the row and its place at the end of the last round.
+    /// Advances to the next step. At the end of the last round, returns the pair's index and its row.
     fn end(&mut self, options: &Options) -> Option<(usize, Row)> {
         let last = self.asked.last()?.step;
         if let Some(next) = self.sampling.after(last) {

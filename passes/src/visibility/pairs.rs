@@ -1,4 +1,4 @@
-//! Which pairs are looked at: streams that never hold more than a part of them.
+//! Streams of the pairs that are examined; only a part of the pairs is in memory at a time.
 
 use super::Surfaces;
 use super::shaft::Pair;
@@ -7,31 +7,31 @@ use glam::Vec3;
 use rayon::prelude::*;
 use std::f64::consts::PI;
 
-/// A place in a stream of pairs: what it means is the stream's own.
+/// A position in a stream of pairs; its meaning is the stream's own.
 pub type Cursor = [u64; 2];
 
-/// A stream of pairs in an order that depends on nothing but the scene and what is asked for.
+/// A stream of pairs, in an order that depends only on the scene and the request.
 pub trait PairSource {
-    /// Adds the next pairs, about `most` and never more than two millions above it; none at the end of the stream.
+    /// Appends the next pairs: about `most`, and at most about two million more. Appends none at the end of the stream.
     ///
     /// # Errors
-    /// What is wrong with the source, with its place.
+    /// If the source is faulty; the message says what is wrong, and where.
     fn fill(&mut self, most: usize, pairs: &mut Vec<[u32; 2]>) -> Result<(), String>;
 
-    /// Where the next pair comes from.
+    /// Position of the next pair.
     fn cursor(&self) -> Cursor;
 
-    /// Goes on from a place that [`Self::cursor`] gave.
+    /// Continues from a position that [`Self::cursor`] returned.
     ///
     /// # Errors
     /// If the source cannot go there.
     fn seek(&mut self, cursor: Cursor) -> Result<(), String>;
 
-    /// How much of the source is done, and how much there is; no number of pairs.
+    /// How much of the source is done, and how much there is, in units of the source (not pairs).
     fn progress(&self) -> [u64; 2];
 }
 
-/// Every pair once, `a < b`: their number grows with the square of the triangles.
+/// Every pair once, with `a < b`: their number grows with the square of the number of triangles.
 #[derive(Debug, Clone)]
 pub struct AllPairs {
     triangles: u64,
@@ -39,7 +39,7 @@ pub struct AllPairs {
 }
 
 impl AllPairs {
-    /// Those of so many triangles.
+    /// The pairs of that many triangles.
     #[must_use]
     pub fn new(triangles: usize) -> Self {
         Self { triangles: triangles as u64, next: [0, 1] }
@@ -80,7 +80,7 @@ impl PairSource for AllPairs {
     }
 }
 
-/// One triangle with every other.
+/// One triangle paired with every other.
 #[derive(Debug, Clone)]
 pub struct RowPairs {
     triangles: u64,
@@ -89,7 +89,7 @@ pub struct RowPairs {
 }
 
 impl RowPairs {
-    /// Those of the triangle `row` among so many.
+    /// The pairs of the triangle `row` among `triangles`.
     #[must_use]
     pub fn new(triangles: usize, row: u32) -> Self {
         Self { triangles: triangles as u64, row, next: 0 }
@@ -121,32 +121,32 @@ impl PairSource for RowPairs {
 
 /// Rows that are searched together.
 const ROWS: u64 = 32;
-/// Ids of a row that are searched at a time: what a row may hold in memory.
+/// Ids of a row that are searched at a time; bounds the memory of a row.
 const WINDOW: u64 = 1 << 16;
 
-/// Pairs that face each other and of which one may receive a share of at least `least` of what leaves the other: by the bound
-/// `F <= A / (π d²)`, where `A` is the larger area and `d` the distance of their boxes (Hanrahan, Salzman and Aupperle, "A
-/// Rapid Hierarchical Radiosity Algorithm", 1991). `a < b`, in ascending order.
+/// Pairs that face each other, and of which one triangle may receive at least the share `least` of what leaves the other, by the bound
+/// `F <= A / (π d²)`: `A` is the larger area and `d` the distance of their boxes (Hanrahan, Salzman and Aupperle, "A Rapid Hierarchical
+/// Radiosity Algorithm", 1991). `a < b`, in ascending order.
 #[derive(Debug)]
 pub struct NearPairs<'a> {
     surfaces: &'a Surfaces,
     tree: Tree,
-    /// Of the children of each node: the largest area, the lowest and the highest id.
+    /// For each child of each node: the largest area, the lowest id and the highest id of its triangles.
     below: Vec<[(f64, u32, u32); WIDE]>,
     areas: Vec<f64>,
     least: f64,
-    /// The row, and the first id of it that is still to be searched.
+    /// The current row, and its first id that is still to be searched.
     next: Cursor,
 }
 
 impl<'a> NearPairs<'a> {
-    /// `least` is above 0; at 1 only pairs whose boxes nearly touch are left.
+    /// `least` must be above 0; at 1 only pairs whose boxes nearly touch are left.
     #[must_use]
     pub fn new(surfaces: &'a Surfaces, least: f64) -> Self {
         let tree = Tree::build(surfaces.geometry(), |_| true);
         let areas: Vec<f64> = (0..surfaces.len() as u32).map(|id| surfaces.area(id)).collect();
         let mut below = vec![[(0.0, u32::MAX, 0); WIDE]; tree.nodes.len()];
-        // Children follow their node.
+        // Children follow their node, so this goes backwards.
         for index in (0..tree.nodes.len()).rev() {
             for lane in 0..WIDE {
                 let child = tree.nodes[index].children[lane];
@@ -166,7 +166,7 @@ impl<'a> NearPairs<'a> {
         Self { surfaces, tree, below, areas, least, next: [0, 0] }
     }
 
-    /// The partners of `a` from `first` to before `end`, ascending.
+    /// The partners of `a` with ids from `first` to before `end`, ascending.
     fn row(&self, a: u32, first: u32, end: u32) -> Vec<u32> {
         let mut found = Vec::new();
         let [low, high] = self.extent(a);
@@ -210,7 +210,7 @@ impl<'a> NearPairs<'a> {
     }
 }
 
-/// The square of the distance of two boxes.
+/// The square of the distance between two boxes.
 fn gap([low, high]: [Vec3; 2], [other_low, other_high]: [Vec3; 2]) -> f64 {
     let apart = (other_low.as_dvec3() - high.as_dvec3()).max(low.as_dvec3() - other_high.as_dvec3());
     apart.max(glam::DVec3::ZERO).length_squared()
@@ -221,7 +221,7 @@ impl PairSource for NearPairs<'_> {
         let count = self.areas.len() as u64;
         let (start, wanted) = (pairs.len(), most.max(1));
         while pairs.len() - start < wanted && self.next[0] < count {
-            // Windows one by one; rows of one window together.
+            // The next windows in order; they are searched in parallel.
             let windows: Vec<(u32, u32, u32)> = (0..ROWS)
                 .scan(self.next, |[row, first], _| {
                     *first = (*first).max(*row + 1);

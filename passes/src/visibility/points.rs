@@ -1,31 +1,31 @@
 //! Points of the four-dimensional unit cube: two coordinates for each triangle of a pair.
 //!
-//! The integral over a pair has four dimensions. One two-dimensional point for both triangles converges to a wrong
-//! number: 6.5 % off for two parallel right triangles at a distance of 1.
+//! The integral over a pair has four dimensions. One two-dimensional point used for both triangles converges to a wrong value: 6.5 % off
+//! for two parallel right triangles at a distance of 1.
 
 use super::Sampler;
 use crate::sampling::hash::pcg4d;
 use crate::sampling::owen_sobol::{laine_karras, reversed_sobol};
 
-/// Independent point sets of a pair; their spread tells the error.
+/// Number of independent point sets of a pair; their spread gives the error.
 pub const REPLICATES: usize = 8;
 
-/// Tells the hash of point sets from those of pixels, paths and dimensions.
+/// Separates the hashes of these point sets from those of pixels, paths and dimensions.
 const PAIR: u32 = 3;
 
 /// The unscrambled points of one replicate, by dimension.
 #[derive(Debug, Clone)]
 pub(super) struct Table {
     sampler: Sampler,
-    /// Sobol: coordinates with reversed bits. Hammersley: the radical inverses in bases 2, 3 and 5 in 32 bits, after room for
-    /// the coordinate that depends on the number of points.
+    /// Sobol: coordinates with reversed bits. Hammersley: the index (its coordinate depends on the number of points), then the radical
+    /// inverses in bases 2, 3 and 5 in 32 bits.
     words: [Vec<u32>; 4],
 }
 
 impl Table {
-    /// At least `points` points.
+    /// A table of at least `points` points.
     pub(super) fn new(sampler: Sampler, points: u32) -> Self {
-        // Blocks of eight are read whole.
+        // Points are read in blocks of eight.
         let points = points.next_multiple_of(8);
         let mut words = [const { Vec::new() }; 4];
         for index in 0..points {
@@ -40,7 +40,7 @@ impl Table {
         Self { sampler, words }
     }
 
-    /// Coordinate `dimension` of eight points from `first` on, of a set of `points`: in (0, 1).
+    /// Coordinate `dimension`, in (0, 1), of the eight points from `first` on, in a set of `points` points.
     #[inline(always)]
     pub(super) fn eight(&self, dimension: usize, first: usize, points: u32, seed: u32) -> [f64; 8] {
         const STEP: f64 = 1.0 / 4_294_967_296.0;
@@ -55,7 +55,7 @@ impl Table {
             Sampler::Hammersley => {
                 let scale = if dimension == 0 { 4_294_967_296.0 / f64::from(points) } else { 1.0 };
                 for (value, word) in values.iter_mut().zip(words) {
-                    // The rotation of Cranley and Patterson wraps around as the word does.
+                    // Cranley-Patterson rotation: adds a random offset modulo 1, which wraps around as the word does.
                     let turned = ((f64::from(*word) * scale) as u32).wrapping_add(seed);
                     *value = (f64::from(turned) + 0.5) * STEP;
                 }
@@ -72,7 +72,7 @@ pub(super) fn seeds([low, high]: [u32; 2], seed: u32, replicate: u32) -> [u32; 4
     pcg4d([first[0], first[1], first[2] ^ replicate, first[3].wrapping_add(replicate)])
 }
 
-/// A hash of the bits of a triangle's corners, by which its points are chosen: so they do not depend on its id.
+/// A hash of the bits of a triangle's corners. It chooses the triangle's points, which therefore do not depend on its id.
 pub(super) fn key(corners: &[[u32; 3]; 3]) -> [u32; 2] {
     let [a, b, c] = corners;
     let first = pcg4d([a[0], a[1], a[2], PAIR]);
@@ -81,11 +81,11 @@ pub(super) fn key(corners: &[[u32; 3]; 3]) -> [u32; 2] {
     [third[2], third[3]]
 }
 
-/// The first four dimensions of the Sobol sequence, bits reversed: the two of the occlusion sampler, and dimensions 3 and 4 with
-/// the direction numbers of Joe and Kuo 2008, "Constructing Sobol Sequences with Better Two-Dimensional Projections".
+/// The first four dimensions of the Sobol sequence, bits reversed: the two of the occlusion sampler, and dimensions 3 and 4 with the
+/// direction numbers of Joe and Kuo 2008, "Constructing Sobol Sequences with Better Two-Dimensional Projections".
 fn sobol(index: u32) -> [u32; 4] {
     let [x, y] = reversed_sobol(index);
-    // x² + x + 1 from 1, 3; x³ + x + 1 from 1, 3, 1.
+    // Primitive polynomials and initial numbers: x² + x + 1 with 1, 3; x³ + x + 1 with 1, 3, 1.
     let (mut third, mut fourth) = ([1_u64, 3, 0], [1_u64, 3, 1]);
     let (mut z, mut w) = (0, 0);
     for digit in 0..32 {
@@ -101,7 +101,7 @@ fn sobol(index: u32) -> [u32; 4] {
     [x, y, z, w]
 }
 
-/// The radical inverse in 32 bits: the digits of `index` behind the point.
+/// The radical inverse in 32 bits: the digits of `index` in that base, mirrored behind the point.
 fn inverse(mut index: u32, base: u32) -> u32 {
     let (mut value, mut place) = (0.0, 1.0 / f64::from(base));
     while index > 0 {
@@ -116,7 +116,8 @@ fn inverse(mut index: u32, base: u32) -> u32 {
 mod tests {
     use super::*;
 
-    /// How many of the boxes with sides of 2^-k that `digits` names by dimension hold other than one of 2^(sum) points.
+    /// `digits` gives k for each dimension: boxes with sides 2^-k, as many as points. Returns how many of them do not hold exactly one
+    /// point.
     fn misplaced(points: &[[f64; 4]], digits: [u32; 4]) -> usize {
         let mut cells = vec![0_u32; points.len()];
         for point in points {
@@ -148,9 +149,9 @@ mod tests {
                 digits[dimension] = 8;
                 assert_eq!(misplaced(&points, digits), 0, "dimension {dimension}");
             }
-            // The quality parameter t of dimensions 1 and 2 is 0; boxes of 1/16 by 1/16.
+            // Dimensions 1 and 2 have the quality parameter t = 0: one point in each box of 1/16 by 1/16.
             assert_eq!(misplaced(&points, [4, 4, 0, 0]), 0);
-            // Of all four it is 3: in boxes of 2^-5 there are eight of 256 points each.
+            // All four dimensions together have t = 3: each box of volume 2^-5 holds eight of 256 points.
             let mut cells = [0; 32];
             for p in &points {
                 let at = |value: f64, digits: u32| (value * f64::from(1_u32 << digits)) as usize;
@@ -164,8 +165,8 @@ mod tests {
     #[test]
     fn the_third_and_fourth_dimension_are_the_published_ones() {
         let value = |index: u32, dimension: usize| f64::from(sobol(index)[dimension].reverse_bits()) / 4_294_967_296.0;
-        // Points 1 to 7 of the sequence in digit order (not Gray code), worked out by hand from the direction numbers
-        // 1/2, 3/4, 3/8 and 1/2, 3/4, 1/8.
+        // Points 1 to 7 of the sequence in digit order (not Gray code), computed by hand from the direction numbers 1/2, 3/4, 3/8 and 1/2,
+        // 3/4, 1/8.
         let third: Vec<f64> = (1..8).map(|index| value(index, 2)).collect();
         assert_eq!(third, [0.5, 0.75, 0.25, 0.375, 0.875, 0.625, 0.125]);
         let fourth: Vec<f64> = (1..8).map(|index| value(index, 3)).collect();

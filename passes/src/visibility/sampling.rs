@@ -1,4 +1,4 @@
-//! The segments of a pair that is not decided exactly, and what they say: the same on every engine.
+//! The segments of a pair that is not decided exactly, and the estimate from them: the same on every engine.
 
 use super::points::{REPLICATES, Table};
 use super::segments::{BATCH, Batch};
@@ -9,15 +9,15 @@ use crate::trace::Segment;
 use glam::DVec3;
 use std::f64::consts::PI;
 
-/// Segments that an estimate with a wanted error begins with.
+/// Segments that an estimate to a given error begins with.
 const FIRST: u32 = 64;
-/// Nearer than so many radii of the larger, form factors are sampled by solid angles: their variance under uniform areas is unbounded
-/// where triangles touch.
+/// Pairs nearer than this, in radii of the larger triangle, have their form factors sampled by solid angle: sampled by area, their variance
+/// is unbounded where triangles touch.
 const NEAR: f64 = 2.0;
-/// The rule of three: where none of n samples differs, the share of those that would is below 3 / n with 95 % certainty.
+/// The rule of three: where none of n samples differs, the share that differs is below 3 / n with 95 % confidence.
 const THREE: f64 = 3.0;
 
-/// Sums by replicate.
+/// Sums of a pair's segments, by replicate: valid segments, open ones, and what open ones carry; and in total what valid ones would carry.
 #[derive(Debug, Clone, Copy, Default)]
 struct Tally {
     valid: [f64; REPLICATES],
@@ -26,33 +26,33 @@ struct Tally {
     offered: f64,
 }
 
-/// What segments are for.
+/// What a step's segments estimate.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Part {
-    /// Between uniform points: the visibility, and of pairs that are not near the form factor.
+    /// Segments between uniform points: the visibility, and the form factor of pairs that are not near.
     Seen,
-    /// Towards uniform directions: the form factor of a near pair.
+    /// Segments in directions uniform in solid angle: the form factor of near pairs.
     Carried,
 }
 
-/// A batch of a pair's segments: eight points of each replicate.
+/// A batch of a pair's segments: eight points of each replicate, from point `first` on.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) struct Step {
     part: Part,
     first: u32,
 }
 
-/// A pair while it is sampled: rounds of steps, after each of which it may be good enough.
+/// A pair while it is sampled, in rounds of steps; after each round the estimate may be good enough.
 #[derive(Debug, Clone)]
 pub(super) struct Sampling {
     pub(super) pair: Pair,
     key: [u32; 2],
     near: bool,
-    /// The power of two that no segment is longer than.
+    /// A power of two that is not shorter than any segment.
     reach: f32,
-    /// Segments at the end of the round.
+    /// Number of segments at the end of the round.
     samples: u32,
-    /// Points of a replicate before the round.
+    /// Number of points of a replicate before the round.
     done: u32,
     seen: Tally,
     carried: Tally,
@@ -70,7 +70,7 @@ impl Sampling {
         Self { pair, key, near, reach, samples, done: 0, seen, carried }
     }
 
-    /// Points of a replicate at the end of the round.
+    /// Number of points of a replicate at the end of the round.
     fn points(&self) -> u32 {
         self.samples / REPLICATES as u32
     }
@@ -80,7 +80,7 @@ impl Sampling {
         Step { part: Part::Seen, first: self.done }
     }
 
-    /// The step after one; nothing at the end of the round.
+    /// The step after `step`; `None` at the end of the round.
     pub(super) fn after(&self, step: Step) -> Option<Step> {
         let first = step.first + 8;
         if first < self.points() {
@@ -98,7 +98,7 @@ impl Sampling {
         }
     }
 
-    /// Adds the segments of a step, of which is known what is blocked.
+    /// Adds the segments of a step, once it is known which are blocked.
     pub(super) fn add(&mut self, step: Step, batch: &Batch) {
         let tally = match step.part {
             Part::Seen => &mut self.seen,
@@ -107,7 +107,7 @@ impl Sampling {
         tally.add(batch);
     }
 
-    /// Ends the round: gives the row if that is good enough, else begins a round of as many segments again.
+    /// Ends the round. Returns the row if it is good enough; else doubles the number of segments and begins the next round.
     pub(super) fn end_round(&mut self, options: &Options) -> Option<Row> {
         let row = self.summary(options);
         let error =
@@ -122,13 +122,13 @@ impl Sampling {
         self.done = self.points();
         self.samples *= 2;
         if options.sampler == Sampler::Hammersley {
-            // Sets of different sizes have nothing in common.
+            // Hammersley sets of different sizes share no points, so the estimate starts anew.
             (self.seen, self.carried, self.done) = (Tally::default(), Tally::default(), 0);
         }
         None
     }
 
-    /// A segment as a ray in 32 bits. A power of two in the place of its length leaves its direction as exact as its ends.
+    /// A segment as a ray in `f32`. Dividing by a power of two instead of the length keeps its direction as exact as its ends.
     pub(super) fn ray(&self, batch: &Batch, lane: usize, pair: u32) -> Segment {
         let [from, to] = batch.get(lane).map(|end| (end + self.pair.origin).as_vec3());
         let along = (to.as_dvec3() - from.as_dvec3()) / f64::from(self.reach);
@@ -155,7 +155,7 @@ impl Sampling {
         let form_factors = options.form_factors.then(|| {
             let (tally, scale) = carried.map_or((seen, a * b), |carried| (carried, a));
             let (mean, error) = ratio(&tally.carried, &each).unwrap_or_default();
-            // Where none or all of the segments are blocked, the rule of three of what they would carry.
+            // Where no segment or every segment is blocked: the rule of three, times what the segments would carry.
             let valid: f64 = tally.valid.iter().sum();
             let open: f64 = tally.open.iter().sum();
             let offered = tally.offered / f64::from(samples);
@@ -174,10 +174,11 @@ impl Sampling {
         }
     }
 
-    /// Segments from uniform points of the first towards uniform directions of what is seen of the second from there.
+    /// Segments from uniform points of the first triangle, in directions uniform in the solid angle of the visible part of the second.
     fn towards(&self, table: &Table, seed: u32, first: u32, batch: &mut Batch) {
         let ([a, b], points) = (&self.pair.sides, self.points());
-        // Other points than those of the visibility, by the seed: the first is the origin, the second turns into a direction.
+        // The changed key and seed give points independent of the visibility's. The first point is the origin, the second selects a
+        // direction.
         batch.fill(table, &self.pair, ([self.key[1], self.key[0]], seed ^ 1 << 31), first, points);
         for lane in 0..BATCH {
             let [from, to] = batch.get(lane);
@@ -209,7 +210,7 @@ impl Sampling {
         }
     }
 
-    /// The weight of a segment that stays as it is.
+    /// Weights a segment between uniform points, without changing it.
     fn by_area(&self, batch: &mut Batch, lane: usize) {
         let [a, b] = &self.pair.sides;
         let [from, to] = batch.get(lane);
@@ -237,7 +238,7 @@ impl Tally {
     }
 }
 
-/// The ratio of two sums over replicates and its standard error; nothing if the second is 0.
+/// The ratio of two sums over replicates, and its standard error; `None` if the second sum is 0.
 fn ratio(above: &[f64; REPLICATES], below: &[f64; REPLICATES]) -> Option<(f64, f64)> {
     let (sum, whole) = (above.iter().sum::<f64>(), below.iter().sum::<f64>());
     if whole == 0.0 {
@@ -249,7 +250,7 @@ fn ratio(above: &[f64; REPLICATES], below: &[f64; REPLICATES]) -> Option<(f64, f
     Some((ratio, (squares * count / (count - 1.0)).sqrt() / whole))
 }
 
-/// Whether two triangles are near each other for their size.
+/// Whether two triangles are near each other, relative to their size.
 fn is_near(pair: &Pair) -> bool {
     let [(m, r), (n, s)] = pair.sides.map(|side| {
         let middle = side.start.iter().sum::<DVec3>() / 3.0;
@@ -258,16 +259,16 @@ fn is_near(pair: &Pair) -> bool {
     m.distance(n) - r - s < NEAR * r.max(s)
 }
 
-/// The least power of two that is not shorter than any segment of a pair, as far as numbers of 32 bits go.
+/// The least power of two that is not shorter than any segment of a pair, clamped to the range of `f32`.
 fn reach(pair: &Pair) -> f32 {
     let [a, b] = pair.sides.map(|side| side.start);
     let longest = a.iter().flat_map(|from| b.iter().map(|to| from.distance(*to))).fold(0.0, f64::max);
-    // Their ends are rounded.
+    // The factor covers the rounding of the ends.
     let exponent = (longest * (1.0 + 1e-6)).log2().ceil();
     exponent.clamp(-120.0, 120.0).exp2() as f32
 }
 
-/// The point of the unit square that a point of a side comes from: the inverse of the uniform map.
+/// The point of the unit square that the uniform map takes to a point of a side.
 fn unmapped(side: &Side, point: DVec3) -> [f64; 2] {
     let [a, b, c] = side.start;
     let (e, f, to) = (b - a, c - a, point - a);

@@ -8,10 +8,10 @@ use std::f64::consts::PI;
 
 /// Segments that are tested together: eight of each replicate.
 pub(super) const BATCH: usize = 8 * REPLICATES;
-/// Blockers between two looks at whether a segment is left.
+/// Number of blockers after which it is checked whether any segment is still open.
 const LOOK: usize = 8;
 
-/// Segments by axis, relative to the pair's origin. Lanes are `8 replicate + point`.
+/// Segments by axis, relative to the pair's origin. The lane of a segment is `8 replicate + point`.
 #[derive(Debug, Clone)]
 #[repr(C, align(64))]
 pub(super) struct Batch {
@@ -21,7 +21,7 @@ pub(super) struct Batch {
     pub(super) weight: [f64; BATCH],
     /// 1 where a segment leaves both fronts, else 0.
     pub(super) valid: [u64; BATCH],
-    /// 1 where it is blocked; of no meaning where it is not valid.
+    /// 1 where the segment is blocked; meaningless where `valid` is 0.
     pub(super) blocked: [u64; BATCH],
 }
 
@@ -38,7 +38,8 @@ impl Default for Batch {
 }
 
 impl Batch {
-    /// Points `first` to `first + 8` of every replicate, of sets of `points`; those beyond `points` are not valid.
+    /// Fills the batch with points `first` to `first + 8` of every replicate, from sets of `points` points; points beyond the set are not
+    /// valid.
     pub(super) fn fill(&mut self, table: &Table, pair: &Pair, (key, seed): ([u32; 2], u32), first: u32, points: u32) {
         Detected::cached().run(Fill { batch: self, table, pair, key, seed, first, points });
     }
@@ -57,12 +58,12 @@ impl Batch {
         [&self.from, &self.to].map(|ends| DVec3::new(ends[0][lane], ends[1][lane], ends[2][lane]))
     }
 
-    /// Says which segments are blocked.
+    /// Computes which segments are blocked.
     pub(super) fn block(&mut self, blockers: &[Blocker]) {
         self.block_first::<BATCH>(blockers);
     }
 
-    /// The same of the first lanes alone.
+    /// As [`Self::block`], for the first `LANES` lanes only.
     pub(super) fn block_first<const LANES: usize>(&mut self, blockers: &[Blocker]) {
         self.blocked = [0; BATCH];
         for some in blockers.chunks(LOOK) {
@@ -136,8 +137,8 @@ struct Block<'a, const LANES: usize> {
 }
 
 impl<const LANES: usize> Kernel<()> for Block<'_, LANES> {
-    /// A segment crosses a triangle if its ends are on different sides of the plane and it passes all edges on one side; edges belong to
-    /// the triangle, so nothing passes between two that share one.
+    /// A segment crosses a triangle if its ends are on different sides of the plane and its line passes all edges on the same side. Edges
+    /// belong to the triangle, so nothing passes between two triangles that share one.
     #[inline(always)]
     fn run<S: Simd>(self, _: S) {
         let Self { batch, blockers } = self;

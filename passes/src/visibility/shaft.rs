@@ -5,14 +5,14 @@ use super::tree::{LEAF, Leaf, NONE, Node, Tree, WIDE};
 use crate::trace::{Detected, Kernel, Simd};
 use glam::{DVec3, Vec3};
 
-/// Triangles that are gathered; where there are more, segments are traced.
+/// Greatest number of gathered triangles; where there are more, segments are traced.
 pub(super) const GATHERED: usize = 128;
 /// Unit roundoff of `f32`.
 const ROUNDOFF: f32 = 1.0 / 16_777_216.0;
-/// What rounding in `f64` may make of a coordinate, in units of the largest one that takes part.
+/// Rounding error of a coordinate in `f64`, relative to the largest coordinate in the computation.
 pub(super) const TINY: f64 = 1.0e-14;
 
-/// A convex polygon: a triangle, or what a plane leaves of it.
+/// A convex polygon: a triangle, or the part of one on one side of a plane.
 #[derive(Debug, Clone, Copy, Default)]
 pub(super) struct Polygon {
     corners: [DVec3; 4],
@@ -44,7 +44,7 @@ impl Polygon {
         }
     }
 
-    /// Its corners, in the order of the triangle's.
+    /// The corners, in the order of the triangle's.
     pub(super) fn corners(&self) -> &[DVec3] {
         &self.corners[..self.count]
     }
@@ -54,12 +54,12 @@ impl Polygon {
         (0..self.count).map(|index| (self.corners[index], self.corners[(index + 1) % self.count]))
     }
 
-    /// The triangles that its first corner makes with the edges that do not touch it.
+    /// A triangle fan of the polygon, around its first corner.
     pub(super) fn fan(&self) -> impl Iterator<Item = [DVec3; 3]> + '_ {
         self.corners().windows(2).skip(1).map(|pair| [self.corners[0], pair[0], pair[1]])
     }
 
-    /// The mean of its corners.
+    /// The mean of the corners.
     fn middle(&self) -> DVec3 {
         self.corners().iter().sum::<DVec3>() / self.count as f64
     }
@@ -73,13 +73,13 @@ impl Polygon {
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Side {
     pub(super) id: u32,
-    /// Where segments start or end.
+    /// The triangle between whose points segments run: the corners, offset from the surface.
     pub(super) start: [DVec3; 3],
     /// Unit normal of the front.
     pub(super) normal: DVec3,
     /// The part of `start` that is in front of the other side.
     pub(super) front: Polygon,
-    /// The area of the triangle itself.
+    /// Area of the triangle itself.
     pub(super) area: f64,
 }
 
@@ -94,7 +94,7 @@ impl Side {
         usable.then_some(Self { id, start, normal, front: Polygon::default(), area: 0.5 * length })
     }
 
-    /// How far a point is in front of it.
+    /// Signed distance of a point in front of the side's plane.
     pub(super) fn height(&self, point: DVec3) -> f64 {
         self.normal.dot(point - self.start[0])
     }
@@ -103,16 +103,16 @@ impl Side {
 /// Two triangles that face each other at least in part.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Pair {
-    /// What positions are relative to, itself relative to the scene's shift.
+    /// Origin of the pair's positions, itself relative to the scene's shift.
     pub(super) origin: DVec3,
     pub(super) sides: [Side; 2],
 }
 
 impl Pair {
-    /// Nothing if no segment leaves the front of both.
+    /// `None` if no segment leaves the front of both.
     ///
-    /// The points of one side that are in front of the other do not depend on where on the other a segment ends: so the segments
-    /// that leave both fronts are those between two convex polygons.
+    /// Which points of one side are in front of the other does not depend on where a segment ends on the other. So the segments that leave
+    /// both fronts are those between two convex polygons.
     pub(super) fn new(surfaces: &Surfaces, [a, b]: [u32; 2]) -> Option<Self> {
         let origin = surfaces.all[a as usize].start[0].as_dvec3();
         let mut a = Side::new(surfaces, a, origin)?;
@@ -133,38 +133,38 @@ impl Pair {
     }
 }
 
-/// A triangle in the way, relative to the pair's origin.
+/// A triangle that may block, relative to the pair's origin.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Blocker {
     pub(super) corners: [DVec3; 3],
 }
 
-/// Faces of the hull of two polygons of four corners, at most.
+/// Greatest number of faces of the hull of two polygons of four corners.
 const FACES: usize = 10;
-/// The same in whole vectors.
+/// [`FACES`], rounded up to whole vectors.
 const LANES: usize = 16;
 
-/// The convex hull of both sides: what is inside has `normal · x <= offset` for all faces.
+/// The convex hull of both sides. A point `x` is inside if `normal · x <= offset` for all faces.
 #[derive(Debug, Clone)]
 pub(super) struct Shaft {
     faces: [(DVec3, f64); FACES],
     count: usize,
     corners: [DVec3; 8],
     corner_count: usize,
-    /// The faces side by side, by axis, and their offsets: lanes without a face have everything inside.
+    /// Normals by axis and offsets, one lane a face. Unused lanes have every point inside.
     normals: [[f64; LANES]; 3],
     offsets: [f64; LANES],
-    /// The corners side by side, by axis: four lanes a side, of which some repeat the last corner.
+    /// The corners by axis: four lanes a side; unused lanes repeat the last corner.
     ends: [[f64; 8]; 3],
-    /// Middles of both sides.
+    /// The middles of both sides.
     axis: [DVec3; 2],
     /// The largest coordinate of a corner.
     size: f64,
 }
 
 impl Shaft {
-    /// Each face of the hull but the polygons themselves holds an edge of one and a corner of the other, and each edge bounds one such
-    /// face: the one that is found by turning a plane about the edge until all of the other polygon is inside.
+    /// Each face of the hull, other than the polygons themselves, holds an edge of one polygon and a corner of the other, and each edge
+    /// bounds one such face. It is found by turning a plane about the edge until all of the other polygon is inside.
     pub(super) fn new(pair: &Pair) -> Self {
         let [a, b] = &pair.sides;
         let mut corners = [DVec3::ZERO; 8];
@@ -232,12 +232,12 @@ impl Shaft {
         &self.faces[..self.count]
     }
 
-    /// What rounding may add to a height over a face of a point with such a coordinate.
+    /// Bound on the rounding error of the height over a face, for a point whose largest coordinate is `size`.
     pub(super) fn slack(&self, size: f64) -> f64 {
         TINY * self.size.max(size)
     }
 
-    /// Heights over all faces.
+    /// Heights of a point over all faces.
     #[inline(always)]
     pub(super) fn heights(&self, point: DVec3) -> [f64; LANES] {
         let [x, y, z] = &self.normals;
@@ -260,15 +260,16 @@ impl Shaft {
         heights
     }
 
-    /// Whether a triangle has points inside; touching the surface does not count.
+    /// Whether a triangle has points inside the shaft; touching its surface does not count.
     #[inline(always)]
     fn meets(&self, corners: &[DVec3; 3]) -> bool {
         let [a, b, c] = *corners;
         let size = a.abs().max(b.abs()).max(c.abs()).max_element();
         let slack = self.slack(size);
-        // Closures would be compiled for the least processor.
+        // Calls, not closures: a closure would be compiled for the baseline instruction set.
         let heights = [self.heights(a), self.heights(b), self.heights(c)];
-        // By face: whether it may cut something off; the number of faces that have all outside, and by corner, that have it outside.
+        // `cuts`: for each face, whether any corner is outside it. `beyond`: number of faces that have all corners outside. `outside`: for
+        // each corner, the number of faces that it is outside of.
         let mut cuts = [0_u64; LANES];
         let (mut beyond, mut outside) = (0_u64, [0_u64; 3]);
         for lane in 0..LANES {
@@ -297,14 +298,14 @@ impl Shaft {
         outside.contains(&0) || self.axis_crosses(corners) || self.leaves_some(corners, &cuts, slack)
     }
 
-    /// Whether the segment between the middles of both sides surely crosses a triangle: most that lie across a shaft are found so.
+    /// Whether the segment between the middles of both sides certainly crosses a triangle: this finds most triangles that span the shaft.
     #[inline(always)]
     fn axis_crosses(&self, [a, b, c]: &[DVec3; 3]) -> bool {
         let [from, to] = self.axis;
         let along = to - from;
         let (a, b, c) = (*a - from, *b - from, *c - from);
         let (x, y, z) = (a.cross(b).dot(along), b.cross(c).dot(along), c.cross(a).dot(along));
-        // Far beyond rounding.
+        // A margin far above rounding.
         let least = 1e-9 * (x.abs() + y.abs() + z.abs());
         let passes = (x > least && y > least && z > least) || (x < -least && y < -least && z < -least);
         let normal = (b - a).cross(c - a);
@@ -312,7 +313,7 @@ impl Shaft {
         passes && start * end < 0.0 && start.abs().min(end.abs()) > 1e-9 * (start.abs() + end.abs())
     }
 
-    /// Cuts a triangle at the faces that may cut something off; whether anything is left.
+    /// Clips a triangle at the faces that may cut it, and returns whether anything is left.
     fn leaves_some(&self, corners: &[DVec3; 3], cuts: &[u64; LANES], slack: f64) -> bool {
         const MOST: usize = 3 + FACES;
         let mut polygons = [[DVec3::ZERO; MOST]; 2];
@@ -349,21 +350,21 @@ impl Shaft {
         true
     }
 
-    /// Gathers the triangles that have points inside, but for the pair's own; false if they are too many.
+    /// Gathers the triangles that have points inside the shaft, except the pair's own; false if there are too many.
     pub(super) fn gather(&self, surfaces: &Surfaces, pair: &Pair, room: &mut Gathered) -> bool {
         room.blockers.clear();
         Detected::cached().run(Descent { shaft: self, surfaces, pair, room })
     }
 }
 
-/// What a descent finds, and what it needs.
+/// The triangles that a descent finds, and its stack.
 #[derive(Debug, Default)]
 pub(super) struct Gathered {
     pub(super) blockers: Vec<Blocker>,
     stack: Vec<u32>,
 }
 
-/// The faces in `f32`, conservatively, relative to a point near the shaft.
+/// The faces in `f32`, rounded outwards, relative to a point near the shaft.
 struct Rough {
     normals: [Vec3; FACES],
     offsets: [f32; FACES],
@@ -387,7 +388,7 @@ impl Rough {
             origin: near,
             size: 0.0,
         };
-        // The origin of a pair is a position in `f32`, so nothing is lost between the two.
+        // The origin of a pair is an `f32` position, so the conversion loses nothing.
         let (mut low, mut high) = (DVec3::INFINITY, DVec3::NEG_INFINITY);
         for corner in shaft.corners() {
             (low, high) = (low.min(*corner), high.max(*corner));
@@ -407,7 +408,7 @@ impl Rough {
         rough
     }
 
-    /// Bits of the children that may have points inside. Only what of a box is in the box of the shaft is looked at.
+    /// The children that may have points inside, one bit each. Only the part of a child's box inside the shaft's box is tested.
     #[inline(always)]
     fn enters(&self, node: &Node) -> u32 {
         let (mut low, mut high) = ([[0.0_f32; WIDE]; 3], [[0.0_f32; WIDE]; 3]);
@@ -423,7 +424,7 @@ impl Rough {
                 high[axis][lane] = h - origin;
             }
         }
-        // Subtraction, three products and two sums of numbers of at most `size`.
+        // Error of one subtraction, three products and two sums of numbers of at most `size`.
         let slack = 8.0 * ROUNDOFF * self.size;
         for (normal, offset) in self.normals[..self.count].iter().zip(self.offsets) {
             let x = if normal.x >= 0.0 { &low[0] } else { &high[0] };
@@ -437,8 +438,8 @@ impl Rough {
         bits(&out)
     }
 
-    /// Bits of the triangles that may have points inside, and of those that surely do: with a corner inside of all faces by more than
-    /// rounding makes of them.
+    /// Two masks: the triangles that may have points inside, and those of them that do not certainly have one. A triangle certainly has one
+    /// if a corner lies inside all faces by more than the rounding error.
     #[allow(clippy::needless_range_loop, reason = "a lane indexes several arrays side by side")]
     #[inline(always)]
     fn meets(&self, leaf: &Leaf) -> [u32; 2] {
@@ -471,10 +472,10 @@ impl Rough {
                 });
                 let limit = offset + 8.0 * ROUNDOFF * size[lane];
                 out[lane] |= u32::from((a > limit) & (b > limit) & (c > limit));
-                // The rounding of the normal and of the offset count as well.
+                // Includes the rounding of the normal and of the offset.
                 let deep = offset - 32.0 * ROUNDOFF * (size[lane] + self.size);
                 for (corner, height) in [a, b, c].into_iter().enumerate() {
-                    // What is no number is not inside.
+                    // NaN counts as outside.
                     outside[corner][lane] |= 1 - u32::from(height < deep);
                 }
             }
@@ -485,7 +486,7 @@ impl Rough {
     }
 }
 
-/// Bits of the lanes that hold 0.
+/// The lanes that hold 0, one bit each.
 #[inline(always)]
 fn bits(out: &[u32; WIDE]) -> u32 {
     let mut bits = 0;

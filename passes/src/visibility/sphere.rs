@@ -1,21 +1,21 @@
-//! Directions from a point towards a triangle, uniform in solid angle: what near pairs need, whose form factor has an
-//! unbounded variance under uniform areas.
+//! Directions from a point towards a triangle, uniform in solid angle. Near pairs need them: the variance of their form
+//! factors is unbounded when sampled by area.
 
 use glam::DVec3;
 use std::f64::consts::PI;
 
-/// A spherical triangle and how to choose a direction in it (Arvo, "Stratified Sampling of Spherical Triangles", 1995).
+/// A spherical triangle that directions are sampled in (Arvo, "Stratified Sampling of Spherical Triangles", 1995).
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Spherical {
     corners: [DVec3; 3],
     /// The angle at the first corner.
     alpha: f64,
-    /// Its solid angle.
+    /// The solid angle.
     pub(super) area: f64,
 }
 
 impl Spherical {
-    /// The triangle as it is seen from `from`; nothing if its solid angle is too small to be told from rounding.
+    /// The triangle as seen from `from`; `None` if its solid angle is too small to be distinguished from rounding.
     pub(super) fn new(from: DVec3, corners: [DVec3; 3]) -> Option<Self> {
         let corners = corners.map(|corner| (corner - from).normalize_or_zero());
         let [a, b, c] = corners;
@@ -28,13 +28,13 @@ impl Spherical {
         sound.then_some(Self { corners, alpha, area })
     }
 
-    /// The direction for a point of the unit square.
+    /// Maps a point of the unit square to a direction, uniformly in solid angle.
     pub(super) fn direction(&self, u: f64, v: f64) -> DVec3 {
         let [a, b, c] = self.corners;
         let (sin, cos) = self.alpha.sin_cos();
         let (s, t) = {
             let (s, t) = (u * self.area).sin_cos();
-            // The sine and cosine of the part's area less the angle.
+            // Sine and cosine of (`u` times the area, minus alpha).
             (s * cos - t * sin, t * cos + s * sin)
         };
         let (k, l) = (t - cos, s + sin * a.dot(b));
@@ -62,7 +62,7 @@ mod tests {
             mean += direction / f64::from(side * side);
             above += i32::from(direction.z > 0.5);
         }
-        // By Archimedes a coordinate is uniform over the octant.
+        // By Archimedes, each coordinate is uniform over the octant.
         assert!((mean - DVec3::splat(0.5)).abs().max_element() < 1e-4, "{mean}");
         assert!((f64::from(above) / f64::from(side * side) - 0.5).abs() < 1e-2);
     }

@@ -8,19 +8,19 @@ use glam::{DVec3, Vec3};
 use rayon::prelude::*;
 use std::collections::HashMap;
 
-/// A triangle as pairs see it. Positions are relative to [`Surfaces::shift`].
+/// A triangle, prepared for pairs. Positions are relative to [`Surfaces::shift`].
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Surface {
-    /// Where segments start: the corners, drawn in from the borders and moved off the front by their error bounds. The bounds are
-    /// convex over the triangle, so what lies between these corners is at least as far off as its own bound asks for.
+    /// Corners of the triangle between whose points segments run: moved inward from the borders and off the front by their error bounds.
+    /// The bounds are convex over the triangle, so every point between these corners is at least as far off as its own bound requires.
     pub(super) start: [Vec3; 3],
-    /// Which points it gets.
+    /// Hash that chooses the triangle's sample points.
     pub(super) key: [u32; 2],
 }
 
-/// The triangles of a scene, what is in the way between them, and how to find it.
+/// The triangles of a scene, with a tree over those that block.
 ///
-/// Takes about 130 bytes a triangle beside the geometry's copy, which [`Self::geometry`] hands to the tracer.
+/// Takes about 130 bytes a triangle, in addition to its copy of the geometry, which [`Self::geometry`] lends to the tracer.
 #[derive(Debug)]
 pub struct Surfaces {
     geometry: Geometry,
@@ -33,10 +33,10 @@ pub struct Surfaces {
 }
 
 impl Surfaces {
-    /// Takes all triangles; those of materials that `see_through` marks block nothing (materials beyond its end are opaque).
+    /// Takes all triangles. Those of materials that `see_through` marks block nothing (materials beyond its end are opaque).
     ///
-    /// A scene that lies far from the origin is moved there if that changes no position's bits, so that rounding is that
-    /// of its size and not of its place.
+    /// A scene that lies far from the origin is moved there if that is exact for every position. Rounding errors are then relative to the
+    /// size of the scene and not to its place.
     #[must_use]
     pub fn new(geometry: &Geometry, see_through: &[bool]) -> Self {
         let shift = shift_of(&geometry.positions);
@@ -57,33 +57,33 @@ impl Surfaces {
         Self { geometry: local, see_through, see_through_materials, all, tree, shift, duplicates }
     }
 
-    /// The geometry to build a tracer on, with every material marked as transparent: [`Estimator`](super::Estimator) says itself which hits
-    /// count.
+    /// The geometry to build a tracer on. Build it with [`Self::marks`], so that every material is transparent:
+    /// [`Estimator`](super::Estimator) itself decides which hits count.
     #[must_use]
     pub fn geometry(&self) -> &Geometry {
         &self.geometry
     }
 
-    /// The marks to build a tracer with: all materials ask.
+    /// The flags to build a tracer with: every material is transparent.
     #[must_use]
     pub fn marks(&self) -> Vec<bool> {
         let most = self.geometry.batches.iter().map(|batch| batch.material).max();
         vec![true; most.map_or(0, |most| most as usize + 1)]
     }
 
-    /// By material: whether its triangles block nothing; those beyond its end block.
+    /// For each material, whether its triangles block nothing; materials beyond the end of the list block.
     #[must_use]
     pub fn see_through_materials(&self) -> &[bool] {
         &self.see_through_materials
     }
 
-    /// What was subtracted from every position.
+    /// The offset that was subtracted from every position.
     #[must_use]
     pub fn shift(&self) -> Vec3 {
         self.shift
     }
 
-    /// Number of triangles; ids are below it.
+    /// Number of triangles; valid ids are below it.
     #[must_use]
     pub fn len(&self) -> usize {
         self.all.len()
@@ -95,14 +95,14 @@ impl Surfaces {
         self.all.is_empty()
     }
 
-    /// Triangles that lie in the place of an earlier one, with the same corners in any order. Neither blocks what the other
-    /// sends: that is not hidden but counted here.
+    /// Number of triangles with the same corners as an earlier one, in any order. Neither of such a pair blocks what the other sends, so
+    /// their number is reported.
     #[must_use]
     pub fn duplicates(&self) -> usize {
         self.duplicates
     }
 
-    /// Triangles that block nothing.
+    /// Number of triangles that block nothing.
     #[must_use]
     pub fn see_through(&self) -> usize {
         self.see_through.as_slice().iter().map(|[first, end]| (end - first) as usize).sum()
@@ -138,8 +138,8 @@ fn surface(local: &Geometry, id: u32, bits: [[u32; 3]; 3]) -> Surface {
     Surface { start, key: points::key(&bits) }
 }
 
-/// The first position, if the scene is farther from the origin than it is large and all others can be told from there without
-/// rounding; else 0.
+/// The first position, if the scene is farther from the origin than twice its size and all positions can be expressed relative to it
+/// without rounding; else 0.
 fn shift_of(positions: &[Vec3]) -> Vec3 {
     let Some(&first) = positions.first() else { return Vec3::ZERO };
     let (low, high) = positions.iter().fold((first, first), |(low, high), p| (low.min(*p), high.max(*p)));
@@ -151,7 +151,7 @@ fn shift_of(positions: &[Vec3]) -> Vec3 {
 fn duplicates(geometry: &Geometry) -> usize {
     let mut seen: HashMap<[[u32; 3]; 3], ()> = HashMap::with_capacity(geometry.triangles.len());
     let place = |id: u32| {
-        // Adding 0 makes both zeros one.
+        // Adding 0 turns -0 into 0.
         let mut corners = geometry.corners(id).map(|corner| (corner + 0.0).to_array().map(f32::to_bits));
         corners.sort_unstable();
         corners

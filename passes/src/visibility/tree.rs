@@ -1,33 +1,33 @@
-//! A tree of boxes over the triangles that block, to be asked with shafts and with distances.
+//! A tree of boxes over the triangles that block, searched with shafts and with distances.
 //!
-//! [`Bvh`](crate::trace::Bvh) answers rays. Here the triangles themselves are wanted, and areas by node.
+//! [`Bvh`](crate::trace::Bvh) answers rays; here the triangles themselves are needed, and areas by node.
 
 use curitiba_pipeline::scene::Geometry;
 use glam::Vec3;
 
 /// Children of a node, and triangles of a leaf.
 pub(super) const WIDE: usize = 8;
-/// Bins of the surface-area heuristic.
+/// Bins of the surface area heuristic.
 const BINS: usize = 16;
-/// Below this depth triangles are halved by their order, which bounds the depth.
+/// From this depth on, triangles are halved by their order, which bounds the depth.
 const DEEP: usize = 48;
 
-/// A child that is a leaf.
+/// Flag of a child that is a leaf.
 pub(super) const LEAF: u32 = 1 << 31;
 /// No child.
 pub(super) const NONE: u32 = u32::MAX;
 
-/// Eight boxes, by axis; boxes of no child are empty.
+/// Eight boxes by axis; unused lanes have empty boxes.
 #[derive(Debug, Clone)]
 #[repr(C, align(32))]
 pub(super) struct Node {
     pub(super) low: [[f32; WIDE]; 3],
     pub(super) high: [[f32; WIDE]; 3],
-    /// A node, or [`LEAF`] and a leaf, or [`NONE`].
+    /// For each child: the index of a node, or the index of a leaf with [`LEAF`] set, or [`NONE`].
     pub(super) children: [u32; WIDE],
 }
 
-/// Eight triangles: corners by axis. Places without a triangle hold NaN and the id [`NONE`].
+/// Eight triangles, `[corner][axis]`. Unused lanes hold NaN and the id [`NONE`].
 #[derive(Debug, Clone)]
 #[repr(C, align(32))]
 pub(super) struct Leaf {
@@ -35,7 +35,7 @@ pub(super) struct Leaf {
     pub(super) ids: [u32; WIDE],
 }
 
-/// The tree; the root is node 0, if there is one.
+/// The tree; its root is node 0, unless it is empty.
 #[derive(Debug, Default)]
 pub(super) struct Tree {
     pub(super) nodes: Vec<Node>,
@@ -71,7 +71,7 @@ struct Item {
     id: u32,
 }
 
-/// A run of items that becomes a child.
+/// A range of items that becomes a child.
 #[derive(Clone, Copy)]
 struct Part {
     first: usize,
@@ -80,7 +80,7 @@ struct Part {
 }
 
 impl Tree {
-    /// The tree over the triangles with finite corners that `wanted` takes.
+    /// The tree over the triangles with finite corners for which `wanted` returns true.
     pub(super) fn build(geometry: &Geometry, wanted: impl Fn(u32) -> bool) -> Self {
         let mut items: Vec<Item> = (0..geometry.triangles.len() as u32)
             .filter(|id| wanted(*id))
@@ -98,10 +98,10 @@ impl Tree {
         tree
     }
 
-    /// Adds the node over a part, and what is below it.
+    /// Appends the node over a part, and everything below it.
     fn node(&mut self, geometry: &Geometry, items: &mut [Item], part: Part, depth: usize) -> u32 {
         let mut parts = vec![part];
-        // The largest part that is no leaf is divided until there are eight.
+        // Divides the part with the largest surface that is too large for a leaf, until there are eight parts.
         while parts.len() < WIDE {
             let largest = (0..parts.len())
                 .filter(|index| parts[*index].end - parts[*index].first > WIDE)
@@ -151,8 +151,8 @@ impl Tree {
     }
 }
 
-/// Sorts items into two parts, neither empty, and returns where the second begins: by the surface-area heuristic in bins (Wald,
-/// "On fast Construction of SAH-based Bounding Volume Hierarchies", 2007).
+/// Reorders items into two non-empty parts and returns where the second begins, by the binned surface area heuristic (Wald, "On fast
+/// Construction of SAH-based Bounding Volume Hierarchies", 2007).
 fn divide(items: &mut [Item], depth: usize) -> usize {
     let half = items.len() / 2;
     if depth >= DEEP {

@@ -1,12 +1,12 @@
-//! Buffers that are never empty, since nothing empty can be bound.
+//! Buffers that are never empty, since wgpu cannot bind an empty buffer.
 
 use crate::raster::gpu::device::Gpu;
 use curitiba_pipeline::backend::BackendError;
 
-/// The smallest buffer: what the largest element of any binding takes.
+/// Size of the smallest buffer in bytes: the size of the largest element of any binding.
 const LEAST: usize = 16;
 
-/// A buffer that programs read.
+/// A storage buffer with these bytes, padded with zeros to a valid size.
 pub fn upload(gpu: &Gpu, label: &str, bytes: &[u8]) -> Result<wgpu::Buffer, BackendError> {
     if bytes.len() >= LEAST && bytes.len().is_multiple_of(4) {
         return gpu.upload_buffer(label, wgpu::BufferUsages::STORAGE, bytes);

@@ -10,18 +10,18 @@ use curitiba_pipeline::backend::{BackendError, RayJob};
 /// The format of the picture.
 pub const OUTPUT_FORMAT: wgpu::TextureFormat = wgpu::TextureFormat::Rgba32Float;
 
-/// A G-buffer as programs read it: colour, position, normal and triangle id.
+/// The views of a G-buffer: colour, position, normal and triangle id; `None` for a channel that is absent.
 #[derive(Debug, Clone)]
 pub struct Views {
     pub channels: [Option<wgpu::TextureView>; 4],
-    /// What a triangle id is stored above its value.
+    /// Offset of stored triangle ids: id + `id_base` is stored.
     pub id_base: u32,
 }
 
 /// Textures that are kept from pass to pass.
 #[derive(Debug)]
 pub struct Images {
-    /// They stand in for channels that a program does not read.
+    /// Bound in place of channels that a program does not read.
     unread: [wgpu::TextureView; 4],
     channels: [Option<wgpu::Texture>; 4],
     output: Option<wgpu::Texture>,
@@ -50,10 +50,10 @@ fn whole(texture: &wgpu::Texture) -> wgpu::TextureView {
     texture.create_view(&wgpu::TextureViewDescriptor::default())
 }
 
-/// The texture in a slot, made anew where its size is another.
+/// The texture in a slot; replaced by a new one if its size differs from `size`.
 fn kept(slot: &mut Option<wgpu::Texture>, size: [u32; 2], make: impl FnOnce() -> wgpu::Texture) -> &wgpu::Texture {
     if slot.as_ref().is_some_and(|texture| [texture.width(), texture.height()] != size) {
-        // What is there goes first: both need not fit at once.
+        // The old texture is released first: memory may not hold both.
         *slot = None;
     }
     slot.get_or_insert_with(make)
@@ -68,7 +68,7 @@ impl Images {
         Ok(Self { unread, channels: [const { None }; 4], output: None })
     }
 
-    /// Refuses pictures larger than the device's textures.
+    /// Refuses pictures that are larger than the device's textures may be.
     pub fn check_size(gpu: &Gpu, job: &RayJob<'_>) -> Result<(), BackendError> {
         let largest = gpu.limits.max_texture_dimension_2d;
         if job.width.max(job.height) <= largest {
@@ -79,7 +79,7 @@ impl Images {
         Err(check::missing(NAME, job, &why))
     }
 
-    /// Copies what the program reads from host memory.
+    /// Copies the channels that the program reads from host memory.
     pub fn upload(&mut self, gpu: &Gpu, job: &RayJob<'_>) -> Result<Views, BackendError> {
         let data: [&[u8]; 4] = [
             bytemuck::cast_slice(job.color),
@@ -99,7 +99,7 @@ impl Images {
         Ok(Views { channels, id_base: 0 })
     }
 
-    /// The picture.
+    /// The texture that the picture is written to.
     pub fn output(&mut self, gpu: &Gpu, job: &RayJob<'_>) -> Result<&wgpu::Texture, BackendError> {
         let size = [job.width, job.height];
         let output = kept(&mut self.output, size, || texture(gpu, "picture", OUTPUT_FORMAT, size, PICTURE_USAGE));
@@ -107,12 +107,13 @@ impl Images {
         Ok(output)
     }
 
-    /// Writes into another picture from now on, `None` for one that is made when it is needed; gives the one before.
+    /// Replaces the picture's texture (`None`: a new one is made when needed), and returns the previous one.
     pub fn exchange_output(&mut self, other: Option<wgpu::Texture>) -> Option<wgpu::Texture> {
         std::mem::replace(&mut self.output, other)
     }
 
-    /// What group 0 binds of a G-buffer and of the picture, from binding 1 on.
+    /// The bindings of group 0 from binding 1 on: the channels of a G-buffer, and the picture. `None` without a
+    /// picture.
     pub fn views(&self, views: &Views) -> Option<[wgpu::TextureView; 5]> {
         let output = whole(self.output.as_ref()?);
         let [color, position, normal, triangle] =
@@ -120,7 +121,7 @@ impl Images {
         Some([color, position, normal, triangle, output])
     }
 
-    /// Bytes of device memory.
+    /// Size in bytes of device memory.
     pub fn bytes(&self) -> u64 {
         let textures = self.channels.iter().chain([&self.output]).flatten();
         let bytes = |texture: &wgpu::Texture| {
@@ -131,7 +132,7 @@ impl Images {
     }
 }
 
-/// What kind of texture each of the channels is.
+/// The sample type of a channel's texture.
 pub fn sample_type(channel: usize) -> wgpu::TextureSampleType {
     match channel {
         TRIANGLE => wgpu::TextureSampleType::Uint,

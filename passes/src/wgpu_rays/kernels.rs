@@ -1,4 +1,4 @@
-//! Compiled programs, and the layouts of what they bind.
+//! Compiled programs, and the layouts of their bindings.
 
 use super::images::{OUTPUT_FORMAT, sample_type};
 use super::programs::{self, Arithmetic, Stage};
@@ -9,12 +9,12 @@ use curitiba_pipeline::backend::{BackendError, RayJob};
 use curitiba_pipeline::programs::RayProgram;
 use std::collections::HashMap;
 
-/// Layouts, and the programs that were compiled so far.
+/// The layouts, and the programs compiled so far.
 #[derive(Debug)]
 pub struct Kernels {
-    /// Parameters and images; the scene; the pass's tables.
+    /// Layouts of the bind groups: 0 parameters and images, 1 the scene, 2 the pass's tables.
     pub groups: [wgpu::BindGroupLayout; 3],
-    /// How the scene's arrays are bound.
+    /// How the scene's arrays are spread over bindings.
     pub split: Split,
     layout: wgpu::PipelineLayout,
     compiled: HashMap<(RayProgram, Variant, Stage, Arithmetic), wgpu::ComputePipeline>,
@@ -67,7 +67,7 @@ impl Kernels {
         Ok(Self { groups, split, layout, compiled: HashMap::new() })
     }
 
-    /// The kernels of a job in their order, compiled when they are first needed.
+    /// The kernels of a job in their order, compiled on first use.
     pub fn require(
         &mut self,
         gpu: &Gpu,
@@ -91,7 +91,7 @@ impl Kernels {
     }
 }
 
-/// Compiles a text whose entry is `main`. Without a layout it is that of what the entry uses.
+/// Compiles a WGSL source with the entry `main`. Without a layout, the layout is derived from what the entry uses.
 pub fn compile(
     gpu: &Gpu,
     layout: Option<&wgpu::PipelineLayout>,

@@ -1,4 +1,4 @@
-//! A pass as launches that are short enough for every driver's watchdog, and their times.
+//! Splits a pass into launches short enough for every driver's watchdog, and measures them.
 
 use super::layout::{COUNT_BYTES, Params, TILE};
 use super::programs::Stage;
@@ -7,18 +7,18 @@ use curitiba_pipeline::backend::BackendError;
 use curitiba_pipeline::executor::Progress;
 use std::time::{Duration, Instant};
 
-/// How long a launch should take: systems stop devices that do not answer for 2 s, and a desktop stutters long before.
+/// Wanted duration of a launch: systems reset devices that do not respond for 2 s, and a desktop stutters long before.
 const WANTED: Duration = Duration::from_millis(20);
-/// Tiles of a first launch: of an unknown program on an unknown device.
+/// Tiles of the first launch, when neither program nor device is known.
 const FIRST_TILES: u32 = 64;
-/// How much longer a launch may be than the one before.
+/// Greatest factor between the sizes of successive launches.
 const GROWTH: u32 = 8;
-/// Kernels that are timed by the device's clock together.
+/// Greatest number of kernels whose timestamps are read together.
 const SLOTS: u32 = 64;
-/// Where timestamps are written, buffers start at multiples of this.
+/// Distance between the timestamps of two kernels: timestamps must be written at multiples of this.
 const SLOT_BYTES: u64 = wgpu::QUERY_RESOLVE_BUFFER_ALIGNMENT;
 
-/// Times of launches by the device's own clock.
+/// Measures launches by the device's own clock.
 #[derive(Debug)]
 pub struct Clock {
     queries: wgpu::QuerySet,
@@ -29,7 +29,7 @@ pub struct Clock {
 }
 
 impl Clock {
-    /// `None` where the device has none.
+    /// `None` if the device has no timestamps.
     pub fn new(gpu: &Gpu) -> Result<Option<Self>, BackendError> {
         if !gpu.has(wgpu::Features::TIMESTAMP_QUERY) {
             return Ok(None);
@@ -58,7 +58,7 @@ impl Clock {
         encoder.resolve_query_set(&self.queries, 2 * slot..2 * slot + 2, &self.resolved, u64::from(slot) * SLOT_BYTES);
     }
 
-    /// The sum of the times of so many kernels.
+    /// The sum of the durations of the first `slots` kernels.
     fn read(&self, gpu: &Gpu, slots: u32) -> Result<Duration, BackendError> {
         let bytes = u64::from(slots) * SLOT_BYTES;
         if bytes == 0 {
@@ -77,28 +77,29 @@ impl Clock {
     }
 }
 
-/// What a launch runs.
+/// The work of a pass.
 pub struct Work<'a> {
-    /// One after the other.
+    /// The kernels, in the order in which they run.
     pub kernels: Vec<(Stage, &'a wgpu::ComputePipeline)>,
     pub groups: [&'a wgpu::BindGroup; 3],
-    /// Tiles of a launch at most.
+    /// Greatest number of tiles of a launch.
     pub most_tiles: u32,
-    /// Where the counts of rays are, and behind them how many points were listed.
+    /// Buffer with the ray counts, and behind them the number of listed points.
     pub counts: &'a wgpu::Buffer,
-    /// Where its parameters go.
+    /// Buffer for the parameters.
     pub uniform: &'a wgpu::Buffer,
-    /// For messages.
+    /// What is being done, for messages.
     pub doing: &'a str,
 }
 
-/// The groups of a launch, as a rectangle that no device refuses.
+/// Dimensions of a dispatch of at least `tiles` workgroups, each dimension at most `most`.
 pub(super) fn rectangle(tiles: u32, most: u32) -> [u32; 2] {
     let across = tiles.min(most);
     [across, tiles.div_ceil(across.max(1))]
 }
 
-/// Groups of a kernel over so many tiles. Those that settle and trace have 32 threads, and take further points in turn.
+/// Number of workgroups of a kernel for that many tiles. Kernels that settle and trace have 32 threads a group, and take further points in
+/// turn.
 fn groups_of(stage: Stage, tiles: u32) -> u32 {
     match stage {
         Stage::Settle | Stage::Trace | Stage::TraceAll => tiles * (TILE * TILE / 32),
@@ -107,16 +108,16 @@ fn groups_of(stage: Stage, tiles: u32) -> u32 {
     }
 }
 
-/// How many tiles the next launch takes, after one that took so long.
+/// Number of tiles of the next launch, after a launch of `tiles` tiles took that long.
 pub(super) fn next_size(tiles: u32, took: Duration) -> u32 {
     let ratio = WANTED.as_secs_f64() / took.as_secs_f64().max(1e-6);
-    // Tiles differ: the next ones may take twice as long.
+    // Grows by at most GROWTH: the next tiles may be more expensive.
     let wanted = (f64::from(tiles) * ratio).min(f64::from(tiles) * f64::from(GROWTH)).max(1.0);
     wanted.min(f64::from(u32::MAX / 2)) as u32
 }
 
-/// Runs a pass over all tiles of its picture and waits. `size` is how many tiles the next launch takes, kept from pass to pass. Gives
-/// the time by the device's clock, where it has one.
+/// Runs a pass over all tiles of its picture, and waits for the end. `size` is the number of tiles of the next launch, kept from pass to
+/// pass. Returns the duration by the device's clock; `None` without a clock.
 pub fn run(
     gpu: &Gpu,
     clock: Option<&Clock>,
@@ -134,7 +135,7 @@ pub fn run(
         let taken = size.unwrap_or(FIRST_TILES).min(tiles - first).min(work.most_tiles).max(1);
         (params.first_tile, params.end_tile) = (first, first + taken);
         gpu.queue.write_buffer(work.uniform, 0, bytemuck::bytes_of(&params));
-        // The points that pixels see have their places; what is seen through glass follows.
+        // The points of pixels have fixed places; points seen through glass are counted from here on.
         gpu.queue.write_buffer(work.counts, COUNT_BYTES, bytemuck::bytes_of(&(taken * TILE * TILE)));
         let mut encoder = gpu.device.create_command_encoder(&wgpu::CommandEncoderDescriptor { label: Some("rays") });
         for (stage, pipeline) in &work.kernels {
@@ -157,7 +158,7 @@ pub fn run(
         let start = Instant::now();
         gpu.submit_and_wait(Some(encoder.finish()), work.doing)?;
         let took = start.elapsed();
-        // A first launch may include what a driver still had to compile.
+        // The first launch may include compilation by the driver.
         if size.is_some() && took > WANTED / 4 {
             least = least.min(next_size(taken, took));
         }
@@ -169,7 +170,7 @@ pub fn run(
         }
         progress.advance(u64::from(taken));
     }
-    // The next pass begins with what the dearest part of this one took.
+    // The next pass begins with the launch size that suited the most expensive part of this one.
     *size = size.map(|last| last.min(least));
     Ok(clock.map(|_| total))
 }

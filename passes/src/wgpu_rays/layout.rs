@@ -5,27 +5,27 @@ use crate::trace::gpu_binary;
 use bytemuck::{Pod, Zeroable};
 use std::fmt::Write as _;
 
-/// Rays bounce on the material.
+/// Rays bounce on the material (reflection and refraction).
 pub const SHADE_GLASS: u32 = 1;
-/// Shadow rays pass through it, dimmed.
+/// Shadow rays pass the material, dimmed.
 pub const SHADE_SHADOW_GLASS: u32 = 2;
-/// It is cut out by the alpha of its texture and vertices.
+/// The material has cut-outs, by the alpha of its texture and vertices.
 pub const SHADE_CUT: u32 = 4;
-/// What it reflects, and its alpha, is multiplied by the colours of its vertices.
+/// The material's reflected colour and alpha are multiplied by the vertex colours.
 pub const SHADE_VERTEX_COLORS: u32 = 8;
-/// The material sends out light.
+/// The material emits light.
 pub const SHADE_GLOW: u32 = 16;
-/// A normal map bends its shading normals.
+/// A normal map bends the material's shading normals.
 pub const SHADE_NORMAL_MAP: u32 = 32;
 /// Words of a material in the tables.
 pub const SHADE_WORDS: u32 = 12;
 /// Words of a texture in the tables.
 pub const TEXTURE_WORDS: u32 = 5;
-/// A texture is seen again beyond its sides.
+/// The texture repeats beyond its border.
 pub const WRAP_REPEAT: u32 = 0;
-/// Mirrored.
+/// The texture repeats mirrored.
 pub const WRAP_MIRROR: u32 = 1;
-/// The texels at its edge.
+/// The texels at the border continue.
 pub const WRAP_CLAMP: u32 = 2;
 /// Words of a material as rays in glass see it.
 pub const BODY_WORDS: u32 = 22;
@@ -46,45 +46,46 @@ pub const HEAD: [&str; 10] = [
 ];
 /// The colours of vertices are no part of a filter.
 pub const VERTEX_COLORS_NONE: u32 = 0;
-/// They are shares of light.
+/// Vertex colours are linear shares of light.
 pub const VERTEX_COLORS_LINEAR: u32 = 1;
-/// They are display values of shares of light.
+/// Vertex colours are display values (sRGB) of shares of light.
 pub const VERTEX_COLORS_DISPLAY: u32 = 2;
-/// No glass.
+/// Not glass.
 pub const SHAPE_OPAQUE: u32 = 0;
-/// The report's plane that stands for a whole pane.
+/// The report's plane that represents a whole pane.
 pub const SHAPE_PANE: u32 = 1;
 /// A plane-parallel wall.
 pub const SHAPE_THIN: u32 = 2;
-/// The border of a body.
+/// The surface of a body.
 pub const SHAPE_SOLID: u32 = 3;
-/// Crossings of bodies that are known of a line.
+/// Greatest number of crossings of bodies that are stored for a line.
 const MAX_LINE: u32 = 64;
-/// No child, no tree.
+/// Stands for "no child" and "no tree".
 pub const NONE: u32 = u32::MAX;
-/// Sides of the tiles of pixels that a workgroup computes.
+/// Side of the square tiles of pixels that a workgroup computes.
 pub const TILE: u32 = 8;
-/// Over how many sums the counts of rays are spread, so that threads seldom meet.
+/// Number of slots over which ray counts are spread, so that atomics rarely collide.
 pub const RAY_COUNT_SLOTS: u32 = 256;
-/// Kinds of rays that are counted: shadow, occlusion, reflected, refracted, certain; and paths that got lost in glass.
+/// Kinds of counts: shadow, occlusion, reflected, refracted and certain rays; and paths lost in glass.
 pub const RAY_COUNT_KINDS: u32 = 6;
 
-/// Bytes of the counts of rays, two words a sum. Behind them, one word counts points, and others hold the bodies around the camera.
+/// Size in bytes of the ray counts, two words a sum. Behind them, one word counts points, and further words hold the bodies around the
+/// camera.
 pub const COUNT_BYTES: u64 = 8 * (RAY_COUNT_SLOTS * RAY_COUNT_KINDS) as u64;
-/// Bytes of the buffer with the counts.
+/// Size in bytes of the buffer with the counts.
 pub const COUNTS_BUFFER_BYTES: u64 = COUNT_BYTES + 4 * (1 + effects::MOST_BODIES as u64 + 1).next_multiple_of(4);
-/// Bytes of a point: six vectors, see `programs/points.wgsl`.
+/// Size in bytes of a point: six vectors, see `programs/points.wgsl`.
 pub const POINT_BYTES: u64 = 96;
-/// Bytes of where a shadow ray of `deferredShadows` starts: two vectors, see `programs/shadow_list.wgsl`.
+/// Size in bytes of the start of a shadow ray of `deferredShadows`: two vectors, see `programs/shadow_list.wgsl`.
 pub const START_BYTES: u64 = 32;
 
-/// Between the smallest reciprocal that does not overflow with coordinates and the largest slope that matters: a ray that runs along an
-/// axis is treated as one that leaves it by this share, which no coordinate of the scene notices.
+/// Smallest direction component for box tests. Products of its reciprocal with coordinates do not overflow, and the slope is too small to
+/// matter: a ray along an axis is treated as one that leaves it by this share, which changes no coordinate within the scene.
 const LEAST_DIRECTION: f32 = 1.0e-18;
-/// Coordinates of a scene at most: products with reciprocals of directions stay finite.
+/// Largest coordinate of a scene, so that products with reciprocals of directions stay finite.
 pub const LARGEST_COORDINATE: f32 = 1.0e15;
 
-/// What a launch is given: `Params` of `programs/params.wgsl`.
+/// The parameters of a launch: `Params` of `programs/params.wgsl`.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Pod, Zeroable)]
 #[repr(C)]
 pub struct Params {
@@ -104,7 +105,7 @@ pub struct Params {
     pub first_tile: u32,
     pub end_tile: u32,
     pub tiles_across: u32,
-    /// Points that there is room for.
+    /// Number of points that the list has room for.
     pub capacity: u32,
     pub root: u32,
     pub materials_at: u32,

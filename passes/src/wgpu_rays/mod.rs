@@ -1,9 +1,9 @@
 //! The ray backend for any GPU: our own traversal in compute shaders of wgpu, on Vulkan, Metal and DirectX 12.
 //!
-//! `programs/` has one text an effect in WGSL. The texts need neither numbers of 64 bits nor subgroups nor ray-tracing cores, and do not
-//! assume how a driver rounds products: a ray through an edge or a corner meets what the processor meets (`programs/wide.wgsl` says how).
+//! `programs/` has one WGSL file an effect. They need neither 64-bit numbers nor subgroups nor ray-tracing cores, and do not assume how a
+//! driver rounds products: a ray through an edge or a corner hits what it hits on the processor (`programs/wide.wgsl` explains how).
 //!
-//! The device may be the rasteriser's ([`WgpuRays::on`]).
+//! The device may be shared with the rasteriser ([`WgpuRays::on`]).
 
 mod buffers;
 mod images;
@@ -52,14 +52,15 @@ use tables::Tables;
 
 const NAME: &str = "wgpu";
 
-/// About how many bytes a triangle takes: 150 on the device, and while the tree is built, about 400 on the host.
+/// Approximate memory a triangle takes, in bytes: 150 on the device, and about 400 on the host while the tree is built.
 const BYTES_PER_TRIANGLE: u64 = 550;
-/// Bytes of the list of points at most: three places a pixel of a picture of 1024 x 1024.
+/// Greatest size of the list of points in bytes: three points a pixel for a picture of 1024 x 1024.
 const LIST_BYTES: u64 = 3 * 1024 * 1024 * POINT_BYTES;
-/// The depth to which paths through bodies of glass end on drivers that cut loops: `xml_projects/glass` are whole there, and miss light at 4.
+/// Greatest depth of paths through bodies of glass on drivers that cut loops: with it, `xml_projects/glass` is complete there; at depth 4
+/// light is missing.
 const CUT_DEPTH: u32 = 2;
 
-/// Traces on a GPU, or on a software driver that acts as one.
+/// Traces rays on a GPU, or on a software driver that acts as one.
 #[derive(Debug)]
 pub struct WgpuRays {
     gpu: Arc<Gpu>,
@@ -71,28 +72,28 @@ pub struct WgpuRays {
     uniform: wgpu::Buffer,
     counts: wgpu::Buffer,
     counts_staging: wgpu::Buffer,
-    /// Points of surfaces whose light and occlusion kernels find one after the other.
+    /// Points of surfaces whose light and occlusion are found by successive kernels.
     points: wgpu::Buffer,
     built: Option<(Arc<RenderScene>, SceneBuffers)>,
-    /// The attachments of the rasteriser on the same device, once they are read in place.
+    /// The attachments of a rasteriser on the same device, once they are read in place.
     lending: Option<Arc<Lending>>,
-    /// Tiles of the next launch, by program.
+    /// Number of tiles of the next launch, by program.
     sizes: HashMap<(RayProgram, Variant), Option<u32>>,
 }
 
 impl WgpuRays {
-    /// Opens the best device that `choice` allows.
+    /// A backend on the best device that `choice` allows.
     ///
     /// # Errors
-    /// If there is none or it lacks something; the message says what, and what to do.
+    /// If there is no device, or it lacks something; the message says what, and what to do.
     pub fn new(choice: AdapterChoice) -> Result<Self, BackendError> {
         Self::on(&SharedDevice::open(choice).map_err(of_rays)?)
     }
 
-    /// On a device that others use, too.
+    /// A backend on a device that others use, too.
     ///
     /// # Errors
-    /// If it lacks something; the message says what, and what to do.
+    /// If the device lacks something; the message says what, and what to do.
     pub fn on(device: &SharedDevice) -> Result<Self, BackendError> {
         let gpu = Arc::clone(&device.0);
         let found = gpu.limits.max_storage_buffers_per_shader_stage;
@@ -128,7 +129,7 @@ impl WgpuRays {
         })
     }
 
-    /// Rounds products otherwise: for tests, which see that nothing leaks whatever a driver does.
+    /// Changes how products are rounded: for tests that no ray leaks whatever a driver does.
     pub fn set_rounding(&mut self, rounding: Rounding) {
         self.arithmetic.rounding = rounding;
     }
@@ -138,7 +139,7 @@ impl WgpuRays {
         self.gpu.device.create_bind_group(&wgpu::BindGroupDescriptor { label: Some(label), layout, entries })
     }
 
-    /// The G-buffer, the picture and the parameters as group 0.
+    /// Bind group 0: the G-buffer, the picture and the parameters.
     fn bind_images(&self, views: &Views) -> Result<wgpu::BindGroup, BackendError> {
         let channels = self.images.views(views).into_iter().flatten().collect::<Vec<_>>();
         let mut entries = vec![wgpu::BindGroupEntry { binding: 0, resource: self.uniform.as_entire_binding() }];
@@ -153,7 +154,7 @@ impl WgpuRays {
         Ok(group)
     }
 
-    /// Runs a job, and reads its picture back where there is a place for it.
+    /// Runs a job; reads its picture back if `output` is given.
     fn trace(
         &mut self,
         job: &RayJob<'_>,
@@ -175,7 +176,7 @@ impl WgpuRays {
         let most_tiles = self.require_points(job, &stages)?;
         let capacity = (self.points.size() / POINT_BYTES) as u32;
         let mut params = Params { id_base: views.id_base, capacity, ..tables.params };
-        // Kept until the launches are done.
+        // Kept alive until the launches are done.
         let unbuilt;
         let scene = match &self.built {
             Some((scene, buffers)) if std::ptr::eq(&raw const **scene, job.scene) => buffers,
@@ -243,16 +244,16 @@ impl WgpuRays {
             let why = format!("what was drawn has no `{}`, which it reads", CHANNELS[missing]);
             return Err(check::missing(NAME, job, &why));
         }
-        // As the attachment is cleared to 0, ids are stored plus 1.
+        // The attachment is cleared to 0, so ids are stored plus 1.
         Ok(Views { channels: lent.channels, id_base: 1 })
     }
 
-    /// Makes room for the points that the kernels of a job list; gives the tiles whose points a launch has room for.
+    /// Reserves the list of points for the kernels of a job; returns the number of tiles whose points fit.
     fn require_points(&mut self, job: &RayJob<'_>, stages: &[Stage]) -> Result<u32, BackendError> {
         if stages.last() == Some(&Stage::Whole) {
             return Ok(u32::MAX);
         }
-        // What pixels see; in `final`, twice as much again that is seen through glass.
+        // One point a pixel; in `final`, room for two more, seen through glass.
         let pixel_bytes = match job.program {
             RayProgram::Final => 3 * POINT_BYTES,
             RayProgram::DeferredShadows => START_BYTES,
@@ -263,14 +264,14 @@ impl WgpuRays {
         let tiles = u64::from(job.width.div_ceil(TILE)) * u64::from(job.height.div_ceil(TILE));
         let tiles = tiles.min(most / tile_bytes).max(1);
         if self.points.size() < tiles * tile_bytes {
-            // What is there goes first: both need not fit at once.
+            // The old buffer is released first: memory may not hold both.
             self.points = self.gpu.buffer("points", wgpu::BufferUsages::STORAGE, POINT_BYTES)?;
             self.points = self.gpu.buffer("points", wgpu::BufferUsages::STORAGE, tiles * tile_bytes)?;
         }
         Ok(tiles as u32)
     }
 
-    /// Refuses what it does not run.
+    /// Refuses jobs that it cannot run.
     fn check(&self, job: &RayJob<'_>) -> Result<(), BackendError> {
         self.supports(job.program, job.fidelity)?;
         check::scene(NAME, job, false)?;
@@ -360,7 +361,7 @@ impl RayBackend for WgpuRays {
     }
 
     fn build(&mut self, scene: &Arc<RenderScene>, filtered: &[bool]) -> Result<BuildStats, BackendError> {
-        // The old scene is released first: two would not always fit.
+        // The old scene is released first: memory may not hold both.
         self.built = None;
         let buffers = SceneBuffers::new(&self.gpu, scene, filtered, true).map_err(of_rays)?;
         let stats = BuildStats { bytes: buffers.bytes, nodes: buffers.nodes };

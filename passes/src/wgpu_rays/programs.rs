@@ -1,4 +1,4 @@
-//! The texts of the programs: one file an effect, and what they have in common.
+//! The WGSL sources of the programs: one file an effect, and their common parts.
 
 use super::layout;
 use super::split::Split;
@@ -6,28 +6,28 @@ use crate::effects::dielectric::Variant;
 use curitiba_pipeline::backend::BackendError;
 use curitiba_pipeline::programs::{Fidelity, RayProgram};
 
-/// How the products of the triangle test are rounded. Nothing leaks whichever it is.
+/// How the products of the triangle test are rounded. No variant leaks rays between triangles.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default)]
 pub enum Rounding {
-    /// As `fma` does: fused or not, by the driver's choice, which it makes once.
+    /// By `fma`: fused or not, as long as the driver does the same everywhere.
     #[default]
     Fma,
-    /// Each by itself, as on the processor: for drivers that choose anew for each instruction.
+    /// Each product separately, as on the processor: for drivers that may choose differently for each instruction.
     Separate,
-    /// As the driver likes: for tests.
+    /// As the driver chooses: for tests.
     Driver,
-    /// One of two is not rounded before the difference, as drivers do that fuse: for tests.
+    /// One of two products is not rounded before the difference, as by drivers that fuse: for tests.
     Fused,
 }
 
-/// What a driver makes of the programs' arithmetic.
+/// How a driver computes the programs' arithmetic.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default)]
 pub struct Arithmetic {
-    /// Of the triangle test.
+    /// Rounding of the triangle test.
     pub rounding: Rounding,
-    /// `fma` is rounded once: exact products are short.
+    /// Whether `fma` rounds only once; then exact products take few instructions.
     pub fused: bool,
-    /// 32 threads of a group are one subgroup.
+    /// Whether the 32 threads of a group are one subgroup.
     pub subgroups: bool,
 }
 
@@ -42,20 +42,20 @@ pub enum Stage {
     List,
     /// Traces the points' shadow rays.
     Light,
-    /// Asks what the triangles near the points say of their occlusion rays.
+    /// Settles the points' occlusion rays by the triangles near them.
     Settle,
-    /// Traces the occlusion rays of which these do not.
+    /// Traces the occlusion rays that are not settled.
     Trace,
     /// Traces all of the points' occlusion rays.
     TraceAll,
-    /// Sums the points of the pixels; for `deferredShadows`, traces their rays.
+    /// Sums the points of each pixel; for `deferredShadows`, traces the pixels' rays.
     Sum,
 }
 
-/// Occlusion rays a point from which on it is asked what is near. Fewer are traced at once.
+/// Least number of occlusion rays a point for which rays are settled; fewer are traced directly.
 pub const SETTLED_SAMPLES: u32 = 6;
 
-/// The kernels of a program, in their order; before them comes [`Stage::Eye`] where there are bodies for the camera to be in.
+/// The kernels of a program, in their order. [`Stage::Eye`] comes before them where the camera may be in a body.
 pub fn stages(program: RayProgram, variant: Variant, samples: u32) -> &'static [Stage] {
     if variant == Variant::Panes(Fidelity::Thesis) {
         return &[Stage::Whole];
@@ -72,7 +72,7 @@ pub fn stages(program: RayProgram, variant: Variant, samples: u32) -> &'static [
     }
 }
 
-/// One of the files of `programs/`.
+/// The text of a file in `programs/`.
 type Text = &'static str;
 
 macro_rules! text {
@@ -81,7 +81,7 @@ macro_rules! text {
     };
 }
 
-/// The programs that there are.
+/// The programs that are written for this backend.
 const TABLE: &[(RayProgram, &[Text])] = &[
     (RayProgram::Dummy, &[text!("dummy")]),
     (RayProgram::DeferredShadows, &[text!("deferredShadows")]),
@@ -107,18 +107,18 @@ const FINAL: &[Text] = &[
     text!("final"),
 ];
 
-/// What light weighs on its way, of which bodies have another text.
+/// Weights of light on a path; programs with bodies use another text.
 const WEIGHTS: Text = text!("panes");
-/// Paths through glass, likewise.
+/// Paths through glass; programs with bodies use another text.
 const GLASS: Text = text!("glass");
-/// What comes from the light through glass, likewise.
+/// Light that arrives through glass; programs with bodies use another text.
 const LIGHT: Text = text!("light");
 
-/// What all programs have in common, but for how products are rounded.
+/// The texts that all programs share, except for those that depend on the rounding of products.
 const COMMON: [Text; 6] =
     [text!("params"), text!("wide"), text!("scene"), text!("triangle"), text!("traverse"), text!("surface")];
 
-/// The texts of a kernel behind the common ones.
+/// The texts of a kernel, which follow the common ones; `None` if the program is not written for this backend.
 fn texts(program: RayProgram, variant: Variant, stage: Stage, subgroups: bool) -> Option<Vec<Text>> {
     let texts = of_panes(program, stage, subgroups)?;
     if !variant.knows_bodies() {
@@ -135,7 +135,7 @@ fn texts(program: RayProgram, variant: Variant, stage: Stage, subgroups: bool) -
     Some(texts.into_iter().flat_map(instead).collect())
 }
 
-/// Those of the variants with panes.
+/// The texts of a kernel in the variants with panes.
 fn of_panes(program: RayProgram, stage: Stage, subgroups: bool) -> Option<Vec<Text>> {
     let (_, whole) = TABLE.iter().find(|(own, _)| *own == program)?;
     let is_final = program == RayProgram::Final;
@@ -167,7 +167,7 @@ fn of_panes(program: RayProgram, stage: Stage, subgroups: bool) -> Option<Vec<Te
     })
 }
 
-/// The functions that programs are made of, without one.
+/// The functions that programs use, without a program.
 pub fn functions(arithmetic: Arithmetic, variant: Variant, split: Split) -> String {
     let rounding = match arithmetic.rounding {
         Rounding::Fma => text!("rounding_fma"),
@@ -182,7 +182,7 @@ pub fn functions(arithmetic: Arithmetic, variant: Variant, split: Split) -> Stri
     source
 }
 
-/// A kernel of a program in one variant, whole; `None` if the program is written for other backends alone.
+/// The complete source of a kernel; `None` if the program is not written for this backend.
 pub fn source(
     program: RayProgram,
     variant: Variant,
@@ -214,12 +214,12 @@ pub fn segments(arithmetic: Arithmetic) -> String {
     functions(arithmetic, Variant::Panes(Fidelity::Corrected), Split::default()) + text!("segments")
 }
 
-/// Whether there is a program.
+/// Whether the program is written for this backend.
 pub fn is_written(program: RayProgram) -> bool {
     TABLE.iter().any(|(own, _)| *own == program)
 }
 
-/// The error of a program that there is not.
+/// The error for a program that is not written for this backend.
 pub fn not_written(backend: &'static str, program: RayProgram) -> BackendError {
     let why = "it is not written for this backend; `--backend cpu` runs it".to_owned();
     BackendError::Unsupported { backend, what: program.info().stem.to_owned(), why }

@@ -10,21 +10,21 @@ use curitiba_pipeline::backend::BackendError;
 use curitiba_pipeline::scene::{Geometry, RenderScene};
 use glam::Vec3;
 
-/// Buffers of group 1, in the order of their bindings.
+/// The buffers of group 1, in the order of their bindings.
 #[derive(Debug)]
 pub struct SceneBuffers {
     buffers: Vec<wgpu::Buffer>,
-    /// Which of them belong together.
+    /// Which of the buffers hold parts of the same array.
     pub split: Split,
-    /// What is to be known of them.
+    /// Parameters that describe the buffers.
     params: Params,
-    /// Bytes of device memory.
+    /// Size in bytes of device memory.
     pub bytes: u64,
-    /// Nodes of the tree.
+    /// Number of nodes of the tree.
     pub nodes: u64,
 }
 
-/// The error of a scene that a device cannot hold.
+/// The error for a scene that does not fit a device's limits.
 pub fn too_large(gpu: &Gpu, what: &str, bytes: u64, most: u64) -> BackendError {
     let why = format!(
         "{what} of the scene take {bytes} bytes, and {} reads {most} at once at most; `--backend cpu` traces it",
@@ -33,10 +33,10 @@ pub fn too_large(gpu: &Gpu, what: &str, bytes: u64, most: u64) -> BackendError {
     BackendError::Unsupported { backend: NAME, what: "the scene".to_owned(), why }
 }
 
-/// Storage buffers that programs bind besides the scene: counts, points and tables.
+/// Storage buffers that programs bind in addition to the scene: counts, points and tables.
 const OTHER_BUFFERS: u32 = 3;
 
-/// The error of a scene whose parts take more bindings than a device has.
+/// The error for a scene whose arrays need more bindings than a device has.
 fn too_many(gpu: &Gpu, parts: [(&str, u64); 5], most: u64, bindings: u32) -> BackendError {
     let (what, bytes) = parts.into_iter().max_by_key(|(_, bytes)| *bytes).unwrap_or(("the arrays", 0));
     let all: u64 = parts.iter().map(|(_, bytes)| bytes).sum();
@@ -48,7 +48,7 @@ fn too_many(gpu: &Gpu, parts: [(&str, u64); 5], most: u64, bindings: u32) -> Bac
     BackendError::Unsupported { backend: NAME, what: "the scene".to_owned(), why }
 }
 
-/// The scene's tree, if it is one that programs can trace.
+/// Builds the scene's tree; an error if programs cannot trace it.
 fn tree_of(geometry: &Geometry, filtered: &[bool]) -> Result<BinaryTree, BackendError> {
     let refuse = |why: String| {
         let why = format!("{why}; `--backend cpu` traces it");
@@ -66,12 +66,12 @@ fn tree_of(geometry: &Geometry, filtered: &[bool]) -> Result<BinaryTree, Backend
     Ok(tree)
 }
 
-/// A tree alone.
+/// A tree without the rest of the scene.
 #[derive(Debug)]
 pub struct TreeBuffers {
     pub nodes: wgpu::Buffer,
     pub triangles: wgpu::Buffer,
-    /// What is to be known of it.
+    /// Parameters that describe the tree.
     pub params: Params,
 }
 
@@ -94,14 +94,14 @@ impl TreeBuffers {
     }
 }
 
-/// What programs are told of a tree.
+/// Parameters that describe a tree.
 fn params_of(tree: &BinaryTree) -> Params {
     let [low, high] = tree.bounds;
     Params { root: tree.root.unwrap_or(NONE), scene_low: low, scene_high: high, ..Params::default() }
 }
 
 impl SceneBuffers {
-    /// Builds the tree and copies it with the scene to the device. Without `traced`, there is no tree and nothing to hit.
+    /// Builds the tree and copies it to the device together with the scene. With `traced` false, the tree is empty and nothing can be hit.
     pub fn new(gpu: &Gpu, scene: &RenderScene, filtered: &[bool], traced: bool) -> Result<Self, BackendError> {
         let tree = if traced { tree_of(&scene.geometry, filtered)? } else { BinaryTree::default() };
         let geometry = &scene.geometry;
@@ -116,7 +116,7 @@ impl SceneBuffers {
         let wide = geometry.colors.len() + geometry.tangents.len();
         let numbers = numbers + geometry.texcoords.len() as u64 * 2 + wide as u64 * 4;
         let most = gpu.limits.max_storage_buffer_binding_size.min(gpu.max_buffer_bytes);
-        // Places are counted in 32 bits.
+        // Offsets are 32-bit numbers.
         if numbers > u64::from(u32::MAX) {
             return Err(too_large(gpu, "the vertices", 4 * numbers, 4 * u64::from(u32::MAX)));
         }
@@ -124,7 +124,7 @@ impl SceneBuffers {
         params.normals_at = part(bytemuck::cast_slice(&geometry.normals));
         params.texcoords_at = part(bytemuck::cast_slice(&geometry.texcoords));
         params.colors_at = part(bytemuck::cast_slice(&geometry.colors));
-        // Never at the front, where positions are: 0 says that there are none.
+        // Tangents never begin at 0, where the positions are, so 0 can mean that there are none.
         if !geometry.tangents.is_empty() {
             params.tangents_at = part(bytemuck::cast_slice(&geometry.tangents));
         }
@@ -156,7 +156,7 @@ impl SceneBuffers {
         Ok(Self { buffers, split, params, bytes, nodes: tree.nodes.len() as u64 })
     }
 
-    /// Writes what is to be known of the buffers into a launch's parameters.
+    /// Writes the parameters that describe the buffers into those of a launch.
     pub fn fill(&self, params: &mut Params) {
         let Params { root, scene_low, scene_high, materials_at, .. } = self.params;
         let Params { normals_at, texcoords_at, colors_at, tangents_at, has_normals, .. } = self.params;
@@ -164,7 +164,7 @@ impl SceneBuffers {
         *params = Params { normals_at, texcoords_at, colors_at, tangents_at, has_normals, ..*params };
     }
 
-    /// What group 1 binds.
+    /// The entries of bind group 1.
     pub fn entries(&self) -> Vec<wgpu::BindGroupEntry<'_>> {
         let entry = |(binding, buffer): (u32, _)| wgpu::BindGroupEntry {
             binding,

@@ -1,4 +1,4 @@
-//! Segments between triangles: the processor makes them, the device says which are blocked.
+//! Segments between triangles: the processor makes them, the device finds which are blocked.
 
 use super::NAME;
 use super::kernels::compile;
@@ -15,11 +15,11 @@ use curitiba_pipeline::scene::Geometry;
 use std::sync::Arc;
 use std::time::Instant;
 
-/// Segments of a workgroup.
+/// Segments that a workgroup traces.
 const GROUP: u32 = 64;
-/// Workgroups of the first launch: of an unknown device.
+/// Workgroups of the first launch, when the device is unknown.
 const FIRST_GROUPS: u32 = 64;
-/// Bytes of a launch's part of the segments.
+/// Size in bytes of the uniform that holds a launch's range of segments.
 const PART_BYTES: u64 = 16;
 
 /// Traces segments on a GPU, or on a software driver that acts as one.
@@ -30,14 +30,15 @@ pub struct WgpuSegments {
     pipeline: wgpu::ComputePipeline,
     uniform: wgpu::Buffer,
     part: wgpu::Buffer,
-    /// Segments, their pairs, the answers, and the answers as the processor reads them.
+    /// Buffers for segments, their pairs, the answers, and the answers as the host reads them.
     room: Option<[wgpu::Buffer; 4]>,
-    /// Workgroups of the next launch.
+    /// Number of workgroups of the next launch.
     groups: u32,
 }
 
 impl WgpuSegments {
-    /// For the triangles of a scene, on the best device that `choice` allows; those of materials that `see_through` marks block nothing.
+    /// A tracer for the triangles of a scene, on the best device that `choice` allows; triangles of materials that `see_through` marks
+    /// block nothing.
     ///
     /// # Errors
     /// If there is no device, it lacks something, or it cannot hold the scene; the message says what, and what to do.
@@ -70,7 +71,7 @@ impl WgpuSegments {
         })
     }
 
-    /// Buffers for so many bytes of segments, pairs and answers.
+    /// Buffers of at least these sizes in bytes, for segments, pairs and answers.
     fn room(&mut self, bytes: [u64; 3]) -> Result<[wgpu::Buffer; 4], BackendError> {
         let fits = |room: &[wgpu::Buffer; 4]| room.iter().zip(bytes).all(|(buffer, bytes)| buffer.size() >= bytes);
         if let Some(room) = self.room.as_ref().filter(|room| fits(room)) {
@@ -99,7 +100,7 @@ impl WgpuSegments {
     fn trace(&mut self, segments: &[Segment], own: &[[u32; 2]], bits: &mut [u32]) -> Result<(), BackendError> {
         let answers = size_of_val(bits) as u64;
         let sizes = [size_of_val(segments) as u64, size_of_val(own) as u64, answers];
-        // Nothing empty is bound, and sizes are multiples of the largest element.
+        // Empty buffers cannot be bound, and sizes must be multiples of the largest element.
         let sizes = sizes.map(|bytes| bytes.next_multiple_of(16).max(16));
         let [all, pairs, found, readable] = self.room(sizes)?;
         let gpu = Arc::clone(&self.gpu);
@@ -166,7 +167,7 @@ impl SegmentTracer for WgpuSegments {
         bits.clear();
         bits.resize(segments.all.len().div_ceil(32), 0);
         let most = self.gpu.limits.max_storage_buffer_binding_size.min(self.gpu.max_buffer_bytes);
-        // Whole words of answers, and few enough to be counted in 32 bits.
+        // Whole words of answers, and few enough segments to be counted in 32 bits.
         let most = (most / size_of::<Segment>() as u64).clamp(1, 1 << 24) as usize / 64 * 64;
         for (all, bits) in segments.all.chunks(most).zip(bits.chunks_mut(most / 32)) {
             self.trace(all, &segments.own, bits).map_err(of_rays)?;

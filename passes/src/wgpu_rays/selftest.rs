@@ -1,12 +1,12 @@
-//! What a driver makes of `fma` and of long loops, tried once when the device is opened.
+//! Tests how a driver computes `fma` and whether it runs long loops; done once when the device is opened.
 
 use super::programs::{Arithmetic, Rounding};
 use crate::raster::gpu::device::Gpu;
 use curitiba_pipeline::backend::BackendError;
 
-/// Products that are tried.
+/// Number of products that are tried.
 const CASES: usize = 4096;
-/// Steps of the loop that is tried.
+/// Number of steps of the loop that is tried.
 const STEPS: u32 = 1 << 17;
 
 const PRODUCTS: &str = "
@@ -19,8 +19,8 @@ const PRODUCTS: &str = "
 }
 ";
 
-// Inner loops of 64 steps, since drivers that count may count all loops of a program together. What a step does depends on the step
-// before, so that no compiler knows the result.
+// The inner loops have 64 steps, since drivers that limit loops may count all loops of a program together. Each step depends on the one
+// before, so no compiler can compute the result in advance.
 const LOOPS: &str = "
 @group(0) @binding(0) var<storage, read> given: array<u32>;
 @group(0) @binding(1) var<storage, read_write> taken: array<u32>;
@@ -38,7 +38,7 @@ const LOOPS: &str = "
 }
 ";
 
-/// Pairs of factors and their rounded products; and the rest of the products, which is exact.
+/// Pairs of factors, each with its rounded product; and the exact error of each rounded product.
 fn cases() -> (Vec<[f32; 2]>, Vec<f32>) {
     let mut state = 1_u64;
     let mut random = || {
@@ -54,7 +54,7 @@ fn cases() -> (Vec<[f32; 2]>, Vec<f32>) {
     (given, rests)
 }
 
-/// How programs are to be written for a device.
+/// Finds how programs must be written for a device.
 pub fn arithmetic(gpu: &Gpu) -> Result<Arithmetic, BackendError> {
     let (given, expected) = cases();
     let rests = answer(gpu, "trying how products are rounded", PRODUCTS, &given, (CASES / 64) as u32, CASES)?;
@@ -65,14 +65,14 @@ pub fn arithmetic(gpu: &Gpu) -> Result<Arithmetic, BackendError> {
     Ok(Arithmetic { rounding, fused: fused && rounding == Rounding::Fma, subgroups })
 }
 
-/// Whether the driver goes on behind a loop that has not ended. llvmpipe does after 65,535 steps of all loops of a program (Mesa 22.3).
+/// Whether the driver leaves a loop that has not ended. llvmpipe does so after 65,535 steps of all loops of a program (Mesa 22.3).
 pub fn cuts_loops(gpu: &Gpu) -> Result<bool, BackendError> {
-    // The state that the steps reach is never 0: it would be so after none of the first 2^17.
+    // The state is compared with 0, which it does not reach within the first 2^17 steps.
     let taken = answer(gpu, "trying how long loops may be", LOOPS, &[STEPS, 1], 1, 2)?;
     Ok(taken[0] < STEPS)
 }
 
-/// What the program `text` writes to its second buffer, `words` words, when it is run on its first.
+/// Runs the program `text` on `given` as its first buffer, and returns the first `words` words that it writes to its second.
 fn answer<T: bytemuck::NoUninit>(
     gpu: &Gpu,
     doing: &'static str,

@@ -1,8 +1,9 @@
-//! How a scene's arrays are spread over bindings: what is larger than a device binds at once lies in several.
+//! Spreads a scene's arrays over bindings: an array larger than a device's limit for one binding is bound in several
+//! parts.
 
 use std::fmt::Write as _;
 
-/// The arrays of group 1, in the order of their bindings: name, element, and what it holds.
+/// The arrays of group 1, in the order of their bindings: name, element type, and contents.
 const ARRAYS: [(&str, &str, &str); 5] = [
     ("nodes", "vec4u", "Four vectors a node: see `trace/build/gpu_binary.rs`."),
     ("leaves", "vec4u", "Three vectors a triangle of a leaf: its corners; in the first one's fourth place the id."),
@@ -11,12 +12,12 @@ const ARRAYS: [(&str, &str, &str); 5] = [
     ("texels", "u32", "Red in the lowest byte."),
 ];
 
-/// Bindings of each array.
+/// The number of bindings of each array.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub struct Split {
-    /// At least 1.
+    /// By array; at least 1.
     pub bindings: [u32; 5],
-    /// Bytes of each binding but the last, a power of two, where an array has several; else 0.
+    /// Size in bytes of each binding except the last, a power of two, if any array has several bindings; else 0.
     pub bytes: u64,
 }
 
@@ -27,14 +28,14 @@ impl Default for Split {
 }
 
 impl Split {
-    /// Of arrays of so many bytes, on a device that binds `most` bytes at once, at least 16.
+    /// The split for arrays of these sizes in bytes, on a device that binds at most `most` bytes at once (16 or more).
     pub fn new(sizes: [u64; 5], most: u64) -> Self {
         let part = 1 << most.max(16).ilog2();
         let bindings = sizes.map(|bytes| if bytes <= most { 1 } else { bytes.div_ceil(part) as u32 });
         Self { bindings, bytes: if bindings == [1; 5] { 0 } else { part } }
     }
 
-    /// All bindings.
+    /// Total number of bindings.
     pub fn count(self) -> u32 {
         self.bindings.iter().sum()
     }
@@ -43,17 +44,17 @@ impl Split {
     pub fn parts(self, array: usize, bytes: &[u8]) -> impl Iterator<Item = &[u8]> {
         let whole = self.bindings[array] == 1;
         let length = if whole { bytes.len().max(1) } else { self.bytes as usize };
-        // An array without an element has a binding, too.
+        // An empty array has one binding, too.
         let empty = bytes.is_empty().then_some(bytes);
         bytes.chunks(length).chain(empty)
     }
 
-    /// Declarations of the arrays, and of functions that read them: `nodes_at` and its like.
+    /// WGSL declarations of the arrays, and of functions that read them: `nodes_at` and so on.
     pub fn text(self) -> String {
         let mut text = String::new();
         let mut binding = 0;
         for ((name, element, what), count) in ARRAYS.into_iter().zip(self.bindings) {
-            // Writing to a String never fails.
+            // Writing to a String cannot fail.
             let mut line = |line: String| _ = writeln!(text, "{line}");
             line(format!("// {what}"));
             let mut declare = |name: &str| {
@@ -92,7 +93,7 @@ mod tests {
         assert_eq!((parts.len(), parts.concat() == bytes), (3, true));
         assert_eq!(split.parts(2, &[]).count(), 1, "an empty array is bound");
         assert_eq!(split.parts(1, &bytes[..64]).count(), 1);
-        // A limit that is no power of two: as large as two thirds of it may be.
+        // A limit that is not a power of two: bindings use the next lower power.
         assert_eq!(Split::new([(1 << 32) - 1, 1 << 32, 0, 0, 0], (1 << 32) - 1).bindings, [1, 2, 1, 1, 1]);
     }
 }

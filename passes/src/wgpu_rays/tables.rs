@@ -1,4 +1,4 @@
-//! What a pass knows beside the scene: materials, sizes of textures, occlusion points, and tables of weights.
+//! The data of a pass in addition to the scene: materials, texture sizes, occlusion points, and tables of weights.
 
 use super::layout::{
     BODY_HEAD, BODY_WORDS, Params, SHADE_CUT, SHADE_GLASS, SHADE_GLOW, SHADE_NORMAL_MAP, SHADE_SHADOW_GLASS,
@@ -15,7 +15,7 @@ use curitiba_pipeline::glass::{CutoffColor, Dielectric, GlassShadow, Reflectance
 use curitiba_pipeline::programs::{Fidelity, Fresnel, RayParams};
 use curitiba_pipeline::scene::texture::{Texture, Wrap};
 
-/// The words of group 2, and where its parts begin.
+/// The words of group 2, and the parameters that say where its parts begin.
 #[derive(Debug)]
 pub struct Tables {
     pub words: Vec<u32>,
@@ -23,10 +23,10 @@ pub struct Tables {
 }
 
 impl Tables {
-    /// Those of a job.
+    /// The tables of a job.
     ///
     /// # Errors
-    /// What is wrong with the number of samples.
+    /// If the number of samples is not valid; the message says why.
     pub fn of(job: &RayJob<'_>) -> Result<Self, String> {
         let Preparation { sampler, open_share, to_light, light_color, disc: _ } = Preparation::of(job)?;
         let (strata, points) = match sampler {
@@ -43,7 +43,7 @@ impl Tables {
         let textures_at = part(textures(job));
         let points_at = part(points.into_flattened());
         let bits = |number: f32| number.to_bits();
-        // Never at the front, where the materials are.
+        // Never at 0, where the materials are, so 0 can mean that texels are not decoded.
         let decoded_at = if job.scene.decodes_texels() { part(DECODED.map(f32::to_bits).into()) } else { 0 };
         let open_share_at = part(open_share.into_iter().map(bits).collect());
         let through_glass = (0..THROUGH_GLASS_ENTRIES as i32).map(|count| THROUGH_GLASS.powi(count));
@@ -84,7 +84,7 @@ impl Tables {
     }
 }
 
-/// The first texel, width and height of each texture, and what lies beyond its sides.
+/// For each texture: index of its first texel, width, height, and wrapping along u and v.
 fn textures(job: &RayJob<'_>) -> Vec<u32> {
     let mut first = 0;
     let size = |texture: &Texture| -> [u32; TEXTURE_WORDS as usize] {
@@ -101,7 +101,7 @@ fn textures(job: &RayJob<'_>) -> Vec<u32> {
     job.scene.textures.iter().flat_map(size).collect()
 }
 
-/// What the job knows of the materials.
+/// The job's shading data, by material.
 fn shades(job: &RayJob<'_>) -> Vec<u32> {
     let set = |flags: &[bool], material: usize, flag: u32| {
         if flags.get(material).copied().unwrap_or(false) { flag } else { 0 }
@@ -117,7 +117,8 @@ fn shades(job: &RayJob<'_>) -> Vec<u32> {
         let glow = shade.glow.map_or([0; 3], |glow| glow.color.to_array().map(f32::to_bits));
         let glow_texture = shade.glow.and_then(|glow| glow.texture).unwrap_or(NO_TEXTURE);
         let [red, green, blue, _] = shade.diffuse.to_array().map(f32::to_bits);
-        // An infinite cutoff, which leaves nothing, is above every alpha; programs know no infinities.
+        // An infinite cutoff, which cuts out everything, becomes the largest finite number: programs have no
+        // infinities.
         let cutoff = cutoff.unwrap_or(0.0).min(f32::MAX);
         let texture = shade.texture.unwrap_or(NO_TEXTURE);
         let [shines_red, shines_green, shines_blue] = glow;

@@ -18,8 +18,8 @@ use glam::{Vec3, Vec4};
 use std::fmt;
 use std::str::FromStr;
 
-/// The most that a component of a colour is, either way: of a light, a background or a material. With it the light that a surface
-/// reflects stays below the largest `f32`, also where the surface's colour is decoded from sRGB: `(1e9)^2.4 * 1e9 < 4e30`.
+/// Largest absolute value of a colour component of a light, a background or a material. Within it reflected light stays below
+/// `f32::MAX`, even where the surface's colour is decoded from sRGB: `(1e9)^2.4 * 1e9 < 4e30`.
 pub const BRIGHTEST: f32 = 1e9;
 
 /// Whether all components of a colour are numbers up to [`BRIGHTEST`].
@@ -31,17 +31,17 @@ pub fn in_range(color: Vec3) -> bool {
 /// What the numbers of a project's colours mean.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Hash)]
 pub enum ColorSpace {
-    /// Display values, used as they are stored: the report's engine knew no other.
+    /// Display values, used as they are stored, as in the report's engine.
     #[default]
     Report,
-    /// Linear radiance; what files hold in sRGB is decoded when it is loaded.
+    /// Linear radiance; sRGB values in files are decoded when they are loaded.
     Linear,
 }
 
 named!(ColorSpace, "report" => Report, "linear" => Linear);
 
 impl ColorSpace {
-    /// A colour that a file or an option gives as display values, as programs shade with it. Alpha is no colour.
+    /// Converts display values from a file or an option into the values that programs shade with. Alpha is unchanged.
     #[must_use]
     pub fn of_display(self, color: Vec4) -> Vec4 {
         match self {
@@ -65,10 +65,10 @@ impl FromStr for ColorSpace {
     }
 }
 
-/// How radiance above what a screen shows is brought into its range.
+/// Tone curve: how radiance above 1 is brought into the range of a screen.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Hash)]
 pub enum Tone {
-    /// Not at all: it is cut at 1.
+    /// No curve: values above 1 are clipped.
     #[default]
     None,
     /// Colours are scaled by `(1 + Y / W²) / (1 + Y)`, where `Y` is their luminance (weights of ITU-R BT.709) and `W` = 4 is the luminance
@@ -83,13 +83,13 @@ impl Tone {
     /// The luminance that [`Self::Reinhard`] maps to 1.
     pub const WHITE: f32 = 4.0;
 
-    /// A colour after it, linear.
+    /// Applies the curve to a linear colour.
     fn apply(self, color: Vec3) -> Vec3 {
         match self {
             Self::None => color,
             Self::Reinhard => {
                 let luminance = color.dot(Vec3::new(0.2126, 0.7152, 0.0722)).max(0.0);
-                // The same fraction, written so that no luminance overflows.
+                // `(1 + Y / W²) / (1 + Y)`, split into two fractions so that no luminance overflows.
                 let scale = 1.0 / (1.0 + luminance) + luminance / (1.0 + luminance) / (Self::WHITE * Self::WHITE);
                 color * scale
             }
@@ -105,31 +105,31 @@ impl FromStr for Tone {
     }
 }
 
-/// How pixels become what a screen shows.
+/// How pixel values are converted to display values.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Display {
     /// What the pixels are.
     pub space: ColorSpace,
     /// Linear radiance is multiplied by 2 to the power of this.
     pub exposure: f32,
-    /// What follows.
+    /// Tone curve, applied after the exposure.
     pub tone: Tone,
 }
 
 impl Display {
-    /// The largest exposure, either way: 2 to the power of it is a normal number.
+    /// Largest absolute exposure in stops: 2^64 and 2^-64 are normal `f32` numbers.
     pub const MAX_EXPOSURE: f32 = 64.0;
 
-    /// Of pixels of a space, without exposure and tone curve.
+    /// The display of pixels in `space` with exposure 0 and no tone curve.
     #[must_use]
     pub fn of(space: ColorSpace) -> Self {
         Self { space, ..Self::default() }
     }
 
-    /// A number of stops, at most [`Self::MAX_EXPOSURE`] either way.
+    /// Parses an exposure in stops, from -[`Self::MAX_EXPOSURE`] to [`Self::MAX_EXPOSURE`].
     ///
     /// # Errors
-    /// What would be valid.
+    /// A message that says what would be valid.
     pub fn parse_exposure(text: &str) -> Result<f32, String> {
         let stops: Option<f32> = text.trim().parse().ok().filter(|stops: &f32| stops.abs() <= Self::MAX_EXPOSURE);
         let most = Self::MAX_EXPOSURE;
@@ -140,7 +140,7 @@ impl Display {
         self.tone.apply(Vec3::new(r, g, b) * self.exposure.exp2())
     }
 
-    /// What is displayed of a pixel, 0 to 1 and not rounded; NaN is 0, alpha stays.
+    /// The display value of a pixel: 0 to 1, not rounded. NaN becomes 0; alpha is unchanged.
     #[must_use]
     pub fn displayed(&self, pixel: [f32; 4]) -> [f32; 4] {
         let shown = match self.space {
@@ -150,8 +150,8 @@ impl Display {
         shown.map(|value| if value.is_nan() { 0.0 } else { value }).extend(pixel[3]).into()
     }
 
-    /// What of a pixel an encoder is given that multiplies by 255 and rounds: display values as they are, and of radiance the code divided by
-    /// 255. Rounded once, by [`code`].
+    /// The value to hand to an encoder that multiplies by 255 and rounds: display values unchanged; for linear radiance the 8-bit
+    /// code divided by 255, so that only [`code`] rounds.
     #[must_use]
     pub fn stored(&self, pixel: [f32; 4]) -> [f32; 4] {
         match self.space {
@@ -173,7 +173,7 @@ mod tests {
         assert_eq!(report.stored([0.3, 1.5, -1.0, 0.25]), [0.3, 1.5, -1.0, 0.25]);
         assert_eq!(report.displayed([0.3, 1.5, f32::NAN, 0.25]), [0.3, 1.0, 0.0, 0.25]);
         let linear = Display::of(ColorSpace::Linear);
-        // What glTF and every guide to sRGB say of a linear middle: code 188; and 128 is 0.2158 (0.2140 is 127.5).
+        // Reference values of sRGB: linear 0.5 has code 188; code 128 decodes to 0.2158 (0.2140 is code 127.5).
         let stored = linear.stored([0.5, 0.215_860_5, f32::NAN, 1.0]);
         assert_eq!(stored, [188.0 / 255.0, 128.0 / 255.0, 0.0, 1.0]);
         assert_eq!(linear.stored([f32::INFINITY, -3.0, 1.0, 0.0]), [1.0, 0.0, 1.0, 0.0]);
@@ -204,7 +204,7 @@ mod tests {
         }
         assert!((grey(4.0) - 1.0).abs() < 1e-6, "the white point");
         assert!(grey(f32::MAX).is_finite() && grey(f32::MAX) > 1.0);
-        // Hue stays: the ratio of the channels does.
+        // The curve keeps the hue: the ratios of the channels.
         let color = Tone::Reinhard.apply(Vec3::new(3.0, 1.5, 0.75));
         assert!((color.x / color.y - 2.0).abs() < 1e-6 && (color.y / color.z - 2.0).abs() < 1e-6);
     }

@@ -3,10 +3,11 @@
 /// The linear value of each 8-bit code.
 pub static DECODED: [f32; 256] = decoded();
 
-/// Below this encoded value the curve is a line.
+/// Encoded value below which the curve is a line.
 const KNEE: f64 = 0.040_45;
 
-/// The linear value of an encoded one. Odd beyond 0 would be another function: values below 0 stay on the line, those above 1 on the curve.
+/// The linear value of an encoded one. The function is not mirrored at 0: negative values stay on the linear segment, values above
+/// 1 on the power curve.
 #[must_use]
 pub fn decode(encoded: f32) -> f32 {
     decode_f64(encoded.into()) as f32
@@ -34,37 +35,39 @@ pub(crate) fn encode_f64(linear: f64) -> f64 {
     if linear <= KNEE / 12.92 { linear * 12.92 } else { 1.055 * linear.powf(1.0 / 2.4) - 0.055 }
 }
 
-/// The 8-bit code of a linear value: the nearest to 255 times its encoded value, as if that were exact. Values beyond 0 to 1 are cut, NaN is 0.
+/// 8-bit code of a linear value: `round(255 * encode(linear))`, as if [`encode`] were exact. Values are clamped to 0 to 1; NaN
+/// gives 0.
 #[must_use]
 #[inline]
 pub fn code(linear: f32) -> u8 {
-    // Of NaN and 0 the maximum is 0.
+    // For NaN `max` returns 0.
     let linear = linear.max(0.0);
     if linear >= 1.0 {
         return 255;
     }
-    // No interval of the table holds more than one threshold.
+    // No interval of the table holds more than one threshold, so one comparison suffices.
     let first = FIRST[(linear * INTERVALS as f32) as usize];
     first + u8::from(linear >= THRESHOLDS[usize::from(first)])
 }
 
-/// Intervals of [`FIRST`]: narrower than the steps between codes, which are 1 / (255 x 12.92) on the line and wider on the curve.
+/// Number of intervals of [`FIRST`] over 0 to 1. Each is narrower than the steps between codes, which are 1 / (255 x 12.92) on the
+/// linear segment and wider on the power curve.
 const INTERVALS: usize = 4096;
 
-/// The least number that has the code after each; none has the code after 255.
+/// Entry `code` is the least `f32` whose code is above `code`; infinity for code 255.
 static THRESHOLDS: [f32; 256] = thresholds();
 
-/// The code of the least number of each interval of 0 to 1.
+/// The code of the lower end of each of the intervals that divide 0 to 1.
 static FIRST: [u8; INTERVALS] = first();
 
-/// [`decode`] where the compiler computes it: `x^2.4 = x² (x²)^(1/5)`.
+/// [`decode`] as a `const fn`, by `x^2.4 = x² (x²)^(1/5)`.
 const fn exact(encoded: f64) -> f64 {
     if encoded <= KNEE {
         return encoded / 12.92;
     }
     let base = (encoded + 0.055) / 1.055;
     let square = base * base;
-    // Newton's method from above falls until rounding ends it.
+    // Newton's method from above decreases until rounding ends it.
     let mut root = 1.0;
     let mut step = 0;
     while step < 64 {
@@ -90,7 +93,7 @@ const fn thresholds() -> [f32; 256] {
     while code < 255 {
         let between = exact((code as f64 + 0.5) / 255.0);
         let nearest = between as f32;
-        // The first number that is not below.
+        // The least `f32` that is not below `between`.
         table[code] = if (nearest as f64) < between { nearest.next_up() } else { nearest };
         code += 1;
     }
@@ -139,11 +142,11 @@ mod tests {
 
     #[test]
     fn codes_are_the_nearest_of_all_numbers() {
-        // Every number would take minutes; steps that no pattern of bits shares.
+        // All floats would take minutes. The step of 1009 follows no pattern in the bits.
         for bits in (0..=1.0_f32.to_bits()).step_by(1009) {
             let linear = f32::from_bits(bits);
             let exact = 255.0 * standard(linear.into());
-            // On a tie of the rounded formula either is right.
+            // Where the formula's result is a tie up to rounding, both neighbours are right.
             let nearest = (exact + 0.5).floor();
             let tie = (exact + 0.5 - (exact + 0.5).round()).abs() < 1e-4;
             let found = f64::from(code(linear));

@@ -1,15 +1,16 @@
-//! Pictures that get better: ray passes that take samples take more of the same sequence, batch after batch.
+//! Progressive rendering: ray passes that take samples continue the same sample sequence, batch after batch.
 //!
-//! Owen-scrambled Sobol points are a sequence: the first 64 are the first 4, the next 4, and so on. So 16 batches of 4 samples, each
-//! of which begins where the one before ended, take the very rays of 64 samples at once; new seeds for each batch would lose what the
-//! sequence is good for (an error that falls like n^-0.75 and not like n^-0.5).
+//! Owen-scrambled Sobol points form a sequence: its first 64 points are the first 4, the next 4, and so on. So 16 batches of 4
+//! samples, each of which continues where the one before ended, trace the same rays as 64 samples at once. New seeds for each batch
+//! would lose the advantage of the sequence: an error that falls like n^-0.75 instead of n^-0.5.
 //!
-//! Shadow rays over the light's disc are such samples, too.
+//! Shadow rays over the light's disc are accumulated in the same way.
 //!
-//! Where a pass writes a share of light with an exponent, its batches are traced with the exponent 1 and the exponent is put on their mean: the mean of
-//! powers is not the power of the mean. With batches of 2^k samples the result is that of all samples at once, bit for bit; batches of
-//! other numbers round each share once (at most 2^-24 of it). A program that mixes shares into colours can be accumulated with
-//! `intensity=1` only, where colours are linear in the shares; rounding of the batches leaves it a few 2^-24 off.
+//! Where a pass writes a share of light raised to an exponent, its batches are traced with exponent 1 and the exponent is applied
+//! to their mean, since the mean of powers is not the power of the mean. With batches of 2^k samples the result equals that of all
+//! samples at once, bit for bit; with other batches each share is rounded once more (by at most 2^-24 of it). A program that mixes
+//! shares into colours can be accumulated only with `intensity=1`, where colours are linear in the shares; rounding of the batches
+//! then causes errors of a few 2^-24.
 
 use super::{Estimate, Observer, RenderError, Renderer, dirty::spread, rays::Traced};
 use crate::image::Image;
@@ -18,27 +19,27 @@ use crate::programs::{Fidelity, MOST_PATHS, RayParams, RayProgramInfo, Sampler, 
 use crate::project::{PassKind, RayPass};
 use std::time::{Duration, Instant};
 
-/// Most samples a point that are accumulated.
+/// Most samples a point that can be accumulated.
 pub const MAX_SAMPLES: u32 = 1 << 24;
 
-/// Samples a batch where their number is not known before: 16 rays cost little more a ray than many do.
+/// Samples of a batch when their total is not known in advance. At 16 the cost per ray is little above that of larger batches.
 const BATCH: u32 = 16;
 
-/// When to stop.
+/// When accumulation stops.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Goal {
-    /// After so many samples a point, 1 to [`MAX_SAMPLES`].
+    /// After this number of samples a point, 1 to [`MAX_SAMPLES`].
     Samples(u32),
-    /// With the first batch that ends after so long, but not before the second.
+    /// After the first batch that ends later than this, but not before the second batch.
     Time(Duration),
-    /// When the root mean square of the pixels' standard errors is at most this, in every pass; after [`MAX_SAMPLES`] anyway.
+    /// When the root mean square of the pixels' standard errors is at most this in every pass, or after [`MAX_SAMPLES`].
     Error(f64),
 }
 
 impl std::str::FromStr for Goal {
     type Err = String;
 
-    /// `64` samples, `2s` or `500ms`, or an error such as `0.002`.
+    /// Parses `64` (samples), `2s` or `500ms` (time), or `0.002` (error).
     fn from_str(text: &str) -> Result<Self, String> {
         let wrong = || {
             format!(
@@ -65,35 +66,35 @@ impl std::str::FromStr for Goal {
 /// A ray pass whose samples are accumulated.
 #[derive(Debug, Clone)]
 pub struct AccumulatedPass {
-    /// Its name.
+    /// Name of the pass.
     pub name: String,
-    /// Its index in the plan.
+    /// Index in the plan's passes.
     index: usize,
     params: RayParams,
-    /// Put on the mean: that of shares, or the inverse of colours' gamma.
+    /// Exponent applied to the mean: the exponent of shares, or the inverse gamma of colours.
     exponent: f32,
     estimate: Estimate,
 }
 
 impl AccumulatedPass {
-    /// What is known of its picture.
+    /// Mean and scatter of the pass's picture.
     #[must_use]
     pub fn estimate(&self) -> &Estimate {
         &self.estimate
     }
 
-    /// Its picture, not yet rounded to the format of its target.
+    /// The pass's picture, not yet rounded to the format of its target.
     #[must_use]
     pub fn picture(&self) -> Image {
         let [width, height] = self.estimate.size();
         Image { width, height, pixels: self.estimate.mean(self.exponent) }
     }
 
-    /// By pixel, the standard error of [`Self::picture`], from the scatter of its batches: `sqrt(M2 / ((batches - 1) samples))`. NaN
-    /// before the second batch.
+    /// The standard error of each pixel of [`Self::picture`], from the scatter of the batches: `sqrt(M2 / ((batches - 1)
+    /// samples))`. NaN before the second batch.
     ///
-    /// That is the error of batches which have nothing to do with each other. Batches of one Sobol sequence have: they fill each
-    /// other's gaps. So where the surroundings are smooth, the picture is better than this says, the more the more samples; it is an upper
+    /// The formula holds for independent batches. Batches of one Sobol sequence are not independent: they fill each other's gaps.
+    /// In smooth surroundings the picture is therefore better than this estimate, increasingly so with more samples. It is an upper
     /// estimate on average, and no bound for a single pixel.
     #[must_use]
     pub fn standard_error(&self) -> Image {
@@ -101,7 +102,7 @@ impl AccumulatedPass {
         Image { width, height, pixels: self.estimate.standard_error(self.exponent) }
     }
 
-    /// The root mean square over all pixels, red, green and blue of [`Self::standard_error`]; NaN before the second batch.
+    /// The root mean square of [`Self::standard_error`] over all pixels and their red, green and blue; NaN before the second batch.
     #[must_use]
     pub fn error(&self) -> f64 {
         let errors = self.estimate.standard_error(self.exponent);
@@ -110,40 +111,41 @@ impl AccumulatedPass {
     }
 }
 
-/// Samples that were accumulated, for the frame as it was set when they began.
+/// Accumulated samples of a frame, with the settings at the start of the accumulation.
 #[derive(Debug, Clone)]
 pub struct Accumulation {
     passes: Vec<AccumulatedPass>,
-    /// Passes behind them, by index of the plan.
+    /// By index of the plan's passes: whether a pass depends on an accumulated one.
     behind: Vec<bool>,
 }
 
 impl Accumulation {
-    /// The passes whose samples are accumulated; none if no pass of the plan takes samples.
+    /// The accumulated passes; empty if no pass of the plan takes samples.
     #[must_use]
     pub fn passes(&self) -> &[AccumulatedPass] {
         &self.passes
     }
 
-    /// Samples a point so far; 0 where no pass takes any.
+    /// Samples a point so far; 0 if no pass takes any.
     #[must_use]
     pub fn samples(&self) -> u64 {
         self.passes.first().map_or(0, |pass| pass.estimate.samples())
     }
 
-    /// The largest of the passes' errors ([`AccumulatedPass::error`]); 0 where there is none, NaN before the second batch.
+    /// The largest error of the passes ([`AccumulatedPass::error`]); 0 without passes, NaN before the second batch.
     #[must_use]
     pub fn error(&self) -> f64 {
         self.passes.iter().map(AccumulatedPass::error).fold(0.0, |a, b| if a.is_nan() || a > b { a } else { b })
     }
 
-    /// Takes so many more samples a point, in one batch, in every pass that takes samples.
+    /// Takes one more batch of `samples` samples a point in every accumulated pass.
     ///
     /// # Errors
-    /// As [`Renderer::frame`]; if there would be more than [`MAX_SAMPLES`]. After an error the accumulation is not to be used.
+    /// As [`Renderer::frame`], or if there would be more than [`MAX_SAMPLES`]. After an error the accumulation must not be used any
+    /// more.
     ///
     /// # Panics
-    /// If it is of another renderer, or something was set since it began.
+    /// If the accumulation belongs to another renderer, or something was set since it began.
     pub fn add(
         &mut self,
         renderer: &mut Renderer,
@@ -161,7 +163,8 @@ impl Accumulation {
         Ok(())
     }
 
-    /// Writes what was accumulated into the targets, and runs the passes behind: what the window then shows.
+    /// Writes the accumulated pictures into their targets, and runs the passes that depend on them. The window then shows the
+    /// result.
     ///
     /// # Errors
     /// As [`Renderer::frame`].
@@ -183,12 +186,12 @@ impl Accumulation {
 }
 
 impl Renderer {
-    /// Gets ready to accumulate: runs what has to run before the first pass that takes samples.
+    /// Prepares an accumulation: runs everything that must run before the first pass that takes samples.
     ///
     /// # Errors
-    /// As [`Self::frame`]; where samples cannot be accumulated: strata, which are no sequence, and so thesis fidelity; colours with an
-    /// exponent (`final` with an `intensity` other than 1); a pass that reads what another one accumulates; pictures in bands, and those of
-    /// several samples a pixel.
+    /// As [`Self::frame`], or where samples cannot be accumulated: with strata, which are no sequence, and so in thesis fidelity;
+    /// for colours with an exponent (`final` with an `intensity` other than 1); for a pass that reads what another one accumulates;
+    /// for pictures in bands, and with several samples a pixel.
     pub fn accumulation(&mut self, observer: &mut dyn Observer) -> Result<Accumulation, RenderError> {
         self.settle(observer)?;
         if self.samples().are_several() {
@@ -231,8 +234,8 @@ impl Renderer {
         Ok(accumulation)
     }
 
-    /// Accumulates until the goal is reached, and shows the result: [`Self::window_image`], [`Self::save`]. The table of times has one row
-    /// a pass, with what all batches took together. Passes that take no samples are rendered once.
+    /// Accumulates until the goal is reached, and shows the result: see [`Self::window_image`] and [`Self::save`]. The table of
+    /// times has one row for each pass, with the sum of all batches. Passes without samples are rendered once.
     ///
     /// # Errors
     /// As [`Self::accumulation`].
@@ -252,7 +255,7 @@ impl Renderer {
         Ok(accumulation)
     }
 
-    /// What one pass accumulates must be nobody else's input that takes samples, and its own must stay where it is.
+    /// Fails if an accumulated pass depends on another one, or if a later pass overwrites what it reads.
     fn check_separate(
         &self,
         passes: &[AccumulatedPass],
@@ -281,7 +284,7 @@ impl Renderer {
         Ok(())
     }
 
-    /// Runs what is outdated and neither accumulates nor depends on what does.
+    /// Runs the outdated passes that neither accumulate nor depend on accumulated ones.
     fn run_before(
         &mut self,
         passes: &[AccumulatedPass],
@@ -295,7 +298,7 @@ impl Renderer {
         self.draw_part(0, run, observer)
     }
 
-    /// Takes one batch of samples in one pass.
+    /// Traces one batch of samples of one pass.
     fn trace_batch(
         &mut self,
         pass: &mut AccumulatedPass,
@@ -309,7 +312,7 @@ impl Renderer {
         let info = program.info();
         let Work::Rays { params, scene_set, .. } = &mut planned.work else { unreachable!("a ray pass was chosen") };
         let scene_set = *scene_set;
-        // Of rough glass a batch follows as many paths as it takes samples: they count alike in the mean.
+        // For rough glass, a batch follows as many paths as it takes samples, so that batches weigh alike in the mean.
         let paths = samples.min(MOST_PATHS);
         let first = pass.estimate.samples() as u32;
         let of_occlusion = if info.samples(&pass.params) > 0 { samples } else { 0 };
@@ -326,7 +329,7 @@ impl Renderer {
             params.intensity = 1.0;
         }
         params.camera.gamma = 1.0;
-        // Its target no longer holds what an ordinary frame left.
+        // The target no longer holds the result of an ordinary frame.
         self.ran[planned.pass] = None;
         self.check_cancelled()?;
         let traced =
@@ -347,7 +350,7 @@ impl Renderer {
     }
 }
 
-/// Samples of the next batch; `None` when the goal is reached.
+/// Size of the next batch; `None` when the goal is reached.
 fn batch(goal: Goal, accumulation: &Accumulation, elapsed: Duration) -> Option<u32> {
     let done = accumulation.samples() as u32;
     if accumulation.passes.is_empty() || done >= MAX_SAMPLES {
@@ -355,7 +358,7 @@ fn batch(goal: Goal, accumulation: &Accumulation, elapsed: Duration) -> Option<u
     }
     let batches = accumulation.passes[0].estimate.batches();
     match goal {
-        // Powers of two, so that each batch is a good set of points by itself; about sixteen of them, for the scatter.
+        // Powers of two, so that each batch is well distributed by itself; about sixteen batches, to estimate the scatter.
         Goal::Samples(samples) if done < samples => {
             Some((1 << (samples / 16).max(1).ilog2().min(6)).min(samples - done))
         }
@@ -365,7 +368,8 @@ fn batch(goal: Goal, accumulation: &Accumulation, elapsed: Duration) -> Option<u
     }
 }
 
-/// What of a pass is accumulated, by the tables of programs and parameters: `None` if it takes no samples.
+/// Parameters and program of a pass whose samples are accumulated, by the tables of programs and parameters. `None` if the pass
+/// takes no samples.
 fn accumulates(plan: &Plan, planned: &PlannedPass) -> Result<Option<(RayParams, &'static RayProgramInfo)>, PlanError> {
     let pass = plan.pass(planned);
     let (Work::Rays { params, .. }, PassKind::Ray(ray)) = (&planned.work, &pass.kind) else { return Ok(None) };

@@ -1,7 +1,7 @@
-//! Setting what a renderer renders: cameras, lights, size, parameters, passes, files.
+//! Setters of a renderer: cameras, lights, size, parameters, passes, files.
 //!
-//! A setter makes another plan and checks it; the renderer takes it up when the next frame begins. Which passes then have to run
-//! again is not written down anywhere: each pass is compared with what it was given when it last ran ([`super::dirty`]).
+//! A setter makes and checks a new plan; the renderer adopts it when the next frame begins. There is no list of which setter
+//! affects which pass: each pass compares its inputs with those of its last run ([`super::dirty`]).
 
 use super::{Observer, RenderError, Renderer, prepare};
 use crate::backend::{Attachments, GBuffer, NO_TRIANGLE};
@@ -12,14 +12,14 @@ pub use crate::project::Pose;
 use crate::project::{Project, SourceError, names_scenes};
 use glam::Vec3;
 
-/// Why something cannot be set. The renderer goes on with what it had.
+/// Why a setter failed. The renderer keeps its previous state.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum ChangeError {
-    /// The project does not have it, or it is too large.
+    /// The project lacks what was named, or the result would be too large.
     #[error(transparent)]
     Plan(#[from] PlanError),
-    /// The project or its scenes cannot be read again.
+    /// The project or its scenes could not be read again.
     #[error(transparent)]
     Source(#[from] SourceError),
 }
@@ -30,7 +30,7 @@ impl ChangeError {
     }
 }
 
-/// What was set that is in the project and in no settings.
+/// A change to the project that no settings hold.
 #[derive(Debug, Clone)]
 pub(super) enum Edit {
     Pose(String, Pose),
@@ -46,7 +46,7 @@ impl Edit {
         result.map_err(ChangeError::new)
     }
 
-    /// Whether it replaces another.
+    /// Whether this edit replaces an earlier one.
     fn replaces(&self, other: &Self) -> bool {
         match (self, other) {
             (Self::Pose(name, _), Self::Pose(other, _)) | (Self::Light(name, ..), Self::Light(other, ..)) => {
@@ -63,7 +63,7 @@ pub(super) struct Sizes {
     pub window: [u32; 2],
 }
 
-/// How large the buffers are that a plan needs: those of a part where the picture is rendered in parts.
+/// Sizes of the buffers that a plan needs; if the picture is rendered in parts, the size of the largest part.
 pub(super) fn buffer_sizes(plan: &Plan) -> Sizes {
     if plan.in_parts() {
         let largest = plan.parts.largest().into();
@@ -73,7 +73,7 @@ pub(super) fn buffer_sizes(plan: &Plan) -> Sizes {
     Sizes { targets, window: plan.window }
 }
 
-/// What a renderer had before it takes up another plan.
+/// The previous state of a renderer, while it adopts another plan.
 struct Before {
     plan: Plan,
     scenes: Vec<super::LoadedScenes>,
@@ -83,21 +83,21 @@ struct Before {
     notes: super::SceneNotes,
 }
 
-/// Setters. Each is checked at once and takes effect with the next frame; [`Renderer::update`] then runs only the passes that depend on
-/// it. What a renderer shows after a setter equals, bit for bit, what a renderer shows that was opened with it.
+/// Setters. Each is checked at once and takes effect with the next frame; [`Renderer::update`] then runs only the passes that
+/// depend on the change. The picture after a setter equals, bit for bit, that of a renderer opened with the same setting.
 impl Renderer {
-    /// The plan of the next frame, where something was set.
+    /// The plan of the next frame: the proposed one if something was set, otherwise the current one.
     fn upcoming(&self) -> &Plan {
         self.next.as_ref().unwrap_or(&self.plan)
     }
 
-    /// What the next frame is rendered by.
+    /// The settings of the next frame.
     #[must_use]
     pub fn settings(&self) -> &Settings {
         &self.upcoming().settings
     }
 
-    /// The project of the next frame, with what was set of its cameras and lights.
+    /// The project of the next frame, with all changes to its cameras and lights.
     #[must_use]
     #[expect(clippy::misnamed_getters, reason = "a plan's own `project` has the settings in it")]
     pub fn project(&self) -> &Project {
@@ -129,14 +129,14 @@ impl Renderer {
         Ok(())
     }
 
-    /// Reads the project again, with what was set of it.
+    /// Reads the project again and applies the edits.
     fn reopened(&self, settings: &Settings) -> Result<Project, ChangeError> {
         let mut project = settings.open(&self.project().source)?;
         self.edits.iter().try_for_each(|edit| edit.apply(&mut project))?;
         Ok(project)
     }
 
-    /// Lets every pass have the camera of this name; each its own, if `None`.
+    /// Uses the camera of this name for every pass; with `None` each pass uses its own.
     ///
     /// # Errors
     /// If the project has no such camera.
@@ -147,26 +147,26 @@ impl Renderer {
     /// Moves a camera of the project.
     ///
     /// # Errors
-    /// If the project has no such camera, or the pose shows nothing.
+    /// If the project has no such camera, or the pose is degenerate.
     pub fn set_pose(&mut self, camera: &str, pose: Pose) -> Result<(), ChangeError> {
         self.edit(Edit::Pose(camera.to_owned(), pose))
     }
 
-    /// Lets a light of the project shine in a direction, in which it travels, with a linear colour.
+    /// Sets the direction in which a light of the project travels, and its linear colour.
     ///
     /// # Errors
-    /// If the project has no such light, or these are not finite.
+    /// If the project has no such light, or the values are not finite.
     pub fn set_light(&mut self, light: &str, direction: Vec3, color: Vec3) -> Result<(), ChangeError> {
         self.edit(Edit::Light(light.to_owned(), direction, color))
     }
 
-    /// Sets the size of the window, pixels; render targets scale with it. A project that was made from scene files is made again.
+    /// Sets the size of the window in pixels; render targets scale with it. A project made from scene files is made again.
     ///
     /// # Errors
     /// If a side is not 1 to [`MAX_SIDE`](crate::image::MAX_SIDE), or the targets take more memory than allowed.
     pub fn set_size(&mut self, size: [u32; 2]) -> Result<(), ChangeError> {
         let settings = Settings { size: Some(size), ..self.settings().clone() };
-        // Where the camera of such a project stands depends on the shape of the window.
+        // The camera of such a project depends on the aspect ratio of the window.
         let project = match names_scenes(&self.project().source) {
             true => self.reopened(&settings)?,
             false => self.project().clone(),
@@ -174,7 +174,8 @@ impl Renderer {
         self.propose(project, settings)
     }
 
-    /// Sets a parameter of a ray or effect pass, as `--set PASS.NAME=VALUE` does; with a texture and `format` that of a channel.
+    /// Sets a parameter of a ray or effect pass, as `--set PASS.NAME=VALUE` does; with the name of a texture and `format`, the
+    /// format of a channel.
     ///
     /// # Errors
     /// If there is no such pass or parameter, or the value is not valid.
@@ -186,8 +187,8 @@ impl Renderer {
         })
     }
 
-    /// Keeps these channels of render targets for inspection, by their own or full names; `all` keeps every one. [`Self::channel`] reads
-    /// them after the next frame.
+    /// Keeps the named channels of render targets for inspection; names may be full or short, and `all` keeps every channel.
+    /// [`Self::channel`] reads them after the next frame.
     ///
     /// # Errors
     /// If no pass writes one of them.
@@ -195,10 +196,10 @@ impl Renderer {
         self.set(|settings| settings.show = channels.to_vec())
     }
 
-    /// Switches a pass off, or on again. What a pass writes that is off: [`Settings::off`].
+    /// Switches a pass off or on. [`Settings::off`] says what a pass writes while it is off.
     ///
     /// # Errors
-    /// If there is no such pass, or another pass reads what nothing writes any more.
+    /// If there is no such pass, or another pass reads a channel that no pass would write any more.
     pub fn set_enabled(&mut self, pass: &str, enabled: bool) -> Result<(), ChangeError> {
         self.set(|settings| {
             settings.off.retain(|name| name != pass);
@@ -208,15 +209,15 @@ impl Renderer {
         })
     }
 
-    /// Sets how many samples of every pixel the picture is averaged over.
+    /// Sets the number of samples of every pixel, over which the picture is averaged.
     ///
     /// # Errors
-    /// If positions or normals are kept for inspection, which have no mean, or there is no memory for the sums.
+    /// If positions or normals are kept for inspection, which have no meaningful mean, or there is no memory for the sums.
     pub fn set_pixel_samples(&mut self, samples: PixelSamples) -> Result<(), ChangeError> {
         self.set(|settings| settings.aa = samples)
     }
 
-    /// Sets the seed of the random numbers of the frames that follow.
+    /// Sets the seed of random numbers for the following frames.
     pub fn set_seed(&mut self, seed: u32) {
         self.plan.settings.seed = seed;
         if let Some(next) = &mut self.next {
@@ -224,11 +225,11 @@ impl Renderer {
         }
     }
 
-    /// Reads the project and its scenes again with the next frame, and keeps what was set. Where they cannot be read then, that frame
-    /// fails, and those that follow show what was there before.
+    /// Reads the project at once and its scenes again with the next frame; settings and edits are kept. If the scenes cannot be
+    /// read then, that frame fails, and later frames show the previous scenes.
     ///
     /// # Errors
-    /// If the project cannot be read, or lacks what was set.
+    /// If the project cannot be read, or lacks something that was set.
     pub fn reload(&mut self) -> Result<(), ChangeError> {
         let settings = self.settings().clone();
         self.propose(self.reopened(&settings)?, settings)?;
@@ -236,7 +237,7 @@ impl Renderer {
         Ok(())
     }
 
-    /// Takes up what was set since the last frame.
+    /// Adopts the plan of what was set since the last frame.
     pub(super) fn settle(&mut self, observer: &mut dyn Observer) -> Result<(), RenderError> {
         let Some(next) = self.next.take() else { return Ok(()) };
         let keeps = !std::mem::take(&mut self.stale) && self.scenes_serve(&next);
@@ -258,7 +259,7 @@ impl Renderer {
                 match self.engines.serve(other_plan) {
                     Ok(false) => {}
                     Ok(true) => self.built = None,
-                    // No pass runs on another backend than it names: the next frame says what is missing.
+                    // No pass runs on another backend than it names, so the plan is kept: the next frame reports what is missing.
                     Err(_) => self.next = Some(other_plan.clone()),
                 }
                 if !keeps {
@@ -276,7 +277,7 @@ impl Renderer {
         }
     }
 
-    /// Whether the scenes that are loaded are those of another plan.
+    /// Whether the loaded scenes also serve another plan.
     fn scenes_serve(&self, next: &Plan) -> bool {
         let now = &self.plan;
         let asks = |plan: &Plan| -> Vec<usize> {
@@ -291,11 +292,11 @@ impl Renderer {
             sets.dedup();
             sets
         };
-        // What is left of --max-memory when scenes are loaded does not change what they are.
+        // The remaining memory at load time is not compared: it does not affect the contents of scenes.
         now.scene_sets == next.scene_sets && now.needs == next.needs && asks(now) == asks(next)
     }
 
-    /// Everything that may fail comes first.
+    /// Adopts the plan. Steps that may fail come first.
     fn take_up(&mut self, before: &Before, keeps: bool, observer: &mut dyn Observer) -> Result<(), RenderError> {
         self.warnings = self.plan.warnings.clone();
         if keeps {
@@ -346,11 +347,11 @@ impl Renderer {
         Ok(())
     }
 
-    /// Buffers in the place of those that are too small or lack a channel, by target, and that of the window.
+    /// New buffers for targets (by index) and the window, in place of those that are too small or lack a channel.
     fn new_buffers(&self, before: &Plan, keeps: bool) -> Result<(Vec<Option<GBuffer>>, Option<GBuffer>), Refused> {
         let (had, needed) = (buffer_sizes(before), buffer_sizes(&self.plan));
         let several = |plan: &Plan| plan.parts.list.len() > 1;
-        // Of other scenes nothing is kept; buffers of bands have been cut to the last one's size.
+        // With other scenes no picture is kept; buffers of bands have the size of the last band.
         let all = !keeps || several(before) || several(&self.plan) || before.in_parts() != self.plan.in_parts();
         let target = |(index, (planned, size)): (usize, (&PlannedTarget, &[u32; 2]))| {
             let serves = !all
@@ -364,7 +365,7 @@ impl Renderer {
         Ok((targets, window))
     }
 
-    /// What passes wrote to a target (`None` for the window) is not there any more.
+    /// Marks what passes wrote to a target (`None` for the window) as lost.
     fn forget_writers(&mut self, target: Option<usize>) {
         let passes = &self.plan.project.pipelines[self.plan.pipeline].passes;
         for (ran, _) in self.ran.iter_mut().zip(passes).filter(|(_, pass)| pass.target == target) {
@@ -372,7 +373,7 @@ impl Renderer {
         }
     }
 
-    /// A target that other passes go on to write must not keep what a pass wrote that runs no more; nor must the window.
+    /// Clears what a pass that no longer runs wrote to a target that other passes still write, or to the window.
     fn clear_what_nobody_writes(&mut self) {
         let passes = &self.plan.project.pipelines[self.plan.pipeline].passes;
         let runs = |index: usize| self.plan.passes.iter().any(|planned| planned.pass == index);
@@ -392,7 +393,7 @@ impl Renderer {
         }
     }
 
-    /// Lets the engines share the G-buffer of this plan, where that is another than the one before, or the engines are others.
+    /// Lets the engines share the G-buffer again, if the new plan needs another one or the engines changed.
     fn join_again(&mut self, before: &Plan, others: bool) {
         if !others && shared_gbuffer(before) == shared_gbuffer(&self.plan) {
             self.decide_showing_quad();
@@ -406,7 +407,7 @@ impl Renderer {
     }
 }
 
-/// What a G-buffer holds.
+/// The attachments that a G-buffer holds.
 fn stored(buffer: &GBuffer) -> Attachments {
     Attachments {
         color: !buffer.color.is_empty(),
@@ -416,7 +417,7 @@ fn stored(buffer: &GBuffer) -> Attachments {
     }
 }
 
-/// The G-buffer that engines may share: its target, its size, what raster passes write there for ray passes.
+/// The G-buffer that engines may share: target, size, and the attachments that raster passes write there for ray passes.
 fn shared_gbuffer(plan: &Plan) -> Option<(usize, [u32; 2], Vec<Attachments>, bool)> {
     let resident = |work: &Work| match work {
         Work::Rays { resident, .. } => *resident,

@@ -1,4 +1,4 @@
-//! Which passes have to run again: those that were given something else since they last ran, and those that depend on them.
+//! Which passes have to run again: those whose inputs changed since their last run, and those that depend on them.
 
 use super::{PassMaterials, Renderer};
 use crate::backend::{Attachments, OwnMaterial, Sun};
@@ -7,33 +7,34 @@ use crate::pixel_samples::PixelSamples;
 use crate::plan::{Access, Work};
 use crate::project::{ChannelRef, PassKind, QuadPass};
 
-/// What a pass was given when it last ran. Its picture is that of the last frame as long as this, and what it reads, is the same.
+/// The inputs of a pass when it last ran. Its picture stays valid as long as these inputs, and the channels that it reads, are
+/// unchanged.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Given {
-    /// What it does; of a raster pass without the attachments, which are in [`Self::drawn`].
+    /// The pass's work; for a raster pass without its attachments, which are in [`Self::drawn`].
     work: Work,
     sun: Option<Sun>,
     /// The seed; `None` for a pass that draws no random numbers.
     seed: Option<u32>,
-    /// The ray backend that it asks for.
+    /// Name of the ray backend that the pass asks for.
     backend: Option<String>,
     materials: PassMaterials,
-    /// What own shaders are given.
+    /// Inputs of own shaders, by material.
     own: Vec<Option<OwnMaterial>>,
-    /// What the own shader of a quad is given.
+    /// Uniform blocks of a quad's own shader.
     quad: Vec<Vec<u8>>,
-    /// Formats of its target: what it writes is rounded to them.
+    /// Formats of the target's channels, to which the result is rounded.
     formats: Vec<PixelFormat>,
-    /// What a raster pass draws, and what of it is in host memory.
+    /// Attachments that a raster pass draws, and those of them that are in host memory.
     drawn: [Attachments; 2],
-    /// Whether its picture is on the rasteriser's device alone.
+    /// Whether the picture exists only on the rasteriser's device.
     stays: bool,
-    /// Samples a pixel and, where there are several, the channels that hold their mean.
+    /// Samples a pixel and, if there are several, the channels that hold their mean.
     averaged: (PixelSamples, Vec<ChannelRef>),
 }
 
 impl Given {
-    /// Whether a pass that ran with this left all that one with `now` would.
+    /// Whether a run with these inputs produced all that a run with `now` would.
     fn serves(&self, now: &Self) -> bool {
         let has = |held: Attachments, wanted: Attachments| held.union(wanted) == held;
         let drawn = self.drawn.iter().zip(now.drawn).all(|(held, wanted)| has(*held, wanted));
@@ -42,17 +43,17 @@ impl Given {
 }
 
 impl Renderer {
-    /// Whether the pass at an index of the pipeline left its picture on the rasteriser's device when it last ran.
+    /// Whether the last run of the pass at an index of the pipeline left its picture on the rasteriser's device only.
     pub(super) fn left_on_device(&self, pass: usize) -> bool {
         self.ran.get(pass).and_then(Option::as_ref).is_some_and(|ran| ran.stays)
     }
 
-    /// What of a raster pass was brought into host memory when it last ran, if that is known.
+    /// The attachments that the last run of a raster pass copied into host memory, if that is known.
     pub(super) fn was_in_host(&self, pass: usize) -> Option<Attachments> {
         self.ran.get(pass)?.as_ref().map(|ran| ran.drawn[1])
     }
 
-    /// What the pass at an index of the plan is given now.
+    /// The current inputs of the pass at an index of the plan.
     pub(super) fn given(&self, index: usize) -> Given {
         let planned = &self.plan.passes[index];
         let pass = self.plan.pass(planned);
@@ -100,7 +101,7 @@ impl Renderer {
         }
     }
 
-    /// By index of the plan: the passes that have to run for the picture to be that of all that was set.
+    /// The passes that must run to bring the picture up to date, by index of the plan.
     pub(super) fn outdated(&self) -> Vec<bool> {
         let stale = |(index, planned): (usize, &crate::plan::PlannedPass)| {
             let ran = self.ran.get(planned.pass).and_then(Option::as_ref);
@@ -117,7 +118,8 @@ impl Renderer {
         }
         let accesses: Vec<Access> = self.plan.passes.iter().map(|planned| self.plan.access(planned)).collect();
         spread(&accesses, &mut run);
-        // A rasteriser with a device keeps one G-buffer: where several are drawn, an effect finds its own only just behind its pass.
+        // A rasteriser on a device keeps one G-buffer. If several are drawn, an effect finds its own only directly after its
+        // raster pass.
         let raster = |planned: &crate::plan::PlannedPass| matches!(planned.work, Work::Raster { .. });
         let several = self.plan.passes.iter().filter(|planned| raster(planned)).count() > 1;
         let resident = |index: usize| matches!(self.plan.passes[index].work, Work::Effect { resident: true, .. });
@@ -132,8 +134,8 @@ impl Renderer {
     }
 }
 
-/// Adds to the passes that run those which have to run with them: what reads what they write, what writes to the same place after them,
-/// and what wrote what they read, if that has been written over since.
+/// Extends the set of passes to run by all passes that must run with them: those that read or overwrite what they write, and those
+/// that wrote what they read, if it was overwritten since.
 pub(super) fn spread(passes: &[Access], run: &mut [bool]) {
     let touches = |slots: &[_], slot: &_| slots.contains(slot);
     loop {
@@ -202,7 +204,7 @@ mod tests {
         ];
         assert_eq!(closed(&passes, 1), [0, 1, 2, 3]);
         assert_eq!(closed(&passes, 2), [2, 3]);
-        // Without the reader, writing one place twice makes the later pass run, not the earlier.
+        // Without a reader: if two passes write the same slot, the first makes the second run, but not the reverse.
         let twice = [access(&[], &[WINDOW]), access(&[], &[WINDOW]), access(&[], &[SHARE])];
         assert_eq!(closed(&twice, 0), [0, 1]);
         assert_eq!(closed(&twice, 1), [1]);

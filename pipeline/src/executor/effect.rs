@@ -1,4 +1,4 @@
-//! Effect passes: raster effects on the G-buffer that the rasteriser drew.
+//! Effect passes: raster effects on the G-buffer.
 
 use super::rays::{Traced, by_kind};
 use super::{Observer, RenderError, Renderer, StepKind, channel_of};
@@ -13,8 +13,7 @@ use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 impl Renderer {
-    /// Runs an effect, and has the ray backend trace the pixels that it leaves to rays, with another backend where one fails and another is
-    /// allowed.
+    /// Runs an effect, and traces the pixels that it leaves to rays. If a backend fails, an allowed fallback takes over.
     pub(super) fn effect(
         &mut self,
         index: usize,
@@ -38,7 +37,7 @@ impl Renderer {
         Ok(traced)
     }
 
-    /// Builds what tracing needs, and traces.
+    /// Builds the acceleration structure that tracing needs, and traces.
     fn left_to_rays(
         &mut self,
         index: usize,
@@ -61,7 +60,7 @@ impl Renderer {
         }
     }
 
-    /// Runs what the rasteriser does of it, into a target that is not yet rounded.
+    /// Runs the raster part of an effect, into a target that is not yet rounded to its format.
     fn by_raster(
         &mut self,
         index: usize,
@@ -80,7 +79,7 @@ impl Renderer {
         self.upload(scene_set, observer)?;
         let buffer = std::mem::take(&mut self.targets[target]);
         let mut output = Image { width: buffer.width, height: buffer.height, pixels: buffer.color };
-        // What the rasteriser keeps to itself was not copied into the targets.
+        // Attachments that the rasteriser keeps on its device were not copied into the targets.
         let in_host = !(resident && self.engines.raster.needs_read_back());
         let info = effect.program.info();
         let targets = &self.targets;
@@ -127,7 +126,7 @@ impl Renderer {
         Ok(stats)
     }
 
-    /// Has the ray backend compute the pixels of glass that an effect left to it, and no others.
+    /// Traces the glass pixels that an effect left to the ray backend, and no others.
     fn trace_left(
         &mut self,
         index: usize,
@@ -221,7 +220,7 @@ impl Renderer {
         Ok(())
     }
 
-    /// Maps, pixels and copies are steps of their own.
+    /// Records maps, pixels and copies of an effect as separate steps.
     fn record_effect(&mut self, name: &str, effect: &EffectPass, stats: EffectStats) {
         let milliseconds = |time: Duration| time.as_secs_f64() * 1e3;
         let (program, engine) = (effect.program.info().name, self.engines.raster.name());

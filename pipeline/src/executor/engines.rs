@@ -1,4 +1,4 @@
-//! What does the work: a rasteriser, a ray backend, and those that stand in for it.
+//! The engines: a rasteriser, ray backends, and their fallbacks.
 
 use crate::backend::{BackendError, Limits, Rasteriser, RayBackend};
 use crate::plan::Plan;
@@ -6,17 +6,17 @@ use serde::Serialize;
 use std::collections::VecDeque;
 use std::fmt;
 
-/// Makes a ray backend.
+/// Constructor of a ray backend.
 type Make = Box<dyn FnOnce() -> Result<Box<dyn RayBackend>, BackendError>>;
 
-/// A ray backend that is made when it is needed: the first, or one that stands in for another.
+/// A ray backend that is made when it is needed: the first one, or a fallback.
 pub struct Spare {
     pub(super) name: &'static str,
     pub(super) make: Make,
 }
 
 impl Spare {
-    /// `name` is what users call it; `make` is called at most once.
+    /// `name` is the backend's name for users; `make` is called at most once.
     #[must_use]
     pub fn new(name: &'static str, make: impl FnOnce() -> Result<Box<dyn RayBackend>, BackendError> + 'static) -> Self {
         Self { name, make: Box::new(make) }
@@ -29,18 +29,18 @@ impl fmt::Debug for Spare {
     }
 }
 
-/// A ray backend that failed, and what was tried in its place.
+/// A ray backend that failed, and its replacement.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize)]
 pub struct Fallback {
-    /// The pass that it failed for; `None` where no pass of the plan traces rays.
+    /// The pass for which it failed; `None` if no pass of the plan traces rays.
     pub pass: Option<String>,
     /// The frame, counted from 1; `None` before the first, when backends are made and structures built.
     pub frame: Option<u32>,
-    /// What failed: `cuda`.
+    /// Name of the failed backend, such as `cuda`.
     pub failed: String,
-    /// Why.
+    /// Reason of the failure.
     pub why: String,
-    /// What goes on in its place: `cpu`.
+    /// Name of the backend that replaces it, such as `cpu`.
     pub instead: String,
 }
 
@@ -54,60 +54,60 @@ impl fmt::Display for Fallback {
     }
 }
 
-/// ` of frame 3`, or nothing before the first.
+/// ` of frame 3`, or an empty text before the first frame.
 pub(super) fn of_frame(frame: Option<u32>) -> String {
     frame.map_or(String::new(), |frame| format!(" of frame {frame}"))
 }
 
-/// Makes the ray backend of a name, for passes that name one of their own.
+/// Constructor of a ray backend by name, for passes that name their own.
 type MakeNamed = Box<dyn FnMut(&str) -> Result<Box<dyn RayBackend>, BackendError>>;
 
-/// A ray backend of some passes, in the place of that of all.
+/// A ray backend for some passes only, in place of the common one.
 struct OwnRays {
-    /// By which name the passes ask for it.
+    /// The name by which the passes ask for it.
     asked: String,
     passes: Vec<String>,
     rays: Box<dyn RayBackend>,
 }
 
-/// What does the work.
+/// The rasteriser and the ray backends.
 pub struct Engines {
     /// Draws triangles.
     pub raster: Box<dyn Rasteriser>,
-    /// Traces rays, of all passes that name no other backend.
+    /// The common ray backend, for all passes that name no other.
     pub rays: Box<dyn RayBackend>,
-    /// Ray backends of single passes.
+    /// Ray backends of the passes that name their own.
     own: Vec<OwnRays>,
-    /// Makes them.
+    /// Constructor of the backends in `own`.
     make_named: Option<MakeNamed>,
-    /// What stands in where the ray backend fails, in this order; empty unless the user allowed it.
+    /// Fallbacks of the common ray backend, in order; empty unless the user allowed fallbacks.
     pub spares: VecDeque<Spare>,
     /// Ray backends that failed so far.
     pub fallbacks: Vec<Fallback>,
 }
 
 impl Engines {
-    /// A rasteriser and a ray backend that nothing stands in for.
+    /// A rasteriser and a ray backend, without fallbacks.
     #[must_use]
     pub fn new(raster: Box<dyn Rasteriser>, rays: Box<dyn RayBackend>) -> Self {
         Self { raster, rays, own: Vec::new(), make_named: None, spares: VecDeque::new(), fallbacks: Vec::new() }
     }
 
-    /// Lets passes have a ray backend of their own ([`Plan::backend_of`]): `make` is given its name, once for all passes that ask
-    /// for it.
+    /// Allows passes to have their own ray backend ([`Plan::backend_of`]). `make` is called with its name, once for all passes that
+    /// ask for it.
     #[must_use]
     pub fn with_own(self, make: impl FnMut(&str) -> Result<Box<dyn RayBackend>, BackendError> + 'static) -> Self {
         Self { make_named: Some(Box::new(make)), ..self }
     }
 
-    /// The ray backend of a pass.
+    /// The ray backend that a pass uses.
     #[must_use]
     pub fn rays_of(&self, pass: &str) -> &dyn RayBackend {
         let own = self.own.iter().find(|own| own.passes.iter().any(|name| name == pass));
         own.map_or(&*self.rays, |own| &*own.rays)
     }
 
-    /// The same, to work with.
+    /// [`Self::rays_of`], mutable.
     pub(super) fn rays_of_mut(&mut self, pass: &str) -> &mut Box<dyn RayBackend> {
         let own = self.own.iter_mut().find(|own| own.passes.iter().any(|name| name == pass));
         own.map_or(&mut self.rays, |own| &mut own.rays)
@@ -124,7 +124,8 @@ impl Engines {
         !self.own.is_empty()
     }
 
-    /// Of the ray backends that trace for a plan, in a scene set if one is named, the first pass of each.
+    /// For each ray backend that the plan uses, the first pass that traces with it; only passes of scene set `set`, if one is
+    /// given.
     pub(super) fn first_traced(&self, plan: &Plan, set: Option<usize>) -> Vec<String> {
         let mut firsts: Vec<String> = Vec::new();
         for planned in &plan.passes {
@@ -137,7 +138,8 @@ impl Engines {
         firsts
     }
 
-    /// The limits of the ray backends of a plan: of the first that traces whole pictures only, else of the first.
+    /// Name and limits of the ray backend that restricts the plan most: the first that traces only whole pictures, otherwise the
+    /// first.
     #[must_use]
     pub fn ray_limits(&self, plan: &Plan) -> (&'static str, Limits) {
         let firsts = self.first_traced(plan, None);
@@ -146,11 +148,11 @@ impl Engines {
         all.find(|(_, limits)| !limits.parts).unwrap_or(first)
     }
 
-    /// Makes the ray backends that passes of a plan name and that are not there, and drops those that none names any more. Returns
-    /// whether any pass has another one than before.
+    /// Makes the ray backends that passes of the plan name and that do not exist yet, and drops those that no pass names any more.
+    /// Returns whether the backend of any pass changed.
     ///
     /// # Errors
-    /// If one cannot be made; with the first pass that asks for it. Nothing is changed then.
+    /// If a backend cannot be made: the first pass that asks for it, and the error. Nothing is changed then.
     pub fn serve(&mut self, plan: &Plan) -> Result<bool, (String, BackendError)> {
         let mut wanted: Vec<(String, Vec<String>)> = Vec::new();
         for planned in &plan.passes {
@@ -185,14 +187,14 @@ impl Engines {
         Ok(true)
     }
 
-    /// A rasteriser and the first of some ray backends that can be made; those behind it stand in where it fails, each at
-    /// most once. What could not be made is in [`Engines::fallbacks`].
+    /// A rasteriser and the first of the given ray backends that can be made. The ones after it become its fallbacks, each used at
+    /// most once. Those that could not be made are listed in [`Engines::fallbacks`].
     ///
     /// # Errors
-    /// If none can be made: the last one's.
+    /// If none can be made: the error of the last.
     ///
     /// # Panics
-    /// If none is named.
+    /// If `backends` is empty.
     pub fn first_of(
         raster: Box<dyn Rasteriser>,
         backends: impl IntoIterator<Item = Spare>,

@@ -1,4 +1,4 @@
-//! Mean and scatter of pictures that come batch by batch.
+//! Mean and scatter of pictures that arrive in batches.
 
 use crate::memory::{self, Refused};
 use rayon::prelude::*;
@@ -13,7 +13,7 @@ pub struct Estimate {
     width: u32,
     /// Rows.
     height: u32,
-    /// Values a pixel: 1 where red, green and blue are the same and alpha is 1, else 4.
+    /// Values a pixel: 1 if red, green and blue are equal and alpha is 1, otherwise 4.
     channels: usize,
     samples: u64,
     batches: u32,
@@ -22,7 +22,7 @@ pub struct Estimate {
 }
 
 impl Estimate {
-    /// Of nothing yet.
+    /// An empty estimate.
     ///
     /// # Errors
     /// If there is no memory: 16 bytes for every value of every pixel.
@@ -38,19 +38,19 @@ impl Estimate {
         self.samples
     }
 
-    /// Batches so far: what the standard error is estimated from.
+    /// Number of batches so far; the standard error is estimated from their scatter.
     #[must_use]
     pub fn batches(&self) -> u32 {
         self.batches
     }
 
-    /// Size of the picture: pixels a row, rows.
+    /// Width and height of the picture in pixels.
     #[must_use]
     pub fn size(&self) -> [u32; 2] {
         [self.width, self.height]
     }
 
-    /// Adds the mean picture of so many more samples.
+    /// Adds a batch: the mean picture of `samples` further samples.
     pub(super) fn add(&mut self, pixels: &[[f32; 4]], samples: u32) {
         self.samples += u64::from(samples);
         self.batches += 1;
@@ -66,7 +66,7 @@ impl Estimate {
         });
     }
 
-    /// The mean by pixel, after `shown`, which is given the values of one: (its mean, its standard error) of every channel.
+    /// Calls `shown` for each pixel with the mean and the standard error of its four channels, and collects the results.
     fn each<T: Send>(&self, shown: impl Fn([f64; 4], [f64; 4]) -> T + Sync) -> Vec<T> {
         let scale = 1.0 / ((f64::from(self.batches) - 1.0) * self.samples as f64);
         let values = self.mean.par_chunks(self.channels).zip(self.m2.par_chunks(self.channels));
@@ -81,7 +81,7 @@ impl Estimate {
         values.with_min_len(4096).map(pixel).collect()
     }
 
-    /// The mean picture; `exponent` is put on red, green and blue, of which colours have none below 0 then.
+    /// The mean picture, with red, green and blue raised to `exponent`. Negative colours count as 0 if the exponent is not 1.
     pub(super) fn mean(&self, exponent: f32) -> Vec<[f32; 4]> {
         let raised = |value: f64| (value as f32).powf(exponent);
         let of_color = |value: f64| if exponent == 1.0 { value as f32 } else { raised(value.max(0.0)) };
@@ -91,7 +91,7 @@ impl Estimate {
         })
     }
 
-    /// The standard error of that picture: of a power by its slope. NaN everywhere before the second batch.
+    /// The standard error of that picture; for a power by its derivative at the mean. NaN before the second batch.
     pub(super) fn standard_error(&self, exponent: f32) -> Vec<[f32; 4]> {
         let power = f64::from(exponent);
         let slope = |mean: f64| if power != 1.0 && mean > 0.0 { power * mean.powf(power - 1.0) } else { 1.0 };
@@ -105,7 +105,7 @@ mod tests {
 
     #[test]
     fn mean_and_error_are_those_of_the_textbook() {
-        // Batches of 4, 4, 2 samples with these means, of two pixels.
+        // Batches of 4, 4 and 2 samples of two pixels, with these means.
         let batches = [(4_u32, [0.25_f32, 0.5]), (4, [0.75, 0.5]), (2, [0.5, 0.0])];
         let mut estimate = Estimate::new(2, 1, 1).expect("little memory");
         for (samples, values) in batches {
@@ -120,7 +120,7 @@ mod tests {
             let error = (weighted(&|x| (x - mean).powi(2)) / (2.0 * 10.0)).sqrt();
             assert!((f64::from(estimate.mean(1.0)[pixel][1]) - mean).abs() < 1e-7);
             assert!((f64::from(estimate.standard_error(1.0)[pixel][2]) - error).abs() < 1e-7);
-            // The error of a square is twice the value times the error.
+            // The error of a square: twice the value times the error.
             assert!((f64::from(estimate.mean(2.0)[pixel][0]) - mean * mean).abs() < 1e-7);
             assert!((f64::from(estimate.standard_error(2.0)[pixel][0]) - 2.0 * mean * error).abs() < 1e-7);
             assert_eq!((estimate.mean(2.0)[pixel][3], estimate.standard_error(2.0)[pixel][3]), (1.0, 0.0));
@@ -136,7 +136,7 @@ mod tests {
         assert!(estimate.standard_error(1.0)[0].iter().all(|value| value.is_nan()));
         estimate.add(&[[1.0, 4.0, 3.0, 0.5]], 16);
         assert_eq!(estimate.mean(1.0), [[1.0, 3.0, 3.0, 0.5]]);
-        // Two values 2 and 4: their mean is off by sqrt(2 / 2) = 1.
+        // Two values 2 and 4: the standard error of their mean is sqrt(2 / 2) = 1.
         assert_eq!(estimate.standard_error(1.0), [[0.0, 1.0, 0.0, 0.0]]);
     }
 }

@@ -1,17 +1,17 @@
-//! Ray backends that stand in where one fails, if the user allowed it.
+//! Fallbacks: ray backends that take over after a failure, if the user allowed it.
 
 use super::{Fallback, Observer, RenderError, Renderer};
 use crate::backend::BackendError;
 use crate::plan::Traced;
 
 impl Renderer {
-    /// Every ray backend that failed so far, and what was tried in its place.
+    /// Every ray backend that failed so far, and its replacement.
     #[must_use]
     pub fn fallbacks(&self) -> &[Fallback] {
         &self.engines.fallbacks
     }
 
-    /// Tells of the backends that could not be made, now that the plan knows for which pass.
+    /// Reports backends that could not be made, now that the plan tells which pass they were for.
     pub(super) fn tell_of_fallbacks(&mut self, observer: &mut dyn Observer) {
         let mut passes = self.plan.passes.iter();
         let pass = passes.find(|planned| self.plan.traced(planned).is_some());
@@ -22,11 +22,11 @@ impl Renderer {
         }
     }
 
-    /// After a failure of the ray backend: the next one that can be made and runs every pass takes its place, with nothing
-    /// built yet.
+    /// Replaces the ray backend after a failure by the next fallback that can be made and runs every pass. No structure is built in
+    /// it yet.
     ///
     /// # Errors
-    /// The failure, if no other is left: the user allowed none, or all have failed.
+    /// The failure itself, if no fallback is left: none was allowed, or all have failed.
     pub(super) fn stand_in(
         &mut self,
         pass: &str,
@@ -66,7 +66,7 @@ impl Renderer {
         }
     }
 
-    /// The first pass that the ray backend does not run, with its reason; what glass takes counts once the scenes are loaded.
+    /// The first pass that its ray backend cannot run, with the reason. Glass features are checked once the scenes are loaded.
     pub(super) fn unsupported(&self) -> Option<(String, BackendError)> {
         let rays_of = |pass: &str| self.engines.rays_of(pass);
         let plan = &self.plan;

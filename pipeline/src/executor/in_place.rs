@@ -1,7 +1,7 @@
-//! Pictures that stay on the rasteriser's device until its quad pass has made the window of them.
+//! Pictures that stay on the rasteriser's device until the final quad pass has filled the window from them.
 //!
-//! A frame of which the caller takes the picture alone ([`Renderer::displayed_frame`], [`Renderer::draw_frame_for`]) leaves what only the quad
-//! pass reads where it was made. All other frames leave it in the targets, as ever.
+//! This applies to frames whose caller takes only the picture ([`Renderer::displayed_frame`], [`Renderer::draw_frame_for`]):
+//! channels that only the quad pass reads then stay where they were made. All other frames leave them in the targets.
 
 use super::{Observer, Progress, RenderError, Renderer, StepKind};
 use crate::backend::{Attachments, BackendError};
@@ -13,19 +13,19 @@ use crate::project::ChannelRef;
 use std::path::Path;
 use std::sync::Arc;
 
-/// What of a frame its caller takes.
+/// What the caller takes of a frame.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub(super) enum Takes {
-    /// The picture, and the targets that passes leave.
+    /// The picture, and the targets of all passes.
     #[default]
     Everything,
-    /// The picture in 32-bit floats.
+    /// Only the picture, as 32-bit floats.
     Picture,
-    /// The picture as a screen shows it.
+    /// Only the picture, as 8-bit display codes.
     Codes,
 }
 
-/// A picture that a device displayed.
+/// A picture that was converted to display codes on a device.
 #[derive(Debug)]
 pub(super) struct DisplayedWindow {
     pub codes: Codes,
@@ -34,7 +34,7 @@ pub(super) struct DisplayedWindow {
 }
 
 impl Renderer {
-    /// Lets the rasteriser's device fill the window, where the plan and the engines allow it, and says what was decided.
+    /// Decides whether the rasteriser's device fills the window, by plan and engines, and records the decision.
     pub(super) fn decide_showing_quad(&mut self) {
         self.showing = None;
         let apart = (self.joined.is_some() && !self.lent) || self.engines.differ();
@@ -43,30 +43,31 @@ impl Renderer {
         self.showing = decided.and_then(Result::ok);
     }
 
-    /// The quad that a device fills in this frame.
+    /// The quad that the device fills in this frame; `None` if the host fills the window.
     pub(super) fn in_place(&self) -> Option<&ShowingQuad> {
         self.showing.as_ref().filter(|_| self.takes != Takes::Everything && !self.shows_everything)
     }
 
-    /// Whether what the pass at an index of the plan writes stays on the device, for the quad.
+    /// Whether the output of the pass at an index of the plan stays on the device, for the quad.
     pub(super) fn stays(&self, index: usize) -> bool {
         self.in_place().is_some_and(|quad| quad.reads(index))
     }
 
-    /// What of a target the quad reads on the device.
+    /// The attachments of a target that the quad reads on the device.
     pub(super) fn read_in_place(&self, target: Option<usize>) -> Attachments {
         self.in_place().map_or_else(Attachments::default, |quad| quad.attachments(target))
     }
 
-    /// Whether the device of the rasteriser fills the window of frames of which the picture alone is taken.
+    /// Whether the rasteriser's device fills the window in frames whose caller takes only the picture.
     #[must_use]
     pub fn fills_window_on_device(&self) -> bool {
         self.showing.is_some() && !self.shows_everything
     }
 
-    /// Renders a frame, every pass of it, and gives the picture as a screen shows it, what is cut off left out. Where the plan's decisions say
-    /// that the last quad pass runs on the rasteriser's device, only these 4 bytes a pixel are brought into host memory: then
-    /// [`Self::holds`] is false for what the quad reads, and [`Self::window_image`] knows what is displayed alone.
+    /// Renders a frame, with every pass, and returns the written part of the picture as 8-bit display codes. If the plan's
+    /// decisions say that the last quad pass runs on the rasteriser's device, only these 4 bytes a pixel are copied into host
+    /// memory. Then [`Self::holds`] is false for the channels that the quad reads, and [`Self::window_image`] knows only the
+    /// displayed codes.
     ///
     /// # Errors
     /// As [`Self::frame`].
@@ -83,13 +84,13 @@ impl Renderer {
                 pixels.extend_from_slice(&displayed.codes.pixels);
                 Ok(Codes { pixels, ..displayed.codes })
             }
-            // Another backend took over within the frame.
+            // A fallback took over within the frame, so the host filled the window.
             None => Ok(Codes::of(&self.picture(self.plan.parts.list[0].written)?, self.plan.display)?),
         }
     }
 
-    /// [`Self::draw_frame`] for a picture that [`Self::save`] writes to `path`, and nothing else: what is not in that file may stay on the
-    /// device, as in [`Self::displayed_frame`]; of a PNG file that is all but 4 bytes a pixel.
+    /// [`Self::draw_frame`] for a picture that will only be written to `path` by [`Self::save`]. Whatever is not in that file may
+    /// stay on the device, as in [`Self::displayed_frame`]; for a PNG file only 4 bytes a pixel are copied.
     ///
     /// # Errors
     /// As [`Self::draw_frame`]; if the path ends neither in `.png` nor in `.exr`.
@@ -105,7 +106,7 @@ impl Renderer {
         drawn
     }
 
-    /// The picture that a device displayed, in floats.
+    /// The displayed picture, decoded from its codes to floats.
     pub(super) fn displayed_image(&self) -> Option<Image> {
         let codes = &self.displayed.as_ref()?.codes;
         codes.decoded(self.plan.display.space).ok()
@@ -130,7 +131,7 @@ impl Renderer {
         };
         let job = DeviceQuad { width, height, color: source(quad.color), factor: quad.factor.map(source) };
         let (takes, display, frame) = (self.takes, self.plan.display, &mut self.window.color);
-        // The last picture's memory.
+        // Reuses the memory of the last picture.
         let mut codes = Codes { width, height, pixels: std::mem::take(&mut self.room_for_codes) };
         if takes == Takes::Codes {
             let backend = self.engines.raster.name();

@@ -1,4 +1,4 @@
-//! G-buffers that ray passes read where they were drawn.
+//! Sharing G-buffers: ray passes read them in the memory where they were drawn.
 
 use super::{Renderer, StepKind};
 use crate::backend::{Attachments, HandOver, Rect};
@@ -6,8 +6,8 @@ use crate::plan::Work;
 use std::time::Instant;
 
 impl Renderer {
-    /// Lets the rasteriser and the ray backend share the G-buffer of the first ray pass that can read it in place, where
-    /// both work on one device. Where they do not manage to, that is a warning, and the host copies.
+    /// Lets the rasteriser and the ray backend share the G-buffer of the first ray pass that can read it in place, if both run on
+    /// one device. If sharing fails, there is a warning, and the G-buffer is copied through the host.
     pub(super) fn join_engines(&mut self) {
         self.lent = false;
         self.join_gbuffer();
@@ -15,7 +15,8 @@ impl Renderer {
     }
 
     fn join_gbuffer(&mut self) {
-        // What is drawn in parts is not where a whole G-buffer would be; what several backends read passes through the host.
+        // A picture drawn in parts does not lie where the whole G-buffer would; for several backends the G-buffer passes through
+        // the host.
         if self.engines.differ() || self.plan.in_parts() || self.plan.block.is_some() {
             return;
         }
@@ -56,7 +57,7 @@ impl Renderer {
         }
     }
 
-    /// Whether one raster pass draws the whole of a target: then its attachments are the G-buffer.
+    /// Whether one raster pass draws the whole of a target, so that its attachments are the G-buffer.
     fn is_drawn_at_once(&self, target: usize) -> bool {
         let (width, height) = (self.plan.targets[target].width, self.plan.targets[target].height);
         let whole = Rect { x: 0, y: 0, width, height };
@@ -70,24 +71,24 @@ impl Renderer {
         viewports == [whole]
     }
 
-    /// Whether ray passes read the G-buffer of a target where it was drawn. False as soon as another backend has taken over.
+    /// Whether ray passes read the G-buffer of a target in place. False as soon as a fallback has taken over.
     pub(super) fn is_joined(&self, target: Option<usize>) -> bool {
         target.is_some() && target == self.joined
     }
 
-    /// What of a raster pass is read in host memory.
+    /// The attachments of a raster pass that are read in host memory.
     pub(super) fn in_host(&self, target: Option<usize>, host: Attachments, traced: Attachments) -> Attachments {
         let host = host.without(self.read_in_place(target));
         if self.is_joined(target) { host } else { host.union(traced) }
     }
 
-    /// What of a raster pass is brought into shared memory, or lent.
+    /// The attachments of a raster pass that are copied into shared memory, or lent.
     pub(super) fn in_shared_memory(&self, target: Option<usize>, traced: Attachments) -> Attachments {
         let traced = if self.is_joined(target) { traced } else { Attachments::default() };
         traced.union(self.read_in_place(target))
     }
 
-    /// Records what that took.
+    /// Records the time of a copy into shared memory.
     pub(super) fn record_hand_over(&mut self, name: &str, handed: HandOver) {
         self.drawn_value = handed.value;
         if self.joined.is_none() {

@@ -54,15 +54,15 @@ use std::time::Instant;
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum RenderError {
-    /// A scene that the project names in these places.
+    /// A scene could not be loaded.
     #[error("{place}: {error}")]
     Scene {
-        /// `project.xml:12:17`, for each of its files.
+        /// Where the project names the scene's files: `project.xml:12:17` for each.
         place: String,
-        /// What is wrong with it.
+        /// What is wrong with the scene.
         error: SceneError,
     },
-    /// A backend, while working for a pass.
+    /// A backend failed while it worked for a pass.
     #[error("pass `{pass}`{}: {error}", of_frame(*frame))]
     Pass {
         /// The pass.
@@ -72,40 +72,40 @@ pub enum RenderError {
         /// What went wrong.
         error: BackendError,
     },
-    /// Scenes and acceleration structure together do not fit.
+    /// Scene and acceleration structure together do not fit into the allowed memory.
     #[error(
         "{what} would take about {needed}, and {left} is left of --max-memory\n       raise --max-memory, or use a smaller scene"
     )]
     Memory {
         /// What was about to be built.
         what: String,
-        /// How much it would take.
+        /// How much memory it would take.
         needed: String,
-        /// What is left.
+        /// How much is left.
         left: String,
     },
-    /// Memory for targets, pictures or the acceleration structure.
+    /// There is no memory for targets, pictures or the acceleration structure.
     #[error(transparent)]
     Refused(#[from] Refused),
-    /// A picture that is written while it is rendered.
+    /// A picture could not be written while it was rendered.
     #[error(transparent)]
     Write(#[from] std::io::Error),
-    /// It was given up, as [`Renderer::cancellation`] asked; the passes that were done before stay.
+    /// The frame was cancelled through [`Renderer::cancellation`]. The results of passes that were complete stay.
     #[error("cancelled")]
     Cancelled,
-    /// What the plan asks for is more than an engine can do.
+    /// The plan exceeds the limits of an engine.
     #[error(transparent)]
     Plan(#[from] PlanError),
 }
 
-/// A scene that is loaded, and what passes see of its materials.
+/// A loaded scene, and its materials as passes see them.
 struct LoadedScenes {
     scene: Arc<RenderScene>,
-    /// By material, what it is as glass; empty where no pass asks.
+    /// Glass properties by material; empty if no pass asks for them.
     dielectrics: Vec<Dielectric>,
-    /// Image files that own shaders read: where they are among the scene's textures.
+    /// Image files that own shaders read, with their indices in the scene's textures.
     images: Vec<(PathBuf, u32)>,
-    /// Whether a pass that runs traces rays in it.
+    /// Whether a pass that runs traces rays in the scene.
     structure: bool,
 }
 
@@ -123,79 +123,79 @@ struct Surface {
     texture: Option<u32>,
 }
 
-/// What a pass needs of the materials, by material index.
+/// The materials as a pass sees them, by material index.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct PassMaterials {
-    /// What they look like.
+    /// Colours and textures.
     pub shades: Vec<Shade>,
-    /// Those whose back faces a raster pass leaves out; empty where there are none.
+    /// Whether a raster pass culls the back faces of a material; empty if it culls none.
     pub culled: Vec<bool>,
-    /// Those on which the rays of a ray pass bounce.
+    /// Whether rays of a ray pass bounce on the material.
     pub glass: Vec<bool>,
-    /// Those through which its shadow rays pass.
+    /// Whether shadow rays of a ray pass go through the material.
     pub shadow_glass: Vec<bool>,
-    /// What glass is, where the materials decide.
+    /// Glass properties, if the materials decide about glass.
     pub dielectrics: Vec<Dielectric>,
-    /// What rays do that start at the camera.
+    /// How rays that start at the camera behave at the material.
     pub surfaces: Vec<SurfaceKind>,
-    /// What own shaders draw of a raster pass; empty where there are none.
+    /// Materials that own shaders draw in a raster pass; empty if there are none.
     own: Vec<Option<Surface>>,
 }
 
-/// What was decided about scenes, and what was left out of them.
+/// Decisions about scenes, and warnings about parts that were left out.
 #[derive(Debug, Clone, Default)]
 struct SceneNotes {
     decisions: Vec<Decision>,
     warnings: Warnings,
 }
 
-/// A plan with everything loaded and built, ready to render frames.
+/// A plan with its scenes loaded and its structures built, ready to render frames.
 pub struct Renderer {
     plan: Plan,
     engines: Engines,
     scenes: Vec<LoadedScenes>,
-    /// Image files that own shaders of quads have read.
+    /// Image files that own shaders of quads read.
     quad_images: Vec<(PathBuf, Texture)>,
-    /// By planned pass.
+    /// The materials as each planned pass sees them.
     materials: Vec<PassMaterials>,
     targets: Vec<GBuffer>,
     window: GBuffer,
-    /// What was decided and left out when the scenes were loaded.
+    /// Decisions and warnings from loading the scenes.
     scene_notes: SceneNotes,
-    /// The scene sets that the rasteriser and the ray backend hold now.
+    /// Index of the scene set in the rasteriser, and of the one in the ray backends.
     uploaded: Option<usize>,
     built: Option<usize>,
-    /// By material: what may let rays through, in the structure that is built.
+    /// By material: whether rays may pass through it in the structure that is built.
     built_filtered: Vec<bool>,
     /// The target whose G-buffer the rasteriser and the ray backend share.
     joined: Option<usize>,
-    /// Whether they do so since the rasteriser lends it, on a device that both use.
+    /// Whether they share it by the rasteriser's own attachments (lent), instead of by shared memory.
     lent: bool,
-    /// What its semaphore reaches when the last G-buffer is there.
+    /// Value of the shared memory's semaphore once the last G-buffer is complete.
     handed_over: u64,
-    /// The quad that the rasteriser's device may fill, and the number of what it drew last for it.
+    /// The quad that the rasteriser's device may fill, and the number of the rasteriser's last draw for it.
     showing: Option<ShowingQuad>,
     drawn_value: u64,
-    /// What of the frame that is rendered is taken.
+    /// What the caller takes of the current frame.
     takes: Takes,
-    /// The picture of the last frame, where a device displayed it.
+    /// The picture of the last frame, if a device converted it to display codes.
     displayed: Option<DisplayedWindow>,
     room_for_codes: Vec<[u8; 4]>,
-    /// Frames begun.
+    /// Number of frames begun.
     frame: u32,
-    /// The part of the picture that the targets hold: an index of its list.
+    /// Index of the part of the picture that the targets hold.
     part: usize,
-    /// Of several samples a pixel, the one that passes render.
+    /// Number of the sample that passes render, of several samples a pixel.
     sample: u32,
-    /// By index of the pipeline: what each pass was given when it last ran, where its picture is still there.
+    /// By index of the pipeline: the inputs of each pass's last run; `None` if its picture no longer exists.
     ran: Vec<Option<dirty::Given>>,
-    /// Indices into the plan's passes: those that the last frame ran.
+    /// The passes that the last frame ran, as indices into the plan's passes.
     passes_run: Vec<usize>,
-    /// What was set since the last frame.
+    /// The plan of what was set since the last frame.
     next: Option<Plan>,
-    /// What was set that no [`Settings`] hold, for when the project is read again.
+    /// Changes to the project that no [`Settings`] hold; they are applied again when the project is read again.
     edits: Vec<change::Edit>,
-    /// Whether files are to be read again.
+    /// Whether the scene files must be read again.
     stale: bool,
     shows_everything: bool,
     cancellation: Cancellation,
@@ -258,36 +258,36 @@ impl Renderer {
         Ok(renderer)
     }
 
-    /// The plan of the last frame, with the decisions that depend on the scene. What was set since is not in it.
+    /// The plan of the last frame, with the decisions that depend on the scene. Settings made since are not in it.
     #[must_use]
     pub fn plan(&self) -> &Plan {
         &self.plan
     }
 
-    /// Every choice and its reason.
+    /// Every decision with its reason.
     #[must_use]
     pub fn decisions(&self) -> &[Decision] {
         &self.plan.decisions
     }
 
-    /// Every step so far.
+    /// The times of all steps so far.
     #[must_use]
     pub fn timeline(&self) -> &Timeline {
         &self.timeline
     }
 
-    /// Forgets the times of the frames so far: what follows a warm-up is measured by itself.
+    /// Forgets the times of the frames so far, such as those of a warm-up.
     pub fn forget_frames(&mut self) {
         self.timeline.forget_frames();
     }
 
-    /// What was left out or replaced while loading.
+    /// Warnings about contents that were left out or replaced while loading.
     #[must_use]
     pub fn warnings(&self) -> &Warnings {
         &self.warnings
     }
 
-    /// What does the work.
+    /// The rasteriser and the ray backends.
     #[must_use]
     pub fn engines(&self) -> &Engines {
         &self.engines
@@ -298,7 +298,7 @@ impl Renderer {
         self.scenes.iter().map(|loaded| &loaded.scene)
     }
 
-    /// What the pass at an index of [`Plan::passes`] sees of the materials of its scenes.
+    /// The materials of its scenes as the pass at an index of [`Plan::passes`] sees them.
     ///
     /// # Panics
     /// If there is no such pass.
@@ -307,7 +307,7 @@ impl Renderer {
         &self.materials[index]
     }
 
-    /// Who may ask to give a frame up while it is rendered.
+    /// A handle with which another thread can cancel a frame while it is rendered.
     #[must_use]
     pub fn cancellation(&self) -> Cancellation {
         self.cancellation.clone()
@@ -318,9 +318,9 @@ impl Renderer {
         self.passes_run.iter().map(|index| self.plan.pass(&self.plan.passes[*index]).name.as_str())
     }
 
-    /// The picture with all that was set: runs the passes that were given something else since they last ran, and those that depend on
-    /// them. It equals, bit for bit, that of [`Self::frame`]. A picture that is rendered in bands is rendered as a whole, and one of
-    /// several samples a pixel runs every pass again or none.
+    /// The up-to-date picture: runs the passes whose inputs changed since they last ran, and those that depend on them. It equals
+    /// the picture of [`Self::frame`], bit for bit. A picture rendered in bands is rendered anew as a whole, and with several
+    /// samples a pixel either all passes run or none.
     ///
     /// # Errors
     /// As [`Self::frame`].
@@ -349,10 +349,10 @@ impl Renderer {
         Ok(())
     }
 
-    /// Renders a frame, every pass of it, and returns the window's picture: of several samples a pixel the mean.
+    /// Renders a frame, with every pass, and returns the window's picture; with several samples a pixel it is their mean.
     ///
     /// # Errors
-    /// If a backend fails and no other may stand in for it; names the pass and the frame. What was rendered before stays.
+    /// If a backend fails and there is no fallback; the error names pass and frame. Earlier results stay.
     pub fn frame(&mut self, observer: &mut dyn Observer) -> Result<Image, RenderError> {
         self.settle(observer)?;
         let parts = self.plan.parts.clone();
@@ -370,7 +370,7 @@ impl Renderer {
         Ok(Image { width: parts.crop.width, height: parts.crop.height, pixels })
     }
 
-    /// [`Self::frame`] without a copy of the picture: of one that is rendered in bands only the last one is kept.
+    /// [`Self::frame`] without a copy of the picture. Of a picture rendered in bands only the last band is kept.
     ///
     /// # Errors
     /// As [`Self::frame`].
@@ -384,12 +384,12 @@ impl Renderer {
         Ok(())
     }
 
-    /// For frames that run every pass.
+    /// The set of all passes, for frames that run every pass.
     fn all_passes(&self) -> Vec<bool> {
         vec![true; self.plan.passes.len()]
     }
 
-    /// Runs passes for one sample of every pixel of a part of the picture: those that `run` says, by index of the plan.
+    /// Runs passes for one sample of every pixel of a part of the picture. `run` says by index of the plan which passes run.
     fn draw_sample(
         &mut self,
         part: usize,
@@ -420,12 +420,12 @@ impl Renderer {
         Ok(())
     }
 
-    /// Notes what a pass that is done was given.
+    /// Records the inputs of a pass that is done.
     fn note_run(&mut self, index: usize, part: usize) {
         if part == 0 {
             self.passes_run.push(index);
         }
-        // Of several parts only the last is there; of a window that a device displayed, there are no floats.
+        // Of several parts only the last remains, and a window displayed by a device has no floats: then nothing is recorded.
         let displayed = self.displayed.is_some() && self.plan.pass(&self.plan.passes[index]).target.is_none();
         if self.plan.parts.list.len() == 1 && !displayed {
             self.ran[self.plan.passes[index].pass] = Some(self.given(index));
@@ -437,7 +437,7 @@ impl Renderer {
         self.check_cancelled()?;
         let planned = self.for_sample(&self.plan.passes[index]);
         let name = self.plan.pass(&planned).name.clone();
-        // What it leaves if it fails is nobody's picture.
+        // If the pass fails, its target holds no valid picture.
         self.ran[planned.pass] = None;
         let frame = Some(self.frame);
         let result = match &planned.work {
@@ -475,8 +475,8 @@ impl Renderer {
         Arc::new(Progress::until(&self.cancellation))
     }
 
-    /// The picture as the last frame left it, what is cut off left out; black before the first. Of one that is rendered in
-    /// bands, the last band; of one that a device displayed ([`Self::displayed_frame`]), its 8-bit codes.
+    /// The written part of the last frame's picture; black before the first frame. Of a picture rendered in bands it is the last
+    /// band; of one that a device displayed ([`Self::displayed_frame`]) it is decoded from 8-bit codes.
     ///
     /// # Panics
     /// If there is no memory for it.
@@ -486,7 +486,7 @@ impl Renderer {
         self.displayed_image().unwrap_or_else(|| picture().unwrap_or_else(|error| panic!("{error}")))
     }
 
-    /// A channel that the plan keeps for inspection or for a later pass.
+    /// The pixels of a channel that the plan keeps for inspection or for a later pass.
     #[must_use]
     pub fn channel(&self, channel: ChannelRef) -> &[[f32; 4]] {
         channel_of(&self.targets[channel.target], channel.channel)
@@ -508,7 +508,7 @@ impl Renderer {
         let start = Instant::now();
         let mut buffer = std::mem::take(self.buffer(target));
         let width = buffer.width;
-        // Of a part all is filled: passes that fill a part of the whole are not rendered in parts.
+        // In parts the whole buffer is filled: passes with a viewport of their own are not rendered in parts.
         let viewport = match self.plan.in_parts() {
             true => Rect { x: 0, y: 0, width, height: buffer.height },
             false => viewport,
@@ -530,7 +530,7 @@ impl Renderer {
         filled
     }
 
-    /// Writes what a pass that is switched off leaves in the place of its picture.
+    /// Writes the substitute for the picture of a pass that is switched off.
     fn switched_off(&mut self, planned: &PlannedPass, name: &str, instead: Instead, observer: &mut dyn Observer) {
         let target = self.plan.pass(planned).target;
         observer.begin(StepKind::Quad, name, &Arc::new(Progress::default()));
@@ -561,7 +561,7 @@ impl Renderer {
         Attachments { color: half(0), position: half(1), normal: half(2), triangle: false }
     }
 
-    /// What a later pass reads has the precision of the declared format. The window keeps its floats until it is written.
+    /// Rounds a target to its declared formats, whose precision later passes read. The window keeps its floats until it is written.
     fn round_to_formats(&mut self, target: Option<usize>) {
         let Some(target) = target else { return };
         let buffer = &mut self.targets[target];
@@ -576,7 +576,7 @@ impl Renderer {
         light.direction.map(|direction| Sun { direction, color: light.color })
     }
 
-    /// The light at its place, relative to the origin of the scenes.
+    /// A point light, relative to the origin of the scenes; `None` for directional lights.
     fn lamp(&self, light: usize) -> Option<Lamp> {
         let light = &self.plan.project.lights[light];
         let position = (light.position? - self.plan.origin).as_vec3();

@@ -1,4 +1,4 @@
-//! Who is told what a renderer does.
+//! Observers of a renderer.
 
 use super::engines::Fallback;
 use super::output::{Output, Triangles};
@@ -8,11 +8,11 @@ use crate::image::Image;
 use crate::progress::Progress;
 use std::sync::Arc;
 
-/// Told when steps begin and end, to show progress, and what passes write, to look into it.
+/// Notified when steps begin and end, in order to show progress, and of what passes write, in order to inspect it.
 pub trait Observer {
-    /// A step begins; `progress` moves while it runs, if the step can tell.
+    /// A step begins. `progress` advances while it runs, if the step can report progress.
     fn begin(&mut self, kind: StepKind, name: &str, progress: &Arc<Progress>);
-    /// It ended.
+    /// The step ended.
     fn end(&mut self);
     /// A pass wrote a channel.
     fn wrote(&mut self, output: &Output<'_>) {
@@ -22,21 +22,21 @@ pub trait Observer {
     fn wrote_triangles(&mut self, triangles: &Triangles<'_>) {
         let _ = triangles;
     }
-    /// A ray pass ran; the picture is not yet rounded to the format of its target.
+    /// A ray pass ran. `picture` is not yet rounded to the format of its target.
     fn traced(&mut self, pass: &str, job: &RayJob<'_>, picture: &Image) {
         let _ = (pass, job, picture);
     }
-    /// Whether to show ([`Self::wrote`]) what was accumulated so far, after each batch of samples.
+    /// Whether the accumulated picture is wanted ([`Self::wrote`]) after each batch of samples.
     fn wants_picture(&mut self) -> bool {
         false
     }
-    /// A ray backend failed, and another takes its place.
+    /// A ray backend failed and another one took over.
     fn fell_back(&mut self, fallback: &Fallback) {
         let _ = fallback;
     }
 }
 
-/// Shows nothing.
+/// An observer that ignores everything.
 #[derive(Debug, Default, Clone, Copy)]
 pub struct Silent;
 

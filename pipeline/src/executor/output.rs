@@ -1,64 +1,64 @@
-//! What passes write, and whether it is made of numbers that mean something.
+//! The outputs of passes, and checks for invalid values in them.
 
 use crate::backend::NO_TRIANGLE;
 use rayon::prelude::*;
 
-/// How far a normal's length may be from 1: what 16-bit floats and the interpolation of unit normals leave.
+/// Tolerance of a normal's length: the error from 16-bit floats and from interpolating unit normals.
 const NORMAL_TOLERANCE: f32 = 1e-2;
 
-/// What the pixels of an output may be. A value that is not a number or infinite is wrong everywhere.
+/// The valid values of an output. NaN and infinities are always invalid.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Range {
-    /// Every channel is 0 or more. All may be above 1, alpha too: the raster pass lights the four channels alike.
+    /// Every channel is 0 or more. All may exceed 1, even alpha, because the raster pass lights all four channels alike.
     Color,
-    /// Every channel is a share, 0..=1: light that arrives, openness.
+    /// Every channel is a share in 0..=1, such as visibility of the light or ambient occlusion.
     Share,
-    /// A position, of which every finite one is possible; the fourth channel is a cosine, 0..=1.
+    /// A position; every finite value is valid. The fourth channel is a cosine, 0..=1.
     Position,
-    /// A unit vector (its length within 0.01 of 1) and 0, or all 0 where nothing is seen.
+    /// A unit vector (its length within 0.01 of 1) and a fourth channel of 0; or all 0 where no surface is seen.
     Normal,
 }
 
-/// A channel of a render target, or of the window, as a pass left it.
+/// A channel of a render target, or the window, as a pass left it.
 #[derive(Debug, Clone)]
 pub struct Output<'a> {
     /// The pass that wrote it.
     pub pass: &'a str,
-    /// `library::texture`, or `window`.
+    /// Name of the channel: `library::texture`, or `window`.
     pub channel: String,
-    /// What its pixels may be.
+    /// The valid values.
     pub range: Range,
     /// Pixels a row.
     pub width: u32,
     /// Rows.
     pub height: u32,
-    /// Top row first, rounded to the declared format: what later passes read.
+    /// The pixels, top row first, rounded to the declared format as later passes read them.
     pub pixels: &'a [[f32; 4]],
 }
 
-/// What is wrong with the values of one component of an output.
+/// Counts of invalid values of one component of an output.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, serde::Serialize)]
 pub struct Faults {
     /// Values that are not a number.
     pub nan: u64,
     /// Values that are infinite.
     pub infinite: u64,
-    /// Values below 0 where 0 is the least, as of colours and shares.
+    /// Negative values where the least valid one is 0, as in colours and shares.
     pub negative: u64,
     /// Other finite values outside the range.
     pub out_of_range: u64,
-    /// Index of the first pixel with any of them.
+    /// Index of the first pixel with an invalid value.
     pub first: Option<usize>,
 }
 
 impl Faults {
-    /// All of them.
+    /// Number of all invalid values.
     #[must_use]
     pub fn total(&self) -> u64 {
         self.nan + self.infinite + self.negative + self.out_of_range
     }
 
-    /// Counts a value that has to be in `low..=high`.
+    /// Checks a value that must be in `low..=high`.
     fn count(&mut self, index: usize, value: f32, low: f32, high: f32) {
         let counter = if value.is_nan() {
             &mut self.nan
@@ -75,7 +75,7 @@ impl Faults {
         self.first.get_or_insert(index);
     }
 
-    /// The sum of two counts, of parts of an output or of frames.
+    /// The sum of two counts: of two parts of an output, or of two frames.
     #[must_use]
     pub fn and(self, later: Self) -> Self {
         Self {
@@ -102,7 +102,7 @@ impl Output<'_> {
         }
     }
 
-    /// Counts what is wrong, by component. A normal of a wrong length is counted once, in its first component.
+    /// Counts invalid values by component. A normal of a wrong length is counted once, in its first component.
     #[must_use]
     pub fn faults(&self) -> [Faults; 4] {
         let count = |(index, pixel): (usize, &[f32; 4])| {
@@ -138,16 +138,16 @@ impl Output<'_> {
 pub struct Triangles<'a> {
     /// The pass.
     pub pass: &'a str,
-    /// How many triangles its scene has; ids are below this, or [`NO_TRIANGLE`].
+    /// Number of triangles in the pass's scene. Valid ids are below this, or [`NO_TRIANGLE`].
     pub count: usize,
     /// Pixels a row.
     pub width: u32,
-    /// The ids.
+    /// The ids of all pixels, top row first.
     pub ids: &'a [u32],
 }
 
 impl Triangles<'_> {
-    /// Ids that name no triangle.
+    /// Counts ids that name no triangle.
     #[must_use]
     pub fn faults(&self) -> Faults {
         let mut faults = Faults::default();
@@ -198,7 +198,7 @@ mod tests {
             Faults { out_of_range: 1, first: Some(0), ..clean }
         );
         assert_eq!(faults(Range::Share, &[[1.5, 0.5, -0.5, 1.0]]).map(|faults| faults.total()), [1, 0, 1, 0]);
-        // A colour may be above 1, a share may not; a position may be negative, its cosine may not.
+        // Colours may exceed 1 and shares may not; positions may be negative and their cosine may not.
         assert_eq!(faults(Range::Color, &[[1.5, 0.5, 0.5, 1.0]]), [clean; 4]);
         assert_eq!(faults(Range::Position, &[[-1.0, 0.0, 0.0, -0.5]])[3].negative, 1);
         assert_eq!(faults(Range::Normal, &[[0.5, 0.5, 0.5, 0.0]])[0].out_of_range, 1);

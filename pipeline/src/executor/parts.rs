@@ -1,4 +1,4 @@
-//! Rendering a picture part by part, and drawing in blocks what is larger than a rasteriser can draw.
+//! Rendering a picture part by part, and drawing targets beyond the rasteriser's limits in blocks.
 
 use super::{Observer, Progress, RenderError, Renderer};
 use crate::backend::{Attachments, BackendError, GBuffer, NO_TRIANGLE, RasterJob, Rasteriser, Rect, View};
@@ -8,7 +8,7 @@ use glam::{DMat4, DVec4};
 use std::io;
 use std::time::{Duration, Instant};
 
-/// What two rectangles have in common.
+/// The intersection of two rectangles; `None` if it is empty.
 fn common(a: Rect, b: Rect) -> Option<Rect> {
     let (x, y) = (a.x.max(b.x), a.y.max(b.y));
     let (right, bottom) = ((a.x + a.width).min(b.x + b.width), (a.y + a.height).min(b.y + b.height));
@@ -16,7 +16,7 @@ fn common(a: Rect, b: Rect) -> Option<Rect> {
 }
 
 impl GBuffer {
-    /// Holds another part of the picture from now on; what is in it is not defined until it is drawn.
+    /// Makes the buffer hold another part of the picture. Its contents are undefined until they are drawn.
     fn place(&mut self, part: Rect) -> Result<(), Refused> {
         let pixels = part.width as usize * part.height as usize;
         for channel in [&mut self.color, &mut self.position, &mut self.normal] {
@@ -33,7 +33,7 @@ impl GBuffer {
 }
 
 impl Renderer {
-    /// A frame begins.
+    /// Begins a frame.
     pub(super) fn begin_frame(&mut self) {
         self.frame = self.frame.saturating_add(1);
         self.given_up = false;
@@ -45,19 +45,19 @@ impl Renderer {
         }
     }
 
-    /// Whether passes run more than once a frame: for parts of the picture, or for samples of every pixel.
+    /// Whether passes run more than once a frame: for parts of the picture, or for several samples a pixel.
     fn runs_often(&self) -> bool {
         self.plan.parts.list.len() > 1 || self.samples().are_several()
     }
 
-    /// All parts of a frame are done.
+    /// Ends a frame after its last part.
     pub(super) fn end_frame(&mut self) {
         if self.runs_often() {
             self.timeline.end_parts();
         }
     }
 
-    /// Lets the targets hold a part of the picture.
+    /// Makes the targets hold a part of the picture.
     pub(super) fn place_targets(&mut self, part: usize) -> Result<(), Refused> {
         self.part = part;
         if self.plan.in_parts() {
@@ -67,20 +67,20 @@ impl Renderer {
         Ok(())
     }
 
-    /// A copy of what the window holds of a rectangle of the picture.
+    /// A copy of a rectangle of the picture, from the window.
     pub(super) fn picture(&self, rectangle: Rect) -> Result<Image, Refused> {
         let mut pixels = memory::with_capacity(rectangle.width as usize * rectangle.height as usize)?;
         self.copy_rows(rectangle, &mut pixels);
         Ok(Image { width: rectangle.width, height: rectangle.height, pixels })
     }
 
-    /// Appends what the window holds of a rectangle of the picture.
+    /// Appends a rectangle of the picture, from the window, to `pixels`.
     pub(super) fn copy_rows(&self, rectangle: Rect, pixels: &mut Vec<[f32; 4]>) {
         append(self.window.held(), &self.window.color, rectangle, pixels);
     }
 
-    /// The views and viewports that a raster pass is drawn with into a target: its own, or blocks of it where the rasteriser
-    /// cannot draw it at once.
+    /// Views and viewports with which a raster pass is drawn into a target: the given ones, or one pair for each block if the
+    /// rasteriser cannot draw the target at once.
     pub(super) fn blocks(&self, view: View, viewport: Rect, target: &GBuffer) -> Vec<(View, Rect)> {
         let Some(side) = self.plan.block else { return vec![(view, viewport)] };
         let held = target.held();
@@ -91,14 +91,14 @@ impl Renderer {
         seen.map(|block| (view_of_block(view, viewport, block), block)).collect()
     }
 
-    /// Renders a frame into an encoder that asks for its rows.
+    /// Renders a frame for an encoder that requests its rows.
     pub(super) fn rows<'a>(&'a mut self, observer: &'a mut dyn Observer) -> PartRows<'a> {
         self.begin_frame();
         PartRows { renderer: self, observer, next: 0, given: 0, rows: Vec::new(), told: Told::default() }
     }
 }
 
-/// Appends a rectangle of the picture from the pixels of `held`, in which it lies.
+/// Appends a rectangle of the picture to `pixels`. `channel` holds the pixels of `held`, which contains the rectangle.
 pub(super) fn append(held: Rect, channel: &[[f32; 4]], rectangle: Rect, pixels: &mut Vec<[f32; 4]>) {
     let (left, top) = ((rectangle.x - held.x) as usize, (rectangle.y - held.y) as usize);
     let rows = channel.chunks_exact((held.width as usize).max(1)).skip(top).take(rectangle.height as usize);
@@ -107,16 +107,16 @@ pub(super) fn append(held: Rect, channel: &[[f32; 4]], rectangle: Rect, pixels: 
     }
 }
 
-/// The camera of a block of a viewport: what it sees fills the block.
+/// The camera of a block of a viewport: its clip space spans the block instead of the whole viewport.
 fn view_of_block(view: View, whole: Rect, block: Rect) -> View {
     let axis = |start: u32, length: u32, first: u32, side: u32| {
         let [length, side] = [length, side].map(f64::from);
         let before = f64::from(first - start);
-        // From -1..1 over the whole to -1..1 over the block.
+        // Maps -1..1 over the whole viewport to -1..1 over the block.
         (length / side, (length - 2.0 * before - side) / side)
     };
     let (across, right) = axis(whole.x, whole.width, block.x, block.width);
-    // Rows count downwards, the axis goes up.
+    // Rows count downwards, while the y axis points up.
     let (up, down) = axis(whole.y, whole.height, block.y, block.height);
     let to_block = DMat4::from_cols(
         DVec4::new(across, 0.0, 0.0, 0.0),
@@ -127,7 +127,7 @@ fn view_of_block(view: View, whole: Rect, block: Rect) -> View {
     view.mapped(to_block)
 }
 
-/// Draws a job block by block, and returns the triangles submitted.
+/// Draws a job block by block; returns the number of triangles submitted.
 pub(super) fn draw_blocks(
     raster: &mut dyn Rasteriser,
     job: &RasterJob<'_>,
@@ -150,33 +150,33 @@ pub(super) fn draw_blocks(
     Ok(triangles)
 }
 
-/// The rows of a frame, rendered when they are asked for.
+/// The rows of a frame, rendered on request.
 pub(super) struct PartRows<'a> {
     renderer: &'a mut Renderer,
     observer: &'a mut dyn Observer,
-    /// The part that is rendered next.
+    /// The next part to render.
     next: usize,
-    /// Rows of the last one that were handed out.
+    /// Rows of the current part that were handed out.
     given: u32,
     rows: Vec<[f32; 4]>,
     told: Told,
 }
 
-/// What became of a frame whose rows were asked for.
+/// Result of a frame whose rows were requested by an encoder.
 #[derive(Debug, Default)]
 pub(super) struct Told {
     /// Why rendering ended early.
     pub failed: Option<RenderError>,
-    /// Pixels with a value that is not finite.
+    /// Number of pixels with a value that is not finite.
     pub not_finite: usize,
-    /// The colours of its pixels.
+    /// Whether the pixels have no, one or several colours.
     pub colors: Colors,
-    /// What rendering took.
+    /// Time spent rendering.
     pub took: Duration,
 }
 
 impl PartRows<'_> {
-    /// When the encoder is done.
+    /// The result, once the encoder is done.
     pub fn told(self) -> Told {
         self.told
     }

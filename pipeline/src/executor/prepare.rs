@@ -1,4 +1,4 @@
-//! Loading scenes, resolving materials, and handing both to the backends.
+//! Loads scenes, resolves materials, and hands both to the engines.
 
 use super::shaders;
 use super::{LoadedScenes, Observer, PassMaterials, Progress, RenderError, Renderer, SceneNotes, StepKind};
@@ -17,7 +17,7 @@ use glam::{DVec3, Vec3, Vec4};
 use std::sync::Arc;
 use std::time::Instant;
 
-/// The window before the first frame: black and opaque.
+/// The window before the first frame: opaque black.
 pub(super) fn window([width, height]: [u32; 2]) -> Result<GBuffer, Refused> {
     let mut window = GBuffer::try_new(width, height, Attachments { color: true, ..Attachments::default() })?;
     window.color.fill([0.0, 0.0, 0.0, 1.0]);
@@ -25,15 +25,15 @@ pub(super) fn window([width, height]: [u32; 2]) -> Result<GBuffer, Refused> {
 }
 
 impl Renderer {
-    /// Loads every scene set, resolves what each pass sees of its materials, uploads and builds for the first pass of
-    /// each kind.
+    /// Loads every scene set, resolves the materials for each pass, then uploads for the first raster pass and builds for the first
+    /// ray pass.
     pub(super) fn prepare(&mut self, observer: &mut dyn Observer) -> Result<(), RenderError> {
         self.check_drawn()?;
         self.load_scenes(observer)?;
         for index in 0..self.plan.passes.len() {
             self.resolve_materials(index);
         }
-        // What the scene's glass takes is known only now.
+        // The glass features that the scenes need are known only now.
         if let Some((pass, error)) = self.unsupported() {
             self.stand_in(&pass, error, observer)?;
         }
@@ -58,7 +58,7 @@ impl Renderer {
         Ok(())
     }
 
-    /// Refuses what the rasteriser does not draw.
+    /// Fails if the rasteriser cannot draw something in the plan (exact spheres, own shaders).
     pub(super) fn check_drawn(&self) -> Result<(), RenderError> {
         let raster = &*self.engines.raster;
         match self.plan.undrawn_spheres(raster).or_else(|| self.plan.undrawn_shaders(raster)) {
@@ -67,11 +67,11 @@ impl Renderer {
         }
     }
 
-    /// Loads every scene set, and keeps what was decided and left out.
+    /// Loads every scene set, and stores decisions and warnings about them.
     pub(super) fn load_scenes(&mut self, observer: &mut dyn Observer) -> Result<(), RenderError> {
         let before = std::mem::take(&mut self.warnings);
         let decided = self.plan.decisions.len();
-        // The report's programs know no other origin; its noise depends on it.
+        // The report's programs know no other origin than 0; their noise depends on it.
         let mut origin = (self.plan.settings.fidelity == Fidelity::Thesis).then_some(DVec3::ZERO);
         for set in self.plan.scene_sets.clone() {
             let mut scene = self.load(&set, &mut origin, observer)?;
@@ -94,7 +94,8 @@ impl Renderer {
         Ok(())
     }
 
-    /// What each material of a scene set is as glass, if a pass of it asks; printed with the plan's decisions.
+    /// The glass properties of each material of a scene set, if a pass asks for them. The choices are added to the plan's
+    /// decisions.
     fn decide_glass(&mut self, set: usize, scene: &mut RenderScene) -> Vec<Dielectric> {
         let asks = |planned: &&PlannedPass| {
             matches!(planned.work, Work::Rays { scene_set, .. } if scene_set == set)
@@ -109,7 +110,7 @@ impl Renderer {
         dielectrics
     }
 
-    /// Loads a set. The first scene that is loaded decides where the origin is, those that follow take it.
+    /// Loads a scene set. The first scene loaded chooses the origin, and the later ones use it too.
     fn load(
         &mut self,
         set: &[usize],
@@ -155,7 +156,7 @@ impl Renderer {
             self.warnings.append(std::mem::take(&mut loaded.warnings));
             let thesis = self.plan.settings.fidelity == Fidelity::Thesis;
             if thesis {
-                // The report's programs cut nothing out; textures get plain mip levels.
+                // The report's programs have no alpha test, so textures get plain mip levels.
                 loaded.materials.iter_mut().for_each(|material| material.alpha_cutoff = None);
             }
             let (needs, model_space_normals) = (self.plan.needs, thesis);
@@ -179,7 +180,8 @@ impl Renderer {
         let corrected = self.plan.settings.fidelity == Fidelity::Corrected;
         let (set, colors) = match (&planned.work, &pass.kind) {
             (Work::Raster { scene_set, .. }, PassKind::Raster(raster)) => (*scene_set, &raster.colors),
-            // A program that shades no hit reads no colour: what materials are mapped to must not cost them their holes.
+            // A program that does not shade hits reads no colours; the pass's colour maps must then not remove the holes of
+            // materials.
             (Work::Rays { scene_set, .. }, PassKind::Ray(ray)) => {
                 let shades_hits = ray.program.info().material_attributes.contains(&"diffuse");
                 (*scene_set, if shades_hits { &ray.colors } else { const { &Vec::new() } })
@@ -203,11 +205,11 @@ impl Renderer {
         if let PassKind::Raster(raster) = &pass.kind {
             resolved.own = shaders::surfaces(raster, materials, &resolved.shades, &colors);
         }
-        // The report's programs draw both sides of everything.
+        // The report's programs draw both sides of every surface.
         if let PassKind::Raster(_) = &pass.kind
             && corrected
         {
-            // The inner side of a body is seen from inside it.
+            // A solid body is seen from inside too, so its back faces are kept.
             let solid =
                 |index: usize| matches!(self.scenes[set].dielectrics.get(index), Some(d) if d.shape == Shape::Solid);
             let culled = |(index, material): (usize, &Material)| material.single_sided && !solid(index);
@@ -229,7 +231,8 @@ impl Renderer {
                 resolved.dielectrics = self.scenes[set].dielectrics.clone();
                 let table = resolved.dielectrics.iter_mut().zip(&mut resolved.glass).zip(&mut resolved.shadow_glass);
                 for ((dielectric, glass), shadow_glass) in table {
-                    // What a project names and no property makes glass is the report's pane.
+                    // A material that the project names as glass, but whose properties do not make it glass, is a pane as in the
+                    // report.
                     if *glass && dielectric.shape == Shape::Opaque {
                         dielectric.shape = Shape::Pane;
                     }
@@ -275,8 +278,8 @@ impl Renderer {
         Ok(())
     }
 
-    /// Builds the acceleration structures of a scene set for a pass, unless they are built already or no pass traces in it; with
-    /// another backend where one fails and another is allowed.
+    /// Builds the acceleration structures of a scene set, unless they are built already or no pass traces in it. If a backend
+    /// fails, an allowed fallback takes over.
     pub(super) fn build_or_stand_in(
         &mut self,
         set: usize,
@@ -290,7 +293,7 @@ impl Renderer {
             if self.built == Some(set) || !self.scenes[set].structure {
                 return Ok(());
             }
-            // A backend releases what it held before.
+            // A backend releases its previous structure.
             self.built = None;
             let filtered = self.filtered_materials(set);
             let mut passes = self.engines.first_traced(&self.plan, Some(set));
@@ -312,7 +315,7 @@ impl Renderer {
         }
     }
 
-    /// Builds the structure of a scene set in the ray backend of a pass.
+    /// Builds the structure of a scene set in the ray backend that a pass uses.
     fn build(
         &mut self,
         set: usize,
@@ -335,7 +338,7 @@ impl Renderer {
         Ok(())
     }
 
-    /// By material: whether a ray pass may let a ray through a triangle of it.
+    /// By material: whether rays of some ray pass may pass through its triangles.
     pub(super) fn filtered_materials(&self, set: usize) -> Vec<bool> {
         let mut filtered = vec![false; self.scenes[set].scene.materials.len()];
         for (planned, materials) in self.plan.passes.iter().zip(&self.materials) {
@@ -368,14 +371,14 @@ impl Renderer {
                 left: mebibytes(left),
             });
         }
-        // The builder's lists are a crate's, which takes what it gets.
+        // The BVH builder is another crate, which allocates without a check: test first whether the memory is there.
         memory::probe(needed)?;
         Ok(())
     }
 }
 
 impl PassMaterials {
-    /// What rays that start at the camera do at each material.
+    /// How rays that start at the camera behave at each material.
     fn start_at_camera(&mut self, start: &CameraStart, materials: &[Material]) {
         let kind = |material: &Material| {
             let named = start.surfaces.iter().rfind(|(pattern, _)| pattern.matches(&material.name));
@@ -391,7 +394,7 @@ impl PassMaterials {
     }
 }
 
-/// Whether a pass with `shadow=caustic` finds spheres that focus light.
+/// Decision whether a pass with `shadow=caustic` has spheres that focus light.
 fn caustics(pass: &str, spheres: &[Sphere], dielectrics: &[Dielectric]) -> Decision {
     let bends = |sphere: &&Sphere| {
         let dielectric = dielectrics.get(sphere.material as usize);
@@ -405,7 +408,7 @@ fn caustics(pass: &str, spheres: &[Sphere], dielectrics: &[Dielectric]) -> Decis
     Decision { what: format!("caustics for pass `{pass}`"), built: count > 0, why }
 }
 
-/// Colours of a project are display values.
+/// Converts the colours of a project's maps from display values to a colour space.
 fn in_space(colors: &[ColorMap], space: ColorSpace) -> Vec<ColorMap> {
     let made = |map: &ColorMap| ColorMap {
         diffuse: map.diffuse.map(|color| space.of_display(color)),
@@ -415,7 +418,8 @@ fn in_space(colors: &[ColorMap], space: ColorSpace) -> Vec<ColorMap> {
     colors.iter().map(made).collect()
 }
 
-/// A map of the project recolours a surface and leaves its shape: cutoffs are of the material's own opacity.
+/// The colours of a material in a pass. A colour map of the project changes the colours but not the shape: alpha cutoffs use the
+/// material's own opacity.
 fn shade(material: &Material, colors: &[ColorMap], corrected: bool) -> Shade {
     let mut shade = Shade {
         diffuse: material.diffuse,

@@ -1,4 +1,4 @@
-//! Quad passes: filling a rectangle from one texture, or from the product of two.
+//! Quad passes: fill a rectangle from one texture, or from the product of two.
 
 use crate::backend::Rect;
 use crate::image::Image;
@@ -6,7 +6,7 @@ use crate::progress::Progress;
 use crate::project::{ChannelRef, QuadSource};
 use rayon::prelude::*;
 
-/// A channel with its size.
+/// Width, height and pixels of a channel.
 type Source<'a> = (u32, u32, &'a [[f32; 4]]);
 
 /// Fills `viewport` of `pixels`. A source of the viewport's size is copied texel by texel; another is filtered
@@ -31,7 +31,7 @@ pub(super) fn fill<'a>(
                 color(x, y).map(|value| value * factor)
             });
         }
-        // The rasteriser fills it.
+        // Own shaders are run by the rasteriser instead.
         QuadSource::Own => {}
     }
 }
@@ -62,7 +62,7 @@ fn rows(
     });
 }
 
-/// Reads a source at a pixel of the viewport.
+/// A function that samples a source at a pixel of the viewport.
 fn reader<'a>((width, height, texels): Source<'a>, viewport: Rect) -> impl Fn(u32, u32) -> [f32; 4] + Sync + 'a {
     let exact = width == viewport.width && height == viewport.height;
     move |x, y| {

@@ -1,4 +1,4 @@
-//! Ray passes: building what they need, and running them.
+//! Ray passes: building their acceleration structure, and running them.
 
 use super::{Estimate, Observer, RenderError, Renderer, Row, StepKind, channel_of};
 use crate::backend::{BackendError, FromCamera, GBuffer, RayCounts, RayJob};
@@ -8,19 +8,20 @@ use crate::project::{ChannelRef, PassKind};
 use std::sync::Arc;
 use std::time::Instant;
 
-/// What a batch of so many samples is added to, before it is rounded to the format of its target.
+/// The estimate to which a batch is added before rounding to the target's format, and the batch's number of samples. `None` for
+/// ordinary frames.
 pub(super) type Batch<'a> = Option<(&'a mut Estimate, u32)>;
 
-/// How far a ray pass came.
+/// Outcome of a ray pass.
 pub(super) enum Traced {
-    /// It is done.
+    /// The pass is done.
     Done,
-    /// Another backend has taken over which reads host memory, where the G-buffer is not: the frame begins again.
+    /// A fallback took over that reads host memory, where the G-buffer is not: the frame must begin again.
     NothingInHost,
 }
 
 impl Renderer {
-    /// Builds what a ray pass needs and runs it, with another backend where one fails and another is allowed.
+    /// Builds what a ray pass needs and runs it. If a backend fails, an allowed fallback takes over.
     pub(super) fn rays(
         &mut self,
         index: usize,
@@ -144,7 +145,7 @@ impl Renderer {
         row.rays = Some(rays);
         row.bytes = stats.held_bytes;
         row.note = format!("{} on {}{}", ray.program.info().stem, self.engines.rays_of(name).name(), by_kind(rays));
-        // Times of two backends stand in one row.
+        // The row contains times of two backends: note which ran until when.
         for fallback in &self.engines.fallbacks {
             if let Some(frame) = fallback.frame.filter(|frame| *frame > 1) {
                 row.note += &format!("; before frame {frame} on {}", fallback.failed);
@@ -158,7 +159,7 @@ impl Renderer {
 }
 
 impl Renderer {
-    /// What a backend holds is one number for all of its passes: it stands in the row of the last.
+    /// Clears the held bytes of the other rows of a backend: a backend holds memory for all its passes, which the last row shows.
     pub(super) fn forget_held_bytes(&mut self, name: &str) {
         let engines = &self.engines;
         let of_backend = |row: &&mut Row| row.kind == StepKind::Rays && engines.is_shared(&row.name, name);
@@ -166,7 +167,7 @@ impl Renderer {
     }
 }
 
-/// `: 12 shadow, 3 reflected`, the kinds that were traced.
+/// Counts by kind, such as `: 12 shadow, 3 reflected`, without kinds that were not traced.
 pub(super) fn by_kind(rays: RayCounts) -> String {
     let kinds = [
         (rays.camera, "from the camera"),

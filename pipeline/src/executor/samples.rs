@@ -1,7 +1,7 @@
-//! Several samples a pixel: the passes run for one sample of every pixel after the other, and the mean of the pictures is shown.
+//! Several samples a pixel: the passes run once for each sample, and the mean of the pictures is shown.
 //!
-//! Each sample is a picture of its own, with one sample a pixel, of a camera whose pixels' centres are where the samples lie. So every pass
-//! means what it does without, whatever runs it, and memory grows by the sums alone.
+//! Each sample is a complete picture with one sample a pixel, from a camera that is shifted so that the sample positions are its
+//! pixel centres. So every pass works as without supersampling, whatever engine runs it, and only the sums take additional memory.
 
 use super::{Observer, RenderError, Renderer};
 use crate::image::Image;
@@ -12,18 +12,18 @@ use crate::programs::{Fidelity, RayParams, RayProgram, Sampler};
 use crate::project::ChannelRef;
 use rayon::prelude::*;
 
-/// The window, or a channel that is kept for inspection.
+/// The averaged output: `None` for the window, or a channel that is kept for inspection.
 type Averaged = Option<ChannelRef>;
 
-/// Sums of the samples' pictures, in f64: up to 64 samples of which none is below 2^-23 of the largest add up without rounding, so that the
-/// mean is rounded once.
+/// Sums of the samples' pictures in `f64`. Up to 64 samples add up without rounding, unless one is below 2^-23 of the largest, so
+/// the mean is rounded once.
 struct Sums {
     of: Averaged,
     pixels: Vec<[f64; 4]>,
 }
 
 impl Sums {
-    /// Of nothing yet.
+    /// Sums of no samples.
     fn new(of: Averaged, pixels: usize) -> Result<Self, Refused> {
         Ok(Self { of, pixels: memory::zeroed(pixels)? })
     }
@@ -34,7 +34,7 @@ impl Sums {
         });
     }
 
-    /// Writes the mean of so many.
+    /// Writes the mean of `count` samples into `picture`.
     fn mean(&self, count: u32, picture: &mut [[f32; 4]]) {
         let count = f64::from(count);
         picture.par_iter_mut().zip(&self.pixels).with_min_len(4096).for_each(|(pixel, sum)| {
@@ -44,17 +44,17 @@ impl Sums {
 }
 
 impl Renderer {
-    /// Samples a pixel.
+    /// Number of samples a pixel.
     pub(super) fn samples(&self) -> PixelSamples {
         self.plan.settings.aa
     }
 
-    /// One of the [`samples`](crate::plan::Settings::aa) of every pixel: the picture of which [`Self::frame`] gives the mean of all. For
-    /// programs that show each as soon as it is there, or have several machines render a picture: the mean of the samples is
-    /// [`Self::frame`]'s picture, bit for bit, where they are added in `f64`.
+    /// Renders the picture of one sample of every pixel, of [`aa`](crate::plan::Settings::aa) samples. The mean of all samples,
+    /// added in `f64`, equals the picture of [`Self::frame`], bit for bit. For programs that show each sample as soon as it is
+    /// there, or that distribute samples over machines.
     ///
     /// # Errors
-    /// As [`Self::frame`]; if there are not so many samples, or the picture is rendered in bands.
+    /// As [`Self::frame`]; if `sample` is not below the number of samples, or the picture is rendered in bands.
     pub fn sample(&mut self, sample: u32, observer: &mut dyn Observer) -> Result<Image, RenderError> {
         self.settle(observer)?;
         let samples = self.samples();
@@ -67,11 +67,11 @@ impl Renderer {
             return Err(PlanError { message, help: Some("raise --max-memory, or leave --bands out".to_owned()) }.into());
         }
         self.begin_frame();
-        // Rays are counted over the samples of a frame, and this is one of none.
+        // Ray counts are summed over the samples of a frame; this sample belongs to no frame.
         self.timeline.rows.iter_mut().for_each(|row| row.rays = None);
         let drawn = self.draw_sample(0, sample, self.all_passes(), observer);
         if samples.are_several() {
-            // What the passes left is of this sample alone.
+            // The passes' results are those of this sample alone.
             self.ran.fill(None);
         }
         drawn?;
@@ -79,8 +79,8 @@ impl Renderer {
         Ok(self.picture(self.plan.parts.list[0].written)?)
     }
 
-    /// Runs passes for a part of the picture: those that `run` says, by index of the plan. With several samples a pixel it is all or none of
-    /// them, because only the mean is kept.
+    /// Runs passes for a part of the picture. `run` says by index of the plan which passes run. With several samples a pixel all of
+    /// them run or none, because only the mean is kept.
     pub(super) fn draw_part(
         &mut self,
         part: usize,
@@ -96,13 +96,13 @@ impl Renderer {
         }
         let drawn = self.draw_samples(part, observer);
         if drawn.is_err() {
-            // What the passes left is of one sample, and the window has no mean.
+            // After a failure the results are those of one sample, and the window holds no mean.
             self.ran.fill(None);
         }
         drawn
     }
 
-    /// Runs all passes for each sample of a part, and leaves the mean in the window and in the channels that are kept.
+    /// Runs all passes for each sample of a part, and stores the mean in the window and in the shown channels.
     fn draw_samples(&mut self, part: usize, observer: &mut dyn Observer) -> Result<(), RenderError> {
         self.place_targets(part)?;
         let averaged = [None].into_iter().chain(self.plan.shown.iter().copied().map(Some));
@@ -124,7 +124,7 @@ impl Renderer {
         of.map_or(&self.window.color, |channel| self.channel(channel))
     }
 
-    /// The work of a planned pass for the sample that is being rendered.
+    /// The work of a planned pass, adapted to the current sample.
     pub(super) fn for_sample(&self, planned: &PlannedPass) -> PlannedPass {
         let mut planned = planned.clone();
         let (samples, sample) = (self.samples(), self.sample);
@@ -134,15 +134,15 @@ impl Renderer {
                 Work::Raster { view, viewport, .. } => *view = view.of_sample(*viewport, samples, sample),
                 Work::Effect { view, .. } => *view = view.of_sample(gbuffer, samples, sample),
                 Work::Rays { view, .. } if gbuffer.width > 0 => *view = view.of_sample(gbuffer, samples, sample),
-                // Rays leave from the G-buffer's points, and from the eye.
+                // Rays start at the G-buffer's points or at the eye, which the sample has shifted already.
                 Work::Rays { .. } | Work::Off { .. } | Work::Quad { .. } => {}
             }
         }
         planned
     }
 
-    /// The constants and the seed of a ray pass for the sample that is being rendered: sequences go on where the sample before ended;
-    /// what is no sequence, or is continued by no engine, has other random numbers.
+    /// Constants and seed of a ray pass for the current sample. Sobol sequences continue where the sample before ended; with other
+    /// samplers, or a backend that cannot continue sequences, each sample has its own seed.
     pub(super) fn random_of_sample(&self, pass: &str, program: RayProgram, params: RayParams) -> (RayParams, u32) {
         let (settings, sample) = (&self.plan.settings, self.sample);
         if sample == 0 {
@@ -158,7 +158,7 @@ impl Renderer {
         (RayParams { first, first_path, first_sun, ..params }, settings.seed)
     }
 
-    /// The seed of an effect pass for the sample that is being rendered.
+    /// The seed of an effect pass for the current sample.
     pub(super) fn seed_of_sample(&self) -> u32 {
         PixelSamples::seed(self.plan.settings.seed, self.sample)
     }

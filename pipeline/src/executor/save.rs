@@ -1,4 +1,4 @@
-//! Writing what was rendered.
+//! Writing rendered pictures to files.
 
 use super::parts::{Told, append};
 use super::{Observer, Progress, RenderError, Renderer, StepKind};
@@ -15,37 +15,37 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::Instant;
 
-/// Names of the channels of a colour.
+/// Names of the channels of a colour layer.
 const RGBA: [&str; 4] = ["R", "G", "B", "A"];
 
-/// Why a picture that a device displayed is not written in floats.
+/// The error for an EXR file of a picture that a device displayed in 8 bits.
 const NO_FLOATS: &str = "the last frame was rendered for a picture of 8 bits, and an EXR file holds floats: render it again, by \
                          Renderer::draw_frame_for with the file's path, or by draw_frame";
 
 /// A file that was written.
 #[derive(Debug, Clone, PartialEq, Eq, serde::Serialize)]
 pub struct Written {
-    /// Where.
+    /// Path of the file.
     pub path: PathBuf,
-    /// What it holds.
+    /// Description of its contents.
     pub what: String,
 }
 
-/// What [`Renderer::render_and_save`] wrote.
+/// Result of [`Renderer::render_and_save`].
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Saved {
-    /// The files.
+    /// The files written.
     pub files: Vec<Written>,
-    /// Pixels of the picture with a value that is not finite.
+    /// Number of the picture's pixels with a value that is not finite.
     pub not_finite: usize,
-    /// Whether all pixels of the picture have one colour.
+    /// Whether all pixels of the picture have the same colour.
     pub is_blank: bool,
 }
 
 impl Renderer {
-    /// The files that [`Self::save`] writes: where, and what each holds. A channel is named as in the project where no
-    /// other shown one has that name, else with its library before it: `out.pos.exr`, `out.Deferred.pos.exr`. Letters that
-    /// file names cannot have everywhere (`/ \ : * ? " < > |` and control characters) become `_`.
+    /// The files that [`Self::save`] writes, each with its contents. A channel has its short name if that is unique among the shown
+    /// channels, otherwise its library in front: `out.pos.exr`, `out.Deferred.pos.exr`. Characters that some file system forbids
+    /// (`/ \ : * ? " < > |` and control characters) become `_`.
     #[must_use]
     pub fn outputs(&self, path: &Path) -> Vec<(PathBuf, String)> {
         let mut files = vec![(path.to_owned(), "window".to_owned())];
@@ -57,12 +57,12 @@ impl Renderer {
         files
     }
 
-    /// Writes the window to `path` (`.png` or `.exr`) and every shown channel beside it, as `.exr` with named channels
-    /// and as `.png` made visible: the files of [`Self::outputs`]. [`check_outputs`](crate::files::check_outputs) tells
-    /// before a frame is rendered whether they can be written.
+    /// Writes the window to `path` (`.png` or `.exr`), and every shown channel beside it, as `.exr` with named channels and as
+    /// `.png` in false colours: the files of [`Self::outputs`]. [`check_outputs`](crate::files::check_outputs) checks before
+    /// rendering whether they can be written.
     ///
     /// # Errors
-    /// If a file cannot be written, or the extension is neither; files written before stay.
+    /// If a file cannot be written, or the extension is another one. Files written before stay.
     pub fn save(&mut self, path: &Path, observer: &mut dyn Observer) -> io::Result<Vec<Written>> {
         let (exr, display) = (is_exr(path)?, self.plan.display);
         let mut written = Vec::new();
@@ -95,7 +95,7 @@ impl Renderer {
         Ok(written)
     }
 
-    /// Writes a shown channel as `.exr`, and made visible as `.png`.
+    /// Writes a shown channel as `.exr`, and in false colours as `.png`.
     fn save_channel(
         &mut self,
         channel: ChannelRef,
@@ -110,7 +110,7 @@ impl Renderer {
             Content::Position => ["X", "Y", "Z", "cosine"],
             Content::Normal => ["X", "Y", "Z", "W"],
         };
-        // A factor, such as occlusion, is a colour as any other: grey that is as bright as it says.
+        // A factor, such as occlusion, is written like any colour: as a grey of that brightness.
         let own = (content == Content::Color).then_some(self.plan.display);
         let (display, space) = (own.unwrap_or_default(), own.map(|display| display.space));
         let layer = Layer { name: &name, channels, image: &image };
@@ -124,8 +124,8 @@ impl Renderer {
         result
     }
 
-    /// What is written of a channel, or of the window: lent to the writer where that is all of it, and a copy of the crop
-    /// otherwise. Targets of another size than the window are written whole.
+    /// Takes the pixels of a channel, or of the window, for writing: the buffer itself if all of it is written, otherwise a copy of
+    /// the crop. Targets of another size than the window are written whole.
     fn lend(&mut self, channel: Option<ChannelRef>) -> Result<Image, Refused> {
         let (whole, written) = (self.plan.window, self.plan.parts.list[self.part].written);
         let in_parts = self.plan.in_parts();
@@ -140,7 +140,7 @@ impl Renderer {
         Ok(Image { width: written.width, height: written.height, pixels: cut })
     }
 
-    /// The end of [`Self::lend`].
+    /// Gives a buffer that [`Self::lend`] took back to its target.
     fn take_back(&mut self, channel: Option<ChannelRef>, image: Image) {
         let (_, pixels) = self.pixels_mut(channel);
         if pixels.is_empty() {
@@ -148,7 +148,7 @@ impl Renderer {
         }
     }
 
-    /// What a target, or the window, holds of the picture, and the pixels of a channel.
+    /// The rectangle of the picture that a target, or the window, holds, and the pixels of a channel.
     pub(super) fn pixels_mut(&mut self, channel: Option<ChannelRef>) -> (Rect, &mut Vec<[f32; 4]>) {
         let (buffer, channel) = match channel {
             None => (&mut self.window, 0),
@@ -163,7 +163,7 @@ impl Renderer {
         (held, pixels)
     }
 
-    /// Writes the picture of the last frame as [`Self::save`] does, and looks at it.
+    /// Writes the picture of the last frame as [`Self::save`] does, and checks it for non-finite values and for being blank.
     ///
     /// # Errors
     /// As [`Self::save`].
@@ -176,8 +176,8 @@ impl Renderer {
         Ok(Saved { files: self.save(path, observer)?, not_finite, is_blank })
     }
 
-    /// Renders a frame and writes it as [`Self::save`] does. A picture that is rendered in bands is written band by band, and
-    /// never there as a whole.
+    /// Renders a frame and writes it as [`Self::save`] does. A picture rendered in bands is written band by band and never exists
+    /// as a whole in memory.
     ///
     /// # Errors
     /// As [`Self::frame`] and [`Self::save`].
@@ -207,17 +207,17 @@ impl Renderer {
         Ok(Saved { files, not_finite, is_blank: colors.is_one() })
     }
 
-    /// `library::channel`.
+    /// Full name of a channel: `library::channel`.
     fn full_name(&self, channel: ChannelRef) -> String {
         let target = &self.plan.project.targets[channel.target];
         format!("{}::{}", target.library, target.channels[channel.channel].name)
     }
 
-    /// What the names of the shown channels' files have in the middle.
+    /// The part of the shown channels' file names that identifies the channel.
     fn shown_names(&self) -> Vec<String> {
         let targets = &self.plan.project.targets;
         let own = |channel: &ChannelRef| safe(&targets[channel.target].channels[channel.channel].name);
-        // File systems may not tell `pos` from `Pos`.
+        // Compared without case: file systems may not distinguish `pos` from `Pos`.
         let alike = |name: &str| {
             let same = |other: &&ChannelRef| own(other).to_lowercase() == name.to_lowercase();
             self.plan.shown.iter().filter(same).count()
@@ -229,7 +229,7 @@ impl Renderer {
         self.plan.shown.iter().map(name).collect()
     }
 
-    /// What a channel holds, and so how it is made visible: raster passes write positions and normals, all others colours.
+    /// The content of a channel, which decides its false colours: raster passes write positions and normals, all others colours.
     #[must_use]
     pub fn content(&self, channel: ChannelRef) -> Content {
         self.plan.content(channel)
@@ -254,7 +254,7 @@ impl Renderer {
     }
 }
 
-/// Whether a picture is written as EXR, and not as PNG, by the ending of its name.
+/// Whether the extension of a path is `exr` and not `png`; an error for any other.
 pub(super) fn is_exr(path: &Path) -> io::Result<bool> {
     let extension = path.extension().and_then(|extension| extension.to_str()).unwrap_or_default().to_lowercase();
     match extension.as_str() {
@@ -267,7 +267,7 @@ pub(super) fn is_exr(path: &Path) -> io::Result<bool> {
     }
 }
 
-/// The name with `_` for every letter that is not allowed in names of files everywhere.
+/// The name with `_` for every character that some file system forbids.
 fn safe(name: &str) -> String {
     let bad = |letter: char| letter.is_control() || "/\\:*?\"<>|".contains(letter);
     let safe: String = name.chars().map(|letter| if bad(letter) { '_' } else { letter }).collect();

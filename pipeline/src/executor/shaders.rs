@@ -1,4 +1,4 @@
-//! Own shaders of raster passes: the values of their uniforms, and their textures.
+//! Own shaders of projects: the values of their uniforms, and their textures.
 
 use super::{RenderError, Renderer, Surface, channel_of};
 use crate::backend::{BackendError, GBuffer, OwnMaterial, OwnTexture, QuadJob, QuadTexture, Rect, Shade, View};
@@ -12,7 +12,7 @@ use glam::{DMat4, DVec3, Mat4, Vec3, Vec4};
 use std::path::PathBuf;
 use std::sync::Arc;
 
-/// By material: what an own shader draws of it; empty for a pass without own shaders.
+/// By material: the surface that an own shader draws; empty for a pass without own shaders.
 pub(super) fn surfaces(
     raster: &RasterPass,
     materials: &[Material],
@@ -44,7 +44,7 @@ pub(super) fn surfaces(
     materials.iter().zip(shades).map(surface).collect()
 }
 
-/// What the own shaders of a pass sample of what earlier passes wrote, each once.
+/// The channels of earlier passes that the own shaders of a pass sample, each listed once.
 pub(super) fn own_channels(raster: &RasterPass) -> Vec<ChannelRef> {
     let mut channels = Vec::new();
     for texture in raster.shaders.iter().flat_map(|map| &map.shader.textures) {
@@ -57,16 +57,16 @@ pub(super) fn own_channels(raster: &RasterPass) -> Vec<ChannelRef> {
     channels
 }
 
-/// What the uniforms of a pass have in common.
+/// Inputs that all uniforms of a pass share.
 struct Scope<'a> {
-    /// `None` in a quad pass.
+    /// Camera of the pass; `None` in a quad pass.
     pass: Option<Seen<'a>>,
     viewport: Rect,
-    /// Rows of the target.
+    /// Height of the target in pixels.
     height: u32,
 }
 
-/// A camera and what it sees.
+/// A camera and its view of the viewport.
 #[derive(Clone, Copy)]
 struct Seen<'a> {
     camera: &'a Camera,
@@ -74,7 +74,7 @@ struct Seen<'a> {
 }
 
 impl Renderer {
-    /// Adds the image files that the own shaders of a scene set's passes read to its textures.
+    /// Loads image files that the own shaders of a scene set's passes read, and adds them to the scene's textures.
     pub(super) fn load_images(&self, set: usize, scene: &mut RenderScene) -> Result<Vec<(PathBuf, u32)>, RenderError> {
         let mut images: Vec<(PathBuf, u32)> = Vec::new();
         let mut left = self.plan.settings.max_memory.saturating_sub(self.plan.target_bytes());
@@ -100,7 +100,7 @@ impl Renderer {
         Ok(images)
     }
 
-    /// The programs of a raster pass, and by material what its triangles are drawn with; both empty for one without own shaders.
+    /// The programs of a raster pass, and by material the inputs of its own shader; both empty for a pass without own shaders.
     pub(super) fn own_shaders(
         &self,
         index: usize,
@@ -145,7 +145,7 @@ impl Renderer {
         (programs, surfaces.iter().map(|surface| surface.as_ref().map(made)).collect())
     }
 
-    /// Fills a viewport of a buffer's colour by an own shader.
+    /// Fills a viewport of a buffer's colour with an own shader.
     pub(super) fn fill_quad(
         &mut self,
         (shader, pass): (&OwnShader, usize),
@@ -227,7 +227,7 @@ impl Renderer {
         Ok(())
     }
 
-    /// By block of a quad's shader: its bytes, for a viewport of a target with that many rows.
+    /// The bytes of each uniform block of a quad's shader, for a viewport of a target of the given height.
     pub(super) fn quad_uniforms(&self, shader: &OwnShader, viewport: Rect, height: u32) -> Vec<Vec<u8>> {
         let scope = Scope { pass: None, viewport, height };
         let white = Surface {
@@ -242,7 +242,7 @@ impl Renderer {
         self.uniforms(shader, &white, &scope)
     }
 
-    /// By block: its bytes.
+    /// The bytes of each uniform block.
     fn uniforms(&self, shader: &OwnShader, surface: &Surface, scope: &Scope<'_>) -> Vec<Vec<u8>> {
         let fill = |(block, values): (&crate::glsl::Block, &Vec<Option<Value>>)| {
             let mut bytes = vec![0; block.size as usize];
@@ -272,7 +272,7 @@ impl Renderer {
     ) {
         let number = |number: f32| vec![Vec4::new(number, 0.0, 0.0, 0.0)];
         let columns = match (value, scope.pass) {
-            // A project that gives a quad these is refused.
+            // These values need a camera; a project that gives them to a quad is refused.
             (Value::Matrix(_) | Value::NormalMatrix | Value::Camera(None, _), None) => return,
             (Value::Matrix(matrix), Some(pass)) => self.matrix(pass, matrix),
             (Value::NormalMatrix, Some(pass)) => {
@@ -292,7 +292,7 @@ impl Renderer {
                 let light = &self.plan.project.lights[light];
                 vec![match value {
                     LightValue::Position => light.position.unwrap_or_default().as_vec3().extend(1.0),
-                    // The engine's, where a project is silent.
+                    // If the project names no direction, the default of the report's engine applies.
                     LightValue::Direction { length } => (light.direction.unwrap_or(Vec3::NEG_Z) * length).extend(0.0),
                     LightValue::Color => light.color.extend(1.0),
                 }]
@@ -312,18 +312,18 @@ impl Renderer {
         put_columns(bytes, member, &columns);
     }
 
-    /// Positions of vertices to view.
+    /// World (relative to the scenes' origin) to view space.
     fn view_model(&self, camera: &Camera) -> DMat4 {
         let position = (camera.position - self.plan.origin).as_vec3();
         rh::view::look_to_mat4(position, camera.direction, camera.up).as_dmat4()
     }
 
-    /// World to view.
+    /// World (absolute) to view space.
     fn world_view(&self, camera: &Camera) -> DMat4 {
         self.view_model(camera) * DMat4::from_translation(-self.plan.origin)
     }
 
-    /// World to OpenGL's clip space.
+    /// World (absolute) to OpenGL's clip space.
     fn to_clip(&self, Seen { camera, view }: Seen<'_>) -> DMat4 {
         in_opengl(view.clip_from_world) * self.view_model(camera).inverse() * self.world_view(camera)
     }
@@ -362,7 +362,7 @@ impl Renderer {
     }
 }
 
-/// A matrix to clip space with OpenGL's depth, -1 at the near plane and 1 at the far plane, of one to ours, 1 and 0.
+/// Converts a projection with our depth (1 at the near plane, 0 at the far plane) to OpenGL's depth (-1 and 1).
 fn in_opengl(clip: Mat4) -> DMat4 {
     let mut depth = DMat4::IDENTITY;
     (depth.z_axis.z, depth.w_axis.z) = (-2.0, 1.0);
@@ -373,7 +373,7 @@ fn columns(matrix: DMat4) -> Vec<Vec4> {
     matrix.as_mat4().to_cols_array_2d().map(Vec4::from_array).to_vec()
 }
 
-/// Writes columns where a member lies, as many components as it has.
+/// Writes columns at a member's offset, with as many components as the member has.
 fn put_columns(bytes: &mut [u8], member: &Member, columns: &[Vec4]) {
     let Some(shape) = member.shape else { return };
     for (index, column) in columns.iter().take(shape.columns as usize).enumerate() {
@@ -383,7 +383,7 @@ fn put_columns(bytes: &mut [u8], member: &Member, columns: &[Vec4]) {
                 Scalar::Int => (value as i32).to_ne_bytes(),
                 Scalar::Uint => (value as u32).to_ne_bytes(),
             };
-            // Columns of matrices lie 16 bytes apart.
+            // In std140 the columns of matrices are 16 bytes apart.
             let at = member.offset as usize + 16 * index + 4 * row;
             if let Some(place) = bytes.get_mut(at..at + 4) {
                 place.copy_from_slice(&word);

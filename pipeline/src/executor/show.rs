@@ -7,8 +7,8 @@ use crate::programs::Writes;
 use crate::project::ChannelRef;
 
 impl Renderer {
-    /// Copies every attachment of raster passes into host memory from now on, so that observers see all that is written.
-    /// Without this, attachments that only the rasteriser's device reads are not shown to them.
+    /// From now on copies every attachment of raster passes into host memory, so that observers see everything. Without this,
+    /// attachments that only the rasteriser's device reads are not shown.
     pub fn read_back_everything(&mut self) {
         self.shows_everything = true;
         self.plan.read_back_everything();
@@ -17,10 +17,10 @@ impl Renderer {
         }
     }
 
-    /// Takes [`Self::read_back_everything`] back: only what the plan asks for is copied into host memory.
+    /// Reverts [`Self::read_back_everything`]: only what the plan asks for is copied into host memory.
     ///
     /// # Errors
-    /// As the setters; then everything is copied as before.
+    /// As the setters. After an error everything is still copied.
     pub fn read_back_as_planned(&mut self) -> Result<(), ChangeError> {
         let before = std::mem::replace(&mut self.shows_everything, false);
         let result = self.propose(self.project().clone(), self.settings().clone());
@@ -30,8 +30,8 @@ impl Renderer {
         result
     }
 
-    /// Whether [`Self::channel`] gives what the last frame left in a channel: a pass of its plan writes it, and it was copied into host
-    /// memory where a device drew it. What a setter asked for since is not counted.
+    /// Whether [`Self::channel`] returns the channel of the last frame: a pass of that frame's plan wrote it, and it was copied
+    /// into host memory if a device drew it. Settings made since are not considered.
     #[must_use]
     pub fn holds(&self, channel: ChannelRef) -> bool {
         let slot = (Some(channel.target), channel.channel);
@@ -49,11 +49,11 @@ impl Renderer {
             };
             [held.color, held.position, held.normal].get(channel.channel) == Some(&true)
         };
-        // Of several writers the last one counts.
+        // Of several writers the last one decides.
         writers.next_back().is_some_and(held) && !self.channel(channel).is_empty()
     }
 
-    /// Shows what a pass wrote.
+    /// Shows an observer what a pass wrote.
     pub(super) fn show_outputs(&self, index: usize, planned: &PlannedPass, observer: &mut dyn Observer) {
         let pass = self.plan.pass(planned);
         let buffer: &GBuffer = pass.target.map_or(&self.window, |target| &self.targets[target]);

@@ -1,18 +1,18 @@
-//! The one definition of time: every step's host time with synchronisation, and the device's own clock where it has one.
+//! Definition of measured times: every step's host time with synchronisation, and the device's own clock if it has one.
 
 use crate::backend::{Answers, RayCounts};
 use serde::{Deserialize, Serialize};
 use std::time::{Duration, Instant};
 
-/// What a step is.
+/// The kind of a step.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum StepKind {
-    /// Reading scene files and making their geometry and textures ready.
+    /// Reading scene files and preparing their geometry and textures.
     Load,
     /// Building the acceleration structure.
     Build,
-    /// Making the scene ready on the rasteriser's device.
+    /// Uploading the scene to the rasteriser's device.
     Upload,
     /// Drawing triangles.
     Raster,
@@ -20,9 +20,9 @@ pub enum StepKind {
     Maps,
     /// Computing the pixels of a raster effect.
     Effect,
-    /// Copying what was drawn into host memory.
+    /// Copying attachments into host memory.
     ReadBack,
-    /// Bringing what was drawn to the device that traces rays.
+    /// Copying attachments to the device that traces rays.
     Join,
     /// Tracing rays.
     Rays,
@@ -33,7 +33,7 @@ pub enum StepKind {
 }
 
 impl StepKind {
-    /// As it is printed.
+    /// The name in tables.
     #[must_use]
     pub fn name(self) -> &'static str {
         match self {
@@ -51,44 +51,44 @@ impl StepKind {
         }
     }
 
-    /// Whether the step is done again for every frame.
+    /// Whether the step is repeated for every frame.
     #[must_use]
     pub fn per_frame(self) -> bool {
         matches!(self, Self::Raster | Self::Maps | Self::Effect | Self::ReadBack | Self::Join | Self::Rays | Self::Quad)
     }
 }
 
-/// One step and how long it took, once or in every frame.
+/// A step and its times, of one run or of every frame.
 #[derive(Debug, Clone, Serialize)]
 pub struct Row {
-    /// What it is.
+    /// The kind of the step.
     pub kind: StepKind,
-    /// The pass, the scene or the file.
+    /// Name of the pass, the scene or the file.
     pub name: String,
-    /// Host time of each run, milliseconds; of a step that a frame runs more than once, the sum.
+    /// Host time of each run, in milliseconds; if a frame runs the step several times, their sum.
     pub host_ms: Vec<f64>,
-    /// Device time of each run, milliseconds; empty where the device has no clock of its own.
+    /// Device time of each run, in milliseconds; empty if the device has no clock of its own.
     pub device_ms: Vec<f64>,
     /// Rays of one run.
     pub rays: Option<RayCounts>,
-    /// What answered the pixels of glass of one run, in an effect that marches rays through the picture.
+    /// What answered the glass pixels of one run; only of effects that march rays through screen space.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub answers: Option<Answers>,
-    /// Bytes that what the step made takes while it is kept: an acceleration structure, maps, the lists of a ray pass.
+    /// Bytes of memory held by the step's result: an acceleration structure, maps, or the lists of a ray pass.
     pub bytes: u64,
-    /// What was done: triangles, bytes.
+    /// Further details, such as numbers of triangles or bytes.
     pub note: String,
-    /// Each run by itself, where a frame runs the step more than once as well.
+    /// Every single run, even if a frame runs the step several times.
     #[serde(skip)]
     pub spans: Vec<Span>,
 }
 
-/// When a run of a step was.
+/// Start and duration of a run of a step.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Span {
-    /// Its beginning, milliseconds after that of the first step of the timeline.
+    /// Start in milliseconds since the start of the timeline's first step.
     pub start_ms: f64,
-    /// Its host time, milliseconds.
+    /// Host time in milliseconds.
     pub ms: f64,
 }
 
@@ -99,7 +99,7 @@ impl Row {
         median(&self.host_ms)
     }
 
-    /// Millions of rays a second of host time; `None` for a step that traces none.
+    /// Millions of rays per second of host time; `None` for a step that traces none.
     #[must_use]
     pub fn mrays_per_second(&self) -> Option<f64> {
         let rays = self.rays?.total();
@@ -107,7 +107,7 @@ impl Row {
     }
 }
 
-/// The middle value, or the mean of the two middle ones; NaN for none.
+/// The median: the middle value, or the mean of the two middle ones; NaN for an empty list.
 #[must_use]
 pub fn median(samples: &[f64]) -> f64 {
     let mut sorted = samples.to_vec();
@@ -119,7 +119,7 @@ pub fn median(samples: &[f64]) -> f64 {
     }
 }
 
-/// Every step so far, in the order in which each was first run.
+/// All steps so far, in the order of their first runs.
 #[derive(Debug, Clone, Default, Serialize)]
 pub struct Timeline {
     /// The steps.
@@ -127,13 +127,13 @@ pub struct Timeline {
     /// When the first step began.
     #[serde(skip)]
     began: Option<Instant>,
-    /// Samples of each row, on the host and on the device, when the frame began that runs steps more than once.
+    /// By row: number of host and device samples when the current frame began, if the frame runs steps several times.
     #[serde(skip)]
     before: Vec<[usize; 2]>,
 }
 
 impl Timeline {
-    /// Adds a run of a step that ends now.
+    /// Records a run of a step that ends now.
     pub fn record(&mut self, kind: StepKind, name: &str, host: Duration) -> &mut Row {
         let now = Instant::now();
         let start = now.checked_sub(host).unwrap_or(now);
@@ -159,12 +159,12 @@ impl Timeline {
         row
     }
 
-    /// A frame begins that is rendered in parts, or with several samples a pixel.
+    /// Begins a frame that is rendered in parts, or with several samples a pixel.
     pub(super) fn begin_parts(&mut self) {
         self.before = self.rows.iter().map(|row| [row.host_ms.len(), row.device_ms.len()]).collect();
     }
 
-    /// It has ended: a step's time is the sum over the parts and samples.
+    /// Ends that frame: the times of each step are summed over its parts and samples.
     pub(super) fn end_parts(&mut self) {
         let before = std::mem::take(&mut self.before);
         for (index, row) in self.rows.iter_mut().enumerate().filter(|(_, row)| row.kind.per_frame()) {
@@ -178,7 +178,7 @@ impl Timeline {
         }
     }
 
-    /// Forgets the steps that are done again for every frame: what follows a warm-up is measured by itself.
+    /// Forgets the steps that are repeated for every frame, such as those of a warm-up.
     pub fn forget_frames(&mut self) {
         self.rows.retain(|row| !row.kind.per_frame());
     }

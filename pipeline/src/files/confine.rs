@@ -5,18 +5,17 @@ use std::io;
 use std::path::{Component, Path, PathBuf};
 use std::sync::{Mutex, MutexGuard, OnceLock, PoisonError};
 
-/// Set once, before anything is read.
+/// The folder of [`confine`]. Set once, before any file is read.
 static FOLDER: OnceLock<PathBuf> = OnceLock::new();
 /// The first file that was refused.
 static REFUSED: OnceLock<PathBuf> = OnceLock::new();
 /// Files that were read, while they are recorded.
 static FILES_READ: Mutex<Option<BTreeSet<PathBuf>>> = Mutex::new(None);
 
-/// From now on no file outside `folder` is read or written by this process, wherever symbolic links lead. It cannot be
-/// undone.
+/// From now on this process reads and writes no file outside `folder`, wherever symbolic links lead. This cannot be undone.
 ///
-/// A path is resolved before its file is opened. Whoever can change folders inside `folder` while the program runs could
-/// exchange one for a link in between: this guards against what files say, not against other programs.
+/// A path is resolved before its file is opened. Another program that can change folders inside `folder` could put a link in
+/// between: the check guards against paths named in files, not against other programs.
 ///
 /// # Errors
 /// If `folder` is no folder, or another folder was named before.
@@ -37,14 +36,14 @@ pub fn confined_to() -> Option<&'static Path> {
     FOLDER.get().map(PathBuf::as_path)
 }
 
-/// The first file that was refused because it lies outside the folder of [`confine`]. Loaders go on without some files
-/// that they cannot read, such as textures; a refused one ends the load, which asks here.
+/// The first file that was refused because it lies outside the folder of [`confine`]. Loaders skip some unreadable files, such as
+/// textures; they call this afterwards, because a refused file must end the load.
 #[must_use]
 pub fn refused() -> Option<&'static Path> {
     REFUSED.get().map(PathBuf::as_path)
 }
 
-/// Whether a file that [`confine`] knows nothing against may be opened. `real` is free of symbolic links.
+/// Fails if [`confine`] forbids to open a file. `real` is its path without symbolic links.
 pub(super) fn check(real: &Path) -> io::Result<()> {
     match confined_to() {
         Some(folder) if !real.starts_with(folder) => {
@@ -55,10 +54,10 @@ pub(super) fn check(real: &Path) -> io::Result<()> {
     }
 }
 
-/// Whether [`confine`] allows a path of which the last parts need not exist.
+/// Fails if [`confine`] forbids a path. The last components of the path need not exist.
 ///
 /// # Errors
-/// If it does not.
+/// If the path lies outside the folder.
 pub fn check_place(path: &Path) -> io::Result<()> {
     if confined_to().is_none() {
         return Ok(());
@@ -80,7 +79,7 @@ pub fn check_place(path: &Path) -> io::Result<()> {
     ))
 }
 
-/// The sentence about a refused file.
+/// The message about a refused file.
 fn refusal(real: &Path, folder: &Path) -> String {
     format!("{} lies outside {}, which --confine names", real.display(), folder.display())
 }
@@ -94,12 +93,12 @@ pub fn record_files_read() {
     files_read().get_or_insert_default();
 }
 
-/// Whether anybody asks where files really lie.
+/// Whether real paths are needed: for [`confine`] or for the record of files read.
 pub(super) fn asks_for_real_paths() -> bool {
     confined_to().is_some() || files_read().is_some()
 }
 
-/// Notes that a file is read.
+/// Adds a file to the record of files read.
 pub(super) fn note(real: &Path) {
     if let Some(files) = &mut *files_read() {
         files.insert(real.to_owned());
@@ -117,8 +116,8 @@ pub fn read_so_far() -> Vec<PathBuf> {
     files_read().iter().flatten().cloned().collect()
 }
 
-/// Of the files read since [`record_files_read`] and of `more`, those that lie outside `folder`, symbolic links resolved,
-/// in the order of their paths.
+/// The files that lie outside `folder`, among `more` and the files read since [`record_files_read`]. Symbolic links are resolved;
+/// the result is sorted by path.
 #[must_use]
 pub fn outside(folder: &Path, more: impl IntoIterator<Item = PathBuf>) -> Vec<PathBuf> {
     let folder = if folder.as_os_str().is_empty() { Path::new(".") } else { folder };

@@ -1,14 +1,14 @@
 //! Faults on demand, for tests: a disk that is full from the n-th write on, a reader that fails or ends early at the n-th
 //! call. Nothing in the program arms them.
 //!
-//! A plan concerns the files below one folder, so that tests that run at the same time do not meet each other's faults.
+//! A plan concerns only the files below one folder, so tests that run at the same time do not meet each other's faults.
 
 use std::io;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
-/// What goes wrong.
+/// The kind of fault.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Fault {
     /// The n-th call that opens or reads a file fails; the others succeed.
@@ -32,14 +32,14 @@ static ARMED: AtomicBool = AtomicBool::new(false);
 static PLAN: Mutex<Option<Arc<Plan>>> = Mutex::new(None);
 static ONE_AT_A_TIME: Mutex<()> = Mutex::new(());
 
-/// A fault that is armed until this is dropped.
+/// An armed fault; dropping it disarms the fault.
 #[derive(Debug)]
 pub struct Armed {
     plan: Arc<Plan>,
     _alone: MutexGuard<'static, ()>,
 }
 
-/// Arms a fault for the files below `folder` at the call `at`, counted from 0. Waits while another is armed.
+/// Arms a fault for the files below `folder`, at call number `at`, counted from 0. Waits while another fault is armed.
 #[must_use]
 pub fn arm(folder: &Path, fault: Fault, at: u64) -> Armed {
     let alone = ONE_AT_A_TIME.lock().unwrap_or_else(PoisonError::into_inner);
@@ -51,13 +51,13 @@ pub fn arm(folder: &Path, fault: Fault, at: u64) -> Armed {
 }
 
 impl Armed {
-    /// Calls that were counted.
+    /// Number of calls counted.
     #[must_use]
     pub fn calls(&self) -> u64 {
         self.plan.calls.load(Ordering::SeqCst)
     }
 
-    /// Calls that went wrong.
+    /// Number of calls that failed.
     #[must_use]
     pub fn struck(&self) -> u64 {
         self.plan.struck.load(Ordering::SeqCst)
@@ -75,14 +75,14 @@ fn current() -> MutexGuard<'static, Option<Arc<Plan>>> {
     PLAN.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
-/// The fault that one open file may meet.
+/// The armed fault that concerns one open file, if any.
 #[derive(Debug, Default)]
 pub(super) struct Watch {
     plan: Option<Arc<Plan>>,
     ended: bool,
 }
 
-/// The fault that the file at `path` may meet; none unless a test armed one.
+/// The armed fault that concerns the file at `path`; empty unless a test armed one.
 pub(super) fn watch(path: &Path) -> Watch {
     if !ARMED.load(Ordering::Relaxed) {
         return Watch::default();
@@ -94,7 +94,7 @@ pub(super) fn watch(path: &Path) -> Watch {
 }
 
 impl Plan {
-    /// Counts a call; whether it is to go wrong.
+    /// Counts a call. Returns whether it must fail: call number `at`, and with `ever_after` all later ones.
     fn strikes(&self, ever_after: bool) -> bool {
         let call = self.calls.fetch_add(1, Ordering::SeqCst);
         let strikes = call == self.at || ever_after && call > self.at;
@@ -104,7 +104,7 @@ impl Plan {
 }
 
 impl Watch {
-    /// Before a file is opened for reading.
+    /// Called before a file is opened for reading.
     pub fn on_open(&mut self) -> io::Result<()> {
         match &self.plan {
             Some(plan) if plan.fault == Fault::ReadFails && plan.strikes(false) => Err(failed()),
@@ -112,7 +112,7 @@ impl Watch {
         }
     }
 
-    /// Before a call reads; `false` if it is to find the end of the file.
+    /// Called before each read. Returns `false` if the read must find the end of the file.
     pub fn on_read(&mut self) -> io::Result<bool> {
         let Some(plan) = &self.plan else { return Ok(true) };
         match plan.fault {
@@ -125,7 +125,7 @@ impl Watch {
         }
     }
 
-    /// Before a call that changes the disk.
+    /// Called before each call that changes the disk.
     pub fn on_write(&mut self) -> io::Result<()> {
         match &self.plan {
             Some(plan) if plan.fault == Fault::DiskFull && plan.strikes(true) => {

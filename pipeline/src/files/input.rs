@@ -1,12 +1,12 @@
-//! Reading.
+//! Reading regular files.
 
 use super::{confine, fault};
 use std::fs::File;
 use std::io::{self, Read, Seek, SeekFrom};
 use std::path::Path;
 
-/// A regular file that is read. It holds as many bytes as its size was when it was opened: what is appended meanwhile is
-/// not read, and an earlier end is an error.
+/// A regular file open for reading. Its size is fixed when it is opened: bytes appended later are not read, and an earlier end of
+/// the file is an error.
 #[derive(Debug)]
 pub struct Input {
     file: File,
@@ -32,7 +32,7 @@ pub fn open(path: &Path) -> io::Result<Input> {
         None
     };
     let path = real.as_deref().unwrap_or(path);
-    // Before it is opened: opening a pipe waits for its writer.
+    // Checked before the file is opened, since opening a pipe waits for its writer.
     let metadata = std::fs::metadata(path)?;
     if metadata.is_dir() {
         return Err(io::Error::new(io::ErrorKind::IsADirectory, "this is a folder and not a regular file"));
@@ -58,10 +58,10 @@ pub fn read(path: &Path, most: u64) -> io::Result<Vec<u8>> {
     Ok(bytes)
 }
 
-/// As [`read`]; `None` if there is no such file.
+/// Like [`read`], but returns `None` if the file does not exist.
 ///
 /// # Errors
-/// As [`read`], but for a file that is not there.
+/// As [`read`], except for a missing file.
 pub fn read_if_there(path: &Path, most: u64) -> io::Result<Option<Vec<u8>>> {
     match read(path, most) {
         Ok(bytes) => Ok(Some(bytes)),
@@ -71,7 +71,7 @@ pub fn read_if_there(path: &Path, most: u64) -> io::Result<Option<Vec<u8>>> {
 }
 
 impl Input {
-    /// Its size, bytes.
+    /// Size of the file in bytes.
     #[must_use]
     pub fn size(&self) -> u64 {
         self.size
@@ -99,7 +99,7 @@ impl Read for Input {
 
 impl Seek for Input {
     fn seek(&mut self, to: SeekFrom) -> io::Result<u64> {
-        // From where the file ended when it was opened.
+        // Relative to the end that the file had when it was opened.
         let to = match to {
             SeekFrom::End(offset) => {
                 let outside = || io::Error::new(io::ErrorKind::InvalidInput, "this lies before the file's start");

@@ -1,4 +1,4 @@
-//! The one way in which the files of projects and scenes, pictures, records and reports are read and written.
+//! All reading and writing of files: projects and scenes, pictures, records and reports.
 //!
 //! - [`open`] and [`read`] take regular files only: a pipe or a device could block for ever. A file that ends before the
 //!   size that it had when it was opened is an error, so no loader takes half a file for a whole one.
@@ -6,8 +6,8 @@
 //!   [`check_outputs`] finds out before the work whether that will succeed.
 //! - [`abandon`] removes what is half written when the program is ended from outside. What a killed program left is
 //!   removed when a file is next written into the same folder.
-//! - [`confine`] bounds all of them to a folder, for the whole process: a function that opens files need not be told, and
-//!   cannot forget it.
+//! - [`confine`] bounds all of them to a folder, for the whole process: functions that open files need no parameter for it and
+//!   cannot forget the check.
 //! - [`fault`] makes them fail at a chosen call, for tests.
 
 mod confine;

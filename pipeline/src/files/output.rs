@@ -6,10 +6,11 @@ use super::{confine, fault};
 use std::io::{self, Seek, SeekFrom, Write};
 use std::path::Path;
 
-/// A file that is written in place of another, or anew: into a temporary file in the same folder, which takes the name
-/// when all of it is on the disk. Dropped before that, it leaves everything as it was.
+/// A file that is written whole or not at all. The bytes go to a temporary file in the same folder, which is renamed by
+/// [`Self::commit`] once all of it is on the disk. Dropped before that, it leaves everything as it was.
 ///
-/// The new file has the mode of the one that it replaces. A symbolic link stays one: the file that it leads to is replaced.
+/// The new file takes the mode of the file that it replaces. If the path is a symbolic link, the link stays and its target is
+/// replaced.
 #[derive(Debug)]
 pub struct Replacement {
     target: Target,
@@ -37,7 +38,7 @@ impl Replacement {
     /// Puts the file in its place: synchronised to disk, renamed, and the folder synchronised.
     ///
     /// # Errors
-    /// Whatever the file system reports; then the old file, if any, is still there, unless only the last step failed.
+    /// Whatever the file system reports. The old file, if any, is then unchanged, unless only the sync of the folder failed.
     pub fn commit(mut self) -> io::Result<()> {
         self.faults.on_write()?;
         self.temporary.file().sync_all()?;
@@ -74,7 +75,7 @@ pub fn write_atomically(path: &Path, bytes: &[u8]) -> io::Result<()> {
     file.commit()
 }
 
-/// Makes a folder and those above it that are missing.
+/// Makes a folder, and the missing folders above it.
 ///
 /// # Errors
 /// Whatever the file system reports, or if it lies outside the folder of [`confine`](super::confine).

@@ -1,4 +1,4 @@
-//! Where a file is really written, and whether it can be.
+//! Where an output file really lies, and whether it can be written.
 
 use super::{confine, temporary};
 use std::fs::{OpenOptions, Permissions};
@@ -15,7 +15,7 @@ pub(super) struct Target {
     pub path: PathBuf,
     /// The folder that holds it, without symbolic links.
     pub folder: PathBuf,
-    /// Of the file that is there already.
+    /// Permissions of the existing file; `None` if there is none.
     pub permissions: Option<Permissions>,
 }
 
@@ -23,7 +23,7 @@ pub(super) struct Target {
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum OutputError {
-    /// The file system says so.
+    /// The file system reports an error.
     #[error("{}: {error}", path.display())]
     Io {
         /// The file.
@@ -31,17 +31,17 @@ pub enum OutputError {
         /// What the system said.
         error: io::Error,
     },
-    /// Two outputs would be one file.
+    /// Two outputs have the same path.
     #[error("{}: this file would be written twice, as {first} and as {second}\n       leave one of the two out, or name another file", path.display())]
     Twice {
         /// The file.
         path: PathBuf,
-        /// What one of them is.
+        /// Description of the first output.
         first: String,
-        /// What the other is.
+        /// Description of the second output.
         second: String,
     },
-    /// It is an input of the same work.
+    /// The output is also an input of the same run.
     #[error("{}: this file is read, and would be replaced\n       name another file", path.display())]
     Read {
         /// The file.
@@ -50,7 +50,7 @@ pub enum OutputError {
 }
 
 impl Target {
-    /// Follows symbolic links, whether or not a file is at their end.
+    /// Resolves symbolic links, whether or not a file exists at their end.
     ///
     /// # Errors
     /// If the folder is missing, the target is a folder, a pipe or a device, or it lies outside the folder of
@@ -85,10 +85,10 @@ impl Target {
         Err(io::Error::other("its symbolic links lead in a circle"))
     }
 
-    /// Whether the file can be replaced or made, by trying without changing anything.
+    /// Fails if the file cannot be replaced or made. Tries without changing anything.
     fn try_out(&self) -> io::Result<()> {
         if self.permissions.is_some() {
-            // A file that its owner made read-only is not replaced either, though its folder would allow it.
+            // A read-only file is not replaced, although the permissions of its folder would allow it.
             OpenOptions::new().write(true).open(&self.path)?;
         }
         temporary::TemporaryFile::new(&self.folder)
@@ -110,12 +110,12 @@ fn existing_folder(path: &Path) -> io::Result<PathBuf> {
     Ok(real)
 }
 
-/// Finds out before the work whether all outputs can be written: each into a folder that is there and can be written, in
-/// the place of no folder, pipe, device or read-only file, no two into one file, and none into a file that was read since
-/// [`record_files_read`](super::record_files_read). Nothing is changed. Each output is a path and what it is.
+/// Checks before the work whether all outputs can be written. Each output is a path and a description. Its folder must exist and be
+/// writable; the path must not be a folder, a pipe, a device or a read-only file; no two outputs may share a path; and no output
+/// may be a file that was read since [`record_files_read`](super::record_files_read). Nothing is changed.
 ///
 /// # Errors
-/// The first output that cannot.
+/// The error of the first output that fails a check.
 pub fn check_outputs<'a>(outputs: impl IntoIterator<Item = (&'a Path, &'a str)>) -> Result<(), OutputError> {
     let mut known: Vec<(PathBuf, &str)> = Vec::new();
     for (path, what) in outputs {
@@ -134,10 +134,10 @@ pub fn check_outputs<'a>(outputs: impl IntoIterator<Item = (&'a Path, &'a str)>)
     Ok(())
 }
 
-/// Finds out before the work whether files can be written into a folder that may have to be made. Nothing is changed.
+/// Checks before the work whether files can be written into a folder that may not exist yet. Nothing is changed.
 ///
 /// # Errors
-/// If the folder, or the nearest one above it that is there, is something else or cannot be written.
+/// If the folder, or its nearest existing ancestor, is no folder or cannot be written.
 pub fn check_folder(path: &Path) -> Result<(), OutputError> {
     let wrong = |error| OutputError::Io { path: path.to_owned(), error };
     confine::check_place(path).map_err(wrong)?;

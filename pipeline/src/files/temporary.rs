@@ -1,7 +1,7 @@
-//! Temporary files and folders, and what is left of them.
+//! Temporary files and folders, and the removal of those that killed programs left.
 //!
-//! All that exist are listed, so that [`abandon`] can remove them. Each is locked as long as its program lives: one that
-//! nobody holds locked was left by a program that was killed, and is removed when its folder is next written into.
+//! The process keeps a list of its temporaries, so that [`abandon`] can remove them. Each is locked while its program lives. A
+//! temporary without a lock was left by a killed program and is removed when its folder is next written into.
 
 use super::confine;
 use std::collections::BTreeSet;
@@ -12,18 +12,18 @@ use std::path::{Path, PathBuf};
 use std::sync::{Mutex, MutexGuard, PoisonError};
 use tempfile::{NamedTempFile, TempDir};
 
-/// What the name of a temporary file or folder starts with.
+/// Start of the name of a temporary file or folder.
 const PREFIX: &str = ".curitiba-";
-/// What it ends with.
+/// End of the name.
 const SUFFIX: &str = ".part";
-/// Random letters and digits between the two.
+/// Number of random letters and digits between the two.
 const RANDOM: usize = 8;
-/// Entries of a folder that are looked at for what killed programs left.
+/// Most entries of a folder that are searched for leftovers of killed programs.
 const MOST_ENTRIES: usize = 100_000;
-/// How often a lock is tried for: another program may be looking whether the new file is an abandoned one.
+/// Attempts to make a temporary file: another program may take a new file for a leftover and remove it before it is locked.
 const TRIES: usize = 100;
 
-/// What exists now, and the folders that were searched for what killed programs left.
+/// The temporaries that exist now, and the folders that were searched for leftovers of killed programs.
 #[derive(Debug, Default)]
 struct Known {
     temporaries: BTreeSet<PathBuf>,
@@ -32,7 +32,7 @@ struct Known {
 
 static KNOWN: Mutex<Known> = Mutex::new(Known { temporaries: BTreeSet::new(), searched: BTreeSet::new() });
 
-/// While this is held no temporary file or folder is made, renamed or removed.
+/// Locks the list. While the guard is held no temporary file or folder is made, renamed or removed.
 fn known() -> MutexGuard<'static, Known> {
     KNOWN.lock().unwrap_or_else(PoisonError::into_inner)
 }
@@ -40,13 +40,13 @@ fn known() -> MutexGuard<'static, Known> {
 /// A locked temporary file.
 #[derive(Debug)]
 pub(super) struct TemporaryFile {
-    /// `None` once it is renamed.
+    /// `None` once the file is renamed.
     file: Option<NamedTempFile>,
     path: PathBuf,
 }
 
 impl TemporaryFile {
-    /// Makes one in `folder`, which is free of symbolic links.
+    /// Makes a temporary file in `folder`, a path without symbolic links.
     pub fn new(folder: &Path) -> io::Result<Self> {
         let mut known = known();
         search(folder, &mut known);
@@ -56,7 +56,7 @@ impl TemporaryFile {
             #[cfg(unix)]
             {
                 use std::os::unix::fs::PermissionsExt as _;
-                // As `File::create` would: temporary files are private otherwise. The umask still applies.
+                // The mode of `File::create`; temporary files are private by default. The umask still applies.
                 builder.permissions(std::fs::Permissions::from_mode(0o666));
             }
             let file = builder.tempfile_in(folder).map_err(without_path)?;
@@ -69,13 +69,13 @@ impl TemporaryFile {
         Err(io::Error::other("other programs remove each temporary file"))
     }
 
-    /// The file.
+    /// The open file.
     pub fn file(&self) -> &File {
         // Only `rename`, which consumes this, takes it out.
         self.file.as_ref().map(NamedTempFile::as_file).expect("the file is there until it is renamed")
     }
 
-    /// Gives it its name; a file of that name is replaced.
+    /// Renames the file to `to`, replacing a file of that name.
     pub fn rename(mut self, to: &Path) -> io::Result<()> {
         let mut known = known();
         let Some(file) = self.file.take() else { return Ok(()) };
@@ -95,7 +95,7 @@ impl Drop for TemporaryFile {
     }
 }
 
-/// The name of a temporary file means nothing to anybody.
+/// Removes the temporary file's path from an error message: it means nothing to the user.
 fn without_path(error: io::Error) -> io::Error {
     let text = error.to_string();
     match text.split_once(" at path ") {
@@ -104,25 +104,24 @@ fn without_path(error: io::Error) -> io::Error {
     }
 }
 
-/// Locks a new temporary file or folder; `false` if another program took it for an abandoned one and removed it.
+/// Locks a new temporary file or folder. Returns `false` if another program took it for a leftover and removed it.
 fn lock(file: &File, path: &Path) -> bool {
-    // Where the file system has no locks nobody else can lock it either, and it is never taken for an abandoned one.
+    // Without file locks on this file system no other program gets the lock either, so none takes the file for a leftover.
     let _ = file.lock();
     path.exists()
 }
 
-/// A folder that is filled under a temporary name, beside the place that it will have. Dropped, it vanishes with all that
-/// it holds.
+/// A folder that is filled under a temporary name, beside its final place. Dropping it deletes it with its contents.
 #[derive(Debug)]
 pub struct TemporaryFolder {
     folder: Option<TempDir>,
     path: PathBuf,
-    /// Holds the lock.
+    /// Open handle that holds the lock.
     _lock: Option<File>,
 }
 
 impl TemporaryFolder {
-    /// Makes one in `parent`, which only the user may enter.
+    /// Makes a temporary folder in `parent`; only the user may enter it.
     ///
     /// # Errors
     /// If `parent` is missing, cannot be written, or lies outside the folder of [`confine`](super::confine).
@@ -137,7 +136,7 @@ impl TemporaryFolder {
             let mut builder = tempfile::Builder::new();
             builder.prefix(PREFIX).suffix(SUFFIX).rand_bytes(RANDOM);
             let folder = builder.tempdir_in(&parent).map_err(without_path)?;
-            // Folders cannot be opened, and so not be locked, on every system.
+            // Not every system can open folders, and so lock them.
             let held = File::open(folder.path()).ok();
             if held.as_ref().is_none_or(|held| lock(held, folder.path())) {
                 let path = folder.path().to_owned();
@@ -148,14 +147,14 @@ impl TemporaryFolder {
         Err(io::Error::other("other programs remove each temporary folder"))
     }
 
-    /// Where it is.
+    /// Path of the folder.
     #[must_use]
     pub fn path(&self) -> &Path {
         &self.path
     }
 
-    /// Gives it its name, in the place of a folder of that name. Where the system can exchange two folders in one step, one
-    /// of the two is there at every moment; elsewhere the old one is first renamed, and put back if the second step fails.
+    /// Renames the folder to `to`, replacing a folder of that name. Where the system can exchange two folders atomically, one of
+    /// the two exists at `to` at every moment. Elsewhere the old folder is renamed first, and put back if the second step fails.
     ///
     /// # Errors
     /// Whatever the file system reports; then the old folder is still there.
@@ -172,7 +171,7 @@ impl TemporaryFolder {
             let mut known = known();
             if !to.exists() {
                 std::fs::rename(&self.path, &to)?;
-                // The name is gone, so there is nothing to remove.
+                // The temporary name no longer exists, so there is nothing to remove.
                 known.temporaries.remove(&self.path);
                 if let Some(folder) = self.folder.take() {
                     let _ = folder.keep();
@@ -187,7 +186,7 @@ impl TemporaryFolder {
                 std::fs::rename(&aside, &self.path)?;
             }
         }
-        // What was there before has the temporary name now, and goes when this is dropped.
+        // The old folder has the temporary name now, and is removed when `self` is dropped.
         sync_folder(to.parent().unwrap_or(Path::new(".")))
     }
 }
@@ -202,7 +201,7 @@ impl Drop for TemporaryFolder {
     }
 }
 
-/// Exchanges two folders in one step; `false` where the system or the file system cannot.
+/// Exchanges two folders atomically. Returns `false` where the system or the file system cannot.
 #[cfg(any(target_os = "linux", target_os = "android", target_vendor = "apple"))]
 fn exchange(one: &Path, other: &Path) -> io::Result<bool> {
     use rustix::fs::{CWD, RenameFlags, renameat_with};
@@ -219,19 +218,19 @@ fn exchange(_: &Path, _: &Path) -> io::Result<bool> {
     Ok(false)
 }
 
-/// Sees to it that the names of a folder's files are on the disk. Not every system can do that, or has to.
+/// Flushes the directory entries of a folder to the disk. Not every system can do that, or needs it.
 pub(super) fn sync_folder(folder: &Path) -> io::Result<()> {
     if cfg!(not(unix)) {
         return Ok(());
     }
     match File::open(folder).and_then(|folder| folder.sync_all()) {
-        // A folder that may be written and not read, and file systems without this.
+        // Folders that may be written but not read, and file systems that cannot sync a folder.
         Err(error) if matches!(error.kind(), io::ErrorKind::PermissionDenied | io::ErrorKind::InvalidInput) => Ok(()),
         result => result,
     }
 }
 
-/// Removes what killed programs left in a folder, once in the life of the process. What cannot be removed harms nobody.
+/// Removes leftovers of killed programs from a folder, once per process. Failures to remove are ignored.
 fn search(folder: &Path, known: &mut Known) {
     if !known.searched.insert(folder.to_owned()) {
         return;
@@ -250,14 +249,14 @@ fn search(folder: &Path, known: &mut Known) {
     }
 }
 
-/// Whether a name is one of those that this module makes.
+/// Whether a name has the form of this module's temporary names.
 fn is_temporary(name: &OsStr) -> bool {
     let random = name.to_str().and_then(|name| name.strip_prefix(PREFIX)?.strip_suffix(SUFFIX));
     random.is_some_and(|random| random.len() == RANDOM && random.bytes().all(|byte| byte.is_ascii_alphanumeric()))
 }
 
-/// Removes all temporary files and folders of this process, and lets it make no more and rename none: for the last moment
-/// before a signal ends it. Threads that write wait from here on.
+/// Removes all temporary files and folders of this process, and blocks further ones: for the last moment before a signal ends the
+/// process. The lock stays held, so threads that make or rename a temporary wait from here on.
 pub fn abandon() {
     let known = known();
     for path in &known.temporaries {

@@ -1,4 +1,4 @@
-//! Whether the triangles of a material are the border of bodies, and which way they face.
+//! Tests whether the triangles of a material form closed surfaces, and their orientation.
 
 use crate::scene::Geometry;
 use glam::{DVec3, Vec3};
@@ -7,32 +7,32 @@ use std::collections::HashMap;
 /// An edge between two welded positions, the lower one first.
 type Edge = [u32; 2];
 
-/// What was found out about the triangles of a material.
+/// Whether the surface of a material is closed.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Closedness {
-    /// Each edge is passed as often in one direction as in the other: inside and outside are told apart everywhere. Triangles of these
-    /// ids face inwards, as a whole: their bodies have a negative volume and lie in no other.
+    /// Each edge is used equally often in both directions, so inside and outside are defined everywhere.
     Closed {
-        /// Triangles to be turned.
+        /// Ids of the triangles that must be flipped: they belong to bodies that face inwards (negative volume) and lie inside no
+        /// other body.
         inside_out: Vec<u32>,
     },
-    /// Some are not.
+    /// Some edges are not used equally often in both directions.
     Open {
-        /// How many.
+        /// Number of such edges.
         edges: usize,
-        /// The middle of the first, in the order of triangles.
+        /// Midpoint of the first, in the order of triangles.
         first: Vec3,
     },
 }
 
-/// Looks at some triangles of a scene. Corners are one where all bits of their positions are (0 and -0 are one as well), so
-/// vertices that are doubled for their normals do not open a surface.
+/// Examines the given triangles. Corners with bitwise equal positions are one (0 and -0 are equal too), so vertices that are
+/// duplicated for their normals do not open a surface.
 ///
-/// The time is that of a hash table of all edges.
+/// Takes linear time: it fills a hash table of all edges.
 #[must_use]
 pub fn closedness(geometry: &Geometry, triangles: &[u32]) -> Closedness {
     let (corners, points) = weld(geometry, triangles);
-    // How much more often an edge is passed upwards than downwards, and the first triangle that has it.
+    // For each edge: uses in ascending minus uses in descending direction, and the first triangle that has it.
     let mut balance: HashMap<Edge, (i32, usize)> = HashMap::with_capacity(triangles.len() * 3 / 2);
     for (index, [a, b, c]) in corners.iter().enumerate() {
         for (from, to) in [(a, b), (b, c), (c, a)] {
@@ -49,13 +49,13 @@ pub fn closedness(geometry: &Geometry, triangles: &[u32]) -> Closedness {
     Closedness::Closed { inside_out: inside_out(triangles, &corners, &points, &parts) }
 }
 
-/// The corners of triangles as indices of distinct positions, and those.
+/// The corners of the triangles as indices of distinct positions, and these positions.
 fn weld(geometry: &Geometry, triangles: &[u32]) -> (Vec<[u32; 3]>, Vec<Vec3>) {
     let mut known: HashMap<[u32; 3], u32> = HashMap::with_capacity(triangles.len());
     let mut points = Vec::new();
     let corners = triangles.iter().map(|triangle| {
         geometry.corners(*triangle).map(|position| {
-            // Adding 0 makes 0 of -0.
+            // Adding 0 turns -0 into 0.
             *known.entry((position + Vec3::ZERO).to_array().map(f32::to_bits)).or_insert_with(|| {
                 points.push(position);
                 points.len() as u32 - 1
@@ -65,7 +65,7 @@ fn weld(geometry: &Geometry, triangles: &[u32]) -> (Vec<[u32; 3]>, Vec<Vec3>) {
     (corners.collect(), points)
 }
 
-/// By triangle: the part of the surface that it belongs to, which is named by one of its points.
+/// By triangle: its connected part of the surface, identified by one of the part's points (union-find).
 fn parts(corners: &[[u32; 3]], points: usize) -> Vec<u32> {
     fn root(parents: &mut [u32], mut point: u32) -> u32 {
         while parents[point as usize] != point {
@@ -88,7 +88,7 @@ fn parts(corners: &[[u32; 3]], points: usize) -> Vec<u32> {
 /// A connected part of a surface.
 #[derive(Clone, Copy)]
 struct Part {
-    /// Six times the volume that it borders, negative where it faces inwards.
+    /// Six times the enclosed volume; negative if the part faces inwards.
     volume: f64,
     low: Vec3,
     high: Vec3,
@@ -100,8 +100,9 @@ impl Part {
     }
 }
 
-/// The triangles of parts that face inwards and lie in no other part that faces outwards, and of the parts within them: a mirrored
-/// copy of a body with cavities is turned as a whole, and the cavity of a body that faces outwards stays as it is.
+/// The triangles to flip: those of parts that face inwards and lie inside no part that faces outwards, and of the parts within
+/// them. So a mirrored copy of a body with cavities is flipped as a whole, and the cavity of a body that faces outwards stays as it
+/// is.
 fn inside_out(triangles: &[u32], corners: &[[u32; 3]], points: &[Vec3], of: &[u32]) -> Vec<u32> {
     let mut found: HashMap<u32, Part> = HashMap::new();
     let center = points.first().map_or(DVec3::ZERO, |point| point.as_dvec3());
@@ -129,7 +130,8 @@ mod tests {
     use super::*;
     use crate::scene::Batch;
 
-    /// Boxes as 12 triangles each, with corners of their own for every face: low corner, high corner, whether it faces inwards.
+    /// Boxes of 12 triangles, with separate corners for every face. Each entry: low corner, high corner, whether the box faces
+    /// inwards.
     fn boxes(list: &[(f32, f32, bool)]) -> Geometry {
         let mut geometry = Geometry::default();
         for (low, high, inwards) in list {
@@ -168,7 +170,7 @@ mod tests {
         let mut turned = whole.clone();
         turned.triangles[5].swap(0, 1);
         assert!(matches!(look(&turned), Closedness::Open { edges: 3, .. }), "{:?}", look(&turned));
-        // A corner off by one bit opens the surface.
+        // Moving a corner by one bit opens the surface.
         let mut moved = whole;
         moved.positions[0].x = moved.positions[0].x.next_up();
         assert!(matches!(look(&moved), Closedness::Open { .. }));
@@ -188,7 +190,7 @@ mod tests {
 
     #[test]
     fn bodies_that_face_inwards_are_found_and_cavities_are_not() {
-        // A body with a cavity, a body that faces inwards, and one with a cavity that is mirrored as a whole.
+        // A body with a cavity; a body that faces inwards; and a mirrored body with a cavity.
         let at = |list: &[(f32, f32, bool)]| look(&boxes(list));
         let Closedness::Closed { inside_out } = at(&[(-2.0, 2.0, false), (-1.0, 1.0, true)]) else { panic!("closed") };
         assert_eq!(inside_out, [0_u32; 0]);

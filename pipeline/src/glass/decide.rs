@@ -1,4 +1,4 @@
-//! Pane, thin or solid: what each material of a scene is.
+//! Decides the glass shape of each material of a scene: pane, thin wall or solid body.
 
 use super::{Closedness, Dielectric, Reflectance, Shape, closedness};
 use crate::diagnostic::Decision;
@@ -7,22 +7,22 @@ use crate::scene::{Geometry, Material, RenderScene};
 use glam::Vec3;
 use std::path::Path;
 
-/// A material is glass if it lets this share of the light through.
+/// A material is glass if its transmission is at least this share of light.
 pub const TRANSPARENT: f32 = 0.1;
 
-/// What materials are, and why.
+/// The glass properties of materials, and the reasons.
 #[derive(Debug, Clone, Default)]
 pub struct Decided {
-    /// By material.
+    /// Properties by material.
     pub dielectrics: Vec<Dielectric>,
-    /// One for each material that is glass and has triangles.
+    /// A decision for each material that is glass and has triangles.
     pub decisions: Vec<Decision>,
-    /// Materials that are not what their file says, and bodies that were turned.
+    /// Materials treated otherwise than their file says, and bodies that were flipped.
     pub warnings: Warnings,
 }
 
-/// Decides for every material of a scene. Bodies that face inwards as a whole are turned in the scene, so that the geometric normal of
-/// every triangle of a solid points out of it; `file` is what warnings name.
+/// Decides for every material of a scene. Bodies that face inwards are flipped in the scene, so that the geometric normal of every
+/// triangle of a solid points out of it. Warnings name `file`.
 ///
 /// | material | is |
 /// |---|---|
@@ -69,7 +69,7 @@ fn triangles_of(geometry: &Geometry, material: u32) -> Vec<u32> {
     batches.flat_map(|batch| batch.first..batch.first + batch.count).collect()
 }
 
-/// All but the shape.
+/// All properties but the shape.
 fn properties(material: &Material) -> Dielectric {
     Dielectric {
         shape: Shape::Opaque,
@@ -89,13 +89,13 @@ fn properties(material: &Material) -> Dielectric {
     }
 }
 
-/// The square of the roughness, as in glTF.
+/// Width of the microfacet distribution: the roughness squared, as in glTF; 0 below [`Dielectric::SMOOTH`].
 fn alpha(material: &Material) -> f32 {
     let alpha = material.roughness * material.roughness;
     if alpha < Dielectric::SMOOTH { 0.0 } else { alpha.min(1.0) }
 }
 
-/// How a surface scatters light, in words; nothing where it is smooth.
+/// Description of a surface's scattering; empty if it is smooth.
 fn roughness(material: &Material) -> String {
     match alpha(material) {
         0.0 => String::new(),
@@ -118,7 +118,7 @@ fn spread(material: &Material) -> f32 {
     if material.ior < Dielectric::MIRROR { (material.ior - 1.0).max(0.0) * (material.dispersion / 20.0) } else { 0.0 }
 }
 
-/// How a body bends colours, in words; nothing where it bends all alike.
+/// Description of a body's dispersion; empty without dispersion.
 fn dispersion(material: &Material) -> String {
     if spread(material) <= 0.0 {
         return String::new();
@@ -128,7 +128,7 @@ fn dispersion(material: &Material) -> String {
     format!("; disperses: index {red:.4} for red, {blue:.4} for blue (Abbe number {:.1})", 20.0 / material.dispersion)
 }
 
-/// The shape of a material that is glass, the triangles to be turned, and the reason.
+/// The shape of a material that is glass, the triangles to flip, and the reason.
 fn shape(
     material: &Material,
     geometry: &Geometry,
@@ -180,7 +180,7 @@ mod tests {
     use super::*;
     use crate::scene::{Batch, Sphere};
 
-    /// Tetrahedra of a material each; `None` leaves out a triangle.
+    /// A tetrahedron for each material; a `false` in `whole` leaves out one of its triangles.
     fn scene(materials: Vec<Material>, whole: &[bool]) -> RenderScene {
         let mut scene = RenderScene { materials, ..RenderScene::default() };
         let geometry = &mut scene.geometry;
@@ -269,7 +269,7 @@ mod tests {
         scene.geometry.spheres = [0, 1, 2, 2, 3].map(sphere).to_vec();
         let decided = decide(&mut scene, Path::new("a.xml"));
         let shapes: Vec<Shape> = decided.dielectrics.iter().map(|glass| glass.shape).collect();
-        // The first is that of an open tetrahedron, too.
+        // The first material also belongs to an open tetrahedron.
         assert_eq!(shapes, [Shape::Thin, Shape::Solid, Shape::Solid, Shape::Opaque]);
         assert!(
             decided.decisions[2].why.starts_with("solid: it is that of 2 exact spheres"),

@@ -1,43 +1,44 @@
-//! Where a pass stops following light in glass.
+//! Limits at which a pass stops following light in glass.
 
-/// Most reflections, or refractions, on a path: what is the limit where a pass names none.
+/// Most reflections, and most refractions, on a path; the default of both limits.
 pub const MOST_BOUNCES: u32 = 128;
 
-/// What stands for ways in glass that are not followed.
+/// Colour of paths in glass that are cut off.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default)]
 pub enum CutoffColor {
     /// No light.
     #[default]
     Black,
-    /// What rays show that leave the scene.
+    /// The background: the colour of rays that miss the scene.
     Background,
 }
 
-/// Whether ways in glass of little weight are followed by chance.
+/// Russian roulette for paths in glass of little weight.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default)]
 pub enum Roulette {
-    /// No: none is followed whose weight is below the cut-off.
+    /// No roulette: paths whose weight is below the cut-off end.
     #[default]
     Off,
-    /// Each with a probability of its weight over the cut-off, and counted by so much more: the mean is that of all.
+    /// A path survives with a probability of its weight divided by the cut-off, and its weight is divided by that probability: the
+    /// expected value is that of following all paths.
     On,
 }
 
 named!(CutoffColor, "black" => Black, "background" => Background);
 named!(Roulette, "off" => Off, "on" => On);
 
-/// Where light in glass (`glass=auto`) is no longer followed.
+/// Limits for following light in glass (`glass=auto`).
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct PathLimits {
-    /// Ways of which less than this share of a pixel's colour depends are cut off: 0 (none) to 1.
+    /// Least weight of a path, as a share of its pixel's colour: 0 (no cut-off) to 1.
     pub cutoff: f32,
-    /// What stands for a way that is cut off, or beyond [`Self::reflections`] or [`Self::refractions`].
+    /// Colour of a path that is cut off, or that exceeds [`Self::reflections`] or [`Self::refractions`].
     pub cutoff_color: CutoffColor,
-    /// Whether ways below the cut-off are followed by chance.
+    /// Whether paths below the cut-off are continued by Russian roulette.
     pub roulette: Roulette,
     /// Most reflections on a path, up to [`MOST_BOUNCES`].
     pub reflections: u32,
-    /// The same of refractions.
+    /// Most refractions on a path, up to [`MOST_BOUNCES`].
     pub refractions: u32,
 }
 
@@ -48,7 +49,7 @@ impl Default for PathLimits {
 }
 
 impl PathLimits {
-    /// All ways are followed.
+    /// No limits below the maximum: all paths are followed.
     pub const DEFAULT: Self = Self {
         cutoff: 0.0,
         cutoff_color: CutoffColor::Black,
@@ -57,13 +58,13 @@ impl PathLimits {
         refractions: MOST_BOUNCES,
     };
 
-    /// Whether any way may not be followed.
+    /// Whether some path may be cut off.
     #[must_use]
     pub fn cut(&self) -> bool {
         self.cutoff > 0.0 || self.reflections < MOST_BOUNCES || self.refractions < MOST_BOUNCES
     }
 
-    /// Sets a parameter by its name; false if the name or the value is none.
+    /// Sets a parameter by its name. Returns `false` if the name or the value is invalid.
     pub(crate) fn set(&mut self, name: &str, value: &str) -> bool {
         let bounces = || value.parse().ok().filter(|count: &u32| *count <= MOST_BOUNCES);
         fn put<T>(place: &mut T, value: Option<T>) -> bool {
@@ -79,7 +80,7 @@ impl PathLimits {
         }
     }
 
-    /// The value of a parameter as it is written; `None` if the name is none.
+    /// The value of a parameter as text; `None` for an unknown name.
     pub(crate) fn get(&self, name: &str) -> Option<String> {
         Some(match name {
             "cutoff" => self.cutoff.to_string(),

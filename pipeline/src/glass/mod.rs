@@ -1,8 +1,8 @@
-//! What glass is: the choices of a pass, and what each material is to its rays.
+//! Glass: the options of a pass, and the optical properties of each material.
 //!
-//! The report knows one kind of glass, a plane that stands for a whole pane, and materials are mapped to it by name. With
-//! `glass=auto` the materials decide ([`decide`]): closed surfaces of materials with a volume are solids, other transparent materials
-//! are thin walls, and what a project names without a property of its own stays a pane.
+//! The report knows one kind of glass, a plane that stands for a whole pane, and projects name the materials that are glass. With
+//! `glass=auto` the materials decide ([`decide`]): closed surfaces of materials with a volume are solid bodies, other transparent
+//! materials are thin walls, and a material that the project names but whose properties do not make it glass stays a pane.
 
 mod closed;
 mod decide;
@@ -18,39 +18,40 @@ pub use crate::scene::dispersion::{CAUCHY, CAUCHY_AT_D};
 pub use crate::scene::reflectance::Reflectance;
 use glam::Vec3;
 
-/// What decides what glass is.
+/// What determines which materials are glass, and of which kind.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default)]
 pub enum GlassRule {
-    /// The report's: every material that the project names is a pane of the pass's index.
+    /// The project: every material that it names is a pane with the pass's index, as in the report.
     #[default]
     Pane,
     /// Each material's own properties.
     Auto,
 }
 
-/// What rays show that leave the scene.
+/// Colour of rays that miss the scene.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default)]
 pub enum Background {
-    /// Nothing, as in the report.
+    /// Black, as in the report.
     #[default]
     Black,
-    /// The clear colour of the render target that holds the G-buffer; of rays that start at the camera that of the pass's own.
+    /// The clear colour of the render target that holds the G-buffer; for rays that start at the camera, that of the pass's own
+    /// target.
     Clear,
     /// Blue, as in the tutorials of the engine's descendant.
     Blue,
 }
 
-/// What shadow rays find of light that falls through glass.
+/// How light passes through glass to shadow rays.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default)]
 pub enum GlassShadow {
-    /// 0.9 for each surface of glass crossed, as in the report.
+    /// Weakened by a factor of 0.9 at each glass surface, as in the report.
     #[default]
     Report,
-    /// None: glass is as opaque as anything else, and what light does in it is left to a pass for caustics.
+    /// Not at all: glass casts full shadows, and its light is left to a pass for caustics.
     Opaque,
-    /// As if it went straight on, weakened by Fresnel's share at each surface and by absorption on each way inside.
+    /// In a straight line, weakened by Fresnel transmission at each surface and by absorption inside bodies.
     Straight,
-    /// As [`Self::Straight`], but exact spheres that are bodies of glass send light where they bend it.
+    /// As [`Self::Straight`], but exact spheres that are glass bodies refract the light and so focus it.
     Caustic,
 }
 
@@ -58,22 +59,23 @@ named!(GlassRule, "pane" => Pane, "auto" => Auto);
 named!(Background, "black" => Black, "clear" => Clear, "blue" => Blue);
 named!(GlassShadow, "report" => Report, "opaque" => Opaque, "straight" => Straight, "caustic" => Caustic);
 
-/// How a surface of glass stands in the scene.
+/// Shape of a glass surface.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default)]
 pub enum Shape {
-    /// No glass.
+    /// Not glass.
     #[default]
     Opaque,
-    /// The report's: one surface bends light as if it entered a block of the pass's index, and stands for a whole pane.
+    /// The report's pane: a single surface that refracts light as if it entered a block of the pass's index, and stands for a whole
+    /// pane.
     Pane,
-    /// A plane-parallel wall: light goes straight on, and what is reflected between its faces is added up.
+    /// A wall with parallel faces: light passes without a bend, and the reflections between the faces are summed up.
     Thin,
-    /// The border of a body: light is bent where it enters and where it leaves, and absorbed on its way inside.
+    /// The surface of a body: light is refracted where it enters and leaves, and absorbed inside.
     Solid,
 }
 
 impl Shape {
-    /// As it is printed.
+    /// The name in messages.
     #[must_use]
     pub fn name(self) -> &'static str {
         match self {
@@ -85,21 +87,21 @@ impl Shape {
     }
 }
 
-/// A material as rays in glass see it.
+/// Optical properties of a material.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Dielectric {
-    /// How its surfaces stand.
+    /// Shape of its surfaces.
     pub shape: Shape,
-    /// Index of refraction against vacuum, 1 to [`Self::MIRROR`], for light of 587.6 nm; of panes the pass's serves.
+    /// Index of refraction against vacuum, 1 to [`Self::MIRROR`], for light of 587.6 nm. Panes use the pass's index instead.
     pub index: f32,
-    /// By how much a solid's index is higher for blue than for red light: its difference between 486.1 and 656.3 nm, (n - 1) / V of
-    /// Abbe's number V. 0 where all colours are bent alike.
+    /// Dispersion of a solid: its index at 486.1 nm minus its index at 656.3 nm, `(n - 1) / V` with the Abbe number V. 0 without
+    /// dispersion.
     pub spread: f32,
-    /// Width alpha of the distribution of microfacets, 0 (smooth) or [`Self::SMOOTH`] to 1.
+    /// Width alpha of the microfacet distribution: 0 (smooth), or [`Self::SMOOTH`] to 1.
     pub alpha: f32,
-    /// A texture whose green channel, squared, the width is multiplied by: an index into the scene's textures.
+    /// Texture whose green channel, squared, multiplies the width: index into the scene's textures.
     pub roughness_texture: Option<u32>,
-    /// Extinction by colour, per scene unit: light keeps `exp(-extinction * length)`. At least 0, finite.
+    /// Extinction coefficient by colour, per scene unit: transmittance is `exp(-extinction * length)`. At least 0, finite.
     pub extinction: Vec3,
     /// What a surface of a body or of a wall reflects in the place of Fresnel's share; `None` where that serves.
     pub reflectance: Option<Reflectance>,
@@ -107,27 +109,27 @@ pub struct Dielectric {
     pub reflection: Option<Vec3>,
     /// Share of the light by colour that passes a surface, beside Fresnel's: 0 to 1.
     pub filter: Vec3,
-    /// A texture whose colour (decoded from sRGB) is part of the filter: an index into the scene's textures.
+    /// Texture whose colour (decoded from sRGB) multiplies the filter: index into the scene's textures.
     pub filter_texture: Option<u32>,
-    /// Whether the colours of vertices are part of the filter.
+    /// Whether vertex colours multiply the filter.
     pub filter_vertex_colors: bool,
-    /// Share of the light that enters and is scattered back by the diffuse colour: 0 to 1.
+    /// Share of the entering light that is scattered back with the diffuse colour: 0 to 1.
     pub veil: f32,
-    /// Thickness of a thin wall that absorbs, scene units; else 0.
+    /// Thickness of a thin wall that absorbs light, in scene units; otherwise 0.
     pub thickness: f32,
-    /// Where bodies overlap, the one of the higher priority fills the place; of two alike the one that was entered later.
+    /// Rank where bodies overlap: the body of the highest priority fills the place; of equal ones the body entered last.
     pub priority: u8,
 }
 
 impl Dielectric {
-    /// The index from which on all light is reflected: Fresnel's share differs from 1 by less than a rounding error.
+    /// Index from which on all light is reflected: Fresnel reflectance differs from 1 by less than a rounding error.
     pub const MIRROR: f32 = 1e9;
 
-    /// Below this width a surface counts as smooth: light is scattered by less than a hundredth of a degree.
+    /// Width below which a surface counts as smooth: it scatters light by less than a hundredth of a degree.
     pub const SMOOTH: f32 = 1e-4;
 
-    /// The index for light of a wavelength in nanometres, at least 1: n + spread (523655 / λ² - 1.5168) (glTF
-    /// `KHR_materials_dispersion`, which is Cauchy's A + B / λ²).
+    /// The index for a wavelength in nanometres, at least 1: `n + spread (523655 / λ² - 1.5168)` (glTF `KHR_materials_dispersion`,
+    /// which is Cauchy's A + B / λ²).
     #[inline]
     #[must_use]
     pub fn index_at(&self, wavelength: f32) -> f32 {
@@ -152,7 +154,7 @@ impl Dielectric {
         color.to_array().map(|share| (-f64::from(share.clamp(1e-6, 1.0)).ln() / f64::from(distance)) as f32).into()
     }
 
-    /// What light keeps, by colour, on a way of this length inside.
+    /// Transmittance by colour over a distance inside the body.
     #[inline]
     #[must_use]
     pub fn transmittance(&self, length: f32) -> Vec3 {
@@ -160,7 +162,7 @@ impl Dielectric {
     }
 }
 
-/// `exp(-extinction * length)` by colour; exactly 1 where nothing is absorbed, whatever the length.
+/// Transmittance `exp(-extinction * length)` by colour; exactly 1 where the extinction is 0, for any length.
 #[inline]
 #[must_use]
 pub fn transmittance(extinction: Vec3, length: f32) -> Vec3 {
@@ -172,7 +174,7 @@ mod tests {
     use super::*;
     use crate::scene::dispersion::of_cauchy;
 
-    /// A glass like BK7 at the lines F, d and C, and the angle by which a prism of 60 degrees turns light at the least.
+    /// A glass like BK7 at the lines F, d and C, and the angle of minimum deviation of a 60-degree prism.
     #[test]
     fn the_index_falls_with_the_wavelength_by_abbes_number() {
         let glass = Dielectric { index: 1.5168, spread: 0.5168 / 64.17, ..Dielectric::default() };
@@ -190,7 +192,7 @@ mod tests {
 
     #[test]
     fn cauchys_equation_is_the_same_law() {
-        // A dense flint; with nanometres in the place of micrometres there would be no dispersion at all.
+        // A dense flint glass; with nanometres in place of micrometres there would be no dispersion at all.
         let [index, spread] = of_cauchy([1.5, 0.01]).map(|value| value as f32);
         let glass = Dielectric { index, spread, ..Dielectric::default() };
         for (wavelength, expected) in [(700.0, 1.520_408), (550.0, 1.533_058), (450.0, 1.549_383)] {
@@ -206,7 +208,7 @@ mod tests {
             assert!((glass.transmittance(distance) - color).abs().max_element() < 1e-6, "{distance}");
             assert!((glass.transmittance(2.0 * distance) - color * color).abs().max_element() < 1e-6, "{distance}");
         }
-        // Hard case 13: a slab of 2 with sigma .1, .5, 2.
+        // Hard case 13: a slab of thickness 2 with extinction .1, .5, 2.
         let kept = transmittance(Vec3::new(0.1, 0.5, 2.0), 2.0);
         assert!((kept - Vec3::new(0.818_731, 0.367_879, 0.018_316)).abs().max_element() < 1e-6, "{kept}");
     }

@@ -1,30 +1,30 @@
-//! Light by wavelength, for glass that bends colours differently.
+//! Spectral sampling, for glass with dispersion.
 //!
-//! Colours stay red, green and blue: a wavelength only tells by which index light is bent, and by how much what it brings counts in each
-//! of the three. Weights are those of the light of D65, whose colour is white: w(λ) = D65(λ) M x(λ), where x are the colour-matching
-//! functions of 1931 and M takes XYZ to linear sRGB, each channel divided by its integral. They are negative where sRGB does not reach
-//! a spectral colour, and the sum over all wavelengths is 1 in each channel. So no sample may be clamped, and what is not bent apart
-//! keeps its colour.
+//! Colours stay red, green and blue. The wavelength of a path only selects the index of refraction and the weight of the path's
+//! light in each of the three channels. The weights are those of D65, whose colour is white: w(λ) = D65(λ) M x(λ), where x are the
+//! CIE 1931 colour-matching functions and M converts XYZ to linear sRGB, each channel divided by its integral. Weights are negative
+//! where a spectral colour lies outside sRGB, and in each channel they sum to 1 over all wavelengths. So no sample may be clamped,
+//! and light that is not dispersed keeps its colour.
 
 use glam::{DMat3, DVec3, Vec3};
 
-/// A part of the spectrum, and what it counts.
+/// A part of the spectrum and its weight.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Stratum {
-    /// The wavelength that stands for it, nanometres.
+    /// Representative wavelength, nanometres.
     pub wavelength: f32,
-    /// What light of it counts in red, green and blue: a multiple of 2^-20, and so is every sum of them, without rounding.
+    /// Weight of its light in red, green and blue: a multiple of 2^-20, so that sums of weights are exact.
     pub weight: Vec3,
 }
 
-/// Most strata that are asked for.
+/// Largest number of strata.
 pub const MOST_STRATA: u32 = 256;
 
-/// Violet and red end of what is looked at, nanometres: beyond lie 0.002 % of the light that is seen.
+/// Ends of the sampled spectrum, nanometres: only 0.002 % of visible light lies beyond.
 const ENDS: [f64; 2] = [380.0, 780.0];
-/// Steps of the integrals, one a nanometre.
+/// Steps of the integrals: one per nanometre.
 const STEPS: usize = 400;
-/// Weights are multiples of this.
+/// Unit of the weights.
 const UNIT: f64 = 1.0 / 1_048_576.0;
 
 /// Relative power of the standard illuminant D65 (ISO/CIE 11664-2) from 380 to 780 nm, every 10 nm.
@@ -35,9 +35,9 @@ const D65: [f64; 41] = [
     66.8054, 63.3828,
 ];
 
-/// The colour-matching functions of the CIE's standard observer of 1931 at a wavelength in nanometres, to about 1 % of their greatest
-/// values (Wyman, Sloan and Shirley, "Simple Analytic Approximations to the CIE XYZ Color Matching Functions", Journal of Computer
-/// Graphics Techniques 2(2), 2013, the fit with several lobes).
+/// CIE 1931 colour-matching functions at a wavelength in nanometres, within about 1 % of their maxima (multi-lobe fit of Wyman,
+/// Sloan and Shirley, "Simple Analytic Approximations to the CIE XYZ Color Matching Functions", Journal of Computer Graphics
+/// Techniques 2(2), 2013).
 #[must_use]
 pub fn color_matching(wavelength: f64) -> DVec3 {
     let lobe = |height: f64, center: f64, below: f64, above: f64| {
@@ -51,7 +51,7 @@ pub fn color_matching(wavelength: f64) -> DVec3 {
     )
 }
 
-/// Relative power of D65 at a wavelength from 380 to 780 nm, between its values as the CIE says: on a line.
+/// Relative power of D65 at a wavelength from 380 to 780 nm, linearly interpolated as the CIE recommends.
 #[must_use]
 pub fn daylight(wavelength: f64) -> f64 {
     let place = ((wavelength - ENDS[0]) / 10.0).clamp(0.0, (D65.len() - 1) as f64);
@@ -59,9 +59,9 @@ pub fn daylight(wavelength: f64) -> f64 {
     D65[below] + (D65[below + 1] - D65[below]) * (place - below as f64)
 }
 
-/// Linear sRGB of a wavelength's share of white light, not yet divided by the integrals.
+/// Linear sRGB contribution of a wavelength to white light, not yet divided by the integrals.
 fn rgb(wavelength: f64) -> DVec3 {
-    // XYZ to linear sRGB (IEC 61966-2-1), by rows.
+    // XYZ to linear sRGB (IEC 61966-2-1); rows of the matrix.
     let matrix = DMat3::from_cols(
         DVec3::new(3.240_454_2, -1.537_138_5, -0.498_531_4),
         DVec3::new(-0.969_266_0, 1.876_010_8, 0.041_556_0),
@@ -71,11 +71,11 @@ fn rgb(wavelength: f64) -> DVec3 {
     matrix * color_matching(wavelength) * daylight(wavelength)
 }
 
-/// The spectrum in `count` strata of equal area under the mean of the three weights' absolute values, so that each colour is divided
-/// alike; from violet to red. 1 to [`MOST_STRATA`].
+/// Divides the spectrum into `count` strata (1 to [`MOST_STRATA`]), from violet to red. All have the same area under the sum of the
+/// weights' absolute values, so that the three colours are sampled alike.
 ///
-/// Each weight is the integral over its stratum, and each wavelength the stratum's mean by that area. In each channel the weights'
-/// sum is exactly 1, in whatever order they are added.
+/// The weight of a stratum is the integral over it, its wavelength the mean by that area. In each channel the weights sum to
+/// exactly 1, in any order of addition.
 #[must_use]
 pub fn strata(count: u32) -> Vec<Stratum> {
     let count = count.clamp(1, MOST_STRATA) as usize;
@@ -90,7 +90,7 @@ pub fn strata(count: u32) -> Vec<Stratum> {
     let mut strata = vec![(0.0, 0.0, DVec3::ZERO); count];
     let (mut index, mut before) = (0, 0.0);
     for (wavelength, weight) in cells {
-        // A cell may be cut by several borders.
+        // A step of the integral may be divided among several strata.
         let (whole, mut left) = (area(weight), area(weight));
         while left > 0.0 {
             let room = (index + 1) as f64 * share - before;
@@ -115,7 +115,7 @@ pub fn strata(count: u32) -> Vec<Stratum> {
         .collect()
 }
 
-/// Weights as multiples of [`UNIT`] whose sum is 1: what rounding leaves goes to the greatest.
+/// Rounds weights to multiples of [`UNIT`] with a sum of 1: the largest weight absorbs the rounding errors.
 fn rounded(weights: &[DVec3]) -> Vec<Vec3> {
     let mut units: Vec<DVec3> = weights.iter().map(|weight| (weight / UNIT).round()).collect();
     for channel in 0..3 {
@@ -133,7 +133,7 @@ mod tests {
 
     #[test]
     fn the_colour_matching_functions_are_those_of_the_tables() {
-        // CIE 1931, 2 degrees; the fit is off by up to 1.3 % of a function's greatest value.
+        // CIE 1931, 2 degrees; the fit is off by up to 1.3 % of a function's maximum.
         for (wavelength, x, y, z) in [
             (420.0, 0.134_38, 0.004_0, 0.645_6),
             (450.0, 0.336_2, 0.038_0, 1.772_11),
@@ -184,10 +184,10 @@ mod tests {
         let mean =
             |channel: usize| -> f32 { strata.iter().map(|stratum| stratum.weight[channel] * stratum.wavelength).sum() };
         let [red, green, blue] = [0, 1, 2].map(mean);
-        // 642.5, 543.0 and 440.8 nm by the tables of 1931; weights below 0 draw the outer two apart.
+        // 642.5, 543.0 and 440.8 nm by the tables of 1931; negative weights push the outer two apart.
         let off = [red - 642.5, green - 543.0, blue - 440.8].map(f32::abs);
         assert!(off.iter().all(|off| *off < 4.0), "{red} {green} {blue}");
-        // Each has its part of the strata: of the luminance alone blue would have one in sixteen.
+        // Each colour has its share of the strata: strata by luminance alone would give blue one in sixteen.
         for channel in 0..3 {
             let many = strata.iter().filter(|stratum| stratum.weight[channel] > 0.01).count();
             assert!(many > 12, "{channel}: {many}");

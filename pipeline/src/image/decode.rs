@@ -1,7 +1,7 @@
-//! Decoding into the memory of the result: no second copy of a picture is made.
+//! Decoding of pictures within the memory of the result, without a second copy.
 //!
-//! A decoder writes the pixels as the file has them into the end of the result's own memory; from there they are converted to
-//! its beginning. A pixel's result never lies beyond where the pixel itself was.
+//! The decoder writes the file's pixels into the end of the result's memory. From there they are converted, front to back, to its
+//! beginning. The converted pixel never lies beyond the place of the pixel that it is made of.
 
 use crate::guard;
 use crate::memory::{self, Refused};
@@ -9,15 +9,15 @@ use bytemuck::Zeroable;
 use image::{ColorType, DynamicImage, ImageBuffer, ImageDecoder, Pixel};
 use std::fmt;
 
-/// Pixels that are converted at once.
+/// Number of pixels that are converted at once.
 const PIECE: usize = 4096;
 
 /// Why a picture could not be decoded.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(crate) enum Fault {
-    /// What is wrong with the file.
+    /// The file is broken; the message says how.
     Broken(String),
-    /// There is no memory for it.
+    /// There is not enough memory.
     Refused(Refused),
 }
 
@@ -42,8 +42,8 @@ impl fmt::Display for Fault {
     }
 }
 
-/// All pixels as 8-bit RGBA, top row first; 16-bit and floating-point channels are reduced. Takes 4 bytes a pixel, or as many
-/// as the file's widest form if that is more, and what the decoder needs for itself.
+/// Decodes all pixels as 8-bit RGBA, top row first; channels of 16 bits or floats are reduced. Takes 4 bytes a pixel, or the bytes
+/// of the file's pixel format if they are more, plus the decoder's own memory.
 pub(crate) fn rgba8(decoder: impl ImageDecoder) -> Result<Vec<[u8; 4]>, Fault> {
     let pixels = count(&decoder)?;
     let stored = usize::from(decoder.color_type().bytes_per_pixel());
@@ -64,8 +64,8 @@ fn reduce(piece: DynamicImage, result: &mut [u8]) {
     result.copy_from_slice(&piece.into_rgba8());
 }
 
-/// All pixels of a picture of 8 or 16 bits a channel, as floats of 0 to 1: divided by the largest value. Takes 16 bytes a
-/// pixel, and what the decoder needs for itself.
+/// Decodes a picture of 8 or 16 bits a channel to floats from 0 to 1: stored value divided by the largest. Takes 16 bytes a pixel,
+/// plus the decoder's own memory.
 pub(super) fn floats(decoder: impl ImageDecoder) -> Result<Vec<[f32; 4]>, Fault> {
     let mut pixels: Vec<[f32; 4]> = memory::zeroed(count(&decoder)?)?;
     let color = decoder.color_type();
@@ -92,7 +92,7 @@ fn count(decoder: &impl ImageDecoder) -> Result<usize, String> {
     usize::try_from(u64::from(width) * u64::from(height)).map_err(|_| "the picture is too large".to_owned())
 }
 
-/// Decodes into the end of `memory`, and converts pieces to its beginning, `wide` bytes a pixel.
+/// Decodes into the end of `memory`, then converts the pixels in pieces and writes `wide` bytes a pixel from its beginning.
 fn convert(
     decoder: impl ImageDecoder,
     memory: &mut [u8],
@@ -115,7 +115,7 @@ fn convert(
     Ok(())
 }
 
-/// Decoded bytes as a picture of one row.
+/// Wraps decoded bytes as a picture of one row.
 fn piece(color: ColorType, bytes: &[u8]) -> Result<DynamicImage, String> {
     fn row<P: Pixel>(bytes: &[u8]) -> Option<ImageBuffer<P, Vec<P::Subpixel>>>
     where
@@ -150,7 +150,7 @@ mod tests {
     use image::{ImageFormat, Luma, LumaA, Rgb, Rgba};
     use std::io::Cursor;
 
-    /// Pictures of every form, 131 x 67: more than one piece, and no whole number of them.
+    /// Pictures of every pixel format, 131 x 67: more than one piece, and not a multiple of the piece size.
     fn pictures() -> Vec<DynamicImage> {
         let value = |x: u32, y: u32, channel: u32| (x * 7919 + y * 104_729 + channel * 31_337) as u16;
         let byte = |x, y, channel| (value(x, y, channel) >> 5) as u8;

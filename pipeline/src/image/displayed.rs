@@ -7,7 +7,7 @@ use rayon::prelude::*;
 use std::io;
 use std::path::Path;
 
-/// Rows as [`Display::stored`] has them, made while they are written.
+/// Rows of another picture, converted by [`Display::stored`] while they are written.
 pub struct DisplayRows<'a> {
     rows: &'a mut dyn Rows,
     display: Display,
@@ -15,7 +15,7 @@ pub struct DisplayRows<'a> {
 }
 
 impl<'a> DisplayRows<'a> {
-    /// Of rows.
+    /// Converts `rows` for `display`.
     #[must_use]
     pub fn new(rows: &'a mut dyn Rows, display: Display) -> Self {
         Self { rows, display, made: Vec::new() }
@@ -38,7 +38,7 @@ impl Rows for DisplayRows<'_> {
     }
 }
 
-/// What is displayed of a picture: [`Display::displayed`] of each pixel.
+/// Applies [`Display::displayed`] to each pixel.
 ///
 /// # Errors
 /// If there is no memory for it.
@@ -48,7 +48,7 @@ pub fn displayed(image: &Image, display: Display) -> Result<Image, Refused> {
     Ok(Image { width: image.width, height: image.height, pixels })
 }
 
-/// Writes a picture as an 8-bit PNG of what is displayed of it.
+/// Writes the display values of a picture as an 8-bit PNG.
 ///
 /// # Errors
 /// Whatever the file system reports.
@@ -56,13 +56,13 @@ pub fn write_displayed(path: &Path, image: &Image, display: Display) -> io::Resu
     write_png_rows(path, &mut DisplayRows::new(&mut ImageRows::from(image), display))
 }
 
-/// The 8-bit code that is displayed of a grey of this value, as PNG files store it.
+/// The 8-bit code with which a PNG file stores the display value of a grey.
 #[must_use]
 pub fn code_of(display: Display, value: f32) -> u8 {
     byte(display.stored([value; 4])[0])
 }
 
-/// A picture as a screen shows it: exposed and encoded, 8 bits a channel.
+/// A picture as a screen shows it: after exposure, tone curve and encoding, 8 bits a channel.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub struct Codes {
     /// Pixels a row.
@@ -74,7 +74,7 @@ pub struct Codes {
 }
 
 impl Codes {
-    /// Of a picture.
+    /// The codes of `image`.
     ///
     /// # Errors
     /// If there is no memory for it.
@@ -85,7 +85,8 @@ impl Codes {
         Ok(Self { width: image.width, height: image.height, pixels })
     }
 
-    /// The picture that is displayed as this one: each value is the middle of those with its code.
+    /// A picture that displays as these codes: each value decodes its code exactly, so it is the middle of the values with that
+    /// code.
     ///
     /// # Errors
     /// If there is no memory for it.
@@ -101,7 +102,7 @@ impl Codes {
     }
 }
 
-/// Writes such a picture as an 8-bit RGB PNG: the file that [`write_displayed`] writes of the picture that it was made of.
+/// Writes codes as an 8-bit RGB PNG: the same file that [`write_displayed`] makes of the original picture.
 ///
 /// # Errors
 /// Whatever the file system reports.

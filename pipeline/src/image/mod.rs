@@ -1,4 +1,4 @@
-//! Images: the attachments of render targets and the picture that is shown; reading, writing and making them visible.
+//! Images: attachments of render targets and displayed pictures; reading, writing and false colours.
 
 pub(crate) mod decode;
 mod displayed;
@@ -23,7 +23,7 @@ use rayon::prelude::*;
 /// Largest side of a picture or a render target, pixels.
 pub const MAX_SIDE: u32 = 65_536;
 
-/// Name of the layer of an EXR file that holds the variance of the mean that another layer is.
+/// Name of the EXR layer that holds the variance of another layer, which is a mean of samples.
 pub const VARIANCE_LAYER: &str = "variance";
 
 /// How a channel of a render target is stored.
@@ -41,11 +41,11 @@ pub enum PixelFormat {
     R32Float,
 }
 
-/// Pixels that are brought to 16-bit floats and back at once.
+/// Number of pixels that are converted to 16-bit floats and back at once.
 const PIECE: usize = 64;
 
 impl PixelFormat {
-    /// The formats by their names in project files and settings. `RGBA` is the engine's short name of four bytes.
+    /// The formats by their names in project files and settings. `RGBA` is the short name of `RGBA8` in the report's engine.
     pub const NAMED: [(&'static str, Self); 6] = [
         ("RGBA32F", Self::Rgba32Float),
         ("RGBA16F", Self::Rgba16Float),
@@ -55,7 +55,7 @@ impl PixelFormat {
         ("R32F", Self::R32Float),
     ];
 
-    /// The format of a name, in letters of either case.
+    /// The format with this name; case does not matter.
     #[must_use]
     pub fn named(name: &str) -> Option<Self> {
         Self::NAMED.iter().find(|(known, _)| known.eq_ignore_ascii_case(name)).map(|(_, format)| *format)
@@ -67,7 +67,7 @@ impl PixelFormat {
         Self::NAMED.iter().find(|(_, format)| *format == self).map_or("", |(name, _)| name)
     }
 
-    /// Rounds pixels to what the format can hold; channels that it lacks read as 0, alpha as 1.
+    /// Rounds pixels to what the format can hold. Colour channels that the format lacks become 0, a missing alpha becomes 1.
     pub fn round(self, pixels: &mut [[f32; 4]]) {
         fn unorm(value: f32) -> f32 {
             (value.clamp(0.0, 1.0) * 255.0).round() / 255.0
@@ -92,7 +92,7 @@ impl PixelFormat {
     }
 }
 
-/// Widens pixels of four 16-bit floats in the byte order of this machine; `bytes` has 8 for each of `pixels`.
+/// Converts pixels of four 16-bit floats in native byte order to 32-bit floats. `bytes` holds 8 bytes for each of `pixels`.
 pub fn widen(bytes: &[u8], pixels: &mut [[f32; 4]]) {
     for (bytes, pixels) in bytes.chunks(8 * PIECE).zip(pixels.chunks_mut(PIECE)) {
         let mut narrow = [f16::ZERO; 4 * PIECE];
@@ -106,7 +106,7 @@ pub fn widen(bytes: &[u8], pixels: &mut [[f32; 4]]) {
 
 /// An RGBA picture of 32-bit floats, top row first.
 ///
-/// Narrower formats are rounded when a pass stores into them, so that what a later pass reads has their precision.
+/// Pixels of narrower formats are rounded when a pass stores them, so later passes read values of that precision.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Image {
     /// Pixels a row.
@@ -124,7 +124,7 @@ impl Image {
         Self { width, height, pixels: vec![color; width as usize * height as usize] }
     }
 
-    /// Bilinear filtering of `width * height` pixels at `u`, `v`: 0..=1 from the top left corner; edges are extended.
+    /// Samples `width * height` pixels bilinearly at `u`, `v`: 0..=1 from the top left corner, clamped to the edge.
     #[must_use]
     pub fn bilinear(width: u32, height: u32, pixels: &[[f32; 4]], u: f32, v: f32) -> [f32; 4] {
         let x = (u * width as f32 - 0.5).clamp(0.0, (width - 1) as f32);
@@ -141,7 +141,7 @@ impl Image {
         })
     }
 
-    /// Whether all pixels have one colour; alpha does not count.
+    /// Whether all pixels have the same colour; alpha is ignored. `false` for an empty image.
     #[must_use]
     pub fn is_blank(&self) -> bool {
         Colors::of(&self.pixels).is_one()
@@ -160,7 +160,7 @@ pub fn count_non_finite(pixels: &[[f32; 4]]) -> usize {
     pixels.par_iter().filter(|pixel| pixel.iter().any(|value| !value.is_finite())).count()
 }
 
-/// How many colours pixels have, as far as it matters: none, one or more. Alpha does not count.
+/// The number of distinct colours of pixels: none, one, or more. Alpha is ignored.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub(crate) enum Colors {
     /// No pixel was seen.
@@ -173,14 +173,14 @@ pub(crate) enum Colors {
 }
 
 impl Colors {
-    /// Of these pixels.
+    /// The distinct colours of `pixels`.
     pub fn of(pixels: &[[f32; 4]]) -> Self {
         let mut colors = Self::default();
         colors.see(pixels);
         colors
     }
 
-    /// Looks at more pixels.
+    /// Adds more pixels.
     pub fn see(&mut self, pixels: &[[f32; 4]]) {
         for &[r, g, b, _] in pixels {
             match *self {
@@ -194,7 +194,7 @@ impl Colors {
         }
     }
 
-    /// Whether there are pixels, all of one colour.
+    /// Whether pixels were seen and all have the same colour.
     pub fn is_one(self) -> bool {
         matches!(self, Self::One(_))
     }
@@ -230,8 +230,8 @@ mod tests {
         assert_eq!(pixels, [[0.25, 0.0, 0.0, 1.0]]);
     }
 
-    /// The nearest 16-bit float, ties to the even one, by arithmetic on integers (IEEE 754: 5 bits of exponent, 10 of
-    /// fraction); for magnitudes below 65,520.
+    /// The nearest 16-bit float, ties to even, by integer arithmetic (IEEE 754: 5 bits of exponent, 10 of fraction), for magnitudes
+    /// below 65,520.
     fn nearest_half(value: f32) -> f32 {
         let exponent = ((value.to_bits() >> 23 & 0xff) as i32 - 127).max(-14);
         let unit = 2f64.powi(exponent - 10);
@@ -250,7 +250,7 @@ mod tests {
         }
         PixelFormat::Rgba16Float.round(&mut pixels);
         assert_eq!(pixels.as_flattened(), widened, "what is a 16-bit float stays");
-        // Between neighbours, below, at and above the middle; 130 pixels are no whole number of pieces.
+        // Values between neighbouring halves: below, at and above the middle. 130 pixels are not a multiple of the piece size.
         let mut between: Vec<[f32; 4]> = (0..130u16)
             .map(|i| std::array::from_fn(|k| widened[usize::from(i) * 200] * (1.0 + (k as f32 + 0.5) / 8192.0)))
             .collect();

@@ -1,4 +1,4 @@
-//! Reading pictures that were written, by this program or by another.
+//! Reading pictures, written by this program or by others.
 
 use super::Image;
 use super::decode::{self, Fault};
@@ -25,11 +25,11 @@ const MAX_PIXELS: u64 = 1 << 28;
 /// Most values of all layers of an EXR file: sixteen channels of the largest picture.
 const MAX_SAMPLES: u64 = 16 * MAX_PIXELS;
 
-/// A file of N bytes holds at most this many times N bytes of pixels: no compression of PNG or EXR reaches it. Deflate makes at most
-/// 1032 bytes of one, a run of PIZ 408.
+/// Upper bound of the compression ratio: a file of N bytes holds at most this many times N bytes of pixels. Deflate reaches at most
+/// 1032 bytes per byte, a run of PIZ 408.
 const MOST_RATIO: u64 = 2048;
 
-/// Blocks of an EXR file that are decompressed at once.
+/// Number of blocks of an EXR file that are decompressed at once.
 const BATCH: usize = 64;
 
 /// Why a picture could not be read.
@@ -45,17 +45,18 @@ pub struct ReadImageError {
 /// A picture as a file holds it.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Picture {
-    /// Its pixels. Of a PNG they are what is displayed, 0 to 1; of an EXR the values as stored: [`Self::space`] says what they are. Grey pictures have
-    /// three equal colours; alpha is 1 where the file has none.
+    /// The pixels. Those of a PNG are display values, 0 to 1; those of an EXR are the stored values, whose meaning [`Self::space`]
+    /// gives. Grey pictures have three equal colours; alpha is 1 where the file has none.
     pub image: Image,
-    /// Names of the four channels: `R G B A`, or `X Y Z cosine` of a position.
+    /// Names of the four channels: `R G B A`, or `X Y Z cosine` for world positions with light cosine.
     pub channels: [String; 4],
-    /// Whether values were rounded to steps of `1 / 255` or `1 / 65535` and cut to 0 to 1.
+    /// The largest stored integer, 255 or 65535, if values were clamped to 0 to 1 and rounded to steps of its inverse; `None` for
+    /// floats.
     pub steps: Option<u32>,
-    /// What the colours are: of a PNG display values; of an EXR what [`COLOR_ATTRIBUTE`](super::COLOR_ATTRIBUTE) says. `None` for an EXR
-    /// without it: one of another program, or a layer that holds no colour.
+    /// Colour space of the pixels: display values for a PNG; what [`COLOR_ATTRIBUTE`](super::COLOR_ATTRIBUTE) says for an EXR.
+    /// `None` for an EXR without that attribute: a file of another program, or a layer that holds no colour.
     pub space: Option<ColorSpace>,
-    /// Variance of the mean that `image` is, from a layer of that name.
+    /// Variance of `image`, where the file has such a layer; `image` is then a mean of samples.
     pub variance: Option<Variance>,
 }
 
@@ -64,13 +65,13 @@ pub struct Picture {
 pub struct Variance {
     /// The variance of the mean.
     pub of_mean: Image,
-    /// How many independent samples it was estimated from; `None` if the file does not tell.
+    /// Number of independent samples that the variance was estimated from; `None` if the file does not say.
     pub samples: Option<u32>,
 }
 
-/// Reads a `.png` of 8 or 16 bits (values as stored divided by the largest, the inverse of
-/// [`write_png`](super::write_png)) or an `.exr` (the first layer that is no variance; and the layer `variance` or
-/// `variance:N`, as [`write_exr_layers`](super::write_exr_layers) writes it).
+/// Reads a PNG or EXR file. A `.png` has 8 or 16 bits a channel; stored values are divided by the largest, the inverse of
+/// [`write_png`](super::write_png). Of an `.exr` it reads the first layer that holds no variance, and the layer `variance` or
+/// `variance:N`, as [`write_exr_layers`](super::write_exr_layers) writes it.
 ///
 /// # Errors
 /// If the file cannot be read, is no picture of these kinds, has other channels than three colours, grey or the four that
@@ -100,7 +101,7 @@ fn check_size(width: u64, height: u64) -> Result<(), String> {
     Ok(())
 }
 
-/// Refuses pixels that a file of this size cannot hold, before there is memory for them.
+/// Refuses a pixel count that a file of this size cannot hold, before memory is allocated.
 fn check_held(pixels: &str, bytes: u64, file: u64) -> Result<(), String> {
     if bytes > file.saturating_mul(MOST_RATIO) {
         return Err(format!("the file claims {pixels}, {bytes} bytes, but has only {file}; write it again, whole"));
@@ -114,13 +115,13 @@ fn read_png(path: &Path) -> Result<Picture, String> {
     let size = file.get_ref().size();
     let mut reader = ImageReader::with_format(file, ImageFormat::Png);
     let mut limits = Limits::default();
-    // Eight bytes a pixel at most, and what the decoder needs beside.
+    // At most eight bytes a pixel, plus the decoder's own memory.
     limits.max_alloc = Some(10 * MAX_PIXELS);
     reader.limits(limits);
     let decoder = guard::call("image", || reader.into_decoder())?.map_err(broken)?;
     let (width, height) = decoder.dimensions();
     check_size(width.into(), height.into())?;
-    // Eight pixels may share a byte before they are decoded.
+    // The least that the pixels can take in the file: one bit each.
     check_held(&format!("{width} x {height} pixels"), u64::from(width) * u64::from(height) / 8, size)?;
     let color = decoder.color_type();
     let steps = if color.bytes_per_pixel() == color.channel_count() { 255 } else { 65_535 };
@@ -135,7 +136,7 @@ fn read_png(path: &Path) -> Result<Picture, String> {
 
 fn read_exr(path: &Path) -> Result<Picture, String> {
     let broken = |error: exr::error::Error| format!("this is no whole EXR file: {error}");
-    // The headers first: what they claim is checked before anything of that size is allocated.
+    // Headers first: what they claim is checked before anything of that size is allocated.
     let file = open(path)?;
     let size = file.get_ref().size();
     let meta = guard::call("exr", || MetaData::read_from_buffered(file, false))?.map_err(broken)?;
@@ -151,7 +152,7 @@ fn read_exr(path: &Path) -> Result<Picture, String> {
         if header.channels.list.iter().any(|channel| channel.sampling.0 != 1 || channel.sampling.1 != 1) {
             return Err("a channel has fewer samples than pixels (chroma subsampling); write it with all".to_owned());
         }
-        // The crate takes as much memory as a part of the file says that it has, up to a whole tile.
+        // The crate allocates as much memory as a header claims, up to a whole tile.
         if let BlockDescription::Tiles(tiles) = header.blocks {
             let [width, height] = [tiles.tile_size.0, tiles.tile_size.1].map(|side| side as u64);
             let tile = width.saturating_mul(height).saturating_mul(header.channels.bytes_per_pixel as u64);
@@ -161,7 +162,7 @@ fn read_exr(path: &Path) -> Result<Picture, String> {
     check_held(&format!("{samples} values"), bytes, size)?;
     let mut shown = None;
     let mut variance = None;
-    // By layer of the file: whether it is read, where its pixels go, and which component each of its channels is.
+    // For each layer of the file: whether it is read, the picture for its pixels, and the component of each of its channels.
     let mut layers = Vec::new();
     for header in &meta.headers {
         let name = header.own_attributes.layer_name.as_ref().map(Text::to_string).unwrap_or_default();
@@ -218,7 +219,7 @@ fn read_exr(path: &Path) -> Result<Picture, String> {
     Ok(Picture { image, channels, steps: None, space, variance })
 }
 
-/// What a layer's attribute says of its colours.
+/// The colour space that a layer's attribute names; `None` without the attribute.
 fn space_of(header: &Header) -> Option<ColorSpace> {
     match header.own_attributes.other.get(&Text::from(COLOR_ATTRIBUTE)) {
         Some(AttributeValue::Text(text)) => text.to_string().parse().ok(),
@@ -226,7 +227,7 @@ fn space_of(header: &Header) -> Option<ColorSpace> {
     }
 }
 
-/// Of `variance` or `variance:N`; `None` for the name of another layer.
+/// Parses a layer name: `variance` or `variance:N`, with the number of samples. The outer `Option` is `None` for other names.
 fn variance_samples(name: &str) -> Result<Option<Option<u32>>, String> {
     match name.split_once(':') {
         None if name == VARIANCE_LAYER => Ok(Some(None)),
@@ -238,20 +239,20 @@ fn variance_samples(name: &str) -> Result<Option<Option<u32>>, String> {
     }
 }
 
-/// The sets of channels that are read, in the order in which a pixel holds them; the last may be missing.
+/// The sets of channels that are read, in the order of a pixel's components; the last channel of each may be missing.
 const CHANNELS: [[&str; 4]; 3] = [["R", "G", "B", "A"], ["X", "Y", "Z", "cosine"], ["X", "Y", "Z", "W"]];
 
-/// The picture that a layer's pixels go into, black and opaque; the names of its components; and by channel of the layer
-/// which components it is.
+/// A picture for a layer's pixels, black and opaque; the names of its components; and for each channel of the layer the components
+/// that it fills.
 type Prepared = (Image, [String; 4], Vec<[bool; 4]>);
 
 fn prepare(layer: &str, header: &Header) -> Result<Prepared, String> {
     let list = &header.channels.list;
-    // Other programs write `layer.R`, also where the layer has that name already.
+    // Other programs write `layer.R`, even where the layer has that name already.
     let short = |name: &Text| name.to_string().rsplit('.').next().unwrap_or_default().to_owned();
     let find = |wanted: &str| list.iter().position(|channel| short(&channel.name) == wanted);
     let colored = CHANNELS.iter().find(|names| names[..3].iter().all(|name| find(name).is_some()));
-    // `X Y Z` alone are a prefix of two sets.
+    // `X Y Z` are the prefix of two sets; the fourth channel decides.
     let colored = colored.map(|names| if names[3] == "cosine" && find("W").is_some() { &CHANNELS[2] } else { names });
     let names = match (colored, find("Y")) {
         (Some(names), _) => *names,
@@ -270,7 +271,7 @@ fn prepare(layer: &str, header: &Header) -> Result<Prepared, String> {
     Ok((Image { width: side(width)?, height: side(height)?, pixels }, names.map(str::to_owned), components))
 }
 
-/// Copies the samples of a block to where they belong.
+/// Copies the samples of a block to their place in the picture.
 fn store(block: &UncompressedBlock, header: &Header, components: &[[bool; 4]], image: &mut Image) {
     for line in block.lines(&header.channels) {
         let (Some(wanted), Some(channel)) =
@@ -394,7 +395,8 @@ mod tests {
                 fails(&format!("cut.{extension}"), Some(&bytes[..length]));
             }
         }
-        // What a file cannot hold is refused, before there is memory for it: headers that claim 16384 x 16384 pixels.
+        // Headers that claim 16384 x 16384 pixels: a file of this size cannot hold them, and is refused before memory is
+        // allocated.
         let mut bytes = std::fs::read(&png).expect("there");
         bytes[16..24].copy_from_slice(&[0, 0, 0x40, 0, 0, 0, 0x40, 0]);
         let crc = crc32(&bytes[12..29]);
@@ -407,7 +409,7 @@ mod tests {
         bytes[start + 8..start + 12].copy_from_slice(&16_383_i32.to_le_bytes());
         bytes[start + 12..start + 16].copy_from_slice(&16_383_i32.to_le_bytes());
         assert!(fails("claims.exr", Some(&bytes)).contains("the file claims"));
-        // A small picture in one tile of a size that no memory has.
+        // A small picture in one tile, whose claimed size exceeds any memory.
         {
             use exr::prelude::*;
             let layer = Layer::new(
@@ -423,7 +425,7 @@ mod tests {
             Image::from_layer(layer).write().to_file(&exr).expect("written");
         }
         assert!(fails("b.exr", None).contains("the file claims tiles of 1048576 x 1024 pixels"));
-        // A PNG that claims 65535 x 65535 pixels, with a right checksum of its header.
+        // A PNG that claims 65535 x 65535 pixels, with a valid checksum of its header.
         let mut bytes = std::fs::read(&png).expect("there");
         bytes[16..24].copy_from_slice(&[0, 0, 0xff, 0xff, 0, 0, 0xff, 0xff]);
         let crc = crc32(&bytes[12..29]);
@@ -433,7 +435,7 @@ mod tests {
         assert!(fails("b.exr", None).contains("valid: R G B"));
     }
 
-    /// CRC-32 of ISO 3309, as PNG chunks end with it.
+    /// CRC-32 of ISO 3309, which ends each PNG chunk.
     fn crc32(bytes: &[u8]) -> u32 {
         !bytes.iter().fold(u32::MAX, |crc, byte| {
             (0..8).fold(crc ^ u32::from(*byte), |crc, _| (crc >> 1) ^ (0xedb8_8320 & (crc & 1).wrapping_neg()))

@@ -1,21 +1,21 @@
-//! Rows of a picture, as encoders ask for them: a picture that is rendered part by part is never there as a whole.
+//! Rows of a picture in the order in which encoders request them. A picture rendered in parts never exists as a whole in memory.
 
 use super::Image;
 use std::io;
 
 /// The rows of a picture, from the top.
 pub trait Rows {
-    /// Pixels a row, and rows.
+    /// Pixels a row, and number of rows.
     fn size(&self) -> [u32; 2];
 
     /// The next `count` rows, or those that are left. Each row is handed out once.
     ///
     /// # Errors
-    /// If they cannot be made; a writer passes it on.
+    /// If the rows cannot be made; a writer passes the error on.
     fn next(&mut self, count: u32) -> io::Result<&[[f32; 4]]>;
 }
 
-/// The rows of a picture that is there.
+/// The rows of a picture in memory.
 #[derive(Debug, Clone)]
 pub struct ImageRows<'a> {
     width: u32,
@@ -24,7 +24,7 @@ pub struct ImageRows<'a> {
 }
 
 impl<'a> ImageRows<'a> {
-    /// Of `width * height` pixels, top row first.
+    /// The rows of `width * height` pixels, top row first.
     #[must_use]
     pub fn new(width: u32, height: u32, pixels: &'a [[f32; 4]]) -> Self {
         Self { width, height, left: pixels }

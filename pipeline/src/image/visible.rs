@@ -1,4 +1,4 @@
-//! Making attachments visible: world positions and normals as colours that a person can read.
+//! False colours: world positions and normals as colours that a person can read.
 
 use super::Image;
 use super::rows::{ImageRows, Rows};
@@ -9,13 +9,13 @@ use std::io;
 pub enum Content {
     /// Colours, shown as they are.
     Color,
-    /// World positions, shown as their place in the box around nearly all of them.
+    /// World positions, shown relative to the bounding box of nearly all of them.
     Position,
     /// Unit vectors, shown as `(n + 1) / 2`.
     Normal,
 }
 
-/// Colours for a person to look at; uncovered pixels (all zero) stay black.
+/// Converts a picture to colours for a person; uncovered pixels (all zero) stay black.
 #[must_use]
 pub fn make_visible(image: &Image, content: Content) -> Image {
     let shown = Visible::new(&image.pixels, content);
@@ -52,12 +52,13 @@ impl Visible {
     }
 }
 
-/// Most pixels that are looked at to find [`ends`].
+/// Most pixels that [`ends`] looks at.
 const LOOKED_AT: usize = 1 << 16;
-/// Share of the pixels below the low end, and above the high one: what lies far off would leave the rest in one colour.
+/// Share of the pixels below the low end, and the share above the high end. Without this, one far point would compress the rest
+/// into one colour.
 const BEYOND: f32 = 0.02;
 
-/// The range of a component over nearly all covered pixels.
+/// The range of a component over covered pixels, without the outliers on both sides.
 fn ends(pixels: &[[f32; 4]], axis: usize) -> (f32, f32) {
     let step = pixels.len().div_ceil(LOOKED_AT).max(1);
     let seen = pixels.iter().step_by(step).filter(|pixel| covered(pixel)).map(|pixel| pixel[axis]);
@@ -86,7 +87,7 @@ pub struct VisibleRows<'a> {
 }
 
 impl<'a> VisibleRows<'a> {
-    /// Of an image.
+    /// Makes the rows of an image visible.
     #[must_use]
     pub fn new(image: &'a Image, content: Content) -> Self {
         Self { rows: image.into(), shown: Visible::new(&image.pixels, content), made: Vec::new() }

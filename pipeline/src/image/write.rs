@@ -1,6 +1,6 @@
-//! Writing images, whole or not at all.
+//! Writing images. A file is written whole or not at all.
 //!
-//! Encoders ask for rows and write as they go: they hold some rows, and neither a copy of the picture nor the file.
+//! Encoders request rows and write as they go. They hold a few rows, and neither a copy of the picture nor the whole file.
 
 use super::Image;
 use super::rows::{ImageRows, Rows};
@@ -19,13 +19,13 @@ use rayon::prelude::*;
 use std::io::{self, BufWriter, Seek, Write};
 use std::path::Path;
 
-/// Attribute of a layer of an EXR file that says what its colours are: `linear` or `report`.
+/// Attribute of an EXR layer that names the colour space of its pixels: `linear` or `report`.
 pub const COLOR_ATTRIBUTE: &str = "curitiba.color";
 
-/// Rows that an encoder asks for at once: a row of the tiles of an EXR file.
+/// Number of rows that an encoder requests at once: the height of a tile of an EXR file.
 const ROWS: u32 = 64;
 
-/// What is collected before the system is asked to write it.
+/// Size of the write buffer, bytes.
 const BUFFER: usize = 256 << 10;
 
 /// Writes a file whole or not at all; see [`Replacement`].
@@ -38,8 +38,8 @@ fn write_whole(path: &Path, write: impl FnOnce(&mut BufWriter<&mut Replacement>)
     file.commit()
 }
 
-/// Writes an 8-bit RGB PNG: values are clamped to 0..=1 and stored as they are, without a transfer function, as the
-/// report's engine showed its frame buffer. NaN is stored as 0. [`write_displayed`](super::write_displayed) writes linear radiance.
+/// Writes an 8-bit RGB PNG. Values are clamped to 0..=1 and stored without a transfer function, as the report's engine showed its
+/// frame buffer; NaN is stored as 0. [`write_displayed`](super::write_displayed) writes linear radiance.
 ///
 /// # Errors
 /// Whatever the file system reports.
@@ -47,7 +47,7 @@ pub fn write_png(path: &Path, image: &Image) -> io::Result<()> {
     write_png_rows(path, &mut ImageRows::from(image))
 }
 
-/// [`write_png`] for a picture that is made while it is written.
+/// [`write_png`] for a picture whose rows are made while it is written.
 ///
 /// # Errors
 /// Whatever the rows or the file system report.
@@ -55,10 +55,10 @@ pub fn write_png_rows(path: &Path, rows: &mut dyn Rows) -> io::Result<()> {
     write_whole(path, |file| encode_png(file, rows))
 }
 
-/// Writes an 8-bit RGB PNG of bytes: `width * height` pixels, top row first, of which the fourth byte is left out.
+/// Writes codes as an 8-bit RGB PNG: `width * height` pixels, top row first. The fourth byte of each pixel is not written.
 ///
 /// # Errors
-/// If there are fewer pixels, or whatever the file system reports.
+/// If there are too few pixels, or whatever the file system reports.
 pub fn write_png_codes(path: &Path, width: u32, height: u32, pixels: &[[u8; 4]]) -> io::Result<()> {
     let mut left = pixels;
     write_whole(path, |file| {
@@ -85,7 +85,7 @@ pub fn encode_png(file: impl Write, rows: &mut dyn Rows) -> io::Result<()> {
     })
 }
 
-/// Encodes an 8-bit RGB PNG whose next rows `next` gives, so many of them as it is told.
+/// Encodes an 8-bit RGB PNG. `next` is called with a number of rows and returns the bytes of that many.
 fn encode_png_bytes(
     file: impl Write,
     width: u32,
@@ -109,13 +109,13 @@ fn encode_png_bytes(
     Ok(())
 }
 
-/// A value as PNG files of 8 bits store it: cut to 0..=1, times 255, rounded; NaN is 0.
+/// The 8-bit code of a value, as PNG files store it: clamped to 0..=1, times 255, rounded; NaN gives 0.
 #[must_use]
 pub fn byte(value: f32) -> u8 {
     (value.clamp(0.0, 1.0) * 255.0 + 0.5) as u8
 }
 
-/// Rows that fall short would be a file that ends early.
+/// Checks that `pixels` holds as many rows as requested; otherwise the file would end early.
 fn complete<T>(pixels: &[T], width: u32, rows: u32) -> io::Result<&[T]> {
     if pixels.len() == width as usize * rows as usize {
         return Ok(pixels);
@@ -126,21 +126,21 @@ fn complete<T>(pixels: &[T], width: u32, rows: u32) -> io::Result<&[T]> {
 /// One named layer of an EXR file.
 #[derive(Debug, Clone, Copy)]
 pub struct Layer<'a> {
-    /// Its name, such as `Deferred Render Targets::pos`.
+    /// Name of the layer, such as `Deferred Render Targets::pos`.
     pub name: &'a str,
-    /// Names of its four channels, such as `R G B A` or `X Y Z cosine`.
+    /// Names of the four channels, such as `R G B A` or `X Y Z cosine`.
     pub channels: [&'a str; 4],
-    /// Its pixels.
+    /// The pixels.
     pub image: &'a Image,
 }
 
 /// A layer whose rows are made while they are written.
 pub struct RowLayer<'a> {
-    /// Its name, such as `Deferred Render Targets::pos`.
+    /// Name of the layer, such as `Deferred Render Targets::pos`.
     pub name: &'a str,
-    /// Names of its four channels, such as `R G B A` or `X Y Z cosine`.
+    /// Names of the four channels, such as `R G B A` or `X Y Z cosine`.
     pub channels: [&'a str; 4],
-    /// Its pixels.
+    /// The rows of pixels.
     pub rows: &'a mut dyn Rows,
 }
 
@@ -152,8 +152,8 @@ pub fn write_exr(path: &Path, layer: Layer<'_>) -> io::Result<()> {
     write_exr_layers(path, &[layer])
 }
 
-/// [`write_exr`] with a note of what the colours are, in the attribute [`COLOR_ATTRIBUTE`], which [`read_image`](super::read_image) finds
-/// again; other programs take all EXR files for linear. `None` for layers that hold no colour.
+/// [`write_exr`] with the colour space in the attribute [`COLOR_ATTRIBUTE`], which [`read_image`](super::read_image) reads back.
+/// Other programs take all EXR files for linear. `space` is `None` for layers that hold no colour.
 ///
 /// # Errors
 /// As [`write_exr`].
@@ -163,9 +163,8 @@ pub fn write_exr_of(path: &Path, layer: Layer<'_>, space: Option<ColorSpace>) ->
     write_exr_rows_of(path, &mut [layer], space)
 }
 
-/// Writes layers as one EXR file of 32-bit floats. [`read_image`](super::read_image) takes a layer named
-/// [`VARIANCE_LAYER`](super::VARIANCE_LAYER), with `:N` behind it if it was estimated from N samples, for the
-/// variance of the mean that another layer is.
+/// Writes layers as one EXR file of 32-bit floats. A layer named [`VARIANCE_LAYER`](super::VARIANCE_LAYER), or `variance:N` if it
+/// was estimated from N samples, is read by [`read_image`](super::read_image) as the variance of another layer, which is a mean.
 ///
 /// # Errors
 /// Without a layer, or whatever the encoder or the file system report.
@@ -179,18 +178,18 @@ pub fn write_exr_layers(path: &Path, layers: &[Layer<'_>]) -> io::Result<()> {
     write_exr_rows(path, &mut layers)
 }
 
-/// [`write_exr_layers`] for pictures that are made while they are written, one layer after the other.
+/// [`write_exr_layers`] for pictures whose rows are made while they are written, one layer after the other.
 ///
 /// # Errors
-/// As there, or whatever the rows report.
+/// As [`write_exr_layers`], or whatever the rows report.
 pub fn write_exr_rows(path: &Path, layers: &mut [RowLayer<'_>]) -> io::Result<()> {
     write_exr_rows_of(path, layers, None)
 }
 
-/// [`write_exr_rows`] with a note of what the colours are, as [`write_exr_of`] has it.
+/// [`write_exr_rows`] with the colour space, as in [`write_exr_of`].
 ///
 /// # Errors
-/// As there.
+/// As [`write_exr_rows`].
 pub fn write_exr_rows_of(path: &Path, layers: &mut [RowLayer<'_>], space: Option<ColorSpace>) -> io::Result<()> {
     write_whole(path, |file| encode(file, layers, space))
 }
@@ -227,7 +226,7 @@ fn encode(file: impl Write + Seek, layers: &mut [RowLayer<'_>], space: Option<Co
         header.with_encoding(Compression::ZIP16, blocks, LineOrder::Unspecified).with_shared_attributes(shared.clone())
     };
     let headers = layers.iter().map(header).collect();
-    // An error of the rows would lose its kind on the way through the encoder.
+    // The encoder would turn an error of the rows into one of another kind, so it is kept here.
     let mut failed = None;
     let written = exr::block::write(file, headers, true, |meta, writer| {
         for (index, layer) in layers.iter_mut().enumerate() {
@@ -269,14 +268,14 @@ fn encode(file: impl Write + Seek, layers: &mut [RowLayer<'_>], space: Option<Co
     }
 }
 
-/// The components of a pixel in the order of their channels' names, which an EXR file demands.
+/// Indices of the components, sorted by the names of their channels, as EXR files require.
 fn sorted(names: [&str; 4]) -> [usize; 4] {
     let mut order = [0, 1, 2, 3];
     order.sort_by_key(|index| names[*index]);
     order
 }
 
-/// The bytes of a tile: row by row, in each one component after the other.
+/// The bytes of a tile: row by row, and within a row all values of one component after those of another.
 fn tile(pixels: &[[f32; 4]], width: usize, place: BlockIndex, order: [usize; 4]) -> Vec<u8> {
     let Vec2(columns, rows) = place.pixel_size;
     let left = place.pixel_position.0;

@@ -1,14 +1,14 @@
-//! The colour spaces that differences are measured in, of linear sRGB and under D65.
+//! The colour spaces in which FLIP measures differences, converted from linear sRGB under D65.
 
 use crate::color::encode_f64;
 
-/// Columns: what linear red, green and blue of sRGB are in CIE XYZ (primaries and D65 white of IEC 61966-2-1).
+/// Matrix from linear sRGB to CIE XYZ (primaries and D65 white of IEC 61966-2-1).
 const XYZ_FROM_RGB: [[f64; 3]; 3] = [
     [0.412_390_799_265_959, 0.357_584_339_383_878, 0.180_480_788_401_834],
     [0.212_639_005_871_510, 0.715_168_678_767_756, 0.072_192_315_360_734],
     [0.019_330_818_715_592, 0.119_194_779_794_626, 0.950_532_152_249_661],
 ];
-/// Its inverse.
+/// Inverse of [`XYZ_FROM_RGB`].
 const RGB_FROM_XYZ: [[f64; 3]; 3] = [
     [3.240_969_941_904_521, -1.537_383_177_570_093, -0.498_610_760_293_003],
     [-0.969_243_636_280_880, 1.875_967_501_507_721, 0.041_555_057_407_176],
@@ -19,19 +19,19 @@ fn multiply(matrix: &[[f64; 3]; 3], vector: [f64; 3]) -> [f64; 3] {
     matrix.map(|row| row[0] * vector[0] + row[1] * vector[1] + row[2] * vector[2])
 }
 
-/// XYZ of linear sRGB divided by that of its white.
+/// CIE XYZ of a linear sRGB colour, divided by the XYZ of white.
 fn relative_xyz(rgb: [f64; 3]) -> [f64; 3] {
     let (xyz, white) = (multiply(&XYZ_FROM_RGB, rgb), multiply(&XYZ_FROM_RGB, [1.0; 3]));
     [0, 1, 2].map(|i| xyz[i] / white[i])
 }
 
-/// The opponent space Y, Cx, Cz of linear sRGB (section 4.1).
+/// Linear sRGB to the opponent space Y, Cx, Cz (section 4.1 of the FLIP paper).
 pub(super) fn opponent(rgb: [f64; 3]) -> [f64; 3] {
     let [x, y, z] = relative_xyz(rgb);
     [116.0 * y - 16.0, 500.0 * (x - y), 200.0 * (y - z)]
 }
 
-/// Linear sRGB, possibly outside 0..=1, of the opponent space.
+/// Opponent space to linear sRGB, possibly outside 0..=1.
 pub(super) fn rgb_of_opponent([luminance, cx, cz]: [f64; 3]) -> [f64; 3] {
     let y = (luminance + 16.0) / 116.0;
     let relative = [y + cx / 500.0, y, y - cz / 200.0];
@@ -39,7 +39,7 @@ pub(super) fn rgb_of_opponent([luminance, cx, cz]: [f64; 3]) -> [f64; 3] {
     multiply(&RGB_FROM_XYZ, [0, 1, 2].map(|i| relative[i] * white[i]))
 }
 
-/// CIELAB of linear sRGB under D65.
+/// Linear sRGB to CIELAB under D65.
 pub(super) fn lab(rgb: [f64; 3]) -> [f64; 3] {
     let delta: f64 = 6.0 / 29.0;
     let f = |value: f64| {
@@ -49,7 +49,7 @@ pub(super) fn lab(rgb: [f64; 3]) -> [f64; 3] {
     [116.0 * y - 16.0, 500.0 * (x - y), 200.0 * (y - z)]
 }
 
-/// sRGB-encoded colour of a CIELAB one under D65, cut to 0..=1.
+/// CIELAB under D65 to encoded sRGB, clamped to 0..=1.
 pub(super) fn displayed_of_lab([lightness, a, b]: [f64; 3]) -> [f64; 3] {
     let delta: f64 = 6.0 / 29.0;
     let inverse = |value: f64| {

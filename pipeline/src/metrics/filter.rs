@@ -1,10 +1,10 @@
-//! Separable filters over bands of rows: memory stays small whatever the picture's height, and the result does not depend
-//! on how many threads share the bands.
+//! Separable filters over bands of rows. Memory depends on the width but not on the height of a picture, and the result does not
+//! depend on the number of threads.
 
 use rayon::prelude::*;
 use std::ops::Range;
 
-/// Rows that a band writes. It reads as many more as its filters reach.
+/// Number of rows that a band writes. It also reads the rows within reach of its filters.
 const ROWS: usize = 64;
 
 /// The bands of a picture, computed in parallel, in order.
@@ -15,18 +15,18 @@ pub fn bands<T: Send>(height: usize, band: impl Fn(Range<usize>) -> T + Sync) ->
         .collect()
 }
 
-/// An odd number of taps around the centre.
+/// The taps of a filter, an odd number.
 #[derive(Debug, Clone)]
 pub struct Kernel(Vec<f64>);
 
 impl Kernel {
-    /// `weight(-radius)` to `weight(radius)`.
+    /// The taps `weight(x)` for `x` from `-radius` to `radius`.
     pub fn new(radius: usize, weight: impl Fn(f64) -> f64) -> Self {
         let radius = radius as i64;
         Self((-radius..=radius).map(|x| weight(x as f64)).collect())
     }
 
-    /// Taps on each side of the centre.
+    /// Number of taps on each side of the centre.
     pub fn radius(&self) -> usize {
         self.0.len() / 2
     }
@@ -60,7 +60,7 @@ impl Kernel {
     }
 }
 
-/// Rows of one quantity: `first` is the row of the picture that the first one holds.
+/// Values of one quantity over some rows of a picture; `first` is the picture's row of the first values.
 pub struct Plane {
     width: usize,
     first: i64,
@@ -68,8 +68,8 @@ pub struct Plane {
 }
 
 impl Plane {
-    /// The rows `rows` of a picture and `halo` more above and below, of N quantities that `values` computes together from
-    /// the index of a pixel. Rows outside the picture repeat the nearest one inside.
+    /// Planes of N quantities over the given rows of a picture, and over `halo` more rows above and below. `values` computes all
+    /// quantities of a pixel from its index. Rows outside the picture repeat the nearest row inside.
     pub fn stack<const N: usize>(
         width: usize,
         height: usize,
@@ -92,7 +92,7 @@ impl Plane {
         planes
     }
 
-    /// `of` each value.
+    /// Applies `of` to each value.
     pub fn map(&self, of: impl Fn(f64) -> f64) -> Self {
         Self { values: self.values.iter().map(|value| of(*value)).collect(), ..*self }
     }
@@ -106,7 +106,7 @@ impl Plane {
             padded[..radius].fill(row[0]);
             padded[radius..radius + self.width].copy_from_slice(row);
             padded[radius + self.width..].fill(row[self.width - 1]);
-            // Tap by tap, so that the inner loop is over neighbours in memory.
+            // Tap by tap, so that the inner loop runs over neighbours in memory.
             for (offset, tap) in kernel.0.iter().enumerate() {
                 accumulate(out, &padded[offset..offset + self.width], *tap);
             }

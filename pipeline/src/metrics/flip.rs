@@ -40,7 +40,7 @@ pub fn perceived_lightness(color: [f32; 3]) -> f64 {
     lab(color.map(|value| decode_f64(displayed(value))))[0]
 }
 
-/// Of pictures that were checked to be comparable.
+/// The FLIP map of pictures that are known to be comparable.
 pub(super) fn map(test: &Image, reference: &Image, options: &Options<'_>) -> ErrorMap {
     let filters = Filters::new(options.pixels_per_degree);
     let redistribution = Redistribution::new();
@@ -106,7 +106,7 @@ impl Filters {
         Self { sensitivity, features }
     }
 
-    /// What is seen of some rows of a picture.
+    /// What a person sees of some rows of a picture.
     fn see(&self, image: &Image, rows: &std::ops::Range<usize>) -> Vec<Seen> {
         let (width, height) = (image.width as usize, image.height as usize);
         let halo = self.sensitivity[0][0].0.radius().max(self.features[0].radius());

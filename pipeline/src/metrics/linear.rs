@@ -4,7 +4,7 @@ use super::Options;
 use crate::image::Image;
 use rayon::prelude::*;
 
-/// Added to the square of the reference by the relative error, so that black pixels do not decide it.
+/// Added to the square of the reference in the relative error, so that black pixels do not dominate it.
 const RELATIVE_FLOOR: f64 = 0.01;
 
 /// Errors of linear values.
@@ -17,7 +17,7 @@ pub(super) struct Errors {
     pub relative_mse: f64,
     /// Largest difference.
     pub max: f64,
-    /// Sum of the test by sum of the reference.
+    /// Sum of the test divided by the sum of the reference.
     pub energy_ratio: f64,
     /// Share of outlier pixels.
     pub outliers: f64,
@@ -64,7 +64,7 @@ impl Sums {
     }
 }
 
-/// Of pictures that were checked to be comparable.
+/// The errors of pictures that are known to be comparable.
 pub(super) fn errors(test: &Image, reference: &Image, options: &Options<'_>) -> Errors {
     let width = test.width as usize;
     let row = |y: usize| {
@@ -76,7 +76,7 @@ pub(super) fn errors(test: &Image, reference: &Image, options: &Options<'_>) -> 
         }
         sums
     };
-    // Rows are summed one after the other, whoever computed them.
+    // Rows are summed in order, whichever thread computed them.
     let rows: Vec<Sums> = (0..test.height as usize).into_par_iter().map(row).collect();
     let sums = rows.into_iter().fold(Sums::default(), Sums::merge);
     let values = 3.0 * sums.pixels as f64;

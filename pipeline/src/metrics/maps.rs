@@ -17,7 +17,7 @@ pub struct ErrorMap {
 }
 
 impl ErrorMap {
-    /// Mean over the mask, or over all pixels; NaN where there is none.
+    /// Mean error over the mask, or over all pixels without one; NaN if there is no pixel.
     #[must_use]
     pub fn mean(&self, mask: Option<&[bool]>) -> f64 {
         let compared = |index: usize| mask.is_none_or(|mask| mask.get(index).copied().unwrap_or(false));
@@ -71,7 +71,7 @@ pub fn absolute_error(test: &Image, reference: &Image, scale: f32) -> Result<Ima
     Ok(Image { width: test.width, height: test.height, pixels })
 }
 
-/// Pictures side by side, their top edges in line; below a lower one it is black. Without pictures, an empty one.
+/// Pictures side by side, aligned at the top; the space below shorter ones is black. An empty picture if there are none.
 #[must_use]
 pub fn strip(images: &[&Image]) -> Image {
     let width = images.iter().map(|image| image.width).fold(0, u32::saturating_add);

@@ -1,14 +1,14 @@
 //! How far a picture is from its reference: errors of the linear values, and of what a person sees.
 //!
 //! [`compare`] computes every metric at once, [`METRICS`] names them with their formulas, [`flip_map`] and
-//! [`absolute_error`] show where the error is, and [`z_test`] tells error from noise where both pictures know their
-//! variance. Sums are of 64-bit floats in an order that does not depend on the number of threads.
+//! [`absolute_error`] show where the error is, and [`z_test`] separates error from noise for pictures with known variance. Sums use
+//! 64-bit floats in an order that does not depend on the number of threads.
 //!
 //! # What is displayed
-//! SSIM and FLIP compare what a person sees. [`write_png`](crate::image::write_png) cuts values to 0..=1 and stores them
-//! without a transfer function, as the report's engine showed its frame buffer, and a screen decodes them as sRGB. So here
-//! too: a displayed value is the value cut to 0..=1, and FLIP takes it to be encoded in sRGB. Of linear radiance
-//! ([`Options::display`]) it is what [`Display::displayed`] says. Values are not rounded to 8 bits first. Alpha is not compared.
+//! SSIM and FLIP compare display values. [`write_png`](crate::image::write_png) clamps values to 0..=1 and stores them without a
+//! transfer function, as the report's engine showed its frame buffer, and a screen decodes them as sRGB. The metrics do the same: a
+//! display value is the value clamped to 0..=1, and FLIP decodes it as sRGB. For linear radiance ([`Options::display`]) the display
+//! value is [`Display::displayed`]. Values are not rounded to 8 bits first. Alpha is not compared.
 
 mod color_spaces;
 mod filter;
@@ -31,8 +31,8 @@ use serde::{Deserialize, Serialize};
 use std::borrow::Cow;
 use std::fmt;
 
-/// What a comparison found. All but [`Self::ssim`] and [`Self::flip`] are of linear values over the three colours of the
-/// pixels compared.
+/// Result of a comparison. All metrics but [`Self::ssim`] and [`Self::flip`] use the linear values of the three colours of the
+/// compared pixels.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Comparison {
     /// Pixels compared.
@@ -43,36 +43,36 @@ pub struct Comparison {
     pub relative_mse: f64,
     /// Largest absolute difference of a value.
     pub max: f64,
-    /// Peak signal-to-noise ratio for a peak of 1, decibels; infinite, written as null, where both are equal.
+    /// Peak signal-to-noise ratio for a peak of 1, decibels. Infinite for equal pictures, which is written as null.
     #[serde(with = "infinite_as_null")]
     pub psnr: f64,
     /// Structural similarity of the luminance (Wang et al. 2004), at most 1.
     pub ssim: f64,
     /// Mean FLIP error of what is displayed (Andersson et al. 2020), 0 to 1.
     pub flip: f64,
-    /// Sum of the test divided by the sum of the reference; 1 where both are 0, infinite, written as null, where only the
-    /// reference is.
+    /// Sum of the test divided by the sum of the reference. 1 where both sums are 0; infinite, written as null, where only the
+    /// reference's sum is 0.
     #[serde(with = "infinite_as_null")]
     pub energy_ratio: f64,
-    /// Share of pixels, 0 to 1, one of whose values differs by more than the outlier threshold.
+    /// Share of outliers among the pixels, 0 to 1: see [`Options::outlier_threshold`].
     pub outliers: f64,
 }
 
 /// How pictures are compared.
 #[derive(Debug, Clone, Copy)]
 pub struct Options<'a> {
-    /// A pixel is an outlier if one of its values differs by more. The default, 2.5 / 255, is two and a half steps of 8
-    /// bits: two pictures rounded to 8 bits of values that differ by one step never reach it, and three steps always do.
+    /// A pixel is an outlier if one of its values differs by more than this. The default, 2.5 / 255, is 2.5 steps of 8 bits. Values
+    /// that differ by one step before both pictures are rounded to 8 bits stay below it; values three steps apart exceed it.
     pub outlier_threshold: f64,
-    /// The pixels to compare, top row first; all if `None`. SSIM and FLIP look at a neighbourhood, so pixels beside the
-    /// mask still reach into theirs.
+    /// The pixels to compare, top row first; `None` compares all. SSIM and FLIP look at a neighbourhood, so pixels just outside the
+    /// mask still affect them.
     pub mask: Option<&'a [bool]>,
-    /// Fewest pixels that a result may rest on; at least 1.
+    /// Least number of pixels that a result may rest on; at least 1.
     pub min_pixels: u64,
     /// Pixels in a degree of visual angle, 1 to 1000, for FLIP. The default, 67, is the paper's: a 4K screen 0.7 m wide
     /// seen from 0.7 m.
     pub pixels_per_degree: f64,
-    /// What the pixels are, and how they are displayed.
+    /// Colour space of the pixels, and their conversion to display values.
     pub display: Display,
 }
 
@@ -91,9 +91,9 @@ impl Default for Options<'_> {
 /// Which of two pictures.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Which {
-    /// The one that is judged.
+    /// The picture that is judged.
     Test,
-    /// The one that it is judged by.
+    /// The picture that it is compared with.
     Reference,
 }
 
@@ -119,7 +119,7 @@ pub enum MetricError {
         /// Width and height of the reference.
         reference: [u32; 2],
     },
-    /// There is no pixel.
+    /// The pictures have no pixels.
     #[error("the pictures are empty ({width} x {height} pixels); nothing can be compared")]
     Empty {
         /// Pixels a row.
@@ -127,7 +127,7 @@ pub enum MetricError {
         /// Rows.
         height: u32,
     },
-    /// The pixels do not fill the picture.
+    /// The number of pixels does not match the picture's size.
     #[error("{which} holds {pixels} pixels, and its size of {width} x {height} needs another number of them")]
     Malformed {
         /// Which picture.
@@ -148,9 +148,9 @@ pub enum MetricError {
     NotFinite {
         /// Which picture.
         which: Which,
-        /// Column of the first.
+        /// Column of the first such pixel.
         x: u32,
-        /// Row of the first.
+        /// Row of the first such pixel.
         y: u32,
         /// `red`, `green` or `blue`.
         channel: &'static str,
@@ -178,14 +178,14 @@ pub enum MetricError {
     /// An option is out of range.
     #[error("{name} is {value}; valid: {valid}")]
     Option {
-        /// The option.
+        /// Name of the option.
         name: &'static str,
-        /// What it is.
+        /// The value given.
         value: f64,
-        /// What it may be.
+        /// The valid range.
         valid: &'static str,
     },
-    /// What is displayed of the pictures does not fit into memory.
+    /// The display values of the pictures do not fit into memory.
     #[error(transparent)]
     Memory(Refused),
     /// A variance is below 0.
@@ -211,7 +211,7 @@ pub fn compare(test: &Image, reference: &Image, options: &Options<'_>) -> Result
     Ok(compare_with_map(test, reference, options)?.0)
 }
 
-/// As [`compare`], and the FLIP error of every pixel, as [`flip_map`] computes it.
+/// Like [`compare`], and also returns the FLIP error of every pixel, as [`flip_map`] computes it.
 ///
 /// # Errors
 /// As [`compare`].
@@ -238,7 +238,7 @@ pub fn compare_with_map(
     Ok((comparison, map))
 }
 
-/// What is displayed of pictures; display values themselves are not copied.
+/// The display values of two pictures; pictures that hold display values are not copied.
 fn displays<'a>(pictures: [&'a Image; 2], display: Display) -> Result<[Cow<'a, Image>; 2], MetricError> {
     let shown = |picture: &'a Image| match display.space {
         ColorSpace::Report => Ok(Cow::Borrowed(picture)),
@@ -248,7 +248,7 @@ fn displays<'a>(pictures: [&'a Image; 2], display: Display) -> Result<[Cow<'a, I
     Ok([shown(test)?, shown(reference)?])
 }
 
-/// Whether two pictures can be compared.
+/// Fails if two pictures cannot be compared.
 fn check(test: &Image, reference: &Image, options: &Options<'_>) -> Result<(), MetricError> {
     check_pair(test, reference)?;
     let positive = |name, value: f64, range: std::ops::RangeInclusive<f64>, valid| {
@@ -271,7 +271,7 @@ fn check(test: &Image, reference: &Image, options: &Options<'_>) -> Result<(), M
     Ok(())
 }
 
-/// Whether two pictures are of one size, not empty, and finite.
+/// Fails unless two pictures have the same size, are not empty, and are finite.
 fn check_pair(test: &Image, reference: &Image) -> Result<(), MetricError> {
     let sizes = [test, reference].map(|image| [image.width, image.height]);
     if sizes[0] != sizes[1] {
@@ -306,7 +306,7 @@ fn check_finite(which: Which, image: &Image) -> Result<(), MetricError> {
     })
 }
 
-/// What is displayed of a value: see the module's documentation.
+/// The display value of a value: see the module's documentation.
 fn displayed(value: f32) -> f64 {
     f64::from(value.clamp(0.0, 1.0))
 }

@@ -1,30 +1,30 @@
-//! The metrics by name, with their formulas: help, tables and limits iterate this.
+//! The metrics by name, with their formulas, for help texts, tables and limits.
 
 use super::Comparison;
 
-/// Which direction is good.
+/// Which values of a metric are good.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Better {
-    /// 0 is equal.
+    /// Lower is better; 0 for equal pictures.
     Lower,
-    /// Equal pictures have the largest value.
+    /// Higher is better; equal pictures have the largest value.
     Higher,
-    /// 1 is equal.
+    /// Nearer to 1 is better; 1 for equal pictures.
     NearOne,
 }
 
 /// One metric.
 #[derive(Debug, Clone, Copy)]
 pub struct MetricInfo {
-    /// Its name on the command line.
+    /// Name on the command line.
     pub name: &'static str,
-    /// Its name in a table.
+    /// Name in a table.
     pub title: &'static str,
-    /// How it is computed; `t` is a value of the test, `r` of the reference, `n` the number of values.
+    /// Formula: `t` is a value of the test, `r` of the reference, `n` the number of values.
     pub formula: &'static str,
-    /// Which direction is good.
+    /// Which values are good.
     pub better: Better,
-    /// Reads it.
+    /// Reads the metric from a comparison.
     pub value: fn(&Comparison) -> f64,
 }
 

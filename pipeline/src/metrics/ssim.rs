@@ -23,11 +23,11 @@ fn radius(side: usize) -> usize {
     RADIUS.min((side - 1) / 2)
 }
 
-/// Mean over the windows that lie inside the picture, with a mask over those whose centre is in it. Where a side is below
-/// 11 pixels the window is cut, on that side, to the largest odd number that fits. Where no pixel of the mask is the
-/// centre of a window (all lie near the edge), each takes the nearest window.
+/// Mean similarity over the windows that lie inside the picture; with a mask, only windows whose centre is in it. Along a side
+/// below 11 pixels the window shrinks to the largest odd size that fits. If no pixel of the mask is the centre of a window, since
+/// all lie near the edge, each pixel takes the nearest window.
 ///
-/// For pictures that were checked to be comparable.
+/// The pictures are known to be comparable.
 pub(super) fn mean(test: &Image, reference: &Image, mask: Option<&[bool]>) -> f64 {
     let (width, height) = (test.width as usize, test.height as usize);
     let (rx, ry) = (radius(width), radius(height));
@@ -52,7 +52,7 @@ pub(super) fn mean(test: &Image, reference: &Image, mask: Option<&[bool]>) -> f6
     total / count as f64
 }
 
-/// The similarity around every pixel. Windows over the edge repeat the outermost pixels and are not read by [`mean`].
+/// The similarity of the window around every pixel. Windows over the edge repeat the outermost pixels; [`mean`] does not use them.
 fn map(test: &Image, reference: &Image) -> Vec<f64> {
     let (width, height) = (test.width as usize, test.height as usize);
     let gauss = |x: f64| (-x * x / (2.0 * SIGMA * SIGMA)).exp();
@@ -79,7 +79,7 @@ fn map(test: &Image, reference: &Image) -> Vec<f64> {
     parts.concat()
 }
 
-/// From the means, the means of the squares and the mean of the product.
+/// SSIM of one window, from the means, the means of the squares and the mean of the product.
 fn similarity(t: f64, r: f64, tt: f64, rr: f64, tr: f64) -> f64 {
     // Rounding can leave a variance slightly below 0.
     let (vt, vr, covariance) = ((tt - t * t).max(0.0), (rr - r * r).max(0.0), tr - t * r);

@@ -1,4 +1,4 @@
-//! Closed forms, independent answers, and pictures that each metric must refuse.
+//! Tests against closed forms and independent implementations, and pictures that the metrics must refuse.
 //!
 //! The constants named `ORACLE` were printed by `tests/oracle/metrics.py` with flip-evaluator 1.7 and scikit-image 0.26.0
 //! on numpy 2.4.6; the pictures here are made by the same integer formulas.
@@ -45,9 +45,9 @@ struct Oracle {
     rmse: f64,
     psnr: f64,
     ssim: f64,
-    /// At 67 and at 30 pixels per degree.
+    /// FLIP at 67 and at 30 pixels per degree.
     flip: [f64; 2],
-    /// At 67, of the pixels (0, 0), (20, 16), (28, 16), (60, 46).
+    /// FLIP at 67 pixels per degree, of the pixels (0, 0), (20, 16), (28, 16), (60, 46).
     pixels: [f64; 4],
 }
 
@@ -110,7 +110,7 @@ fn independent_programs_find_the_same_rmse_psnr_and_ssim() {
     }
 }
 
-/// The authors' program works in 32-bit floats; ours in 64-bit ones.
+/// The authors' program computes in 32-bit floats, this one in 64-bit floats.
 #[test]
 fn the_authors_program_finds_the_same_flip() {
     let reference = picture(WIDTH, HEIGHT, smooth);
@@ -221,7 +221,7 @@ fn a_mask_restricts_every_metric() {
             *pixel = [1.0, 0.0, 1.0, 1.0];
         }
     }
-    // Out of reach of the windows over the border at column 30.
+    // These pixels lie out of reach of the windows over the border at column 30.
     let far: Vec<bool> = (0..WIDTH * HEIGHT).map(|index| index % WIDTH < 15).collect();
     let found = compare(&test, &reference, &Options { mask: Some(&far), ..Options::default() }).expect("comparable");
     assert_eq!((found.rmse, found.max, found.outliers, found.energy_ratio), (0.0, 0.0, 0.0, 1.0));

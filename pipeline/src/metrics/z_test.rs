@@ -7,9 +7,9 @@
 //! Mathematical Statistics 30, 1959), so that one expectation serves for all: 4.55 % of the values lie beyond 2 and
 //! 0.27 % beyond 3.
 //!
-//! Few samples of a pixel are no normal distribution: where nine in ten rays agree, all samples of a pixel often agree, and
-//! its estimated variance is 0. The verdict therefore sums over tiles of 8 x 8 pixels, whose noise is nearly normal and
-//! whose estimated variance is seldom 0, and which gather a small common bias that no single pixel shows.
+//! A pixel with few samples is not normally distributed: where nine in ten rays agree, all samples of a pixel often agree, and its
+//! estimated variance is 0. The verdict therefore sums over tiles of 8 x 8 pixels. Their noise is nearly normal, their estimated
+//! variance is seldom 0, and they gather a small common bias that no single pixel shows.
 
 use super::{MetricError, Which, check_pair};
 use crate::image::Image;
@@ -22,8 +22,7 @@ pub const EXPECTED_BEYOND_3: f64 = 0.002_699_796_063_260_19;
 
 /// Side of a tile, pixels.
 const TILE: usize = 8;
-/// The verdict is a difference where the statistic is as improbable as this many standard deviations of a normal
-/// distribution: 1 in 30,000 pairs of equal pictures.
+/// Threshold of the verdict in standard deviations of a normal distribution: equal pictures exceed it in 1 of 30,000 pairs.
 const VERDICT_SIGMA: f64 = 4.0;
 
 /// A noisy picture.
@@ -54,7 +53,7 @@ pub enum Verdict {
 pub struct ZTest {
     /// Values (pixels times colours) with noise.
     pub values: u64,
-    /// Values without noise in either picture that are equal nevertheless: they say nothing.
+    /// Values without noise in both pictures that are equal: they carry no information.
     pub equal_without_noise: u64,
     /// Values whose estimated noise is 0 in both pictures and that differ.
     pub different_without_noise: u64,
@@ -64,7 +63,7 @@ pub struct ZTest {
     pub beyond_3: f64,
     /// Tiles of 8 x 8 pixels with noise.
     pub tiles: u64,
-    /// Tiles without any noise whose sums differ: each is enough for a verdict of [`Verdict::Different`].
+    /// Tiles without noise in both pictures whose sums differ: one is enough for [`Verdict::Different`].
     pub tiles_different_without_noise: u64,
     /// Mean of the tiles' squared z values, averaged over colours: chi-square divided by its degrees of freedom, 1 under
     /// the null hypothesis.
@@ -124,7 +123,7 @@ fn check_variance(which: Which, variance: &Image) -> Result<(), MetricError> {
 struct Term {
     difference: f64,
     variance: f64,
-    /// Sum of `variance^2 / degrees of freedom` of what the variance was estimated from (Welch).
+    /// Sum of `variance^2 / degrees of freedom` over the estimated variances (Welch).
     spread: f64,
 }
 
@@ -146,7 +145,7 @@ impl Term {
         self.spread += other.spread;
     }
 
-    /// The normal value of the same tail probability; `None` without noise.
+    /// The normal value with the same tail probability; `None` if the variance is 0.
     fn z(&self) -> Option<f64> {
         (self.variance > 0.0).then(|| {
             let t = self.difference / self.variance.sqrt();
@@ -155,8 +154,8 @@ impl Term {
     }
 }
 
-/// Wallace's approximation of the normal value with the tail probability of Student's `t`; within 0.02 of it for 6 degrees
-/// of freedom up to 4 standard deviations.
+/// Wallace's approximation: the normal value with the same tail probability as Student's `t`. Error below 0.02 for 6 degrees of
+/// freedom up to 4 standard deviations.
 fn normal_of_student(t: f64, freedom: f64) -> f64 {
     let scale = (8.0 * freedom + 1.0) / (8.0 * freedom + 3.0);
     (scale * (freedom * (t * t / freedom).ln_1p()).sqrt()).copysign(t)
@@ -254,7 +253,8 @@ mod tests {
         Image { width: side, height: side, pixels }
     }
 
-    /// Mean and variance of the mean of `samples` pictures of 0.5 + `shift` with a standard deviation of 0.1.
+    /// The mean of `samples` noisy pictures and the variance of that mean. Values have expectation 0.5 + `shift` and standard
+    /// deviation 0.1.
     fn sampled(normal: &mut Normal, samples: u32, shift: f64) -> [Image; 2] {
         let mut mean = Image::filled(64, 64, [0.0; 4]);
         let mut variance = mean.clone();

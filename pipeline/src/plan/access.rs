@@ -1,37 +1,38 @@
-//! What passes read and write: what depends on what.
+//! Reads and writes of passes: their dependencies.
 
 use super::{Instead, Plan, PlanError, PlannedPass, Work, effect, liveness};
 use crate::project::{ChannelRef, PassKind};
 
-/// A place that passes read and write: a render target (`None` for the window), and its channel; [`TRIANGLES`] for the triangle ids.
+/// A place that passes read and write: a render target (`None` for the window) and its channel, or [`TRIANGLES`] for the triangle
+/// ids.
 pub type Slot = (Option<usize>, usize);
 
-/// The place of the triangle ids in a [`Slot`].
+/// Channel number of the triangle ids in a [`Slot`].
 pub const TRIANGLES: usize = 3;
 
-/// The places that a planned pass reads and writes.
+/// The slots that a planned pass reads and writes.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub struct Access {
-    /// Read.
+    /// Slots that are read.
     pub reads: Vec<Slot>,
-    /// Written, in whole or in part.
+    /// Slots that are written, wholly or in part.
     pub writes: Vec<Slot>,
 }
 
 impl Plan {
-    /// Asks for every attachment of raster passes in host memory, where observers are shown them.
+    /// Requests every attachment of raster passes in host memory, where observers see them.
     pub(crate) fn read_back_everything(&mut self) {
         for planned in &mut self.passes {
             match &mut planned.work {
                 Work::Raster { attachments, host, .. } => *host = *attachments,
-                // Observers are shown what ray passes read, too.
+                // Observers also see what ray passes read.
                 Work::Rays { resident, .. } => *resident = None,
                 Work::Effect { .. } | Work::Off { .. } | Work::Quad { .. } => {}
             }
         }
     }
 
-    /// What a planned pass reads and writes.
+    /// The slots that a planned pass reads and writes.
     #[must_use]
     pub fn access(&self, planned: &PlannedPass) -> Access {
         let pass = self.pass(planned);
@@ -66,7 +67,7 @@ impl Plan {
         Access { reads, writes }
     }
 
-    /// What passes read has to be written also where other passes are switched off.
+    /// Fails if a pass reads a slot that no pass writes because the writer is switched off.
     pub(super) fn check_switched_off(&self) -> Result<(), PlanError> {
         let mut written: Vec<Slot> = Vec::new();
         for planned in &self.passes {

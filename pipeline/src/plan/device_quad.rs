@@ -1,4 +1,4 @@
-//! The quad that shows the picture, where it may be filled on the rasteriser's device.
+//! The quad that shows the picture, and whether the rasteriser's device may fill it.
 
 use super::{Plan, PlannedPass, Slot, Work};
 use crate::backend::{Attachments, Rasteriser, RayBackend, Rect};
@@ -16,30 +16,30 @@ pub struct QuadInput {
     pub writer: usize,
 }
 
-/// The pass that shows the picture.
+/// The quad pass that shows the picture.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct ShowingQuad {
-    /// Its index into [`Plan::passes`].
+    /// Index into [`Plan::passes`].
     pub index: usize,
-    /// What it shows.
+    /// The channel that it shows.
     pub color: QuadInput,
-    /// What that is multiplied by.
+    /// The channel that multiplies the colour.
     pub factor: Option<QuadInput>,
 }
 
 impl ShowingQuad {
-    /// What it reads.
+    /// The channels that it reads.
     pub fn inputs(&self) -> impl Iterator<Item = QuadInput> {
         [Some(self.color), self.factor].into_iter().flatten()
     }
 
-    /// Whether it reads what a pass writes.
+    /// Whether it reads a channel that a pass writes.
     #[must_use]
     pub fn reads(&self, writer: usize) -> bool {
         self.inputs().any(|input| input.writer == writer)
     }
 
-    /// What of a target it reads.
+    /// The attachments of a target that it reads.
     #[must_use]
     pub fn attachments(&self, target: Option<usize>) -> Attachments {
         let reads = |channel| self.inputs().any(|i| Some(i.channel.target) == target && i.channel.channel == channel);
@@ -48,8 +48,8 @@ impl ShowingQuad {
 }
 
 impl Plan {
-    /// The last quad pass that fills the window, and whether the plan leaves it to a device: then nothing else reads in host memory what it
-    /// reads. The error says why not. `None` where no quad pass fills the window.
+    /// The last quad pass that fills the window, by its index, and whether it may run on a device: no other pass may read its
+    /// inputs in host memory. The error is the reason why not. `None` if no quad pass fills the window.
     #[must_use]
     pub fn showing_quad(&self) -> Option<(usize, Result<ShowingQuad, String>)> {
         let window = |planned: &PlannedPass| self.pass(planned).target.is_none();
@@ -58,8 +58,9 @@ impl Plan {
         Some((index, self.for_device(index, quad.source)))
     }
 
-    /// Adds to the decisions whether the quad that fills the window is filled on the rasteriser's device, where that has one, and gives the
-    /// quad or why not. `apart` is whether a ray backend reads the G-buffer through another interface of the device, or passes have several.
+    /// Decides whether the rasteriser's device fills the window's quad, adds the decision, and returns the quad or the reason why
+    /// not. `apart`: whether a ray backend reads the G-buffer through another interface of the device, or passes have different ray
+    /// backends.
     pub fn decide_showing_quad(
         &mut self,
         raster: &mut dyn Rasteriser,

@@ -1,4 +1,4 @@
-//! Effect passes in the plan: whose G-buffer they read, and where it lies.
+//! Effect passes in the plan: which G-buffer they read, and where it lies.
 
 use super::liveness::Wanted;
 use super::{Plan, PlanError, PlannedPass, Work, rectangle, view};
@@ -72,7 +72,7 @@ impl Plan {
         let inputs: Vec<ChannelRef> = inputs(effect).collect();
         let resident = self.is_resident(passes, index, &inputs, source.index);
         wanted.channels.extend(inputs.iter().copied());
-        // The ray backend gets the pixels that are left to it from host memory.
+        // Pixels left to the ray backend are traced from host memory.
         let in_host = !resident || traces;
         if in_host {
             wanted.host.extend(inputs);
@@ -94,7 +94,7 @@ impl Plan {
         })
     }
 
-    /// The pass that wrote the positions that an effect reads.
+    /// The last raster pass that wrote the positions that an effect reads.
     fn source<'a>(&self, earlier: &'a [Pass], pass: &Pass, effect: &EffectPass) -> Result<Source<'a>, PlanError> {
         let target = effect.position.map(|position| position.target);
         let mut writers = earlier.iter().enumerate().rev().filter(|(_, earlier)| !self.is_off(earlier));
@@ -111,10 +111,10 @@ impl Plan {
         }
     }
 
-    /// Whether these channels, which a pass reads, are what the raster pass `source` drew, as it drew them: in floats and
-    /// with nothing drawn or written since.
+    /// Whether the channels that a pass reads are exactly as the raster pass `source` drew them: as floats, and with nothing drawn
+    /// or written since.
     fn is_resident(&self, passes: &[Pass], index: usize, channels: &[ChannelRef], source: usize) -> bool {
-        // Which pass drew last is another question where some draw nothing.
+        // If raster passes are switched off, it is unclear which one drew last.
         if passes.iter().any(|pass| matches!(pass.kind, PassKind::Raster(_)) && self.is_off(pass)) {
             return false;
         }
@@ -129,7 +129,7 @@ impl Plan {
             })
     }
 
-    /// The target whose G-buffer the ray pass at `passes[index]` may read where it was drawn. `channels` are those that it
+    /// The target whose G-buffer the ray pass at `passes[index]` may read in place. `channels` are the channels that the pass
     /// reads.
     pub(super) fn resident_target(
         &self,
@@ -159,18 +159,19 @@ impl Plan {
 /// A program that the ray backend runs for a pass.
 #[derive(Debug, Clone, Copy)]
 pub struct Traced<'a> {
-    /// Which.
+    /// The program.
     pub program: RayProgram,
-    /// Its constants.
+    /// Constants of the program.
     pub params: RayParams,
     /// Index into [`Plan::scene_sets`].
     pub scene_set: usize,
-    /// The materials that are glass, by name.
+    /// The materials that are glass, as name patterns.
     pub glass: &'a [MaterialPattern],
 }
 
 impl Plan {
-    /// What the ray backend runs for a pass: the program of a ray pass, or the counterpart of an effect that leaves pixels to it.
+    /// The program that the ray backend runs for a pass: that of a ray pass, or the counterpart of an effect that leaves pixels to
+    /// rays.
     #[must_use]
     pub fn traced(&self, planned: &PlannedPass) -> Option<Traced<'_>> {
         match (&planned.work, &self.pass(planned).kind) {

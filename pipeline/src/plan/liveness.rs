@@ -1,4 +1,5 @@
-//! Which passes run and what each writes: a walk from the last pass to the first that keeps what is wanted.
+//! Chooses the passes that run and their attachments, by a walk from the last pass to the first that tracks which channels are
+//! still needed.
 
 use super::off::instead;
 use super::settings::Constants;
@@ -13,20 +14,20 @@ use crate::project::{ChannelRef, Pass, PassKind, QuadPass, QuadSource, RasterPas
 use glam::{Vec3, Vec4};
 use std::collections::BTreeSet;
 
-/// What later passes want, as the walk goes backwards.
+/// The channels that later passes need, at a point of the backward walk.
 #[derive(Debug, Default)]
 pub(super) struct Wanted {
-    /// Channels that are read or shown.
+    /// Channels that are read by later passes or shown.
     pub channels: BTreeSet<ChannelRef>,
-    /// Those of them that are read in host memory.
+    /// The subset that is read in host memory.
     pub host: BTreeSet<ChannelRef>,
     /// Targets whose triangle ids are read.
     pub triangles: BTreeSet<usize>,
-    /// Those of them whose ids are read in host memory.
+    /// The subset whose ids are read in host memory.
     pub host_triangles: BTreeSet<usize>,
-    /// Channels that ray passes read which may read them where they were drawn.
+    /// Channels that ray passes may read in place.
     traced: BTreeSet<ChannelRef>,
-    /// Targets whose triangle ids they read.
+    /// Targets whose triangle ids ray passes may read in place.
     traced_triangles: BTreeSet<usize>,
     /// Whether a later pass fills the whole window.
     window_filled: bool,
@@ -123,7 +124,7 @@ impl Plan {
         Ok(())
     }
 
-    /// What a pass does that is switched off.
+    /// The work of a pass that is switched off.
     fn off_work(&mut self, pass: &Pass, wanted: &mut Wanted) -> Work {
         let instead = instead(pass).expect("it writes something else");
         let why = match instead {
@@ -137,7 +138,7 @@ impl Plan {
         Work::Off { instead }
     }
 
-    /// What thesis fidelity leaves of a pass's parameters: its glass is the report's, and its light a point.
+    /// A pass's parameters as thesis fidelity allows them: the report's panes, and a light without a disc.
     fn of_fidelity(&mut self, pass: &Pass, ray: &RayPass, params: RayParams) -> RayParams {
         if self.settings.fidelity == Fidelity::Corrected {
             return params;
@@ -154,7 +155,7 @@ impl Plan {
         RayParams { glass, background, shadow, sun: 0.0, filter: 0, ..params }
     }
 
-    /// Says which program was taken for a pass whose rays start at the camera, and refuses a camera that none of them has.
+    /// Adds the decision which program runs for a pass whose rays start at the camera; fails for a camera that no program supports.
     fn explain_camera_start(&mut self, pass: &Pass, ray: &RayPass, camera: Option<usize>) -> Result<(), PlanError> {
         let Some(start) = &ray.from_camera else { return Ok(()) };
         let camera = &self.project.cameras[camera.unwrap_or(ray.camera)];
@@ -186,7 +187,7 @@ impl Plan {
         let size = self.target_size(passes[index].target);
         let from_camera = ray.from_camera.is_some();
         let rect = match from_camera {
-            // As its picture is: the engine launches over the whole of the target.
+            // As in the report's engine, which launches over the whole target.
             true => Rect { x: 0, y: 0, width: size[0], height: size[1] },
             false => rectangle(self.viewport_of(&passes[index], camera), size),
         };
@@ -225,7 +226,7 @@ impl Plan {
         }
     }
 
-    /// Triangle ids mean nothing in another scene than the one that was drawn.
+    /// Fails if a pass reads triangle ids of another scene set than the one that was drawn.
     fn check_same_scenes(&self, earlier: &[Pass], pass: &Pass, ray: &RayPass, work: &Work) -> Result<(), PlanError> {
         let (Work::Rays { reads_triangle: true, .. }, Some(position)) = (work, ray.position) else { return Ok(()) };
         let mut drawing = earlier.iter().rev().filter(|earlier| !self.is_off(earlier));
@@ -277,8 +278,8 @@ impl Plan {
         })
     }
 
-    /// The viewport into which a pass draws. A pass that draws into a render target fills it, whatever viewport its camera has,
-    /// unless the pass has a viewport of its own: the rule of the engine whose files these are.
+    /// The viewport into which a pass draws. A pass with a render target fills the target, whatever viewport its camera has, unless
+    /// the pass itself has a viewport: this is the rule of the report's engine.
     pub(super) fn viewport_of(&self, pass: &Pass, camera: Option<usize>) -> Option<&Viewport> {
         let camera = match (&pass.kind, pass.target) {
             (_, Some(_)) | (PassKind::Quad(_), None) => None,
@@ -290,15 +291,15 @@ impl Plan {
         pass.viewport.or_else(from_camera).map(|viewport| &self.project.viewports[viewport])
     }
 
-    /// Channels of its target that a pass writes, from the first.
+    /// Number of channels of its target that a pass writes, counted from the first.
     fn channels_written(&self, pass: &Pass) -> usize {
         pass.target.map_or(0, |target| pass.kind.channels_of(&self.project.targets[target]))
     }
 
-    /// What clears the colour that a pass draws: the target's colour, or in the window the viewport's.
+    /// The clear colour of a pass: that of its target, or in the window that of the viewport.
     fn clear_color(&self, pass: &Pass, viewport: Option<&Viewport>) -> Vec4 {
         let color = match pass.target {
-            // Nothing is at the far plane.
+            // A depth target is cleared to the far plane.
             Some(target) if self.project.targets[target].depth() == Some(0) => Vec4::ONE,
             Some(target) => self.project.targets[target].clear_color,
             None => viewport.map_or(Vec4::W, |viewport| viewport.clear_color),
@@ -308,13 +309,13 @@ impl Plan {
 }
 
 impl Wanted {
-    /// Channels that a pass reads in host memory.
+    /// Adds channels that a pass reads in host memory.
     fn read_in_host(&mut self, channels: Vec<ChannelRef>) {
         self.channels.extend(channels.iter().copied());
         self.host.extend(channels);
     }
 
-    /// What a pass writes completely is not wanted from the passes before it.
+    /// Removes what a pass writes completely: earlier passes need not write it.
     fn satisfied_by(&mut self, pass: &Pass, written: usize) {
         match pass.target {
             None => self.window_filled = true,
@@ -332,7 +333,7 @@ impl Wanted {
     }
 }
 
-/// What of a pass's target is among these channels and triangle ids; the window only ever takes the colour.
+/// The attachments of a pass's target that are in the given sets of channels and triangle ids. The window only has a colour.
 fn attachments(
     pass: &Pass,
     written: usize,
@@ -350,7 +351,7 @@ fn attachments(
     }
 }
 
-/// Why a pass need not run.
+/// Why a pass need not run; `None` if it must run.
 fn dead(pass: &Pass, live: Attachments, wanted: &Wanted) -> Option<&'static str> {
     if pass.target.is_none() {
         return wanted.window_filled.then_some("a later pass fills the whole window");
@@ -360,7 +361,7 @@ fn dead(pass: &Pass, live: Attachments, wanted: &Wanted) -> Option<&'static str>
 
 /// The channels that a ray pass reads.
 pub(super) fn inputs(ray: &RayPass, params: &RayParams) -> Vec<ChannelRef> {
-    // A program that has nothing to trace writes what it finds in the colour, or a constant.
+    // With nothing to trace, such a program writes a constant or the colour that it read.
     let idle = ray.program.info().traces == Traces::Samples && !ray.program.can_trace(params);
     let buffers = [("pos_buffer", ray.position), ("norm_buffer", ray.normal), ("color_buffer", ray.color)];
     let read = buffers.into_iter().filter(|(name, _)| ray.program.info().buffers.contains(name));

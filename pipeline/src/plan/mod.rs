@@ -1,7 +1,7 @@
-//! The plan: which passes run, what each writes, and what is left out, decided once from what the project declares.
+//! The plan: which passes run, what each writes, and what is left out. It is decided once, from the project's declarations.
 //!
-//! A channel is written only if a later pass reads it or it is shown; a pass runs only if something it writes is
-//! wanted. [`Plan::decisions`] holds every choice with its reason, and `curitiba plan` prints them.
+//! A channel is written only if a later pass reads it or it is shown, and a pass runs only if something it writes is needed.
+//! [`Plan::decisions`] holds every decision with its reason; `curitiba plan` prints them.
 
 mod access;
 mod device_quad;
@@ -37,7 +37,7 @@ use glam::camera::rh;
 use glam::{DVec3, Mat4, Vec3, Vec4};
 use settings::{check_size, constants, display, set_formats, shown_channels, widen_colors};
 
-/// Everything that will be done, in order.
+/// All work of a frame, in order.
 #[derive(Debug, Clone)]
 pub struct Plan {
     /// The project.
@@ -46,32 +46,32 @@ pub struct Plan {
     pub pipeline: usize,
     /// Window size.
     pub window: [u32; 2],
-    /// What of it is written, and how it is cut for rendering.
+    /// The part of the window that is written, and its division for rendering.
     pub parts: Parts,
-    /// Sides of the blocks that are drawn one after the other, where a target is larger than the rasteriser can draw.
+    /// Side of the blocks in which targets beyond the rasteriser's limits are drawn one after the other; `None` if none is.
     pub block: Option<u32>,
-    /// What the user asked for.
+    /// The user's settings.
     pub settings: Settings,
-    /// What the window's pixels are, and how they are displayed.
+    /// Colour space of the window's pixels, and their conversion to display values.
     pub display: Display,
     /// Passes that run.
     pub passes: Vec<PlannedPass>,
-    /// By index of [`Project::targets`]: size and what is stored.
+    /// Size and attachments of each target, by index of [`Project::targets`].
     pub targets: Vec<PlannedTarget>,
-    /// Sets of scenes that are loaded together, by index of [`Project::scenes`].
+    /// Sets of scenes that are loaded together, as indices into [`Project::scenes`].
     pub scene_sets: Vec<Vec<usize>>,
-    /// What of the scene files is read.
+    /// The contents of scene files that are read.
     pub needs: Needs,
-    /// Where, in the world, 0 of the scenes and cameras lies: 0 until the scenes are loaded, and where they are not far from it. Set by
+    /// World position of the origin of scenes and cameras. 0 until the scenes are loaded, and for scenes near 0. Set by
     /// [`Self::move_origin`].
     pub origin: DVec3,
-    /// Channels kept for inspection, besides the window.
+    /// Channels kept for inspection, in addition to the window.
     pub shown: Vec<ChannelRef>,
-    /// Every choice.
+    /// Every decision with its reason.
     pub decisions: Vec<Decision>,
-    /// Choices that are carried out, and may not be meant.
+    /// Warnings about settings that are carried out but may be mistakes.
     pub warnings: Warnings,
-    /// The project as it was given, before the settings changed formats of it: what another plan is made of.
+    /// The project before settings changed its formats; further plans are made from it.
     pub declared: Project,
 }
 
@@ -82,86 +82,85 @@ pub struct PlannedTarget {
     pub width: u32,
     /// Rows.
     pub height: u32,
-    /// Channels 0, 1, 2 and the triangle ids.
+    /// Which of the channels 0 to 2 and the triangle ids are allocated.
     pub stored: Attachments,
 }
 
 /// A pass that runs.
 #[derive(Debug, Clone)]
 pub struct PlannedPass {
-    /// Its index in the pipeline.
+    /// Index in the pipeline.
     pub pass: usize,
     /// What it does.
     pub work: Work,
 }
 
-/// What a planned pass does.
+/// The work of a planned pass.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Work {
     /// Draws triangles.
     Raster {
         /// Index into [`Plan::scene_sets`].
         scene_set: usize,
-        /// Camera of the viewport.
+        /// The camera.
         view: View,
-        /// Where in the target.
+        /// Rectangle of the target.
         viewport: Rect,
-        /// Clears the colour.
+        /// Clear value of the colour.
         clear_color: Vec4,
-        /// What is written.
+        /// The attachments that are written.
         attachments: Attachments,
-        /// What of it is read in host memory: by quad passes, by other passes that cannot read it where it was drawn, for
+        /// The attachments that are read in host memory: by quad passes, by other passes that cannot read them in place, and for
         /// inspection.
         host: Attachments,
-        /// What of it ray passes read that may read it where it was drawn ([`Work::Rays`]'s `resident`); otherwise it is
-        /// read in host memory, too.
+        /// The attachments that ray passes may read in place ([`Work::Rays`]'s `resident`); if they cannot, these are read in host
+        /// memory too.
         traced: Attachments,
     },
     /// Traces rays.
     Rays {
         /// Index into [`Plan::scene_sets`].
         scene_set: usize,
-        /// Camera position.
+        /// The camera; rays use its position.
         view: View,
-        /// Constants, after `--set`.
+        /// Constants of the program, after `--set`.
         params: RayParams,
-        /// What rays show that leave the scene.
+        /// Colour of rays that miss the scene.
         beyond: Vec3,
         /// Whether triangle ids are read.
         reads_triangle: bool,
-        /// The target whose G-buffer it reads, if that is what was drawn last, whole and unchanged: then it may be read
-        /// where it was drawn.
+        /// The target whose G-buffer the pass reads, if that is the unchanged result of the last draw and may be read in place.
         resident: Option<usize>,
     },
-    /// Computes by raster what rays would.
+    /// Computes by rasterisation what rays would.
     Effect {
         /// Index into [`Plan::scene_sets`].
         scene_set: usize,
-        /// Camera of the G-buffer.
+        /// The camera of the G-buffer.
         view: View,
-        /// Constants, after `--set`.
+        /// Constants of the program, after `--set`.
         params: EffectParams,
         /// Whether triangle ids are read.
         reads_triangle: bool,
-        /// Whether its G-buffer is what was drawn last, so that a rasteriser may read its own copy.
+        /// Whether the G-buffer is that of the last draw, so that a rasteriser may read its own copy.
         resident: bool,
     },
-    /// The pass is switched off: fills its target.
+    /// The pass is switched off and writes a substitute.
     Off {
-        /// What it writes.
+        /// What is written instead.
         instead: Instead,
     },
     /// Fills a rectangle.
     Quad {
-        /// Where in the target.
+        /// Rectangle of the target.
         viewport: Rect,
     },
 }
 impl Plan {
-    /// Decides what is done.
+    /// Makes a plan.
     ///
     /// # Errors
-    /// If the settings name something that the project lacks, or what they ask for is too large.
+    /// If the settings name something that the project lacks, or ask for a picture that is too large.
     pub fn new(mut project: Project, settings: Settings) -> Result<Self, PlanError> {
         let name_error = |message: String| PlanError { message, help: None };
         let declared = project.clone();
@@ -176,7 +175,7 @@ impl Plan {
             |pass| matches!(&pass.kind, PassKind::Quad(quad) if quad.stored(true).chain(quad.stored(false)).next().is_some()),
         );
         for target in &project.targets {
-            // What a light sees does not grow with the window.
+            // Depth maps of lights do not scale with the window.
             let alone = target.channels.iter().all(|channel| channel.depth);
             let scaled = |axis: usize| {
                 if alone || fixed || target.buffer.is_some() {
@@ -232,13 +231,13 @@ impl Plan {
         Ok(plan)
     }
 
-    /// The declaration of a planned pass.
+    /// The project's declaration of a planned pass.
     #[must_use]
     pub fn pass(&self, planned: &PlannedPass) -> &Pass {
         &self.project.pipelines[self.pipeline].passes[planned.pass]
     }
 
-    /// Tells the cameras from another origin, that of the scenes' positions.
+    /// Makes the cameras relative to another origin, that of the scenes' positions.
     pub fn move_origin(&mut self, origin: DVec3) {
         self.origin = origin;
         let chosen = self.settings.camera.as_deref().and_then(|name| self.project.camera(name).ok());
@@ -252,7 +251,7 @@ impl Plan {
                 PassKind::Raster(RasterPass { camera, .. }) | PassKind::Ray(RayPass { camera, .. }) => {
                     (*camera, rectangle(self.viewport_of(pass, chosen), self.target_size(pass.target)))
                 }
-                // The whole of the G-buffer.
+                // The whole G-buffer.
                 PassKind::Effect(effect) => {
                     let size = self.target_size(effect.position.map(|position| position.target));
                     (effect.camera, Rect { x: 0, y: 0, width: size[0], height: size[1] })
@@ -273,7 +272,7 @@ impl Plan {
         target.map_or(self.window, |target| [self.targets[target].width, self.targets[target].height])
     }
 
-    /// Says what colours are, and who decided that.
+    /// Adds the decision about the colour space.
     fn explain_color(&mut self, widened: &[String]) {
         let Display { space, exposure, tone } = self.display;
         let by = match self.settings.color {
@@ -297,7 +296,7 @@ impl Plan {
         }
     }
 
-    /// Positions are coordinates of a whole scene: 16-bit floats are off by an eighth of a metre at a few hundred.
+    /// Warns of positions in 16-bit floats: at a few hundred metres they are off by an eighth of a metre.
     fn warn_of_rounded_positions(&mut self) {
         let mut warnings = Warnings::default();
         for planned in &self.passes {
@@ -352,7 +351,7 @@ impl Plan {
             }
         }
         let textures = !colored.is_empty() || !hits.is_empty();
-        // The report's programs know no colours of vertices.
+        // The report's programs have no vertex colours.
         let colors = textures && self.settings.fidelity == Fidelity::Corrected;
         let normals = lit || !hits.is_empty();
         let normal_maps = normals && self.settings.fidelity == Fidelity::Corrected;
@@ -407,7 +406,7 @@ impl Plan {
         params.glass == GlassRule::Auto && ray.program.info().reads("glass")
     }
 
-    /// What a pass asks of glass beyond the report's panes, for messages; `None` where it asks for nothing.
+    /// The glass features that a pass asks for beyond the report's panes, for messages; `None` if there are none.
     #[must_use]
     pub fn asks_of_glass(&self, planned: &PlannedPass) -> Option<String> {
         match (&planned.work, &self.pass(planned).kind) {
@@ -425,7 +424,7 @@ impl Plan {
         let by_itself = |material: &Material| self.asks_materials(planned) && material.transmission >= TRANSPARENT;
         let named = |material: &Material| glass.iter().any(|pattern| pattern.matches(&material.name));
         let finds_glass = materials.iter().any(|material| named(material) || by_itself(material));
-        // In thesis fidelity a pixel is glass by its colour, whatever its material.
+        // In thesis fidelity a pixel counts as glass by its colour, whatever its material.
         program.info().needs_structure(&params, finds_glass || self.settings.fidelity == Fidelity::Thesis)
     }
 
@@ -451,7 +450,7 @@ impl Plan {
     }
 }
 
-/// Pixels of a viewport in a target: edges are rounded, so that neighbouring viewports neither gap nor overlap.
+/// A viewport in pixels of a target. Its edges are rounded, so that neighbouring viewports neither gap nor overlap.
 fn rectangle(viewport: Option<&Viewport>, size: [u32; 2]) -> Rect {
     let Some(viewport) = viewport else { return Rect { x: 0, y: 0, width: size[0], height: size[1] } };
     let edges = |axis: usize| {
@@ -465,18 +464,18 @@ fn rectangle(viewport: Option<&Viewport>, size: [u32; 2]) -> Rect {
     Rect { x: left, y: size[1] - top, width: right - left, height: top - bottom }
 }
 
-/// A camera stands far from the origin if that is so many times its near plane away: products with a matrix that moves by the position are off
-/// by up to two pixels of a thousand there, at the near plane.
+/// A camera is far from the origin if its distance exceeds this many times its near plane distance. Beyond it, products with a
+/// matrix that translates by the position are off by up to 0.002 pixels at the near plane.
 const FAR_EYE: f32 = 16_384.0;
 
-/// The camera of a viewport, for positions relative to `origin`.
+/// The view of a camera, relative to `origin`.
 fn view(camera: &Camera, viewport: Rect, origin: DVec3) -> View {
-    /// How many times farther than it sees a camera without perspective is said to stand: lines of sight to a point are parallel to
-    /// within the inverse of it, in radians.
+    /// Distance at which the eye of an orthographic camera is placed, as a multiple of the size of what it sees: lines of sight to
+    /// a point are parallel within the inverse of this, in radians.
     const FAR_AWAY: f32 = 65_536.0;
     let position = (camera.position - origin).as_vec3();
     let to_view: Mat4 = rh::view::look_to_mat4(position, camera.direction, camera.up);
-    // Exchanging near and far reverses the depth: 1 at the near plane, where floats are densest near 0 for the far one.
+    // Near and far are exchanged: 1 at the near plane and 0 at the far plane, where floats are densest.
     let (projection, eye) = match camera.orthographic {
         None => {
             let aspect = viewport.width.max(1) as f32 / viewport.height.max(1) as f32;
@@ -498,7 +497,7 @@ mod tests {
     use super::*;
     use glam::DMat4;
 
-    /// In the corner of a terrain, of which no origin is near all.
+    /// A camera in the corner of a terrain so large that no origin is near all of it.
     #[test]
     fn a_camera_far_from_the_origin_projects_as_in_double_precision() {
         let direction = Vec3::new(0.6, -0.2, 0.77).normalize();
@@ -518,7 +517,7 @@ mod tests {
         let seen = view(&camera(eye.into()), whole, DVec3::ZERO);
         assert!(seen.clip_from_eye.is_some());
         let perspective = rh::proj::directx::perspective(0.8, 1.0, 1e5, 0.5).as_dmat4();
-        // The linear part of f32 is exact enough: what is compared is what far positions lose.
+        // The rotation in f32 is exact enough: the test is about digits lost in far positions.
         let turn = rh::view::look_to_mat4(Vec3::ZERO, direction, Vec3::Y).as_dmat4();
         let exact = perspective * turn * DMat4::from_translation(-eye.as_dvec3());
         let (ours, from) = seen.projection();
@@ -535,10 +534,10 @@ mod tests {
         }
         println!("usual {} ours {}", worst[0], worst[1]);
         assert!(worst[0] > 1.0 && worst[1] < 1e-3, "{worst:?}");
-        // Cameras that stand nearer are as they were.
+        // Nearer cameras need no second matrix.
         let near = view(&camera(DVec3::new(7.4, 18.6, -38.6)), whole, DVec3::ZERO);
         assert_eq!((near.clip_from_eye, near.projection().1), (None, Vec3::ZERO));
-        // Relative to an origin nearby the same camera needs none of it, and sees the same.
+        // Relative to a nearby origin the same camera needs none either, and sees the same.
         let origin = DVec3::new(98_304.0, 0.0, -87_040.0);
         let moved = view(&camera(eye.into()), whole, origin);
         assert_eq!((moved.clip_from_eye, moved.eye.as_dvec3() + origin), (None, eye.as_dvec3()));

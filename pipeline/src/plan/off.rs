@@ -5,16 +5,16 @@ use crate::diagnostic::valid_names;
 use crate::programs::Writes;
 use crate::project::{ChannelRef, Pass, PassKind, Project};
 
-/// What a ray or effect pass that is switched off writes in the place of its picture.
+/// What a ray or effect pass that is switched off writes instead of its picture.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Instead {
-    /// The colour that it would have read: what it adds is left out.
+    /// A copy of the colour that it would have read, without its contribution.
     Copy(ChannelRef),
-    /// One value everywhere: of shares of light 1, as where nothing is in the way.
+    /// A constant; for shares of light it is 1, as without occluders.
     Fill([f32; 4]),
 }
 
-/// Says which names in [`Settings::off`](super::Settings::off) are no passes.
+/// Fails if a name in [`Settings::off`](super::Settings::off) is no pass.
 pub(super) fn check_names(project: &Project, pipeline: usize, off: &[String]) -> Result<(), PlanError> {
     let passes = &project.pipelines[pipeline].passes;
     match off.iter().find(|name| passes.iter().all(|pass| pass.name != **name)) {
@@ -33,7 +33,7 @@ impl Plan {
     }
 }
 
-/// What a pass writes when it is switched off; `None` for raster and quad passes, which then leave their targets as they are.
+/// The substitute for a pass; `None` for raster and quad passes, which leave their targets unchanged when switched off.
 pub(super) fn instead(pass: &Pass) -> Option<Instead> {
     let color = match &pass.kind {
         PassKind::Ray(ray) => ray.color,

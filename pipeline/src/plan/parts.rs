@@ -1,11 +1,11 @@
-//! Parts of a picture: `--crop`, and bands of rows that are rendered one after the other.
+//! Parts of a picture: `--crop`, and bands of rows that are rendered one after another.
 //!
-//! A pixel of a part is the pixel of the whole picture, bit for bit. The camera is the whole picture's, random numbers belong
-//! to the pixel's place in it, and parts are cut where the engines cut pictures into tiles ([`ALIGNMENT`]): a tile of a part
-//! is a tile of the whole. So a part may reach beyond what is asked for, by less than [`ALIGNMENT`] pixels a side; that is
-//! rendered and not written.
+//! A pixel of a part equals that pixel of the whole picture, bit for bit. Parts use the camera of the whole picture, random numbers
+//! depend on the pixel's place in the whole picture, and parts are cut at the engines' tile borders ([`ALIGNMENT`]), so that a tile
+//! of a part is a tile of the whole. A part may therefore extend beyond the requested rectangle by less than [`ALIGNMENT`] pixels
+//! on each side; these pixels are rendered and not written.
 //!
-//! Some passes need the whole picture ([`Plan::needs_whole`]): `--crop` renders all of it and writes the part, and bands are
+//! Some passes need the whole picture ([`Plan::needs_whole`]). Then `--crop` renders all of it and writes the crop, and bands are
 //! refused with the reason.
 
 use super::{Plan, PlanError, Work};
@@ -14,43 +14,42 @@ use crate::gbuffer::ALIGNMENT;
 use crate::memory::mebibytes;
 use crate::project::PassKind;
 
-/// Sides of the blocks that a rasteriser draws one after the other where the picture is larger than it can draw. Each block has
-/// a projection of its own.
+/// Side of the blocks in which a rasteriser draws pictures beyond its limits, one after another. Each block has its own projection.
 pub const BLOCK: u32 = 4096;
 
-/// The share of the allowed memory that targets may take before a picture is cut into bands; the rest is for the scene.
+/// Targets may take `1 / SHARE` of the allowed memory before a picture is cut into bands; the rest is for the scene.
 const SHARE: u64 = 4;
 
-/// What decisions call them.
+/// Name of these decisions.
 const WHAT: &str = "parts of the picture";
 
 /// A part of the picture.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Part {
-    /// What is rendered.
+    /// The rectangle that is rendered.
     pub rendered: Rect,
-    /// What of it is written.
+    /// The rectangle of it that is written.
     pub written: Rect,
 }
 
-/// How the picture is made.
+/// How the picture is divided.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Parts {
-    /// What of the picture is written.
+    /// The rectangle of the picture that is written.
     pub crop: Rect,
-    /// From the top, one below the other; at least one.
+    /// The parts, from top to bottom; at least one.
     pub list: Vec<Part>,
 }
 
 impl Parts {
-    /// All of a picture at once.
+    /// One part: the whole picture.
     #[must_use]
     pub fn whole([width, height]: [u32; 2]) -> Self {
         let all = Rect { x: 0, y: 0, width, height };
         Self { crop: all, list: vec![Part { rendered: all, written: all }] }
     }
 
-    /// Cuts a crop of a picture into at most so many bands of equal height, but for rounding.
+    /// Cuts the crop into at most `bands` bands of about equal height.
     fn bands(crop: Rect, [width, height]: [u32; 2], bands: u32) -> Self {
         let down = |pixels: u32| pixels / ALIGNMENT * ALIGNMENT;
         let up = |pixels: u32, side: u32| pixels.next_multiple_of(ALIGNMENT).min(side);
@@ -68,14 +67,14 @@ impl Parts {
         Self { crop, list: (top..bottom).step_by(rows as usize).map(part).collect() }
     }
 
-    /// Sides that every part fits into.
+    /// Width and height that every part fits into.
     #[must_use]
     pub fn largest(&self) -> (u32, u32) {
         let side = |side: fn(&Part) -> u32| self.list.iter().map(side).max().unwrap_or(0);
         (side(|part| part.rendered.width), side(|part| part.rendered.height))
     }
 
-    /// Pixels of the largest part.
+    /// Number of pixels of the largest part.
     fn pixels(&self) -> u64 {
         let area = |part: &Part| u64::from(part.rendered.width) * u64::from(part.rendered.height);
         self.list.iter().map(area).max().unwrap_or(0)
@@ -83,7 +82,7 @@ impl Parts {
 }
 
 impl Plan {
-    /// Why passes need the whole picture at once; `None` if every pixel of every pass can be made without the others.
+    /// Why a pass needs the whole picture at once; `None` if every pixel of every pass can be computed without the others.
     #[must_use]
     pub fn needs_whole(&self) -> Option<String> {
         self.passes.iter().find_map(|planned| {
@@ -130,7 +129,7 @@ impl Plan {
         })
     }
 
-    /// Decides about parts: what is asked for, or bands where all of it would not fit.
+    /// Chooses the parts: the requested ones, or bands if the whole would not fit into memory.
     pub(super) fn choose_parts(&mut self) -> Result<(), PlanError> {
         let [width, height] = self.window;
         let crop = self.settings.crop.unwrap_or(Rect { x: 0, y: 0, width, height });
@@ -161,13 +160,13 @@ impl Plan {
             (None, Some(_)) => "--crop asks for them",
             (None, None) => "",
         };
-        // What is shown is kept whole.
+        // Shown channels must be kept whole, so the picture is not cut.
         let may_cut = self.settings.bands.is_none() && self.shown.is_empty();
         if may_cut && self.target_bytes() > self.settings.max_memory / 2 {
             let most = crop.height.div_ceil(ALIGNMENT) + 1;
             let bytes = self.target_bytes().div_ceil(allowed.max(1)).min(u64::from(most)) as u32;
             self.parts = Parts::bands(crop, self.window, bytes);
-            // Rounding to tiles may have left them too large.
+            // Rounding to tiles may have left the bands too large.
             if self.target_bytes() > self.settings.max_memory / 2 {
                 self.parts = Parts::bands(crop, self.window, most);
             }
@@ -190,7 +189,7 @@ impl Plan {
         Ok(())
     }
 
-    /// The whole picture is rendered at once, and the crop of it is written.
+    /// Renders the whole picture at once and writes the crop of it.
     fn render_whole(&mut self, reason: String) {
         let Parts { list, .. } = Parts::whole(self.window);
         let crop = self.parts.crop;
@@ -200,7 +199,7 @@ impl Plan {
         }
     }
 
-    /// Bytes of the targets, the window, the sums of several samples a pixel and the filters for the largest part.
+    /// Bytes of the targets, the window, the sums of samples and the filters, for the largest part.
     #[must_use]
     pub fn target_bytes(&self) -> u64 {
         let bytes = |target: &super::PlannedTarget| {
@@ -211,22 +210,22 @@ impl Plan {
         16 * self.parts.pixels() + self.targets.iter().map(bytes).sum::<u64>() + self.sum_bytes() + self.filter_bytes()
     }
 
-    /// Pixels that are held of a target or window of that size: those of the largest part, where it is rendered in parts.
+    /// Number of pixels held for a target or window of this size: those of the largest part if it is rendered in parts.
     pub(super) fn held_pixels(&self, [width, height]: [u32; 2]) -> u64 {
         if self.in_parts() { self.parts.pixels() } else { u64::from(width) * u64::from(height) }
     }
 
-    /// Whether the picture is rendered in parts of its own coordinates, and not as a whole.
+    /// Whether targets hold only a part of the picture at a time.
     #[must_use]
     pub fn in_parts(&self) -> bool {
         let [width, height] = self.window;
         self.parts.list.iter().any(|part| part.rendered != Rect { x: 0, y: 0, width, height })
     }
 
-    /// Says what these engines cannot do of the plan, and what would help; adds what is decided because of their limits.
+    /// Fails if these engines cannot carry out the plan, with a remedy. Adds the decisions that their limits enforce.
     ///
     /// # Errors
-    /// If a picture of this size, or a part, is more than an engine can do.
+    /// If the picture, or a part, exceeds an engine's limits.
     pub fn fit(&mut self, raster: (&str, Limits), rays: (&str, Limits)) -> Result<(), PlanError> {
         let (engine, limits) = raster;
         let draws = |planned: &super::PlannedPass| matches!(planned.work, Work::Raster { .. } | Work::Effect { .. });

@@ -1,4 +1,4 @@
-//! Several samples a pixel: what they cost, and what cannot be averaged.
+//! Several samples a pixel: their cost, and channels that cannot be averaged.
 
 use super::{Plan, PlanError, PlannedPass};
 use crate::backend::Rect;
@@ -8,11 +8,11 @@ use crate::memory::mebibytes;
 use crate::plan::Work;
 use crate::project::{ChannelRef, PassKind};
 
-/// Bytes of the sum of a pixel's samples: four numbers in `f64`.
+/// Bytes of the sum of a pixel's samples: four `f64` numbers.
 const SUM: u64 = 32;
 
 impl Plan {
-    /// What a channel holds, and so how it is made visible: raster passes write positions and normals, all others colours.
+    /// The content of a channel, which decides its false colours: raster passes write positions and normals, all others colours.
     #[must_use]
     pub fn content(&self, channel: ChannelRef) -> Content {
         let by_raster = self.passes.iter().any(|planned| {
@@ -25,7 +25,7 @@ impl Plan {
         }
     }
 
-    /// Says what several samples a pixel cost, and refuses to keep what has no mean.
+    /// Adds the decision about several samples a pixel; fails if a shown channel has no meaningful mean.
     pub(super) fn explain_samples(&mut self) -> Result<(), PlanError> {
         let samples = self.settings.aa;
         if !samples.are_several() {
@@ -54,7 +54,7 @@ impl Plan {
         Ok(())
     }
 
-    /// What several samples a pixel do and cost, in words; `None` with one.
+    /// Description of the effect and cost of several samples a pixel; `None` for one sample.
     #[must_use]
     pub fn cost_of_samples(&self) -> Option<String> {
         let samples = self.settings.aa;
@@ -71,7 +71,7 @@ impl Plan {
         })
     }
 
-    /// Bytes of the sums of several samples a pixel, for the largest part: 0 with one sample.
+    /// Bytes of the sums of several samples a pixel, for the largest part; 0 for one sample.
     pub(super) fn sum_bytes(&self) -> u64 {
         if !self.settings.aa.are_several() {
             return 0;
@@ -80,8 +80,8 @@ impl Plan {
         SUM * (self.held_pixels(self.window) + shown.sum::<u64>())
     }
 
-    /// The whole of the G-buffer that an effect pass reads, or of the picture of a ray pass that starts at the camera; nothing for other
-    /// passes.
+    /// The rectangle that must be rendered as a whole: the G-buffer of an effect pass, or the picture of a ray pass that starts at
+    /// the camera; empty for other passes.
     #[must_use]
     pub(crate) fn seen_by(&self, planned: &PlannedPass) -> Rect {
         let pass = self.pass(planned);

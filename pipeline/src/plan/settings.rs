@@ -1,4 +1,4 @@
-//! What the user asks for beyond the project file, checked against it.
+//! The user's settings in addition to the project file, and their checks.
 
 use super::{Plan, PlannedPass};
 use crate::backend::Rect;
@@ -12,7 +12,7 @@ use crate::project::{self, ChannelRef, Pass, PassKind, Project, SceneOptions, So
 use crate::raster_effects::EffectParams;
 use std::path::Path;
 
-/// What the user asks for beyond the project file.
+/// The user's settings in addition to the project file.
 #[derive(Debug, Clone)]
 pub struct Settings {
     /// Pipeline to run; the project's default if `None`.
@@ -21,38 +21,38 @@ pub struct Settings {
     pub camera: Option<String>,
     /// Window size; the project's if `None`. Render targets are scaled with it.
     pub size: Option<[u32; 2]>,
-    /// Mended programs, or as the report wrote them.
+    /// Corrected programs, or those of the report.
     pub fidelity: Fidelity,
-    /// What colours are; the project's if `None`.
+    /// Colour space; the project's if `None`.
     pub color: Option<ColorSpace>,
-    /// Stops that linear radiance is exposed by before it is displayed: it is multiplied by 2 to the power of this.
+    /// Exposure in stops: linear radiance is multiplied by 2 to the power of this before it is displayed.
     pub exposure: f32,
-    /// How linear radiance above 1 is brought into a screen's range.
+    /// Tone curve for linear radiance above 1.
     pub tone: Tone,
     /// Seed of the random numbers.
     pub seed: u32,
     /// Channels to keep for inspection, `target channel` names or `library::channel`; `all` keeps every one.
     pub show: Vec<String>,
-    /// Set from outside: parameters of ray and effect passes, `pass.name=value`; ray backends of single passes, `pass.backend=cpu`; and
+    /// Assignments: parameters of ray and effect passes, `pass.name=value`; ray backends of single passes, `pass.backend=cpu`;
     /// formats of channels of render targets, `texture.format=RGBA16F`.
     pub set: Vec<String>,
-    /// Names of passes that are switched off. A ray or effect pass then writes what it would leave as it is: the colour that it
-    /// reads, or of a share of light 1. A raster or quad pass leaves its target as it is.
+    /// Names of passes that are switched off. A ray or effect pass then writes a neutral result: the colour that it reads, or 1 for
+    /// a share of light. A raster or quad pass leaves its target unchanged.
     pub off: Vec<String>,
-    /// Most bytes that the process may hold.
+    /// Most memory that the process may use, bytes.
     pub max_memory: u64,
-    /// How a project is made where scene files are named instead of one.
+    /// How to make a project from scene files, if scene files are named instead of a project.
     pub scene: SceneOptions,
-    /// What of the window is written; all if `None`.
+    /// The rectangle of the window that is written; all of it if `None`.
     pub crop: Option<Rect>,
-    /// Bands of rows that are rendered one after the other, at most; as few as fit into the memory if `None`.
+    /// Number of bands of rows that are rendered one after another, at most; `None` chooses as few as fit into memory.
     pub bands: Option<u32>,
-    /// Samples of every pixel, over which the picture is averaged. A ray pass takes its own samples for each of them.
+    /// Samples of every pixel, over which the picture is averaged. Ray passes take their own number of samples for each of them.
     pub aa: PixelSamples,
 }
 
 impl Settings {
-    /// The project that a path names: a project file, or scene files of which one is made ([`project::open`]).
+    /// Opens the project at a path: a project file, or scene files from which a project is made ([`project::open`]).
     ///
     /// # Errors
     /// As [`project::open`].
@@ -108,7 +108,7 @@ pub(super) fn check_size(what: &str, size: [u32; 2]) -> Result<(), PlanError> {
     Ok(())
 }
 
-/// What pixels are, and how they are displayed.
+/// Colour space of the pixels, and their conversion to display values.
 pub(super) fn display(project: &Project, settings: &Settings) -> Result<Display, PlanError> {
     let &Settings { exposure, tone, .. } = settings;
     let space = settings.color.unwrap_or(project.color);
@@ -126,12 +126,12 @@ pub(super) fn display(project: &Project, settings: &Settings) -> Result<Display,
     Ok(Display { space, exposure, tone })
 }
 
-/// The constants of a pass that runs a program.
+/// Constants of a pass's program.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) enum Constants {
-    /// Of a ray pass.
+    /// Constants of a ray pass.
     Ray(RayParams),
-    /// Of a raster effect.
+    /// Constants of a raster effect.
     Effect(EffectParams),
 }
 
@@ -144,16 +144,16 @@ fn program(kind: &PassKind) -> Option<(&'static str, &'static [&'static str])> {
     }
 }
 
-/// What stands behind the dot in the assignment of a format.
+/// Name after the dot in an assignment of a channel's format.
 const FORMAT: &str = "format";
 
-/// The same in that of a pass's ray backend.
+/// Name after the dot in an assignment of a pass's ray backend.
 const BACKEND: &str = "backend";
 
-/// Names of ray backends that a pass may have for itself; `auto` is that of all.
+/// Ray backends that a single pass may ask for; `auto` is the common one.
 const BACKENDS: &[&str] = &["auto", "cpu", "wgpu", "cuda", "optix"];
 
-/// The ray backend of a single pass, as `--set PASS.backend=NAME` names it: of every pass that [`may_trace`].
+/// The parameter with which `--set PASS.backend=NAME` selects a ray backend for one pass; of every pass that [`may_trace`].
 pub const OWN_BACKEND: ParamInfo = ParamInfo {
     name: BACKEND,
     about: "ray backend of this pass alone; auto is that of all passes",
@@ -161,7 +161,7 @@ pub const OWN_BACKEND: ParamInfo = ParamInfo {
     values: Values::Names(BACKENDS),
 };
 
-/// Whether a pass traces rays, or may leave pixels to them.
+/// Whether a pass traces rays, or may leave pixels to rays.
 #[must_use]
 pub fn may_trace(kind: &PassKind) -> bool {
     match kind {
@@ -171,7 +171,7 @@ pub fn may_trace(kind: &PassKind) -> bool {
     }
 }
 
-/// `KEY.NAME=VALUE` in its parts.
+/// Splits `KEY.NAME=VALUE` into its parts.
 fn parts(assignment: &str) -> Result<(&str, &str, &str), PlanError> {
     let parts = assignment.split_once('=').and_then(|(key, value)| Some((key.rsplit_once('.')?, value.trim())));
     let Some(((key, name), value)) = parts else {
@@ -181,7 +181,7 @@ fn parts(assignment: &str) -> Result<(&str, &str, &str), PlanError> {
     Ok((key, name, value))
 }
 
-/// Gives channels of render targets the formats that `--set` names.
+/// Applies the formats in `--set` to channels of render targets.
 pub(super) fn set_formats(project: &mut Project, pipeline: usize, settings: &Settings) -> Result<(), PlanError> {
     for assignment in &settings.set {
         let (texture, FORMAT, value) = parts(assignment)? else { continue };
@@ -195,8 +195,8 @@ pub(super) fn set_formats(project: &mut Project, pipeline: usize, settings: &Set
     Ok(())
 }
 
-/// Widens channels that hold colours of linear light and are declared in bytes: steps of 1/255 are coarse near black, and nothing is
-/// above 1. Channels whose format the user names stay as they are. Returns what was widened.
+/// Widens channels of bytes that hold colours of linear light: steps of 1/255 are coarse near black, and values above 1 would be
+/// lost. Channels whose format the user sets are kept. Returns the names of the widened channels.
 pub(super) fn widen_colors(project: &mut Project, pipeline: usize, settings: &Settings) -> Vec<String> {
     let by_user = |name: &str| {
         settings.set.iter().any(|set| parts(set).is_ok_and(|(key, what, _)| what == FORMAT && key == name))
@@ -213,7 +213,7 @@ pub(super) fn widen_colors(project: &mut Project, pipeline: usize, settings: &Se
     widened
 }
 
-/// The constants of every pass that has any, after `--set`.
+/// The constants of every pass that has constants, after `--set`.
 pub(super) fn constants(
     project: &Project,
     pipeline: usize,
@@ -276,7 +276,7 @@ pub(super) fn constants(
     Ok(constants)
 }
 
-/// Refuses a backend of its own for a pass that traces no rays, or of which there is none.
+/// Fails if a pass for which `--set` names a ray backend traces no rays, or if there is no such pass or backend.
 fn check_backend(passes: &[Pass], pass: &str, value: &str) -> Result<(), PlanError> {
     let tracing = || passes.iter().filter(|pass| may_trace(&pass.kind)).map(|pass| pass.name.as_str());
     if !tracing().any(|name| name == pass) {
@@ -296,7 +296,7 @@ fn check_backend(passes: &[Pass], pass: &str, value: &str) -> Result<(), PlanErr
 }
 
 impl Plan {
-    /// The ray backend that a pass has for itself, as `--set PASS.backend=NAME` names it; `None` for that of all.
+    /// The ray backend that `--set PASS.backend=NAME` selects for a pass; `None` for the common one.
     #[must_use]
     pub fn backend_of(&self, planned: &PlannedPass) -> Option<&str> {
         let name = &self.pass(planned).name;
@@ -308,7 +308,7 @@ impl Plan {
     }
 }
 
-/// The channels that passes of a pipeline write, with their full names: `library::channel`.
+/// The channels that passes of a pipeline write, with their full names `library::channel`.
 fn written_channels(project: &Project, pipeline: usize) -> Vec<(ChannelRef, String)> {
     let mut writable: Vec<(ChannelRef, String)> = Vec::new();
     for pass in &project.pipelines[pipeline].passes {
@@ -325,7 +325,7 @@ fn written_channels(project: &Project, pipeline: usize) -> Vec<(ChannelRef, Stri
     writable
 }
 
-/// The channel of a full name or of a channel's own; `extra` is offered as well where there is none.
+/// Finds a channel by its full or short name. An error lists the valid names, and `extra` with them.
 fn find_written(writable: &[(ChannelRef, String)], name: &str, extra: Option<&str>) -> Result<ChannelRef, PlanError> {
     let short = |full: &str| full.rsplit("::").next().unwrap_or(full).to_owned();
     match writable.iter().find(|(_, full)| full == name || short(full) == name) {
@@ -340,10 +340,10 @@ fn find_written(writable: &[(ChannelRef, String)], name: &str, extra: Option<&st
 }
 
 impl Plan {
-    /// The channel of a render target that a name of [`Settings::show`] stands for: its own name, or `library::channel`.
+    /// The channel of a render target by a name of [`Settings::show`]: its short name, or `library::channel`.
     ///
     /// # Errors
-    /// What passes write, and the nearest name, if no pass of the pipeline writes it.
+    /// If no pass of the pipeline writes it; the message lists what passes write, and the nearest name.
     pub fn channel_named(&self, name: &str) -> Result<ChannelRef, PlanError> {
         find_written(&written_channels(&self.project, self.pipeline), name, None)
     }

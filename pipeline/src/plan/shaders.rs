@@ -1,4 +1,4 @@
-//! Own shaders of projects: which passes draw with some, what they read of scenes, and what they cannot be joined with.
+//! Own shaders of projects: which passes use them, what they read of scenes, and what they cannot be combined with.
 
 use super::{Plan, PlanError, PlannedPass, Work};
 use crate::backend::{Attachments, BackendError, Rasteriser, Rect};
@@ -22,7 +22,7 @@ impl Plan {
         }
     }
 
-    /// Says which shader fills a quad.
+    /// Adds the decision which shader fills a quad.
     pub(super) fn explain_quad(&mut self, pass: &Pass, quad: &QuadPass) {
         if let Some(shader) = &quad.shader {
             let why = format!("GLSL of the project, named at {}", shader.place);
@@ -37,18 +37,18 @@ impl Plan {
         }
     }
 
-    /// Whether own shaders draw all that a planned pass draws.
+    /// Whether a planned pass draws everything with own shaders.
     pub(super) fn draws_own_alone(&self, planned: &PlannedPass) -> bool {
         self.own_raster(planned).is_some_and(RasterPass::is_all_own)
     }
 
-    /// What own shaders read of scenes.
+    /// The contents of scenes that own shaders read.
     pub(super) fn needs_of_shaders(&self) -> Needs {
         let mut needs = Needs::NOTHING;
         for map in self.passes.iter().filter_map(|planned| self.own_raster(planned)).flat_map(|raster| &raster.shaders)
         {
             let reads = |attribute| map.shader.program.attributes.contains(&attribute);
-            // Tangents follow from normals and texture coordinates.
+            // Tangents are computed from normals and texture coordinates.
             needs.tangents |= reads(Attribute::Tangent);
             needs.normals |= reads(Attribute::Normal) || needs.tangents;
             needs.textures |=
@@ -57,7 +57,7 @@ impl Plan {
         needs
     }
 
-    /// Says which shaders a pass draws with, and refuses what they cannot be joined with.
+    /// Adds the decisions which shaders a pass draws with; fails if they are combined with something unsupported.
     pub(super) fn check_shaders(
         &mut self,
         pass: &Pass,
@@ -88,7 +88,7 @@ impl Plan {
         Ok(())
     }
 
-    /// The first pass that draws with own shaders where the rasteriser draws with none, with what to do.
+    /// The first pass with own shaders, if the rasteriser cannot draw with them, and the error with a remedy.
     #[must_use]
     pub fn undrawn_shaders(&self, raster: &dyn Rasteriser) -> Option<(String, BackendError)> {
         self.first_refused(|planned| {
@@ -104,12 +104,12 @@ impl Plan {
         self.seen_from(chosen, raster.camera)
     }
 
-    /// The camera of a pass, after `--camera`: depth maps keep that of their light.
+    /// The camera of a pass, after `--camera`. Depth maps keep the camera of their light.
     pub(super) fn seen_from(&self, chosen: Option<usize>, own: usize) -> usize {
         chosen.filter(|_| !self.project.is_of_light(own)).unwrap_or(own)
     }
 
-    /// The view of a camera in the window, from the scenes' origin.
+    /// View and viewport of a camera in the window, relative to the scenes' origin.
     pub(crate) fn view_of(&self, camera: &Camera) -> (super::View, Rect) {
         let viewport = camera.viewport.map(|viewport| &self.project.viewports[viewport]);
         let rect = super::rectangle(viewport, self.window);

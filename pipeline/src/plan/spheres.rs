@@ -1,4 +1,4 @@
-//! Exact spheres: which passes show some, and what cannot.
+//! Exact spheres: which passes show them, and which engines cannot.
 
 use super::{Plan, PlanError, PlannedPass, Work};
 use crate::backend::{BackendError, Rasteriser, RayBackend};
@@ -6,7 +6,7 @@ use crate::programs::{Fidelity, RayProgram};
 use crate::project::PassKind;
 
 impl Plan {
-    /// Where the first exact sphere is declared that a pass shows; `None` where it shows none.
+    /// The place where the first exact sphere that a pass shows is declared; `None` if it shows none.
     #[must_use]
     pub fn exact_sphere(&self, planned: &PlannedPass) -> Option<&str> {
         let (Work::Raster { scene_set, .. } | Work::Rays { scene_set, .. } | Work::Effect { scene_set, .. }) =
@@ -17,7 +17,7 @@ impl Plan {
         self.scene_sets.get(scene_set)?.iter().find_map(|scene| self.project.scenes[*scene].exact_sphere())
     }
 
-    /// Refuses exact spheres where no engine knows them.
+    /// Fails if a pass shows exact spheres that no engine supports there.
     pub(super) fn check_spheres(&self) -> Result<(), PlanError> {
         for planned in &self.passes {
             let Some(place) = self.exact_sphere(planned) else { continue };
@@ -37,7 +37,7 @@ impl Plan {
         Ok(())
     }
 
-    /// The first pass that shows exact spheres which the rasteriser does not draw, with what to do.
+    /// The first pass that shows exact spheres, if the rasteriser cannot draw them, and the error with a remedy.
     #[must_use]
     pub fn undrawn_spheres(&self, raster: &dyn Rasteriser) -> Option<(String, BackendError)> {
         self.first_refused(|planned| {
@@ -53,7 +53,8 @@ impl Plan {
         })
     }
 
-    /// The first pass that shows exact spheres which its ray backend, by the pass's name, does not trace; with what to do.
+    /// The first pass that shows exact spheres which its ray backend cannot trace, and the error with a remedy. `rays_of` gives the
+    /// backend of a pass by name.
     #[must_use]
     pub fn untraced_spheres<'a>(&self, rays_of: impl Fn(&str) -> &'a dyn RayBackend) -> Option<(String, BackendError)> {
         self.first_refused(|planned| {
@@ -69,7 +70,7 @@ impl Plan {
         })
     }
 
-    /// The name of the first pass for which `why` gives an error, with that error.
+    /// The name of the first pass for which `why` returns an error, with that error.
     pub(super) fn first_refused(
         &self,
         why: impl Fn(&PlannedPass) -> Option<BackendError>,

@@ -1,11 +1,11 @@
-//! Soft shadows: which passes ask for a light with a disc, and what does not trace it.
+//! Soft shadows: which passes ask for a light with a disc, and which backends cannot trace it.
 
 use super::{Plan, PlannedPass, Work};
 use crate::backend::{BackendError, RayBackend};
 use crate::project::PassKind;
 
 impl Plan {
-    /// The disc of the light that a ray pass asks for, for messages; `None` where its light is a point.
+    /// The light's disc that a ray pass asks for, for messages; `None` for a light without a disc.
     #[must_use]
     pub fn asks_of_sun(&self, planned: &PlannedPass) -> Option<String> {
         match (&planned.work, &self.pass(planned).kind) {
@@ -14,7 +14,8 @@ impl Plan {
         }
     }
 
-    /// The first pass that asks for a disc of the light which its ray backend, by the pass's name, does not trace; with what to do.
+    /// The first pass that asks for a light with a disc which its ray backend cannot trace, and the error with a remedy. `rays_of`
+    /// gives the backend of a pass by name.
     #[must_use]
     pub fn untraced_sun<'a>(&self, rays_of: impl Fn(&str) -> &'a dyn RayBackend) -> Option<(String, BackendError)> {
         self.first_refused(|planned| {

@@ -1,6 +1,6 @@
-//! The one table of programs that a pass may name: what each reads, and its parameters.
+//! The tables of programs that a pass may name: their inputs and parameters.
 //!
-//! Help, XML validation, `curitiba list`, docs, bench ids and conformance tests iterate these tables.
+//! Help, XML validation, `curitiba list`, docs, benchmark ids and conformance tests are derived from these tables.
 
 mod params;
 mod table;
@@ -13,14 +13,14 @@ pub use params::{
 };
 pub use table::{PROCS, ProcInfo, RAY_PROGRAMS, RayProgram, RayProgramInfo, Traces, Writes, procs_of_kind};
 
-/// What a raster pass runs per pixel.
+/// Program of a raster pass, run per fragment.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum RasterProgram {
     /// The report's `deferredShading`: shaded colour, world position with the light's cosine, shading normal.
     Deferred,
 }
 
-/// What a quad pass runs per pixel.
+/// Program of a quad pass, run per pixel.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum QuadProgram {
     /// Shows one texture.
@@ -29,10 +29,10 @@ pub enum QuadProgram {
     Combine,
 }
 
-/// Whether the report's programs are followed to the letter or their defects are mended.
+/// Whether the report's programs run as written or with their defects corrected.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default)]
 pub enum Fidelity {
-    /// Mended; see `docs/fidelity.md` for each difference.
+    /// Corrected; `docs/fidelity.md` lists each difference.
     #[default]
     Corrected,
     /// As the report's programs were written.
@@ -60,10 +60,10 @@ pub enum Fresnel {
 }
 
 impl Fresnel {
-    /// Each with the name that parameters give it.
+    /// All variants with their names in parameters.
     pub const NAMED: [(&'static str, Self); 2] = [("exact", Self::Exact), ("schlick", Self::Schlick)];
 
-    /// Its name as a value of a parameter.
+    /// The name as a parameter's value.
     #[must_use]
     pub fn name(self) -> &'static str {
         match self {
@@ -72,21 +72,21 @@ impl Fresnel {
         }
     }
 
-    /// The one of this name.
+    /// The variant with a name; `None` for an unknown name.
     #[must_use]
     pub fn named(name: &str) -> Option<Self> {
         Self::NAMED.iter().find(|(known, _)| *known == name).map(|(_, weights)| *weights)
     }
 }
 
-/// A raster or quad program, selected by the stem of a shader's pixel-shader file.
+/// A raster or quad program. The file stem of a shader's pixel-shader file selects it.
 #[derive(Debug, Clone, Copy)]
 pub struct ShaderInfo<P> {
-    /// Which.
+    /// The program.
     pub program: P,
     /// Stem of the `ps` file.
     pub stem: &'static str,
-    /// What it writes, in one sentence.
+    /// Its output, in one sentence.
     pub about: &'static str,
 }
 

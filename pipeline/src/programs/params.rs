@@ -1,53 +1,54 @@
-//! The parameters of ray programs: one table serves attributes, `--set`, help and documents.
+//! The parameters of ray programs, in one table for XML attributes, `--set`, help and documents.
 
 use super::{Fresnel, Sampler};
 use crate::camera_programs::{CameraParams, LONGEST, MOST_GLOSS};
 use crate::glass::{Background, GlassRule, GlassShadow, MOST_BOUNCES, MOST_STRATA, PathLimits};
 
-/// The parameters of the ray programs; a program reads those that [`RayProgramInfo::params`](super::RayProgramInfo::params) lists for it.
+/// The parameters of ray programs. Each program reads those in its [`RayProgramInfo::params`](super::RayProgramInfo::params).
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct RayParams {
     /// Ambient-occlusion rays per shaded point (`SQRT_SAMPLES` squared); 0 switches occlusion off.
     pub samples: u32,
     /// Longest distance to an occluder, scene units (`OCC_DIST`).
     pub radius: f32,
-    /// Exponent of the open share (`OCC_INTEN`).
+    /// Exponent applied to the unoccluded share of directions (`OCC_INTEN`).
     pub intensity: f32,
     /// Index of refraction of a whole pane (`COEF`).
     pub index: f32,
-    /// Deepest glass bounce (`MAXDEPTH`).
+    /// Largest depth of glass bounces (`MAXDEPTH`).
     pub depth: u32,
     /// How occlusion directions are chosen.
     pub sampler: Sampler,
-    /// How much glass reflects; thesis fidelity has the report's own weight.
+    /// Formula for the reflectance of glass; thesis fidelity uses the report's own weight.
     pub fresnel: Fresnel,
-    /// What decides what glass is; in thesis fidelity always the report's panes.
+    /// What decides which materials are glass; in thesis fidelity always the project, with the report's panes.
     pub glass: GlassRule,
-    /// What rays show that leave the scene; in thesis fidelity always black.
+    /// Colour of rays that miss the scene; in thesis fidelity always black.
     pub background: Background,
-    /// What shadow rays find behind glass; in thesis fidelity the report's rule.
+    /// How light passes through glass to shadow rays; in thesis fidelity by the report's rule.
     pub shadow: GlassShadow,
-    /// Strata of the spectrum into which a path is split where a body bends colours differently; 1 bends all alike.
+    /// Number of spectral strata into which a path splits at a body with dispersion; 1 disables dispersion.
     pub wavelengths: u32,
-    /// Ways on from the first rough glass of a path.
+    /// Number of paths that continue from the first rough glass surface of a path.
     pub paths: u32,
-    /// Where light in glass is no longer followed.
+    /// Limits for following light in glass.
     pub limits: PathLimits,
-    /// Angular diameter of the light's disc, in degrees: 0 is a point, whose shadows are hard. Corrected fidelity only.
+    /// Angular diameter of the light's disc, in degrees; 0 for a light without a disc, whose shadows are hard. Corrected fidelity
+    /// only.
     pub sun: f32,
-    /// Shadow rays over the light's disc per lit point; without a disc it is one.
+    /// Shadow rays over the light's disc per lit point; without a disc there is one.
     pub sun_samples: u32,
     /// Levels of the edge-avoiding filter over the share of light that is written; 0 filters nothing. Corrected fidelity only.
     pub filter: u32,
-    /// Place in the sequence of the first of the [`Self::samples`]: 0, but for pictures whose samples are accumulated, and for all but the
-    /// first of several samples a pixel. No parameter of projects.
+    /// Position in the sample sequence of the first of the [`Self::samples`]. It is 0, except for accumulated pictures and for all
+    /// but the first of several samples a pixel. Projects cannot set it.
     pub first: u32,
-    /// The same of the first of the [`Self::paths`].
+    /// Position in the sequence of the first of the [`Self::paths`].
     pub first_path: u32,
-    /// The same of the first of the [`Self::sun_samples`].
+    /// Position in the sequence of the first of the [`Self::sun_samples`].
     pub first_sun: u32,
-    /// What programs alone read whose rays start at the camera. Of these the [`Self::samples`] are rays a pixel; 0 is one, through the
-    /// pixel's centre.
+    /// Parameters of programs whose rays start at the camera. For these programs [`Self::samples`] is the number of camera rays a
+    /// pixel; 0 means one ray through the pixel's centre.
     pub camera: CameraParams,
 }
 
@@ -79,13 +80,13 @@ impl Default for RayParams {
     }
 }
 
-/// Most [`RayParams::samples`].
+/// Largest value of [`RayParams::samples`].
 pub const MOST_SAMPLES: u32 = 65_536;
-/// Most [`RayParams::paths`].
+/// Largest value of [`RayParams::paths`].
 pub const MOST_PATHS: u32 = 4096;
-/// Largest angular diameter of the light's disc, in degrees; that of the sun in the sky is 0.53.
+/// Largest angular diameter of the light's disc, in degrees; the sun's is 0.53.
 pub const LARGEST_SUN: f32 = 90.0;
-/// Most [`RayParams::sun_samples`].
+/// Largest value of [`RayParams::sun_samples`].
 pub const MOST_SUN_SAMPLES: u32 = 65_536;
 
 /// Most levels of the filter over a share of light, by rays or by raster.
@@ -94,20 +95,20 @@ pub const MAX_FILTER_LEVELS: u32 = 3;
 /// Bytes a pixel that the filter takes on the processor: position, normal, the share and the next one, in 32-bit floats.
 pub const FILTER_BYTES: u64 = 32;
 
-/// A parameter of the ray programs: one entry serves the XML attribute, `--set`, help and docs.
+/// A parameter of ray programs, as XML attribute, in `--set`, in help and in documents.
 #[derive(Debug, Clone, Copy)]
 pub struct ParamInfo {
     /// Name in XML attributes and `--set pass.name=value`.
     pub name: &'static str,
-    /// What it is, with its unit.
+    /// Description, with the unit.
     pub about: &'static str,
-    /// What is valid.
+    /// Description of the valid values.
     pub valid: &'static str,
-    /// The same, for programs that offer values.
+    /// The valid values, for programs that offer them.
     pub values: Values,
 }
 
-/// Which values a parameter takes; what depends on other settings is in [`ParamInfo::valid`] alone.
+/// The values that a parameter accepts. Restrictions that depend on other settings are only in [`ParamInfo::valid`].
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Values {
     /// Whole numbers from the first to the last.
@@ -299,7 +300,7 @@ impl RayParams {
     /// Sets a parameter by its name in [`PARAMS`].
     ///
     /// # Errors
-    /// What would be valid, if the name or the value is not.
+    /// If the name or the value is invalid; the message says what would be valid.
     pub fn set(&mut self, name: &str, value: &str) -> Result<(), String> {
         let Some(info) = PARAMS.iter().find(|info| info.name == name) else {
             return Err(crate::diagnostic::valid_names(name, PARAMS.iter().map(|info| info.name)));
@@ -349,7 +350,7 @@ impl RayParams {
 }
 
 impl RayParams {
-    /// The value of a parameter as it is written.
+    /// The value of a parameter as text.
     ///
     /// # Panics
     /// If the name is not in [`PARAMS`].

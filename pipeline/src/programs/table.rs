@@ -3,10 +3,10 @@
 use super::RayParams;
 use crate::glass::{Background, GlassRule, GlassShadow};
 
-/// What a ray pass runs per pixel, named by the stem of its program file.
+/// Program of a ray pass, run per pixel. The file stem of its program file names it.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub enum RayProgram {
-    /// Copies the colour: what joining the two systems costs.
+    /// Copies the colour: measures the cost of coupling rasteriser and ray tracer.
     Dummy,
     /// Shadows of a directional light.
     DeferredShadows,
@@ -16,17 +16,17 @@ pub enum RayProgram {
     Refraction,
     /// Ambient occlusion.
     Ssao,
-    /// All of them, at every hit.
+    /// Shadows, occlusion, reflection and refraction, at every hit.
     Final,
-    /// From the camera: colours without light.
+    /// Camera rays: unlit colours.
     Albedo,
-    /// From the camera: colours in light that nothing is in the way of.
+    /// Camera rays: colours lit without shadows.
     Lambert,
-    /// From the camera: shadows, mirrors and glass.
+    /// Camera rays: Whitted ray tracing with shadows, mirrors and glass.
     Whitted,
-    /// From the camera: ambient occlusion.
+    /// Camera rays: ambient occlusion.
     CameraOcclusion,
-    /// From the camera: light that surfaces send each other.
+    /// Camera rays: path tracing, with light reflected between surfaces.
     PathTracing,
 }
 
@@ -37,9 +37,9 @@ pub struct ProcInfo {
     pub kind: &'static str,
     /// Ray type: `Phong` (radiance) or `Shadow`.
     pub ray: &'static str,
-    /// Name of the program.
+    /// Name of the device program.
     pub proc: &'static str,
-    /// Whether the project must name it in the default material; otherwise it may, per material.
+    /// Whether the default material of the project must name it; otherwise single materials may.
     pub required: bool,
 }
 
@@ -48,17 +48,17 @@ pub struct ProcInfo {
 pub enum Traces {
     /// Never.
     Nothing,
-    /// At every pixel that it computes: shadow rays, whatever else.
+    /// At every pixel that it computes: at least shadow rays.
     ShadowRays,
-    /// Where it takes samples of occlusion: with `samples` above 0.
+    /// Where it takes occlusion samples: with `samples` above 0.
     Samples,
-    /// Where a pixel shows glass.
+    /// At pixels that show glass.
     FromGlass,
-    /// At every pixel, from the camera: it reads no G-buffer.
+    /// At every pixel, from the camera; it reads no G-buffer.
     FromCamera,
 }
 
-/// What the numbers that a program writes are.
+/// What a program's output is.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Writes {
     /// A linear colour.
@@ -67,24 +67,24 @@ pub enum Writes {
     Share,
 }
 
-/// A ray program: what a project must hand it, and what it does with it.
+/// A ray program: the inputs that a project must provide, and its output.
 ///
-/// The table of these entries is the one place that tells programs apart: plan, executor, reports, benches and help read it.
+/// Programs are distinguished only by the entries of this table: plan, executor, reports, benchmarks and help read it.
 #[derive(Debug, Clone, Copy)]
 pub struct RayProgramInfo {
-    /// Which.
+    /// The program.
     pub program: RayProgram,
     /// Stem of the program file, as in `optix/final.ptx`.
     pub stem: &'static str,
-    /// Its name in bench ids and reports.
+    /// Name in benchmark ids and reports.
     pub short: &'static str,
     /// When it traces rays.
     pub traces: Traces,
-    /// What it writes.
+    /// Kind of its output.
     pub writes: Writes,
-    /// Ray-generation program; empty for programs whose rays start at the camera, which passes name by `program`.
+    /// Name of the ray-generation program. Empty for programs whose rays start at the camera: passes name those by `program`.
     pub entry: &'static str,
-    /// What it computes, in one sentence.
+    /// Its output, in one sentence.
     pub about: &'static str,
     /// Variables of `optixInput` that it reads: `pos_buffer`, `norm_buffer`, `color_buffer`.
     pub buffers: &'static [&'static str],
@@ -108,8 +108,8 @@ const fn optional(kind: &'static str, ray: &'static str, proc: &'static str) -> 
     ProcInfo { kind, ray, proc, required: false }
 }
 
-/// What a program file has, whatever it computes and whether it calls it or not: names by the type under which projects name
-/// them. Triangles (`Geometry_Intersection` and `Bounding_Box`) are the tracers' own; their names stand for that.
+/// Device programs that every program file contains, by the type under which projects name them, whether they are called or not.
+/// Ray tracers have their own triangle intersection (`Geometry_Intersection` and `Bounding_Box`), which these names stand for.
 pub const PROCS: &[(&str, &[&str])] = &[
     ("RayGen", &["buffer_camera"]),
     ("Exception", &["exception"]),
@@ -120,7 +120,7 @@ pub const PROCS: &[(&str, &[&str])] = &[
     ("Bounding_Box", &["boundingbox"]),
 ];
 
-/// The names of a type, in any letters' case, in [`PROCS`].
+/// The names of a type in [`PROCS`]; case does not matter. `None` for an unknown type.
 #[must_use]
 pub fn procs_of_kind(kind: &str) -> Option<&'static [&'static str]> {
     PROCS.iter().find(|(known, _)| kind.eq_ignore_ascii_case(known)).map(|(_, names)| *names)
@@ -370,13 +370,13 @@ pub const RAY_PROGRAMS: &[RayProgramInfo] = &[
 ];
 
 impl RayProgram {
-    /// Its entry in [`RAY_PROGRAMS`].
+    /// The program's entry in [`RAY_PROGRAMS`].
     #[must_use]
     pub fn info(self) -> &'static RayProgramInfo {
         RAY_PROGRAMS.iter().find(|info| info.program == self).expect("every program has an entry")
     }
 
-    /// Whether a pass with these parameters asks for more of glass than the report's panes, in a scene that has glass.
+    /// The glass features that these parameters ask for beyond the report's panes, for scenes with glass; `None` if there are none.
     #[must_use]
     pub fn asks_of_glass(self, params: &RayParams) -> Option<String> {
         let reads = |name: &str| self.info().reads(name);
@@ -390,7 +390,7 @@ impl RayProgram {
         (!names.is_empty()).then(|| names.join(" "))
     }
 
-    /// The disc of the light that a pass with these parameters asks for, in words; `None` where the light is a point.
+    /// The light's disc that these parameters ask for, in words; `None` for a light without a disc.
     #[must_use]
     pub fn asks_of_sun(self, params: &RayParams) -> Option<String> {
         (self.info().sun_samples(params) > 0).then(|| format!("sun={}", params.sun))
@@ -402,7 +402,7 @@ impl RayProgram {
         (self.info().filter_levels(params) > 0).then(|| format!("filter={}", params.filter))
     }
 
-    /// Whether it traces rays with these parameters, in a scene that has what it looks for.
+    /// Whether the program traces rays with these parameters, in a scene with everything that it looks for.
     #[must_use]
     pub fn can_trace(self, params: &RayParams) -> bool {
         self.info().needs_structure(params, true).0
@@ -410,25 +410,25 @@ impl RayProgram {
 }
 
 impl RayProgramInfo {
-    /// Whether it reads a parameter of [`PARAMS`](super::PARAMS).
+    /// Whether the program reads a parameter of [`PARAMS`](super::PARAMS).
     #[must_use]
     pub fn reads(&self, param: &str) -> bool {
         self.params.contains(&param)
     }
 
-    /// Whether projects may name this hit or miss program for it.
+    /// Whether projects may name this hit or miss program together with the program.
     #[must_use]
     pub fn names(&self, proc: &str) -> bool {
         self.procs.iter().any(|info| info.proc == proc)
     }
 
-    /// Whether its rays start at the camera: it reads no G-buffer, and a pass names it by `program`.
+    /// Whether its rays start at the camera: it reads no G-buffer, and passes name it by `program`.
     #[must_use]
     pub fn starts_at_camera(&self) -> bool {
         self.traces == Traces::FromCamera
     }
 
-    /// The parameters of a pass that names none.
+    /// The parameters of a pass that sets none.
     #[must_use]
     pub fn defaults(&self) -> RayParams {
         let defaults = RayParams::default();
@@ -439,8 +439,8 @@ impl RayProgramInfo {
         }
     }
 
-    /// The occlusion rays of a shaded point, 0 where the program traces none; of programs whose rays start at the camera the rays of a
-    /// pixel.
+    /// Number of occlusion rays per shaded point, 0 if the program traces none; for programs whose rays start at the camera, the
+    /// number of camera rays per pixel.
     #[must_use]
     pub fn samples(&self, params: &RayParams) -> u32 {
         match () {
@@ -450,7 +450,7 @@ impl RayProgramInfo {
         }
     }
 
-    /// The shadow rays over the light's disc of a lit point; 0 where the light is a point.
+    /// Number of shadow rays over the light's disc per lit point; 0 for a light without a disc.
     #[must_use]
     pub fn sun_samples(&self, params: &RayParams) -> u32 {
         if self.reads("sun") && params.sun > 0.0 { params.sun_samples } else { 0 }
@@ -464,7 +464,7 @@ impl RayProgramInfo {
         if self.reads("filter") && noise { params.filter } else { 0 }
     }
 
-    /// Whether it needs an acceleration structure, and why; `finds_glass` says whether any pixel may show glass.
+    /// Whether the program needs an acceleration structure, and why. `finds_glass` says whether any pixel may show glass.
     #[must_use]
     pub fn needs_structure(&self, params: &RayParams, finds_glass: bool) -> (bool, String) {
         match self.traces {

@@ -97,7 +97,7 @@ fn every_value_that_is_offered_is_taken_and_none_beyond() {
     }
 }
 
-/// Whether a parameter takes what [`Values`] say, and not what lies beside.
+/// Checks that a parameter accepts the values in [`Values`] and rejects values just outside.
 pub(crate) fn offers(values: Values, takes: impl Fn(&str) -> bool) {
     let both = |inside: [String; 2], outside: [String; 2]| {
         assert!(inside.iter().all(|value| takes(value)), "{inside:?}");

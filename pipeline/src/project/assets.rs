@@ -6,7 +6,7 @@ use super::{Light, Viewport};
 use crate::image::MAX_SIDE;
 use glam::{Vec3, Vec4};
 
-/// Engine elements and attributes that change nothing that is rendered here: they are read over.
+/// Elements and attributes of the engine that do not affect rendering here; they are skipped without a warning.
 const OTHER_ASSETS: &[&str] = &[
     "attributes",
     "events",
@@ -20,7 +20,7 @@ const OTHER_ASSETS: &[&str] = &[
 ];
 
 impl Loader {
-    /// Reads `<assets>`: constants first, for the others use them, and viewports before cameras.
+    /// Reads `<assets>`: constants first, since the others use them, and viewports before cameras.
     pub fn assets(&mut self, root: &Element) {
         const LISTS: &[&str] = &["constants", "scenes", "viewports", "cameras", "lights", "materialLibs"];
         if root.children_named(&["assets"]).next().is_none() {
@@ -38,7 +38,7 @@ impl Loader {
         self.list(root, "lights", &["light"], Self::light);
     }
 
-    /// Numbers that `<attributes>` declare for passes; what else is declared there is read over.
+    /// Reads the numbers that `<attributes>` declare for passes; other declarations there are skipped.
     fn pass_attributes(&mut self, root: &Element) {
         let lists = root.children_named(&["assets"]).flat_map(|assets| assets.children_named(&["attributes"]));
         for item in lists.flat_map(|list| list.children_named(&["attribute"])) {
@@ -94,7 +94,7 @@ impl Loader {
         }
     }
 
-    /// Origin and size. What is missing is the whole window; a missing height follows from `ratio`.
+    /// Origin and size of a viewport. Missing values mean the whole window; a missing height follows from `ratio`.
     fn rectangle(&mut self, element: &Element) -> Option<([f32; 2], [f32; 2])> {
         let geometry = self.single(element, &["geometry", "origin"]);
         let sizes = match geometry.filter(|geometry| geometry.is(&["geometry"])) {
@@ -121,7 +121,7 @@ impl Loader {
             element.attribute("ratio").is_some() || element.children.iter().any(|child| child.is(&["ratio"]));
         let mut component =
             |part: Option<&Element>, name: &str, default: f32| match part.and_then(|part| part.attribute(name)) {
-                // The ratio then says how high it is.
+                // A height of 0 is then replaced by the ratio.
                 Some(value) if has_ratio && name == "height" && value.text.parse::<f32>() == Ok(0.0) => Some(0.0),
                 Some(value) => self.number(value).filter(|number| self.in_rectangle(*number, name, value)),
                 None => Some(default),
@@ -132,7 +132,7 @@ impl Loader {
         let ratio = self.single(element, &["ratio"]).and_then(|ratio| ratio.attribute("value"));
         let ratio = element.attribute("ratio").or(ratio);
         if height.is_nan() || height == 0.0 && ratio.is_some() {
-            // The engine's `ratio` is height over width.
+            // The engine defines `ratio` as height divided by width.
             height = match ratio {
                 Some(ratio) => {
                     let height = self.number(ratio)? * width;
@@ -143,7 +143,7 @@ impl Loader {
         }
         let size = [width, height];
         for axis in 0..2 {
-            // A little over 1 is rounding: 0.66 + 0.34.
+            // A sum slightly above 1 is rounding: 0.66 + 0.34.
             if origin[axis] <= 1.0 && size[axis] <= 1.0 && origin[axis] + size[axis] > 1.001 {
                 let at = sizes.or(geometry).map_or(element.span, |part| part.span);
                 self.report.warning(at, "the viewport reaches past its target and is cut off there", || None);

@@ -1,8 +1,9 @@
-//! Ray passes whose rays start at the camera: which program they mean, with which parameters, and what rays do at each material.
+//! Ray passes whose rays start at the camera: their program, its parameters, and the behaviour of materials.
 //!
-//! Such a pass names a program of ours by `program="whitted"`, or hands device programs of its own what those read. All of the tutorials of
-//! the engine's descendant name one file and the same programs, so what is meant follows from what is handed over: rules, tried in
-//! order, of which `curitiba plan` prints the one that decided. Where none fits the pass is wrong, and the message lists the programs.
+//! Such a pass either names one of our programs, as in `program="whitted"`, or hands inputs to device programs of its own. The
+//! tutorials of the engine's descendant all name the same file and the same programs, so the intended program is inferred from the
+//! inputs: by rules that are tried in order; `curitiba plan` prints the one that decided. If no rule fits, the pass is in error,
+//! and the message lists the programs.
 
 use super::dom::{Element, Value};
 use super::file;
@@ -17,14 +18,14 @@ use crate::glass::Background;
 use crate::programs::{MOST_SAMPLES, PARAMS, RAY_PROGRAMS, RayParams, RayProgram, RayProgramInfo};
 use std::f32::consts::PI;
 
-/// Radiance of the light of the tutorials' path tracer, before its `LIGHT_SCALE`, and its sides. Its surfaces reflect all of their albedo
-/// into every direction, ours 1 / π of it.
+/// Radiance of the light in the tutorials' path tracer, before its `LIGHT_SCALE`, and the light's sides. The factor π is there
+/// because the tutorials' surfaces reflect their whole albedo into every direction, ours 1 / π of it.
 const PATH_RADIANCE: f32 = 5.0 * PI;
 const PATH_LIGHT: [f32; 2] = [0.47, 0.38];
-/// Side of the light of the tutorials with soft shadows.
+/// Side of the light in the tutorials with soft shadows.
 const SOFT_LIGHT: f32 = 0.4;
 
-/// What a pass hands its device programs.
+/// The inputs that a pass hands to its device programs.
 #[derive(Debug, Default)]
 struct Handed {
     normal: bool,
@@ -33,13 +34,13 @@ struct Handed {
     /// Whether the default material has programs for shadow rays.
     shadow: bool,
     lit_from: Option<From>,
-    /// Components of the pass that are handed over.
+    /// Components of the pass itself that are handed over.
     of_pass: Vec<String>,
-    /// Kinds of other things that are.
+    /// Kinds of other things that are handed over.
     others: Vec<String>,
 }
 
-/// What rays do at which materials, and what decided it beside the names of programs.
+/// How rays behave at which materials, and which inputs besides program names determined it.
 type Surfaces = (Vec<(MaterialPattern, SurfaceKind)>, Vec<String>);
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -53,7 +54,7 @@ impl Handed {
         self.of_pass.iter().any(|given| given.eq_ignore_ascii_case(component))
     }
 
-    /// The program that is meant, and why; `None` where nothing decides.
+    /// The intended program and the reason; `None` if no rule decides.
     fn program(&self, stem: &str) -> Option<(RayProgram, String)> {
         let chosen = |program, why: &str| Some((program, why.to_owned()));
         if stem.to_ascii_lowercase().contains("pathtrac") {
@@ -85,8 +86,8 @@ impl Handed {
 }
 
 impl Loader {
-    /// Whether the rays of a ray pass start at the camera: it names its program by `program`, or it binds no buffers and its ray-generation
-    /// program is in none of the files that are known.
+    /// Whether the rays of a ray pass start at the camera: the pass names its program by `program`, or it binds no buffers and the
+    /// file of its ray-generation program is none of the known ones.
     pub(super) fn starts_at_camera(&self, pass: &Element) -> bool {
         let binds = pass.children_named(super::ray::INPUT).next().is_some();
         let unknown = |path: &Value| {
@@ -167,7 +168,7 @@ impl Loader {
         self.expect_children(element, &valid);
     }
 
-    /// What the pass hands its device programs, wherever they run.
+    /// Collects the inputs that the pass hands to its device programs, of whatever type.
     fn handed_to_device(&mut self, pass: &Element) -> Handed {
         let mut handed = Handed::default();
         for item in pass.children_named(handed::VERTEX).flat_map(|list| &list.children) {
@@ -181,16 +182,16 @@ impl Loader {
         for item in pass.children_named(handed::GLOBAL).flat_map(|list| &list.children) {
             let text = |name: &str| item.attribute(name).map_or("", |value| value.text.as_str());
             let (kind, context, component) = (text("type"), text("context"), text("component"));
-            // In 2014 the thing's kind is the context of CURRENT.
+            // In 2014 files the kind is in the context attribute and the type is CURRENT.
             let kind = if kind.eq_ignore_ascii_case("CURRENT") { context } else { kind };
             match kind.to_ascii_uppercase().as_str() {
                 "LIGHT" if component.eq_ignore_ascii_case("DIRECTION") => {
                     handed.lit_from.get_or_insert(From::Direction);
                 }
-                // A place says more: projects hand both where they use the place.
+                // A position takes precedence: projects that use the position hand over both.
                 "LIGHT" if component.eq_ignore_ascii_case("POSITION") => handed.lit_from = Some(From::Place),
                 "PASS" => handed.of_pass.push(component.to_owned()),
-                // Pictures that are added up, and the number of the frame: accumulation.
+                // An accumulation buffer and the frame number are used for accumulation only.
                 "BUFFER" | "LIGHT" => {}
                 "RENDERER" if component.eq_ignore_ascii_case("FRAME_COUNT") => {}
                 other => handed.others.push(other.to_owned()),
@@ -201,7 +202,7 @@ impl Loader {
         handed
     }
 
-    /// The program of the pass; with why it was taken where the pass does not name it.
+    /// The program of the pass, and the reason for it if the pass does not name it.
     fn camera_program(
         &mut self,
         context: &PassContext<'_>,
@@ -237,7 +238,7 @@ impl Loader {
         None
     }
 
-    /// Whether the light shines from a place; with `from` from there. `None` if it cannot.
+    /// Whether the light is treated as a point light; if `from` is given, that decides. `None` if the light lacks what is needed.
     fn is_lamp(&mut self, info: &RayProgramInfo, light: Option<(usize, Span)>, from: Option<From>) -> Option<bool> {
         let Some((index, at)) = light else { return Some(false) };
         let Some(light) = &self.lights.items[index] else { return Some(false) };
@@ -252,7 +253,7 @@ impl Loader {
         Some(lamp)
     }
 
-    /// A number that a project gives a pass: on the pass, or where the project declares it.
+    /// A number that a project gives to a pass: in the pass, or in the project's declarations.
     fn pass_value(&mut self, pass: &Element, name: &str) -> Option<f32> {
         if let Some(child) = pass.children_named(&[name]).next() {
             return self.number_of(child, "value");
@@ -260,7 +261,7 @@ impl Loader {
         self.pass_values.iter().find(|(known, _)| known.eq_ignore_ascii_case(name)).map(|(_, value)| *value)
     }
 
-    /// The parameters of a tutorial's pass.
+    /// The parameters of a pass of the tutorials.
     fn tutorial_params(
         &mut self,
         pass: &Element,
@@ -276,7 +277,7 @@ impl Loader {
             (engines || handed.has(name)).then(|| self.pass_value(pass, name)).flatten().filter(|v| v.is_finite())
         };
         let mut rays = value("RAYS_PER_PIXEL").unwrap_or(1.0).max(1.0).powi(2);
-        // Every ray of ours asks for one point of the light, or one direction.
+        // Each of our rays samples one point of the light, or one direction, so the tutorials' samples are multiplied into rays.
         let ways = match info.program {
             RayProgram::CameraOcclusion => value("AO_RAYS").unwrap_or(1.0),
             RayProgram::Whitted => {
@@ -317,7 +318,7 @@ impl Loader {
         params
     }
 
-    /// What the pass says of materials: in lists of its own, and by the names of device programs.
+    /// How rays behave at the materials, by the pass's own lists and by the names of device programs.
     fn surfaces(&mut self, pass: &Element) -> Option<Surfaces> {
         let (mut surfaces, mut said) = (Vec::new(), Vec::new());
         let mut whole = true;
@@ -346,14 +347,14 @@ impl Loader {
         whole.then_some((surfaces, said))
     }
 
-    /// What the radiance programs of a map say of its materials by their names.
+    /// The behaviour of a map's materials, by the names of its radiance programs.
     fn kind_of_map(&mut self, map: &Element, default: &[String], said: &mut Vec<String>) -> Option<SurfaceKind> {
         let mut kind = SurfaceKind::Painted;
         for given in programs_of(map).into_iter().filter(|given| !given.of_shadow() && !given.of_kind("MISS")) {
             let proc = given.proc.text.to_ascii_lowercase();
             kind = match () {
                 () if proc.contains("alpha") => SurfaceKind::CutOut,
-                // What a ray finds at its end decides; programs for every hit cut out, or do nothing.
+                // The closest-hit program decides. Other programs, and those of the default material, only cut out or do nothing.
                 () if default.contains(&proc) || !given.of_kind("CLOSEST_HIT") => kind,
                 () if proc.contains("light") => SurfaceKind::Light,
                 () if proc.contains("metal") => SurfaceKind::Metal,
@@ -383,13 +384,13 @@ impl Loader {
         Some(kind)
     }
 
-    /// Whether the project is named after transparency, and not after refraction: its glass does not bend light.
+    /// Whether the project's title mentions transparency but not refraction: its glass then does not refract.
     fn is_of_transparency(&self) -> bool {
         let title = self.title.to_ascii_lowercase();
         title.contains("transparency") && !title.contains("refraction")
     }
 
-    /// `*`, a name, or the beginning of names with an asterisk behind it.
+    /// Parses a pattern: `*`, a name, or the beginning of names followed by an asterisk.
     fn pattern_by_beginning(&mut self, name: &Value) -> Option<MaterialPattern> {
         match name.text.strip_suffix('*') {
             Some(beginning) if !beginning.is_empty() && !beginning.contains('*') => {
@@ -417,7 +418,7 @@ impl Given<'_> {
     }
 }
 
-/// The programs of a material, each with its type of ray.
+/// The device programs of a material, each with its ray type.
 fn programs_of(container: &Element) -> Vec<Given<'_>> {
     let mut given = Vec::new();
     for child in &container.children {

@@ -1,4 +1,4 @@
-//! Cameras.
+//! Reading cameras.
 
 use super::dom::{Element, Value};
 use super::loader::Loader;
@@ -7,9 +7,9 @@ use super::{Camera, Orthographic};
 use glam::{DVec3, Vec3};
 use std::f32::consts::PI;
 
-/// What a camera sees of what lies in front of it.
+/// The projection of a camera.
 struct Lens {
-    /// Radians.
+    /// Vertical field of view, radians.
     fov_y: f32,
     near: f32,
     far: f32,
@@ -60,13 +60,13 @@ impl Loader {
         self.cameras.add(&mut self.report, name, item);
     }
 
-    /// What is missing is as in the engine: 60 degrees, near 1, far 10,000, and from -1 to 1 where the projection is orthographic.
+    /// Reads the projection. Defaults are the engine's: 60 degrees, near 1, far 10,000; an orthographic projection spans -1 to 1.
     fn lens(&mut self, element: &Element) -> Option<Lens> {
         let lens = self.single(element, &["perspective", "ortho", "projection"]);
         if let Some(lens) = lens {
             self.expect(lens, &[], &["type", "fov", "near", "far", "left", "right", "bottom", "top"]);
         }
-        // In 2014 the type is an attribute of the camera, today of the projection or an element of its own.
+        // In 2014 files the type is an attribute of the camera; today it is an attribute of the projection or an element.
         let mut value_of = |name: &str| -> Result<Option<Value>, ()> {
             let own = self.single(element, &[name]);
             let inside = lens.and_then(|lens| lens.attribute(name));
@@ -136,7 +136,7 @@ impl Loader {
         valid.then_some(Lens { fov_y: fov.to_radians(), near, far, orthographic })
     }
 
-    /// Position, unit direction and up. What is missing is as in the engine: the origin, -z and y; notes say so.
+    /// Position, unit direction and up vector. Defaults are the engine's: the origin, -z and y; a note mentions missing ones.
     fn pose(&mut self, element: &Element, name: &Value) -> Option<(DVec3, Vec3, Vec3)> {
         let position = match self.single(element, &["position"]) {
             Some(position) => self.point(position),
@@ -147,7 +147,7 @@ impl Loader {
         };
         let mut targets = element.children.iter().filter(|child| child.is(&["view", "look_at_point"]));
         let target = match (targets.next(), targets.next(), targets.next()) {
-            // Files that the engine wrote have both, and both say the same.
+            // Files that the engine wrote contain both a view and a target; they must agree.
             (Some(one), Some(other), None) if one.is(&["view"]) != other.is(&["view"]) => {
                 self.agree([one, other], position)
             }
@@ -168,7 +168,7 @@ impl Loader {
         let up_element = self.single(element, &["up"]);
         let up = up_element.map_or(Some(Vec3::Y), |up| self.direction(up));
         let (position, direction, up) = (position?, direction?, up?);
-        // Below this sine the image's horizontal axis is rounding noise.
+        // Below this sine the picture's horizontal axis would be rounding noise.
         if direction.cross(up).length() < 1e-4 {
             let at = up_element.or(target).map_or(element.span, |part| part.span);
             self.report.error(at, "the camera's up vector is parallel to its view");
@@ -177,7 +177,7 @@ impl Loader {
         Some((position, direction, up))
     }
 
-    /// The view of two elements, in their order, of which the other is the point that is looked at; where they disagree there is an error.
+    /// Of a view direction and a target, in either order, returns the view element. It is an error if the two disagree.
     fn agree<'e>(&mut self, both: [&'e Element; 2], position: Option<DVec3>) -> Option<&'e Element> {
         let [first, second] = both;
         let (view, point) = if first.is(&["view"]) { (first, second) } else { (second, first) };
@@ -190,8 +190,8 @@ impl Loader {
         Some(view)
     }
 
-    /// The direction that `<ZX_ANGLE>` and `<ELEVATION_ANGLE>` give, in radians: from z towards x, and from there upwards. Without both,
-    /// as in the engine, -z; a note says so.
+    /// The direction given by `<ZX_ANGLE>` (from z towards x) and `<ELEVATION_ANGLE>` (upwards), in radians. If both are missing it
+    /// is -z, as in the engine, and a note says so.
     fn angles(&mut self, element: &Element, name: &Value) -> Option<Vec3> {
         let mut angle = |names: &[&str], default: f32| match self.single(element, names) {
             Some(angle) => self.number_of(angle, "value").map(|angle| (true, angle)),

@@ -1,8 +1,8 @@
-//! A small document tree whose every name, attribute and text knows its place.
+//! A small document tree in which every name, attribute and text has its position.
 //!
-//! `quick-xml` finds the tags; what is inside a tag is read here, because a message needs the column of each attribute
-//! and because real files omit quotes and the white space between attributes. Documents are bounded: [`MAX_DEPTH`],
-//! [`MAX_ELEMENTS`], [`MAX_ATTRIBUTES`], [`MAX_ALL_ATTRIBUTES`], [`MAX_VALUE`]. No entity is ever defined by a file.
+//! `quick-xml` finds the tags. The inside of a tag is parsed here, because messages give the column of each attribute and because
+//! real files omit quotes and the white space between attributes. Documents are limited by [`MAX_DEPTH`], [`MAX_ELEMENTS`],
+//! [`MAX_ATTRIBUTES`], [`MAX_ALL_ATTRIBUTES`] and [`MAX_VALUE`]. Files cannot define entities.
 
 use super::report::{Report, Span, shown};
 use crate::guard;
@@ -21,12 +21,12 @@ pub(super) const MAX_NAME: usize = 128;
 /// Longest attribute value or text, bytes.
 pub(super) const MAX_VALUE: usize = 4096;
 
-/// An attribute's value or an element's text: entities resolved, white space folded to one space and trimmed.
+/// An attribute's value or an element's text: entities are resolved, white space is folded to single spaces and trimmed.
 #[derive(Debug, Clone)]
 pub(super) struct Value {
     pub text: String,
-    /// The same with line breaks (and the white space around them) removed instead, where there are any: a path that a
-    /// printed page wrapped.
+    /// For a text with line breaks: the same text with the line breaks, and the white space around them, removed. This restores
+    /// paths that a printed page wrapped.
     pub joined: Option<String>,
     pub span: Span,
 }
@@ -39,7 +39,7 @@ impl Value {
         Self { text, joined, span }
     }
 
-    /// As messages show it.
+    /// The value, shortened for messages.
     pub fn shown(&self) -> String {
         shown(&self.text)
     }
@@ -57,7 +57,7 @@ pub(super) struct Attribute {
 #[derive(Debug)]
 pub(super) struct Element {
     pub name: String,
-    /// Its start tag.
+    /// Position of the start tag.
     pub span: Span,
     /// Line of the start tag, from 1.
     pub line: u32,
@@ -65,28 +65,28 @@ pub(super) struct Element {
     pub column: u32,
     pub attributes: Vec<Attribute>,
     pub children: Vec<Element>,
-    /// What stands between its tags, without its children and comments; `None` where that is only white space.
+    /// Text between the tags, without children and comments; `None` if it is only white space.
     pub text: Option<Value>,
 }
 
 impl Element {
-    /// Whether its name is one of these, in any letters' case.
+    /// Whether the element has one of these names; case is ignored.
     pub fn is(&self, names: &[&str]) -> bool {
         names.iter().any(|name| self.name.eq_ignore_ascii_case(name))
     }
 
-    /// An attribute by its name in any letters' case.
+    /// An attribute by its name; case is ignored.
     pub fn attribute(&self, name: &str) -> Option<&Value> {
         self.attributes.iter().find(|attribute| attribute.name.eq_ignore_ascii_case(name)).map(|found| &found.value)
     }
 
-    /// Children of any of these names, in any letters' case.
+    /// Children with any of these names; case is ignored.
     pub fn children_named<'e>(&'e self, names: &'e [&'e str]) -> impl Iterator<Item = &'e Element> {
         self.children.iter().filter(move |child| child.is(names))
     }
 }
 
-/// An element whose end tag has not been met.
+/// An element whose end tag was not reached yet.
 struct Open {
     element: Element,
     text: String,
@@ -101,13 +101,13 @@ struct Parser<'a> {
     root: Option<Element>,
     elements: usize,
     all_attributes: usize,
-    /// Whether text outside the root has been noted: once is enough.
+    /// Whether text outside the root was reported already.
     stray_noted: bool,
-    /// Line, column and offset of the last element met.
+    /// Line, column and offset up to which lines were counted.
     cursor: (u32, u32, usize),
 }
 
-/// Reads a document. `None` if too little of it is there to be interpreted; an error then says why.
+/// Parses a document. `None` if too little of it is valid to be interpreted; an error is then reported.
 pub(super) fn parse(report: &mut Report, file: u32) -> Option<Element> {
     let text = report.source(file).text.clone();
     let mut parser = Parser {
@@ -142,11 +142,11 @@ pub(super) fn parse(report: &mut Report, file: u32) -> Option<Element> {
 
 impl Parser<'_> {
     fn span(&self, start: usize, end: usize) -> Span {
-        // Files are capped at 16 MiB, so offsets fit.
+        // Files are limited to 16 MiB, so offsets fit.
         Span { file: self.file, start: start as u32, end: end as u32 }
     }
 
-    /// Reads to the end; `false` if it had to stop before.
+    /// Parses to the end of the file; `false` if it had to stop earlier.
     fn read(&mut self) -> bool {
         let mut reader = quick_xml::Reader::from_str(self.text);
         let config = reader.config_mut();
@@ -184,7 +184,7 @@ impl Parser<'_> {
         }
     }
 
-    /// From an offset to the end of its line.
+    /// The span from an offset to the end of its line.
     fn rest_of_line(&self, start: usize) -> Span {
         let end = self.text[start..].find('\n').map_or(self.text.len(), |line| start + line);
         self.span(start, end)
@@ -205,7 +205,7 @@ impl Parser<'_> {
     fn characters(&mut self, start: usize, end: usize) -> bool {
         let raw = &self.text[start..end];
         if raw.trim().is_empty() {
-            // White space separates words only inside a text that is kept.
+            // White space only separates words; it is kept only within a text.
             if let Some(open) = self.open.last_mut().filter(|open| open.text_span.is_some()) {
                 open.text.push_str(raw);
             }
@@ -225,7 +225,7 @@ impl Parser<'_> {
         let Some(open) = self.open.last_mut() else {
             if !self.stray_noted {
                 self.stray_noted = true;
-                // Before any element the file may be of another format, and nobody's to show.
+                // Before the first element the text is not quoted: the file may be of another format, with private contents.
                 let quoted = self.root.as_ref().map(|_| format!("`{}` ", shown(text.trim())));
                 let message = format!("stray text {}is ignored", quoted.unwrap_or_default());
                 self.report.note(self.span(first, last), message);
@@ -252,7 +252,7 @@ impl Parser<'_> {
             rest = &rest[position..];
             let name_length = rest[1..].find(|c: char| !(c.is_ascii_alphanumeric() || c == '#' || c == '_'));
             let Some(length) = name_length.filter(|length| *length > 0 && rest[1 + length..].starts_with(';')) else {
-                // A lone `&` means itself, as in the engine's own parser.
+                // A lone `&` stands for itself, as in the engine's parser.
                 out.push('&');
                 rest = &rest[1..];
                 continue;
@@ -311,7 +311,7 @@ impl Parser<'_> {
         true
     }
 
-    /// Line and column of an offset at or after the last one asked for.
+    /// Line and column of an offset, which must not be before the last one asked for.
     fn advance(&mut self, offset: usize) -> (u32, u32) {
         let (mut line, mut column, last) = self.cursor;
         for character in self.text[last..offset].chars() {
@@ -367,7 +367,7 @@ impl Parser<'_> {
         true
     }
 
-    /// Reads the attributes of a tag; `content` starts at `offset`. `None` if there are too many.
+    /// Parses the attributes of a tag; `content` starts at `offset` in the file. `None` if there are too many.
     fn attributes(&mut self, content: &str, offset: usize) -> Option<Vec<Attribute>> {
         let mut attributes: Vec<Attribute> = Vec::new();
         let mut at = 0;
@@ -399,7 +399,7 @@ impl Parser<'_> {
                     format!("attribute `{}` has no value", shown(name))
                 };
                 self.report.error_help(name_span, what, || "valid: name=\"value\"".to_owned());
-                // Goes on after the next white space: one message for each piece.
+                // Continues after the next white space, so that each piece gets one message.
                 at = content[at..].find(char::is_whitespace).map_or(content.len(), |space| at + space);
                 continue;
             }
@@ -417,11 +417,12 @@ impl Parser<'_> {
         }
     }
 
-    /// Reads the value of attribute `name` at `start` of `content`, quoted or not, and where the next attribute may start.
+    /// Parses the value of attribute `name` at `start` of `content`, quoted or not. Also returns where the next attribute may
+    /// start.
     fn value(&mut self, content: &str, start: usize, offset: usize, name: &str) -> Option<(Option<Value>, usize)> {
         let opening = content[start..].chars().next();
         let (first, last, next) = match opening {
-            // What a word processor makes of straight quotes; no value starts with one.
+            // Curly quotes, as word processors write them; no value starts with one.
             Some(quote) if let Some(closing) = curly(quote) => {
                 let first = start + quote.len_utf8();
                 let Some(length) = content[first..].find(closing) else {
@@ -474,7 +475,7 @@ impl Parser<'_> {
 
 const STRAIGHT: &str = "valid: straight quotes, name=\"value\"; a word processor turned them";
 
-/// The quotes that may close what a curly one opens.
+/// The quotes that may close a value opened with a curly quote; `None` if it is no curly quote.
 fn curly(opening: char) -> Option<&'static [char]> {
     match opening {
         '\u{201c}' | '\u{201d}' | '\u{201e}' | '\u{2033}' => Some(&['\u{201c}', '\u{201d}', '\u{2033}', '"']),
@@ -483,7 +484,7 @@ fn curly(opening: char) -> Option<&'static [char]> {
     }
 }
 
-/// A predefined or numeric entity.
+/// The character of a predefined or numeric entity.
 fn entity(name: &str) -> Option<char> {
     let code = match name {
         "lt" => return Some('<'),

@@ -1,4 +1,4 @@
-//! Raster and quad passes.
+//! Reading raster and quad passes.
 
 use super::dom::Element;
 use super::libraries::LibraryMaterial;
@@ -10,10 +10,10 @@ use super::{MaterialPattern, QuadPass, QuadSource, RasterPass, ShaderMap, Shader
 use crate::programs::{QUAD_PROGRAMS, QuadProgram, RASTER_PROGRAMS, RasterProgram, ShaderInfo};
 use std::rc::Rc;
 
-/// Channels that a raster pass writes: colour, position, normal.
+/// Number of channels that a raster pass writes: colour, position, normal.
 const RASTER_CHANNELS: usize = 3;
 
-/// The material that a quad pass draws with.
+/// Name of the material that a quad pass draws with.
 const QUAD_MATERIAL: &str = "__Quad";
 
 impl Loader {
@@ -22,7 +22,8 @@ impl Loader {
         self.draw_pass(context, None, &[])
     }
 
-    /// Reads a pass that draws, from a camera that is known, or from its own. `others` are elements that its class has beside.
+    /// Reads a pass that draws triangles. The camera is the given one, or else the pass's own. `others` are further elements of its
+    /// class.
     pub fn draw_pass(
         &mut self,
         context: &mut PassContext<'_>,
@@ -92,7 +93,7 @@ impl Loader {
         Some(RasterPass { scenes: scenes?, instances: instances?, camera: camera?, light, program, colors, shaders })
     }
 
-    /// Reports a target without colours, unless own shaders draw all: they leave the depth.
+    /// Reports a target without colours, unless own shaders draw everything: they write the depth.
     fn check_colors(&mut self, context: &PassContext<'_>, all_own: bool) {
         let Some((target, at)) = context.facts.colorless() else { return };
         let target = &self.libraries.targets[target];
@@ -104,7 +105,7 @@ impl Loader {
         }
     }
 
-    /// `<depth test=true write=true/>`: the only state that is drawn.
+    /// Checks `<depth test=true write=true/>`, the only depth state that is supported.
     fn depth_state(&mut self, depth: &Element) {
         self.expect(depth, &[], &["test", "write", "clear", "value", "func"]);
         for name in ["test", "write"] {
@@ -117,7 +118,7 @@ impl Loader {
         }
     }
 
-    /// The program that a material's shader selects by the stem of its pixel-shader file.
+    /// The program of a material's shader, selected by the stem of its pixel-shader file.
     fn shader_program<P: Copy>(
         &mut self,
         context: &PassContext<'_>,
@@ -219,7 +220,7 @@ impl Loader {
         }
     }
 
-    /// The material that `<materialMaps>` gives the quad.
+    /// The material that `<materialMaps>` assigns to the quad.
     fn quad_map(&mut self, context: &PassContext<'_>) -> Option<(usize, Rc<LibraryMaterial>, Span)> {
         let mut maps = self.material_maps(context.element)?;
         let Some(index) = maps.iter().position(|map| map.to.matches(QUAD_MATERIAL)) else {
@@ -232,7 +233,7 @@ impl Loader {
         Some((map.library, map.material, map.at))
     }
 
-    /// The channel bound to a texture unit of a material.
+    /// The channel that is bound to a texture unit of a material.
     fn unit(
         &mut self,
         context: &mut PassContext<'_>,

@@ -1,31 +1,31 @@
-//! Changing cameras and lights of a project that was read.
+//! Changing cameras and lights of a loaded project.
 
 use super::values::unit;
 use super::{Light, Project, find};
 use crate::color::{BRIGHTEST, in_range};
 use glam::Vec3;
 
-/// Below this sine of the angle between view and up the picture's horizontal axis is rounding noise.
+/// Least sine of the angle between view and up vector; below it the picture's horizontal axis would be rounding noise.
 const LEAST_SINE: f32 = 1e-4;
 
-/// Where a camera stands and what it looks at.
+/// Position and orientation of a camera.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Pose {
-    /// Position, world: that of a camera whose file has more digits is rounded to `f32`.
+    /// Position in world space, rounded to `f32` if the camera's file has more digits.
     pub position: Vec3,
-    /// Viewing direction, of any length but 0.
+    /// Viewing direction, of any length other than 0.
     pub direction: Vec3,
-    /// Up vector, of any length but 0, not parallel to [`Self::direction`].
+    /// Up vector, of any length other than 0, not parallel to [`Self::direction`].
     pub up: Vec3,
-    /// Vertical field of view, radians, in (0, π). Means nothing to a camera without perspective.
+    /// Vertical field of view, radians, in (0, π). Ignored by an orthographic camera.
     pub fov_y: f32,
 }
 
 impl Project {
-    /// Where the camera of this name stands.
+    /// The pose of a camera by its name.
     ///
     /// # Errors
-    /// What would be valid, and the nearest name.
+    /// If there is no such camera; the message gives the nearest name and the valid ones.
     pub fn pose(&self, camera: &str) -> Result<Pose, String> {
         let camera = &self.cameras[self.camera(camera)?];
         Ok(Pose {
@@ -36,10 +36,10 @@ impl Project {
         })
     }
 
-    /// Moves a camera, as if its file had said so.
+    /// Moves a camera, as if its file contained this pose.
     ///
     /// # Errors
-    /// If there is no such camera, or the pose shows nothing; the project is then as it was.
+    /// If there is no such camera, or the pose is degenerate; the project is then unchanged.
     pub fn set_pose(&mut self, camera: &str, pose: Pose) -> Result<(), String> {
         let index = self.camera(camera)?;
         let name = &self.cameras[index].name;
@@ -63,19 +63,20 @@ impl Project {
         Ok(())
     }
 
-    /// Index of a light by its name, in any letters' case.
+    /// Index of a light by its name; case is ignored.
     ///
     /// # Errors
-    /// What would be valid, and the nearest name.
+    /// If there is no such light; the message gives the nearest name and the valid ones.
     pub fn light(&self, name: &str) -> Result<usize, String> {
         find("light", name, self.lights.iter().map(|light| light.name.as_str()))
     }
 
-    /// Lets a light shine in a direction (in which it travels, of any length but 0) with a colour (linear), as if its file had said so.
+    /// Sets the direction in which a light travels (of any length other than 0) and its linear colour, as if its file contained
+    /// them.
     ///
     /// # Errors
-    /// If there is no such light, the direction is not finite, or a component of the colour is beyond [`BRIGHTEST`]; the project is then
-    /// as it was.
+    /// If there is no such light, the direction is not finite, or a component of the colour exceeds [`BRIGHTEST`]; the project is
+    /// then unchanged.
     pub fn set_light(&mut self, light: &str, direction: Vec3, color: Vec3) -> Result<(), String> {
         let index = self.light(light)?;
         let Light { name, .. } = &self.lights[index];

@@ -1,4 +1,4 @@
-//! Effect passes: raster effects in the place of ray programs.
+//! Reading effect passes: raster effects in place of ray programs.
 
 use super::dom::Element;
 use super::loader::Loader;
@@ -97,7 +97,7 @@ impl Loader {
         found
     }
 
-    /// `<glass><material name="…"/></glass>`: the materials that are glass.
+    /// The glass materials in `<glass><material name="…"/></glass>`.
     fn effect_glass(&mut self, element: &Element, info: Option<&EffectProgramInfo>) -> Option<Vec<MaterialPattern>> {
         let list = self.single(element, &["glass"]);
         let mut patterns = Some(Vec::new());

@@ -1,4 +1,4 @@
-//! Reading project and library files, and finding the files they name.
+//! Reading project and library files, and resolving the paths in them.
 
 use super::dom::Value;
 use super::report::{Report, Span};
@@ -8,7 +8,7 @@ use std::path::{Path, PathBuf};
 /// Largest project or library file, bytes.
 pub(super) const MAX_FILE: u64 = 16 << 20;
 
-/// Reads a text file into [`Report::sources`] and returns its index. `named_at` is where another file names it.
+/// Reads a text file into [`Report::sources`] and returns its index. `named_at` is the place where another file names it.
 pub(super) fn read(report: &mut Report, path: &Path, named_at: Option<Span>) -> Option<u32> {
     let bytes = match read_bytes(path) {
         Ok(bytes) => bytes,
@@ -29,7 +29,7 @@ pub(super) fn read(report: &mut Report, path: &Path, named_at: Option<Span>) -> 
     let body = bytes.strip_prefix(b"\xEF\xBB\xBF").unwrap_or(&bytes);
     let wrong = undecodable(body);
     let text = String::from_utf8_lossy(body);
-    // Up to the wrong byte the text is as in the file; what replaces that byte is three bytes long.
+    // Up to the invalid byte offsets agree with the file; the character that replaces that byte is three bytes long.
     let end = wrong.as_ref().and_then(|(offset, ..)| Some(offset + text.get(*offset..)?.chars().next()?.len_utf8()));
     let file = report.add_source(Source { path: path.to_owned(), text: text.into() });
     if let Some((offset, message, help)) = wrong {
@@ -44,7 +44,7 @@ fn read_bytes(path: &Path) -> Result<Vec<u8>, String> {
     crate::files::read(path, MAX_FILE).map_err(|error| error.to_string())
 }
 
-/// Why bytes are not a text that XML allows, and where.
+/// The first fault of bytes that are no text allowed in XML: its offset, a message and a hint.
 fn undecodable(bytes: &[u8]) -> Option<(usize, String, &'static str)> {
     let utf8 = "valid: UTF-8, with or without a byte-order mark; convert the file";
     if bytes.starts_with(b"\xFF\xFE") || bytes.starts_with(b"\xFE\xFF") {
@@ -65,10 +65,10 @@ fn undecodable(bytes: &[u8]) -> Option<(usize, String, &'static str)> {
     }
 }
 
-/// The folder to which a project's paths are relative.
+/// The folder that a project's paths are relative to.
 pub(super) struct Folder {
     folder: PathBuf,
-    /// How often a file was looked for in any letters' case.
+    /// Number of case-insensitive look-ups so far.
     lookups: u32,
 }
 
@@ -78,10 +78,10 @@ impl Folder {
         Self { folder: project.parent().unwrap_or(Path::new("")).to_owned(), lookups: 0 }
     }
 
-    /// The file that `value` names, relative to the folder; it need not exist. `None` if the path can be valid nowhere.
+    /// The file that `value` names, relative to the folder; it need not exist. `None` if the path is invalid on every system.
     ///
-    /// Backslashes are slashes. A path that a printed page wrapped is joined again. Where only the letters' case of an
-    /// existing file differs, that file is meant, and a note says so.
+    /// Backslashes count as slashes. Paths that a printed page wrapped are joined. If an existing file differs only in case, that
+    /// file is taken and a note says so.
     pub fn resolve(&mut self, report: &mut Report, value: &Value) -> Option<PathBuf> {
         let mut nominal = None;
         for text in std::iter::once(&value.text).chain(&value.joined) {
@@ -111,11 +111,11 @@ impl Folder {
         Some(actual)
     }
 
-    /// An existing path that differs from the folder's `text` in letters' case only.
+    /// An existing path that differs from `text` in the folder only by case.
     fn any_case(&mut self, text: &str) -> Option<PathBuf> {
-        /// Entries of a folder that are looked at.
+        /// Most entries of a folder that are looked at.
         const MOST: usize = 10_000;
-        /// Paths that are looked for: a project that names thousands of missing files must not search for each.
+        /// Most look-ups: a project with thousands of missing files must not cause a search for each.
         const MOST_LOOKUPS: u32 = 64;
         self.lookups += 1;
         if text.starts_with('/') || self.lookups > MOST_LOOKUPS {
@@ -143,7 +143,7 @@ impl Folder {
     }
 }
 
-/// `folder/text` without empty and `.` components; `..` is kept, for it may follow a link.
+/// `folder/text` without empty and `.` components; `..` is kept, because it may follow a symbolic link.
 fn tidy(folder: &Path, text: &str) -> PathBuf {
     let mut path = folder.to_owned();
     if text.starts_with('/') {
@@ -153,7 +153,7 @@ fn tidy(folder: &Path, text: &str) -> PathBuf {
     path
 }
 
-/// The stem of a program or shader file: `final` of `optix\final.ptx`, whatever the folder and the extension.
+/// The stem of a program or shader file, without folder and extension: `final` for `optix\final.ptx`.
 pub(super) fn stem(value: &Value) -> &str {
     let text = value.joined.as_deref().unwrap_or(&value.text);
     let name = text.rsplit(['/', '\\']).next().unwrap_or(text).trim();

@@ -1,4 +1,4 @@
-//! What a ray pass hands its program besides buffers: vertex, material and global attributes.
+//! Inputs that a ray pass hands to its program besides buffers: vertex, material and global attributes.
 
 use super::dom::{Element, Value};
 use super::loader::Loader;
@@ -10,7 +10,7 @@ const MATERIAL: &[&str] = &["optixMaterialAttributes", "rtMaterialAttributes"];
 pub(super) const GLOBAL: &[&str] =
     &["optixGlobalAttributes", "rtGlobalAttributes", "optixGlobalParams", "rtGlobalParams"];
 
-/// Elements of a pass that are read here.
+/// Elements of a pass that are read in this module.
 pub(super) const ELEMENTS: &[&str] = &[
     "optixVertexAttributes",
     "rtVertexAttributes",
@@ -22,7 +22,7 @@ pub(super) const ELEMENTS: &[&str] = &[
     "rtGlobalParams",
 ];
 
-/// Where a variable's value must come from: kinds of things and components of them, all of them alike.
+/// Valid origins of a variable's value: pairs of kind and component, all equivalent.
 struct Origin {
     variable: &'static str,
     valid: &'static [(&'static str, &'static str)],
@@ -35,29 +35,29 @@ const ORIGINS: &[Origin] = &[
     Origin { variable: "texCount", valid: &[("TEXTURE", "COUNT"), ("RENDERER", "TEXTURE_COUNT")] },
 ];
 
-/// Kind and component of the thing that a variable's value comes from.
+/// The usual kind and component for a variable's value.
 pub(super) fn origin(variable: &str) -> (&'static str, &'static str) {
     ORIGINS.iter().find(|origin| origin.variable == variable).map_or(("…", "…"), |origin| origin.valid[0])
 }
 
-/// The program of the pass, and the pass's first light (`None` inside: no light; `None` outside: unknown).
+/// The program of the pass, and its first light. Outer `None`: the light is unknown; inner `None`: the pass has no light.
 pub(super) struct Program {
     pub info: &'static RayProgramInfo,
     pub light: Option<Option<(usize, Span)>>,
 }
 
-/// One kind of thing handed over.
+/// A category of inputs (vertex, material, global).
 struct Kind {
-    /// For messages.
+    /// Name in messages.
     what: &'static str,
     elements: &'static [&'static str],
     needed: &'static [&'static str],
-    /// How one is written; `{}` stands for its name.
+    /// Formats an example of such an input with a given name.
     written: fn(&str) -> String,
 }
 
 impl Loader {
-    /// Checks that the program's attributes are handed over, each from the right place. Says what is never read.
+    /// Checks that the program's attributes are handed over, each from the right origin, and notes those that are never read.
     pub fn attributes_handed(&mut self, pass: &Element, program: Program) -> bool {
         let info = program.info;
         let value_of = |name: &str| {
@@ -131,13 +131,13 @@ impl Loader {
         whole
     }
 
-    /// Whether `type`, `context` and `component` of an item say what its variable means.
+    /// Whether `type`, `context` and `component` of an item are a valid origin for its variable.
     fn origin_valid(&mut self, item: &Element, variable: &str, program: &Program) -> bool {
         self.expect(item, &[], &["optixVar", "rtVar", "var", "name", "type", "context", "component", "id"]);
         let Some(origin) = ORIGINS.iter().find(|origin| origin.variable == variable) else { return true };
         let parts = ["type", "context", "component"].map(|name| self.required(item, name));
         let [Some(kind), Some(context), Some(component)] = parts else { return false };
-        // In 2014 the thing's kind is the context of CURRENT, today CURRENT is the context of the kind.
+        // In 2014 files the type is CURRENT and the context is the kind; today the type is the kind and the context is CURRENT.
         let current = |value: &Value| value.text.eq_ignore_ascii_case("CURRENT");
         let (kind, holder) = if current(kind) { (context, kind) } else { (kind, context) };
         let valid = |(valid_kind, valid_component): &(&str, &str)| {
@@ -165,7 +165,7 @@ impl Loader {
         true
     }
 
-    /// Whether a light that is named outright is the one of the pass.
+    /// Whether a light named explicitly is the first light of the pass.
     fn is_first_light(&mut self, name: &Value, program: &Program) -> bool {
         let index = self.lights.names.resolve(&mut self.report, &name.text, name.span);
         let (Some(index), Some(Some((first, _)))) = (index, program.light) else { return index.is_some() };

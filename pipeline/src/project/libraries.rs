@@ -1,4 +1,4 @@
-//! The material libraries of a project, and what shaders are given, as they are known while it is read.
+//! The material libraries of a project, and the inputs of shaders, while the project is read.
 
 use super::dom::{Element, Value};
 use super::report::{Found, Names, Span};
@@ -15,7 +15,7 @@ pub(super) const ROOT: &[&str] = &["materialLib", "mlib"];
 /// Names of the built-in library.
 const BUILT_IN: [&str; 2] = ["curitiba_material_lib", "__nau_material_lib"];
 
-/// Materials of the built-in library: diffuse colour and emission.
+/// Materials of the built-in library, with diffuse colour and emission.
 const BUILT_IN_MATERIALS: &[(&str, [f32; 3], [f32; 3])] = &[
     ("__Black", [0.0; 3], [0.0; 3]),
     ("__White", [1.0; 3], [0.0; 3]),
@@ -30,33 +30,33 @@ const BUILT_IN_MATERIALS: &[(&str, [f32; 3], [f32; 3])] = &[
     ("__Emission Yellow", [0.0; 3], [1.0, 1.0, 0.0]),
 ];
 
-/// What shaders alone read of a light.
+/// Properties of a light that only own shaders read.
 #[derive(Debug, Clone)]
 pub(super) struct LightExtra {
-    /// Length of the direction as the file has it; 1 without one.
+    /// Length of the direction as the file gives it; 1 without a direction.
     pub length: f32,
-    /// Numbers by the names of the engine.
+    /// Values by the engine's names.
     pub values: Vec<(&'static str, [f32; 4])>,
 }
 
-/// What a texture's name in a library stands for.
+/// The meaning of a texture's name in a library.
 #[derive(Debug, Clone)]
 pub(super) enum Texture {
     /// A colour channel of a render target; `None` if its target could not be read.
     Channel(Option<ChannelRef>),
     /// The depth of a render target.
     Depth,
-    /// An image file, by the library's own path and as it is written.
+    /// An image file: its path as written, relative to the folder of the library's file.
     File(Value),
-    /// Data, which no pass here reads.
+    /// Data that no pass reads here.
     Other,
 }
 
-/// What `<valueof>` gives a uniform of a shader.
+/// A `<valueof>`: the value that a uniform of a shader gets.
 #[derive(Debug, Clone)]
 pub(super) struct ValueOf {
     pub uniform: Value,
-    /// The uniform's block.
+    /// Name of the uniform's block.
     pub block: Option<Value>,
     pub kind: Option<Value>,
     pub context: Option<Value>,
@@ -66,7 +66,7 @@ pub(super) struct ValueOf {
 }
 
 impl ValueOf {
-    /// `None` for one that is for no uniform.
+    /// Parses the element; `None` if it names no uniform.
     pub fn new(element: &Element) -> Option<Self> {
         let of = |name: &str| element.attribute(name).cloned();
         Some(Self {
@@ -81,7 +81,7 @@ impl ValueOf {
     }
 }
 
-/// What a `<state>` says of how triangles are drawn.
+/// The render state in a `<state>`.
 #[derive(Debug, Clone, Copy, Default)]
 pub(super) struct State {
     /// What is done of it.
@@ -90,14 +90,14 @@ pub(super) struct State {
     pub other: Option<&'static str>,
 }
 
-/// What is bound to a texture unit.
+/// A texture bound to a texture unit.
 #[derive(Debug, Clone)]
 pub(super) struct Binding {
     pub unit: u32,
-    /// Index of the library; `None` for that of the material itself.
+    /// Index of the texture's library; `None` for the material's own library.
     pub library: Option<usize>,
     pub name: Value,
-    /// `COMPARE_FUNC`, where it is given.
+    /// The element `COMPARE_FUNC`, if present.
     pub compare: Option<Value>,
 }
 
@@ -123,9 +123,9 @@ pub(super) struct LibraryMaterial {
     pub shininess: f32,
     /// Index into [`Library::shaders`].
     pub shader: Option<usize>,
-    /// What it gives the shader's uniforms.
+    /// The values of the shader's uniforms.
     pub values: Vec<ValueOf>,
-    /// What is bound to texture units.
+    /// The bound textures.
     pub textures: Vec<Binding>,
     /// Buffers that are bound.
     pub buffers: Vec<BufferBinding>,
@@ -139,11 +139,11 @@ pub(super) struct Shader {
     pub name: String,
     /// Stem of its pixel-shader file.
     pub stem: String,
-    /// Its vertex shader's file.
+    /// File of its vertex shader.
     pub vertex: Option<Value>,
-    /// Its pixel shader's file.
+    /// File of its pixel shader.
     pub pixel: Option<Value>,
-    /// What else it has, in words, and where that is named.
+    /// Its other stages, as descriptions with the places that name them.
     pub others: Vec<(&'static str, Span)>,
 }
 
@@ -151,7 +151,7 @@ pub(super) struct Shader {
 #[derive(Debug)]
 pub(super) struct Library {
     pub name: String,
-    /// The file.
+    /// Path of the file.
     pub path: PathBuf,
     /// Names of render targets, with their indices into [`Libraries::targets`].
     pub target_names: Names,
@@ -163,7 +163,7 @@ pub(super) struct Library {
     pub buffer_indices: Vec<Option<usize>>,
     pub shader_names: Names,
     pub shaders: Vec<Shader>,
-    /// By name.
+    /// Render states by name.
     pub states: HashMap<String, State>,
     pub material_names: Names,
     pub materials: Vec<Option<Rc<LibraryMaterial>>>,
@@ -217,7 +217,7 @@ pub(super) struct Libraries {
     pub names: Names,
     pub list: Vec<Library>,
     pub files: Vec<PathBuf>,
-    /// Whether some library could not be read: unknown names may be declared there.
+    /// Whether some library could not be read; unknown names may be declared in it.
     pub incomplete: bool,
     /// Render targets of all libraries.
     pub targets: Vec<RenderTarget>,
@@ -236,7 +236,7 @@ impl Libraries {
         &self.list[library]
     }
 
-    /// Whether a library has this name.
+    /// Whether the project has a library of this name.
     pub fn declares(&self, name: &str) -> bool {
         matches!(self.names.find(name), Found::Exact(_))
     }

@@ -1,4 +1,4 @@
-//! Reads material libraries.
+//! Reading material libraries.
 
 use super::dom::{Element, Value};
 use super::libraries::{Binding, Library, LibraryMaterial, ROOT, Shader, State, Texture, ValueOf};
@@ -61,7 +61,7 @@ impl Loader {
         ];
         self.expect(&root, PARTS, &["name"]);
         let name = self.required(&root, "name")?;
-        // The engine adds what a second file of the same name declares to the first; paths in both count from one folder.
+        // As in the engine, a second file of the same name extends the first library; paths in both are relative to one folder.
         let same = match self.libraries.names.find(&name.text) {
             Found::Exact(index) if self.libraries.list[index].path.parent() == path.parent() => Some(index),
             _ => None,
@@ -159,7 +159,7 @@ impl Loader {
             declared.truncate(MAX_CHANNELS);
             whole = false;
         }
-        // Passes keep three channels at most.
+        // Passes keep at most three channels.
         let depth = element.children_named(&["depth"]).find_map(|depth| depth.attribute("name"));
         let depth = depth.filter(|_| glsl::AVAILABLE && whole && channels.len() < glsl::MAX_OUTPUTS);
         let depth = depth.map(|name| {
@@ -213,7 +213,7 @@ impl Loader {
     fn shader(&mut self, library: &mut Library, element: &Element) {
         let Some(name) = self.required(element, "name") else { return };
         library.shader_names.declare(&mut self.report, &name.text, name.span);
-        // A compute shader has no pixel shader; only a pass that asks for it need care.
+        // A compute shader has no pixel shader; only a pass that uses it is in error.
         let stem = element.attribute("ps").map_or("", file::stem).to_owned();
         const OTHERS: [(&str, &str); 5] = [
             ("gs", "a geometry shader"),
@@ -244,7 +244,7 @@ impl Loader {
         };
         let lists = element.children_named(&["shader"]).flat_map(|shader| shader.children_named(&["values"]));
         let values = lists.flat_map(|list| list.children_named(&["valueof"])).filter_map(ValueOf::new).collect();
-        // The engine's defaults.
+        // Defaults of the engine.
         let (mut diffuse, mut emission) = (Some(Vec4::new(0.8, 0.8, 0.8, 1.0)), Some(Vec4::new(0.0, 0.0, 0.0, 1.0)));
         let defaults = crate::scene::Material::default();
         let (mut ambient, mut specular) = (Some(defaults.ambient), Some(defaults.specular));
@@ -301,13 +301,13 @@ impl Loader {
         library.materials.push(material.map(Rc::new));
     }
 
-    /// `<texture unit="0" name="…"/>`.
+    /// Reads `<texture unit="0" name="…"/>`.
     fn binding(&mut self, element: &Element) -> Option<Binding> {
         let (unit, name) = (self.unit_of(element, "unit"), self.required(element, "name"));
         Some(Binding { unit: unit?, library: None, name: name?.clone(), compare: compare(element) })
     }
 
-    /// `<texture name="…" fromLibrary="…" toUnit="1"/>`.
+    /// Reads `<texture name="…" fromLibrary="…" toUnit="1"/>`.
     pub fn injected_texture(&mut self, element: &Element) -> Option<Binding> {
         let (unit, name) = (self.unit_of(element, "toUnit"), self.required(element, "name"));
         let library = self.required(element, "fromLibrary").and_then(|library| self.find_library(library));
@@ -326,7 +326,7 @@ impl Loader {
         Some(unit as u32)
     }
 
-    /// What a state says: `CULL_TYPE` counts unless `CULL_FACE` is off.
+    /// Reads a render state: `CULL_TYPE` applies unless `CULL_FACE` is off.
     fn state(&mut self, library: &mut Library, element: &Element) {
         let Some(name) = self.required(element, "name") else { return };
         let value = |name: &str| element.children.iter().find(|child| child.is(&[name]))?.attribute("value");
@@ -357,7 +357,7 @@ impl Loader {
         library.states.insert(name.text.clone(), State { drawn, other });
     }
 
-    /// `<shader><name>X</name>…</shader>` or `<shader name="X">…</shader>`.
+    /// Reads `<shader><name>X</name>…</shader>` or `<shader name="X">…</shader>`.
     fn material_shader(&mut self, library: &Library, element: &Element) -> Option<usize> {
         let inner = self.single(element, &["name"]);
         let name = match (element.attribute("name"), inner) {
@@ -373,23 +373,23 @@ impl Loader {
         library.shader_names.resolve(&mut self.report, &name.text, name.span)
     }
 
-    /// A library that a file mentions.
+    /// The index of a library that a file names.
     pub fn find_library(&mut self, name: &Value) -> Option<usize> {
         if self.libraries.incomplete && matches!(self.libraries.names.find(&name.text), Found::Missing) {
-            // It may be in the file that could not be read, of which there is an error.
+            // The library may be in the file that could not be read, for which there is an error already.
             return None;
         }
         self.libraries.names.resolve(&mut self.report, &name.text, name.span)
     }
 
-    /// A material of a library: `name` in the library `from`.
+    /// The material `name` of the library `from`.
     pub fn find_material(&mut self, from: &Value, name: &Value) -> Option<(usize, Rc<LibraryMaterial>)> {
         let library = self.find_library(from)?;
         let index = self.libraries.list[library].material_names.resolve(&mut self.report, &name.text, name.span)?;
         Some((library, self.libraries.list[library].materials[index].clone()?))
     }
 
-    /// The render target of `<rendertarget name fromLibrary/>`.
+    /// The render target that `<rendertarget name fromLibrary/>` names.
     pub fn find_target(&mut self, element: &Element) -> Option<usize> {
         self.expect(element, &[], &["name", "fromLibrary"]);
         let (name, from) = (self.required(element, "name"), self.required(element, "fromLibrary"));
@@ -399,7 +399,7 @@ impl Loader {
         library.target_indices[index]
     }
 
-    /// The channel that `name` of a library stands for.
+    /// The channel that the texture `name` of a library stands for.
     pub fn find_channel(&mut self, library: usize, name: &str, value: &Value) -> Option<ChannelRef> {
         let library = &self.libraries.list[library];
         let index = library.texture_names.resolve(&mut self.report, name, value.span)?;
@@ -415,8 +415,7 @@ impl Loader {
         None
     }
 
-    /// The channel that `Library::name` stands for, or `name` alone: in the library `own`, or else in the only library
-    /// that has it.
+    /// The channel for `Library::name`, or for `name` alone: in the library `own`, or else in the only library that has it.
     pub fn find_texture(&mut self, value: &Value, own: Option<usize>) -> Option<ChannelRef> {
         if let Some((library, name)) = value.text.split_once("::") {
             let from = Value { text: library.trim().to_owned(), joined: None, span: value.span };

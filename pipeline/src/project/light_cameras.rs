@@ -1,7 +1,8 @@
-//! Depth maps: passes of the classes `depthmap` and `depthmap2`, and the cameras of lights that they draw from.
+//! Depth maps: passes of the classes `depthmap` and `depthmap2`, and the cameras from which lights draw them.
 //!
-//! The engine gives each of them a camera called `pipeline#pass-LightCam`. It looks in the direction of the pass's light and covers what the
-//! pass's camera sees between its near and far plane, or between the distances that the pass gives as `<FROM>` and `<TO>`.
+//! As in the engine, each such pass has a camera named `pipeline#pass-LightCam`. It looks in the direction of the pass's light and
+//! covers the view frustum of the pass's camera between its near and far plane, or between the distances `<FROM>` and `<TO>` of the
+//! pass.
 
 use super::dom::{Element, Value};
 use super::loader::Loader;
@@ -11,12 +12,12 @@ use super::{Camera, LightCamera, Orthographic, Project, RasterPass, Viewport};
 use crate::gbuffer::Rect;
 use glam::{DVec3, Vec3};
 
-/// What the name of a light's camera ends with, behind that of its pass.
+/// End of the name of a light's camera, after the name of its pass.
 const OF_LIGHT: &str = "-LightCam";
 
 impl Loader {
-    /// Notes the numbers that the passes of a pipeline give themselves, and the cameras of their lights, before the passes are read: uniforms
-    /// may name passes that come later.
+    /// Records the numbers that the passes of a pipeline declare, and the cameras of their lights, before the passes are read:
+    /// uniforms may refer to later passes.
     pub fn announce_passes(&mut self, pipeline: &Element) {
         let Some(name) = pipeline.attribute("name") else { return };
         for pass in pipeline.children_named(&["pass"]) {
@@ -41,13 +42,13 @@ impl Loader {
         }
     }
 
-    /// The number that a pass has by a name: its own, or that which the project declares.
+    /// A number of a pass by its name: declared by the pass, or else by the project.
     pub fn value_of_pass(&self, pass: &str, name: &str) -> Option<f32> {
         let own = self.given_values.get(&(pass.to_owned(), name.to_owned()));
         own.or_else(|| self.pass_values.get(name)).copied()
     }
 
-    /// Reads a pass of class `depthmap` or `depthmap2`: it draws the depth that the pass's light sees.
+    /// Reads a pass of class `depthmap` or `depthmap2`, which draws the depth as seen from the pass's light.
     pub fn depth_map_pass(&mut self, context: &mut PassContext<'_>) -> Option<RasterPass> {
         let key = format!("{}#{}", self.pipeline_name, context.name);
         let covers = self.pass_camera(context);
@@ -96,7 +97,7 @@ impl Loader {
     }
 
     fn check_light(&mut self, light: usize, at: Span) -> Option<()> {
-        // One that could not be read has its error.
+        // A light that could not be read was reported already.
         let light = self.lights.items[light].as_ref()?;
         if light.direction.is_none() {
             let message = format!("a depth map needs a direction; light `{}` has only a position", light.name);
@@ -108,7 +109,8 @@ impl Loader {
 }
 
 impl Project {
-    /// Lets the cameras of lights cover what their cameras see in a window of this size; `chosen` is the camera that stands for all.
+    /// Places the cameras of lights so that they cover the views of their cameras in a window of this size. `chosen` is the camera
+    /// that replaces all others.
     pub(crate) fn place_light_cameras(
         &mut self,
         chosen: Option<usize>,
@@ -125,10 +127,10 @@ impl Project {
             let corners = corners(covered, aspect, distances.map(f64::from));
             let light = &self.lights[of.light];
             let direction = light.direction.unwrap_or(Vec3::NEG_Z);
-            // The engine's up vector, unless the light shines along it.
+            // The engine's up vector, unless the light travels along it.
             let up = if direction.cross(Vec3::Y).length() > 1e-3 { Vec3::Y } else { Vec3::Z };
             let position = light.position.unwrap_or_default();
-            // To the right, up, and against the direction.
+            // The camera's axes: right, up, and against the direction.
             let right = direction.cross(up).as_dvec3().normalize_or_zero();
             let axes = [right, right.cross(direction.as_dvec3()), -direction.as_dvec3()];
             let seen = corners.map(|corner| DVec3::from_array(axes.map(|axis| axis.dot(corner - position))));
@@ -141,14 +143,14 @@ impl Project {
         }
     }
 
-    /// Whether a camera is one of a light.
+    /// Whether a camera belongs to a light.
     #[must_use]
     pub fn is_of_light(&self, camera: usize) -> bool {
         self.light_cameras.iter().any(|of| of.camera == camera)
     }
 }
 
-/// The camera of a light, before the plan decides where it is.
+/// A light's camera before the plan places it.
 fn unplaced(name: &str) -> Camera {
     Camera {
         name: name.to_owned(),
@@ -163,7 +165,7 @@ fn unplaced(name: &str) -> Camera {
     }
 }
 
-/// The corners of what a camera sees between two distances, world.
+/// The corners of a camera's view frustum between two distances, in world space.
 fn corners(camera: &Camera, aspect: f64, distances: [f64; 2]) -> [DVec3; 8] {
     let view = camera.direction.as_dvec3();
     let right = view.cross(camera.up.as_dvec3()).normalize_or_zero();
@@ -203,7 +205,7 @@ mod tests {
         }
     }
 
-    /// With a right angle of view the half height is the distance.
+    /// With a field of view of 90 degrees half the height equals the distance.
     #[test]
     fn the_corners_of_a_view_are_where_its_angles_say() {
         let found = corners(&camera(None), 2.0, [1.0, 4.0]);

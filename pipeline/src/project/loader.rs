@@ -1,4 +1,4 @@
-//! Reads a project file and its material libraries, and keeps what is read until all references are resolved.
+//! Reads a project file and its material libraries; keeps unresolved contents until all references are resolved.
 
 use super::dom::{self, Element, Value};
 use super::libraries::{Libraries, LightExtra, ROOT};
@@ -11,30 +11,30 @@ use std::collections::HashMap;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-/// Vertex and fragment shader, and at which location the depth is written.
+/// Files of the vertex and the fragment shader, and the output location of the depth.
 pub(super) type ShaderKey = ([PathBuf; 2], Option<usize>);
 
-/// What is known while a project is read.
+/// State while a project is read.
 pub(super) struct Loader {
     pub report: Report,
     pub folder: file::Folder,
-    /// Numbers that have names.
+    /// Named constants.
     pub constants: HashMap<String, f32>,
-    /// Numbers that passes have by a name, where a pass gives no other.
+    /// Named numbers of passes, declared by the project; a pass may override them.
     pub pass_values: HashMap<String, f32>,
-    /// Numbers that `<attributes>` declare for shaders.
+    /// Values that `<attributes>` declare for shaders.
     pub renderer_values: HashMap<String, [f32; 4]>,
-    /// By light: what shaders alone read of it.
+    /// By light: properties that only own shaders read.
     pub light_extras: Vec<LightExtra>,
-    /// By `pipeline#pass` and name: the numbers that a pass gives itself.
+    /// Numbers that passes declare, by `pipeline#pass` and name.
     pub given_values: HashMap<(String, String), f32>,
-    /// `pipeline#pass` of all passes.
+    /// `pipeline#pass` of each pass.
     pub pass_keys: Vec<String>,
     /// Cameras of lights.
     pub light_cameras: Vec<LightCamera>,
-    /// The pipeline that is read.
+    /// Name of the pipeline that is being read.
     pub pipeline_name: String,
-    /// Shaders that were compiled, by their files; `None` for one that could not be.
+    /// Compiled shaders by their files; `None` for one that failed to compile.
     pub compiled: HashMap<ShaderKey, Option<Arc<glsl::Program>>>,
     /// The project's name; empty before it is read.
     pub title: String,
@@ -45,8 +45,8 @@ pub(super) struct Loader {
     pub lights: Declared<Light>,
 }
 
-/// Things of one kind and their names. A thing that could not be read has its name, so that nothing is said of those who
-/// refer to it, and no value; there is then an error.
+/// Named things of one kind. A thing that could not be read keeps its name, so that references to it cause no further messages, but
+/// has no value; an error was then reported.
 pub(super) struct Declared<T> {
     pub names: Names,
     pub items: Vec<Option<T>>,
@@ -57,20 +57,20 @@ impl<T> Declared<T> {
         Self { names: Names::new(what), items: Vec::new() }
     }
 
-    /// Adds the thing named at `name`.
+    /// Adds a thing with the name `name`.
     pub fn add(&mut self, report: &mut Report, name: &Value, item: Option<T>) {
         self.names.declare(report, &name.text, name.span);
         self.items.push(item);
     }
 
-    /// All of them; call it only where there was no error.
+    /// All things; must only be called if there was no error.
     fn finish(self) -> Vec<T> {
         debug_assert!(self.items.iter().all(Option::is_some), "what could not be read has an error");
         self.items.into_iter().flatten().collect()
     }
 }
 
-/// Window of a project that names no size, pixels.
+/// Default size of the window, pixels.
 const DEFAULT_WINDOW: [u32; 2] = [1024, 1024];
 
 /// Loads a project; see [`super::load`].
@@ -91,7 +91,7 @@ pub(super) fn load(path: &Path) -> Result<Project, Problems> {
     }
 }
 
-/// The scenes that could be read, whatever else is wrong; see [`super::declared_scenes`].
+/// The scenes that could be read, despite other errors; see [`super::declared_scenes`].
 pub(super) fn scenes(path: &Path) -> Vec<SceneDecl> {
     read(path).0.scenes.items.into_iter().flatten().collect()
 }
@@ -121,7 +121,7 @@ fn read(path: &Path) -> (Loader, Option<Project>) {
 }
 
 impl Loader {
-    /// Reads a file into a document.
+    /// Parses a file.
     pub fn document(&mut self, path: &Path, named_at: Option<Span>) -> Option<Element> {
         let file = file::read(&mut self.report, path, named_at)?;
         dom::parse(&mut self.report, file)
@@ -163,7 +163,7 @@ impl Loader {
         })
     }
 
-    /// `report` or `linear`.
+    /// Parses `report` or `linear`.
     fn color_space(&mut self, value: &Value) -> Option<ColorSpace> {
         match value.text.parse() {
             Ok(space) => Some(space),
@@ -194,7 +194,7 @@ impl Loader {
         let mut default: Option<(usize, Span)> = None;
         let mut any = false;
         let runs = default_pipeline(root);
-        // Uniforms may name passes that come later.
+        // Uniforms may refer to later passes.
         for list in root.children_named(&["pipelines"]) {
             list.children_named(&["pipeline"]).for_each(|pipeline| self.announce_passes(pipeline));
         }
@@ -222,10 +222,10 @@ impl Loader {
                 let mark = self.report.mark();
                 let mut pipeline = self.pipeline(element);
                 if pipelines.len() != runs {
-                    // It does not run unless it is asked for.
+                    // A pipeline other than the default one need not run: its errors become warnings.
                     let what = format!("pipeline `{}` cannot run", shown(&pipeline.name));
                     pipeline.broken = self.report.excuse(mark, &what);
-                    // What was said of it is no error of the others.
+                    // Shaders that failed in it may be compiled again, and reported as errors, for others.
                     self.compiled.retain(|_, program| program.is_some());
                 }
                 pipelines.push(pipeline);
@@ -238,8 +238,7 @@ impl Loader {
     }
 }
 
-/// The index of the pipeline that runs unless another is asked for: the one with `default="true"`, or that which `<pipelines default="…">`
-/// names, or the first.
+/// The index of the default pipeline: the one with `default="true"`, or the one that `<pipelines default="…">` names, or the first.
 fn default_pipeline(root: &Element) -> usize {
     let lists = || root.children_named(&["pipelines"]);
     let pipelines: Vec<&Element> = lists().flat_map(|list| list.children_named(&["pipeline"])).collect();

@@ -1,10 +1,10 @@
-//! Projects: the XML files and material libraries, read into checked and resolved data.
+//! Projects: XML files and material libraries, read into checked and resolved data.
 //!
-//! Two dialects of the format are read, the engine's of 2014 and today's. Names of elements and attributes are read in
-//! any letters' case, so most of what differs between them needs no care; the rest is both spellings side by side.
-//! Declared names are compared as written; where only the letters' case differs they are found, and a note says so.
+//! Two dialects of the format are read, the engine's of 2014 and today's. Case is ignored in names of elements and attributes,
+//! which covers most of the differences; otherwise both spellings are accepted. Declared names are case-sensitive, but if a name
+//! differs only in case it is found, and a note says so.
 //!
-//! Where a project is silent:
+//! Defaults:
 //!
 //! | what | is |
 //! |---|---|
@@ -74,15 +74,15 @@ use std::sync::Arc;
 /// A project whose references are resolved: every index below is valid.
 #[derive(Debug, Clone)]
 pub struct Project {
-    /// The file it was read from; the first scene file where it was made from scenes.
+    /// The project file; for a project made from scenes, the first scene file.
     pub path: PathBuf,
-    /// What was named to open it: the project file, a scene file, or a folder of them.
+    /// The path that was opened: a project file, a scene file, or a folder of scene files.
     pub source: PathBuf,
     /// Its name.
     pub name: String,
-    /// Window size, pixels: what a pass without a render target draws into.
+    /// Size of the window in pixels. Passes without a render target draw into the window.
     pub window: [u32; 2],
-    /// What its colours are, unless the user asks for something else.
+    /// Colour space, unless the user selects another.
     pub color: ColorSpace,
     /// Scenes.
     pub scenes: Vec<SceneDecl>,
@@ -92,38 +92,38 @@ pub struct Project {
     pub cameras: Vec<Camera>,
     /// Lights.
     pub lights: Vec<Light>,
-    /// Those of the cameras that a light has, to draw its depth map: what they see follows from another camera.
+    /// The cameras that belong to lights, for depth maps; their views follow from another camera.
     pub light_cameras: Vec<LightCamera>,
     /// Render targets of all material libraries.
     pub targets: Vec<RenderTarget>,
     /// Pipelines.
     pub pipelines: Vec<Pipeline>,
-    /// Index of the pipeline that runs unless another is asked for.
+    /// Index of the default pipeline.
     pub default_pipeline: usize,
-    /// Notes and warnings met while reading (never errors).
+    /// Notes and warnings from reading (no errors).
     pub problems: Problems,
 }
 
 /// Loads a project and its material libraries.
 ///
 /// # Errors
-/// All problems of all files, each with its place, if any of them is an error.
+/// All problems of all files, each with its place, if there is an error among them.
 pub fn load(path: &Path) -> Result<Project, Problems> {
     loader::load(path)
 }
 
-/// The scenes of a project file that could be read, though other parts of it are wrong: so that what is wrong with their files can be
-/// said at the same time.
+/// The scenes of a project file that could be read, even if other parts are in error, so that problems of the scene files can be
+/// reported at the same time.
 #[must_use]
 pub fn declared_scenes(path: &Path) -> Vec<SceneDecl> {
     loader::scenes(path)
 }
 
 impl Project {
-    /// Index of a pipeline by its name, in any letters' case; without a name, the default one.
+    /// Index of a pipeline by its name, ignoring case; without a name, the default pipeline.
     ///
     /// # Errors
-    /// What would be valid, and the nearest name; why it cannot run.
+    /// If there is no such pipeline (with the nearest name and the valid ones), or it cannot run (with the reason).
     pub fn pipeline(&self, name: Option<&str>) -> Result<usize, String> {
         let names = self.pipelines.iter().map(|pipeline| pipeline.name.as_str());
         let index = name.map_or(Ok(self.default_pipeline), |name| find("pipeline", name, names))?;
@@ -133,10 +133,10 @@ impl Project {
         }
     }
 
-    /// Index of a camera by its name, in any letters' case.
+    /// Index of a camera by its name, ignoring case.
     ///
     /// # Errors
-    /// What would be valid, and the nearest name.
+    /// If there is no such camera; the message gives the nearest name and the valid ones.
     pub fn camera(&self, name: &str) -> Result<usize, String> {
         find("camera", name, self.cameras.iter().map(|camera| camera.name.as_str()))
     }
@@ -156,19 +156,19 @@ fn find<'a>(what: &'static str, name: &str, valid: impl Iterator<Item = &'a str>
 pub struct SceneDecl {
     /// Name.
     pub name: String,
-    /// Files, resolved against the project's folder; they may not exist (the loader says so).
+    /// Files, relative paths resolved against the project's folder. They may not exist; the scene loader reports that.
     pub files: Vec<SceneFile>,
-    /// A scene that was made in memory, in the place of files.
+    /// A scene made in memory, in place of files.
     pub memory: Option<Arc<Scene>>,
     /// `<geometry>` primitives.
     pub shapes: Vec<Shape>,
-    /// Where the first exact sphere is declared: `project.xml:12:17`, for messages. `None` where no primitive is one.
+    /// Where the first exact sphere is declared, for messages: `project.xml:12:17`. `None` if there is none.
     pub exact: Option<String>,
-    /// What places all of it in the world: `<TRANSLATE>`, `<ROTATE>`, `<SCALE>`.
+    /// Placement in the world: `<TRANSLATE>`, `<ROTATE>`, `<SCALE>`.
     pub place: Placement,
-    /// `param="SWAP_YZ"`: y and z are exchanged (z negated), for models with z up.
+    /// `param="SWAP_YZ"`: maps `(x, y, z)` to `(x, z, -y)`, for models with z up.
     pub swap_yz: bool,
-    /// `param="UNITIZE"`: centred at the origin and scaled into [-1, 1].
+    /// `param="UNITIZE"`: centres the scene at the origin and scales it into [-1, 1].
     pub unitize: bool,
 }
 
@@ -176,7 +176,7 @@ impl SceneDecl {
     /// Reads its files and adds its primitives.
     ///
     /// # Errors
-    /// As [`scene::load`]; primitives that need more memory than allowed.
+    /// As [`scene::load`], or if the primitives need more memory than allowed.
     pub fn load(&self, options: &LoadOptions, progress: &dyn Fn(LoadProgress<'_>)) -> Result<Scene, SceneError> {
         let files: Vec<PathBuf> = self.files.iter().map(|file| file.path.clone()).collect();
         let mut scene = match &self.memory {
@@ -188,14 +188,14 @@ impl SceneDecl {
         Ok(scene)
     }
 
-    /// Where its first exact sphere is declared; `None` without any. What a scene made in memory has counts.
+    /// Where its first exact sphere is declared; `None` without one. A scene made in memory may have exact spheres too.
     #[must_use]
     pub fn exact_sphere(&self) -> Option<&str> {
         let in_memory = self.memory.as_ref().filter(|scene| !scene.spheres.is_empty());
         self.exact.as_deref().or(in_memory.map(|_| self.name.as_str()))
     }
 
-    /// How it is made ready: as `options` say, and turned, fitted and placed as the project does.
+    /// Options to build the scene: `options`, with the project's axes, fitting and placement.
     #[must_use]
     pub fn build_options(&self, options: BuildOptions) -> BuildOptions {
         BuildOptions { swap_yz: self.swap_yz, unitize: self.unitize, transform: self.place.matrix(), ..options }
@@ -216,16 +216,16 @@ pub struct SceneFile {
 pub struct Viewport {
     /// Name.
     pub name: String,
-    /// Left and bottom edge: a fraction of the target up to 1, pixels above.
+    /// Left and bottom edge: values up to 1 are fractions of the target, larger ones pixels.
     pub origin: [f32; 2],
-    /// Width and height: a fraction of the target up to 1, pixels above.
+    /// Width and height: values up to 1 are fractions of the target, larger ones pixels.
     pub size: [f32; 2],
     /// Clear colour.
     pub clear_color: Vec4,
 }
 
-/// The sides of what a camera without perspective sees, in world units from its axis; `left < right`, `bottom < top`. They are stretched over
-/// the viewport, whatever its shape.
+/// Sides of the box that an orthographic camera sees, in world units from its axis; `left < right`, `bottom < top`. The box is
+/// stretched to the viewport, whatever its aspect ratio.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Orthographic {
     /// Along the camera's right vector.
@@ -243,7 +243,7 @@ pub struct Orthographic {
 pub struct Camera {
     /// Name.
     pub name: String,
-    /// Position, world, with the digits of the file.
+    /// Position in world space, in `f64` as in the file.
     pub position: DVec3,
     /// Unit viewing direction.
     pub direction: Vec3,
@@ -255,24 +255,24 @@ pub struct Camera {
     pub near: f32,
     /// Far plane distance, above [`Self::near`].
     pub far: f32,
-    /// What it sees where it has no perspective; the angle then means nothing.
+    /// The orthographic projection, if it is one; [`Self::fov_y`] is then unused.
     pub orthographic: Option<Orthographic>,
     /// Index of its viewport, used by passes that name none.
     pub viewport: Option<usize>,
 }
 
-/// A camera without perspective that sees, in the direction of a light, what another camera sees between two distances.
+/// An orthographic camera that looks in the direction of a light and covers another camera's view between two distances.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct LightCamera {
-    /// Index into [`Project::cameras`]: the camera that it is. Its place and shape are decided by the plan.
+    /// Index into [`Project::cameras`] of this camera. The plan decides its position and size.
     pub camera: usize,
-    /// Index of the light, which has a direction.
+    /// Index of the light, which is directional.
     pub light: usize,
     /// Index of the camera whose view it covers.
     pub covers: usize,
-    /// From which distance on; [`Camera::near`] of that camera if `None`.
+    /// Near distance of the covered part; [`Camera::near`] of the covered camera if `None`.
     pub from: Option<f32>,
-    /// Up to which distance; [`Camera::far`] of that camera if `None`.
+    /// Far distance of the covered part; [`Camera::far`] of the covered camera if `None`.
     pub to: Option<f32>,
 }
 
@@ -281,9 +281,9 @@ pub struct LightCamera {
 pub struct Light {
     /// Name.
     pub name: String,
-    /// Unit direction in which the light travels; `None` for a light that has only a position.
+    /// Unit direction in which the light travels; `None` for a light with only a position.
     pub direction: Option<Vec3>,
-    /// Where it is, world; `None` for a light that has only a direction.
+    /// Position in world space; `None` for a light with only a direction.
     pub position: Option<DVec3>,
     /// Colour (`COLOR`, `DIFFUSE`).
     pub color: Vec3,
@@ -298,7 +298,7 @@ pub struct RenderTarget {
     pub name: String,
     /// Declared size, pixels.
     pub size: [u32; 2],
-    /// What the colour is cleared to before a pass draws into it.
+    /// Clear value of the colour.
     pub clear_color: Vec4,
     /// Of a storage buffer its bytes: its only channel holds them, 16 a pixel. `None` of what passes draw into.
     pub buffer: Option<u64>,
@@ -317,15 +317,15 @@ impl RenderTarget {
 /// A colour channel of a render target.
 #[derive(Debug, Clone)]
 pub struct Channel {
-    /// Name: the texture that later passes read.
+    /// Name, by which later passes read it as a texture.
     pub name: String,
     /// Declared storage.
     pub format: PixelFormat,
-    /// Whether it is the target's depth, which only passes write that own shaders draw all of.
+    /// Whether it is the target's depth. Only passes that draw everything with own shaders write it.
     pub depth: bool,
 }
 
-/// A channel of a render target.
+/// Reference to a channel of a render target.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub struct ChannelRef {
     /// Index into [`Project::targets`].
@@ -339,31 +339,31 @@ pub struct ChannelRef {
 pub struct Pipeline {
     /// Name.
     pub name: String,
-    /// Index of the camera of passes that name none.
+    /// Index of the default camera of its passes.
     pub camera: Option<usize>,
     /// Passes, in order.
     pub passes: Vec<Pass>,
-    /// Why it cannot run: what is wrong with its first pass that could not be read, which then is not among the passes. Never of the default
-    /// pipeline.
+    /// Why the pipeline cannot run: the error of its first pass that could not be read, which is missing in the list. Always `None`
+    /// for the default pipeline.
     pub broken: Option<String>,
 }
 
 /// A pass.
 #[derive(Debug, Clone)]
 pub struct Pass {
-    /// Name: the key of its timing row and of `--set`.
+    /// Name, as in the table of times and in `--set`.
     pub name: String,
-    /// `project.xml:52:13`, for messages.
+    /// Place in the file, for messages: `project.xml:52:13`.
     pub place: String,
-    /// Index of the viewport it names.
+    /// Index of the pass's own viewport.
     pub viewport: Option<usize>,
     /// Index of the render target; `None` is the window.
     pub target: Option<usize>,
-    /// What it does.
+    /// Kind and details.
     pub kind: PassKind,
 }
 
-/// What a pass does.
+/// Kind and details of a pass.
 #[derive(Debug, Clone)]
 pub enum PassKind {
     /// `class="default"`.
@@ -377,7 +377,7 @@ pub enum PassKind {
 }
 
 impl PassKind {
-    /// How many channels of its target a pass writes, from the first.
+    /// Number of channels of its target that a pass writes, counted from the first.
     #[must_use]
     pub fn channels_written(&self) -> usize {
         match self {
@@ -386,7 +386,7 @@ impl PassKind {
         }
     }
 
-    /// Of a target with these channels, how many a pass writes, from the first.
+    /// Number of channels of `target` that the pass writes, counted from the first.
     #[must_use]
     pub fn channels_of(&self, target: &RenderTarget) -> usize {
         let keeps_depth = matches!(self, Self::Raster(raster) if raster.is_all_own());
@@ -394,7 +394,7 @@ impl PassKind {
         channels.min(self.channels_written())
     }
 
-    /// What the program of a ray or effect pass writes; an effect writes what its counterpart by rays does.
+    /// The kind of output of a ray or effect pass; an effect writes the same as its ray counterpart.
     #[must_use]
     pub fn writes(&self) -> Option<Writes> {
         match self {
@@ -416,70 +416,70 @@ pub struct RasterPass {
     pub camera: usize,
     /// Index of the first light, if any.
     pub light: Option<usize>,
-    /// What runs per pixel.
+    /// The program that runs per fragment.
     pub program: RasterProgram,
-    /// Colours put in the place of materials' own, applied in order.
+    /// Colour maps that replace colours of materials, applied in order.
     pub colors: Vec<ColorMap>,
-    /// The project's own shaders, which run instead; of several that fit a material the last one counts.
+    /// Own shaders of the project, which run instead of the program. If several match a material, the last one applies.
     pub shaders: Vec<ShaderMap>,
 }
 
-/// An own shader of the project, and what it is for.
+/// An own shader of the project and its materials.
 #[derive(Debug, Clone)]
 pub struct ShaderMap {
-    /// For which materials.
+    /// The materials that it draws.
     pub to: MaterialPattern,
-    /// What runs.
+    /// The shader.
     pub shader: Arc<OwnShader>,
 }
 
-/// A compiled shader of the project's own, and what it is given.
+/// A compiled own shader of the project, and its inputs.
 #[derive(Debug, Clone, PartialEq)]
 pub struct OwnShader {
-    /// Its material: `Library::material`.
+    /// Name of the library material that contains it: `Library::material`.
     pub name: String,
-    /// `project.xml:52:13`: where a pass names it, for messages.
+    /// Where a pass names it, for messages: `project.xml:52:13`.
     pub place: String,
-    /// What runs.
+    /// The compiled program.
     pub program: Arc<glsl::Program>,
-    /// By block and member of the program: what a uniform is given; `None` for what it has by itself.
+    /// Values of uniforms, by block and member; `None` keeps the uniform's own default.
     pub values: Vec<Vec<Option<glsl::Value>>>,
-    /// By sampler of the program.
+    /// Texture of each sampler.
     pub textures: Vec<ShaderTexture>,
     /// By buffer of the program: what is bound, an index into [`Project::targets`].
     pub storage: Vec<usize>,
     /// Textures that are bound; `None` where it is the scene's material that binds them.
     pub bound: Option<u32>,
-    /// Textures that are bound beside those of the scene's material.
+    /// Number of textures bound in addition to those of the scene's material.
     pub injected: u32,
     /// How its triangles are drawn.
     pub drawn: glsl::Drawn,
 }
 
 impl RasterPass {
-    /// The own shader that draws a material, by its index.
+    /// Index of the own shader that draws a material; `None` if none does.
     #[must_use]
     pub fn own_shader(&self, material: &str) -> Option<usize> {
         self.shaders.iter().rposition(|map| map.to.matches(material))
     }
 
-    /// Whether own shaders draw all that it draws.
+    /// Whether own shaders draw all materials.
     #[must_use]
     pub fn is_all_own(&self) -> bool {
         self.shaders.iter().any(|map| map.to == MaterialPattern::All)
     }
 }
 
-/// What a sampler of an own shader reads.
+/// The texture of a sampler of an own shader.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum ShaderTexture {
     /// The texture of the scene's material.
     Material,
     /// An image file.
     File(PathBuf),
-    /// What an earlier pass wrote; in quad passes.
+    /// A channel that an earlier pass wrote; for samplers in quad passes.
     Channel(ChannelRef),
-    /// Nothing is bound: black and opaque, as OpenGL has it.
+    /// No texture: reads opaque black, as in OpenGL.
     Nothing,
 }
 
@@ -490,11 +490,11 @@ const PLAIN: &str = "default";
 /// Which materials a map is for.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum MaterialPattern {
-    /// `*`.
+    /// `*`: all materials.
     All,
     /// One name. `DefaultOBJMaterial` is also the material of OBJ triangles that name none.
     Named(String),
-    /// Names that begin so.
+    /// All names with this beginning.
     Beginning(String),
 }
 
@@ -510,22 +510,22 @@ impl MaterialPattern {
     }
 }
 
-/// Colours that replace a material's own (`injectionMaps`, `materialMaps`). `None` leaves one as it is.
+/// Colours that replace those of a material (`injectionMaps`, `materialMaps`). `None` keeps the material's own.
 #[derive(Debug, Clone)]
 pub struct ColorMap {
-    /// For which materials.
+    /// The materials.
     pub to: MaterialPattern,
     /// New diffuse colour.
     pub diffuse: Option<Vec4>,
     /// New emission.
     pub emission: Option<Vec4>,
-    /// What own shaders alone read.
+    /// Colours that only own shaders read.
     pub phong: PhongMap,
-    /// Whether the material's texture is dropped too (a `materialMaps` entry replaces the whole material).
+    /// Whether the texture is removed too: a `materialMaps` entry replaces the whole material.
     pub drops_texture: bool,
 }
 
-/// Other colours of a [`ColorMap`], which own shaders alone read. `None` leaves one as it is.
+/// Further colours of a [`ColorMap`], which only own shaders read. `None` keeps the material's own.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct PhongMap {
     /// New ambient colour.
@@ -536,66 +536,66 @@ pub struct PhongMap {
     pub shininess: Option<f32>,
 }
 
-/// What a pass has whose rays start at the camera.
+/// Properties of a pass whose rays start at the camera.
 #[derive(Debug, Clone)]
 pub struct CameraStart {
-    /// What rays do at which materials; of several that fit the last one counts.
+    /// How rays behave at which materials. If several patterns match, the last one applies.
     pub surfaces: Vec<(MaterialPattern, SurfaceKind)>,
-    /// Whether the light shines from its place, and not along its direction.
+    /// Whether the light is a point light instead of a directional one.
     pub lamp: bool,
-    /// Why the program was taken; empty where the project names it.
+    /// Why this program was chosen; empty if the project names it.
     pub why: String,
 }
 
 /// Traces rays, from a G-buffer or from the camera.
 #[derive(Debug, Clone)]
 pub struct RayPass {
-    /// Indices of the scenes that rays meet.
+    /// Indices of the scenes that rays can hit.
     pub scenes: Vec<usize>,
     /// Index of the camera.
     pub camera: usize,
     /// Index of the first light, if any.
     pub light: Option<usize>,
-    /// What runs per pixel.
+    /// The program that runs per pixel.
     pub program: RayProgram,
-    /// Its constants, after the XML's attributes.
+    /// Constants of the program, with the XML's attributes applied.
     pub params: RayParams,
-    /// What `pos_buffer` reads.
+    /// The channel bound to `pos_buffer`.
     pub position: Option<ChannelRef>,
-    /// What `norm_buffer` reads.
+    /// The channel bound to `norm_buffer`.
     pub normal: Option<ChannelRef>,
-    /// What `color_buffer` reads.
+    /// The channel bound to `color_buffer`.
     pub color: Option<ChannelRef>,
-    /// Colours that replace those of the materials hit.
+    /// Colour maps that replace colours of the hit materials.
     pub colors: Vec<ColorMap>,
     /// Materials on which rays bounce (`closest_hit_glass`).
     pub glass: Vec<MaterialPattern>,
     /// Materials through which shadow rays pass (`any_hit_shadow_glass`).
     pub shadow_glass: Vec<MaterialPattern>,
-    /// What a program reads whose rays start at the camera; `None` for one that starts from a G-buffer.
+    /// Properties of a pass whose rays start at the camera; `None` for rays from a G-buffer.
     pub from_camera: Option<CameraStart>,
 }
 
-/// Computes by raster what a ray pass computes by rays, from the same G-buffer.
+/// Computes by rasterisation what a ray pass computes by tracing rays, from the same G-buffer.
 #[derive(Debug, Clone)]
 pub struct EffectPass {
     /// Indices of the scenes that its maps show.
     pub scenes: Vec<usize>,
-    /// Index of the camera: the one that the G-buffer was drawn with.
+    /// Index of the camera with which the G-buffer was drawn.
     pub camera: usize,
     /// Index of the first light, if any.
     pub light: Option<usize>,
-    /// What runs per pixel.
+    /// The program that runs per pixel.
     pub program: EffectProgram,
-    /// Its constants, after the XML's attributes.
+    /// Constants of the program, with the XML's attributes applied.
     pub params: EffectParams,
-    /// What `pos_buffer` reads.
+    /// The channel bound to `pos_buffer`.
     pub position: Option<ChannelRef>,
-    /// What `norm_buffer` reads.
+    /// The channel bound to `norm_buffer`.
     pub normal: Option<ChannelRef>,
-    /// What `color_buffer` reads.
+    /// The channel bound to `color_buffer`.
     pub color: Option<ChannelRef>,
-    /// Colours that replace those of the materials that maps show.
+    /// Colour maps that replace colours of the materials in maps.
     pub colors: Vec<ColorMap>,
     /// Materials that are glass.
     pub glass: Vec<MaterialPattern>,
@@ -604,7 +604,7 @@ pub struct EffectPass {
 /// Fills a viewport from textures.
 #[derive(Debug, Clone)]
 pub struct QuadPass {
-    /// What it shows.
+    /// Source of the pixels.
     pub source: QuadSource,
     /// The own shader of [`QuadSource::Own`].
     pub shader: Option<Arc<OwnShader>>,
@@ -632,18 +632,18 @@ impl QuadPass {
     }
 }
 
-/// What a quad pass shows.
+/// Source of a quad pass's pixels.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum QuadSource {
-    /// One channel.
+    /// A single channel.
     Show(ChannelRef),
-    /// Unit 0 times the `x` of unit 1.
+    /// Texture unit 0 times the `x` of texture unit 1.
     Combine {
-        /// Unit 0.
+        /// Channel of unit 0.
         color: ChannelRef,
-        /// Unit 1.
+        /// Channel of unit 1.
         factor: ChannelRef,
     },
-    /// What [`QuadPass::shader`] makes of the textures that it samples.
+    /// The result of [`QuadPass::shader`].
     Own,
 }

@@ -1,23 +1,23 @@
-//! Whether what passes read has been written, by the pipeline's order.
+//! Checks that channels are written before they are read, in the order of the pipeline.
 
 use super::ChannelRef;
 use super::loader::Loader;
 use super::report::{Span, shown};
 use std::collections::HashMap;
 
-/// What a pass reads and writes.
+/// Reads and writes of a pass.
 pub(super) struct Facts {
     /// Its name.
     pub name: String,
-    /// Where it stands.
+    /// Place of the pass in the file.
     pub span: Span,
-    /// Channels read, and where the file says so.
+    /// Channels that it reads, each with the place in the file that says so.
     pub reads: Vec<(ChannelRef, Span)>,
-    /// Its render target, how many channels of colours that has, and where the file says so.
+    /// Its render target, the target's number of colour channels, and the place in the file that names it.
     target: Option<(usize, usize, Span)>,
-    /// How many of the target's colours it writes, from the first.
+    /// Number of the target's colours that it writes, counted from the first.
     writes: usize,
-    /// Whether it leaves the depth, in the channel behind the colours.
+    /// What happens to the target's depth, in the channel after the colours.
     depth: Kept,
     /// Storage buffers that it stores to.
     stores: Vec<ChannelRef>,
@@ -25,14 +25,14 @@ pub(super) struct Facts {
     pub one_size: bool,
 }
 
-/// What a pass does to the depth of its target.
+/// Effect of a pass on the depth of its target.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Kept {
     /// It draws no triangles.
     Untouched,
-    /// It leaves it where later passes can read it.
+    /// It writes the depth, so that later passes can read it.
     Written,
-    /// It draws by other shaders than own ones, which do not leave it.
+    /// It draws some triangles without own shaders, so the depth is not kept.
     Lost,
 }
 
@@ -46,23 +46,23 @@ impl Facts {
         self.target = target.map(|target| (target, colors, at));
     }
 
-    /// The target, and where the file names it, if it has no channel of colours.
+    /// The target, and the place that names it, if it has no colour channels.
     pub fn colorless(&self) -> Option<(usize, Span)> {
         self.target.filter(|(_, colors, _)| *colors == 0).map(|(target, _, at)| (target, at))
     }
 
-    /// The depth of the target that own shaders leave: its channel.
+    /// The channel of the target's depth, if own shaders write it.
     pub fn depth_channel(&self) -> Option<ChannelRef> {
         let depth = self.target.filter(|_| self.depth == Kept::Written);
         depth.map(|(target, channel, _)| ChannelRef { target, channel })
     }
 
-    /// The pass draws triangles, all of them by own shaders or not.
+    /// Records that the pass draws triangles, and whether own shaders draw all of them.
     pub fn draws(&mut self, all_own: bool) {
         self.depth = if all_own { Kept::Written } else { Kept::Lost };
     }
 
-    /// The pass writes at most the first `count` channels of its target.
+    /// Records that the pass writes at most the first `count` channels of its target.
     pub fn writes_first(&mut self, count: usize) {
         self.writes = count;
     }
@@ -87,7 +87,7 @@ impl Facts {
 }
 
 impl Loader {
-    /// Reports reads of what no earlier pass writes, passes that read their own target, and sizes that differ.
+    /// Reports reads of channels that no earlier pass writes, passes that read their own target, and sizes that differ.
     pub fn check_order(&mut self, passes: &[Facts]) {
         // The first writer of each channel.
         let mut writers: HashMap<ChannelRef, usize> = HashMap::new();

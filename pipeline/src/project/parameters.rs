@@ -1,4 +1,4 @@
-//! What passes that run one program per pixel have in common: parameters in their attributes, and input buffers.
+//! Common parts of passes that run one program per pixel: parameters in attributes, and input buffers.
 
 use super::ChannelRef;
 use super::loader::Loader;
@@ -6,23 +6,23 @@ use super::passes::PassContext;
 use super::report::{shown, suggest};
 use crate::programs::ParamInfo;
 
-/// Variables that buffers are bound to: position, normal, colour.
+/// Variables that channels are bound to: position, normal, colour.
 const BUFFERS: [&str; 3] = ["pos_buffer", "norm_buffer", "color_buffer"];
 
-/// A program as its table describes it.
+/// A program's entry in its table.
 #[derive(Clone, Copy)]
 pub(super) struct Reads<'a> {
     /// Its name.
     pub name: &'a str,
-    /// Buffers that it reads.
+    /// Buffers that the program reads.
     pub buffers: &'a [&'static str],
-    /// Parameters that it reads.
+    /// Parameters that the program reads.
     pub params: &'a [&'static str],
 }
 
 impl Loader {
-    /// The attributes of the pass element besides name and class; `set` takes each in small letters. Says whether all are
-    /// valid.
+    /// Reads the attributes of the pass element other than name and class. `set` is called for each, with its name in lower case.
+    /// Returns whether all are valid.
     pub fn parameters(
         &mut self,
         context: &PassContext<'_>,
@@ -33,7 +33,7 @@ impl Loader {
         let mut whole = true;
         for attribute in &context.element.attributes {
             let name = attribute.name.to_ascii_lowercase();
-            // Of ray passes; an effect pass names its program by an element.
+            // Ray passes without buffers name their program in an attribute; effect passes use an element.
             let is_program = name == "program" && program.is_some_and(|program| program.buffers.is_empty());
             if ["name", "class"].contains(&name.as_str()) || is_program {
                 continue;
@@ -59,7 +59,8 @@ impl Loader {
         whole
     }
 
-    /// What the element `names` binds to position, normal and colour. All must be there that the program reads.
+    /// The channels that the element `names` binds to position, normal and colour. It is an error if one that the program reads is
+    /// missing.
     pub fn inputs(
         &mut self,
         context: &mut PassContext<'_>,

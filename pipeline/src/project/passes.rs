@@ -1,4 +1,4 @@
-//! Pipelines and what passes of every class have: scenes, camera, lights, viewport, render target, material maps.
+//! Pipelines, and the common parts of passes of every class: scenes, camera, lights, viewport, render target, material maps.
 
 use super::dom::{Element, Value};
 use super::libraries::{Binding, LibraryMaterial};
@@ -23,38 +23,38 @@ fn is_class(name: &str) -> bool {
 
 /// An entry of `<materialMaps>`.
 pub(super) struct MaterialMap {
-    /// Which materials are replaced.
+    /// The materials that are replaced.
     pub to: MaterialPattern,
-    /// Index of the library of the new one.
+    /// Index of the replacement's library.
     pub library: usize,
-    /// The new one.
+    /// The replacement.
     pub material: Rc<LibraryMaterial>,
-    /// Where it is named.
+    /// Place in the file.
     pub at: Span,
 }
 
-/// A shader that `<injectionMaps>` gives to materials.
+/// A shader that `<injectionMaps>` assigns to materials.
 pub(super) struct InjectedShader {
-    /// Which materials run it.
+    /// The materials that it draws.
     pub to: MaterialPattern,
-    /// Index of the library that it is of.
+    /// Index of its library.
     pub library: usize,
-    /// The material whose shader and values it is.
+    /// The library material that provides the shader and its values.
     pub material: Rc<LibraryMaterial>,
-    /// Texture units and what is bound to them beside the scene's texture.
+    /// Textures bound in addition to the scene's texture.
     pub textures: Vec<Binding>,
-    /// Where it is named.
+    /// Place in the file.
     pub at: Span,
 }
 
 /// The pass being read.
 pub(super) struct PassContext<'e> {
     pub element: &'e Element,
-    /// Its name, for messages.
+    /// Name of the pass, for messages.
     pub name: String,
-    /// The pipeline's default camera; `None` if that could not be resolved.
+    /// The pipeline's default camera; outer `None` if it could not be resolved.
     pub default_camera: Option<Option<usize>>,
-    /// What it reads and writes.
+    /// Its reads and writes.
     pub facts: Facts,
 }
 
@@ -93,7 +93,7 @@ impl Loader {
         Pipeline { name, camera: default_camera.flatten(), passes, broken: None }
     }
 
-    /// Whether a pass draws nothing here: it writes the engine's times over the picture, or only runs scripts. A warning says so.
+    /// Whether a pass has no effect here: it only writes the engine's times over the picture, or runs scripts. A warning says so.
     fn shows_nothing(&mut self, pass: &Element) -> bool {
         let Some(class) = pass.attribute("class") else { return false };
         let what = if class.text.eq_ignore_ascii_case("profiler") {
@@ -125,13 +125,13 @@ impl Loader {
             _ => {
                 let message = format!("pass `{}` is of class `{}`", shown(&context.name), class.shown());
                 self.report.error_help(class.span, message, || suggest(&class.text, CLASSES));
-                // Whatever it does, later passes may read its target.
+                // The pass is unknown, so assume that it writes everything: later passes may read its target.
                 context.facts.writes_all();
                 None
             }
         };
         let mut kind = kind;
-        // What own shaders alone read is kept where there are some.
+        // Phong colours are kept only if own shaders read them.
         let unread = match &mut kind {
             Some(PassKind::Raster(raster)) if raster.shaders.is_empty() => &mut raster.colors[..],
             Some(PassKind::Ray(ray)) => &mut ray.colors[..],
@@ -155,12 +155,12 @@ impl Loader {
         let Some(element) = self.single(context.element, &["renderTarget"]) else { return Some(None) };
         let target = self.find_target(element);
         let at = Self::span_or(element.attribute("name"), element);
-        // A pass of a class that is not run may well write depth only.
+        // A pass of an unsupported class may write only depth.
         let runs = context.element.attribute("class").is_some_and(|class| is_class(&class.text));
         let colors = target.map_or(0, |target| {
             self.libraries.targets[target].channels.iter().filter(|channel| !channel.depth).count()
         });
-        // Whether the depth alone is drawn is known once the shaders are.
+        // Whether only the depth is drawn is known once the shaders are read.
         let draws = ["default", "depthmap", "depthmap2"];
         let class = context.element.attribute("class");
         let draws = class.is_some_and(|class| draws.iter().any(|name| class.text.eq_ignore_ascii_case(name)));
@@ -174,7 +174,7 @@ impl Loader {
         target.map(Some)
     }
 
-    /// Checks the attributes of a pass without parameters.
+    /// Reports attributes of a pass class that has no parameters.
     pub fn no_parameters(&mut self, context: &PassContext<'_>, class: &str) {
         for attribute in &context.element.attributes {
             let name = attribute.name.to_ascii_lowercase();
@@ -253,7 +253,7 @@ impl Loader {
         scenes
     }
 
-    /// Whether what a pass names among its scenes is a camera: the engine draws the lines of what it sees. A warning says that they are left
+    /// Whether an entry of a pass's scenes names a camera: the engine draws its frustum as lines. A warning says that it is left
     /// out.
     fn is_camera(&mut self, reference: &Element) -> bool {
         let Some(name) = reference.attribute("name").or(reference.text.as_ref()) else { return false };
@@ -266,7 +266,7 @@ impl Loader {
         true
     }
 
-    /// The camera of a pass, or else its pipeline's.
+    /// The camera of a pass, or else that of its pipeline.
     pub fn pass_camera(&mut self, context: &PassContext<'_>) -> Option<usize> {
         if let Some(reference) = self.single(context.element, &["camera"]) {
             let name = self.reference(reference)?;
@@ -280,7 +280,7 @@ impl Loader {
         default
     }
 
-    /// The first light of a pass, with the place of its name. `None` if it could not be resolved.
+    /// The first light of a pass, with the place of its name. Outer `None` if it could not be resolved.
     pub fn pass_light(&mut self, context: &PassContext<'_>) -> Option<Option<(usize, Span)>> {
         let mut light = Some(None);
         let mut count = 0;
@@ -304,7 +304,7 @@ impl Loader {
         light
     }
 
-    /// Reports a light without a direction where a program needs one.
+    /// Reports a light without a direction if the program needs one.
     pub fn need_direction(&mut self, light: Option<(usize, Span)>, program: &str) -> bool {
         let Some((index, at)) = light else { return true };
         let Some(light) = &self.lights.items[index] else { return true };
@@ -316,7 +316,7 @@ impl Loader {
         true
     }
 
-    /// Which materials a map is for: `*` or a name.
+    /// Parses a material pattern: `*` or a name.
     pub fn material_pattern(&mut self, value: &Value) -> Option<MaterialPattern> {
         match value.text.as_str() {
             "*" => Some(MaterialPattern::All),
@@ -330,7 +330,7 @@ impl Loader {
         }
     }
 
-    /// The `<map>` elements of `<materialMaps>`: with what each maps.
+    /// Reads the `<map>` elements of `<materialMaps>`.
     pub fn material_maps(&mut self, pass: &Element) -> Option<Vec<MaterialMap>> {
         let mut maps = Some(Vec::new());
         for list in pass.children_named(&["materialMaps"]) {
@@ -350,7 +350,7 @@ impl Loader {
         maps
     }
 
-    /// The colours of `<materialMaps>`: whole materials are replaced.
+    /// Adds the colours of `<materialMaps>`, whose entries replace whole materials.
     pub fn mapped_colors(&mut self, maps: &[MaterialMap], colors: &mut Vec<ColorMap>) {
         for &MaterialMap { ref to, library, ref material, at } in maps {
             if !material.textures.is_empty() && !self.is_own_shader(library, material) {
@@ -371,7 +371,7 @@ impl Loader {
         }
     }
 
-    /// The `<map>` elements of `<injectionMaps>`: colours, and the materials whose shaders are injected.
+    /// Reads the `<map>` elements of `<injectionMaps>`: colours, and injected shaders.
     pub fn injection_maps(&mut self, pass: &Element, colors: &mut Vec<ColorMap>) -> Option<Vec<InjectedShader>> {
         const UNREAD: &[&str] = &["textures", "imageTextures", "buffers", "state"];
         let mut shaders = Some(Vec::new());
@@ -414,7 +414,7 @@ impl Loader {
         shaders
     }
 
-    /// What `<textures>` of an injection binds beside the scene's texture.
+    /// The textures that the `<textures>` of an injection bind in addition to the scene's texture.
     fn injected_textures(&mut self, map: &Element) -> Option<Vec<Binding>> {
         let mut found = Some(Vec::new());
         for list in map.children_named(&["textures"]) {
@@ -429,7 +429,7 @@ impl Loader {
         found
     }
 
-    /// The material that `fromMaterial` and `fromLibrary` name.
+    /// The library material that `fromMaterial` and `fromLibrary` name.
     pub fn source_material(&mut self, element: &Element) -> Option<(usize, Rc<LibraryMaterial>)> {
         let (name, library) = (self.required(element, "fromMaterial"), self.required(element, "fromLibrary"));
         self.find_material(library?, name?)
@@ -454,7 +454,7 @@ impl Loader {
         Some((diffuse?.then_some(material.diffuse), emission?.then_some(material.emission), phong))
     }
 
-    /// Stem and name of a material's shader.
+    /// Name and stem of a material's shader.
     pub fn shader_of(&self, library: usize, material: &LibraryMaterial) -> Option<(String, String)> {
         let shader = &self.libraries.get(library).shaders[material.shader?];
         Some((shader.name.clone(), shader.stem.clone()))

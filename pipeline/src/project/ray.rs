@@ -1,4 +1,4 @@
-//! Ray passes: which program runs, and whether the pass hands it all that it reads.
+//! Reading ray passes: their program, and checks that the pass hands over all inputs of the program.
 
 use super::dom::{Element, Value};
 use super::file;
@@ -10,14 +10,14 @@ use super::report::{Span, shown, suggest};
 use super::{MaterialPattern, RayPass};
 use crate::programs::{PARAMS, PROCS, RAY_PROGRAMS, RayParams, RayProgramInfo, Sampler, procs_of_kind};
 
-/// Programs that make a material glass.
+/// Device programs that make a material glass, for radiance and for shadow rays.
 const GLASS: &str = "closest_hit_glass";
 const SHADOW_GLASS: &str = "any_hit_shadow_glass";
 
-/// Kinds of device programs that a material may name.
+/// Kinds of device programs that a material may have.
 const KINDS: [&str; 3] = ["Closest_Hit", "Any_Hit", "Miss"];
 
-/// Kinds that mean nothing in a material.
+/// Kinds of device programs that have no meaning in a material.
 const OTHER_KINDS: [&str; 4] = ["RayGen", "Exception", "Geometry_Intersection", "Bounding_Box"];
 
 pub(super) const ENTRY_POINT: &[&str] = &["optixEntryPoint", "rtEntryPoint"];
@@ -28,7 +28,7 @@ pub(super) const GEOMETRY: &[&str] = &["optixGeometryProgram", "rtGeometryProgra
 pub(super) const PROGRAM: &[&str] = &["optixProgram", "rtProgram"];
 pub(super) const INPUT: &[&str] = &["optixInput", "rtInput"];
 
-/// A program that a material names.
+/// A device program that a material names.
 struct Proc<'e> {
     kind: &'e Value,
     ray: &'e Value,
@@ -111,7 +111,7 @@ impl Loader {
         self.expect_children(element, &valid);
     }
 
-    /// The program that file stem and `proc` of the ray-generation program select.
+    /// The program that is selected by file stem and `proc` of the ray-generation program.
     fn ray_program(&mut self, context: &PassContext<'_>) -> Option<&'static RayProgramInfo> {
         let element = context.element;
         let pass = shown(&context.name);
@@ -157,7 +157,7 @@ impl Loader {
         found
     }
 
-    /// The program's parameters, from the attributes of the pass element.
+    /// The program's parameters, from attributes of the pass element.
     fn ray_params(&mut self, context: &PassContext<'_>, info: Option<&RayProgramInfo>) -> Option<RayParams> {
         let mut params = RayParams::default();
         let whole = self.parameters(context, info.map(reads), PARAMS, |name, value| params.set(name, value));
@@ -174,7 +174,7 @@ impl Loader {
         whole.then_some(params)
     }
 
-    /// Whether the programs beside those of materials and the ray-generation program are there: for exceptions and triangles.
+    /// Checks the remaining device programs, for exceptions and triangle intersection.
     fn other_procs(&mut self, element: &Element, info: &RayProgramInfo) -> bool {
         let containers = element.children.iter().filter(|child| child.is(ENTRY_POINT) || child.is(GEOMETRY));
         let mut whole = true;
@@ -198,7 +198,7 @@ impl Loader {
         whole
     }
 
-    /// Whether a file is the one of the pass's program.
+    /// Whether a file is that of the pass's program; otherwise it is an error.
     fn is_of_program(&mut self, path: &Value, info: &RayProgramInfo) -> bool {
         let same = file::stem(path).eq_ignore_ascii_case(info.stem);
         if !same {
@@ -210,7 +210,7 @@ impl Loader {
         same
     }
 
-    /// Whether the program's file has a device program of this type and name, called or not.
+    /// Whether the program's file contains a device program of this type and name, called or not.
     fn has_proc(&mut self, kind: &str, proc: &Value, info: &RayProgramInfo) -> bool {
         let names = procs_of_kind(kind);
         let known = names.is_some_and(|names| names.contains(&proc.text.as_str()));
@@ -224,7 +224,7 @@ impl Loader {
         known
     }
 
-    /// The programs in a material, of one ray type or with a ray type each.
+    /// The device programs in a material, which have one common ray type or each their own.
     fn procs<'e>(&mut self, container: &'e Element, info: &RayProgramInfo) -> Option<Vec<Proc<'e>>> {
         self.stray_text(container);
         self.expect_children(container, &[PROGRAM, &["rayType"]].concat());
@@ -250,7 +250,7 @@ impl Loader {
         procs
     }
 
-    /// One program of a material; `Some(None)` for one that means nothing there.
+    /// A device program of a material; `Some(None)` for one without a meaning there.
     fn proc<'e>(
         &mut self,
         element: &'e Element,
@@ -306,13 +306,13 @@ impl Loader {
         Some(Some(Proc { kind, ray, proc }))
     }
 
-    /// Whether the default material names all that the program calls.
+    /// Whether the default material names all device programs that the program calls.
     fn default_material(&mut self, context: &PassContext<'_>, info: &RayProgramInfo) -> bool {
         let container = self.single(context.element, DEFAULT_MATERIAL);
         let procs = match container {
             Some(container) => match self.procs(container, info) {
                 Some(procs) => procs,
-                // Each wrong program has its message; those missing would repeat it.
+                // Invalid entries were reported already; messages about missing ones would repeat that.
                 None => return false,
             },
             None => Vec::new(),
@@ -347,14 +347,13 @@ impl Loader {
         whole
     }
 
-    /// A material's name without that of its library: what stands behind the name of a library that is known, or else behind
-    /// the last colon.
+    /// A material's name without its library: the part after the name of a known library, or else after the last colon.
     pub(super) fn without_library<'t>(&self, text: &'t str) -> &'t str {
         let known = text.split_once(':').filter(|(library, _)| self.libraries.declares(library.trim()));
         known.map_or_else(|| text.rsplit(':').next().unwrap_or_default(), |(_, name)| name)
     }
 
-    /// Which materials are glass to radiance rays and to shadow rays.
+    /// The materials that are glass for radiance rays, and those for shadow rays.
     fn glass(
         &mut self,
         element: &Element,
@@ -367,7 +366,7 @@ impl Loader {
             for map in list.children_named(MAP) {
                 self.expect_attributes(map, &["to"]);
                 let pattern = self.required(map, "to").and_then(|to| {
-                    // `library:material` or `material`: materials are those of the scene.
+                    // `library:material` or `material`; the materials are those of the scene.
                     let name = self.without_library(&to.text).trim().to_owned();
                     self.material_pattern(&Value { text: name, joined: None, span: to.span })
                 });
@@ -384,7 +383,7 @@ impl Loader {
                     } else if !kind.text.eq_ignore_ascii_case("Miss")
                         && list.iter().any(|earlier| *earlier == MaterialPattern::All || *earlier == pattern)
                     {
-                        // Lists of glass have no exceptions.
+                        // A list of glass materials cannot express exceptions.
                         let message = format!("an earlier map gives this material glass, not `{}`", proc.shown());
                         self.report
                             .error_help(proc.span, message, || "name each glass material instead of *".to_owned());

@@ -1,4 +1,4 @@
-//! What a load has to say, and names with the places where they were declared.
+//! Messages of a load, and declared names with their places.
 
 use crate::diagnostic::{Problem, Problems, Severity, Source, valid_names};
 use std::collections::HashMap;
@@ -8,13 +8,13 @@ use std::collections::HashMap;
 pub(super) struct Span {
     /// Index into [`Report::sources`].
     pub file: u32,
-    /// First byte. Files are capped far below 4 GiB.
+    /// First byte; files are limited to far below 4 GiB.
     pub start: u32,
     /// One past the last byte.
     pub end: u32,
 }
 
-/// Problems of a load. What is beyond [`Report::MOST`] is counted, not kept.
+/// Problems of a load. Those beyond [`Report::MOST`] are counted but not kept.
 #[derive(Debug, Default)]
 pub(super) struct Report {
     sources: Vec<Source>,
@@ -23,7 +23,7 @@ pub(super) struct Report {
     remarks: usize,
 }
 
-/// What was reported up to some moment.
+/// A point in the sequence of reports.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Mark {
     found: usize,
@@ -31,7 +31,7 @@ pub(super) struct Mark {
 }
 
 impl Report {
-    /// How many errors, and how many notes and warnings, are kept.
+    /// Most errors that are kept, and most notes and warnings together.
     pub const MOST: usize = 100;
 
     /// Adds a file and returns its index for [`Span::file`].
@@ -40,7 +40,7 @@ impl Report {
         u32::try_from(self.sources.len() - 1).expect("the number of files is capped")
     }
 
-    /// A file.
+    /// A file by its index.
     pub fn source(&self, file: u32) -> &Source {
         &self.sources[file as usize]
     }
@@ -60,33 +60,33 @@ impl Report {
         self.found.push((at, Problem { severity, place, message, help: help() }));
     }
 
-    /// An error that needs no help.
+    /// Reports an error without a hint.
     pub fn error(&mut self, at: Span, message: impl Into<String>) {
         self.push(Severity::Error, at, message.into(), || None);
     }
 
-    /// An error, and what would be valid. `help` is only called for an error that is kept.
+    /// Reports an error with a hint. `help` is called only if the error is kept.
     pub fn error_help(&mut self, at: Span, message: impl Into<String>, help: impl FnOnce() -> String) {
         self.push(Severity::Error, at, message.into(), || Some(help()));
     }
 
-    /// Something was left out or replaced.
+    /// Reports a warning: something was left out or replaced.
     pub fn warning(&mut self, at: Span, message: impl Into<String>, help: impl FnOnce() -> Option<String>) {
         self.push(Severity::Warning, at, message.into(), help);
     }
 
-    /// Worth saying.
+    /// Reports a note.
     pub fn note(&mut self, at: Span, message: impl Into<String>) {
         self.push(Severity::Note, at, message.into(), || None);
     }
 
-    /// How much was reported so far.
+    /// The current point in the sequence of reports.
     pub fn mark(&self) -> Mark {
         Mark { found: self.found.len(), errors: self.errors }
     }
 
-    /// Makes warnings of the errors since a mark: they are of something that is not used. The first of them, with its place; `None` without
-    /// any.
+    /// Turns errors reported since a mark into warnings, because they concern something unused. Returns the first of them with its
+    /// place; `None` if there were none.
     pub fn excuse(&mut self, since: Mark, what: &str) -> Option<String> {
         let mut first = None;
         for (_, problem) in self.found[since.found..].iter_mut().filter(|(_, p)| p.severity == Severity::Error) {
@@ -103,12 +103,12 @@ impl Report {
         first
     }
 
-    /// Line and column of a place.
+    /// Line and column of a span.
     pub fn line_column(&self, at: Span) -> (usize, usize) {
         self.source(at.file).line_column(at.start as usize)
     }
 
-    /// Everything reported, by file and place.
+    /// All reports, sorted by file and place.
     pub fn finish(mut self) -> Problems {
         self.found.sort_by_key(|(at, problem)| (at.file, at.start, std::cmp::Reverse(problem.severity)));
         let mut problems: Vec<Problem> = self.found.into_iter().map(|(_, problem)| problem).collect();
@@ -124,10 +124,10 @@ impl Report {
     }
 }
 
-/// At most this many characters of a text appear in a message or are compared with valid names.
+/// Most characters of a text that messages show, and that are compared with valid names.
 const SHOWN: usize = 64;
 
-/// A text as messages show it: shortened where it is long.
+/// A text for messages, shortened if it is long.
 pub(super) fn shown(text: &str) -> String {
     match text.char_indices().nth(SHOWN) {
         None => text.to_owned(),
@@ -135,7 +135,7 @@ pub(super) fn shown(text: &str) -> String {
     }
 }
 
-/// [`valid_names`] in bounded time: long texts are shortened, and long lists are only counted.
+/// [`valid_names`] in bounded time: long texts are shortened, and of long lists only the length is given.
 pub(super) fn suggest<'a>(written: &str, valid: impl IntoIterator<Item = &'a str>) -> String {
     const MOST: usize = 256;
     let names: Vec<&str> = valid.into_iter().collect();
@@ -147,13 +147,13 @@ pub(super) fn suggest<'a>(written: &str, valid: impl IntoIterator<Item = &'a str
     valid_names(&written, names.iter().map(String::as_str))
 }
 
-/// How a name was found.
+/// Result of a name look-up.
 pub(super) enum Found {
-    /// As written.
+    /// Found as written.
     Exact(usize),
-    /// With other letters' case.
+    /// Found with different case.
     OtherCase(usize),
-    /// Not.
+    /// Not found.
     Missing,
 }
 
@@ -172,8 +172,7 @@ impl Names {
         Self { what, list: Vec::new(), exact: HashMap::new(), folded: HashMap::new() }
     }
 
-    /// Declares the next name. A second one of the same name is an error; it still takes its index, and the first keeps
-    /// the name.
+    /// Declares the next name. A repeated name is an error; the second one still gets an index, but look-ups find the first.
     pub fn declare(&mut self, report: &mut Report, name: &str, at: Span) {
         let index = self.list.len();
         if let Some(&first) = self.exact.get(name) {
@@ -189,7 +188,7 @@ impl Names {
         self.push(index, name, Some(at));
     }
 
-    /// Declares the next name without a place.
+    /// Declares the next name, without a place in a file.
     pub fn declare_built_in(&mut self, name: &str) {
         self.push(self.list.len(), name, None);
     }
@@ -213,7 +212,7 @@ impl Names {
         self.folded.get(&name.to_lowercase()).map_or(Found::Missing, |&index| Found::OtherCase(index))
     }
 
-    /// Looks a name up that a file mentions: another letters' case is a note, an unknown name an error.
+    /// Looks up a name that a file mentions. A different case is reported as a note, an unknown name as an error.
     pub fn resolve(&self, report: &mut Report, name: &str, at: Span) -> Option<usize> {
         match self.find(name) {
             Found::Exact(index) => Some(index),

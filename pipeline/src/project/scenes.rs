@@ -1,4 +1,4 @@
-//! Scenes: their files, folders, primitives, and where they are placed.
+//! Reading scenes: their files, folders, primitives, and placement.
 
 use super::dom::{Element, Value};
 use super::loader::Loader;
@@ -7,9 +7,9 @@ use super::{SceneDecl, SceneFile, source};
 use crate::scene::{Placement, Shape, ShapeKind};
 use glam::Vec3;
 
-/// Elements that place a scene or a primitive today.
+/// Elements for the placement of a scene or a primitive, today.
 const PLACES: &[&str] = &["translate", "rotate", "scale", "transform_order"];
-/// Attributes that do so in 2014.
+/// Attributes for the placement, in 2014 files.
 const PLACE_ATTRIBUTES: &[&str] = &["transX", "transY", "transZ", "scaleX", "scaleY", "scaleZ", "scale"];
 /// Types of primitives.
 const SHAPES: [&str; 5] = ["BOX", "SQUARE", "SPHERE", "GRID", "AXIS"];
@@ -54,7 +54,7 @@ impl Loader {
             whole &= self.scales_alike(element, place);
         }
         let (swap_yz, unitize) = self.scene_parameters(element);
-        // Lines and points are not drawn, as the axes are not.
+        // Lines and points are not drawn.
         let lines = element.children.iter().filter(|child| child.is(&["buffers"])).find(|child| {
             let kind = child.attribute("primitive").map(|kind| kind.text.to_ascii_uppercase());
             kind.is_some_and(|kind| kind.starts_with("LINE") || kind.starts_with("POINT"))
@@ -84,7 +84,7 @@ impl Loader {
         Some(())
     }
 
-    /// All scene files of a folder; of those with one stem the best format.
+    /// All scene files of a folder; if several files have the same stem, only the best format.
     fn scene_folder(&mut self, element: &Element, written: &Value, files: &mut Vec<SceneFile>) -> Option<()> {
         let folder = self.folder.resolve(&mut self.report, written)?;
         if !folder.is_dir() {
@@ -115,7 +115,7 @@ impl Loader {
                 "NO_SWAP" => {}
                 "UNITIZE" => unitize = true,
                 _ => {
-                    // The engine looks for the words that it knows, and overlooks all others.
+                    // As in the engine, unknown words are ignored.
                     let message = format!("`{}` is not a parameter of scenes: it is ignored", shown(word));
                     self.report.warning(value.span, message, || Some(suggest(word, WORDS)));
                 }
@@ -124,7 +124,7 @@ impl Loader {
         (swap_yz, unitize)
     }
 
-    /// Reads a `<geometry>`: `Some(None)` for what is not drawn, `None` after an error.
+    /// Reads a `<geometry>`: `Some(None)` for a primitive that is not drawn, `None` after an error.
     fn shape(&mut self, element: &Element) -> Option<Option<Shape>> {
         self.stray_text(element);
         self.expect_children(element, PLACES);
@@ -177,7 +177,7 @@ impl Loader {
         Some(Some(Shape { name, material, kind, place: place? }))
     }
 
-    /// Whether exact spheres stay spheres that are placed so.
+    /// Whether a placement keeps an exact sphere a sphere: whether its scale is uniform.
     fn scales_alike(&mut self, element: &Element, place: &Placement) -> bool {
         let [x, y, z] = place.scale.abs().to_array();
         let alike = x == y && y == z && x > 0.0;
@@ -191,7 +191,7 @@ impl Loader {
         alike
     }
 
-    /// A whole number of parts, from `least` to [`ShapeKind::MOST`].
+    /// A number of divisions, from `least` to [`ShapeKind::MOST`].
     fn count(&mut self, element: &Element, name: &str, least: u32, default: u32) -> Option<u32> {
         let Some(value) = element.attribute(name) else { return Some(default) };
         let number = self.number(value)?;
@@ -203,8 +203,8 @@ impl Loader {
         None
     }
 
-    /// Where a scene or a primitive stands: attributes as in 2014, or elements as today. Without `TRANSFORM_ORDER` it is scaled
-    /// first, then turned, then moved.
+    /// Placement of a scene or a primitive: attributes as in 2014, or elements as today. Without `TRANSFORM_ORDER` it scales first,
+    /// then rotates, then translates.
     fn place_of(&mut self, element: &Element) -> Option<Placement> {
         let mut number =
             |name: &str, default: f32| element.attribute(name).map_or(Some(default), |value| self.number(value));
@@ -219,7 +219,7 @@ impl Loader {
         };
         let (translation, scale) = (vector("translate", moved), vector("scale", scaled));
         let rotation = match self.single(element, &["rotate"]) {
-            // An axis, and an angle in degrees.
+            // Rotation axis, and angle in degrees.
             Some(rotate) => {
                 let angle = rotate.attribute("w").map_or(Some(0.0), |value| self.number(value));
                 self.vector(rotate).zip(angle)
@@ -239,7 +239,7 @@ impl Loader {
         Some(place)
     }
 
-    /// `<TRANSFORM_ORDER value="T_R_S"/>`.
+    /// Reads `<TRANSFORM_ORDER value="T_R_S"/>`.
     fn transform_order(&mut self, element: &Element) -> Option<&'static str> {
         let value = self.required(element, "value")?;
         let found = Placement::ORDERS.into_iter().find(|order| order.eq_ignore_ascii_case(&value.text));

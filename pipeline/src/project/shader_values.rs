@@ -1,4 +1,4 @@
-//! What `<valueof>` gives the uniforms of own shaders.
+//! Values that `<valueof>` assigns to uniforms of own shaders.
 
 use super::dom::{Element, Value};
 use super::libraries::{LightExtra, ValueOf};
@@ -6,7 +6,7 @@ use super::loader::Loader;
 use super::report::{Span, suggest};
 use crate::glsl::{self, CameraValue, ColorValue, LightValue, Matrix};
 
-/// The engine's lights, where a project is silent.
+/// Default properties of a light, as in the engine.
 const LIGHT_DEFAULTS: [(&str, [f32; 4]); 7] = [
     ("AMBIENT", [0.2, 0.2, 0.2, 1.0]),
     ("SPOT_DIRECTION", [0.0, 0.0, -1.0, 0.0]),
@@ -51,14 +51,14 @@ const COLORS: [(&str, ColorValue); 5] = [
     ("SHININESS", ColorValue::Shininess),
 ];
 
-/// Kinds of things whose values are known.
+/// Kinds of things whose values can be used.
 const KINDS: [&str; 6] = ["RENDERER", "CAMERA", "LIGHT", "COLOR", "TEXTURE_BINDING", "PASS"];
 
 fn find<T: Copy>(table: &[(&str, T)], name: &str) -> Option<T> {
     table.iter().find(|(known, _)| known.eq_ignore_ascii_case(name)).map(|(_, value)| *value)
 }
 
-/// `x` to `w`, `r` to `a`, or `value`: numbers that can be read.
+/// The numbers `x` to `w`, `r` to `a`, or `value` of an element; `None` if they are missing or not finite.
 fn numbers(element: &Element) -> Option<[f32; 4]> {
     let number = |name: &str| element.attribute(name)?.text.parse::<f32>().ok().filter(|number| number.is_finite());
     let three = |names: [&str; 3]| Some(names.map(number)).filter(|found| found.iter().all(Option::is_some));
@@ -72,7 +72,7 @@ fn numbers(element: &Element) -> Option<[f32; 4]> {
 }
 
 impl Loader {
-    /// What shaders alone read of a light.
+    /// Properties of a light that only own shaders read.
     pub fn light_extra(&self, element: &Element) -> LightExtra {
         let child = |name: &str| element.children.iter().find(|child| child.is(&[name]));
         let direction = child("direction").and_then(numbers);
@@ -85,7 +85,7 @@ impl Loader {
         LightExtra { length, values: values.collect() }
     }
 
-    /// A number or vector that `<attributes>` declare for shaders.
+    /// Records a number or vector that `<attributes>` declare for shaders.
     pub fn renderer_value(&mut self, item: &Element, name: &Value, number: Option<f32>) {
         if item.attribute("type").is_some_and(|kind| kind.text.eq_ignore_ascii_case("RENDERER"))
             && let Some(value) = number.map(|number| [number, 0.0, 0.0, 0.0]).or_else(|| numbers(item))
@@ -94,7 +94,8 @@ impl Loader {
         }
     }
 
-    /// Where the value of a uniform comes from. `pass` is `pipeline#pass`, and `light` that of the pass. `None` if it cannot be had; there is then an error.
+    /// The source of a uniform's value. `pass` is `pipeline#pass`; `light` is the pass's light. `None` if there is no such value;
+    /// an error was then reported.
     pub fn uniform_value(&mut self, given: &ValueOf, pass: &str, light: Option<usize>) -> Option<glsl::Value> {
         let uniform = given.uniform.shown();
         let mut part = |value: &Option<Value>, name: &str| {
@@ -197,7 +198,7 @@ impl Loader {
         }
     }
 
-    /// A value that was found, or an error with what would be valid.
+    /// Unwraps a value, or reports an error with what would be valid.
     fn found(
         &mut self,
         value: Option<glsl::Value>,
@@ -214,7 +215,7 @@ impl Loader {
         value
     }
 
-    /// A place in a file of the report.
+    /// A span in a file of the report.
     pub fn span_in(file: u32, [start, end]: [usize; 2]) -> Span {
         Span { file, start: start as u32, end: end.max(start) as u32 }
     }

@@ -1,4 +1,4 @@
-//! Own shaders of projects: files, compilation, and what their uniforms and samplers are given.
+//! Own shaders of projects: files, compilation, and the inputs of their uniforms and samplers.
 
 use super::dom::Value;
 use super::libraries::{Binding, LibraryMaterial, Texture, ValueOf};
@@ -13,22 +13,22 @@ use std::path::Path;
 use std::rc::Rc;
 use std::sync::Arc;
 
-/// A shader that a pass gives to materials.
+/// A use of a shader: the pass assigns it to materials.
 pub(super) struct ShaderUse<'a> {
     pub to: &'a MaterialPattern,
     pub library: usize,
     pub material: &'a Rc<LibraryMaterial>,
     pub at: Span,
-    /// What is bound beside the scene's texture.
+    /// Textures bound in addition to the scene's texture.
     pub injected: &'a [Binding],
-    /// Whether the materials are replaced as a whole, with their textures.
+    /// Whether the materials are replaced as a whole, including their textures.
     pub replaces: bool,
-    /// Whether it fills a quad, which has no camera.
+    /// Whether the shader fills a quad, which has no camera.
     pub quad: bool,
 }
 
 impl Loader {
-    /// Whether a material's shader is the project's own, which this build compiles.
+    /// Whether a material's shader is an own shader of the project, and this build can compile it.
     pub fn is_own_shader(&self, library: usize, material: &LibraryMaterial) -> bool {
         let known = |stem: &str| {
             RASTER_PROGRAMS.iter().any(|info| info.stem == stem) || QUAD_PROGRAMS.iter().any(|info| info.stem == stem)
@@ -36,7 +36,7 @@ impl Loader {
         glsl::AVAILABLE && self.shader_of(library, material).is_some_and(|(_, stem)| !known(&stem))
     }
 
-    /// Compiles an own shader and finds out what it is given. `light` is that of the pass.
+    /// Compiles an own shader and determines its inputs. `light` is the pass's light.
     pub fn own_shader(
         &mut self,
         context: &PassContext<'_>,
@@ -48,7 +48,7 @@ impl Loader {
         let mut values: Vec<(ValueOf, glsl::Value)> = Vec::new();
         let mut whole = true;
         for given in &used.material.values {
-            // What the shader does not read is not looked for.
+            // Values for uniforms that the shader does not have are not resolved.
             let of_block = |block: &glsl::Block| match (&block.name, &given.block) {
                 (Some(name), Some(given)) => *name == given.text,
                 (None, None) => true,
@@ -97,7 +97,7 @@ impl Loader {
         whole.then(|| Arc::new(own))
     }
 
-    /// What a value is in a quad pass: the material's colours are known, and there is no camera.
+    /// A value as it is in a quad pass: the material's colours are constants, and values that need a camera are an error.
     fn of_quad(&mut self, value: glsl::Value, given: &ValueOf, material: &LibraryMaterial) -> Option<glsl::Value> {
         use glsl::{ColorValue as C, Value as V};
         let number = |number: f32| [number, 0.0, 0.0, 0.0];
@@ -122,7 +122,7 @@ impl Loader {
         }
     }
 
-    /// The compiled shader, and its two files in the report.
+    /// The compiled shader, and the indices of its two files in the report.
     fn own_program(&mut self, context: &PassContext<'_>, used: &ShaderUse<'_>) -> Option<(Arc<Program>, [u32; 2])> {
         let library = self.libraries.get(used.library);
         let shader = library.shaders[used.material.shader?].clone();
@@ -148,7 +148,7 @@ impl Loader {
         let paths = &key.0;
         let failed_before = matches!(self.compiled.get(&key), Some(None));
         if failed_before {
-            // It was said what is wrong.
+            // The problem was reported already.
             return None;
         }
         let mut files = [0; 2];
@@ -178,7 +178,7 @@ impl Loader {
         program.map(|program| (program, files))
     }
 
-    /// Reads a shader file into the report. Bytes that are no UTF-8 may stand in comments.
+    /// Reads a shader file into the report. Invalid UTF-8 is tolerated, since it may be in comments.
     fn shader_file(&mut self, path: &Path, named: &Value) -> Option<u32> {
         match crate::files::read(path, glsl::MAX_FILE) {
             Ok(bytes) => {
@@ -198,7 +198,7 @@ impl Loader {
         }
     }
 
-    /// By block and member: what uniforms are given.
+    /// The values of uniforms, by block and member.
     fn uniforms(
         &mut self,
         program: &Program,
@@ -243,7 +243,7 @@ impl Loader {
             .warning(at, message, || Some(format!("<valueof uniform=\"{name}\" …/> in the material's <shader>")));
     }
 
-    /// By sampler: what it reads.
+    /// The textures of samplers.
     fn samplers(
         &mut self,
         program: &Program,
@@ -278,7 +278,7 @@ impl Loader {
         textures
     }
 
-    /// What is bound to a texture unit.
+    /// The texture that is bound to a texture unit.
     fn bound(&mut self, used: &ShaderUse<'_>, unit: u32, kind: SamplerKind) -> Option<ShaderTexture> {
         let bindings = if used.replaces { &used.material.textures[..] } else { used.injected };
         let Some(binding) = bindings.iter().rev().find(|binding| binding.unit == unit) else {
@@ -341,7 +341,7 @@ impl Loader {
     }
 }
 
-/// Whether a value can be what a member is; else why not.
+/// Checks that a value has the type of a member; the error says why not.
 fn fits(value: glsl::Value, member: &Member) -> Result<(), String> {
     use glsl::{CameraValue as C, Value as V};
     let Some(shape) = member.shape else {

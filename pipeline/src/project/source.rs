@@ -1,4 +1,4 @@
-//! What a path names: a project file, scene files or a folder of them; and the project that either gives.
+//! Opening a path: a project file, scene files, or a folder of scene files.
 
 use super::from_scene::{FromSceneError, SceneOptions, SceneProjects};
 use super::{Project, loader};
@@ -7,10 +7,10 @@ use crate::scene::SceneError;
 use std::io::Read as _;
 use std::path::{Path, PathBuf};
 
-/// Extensions of scene files, best first: where a folder holds one model in several formats, the first serves.
+/// Extensions of scene files, best first: if a folder holds one model in several formats, the first of these is used.
 pub const SCENE_EXTENSIONS: [&str; 8] = ["glb", "gltf", "nbo", "cbo", "obj", "3ds", "dae", "mesh.xml"];
 
-/// Files that people have and that cannot be read, with what to do.
+/// Extensions of related files that cannot be opened, with advice.
 const OTHER_FILES: &[(&str, &str)] = &[
     ("mlib", "this is a material library; name a project that lists it in <materialLibs>"),
     ("mtl", "this holds the materials of an .obj file; name that"),
@@ -24,17 +24,17 @@ const OTHER_FILES: &[(&str, &str)] = &[
     ("usdz", "export it as .glb, for example with Blender"),
 ];
 
-/// Why a path gives no project.
+/// Why a path could not be opened.
 #[derive(Debug, Clone, thiserror::Error)]
 #[non_exhaustive]
 pub enum SourceError {
-    /// The project file or a material library; holds every problem of them.
+    /// The project file or a material library is in error; contains all their problems.
     #[error(transparent)]
     Project(#[from] Problems),
-    /// A scene file, or a file that is neither.
+    /// A scene file is in error, or the file is neither a scene nor a project.
     #[error(transparent)]
     Scene(#[from] SceneError),
-    /// Options that do not fit what is named.
+    /// Options do not fit what is opened.
     #[error("{0}")]
     Option(String),
 }
@@ -48,11 +48,11 @@ impl From<FromSceneError> for SourceError {
     }
 }
 
-/// The project that a path names: a project file is read; of a scene file, or a folder of them, one is made as `options` ask.
-/// `window` is then the size of its window and targets, pixels.
+/// Opens a path. A project file is read; from a scene file, or a folder of them, a project is made by `options`. `window` is then
+/// the size of its window and targets in pixels.
 ///
 /// # Errors
-/// All problems of a project's files together; the first of scene files; options that only scene files take.
+/// All problems of a project's files together; the first error of scene files; or options that apply only to scene files.
 pub fn open(
     path: &Path,
     options: &SceneOptions,
@@ -83,7 +83,7 @@ pub fn open(
     }
 }
 
-/// What is made of a path that names scenes; `None` if it names a project file.
+/// The projects of a path to scenes; `None` for a project file.
 ///
 /// # Errors
 /// As [`open`].
@@ -117,14 +117,14 @@ fn scene_projects(
     Ok(SceneProjects::new(&files, options, window, max_bytes)?)
 }
 
-/// Whether a name could be that of scene files, by its extension or because it is a folder.
+/// Whether a path could be one of scenes: by its extension, or because it is a folder.
 #[must_use]
 pub fn names_scenes(path: &Path) -> bool {
     SCENE_EXTENSIONS.contains(&extension(path).as_str()) || path.is_dir()
 }
 
 fn extension(path: &Path) -> String {
-    // The one that holds a point.
+    // The only extension that contains a dot.
     let name = path.file_name().unwrap_or_default().to_string_lossy().to_lowercase();
     if name.ends_with(".mesh.xml") {
         return "mesh.xml".to_owned();
@@ -132,11 +132,11 @@ fn extension(path: &Path) -> String {
     path.extension().and_then(|extension| extension.to_str()).unwrap_or_default().to_lowercase()
 }
 
-/// The scene files that a path names: itself, or those of a folder. `None` for a project file, and for a file that is not there
-/// under a project's name.
+/// The scene files at a path: the file itself, or those of a folder. `None` for a project file, and for a missing file with a
+/// project's extension.
 ///
 /// # Errors
-/// If the file is neither a scene nor a project, or the folder has no scene.
+/// If the file is neither a scene nor a project, or the folder contains no scene.
 pub fn scene_files(path: &Path) -> Result<Option<Vec<PathBuf>>, SourceError> {
     if path.is_dir() {
         return scenes_in(path).map(Some);
@@ -160,15 +160,15 @@ pub fn scene_files(path: &Path) -> Result<Option<Vec<PathBuf>>, SourceError> {
                 .into())
         }
         (true, false, None) => Err(SceneError::file(path, "this is neither a project nor a scene").help(valid).into()),
-        // Whatever is wrong with a project file, its loader says best.
+        // The project loader gives the best message for whatever is wrong with the file.
         _ => Ok(None),
     }
 }
 
-/// The first bytes of a regular file.
+/// The first bytes of a regular file; `None` if it cannot be read.
 fn start_of(path: &Path) -> Option<Vec<u8>> {
     const START: u64 = 256;
-    // A device or a pipe could block.
+    // Opening a device or a pipe could block.
     let is_file = std::fs::metadata(path).is_ok_and(|metadata| metadata.is_file());
     let file = std::fs::File::open(path).ok().filter(|_| is_file)?;
     let mut bytes = Vec::new();
@@ -176,7 +176,7 @@ fn start_of(path: &Path) -> Option<Vec<u8>> {
     Some(bytes)
 }
 
-/// The scene files of a folder, by name; of those with one stem the best format alone. Folders in it are not searched.
+/// The scene files of a folder, sorted by name; if several have the same stem, only the best format. Subfolders are not searched.
 pub(super) fn scenes_in(folder: &Path) -> Result<Vec<PathBuf>, SourceError> {
     let failed = |error: std::io::Error| SceneError::file(folder, error.to_string());
     let mut found: Vec<(String, usize, PathBuf)> = Vec::new();

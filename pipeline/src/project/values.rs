@@ -12,18 +12,18 @@ fn attribute_names(element: &Element) -> impl Iterator<Item = &str> {
     element.attributes.iter().map(|attribute| attribute.name.as_str())
 }
 
-/// The vector at length 1; `None` if it has no direction. A vector whose length is 1 but for the rounding of its components stays as
-/// it is, so that a direction that is written and read again keeps its bits.
+/// The normalised vector; `None` if it has no direction. A vector whose length is 1 up to the rounding of its components is
+/// returned unchanged, so that directions survive writing and reading bit for bit.
 pub(super) fn unit(vector: Vec3) -> Option<Vec3> {
-    // In f64: the length of a large finite vector overflows f32.
+    // In f64, because the length of a large finite vector overflows f32.
     let precise = vector.as_dvec3();
-    // Components of a unit vector are rounded by at most 2^-25 each, so its length by at most sqrt(3) 2^-25.
+    // Each component of a unit vector is rounded by at most 2^-25, so the length by at most sqrt(3) 2^-25.
     let rounded = (precise.length() - 1.0).abs() <= 2.0_f64.powi(-24);
     if rounded { Some(vector) } else { precise.try_normalize().map(|unit| unit.as_vec3()) }
 }
 
 impl Loader {
-    /// Warns of children and attributes that mean nothing here, and notes stray text.
+    /// Warns of unknown children and attributes, and notes stray text.
     pub fn expect(&mut self, element: &Element, children: &[&str], attributes: &[&str]) {
         self.stray_text(element);
         self.expect_children(element, children);
@@ -37,7 +37,7 @@ impl Loader {
         }
     }
 
-    /// Warns of children that mean nothing here.
+    /// Warns of unknown children.
     pub fn expect_children(&mut self, element: &Element, valid: &[&str]) {
         for child in element.children.iter().filter(|child| !child.is(valid)) {
             let message = format!("<{}> in <{}> is not known: it is ignored", child.name, element.name);
@@ -45,7 +45,7 @@ impl Loader {
         }
     }
 
-    /// Warns of attributes that mean nothing here.
+    /// Warns of unknown attributes.
     pub fn expect_attributes(&mut self, element: &Element, valid: &[&str]) {
         for attribute in &element.attributes {
             if !valid.iter().any(|name| attribute.name.eq_ignore_ascii_case(name)) {
@@ -57,7 +57,7 @@ impl Loader {
         }
     }
 
-    /// The only child of these names, if there is one; a second one is an error.
+    /// The only child with one of these names; `None` if there is none. A second one is an error.
     pub fn single<'e>(&mut self, element: &'e Element, names: &[&str]) -> Option<&'e Element> {
         let mut found = element.children.iter().filter(|child| child.is(names));
         let first = found.next()?;
@@ -68,7 +68,7 @@ impl Loader {
         Some(first)
     }
 
-    /// An attribute that must be there and not be empty.
+    /// An attribute that must be present and not empty.
     pub fn required<'e>(&mut self, element: &'e Element, name: &str) -> Option<&'e Value> {
         let value = element.attribute(name);
         match value {
@@ -86,7 +86,7 @@ impl Loader {
         None
     }
 
-    /// The name that an element refers to: `<camera>Name</camera>` or `<camera name="Name"/>`.
+    /// The name in a reference: `<camera>Name</camera>` or `<camera name="Name"/>`.
     pub fn reference<'e>(&mut self, element: &'e Element) -> Option<&'e Value> {
         match (element.attribute("name"), &element.text) {
             (Some(name), Some(text)) if name.text != text.text => {
@@ -105,7 +105,7 @@ impl Loader {
         }
     }
 
-    /// A finite number, or the name of a constant.
+    /// Parses a finite number, or the name of a constant.
     pub fn number(&mut self, value: &Value) -> Option<f32> {
         let text = value.text.as_str();
         let looks_numeric = text.starts_with(|c: char| c.is_ascii_digit() || matches!(c, '-' | '+' | '.'));
@@ -128,36 +128,36 @@ impl Loader {
         None
     }
 
-    /// A number that must be there.
+    /// A number in a required attribute.
     pub fn number_of(&mut self, element: &Element, name: &str) -> Option<f32> {
         let value = self.required(element, name)?;
         self.number(value)
     }
 
-    /// Three numbers that must be there. All of them are looked at.
+    /// Three numbers in required attributes. All are checked, even after an error.
     fn three(&mut self, element: &Element, names: [&str; 3]) -> Option<Vec3> {
         let [x, y, z] = names.map(|name| self.number_of(element, name));
         Some(Vec3::new(x?, y?, z?))
     }
 
-    /// `x`, `y` and `z`; a `w` is read and means nothing.
+    /// The vector `x`, `y`, `z`; a `w` is accepted and ignored.
     pub fn vector(&mut self, element: &Element) -> Option<Vec3> {
         self.expect(element, &[], &["x", "y", "z", "w"]);
         self.three(element, ["x", "y", "z"])
     }
 
-    /// [`Self::vector`] with all digits: a place in map coordinates has more than `f32` holds.
+    /// [`Self::vector`] in `f64`: positions in map coordinates have more digits than `f32` holds.
     pub fn point(&mut self, element: &Element) -> Option<DVec3> {
         let rounded = self.vector(element)?;
         let exact = |axis: usize| {
             let written = element.attribute(["x", "y", "z"][axis]).and_then(|value| value.text.parse::<f64>().ok());
-            // The name of a constant is no number; and a number must not be rounded twice.
+            // The name of a constant has no further digits; and where both agree, the value must not be rounded twice.
             written.filter(|number| *number as f32 == rounded[axis]).unwrap_or_else(|| rounded[axis].into())
         };
         Some(DVec3::new(exact(0), exact(1), exact(2)))
     }
 
-    /// A vector that must have a length.
+    /// A unit vector; a length of 0 is an error.
     pub fn direction(&mut self, element: &Element) -> Option<Vec3> {
         let vector = self.vector(element)?;
         let unit = unit(vector);
@@ -167,7 +167,7 @@ impl Loader {
         unit
     }
 
-    /// `r`, `g`, `b`, up to [`BRIGHTEST`] either way, and, if it is there, `a` (else 1).
+    /// A colour: `r`, `g`, `b` of at most [`BRIGHTEST`] in absolute value, and `a` (1 if it is missing).
     pub fn color(&mut self, element: &Element) -> Option<Vec4> {
         self.expect(element, &[], &["r", "g", "b", "a"]);
         let alpha = element.attribute("a").map_or(Some(1.0), |value| self.number(value));
@@ -175,7 +175,7 @@ impl Loader {
         Some(Vec4::new(r?, g?, b?, alpha?))
     }
 
-    /// A component of a colour that must be there.
+    /// A component of a colour, in a required attribute.
     fn component(&mut self, element: &Element, name: &str) -> Option<f32> {
         let value = self.required(element, name)?;
         let number = self.number(value)?;
@@ -187,7 +187,7 @@ impl Loader {
         None
     }
 
-    /// A truth value.
+    /// Parses a boolean.
     pub fn boolean(&mut self, value: &Value) -> Option<bool> {
         match value.text.to_ascii_lowercase().as_str() {
             "true" | "1" | "yes" => Some(true),
@@ -200,7 +200,7 @@ impl Loader {
         }
     }
 
-    /// A number of pixels, 1 to [`MAX_SIDE`].
+    /// Parses a number of pixels, 1 to [`MAX_SIDE`].
     pub fn side(&mut self, value: &Value) -> Option<u32> {
         let number = self.number(value)?;
         if number.fract() == 0.0 && (1.0..=MAX_SIDE as f32).contains(&number) {
@@ -211,17 +211,17 @@ impl Loader {
         None
     }
 
-    /// The attribute of the first of these names that an element has.
+    /// The first of these attributes that an element has.
     pub fn any_attribute<'e>(&self, element: &'e Element, names: &[&str]) -> Option<&'e Value> {
         names.iter().find_map(|name| element.attribute(name))
     }
 
-    /// `file:line:column` of an element.
+    /// Place of an element as `file:line:column`.
     pub fn place(&self, element: &Element) -> String {
         format!("{}:{}:{}", self.report.source(element.span.file).path.display(), element.line, element.column)
     }
 
-    /// Where an element, or a better place in it, stands.
+    /// Span of a value, if there is one, otherwise of the element.
     pub fn span_or(value: Option<&Value>, element: &Element) -> Span {
         value.map_or(element.span, |value| value.span)
     }

@@ -1,4 +1,4 @@
-//! Little-endian reading that never passes the end and never allocates more than the file holds.
+//! A little-endian reader that never reads past the end and never allocates more than the file holds.
 
 use super::error::{Place, SceneError};
 use std::path::Path;
@@ -44,7 +44,7 @@ impl<'a> Reader<'a> {
         }
     }
 
-    /// The next `length` bytes as a reader of their own, which counts positions as this one does.
+    /// The next `length` bytes as a separate reader, whose positions also count from the start of the file.
     pub(crate) fn part(&mut self, length: usize, what: &str) -> Result<Reader<'a>, SceneError> {
         let at = self.at;
         self.block(length, 1, what)?;
@@ -70,7 +70,7 @@ impl<'a> Reader<'a> {
         Ok(std::array::from_fn(|i| f32_at(block, i)))
     }
 
-    /// A counted Latin-1 string and the NUL after it.
+    /// A Latin-1 string: its length, its bytes and a NUL.
     pub(crate) fn string(&mut self, what: &str) -> Result<String, SceneError> {
         let length = self.count(what)?;
         let text: String = self.block(length, 1, what)?.iter().map(|byte| char::from(*byte)).collect();

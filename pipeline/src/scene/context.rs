@@ -1,4 +1,4 @@
-//! What the readers of all formats share: the file, its memory, its textures and materials.
+//! Shared state of the readers of all formats: the file, the memory budget, textures and materials.
 
 use super::error::{Budget, SceneError};
 use super::{Material, Needs, TextureSource};
@@ -8,12 +8,12 @@ use std::collections::HashMap;
 use std::io::Read;
 use std::path::{Path, PathBuf};
 
-/// Most components of an end of a path that is looked for beside the scene.
+/// Longest suffix of a path that is searched for beside the scene, in components.
 const MAX_SUFFIX: usize = 16;
-/// The cutoff of materials that are cut out by a texture, where the file names no number.
+/// Alpha cutoff of materials that a texture cuts out, where the file gives no number.
 pub(crate) const MASK_CUTOFF: f32 = 0.5;
 
-/// What every format's reader works with.
+/// Input of every format's reader.
 pub(crate) struct Context<'a> {
     pub(crate) file: &'a Path,
     pub(crate) needs: Needs,
@@ -21,19 +21,19 @@ pub(crate) struct Context<'a> {
 }
 
 impl Context<'_> {
-    /// The folder that relative paths of the file start from.
+    /// The folder that the file's relative paths start from.
     pub(crate) fn folder(&self) -> &Path {
         self.file.parent().unwrap_or(Path::new(""))
     }
 
-    /// Books the memory of a block of `count` items of `size` bytes.
+    /// Books memory for `count` items of `size` bytes.
     pub(crate) fn take(&mut self, what: &str, count: usize, size: usize) -> Result<(), SceneError> {
         self.budget.take(self.file, what, (count as u64).saturating_mul(size as u64))
     }
 }
 
-/// Reads as much of a file as it said to hold, after booking that. Files that the system makes up say 0 and may never
-/// end; a file that grows meanwhile is read as it was.
+/// Reads the first `size` bytes of a file, after booking that memory. Special files (such as those in `/proc`) claim 0 bytes and
+/// may never end; bytes that are appended meanwhile are not read.
 pub(crate) fn read_file(file: &Path, size: u64, budget: &mut Budget) -> Result<Vec<u8>, SceneError> {
     budget.take(file, "the file's bytes", size)?;
     let failed = |error: std::io::Error| SceneError::file(file, error.to_string());
@@ -47,7 +47,7 @@ pub(crate) fn read_file(file: &Path, size: u64, budget: &mut Budget) -> Result<V
     Ok(bytes)
 }
 
-/// A load goes on without a texture that it cannot read; one that lies outside the folder of
+/// Fails if a file was refused. A load continues without a texture that it cannot read, but a texture outside the folder of
 /// [`confine`](crate::files::confine) ends it.
 pub(crate) fn no_file_refused() -> Result<(), SceneError> {
     crate::files::refused().map_or(Ok(()), |file| {
@@ -56,7 +56,7 @@ pub(crate) fn no_file_refused() -> Result<(), SceneError> {
     })
 }
 
-/// The index of a texture source, shared with an equal one that is there already.
+/// The index of a texture source; an equal source that is already listed is shared.
 pub(crate) fn add_texture(textures: &mut Vec<TextureSource>, source: TextureSource) -> u32 {
     let index = textures.iter().position(|known| *known == source).unwrap_or_else(|| {
         textures.push(source);
@@ -65,7 +65,7 @@ pub(crate) fn add_texture(textures: &mut Vec<TextureSource>, source: TextureSour
     index as u32
 }
 
-/// Finds a texture file that a scene file names, and counts a warning where there is none.
+/// Finds a texture file that a scene file names; counts a warning if it does not exist.
 pub(crate) fn texture_file(
     context: &Context<'_>,
     written: &str,
@@ -75,7 +75,7 @@ pub(crate) fn texture_file(
     texture_file_or(context, written, warnings, (material, "the diffuse colour serves"))
 }
 
-/// [`texture_file`] of a material, and what serves without.
+/// [`texture_file`] for a material; the warning says what is used instead of a missing texture.
 pub(crate) fn texture_file_or(
     context: &Context<'_>,
     written: &str,
@@ -94,8 +94,8 @@ pub(crate) fn texture_file_or(
     Some(resolved.path)
 }
 
-/// [`texture_file`] for the engine's own files, whose paths are those of the machine that wrote them: where one leads
-/// nowhere, its ends serve from the scene's folder on, the longest first (`Texturas/water.jpg`, then `water.jpg`).
+/// [`texture_file`] for formats whose paths are those of the machine that wrote the file. If a path does not exist, its suffixes
+/// are tried relative to the scene's folder, the longest first (`Texturas/water.jpg`, then `water.jpg`).
 pub(crate) fn texture_file_or_suffix(
     context: &Context<'_>,
     written: &str,
@@ -108,7 +108,7 @@ pub(crate) fn texture_file_or_suffix(
         let written_path = portable.to_str().unwrap_or_default();
         let names: Vec<&str> = written_path.split('/').filter(|name| !name.is_empty() && *name != ".").collect();
         let first = names.iter().rposition(|name| *name == "..").map_or(0, |last| last + 1);
-        // Each end that is tried costs a search; nobody's scene lies deeper.
+        // Each suffix costs a search, so their number is limited.
         let first = first.max(names.len().saturating_sub(MAX_SUFFIX));
         let found = (first..names.len()).find_map(|start| find(&names[start..].join("/")));
         if let Some(found) = found {
@@ -122,8 +122,8 @@ pub(crate) fn texture_file_or_suffix(
     texture_file(context, written, warnings, material)
 }
 
-/// The multiplier of a normal map's x and y as a file has it: one that is finite and of no more than this, beyond which a surface is a
-/// wall of needles and squares leave the range of numbers.
+/// Checks the scale of a normal map's x and y. Finite values up to this limit are kept; with larger ones the normals point in all
+/// directions and squares overflow.
 pub(crate) fn normal_scale(context: &Context<'_>, written: f32, material: &str, warnings: &mut Warnings) -> f32 {
     const MOST: f32 = 1e6;
     if written.abs() <= MOST {
@@ -142,7 +142,7 @@ pub(crate) struct MaterialTable {
 }
 
 impl MaterialTable {
-    /// Adds a material; `false` if one of its name is there already, which stays as it is.
+    /// Adds a material. Returns `false` if one of that name exists; the existing one is kept.
     pub(crate) fn declare(&mut self, material: Material) -> bool {
         if self.by_name.contains_key(&material.name) {
             return false;
@@ -156,7 +156,7 @@ impl MaterialTable {
         self.by_name.get(name).copied()
     }
 
-    /// The material of that name; where there is none, a default one is declared and counted as a warning.
+    /// The material with a name. If there is none, a default material is added and a warning counts it.
     pub(crate) fn get_or_default(&mut self, name: &str, file: &Path, warnings: &mut Warnings) -> u32 {
         if let Some(index) = self.get(name) {
             return index;

@@ -1,4 +1,4 @@
-//! How an index of refraction falls with the wavelength, as files give it.
+//! Dispersion: the index of refraction as a function of wavelength, in the forms that files use.
 
 /// 1 / (1 / F² - 1 / C²) of the lines F (486.13 nm) and C (656.27 nm), square nanometres.
 pub const CAUCHY: f32 = 523_655.0;

@@ -1,16 +1,16 @@
-//! Why a scene could not be loaded, and the cap on what a load may allocate.
+//! Errors of loading a scene, and the memory budget of a load.
 
 use std::fmt;
 use std::path::{Path, PathBuf};
 
-/// Where in a file a problem is.
+/// Position of a problem in a file.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Place {
     /// The file as a whole.
     File,
-    /// A byte offset, from 0, of a binary file.
+    /// Byte offset in a binary file, from 0.
     Byte(u64),
-    /// A line, from 1, of a text file.
+    /// Line of a text file, from 1.
     Line(u64),
 }
 
@@ -30,7 +30,7 @@ impl fmt::Display for Place {
 pub struct SceneError {
     /// The file.
     pub file: PathBuf,
-    /// Where in it.
+    /// Position in the file.
     pub place: Place,
     /// What is wrong, in one sentence without a full stop.
     pub what: String,
@@ -61,7 +61,7 @@ impl SceneError {
     }
 }
 
-/// The bytes that a load may still hold. It counts the large blocks (files, vertices, triangles, texels), not names.
+/// The memory that a load may still use, in bytes. It counts large blocks (files, vertices, triangles, texels), but not names.
 #[derive(Debug, Clone)]
 pub(crate) struct Budget {
     limit: u64,
@@ -73,7 +73,7 @@ impl Budget {
         Self { limit, used: 0 }
     }
 
-    /// Books `bytes` for `what` before they are allocated.
+    /// Books `bytes` for `what`, before they are allocated. Fails if the limit would be exceeded.
     pub(crate) fn take(&mut self, file: &Path, what: &str, bytes: u64) -> Result<(), SceneError> {
         let used = self.used.saturating_add(bytes);
         if used > self.limit {
@@ -87,12 +87,12 @@ impl Budget {
         Ok(())
     }
 
-    /// What may still be booked.
+    /// Bytes that may still be booked.
     pub(crate) fn left(&self) -> u64 {
         self.limit.saturating_sub(self.used)
     }
 
-    /// Returns what [`Self::take`] booked.
+    /// Returns bytes that [`Self::take`] booked.
     pub(crate) fn give_back(&mut self, bytes: u64) {
         self.used = self.used.saturating_sub(bytes);
     }

@@ -1,13 +1,13 @@
-//! Telling scenes apart by what they contain.
+//! Hashes that identify a scene by its contents.
 
 use super::RenderScene;
 use crate::color::ColorSpace;
 use glam::DVec3;
 use rayon::prelude::*;
 
-/// FNV-1a of 128 bits (Fowler, Noll and Vo; RFC 9923): the same on every machine and in every version of this program.
+/// 128-bit FNV-1a (Fowler, Noll and Vo; RFC 9923): the same on every machine and in every version of this program.
 ///
-/// It tells apart what differs by accident, not what somebody made to look alike.
+/// It detects accidental differences; it does not resist deliberate collisions.
 #[must_use]
 pub fn fnv1a(bytes: &[u8]) -> u128 {
     const OFFSET: u128 = 0x6c62_272e_07bb_0142_62b8_2175_6295_c58d;
@@ -18,15 +18,15 @@ pub fn fnv1a(bytes: &[u8]) -> u128 {
 /// Bytes hashed by one task.
 const CHUNK: usize = 1 << 18;
 
-/// The hash of the hashes of a list's parts.
+/// Hash of a long list: its chunks are hashed in parallel, then their hashes.
 fn parts(bytes: &[u8]) -> [u8; 16] {
     let hashes: Vec<[u8; 16]> = bytes.par_chunks(CHUNK).map(|chunk| fnv1a(chunk).to_be_bytes()).collect();
     fnv1a(hashes.as_flattened()).to_be_bytes()
 }
 
 impl RenderScene {
-    /// A hash of everything in the scene that a picture can depend on, whatever files it came from: geometry, materials
-    /// and texels.
+    /// A hash of all parts of the scene that can affect a picture: geometry, materials and texels. It does not depend on the files
+    /// that the scene came from.
     #[must_use]
     pub fn fingerprint(&self) -> u128 {
         let geometry = &self.geometry;

@@ -9,17 +9,17 @@ use glam::{DMat4, DVec3};
 use std::collections::HashMap;
 use std::path::{Path, PathBuf};
 
-/// How scene files are loaded.
+/// Options for loading scene files.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct LoadOptions {
-    /// What is read and stored.
+    /// The contents that are read and stored.
     pub needs: Needs,
-    /// Bytes that the load may hold at once.
+    /// Most bytes that the load may hold at once.
     pub max_bytes: u64,
 }
 
 impl LoadOptions {
-    /// The cap unless another is asked for: 8 GiB.
+    /// Default of the limit: 8 GiB.
     pub const DEFAULT_MAX_BYTES: u64 = 8 << 30;
 }
 
@@ -29,7 +29,7 @@ impl Default for LoadOptions {
     }
 }
 
-/// Told before each file is read.
+/// Progress, reported before each file is read.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct LoadProgress<'a> {
     /// The file that is read next.
@@ -50,10 +50,10 @@ enum Format {
     Collada,
 }
 
-/// What may be loaded.
+/// Known file formats, for messages.
 const FORMATS: &str = "valid: .cbo, .nbo, .obj, .gltf, .glb, .3ds, .dae, .mesh.xml";
 
-/// By the first bytes where they tell, by the extension otherwise.
+/// The format of a file: by its first bytes if they identify it, otherwise by its extension.
 fn format_of(file: &Path, bytes: &[u8]) -> Result<Format, SceneError> {
     if bytes.starts_with(b"glTF") {
         return Ok(Format::Gltf);
@@ -75,11 +75,11 @@ fn format_of(file: &Path, bytes: &[u8]) -> Result<Format, SceneError> {
 
 /// Loads scene files and merges them into one scene.
 ///
-/// Materials with one name and the same contents are shared. Of materials with one name and different contents the
-/// first wins and a warning counts the others: the report's engine has one material table for all files.
+/// Materials of the same name and contents are shared. Of materials with the same name and different contents the first is kept,
+/// and a warning counts the others: the report's engine has one material table for all files.
 ///
 /// # Errors
-/// The first file that is missing, is of no known format, is damaged, or needs more memory than allowed.
+/// An error for the first file that is missing, of unknown format, damaged, or in need of more memory than allowed.
 pub fn load(
     files: &[PathBuf],
     options: &LoadOptions,
@@ -146,7 +146,7 @@ fn load_one(file: &Path, size: u64, needs: Needs, budget: &mut Budget) -> Result
     scene
 }
 
-/// Tells a scene from another origin.
+/// Makes a scene's transforms relative to another origin.
 fn move_origin(scene: &mut Scene, origin: DVec3) {
     let moved = scene.origin - origin;
     if moved == DVec3::ZERO {
@@ -161,7 +161,7 @@ fn move_origin(scene: &mut Scene, origin: DVec3) {
     scene.origin = origin;
 }
 
-/// Appends what `file` holds.
+/// Appends the contents of `file` to `scene`.
 fn merge(scene: &mut Scene, file: &Path, mut other: Scene) {
     let first_mesh = scene.meshes.len() as u32;
     if scene.files.is_empty() {
@@ -225,7 +225,8 @@ fn merge(scene: &mut Scene, file: &Path, mut other: Scene) {
     scene.lights.append(&mut other.lights);
 }
 
-/// Whether any number was replaced. An infinite index of refraction, attenuation distance or cutoff has a meaning.
+/// Replaces numbers that are not finite; returns whether there were any. An infinite index of refraction, attenuation distance or
+/// cutoff is meaningful and stays.
 fn replace_non_finite(material: &mut Material) -> bool {
     let defaults = Material::default();
     let mut replaced = false;

@@ -1,4 +1,4 @@
-//! Scenes: what the files hold ([`Scene`]) and what the passes use ([`RenderScene`]).
+//! Scenes: as files describe them ([`Scene`]), and as passes use them ([`RenderScene`]).
 
 mod bytes;
 mod cbo;
@@ -38,30 +38,31 @@ use reflectance::Reflectance;
 use std::path::PathBuf;
 use texture::{Texture, Wrap};
 
-/// A scene as its files describe it: shared meshes, placed by objects.
+/// A scene as files describe it: shared meshes, placed by objects.
 #[derive(Debug, Clone, Default)]
 pub struct Scene {
-    /// Geometry, each stored once however often it is placed.
+    /// Meshes. Each is stored once, however often it is placed.
     pub meshes: Vec<Mesh>,
     /// Placed meshes.
     pub objects: Vec<Object>,
     /// Materials; names are unique.
     pub materials: Vec<Material>,
-    /// Where the textures come from; decoded by [`texture`] when a program reads them.
+    /// Sources of the textures. [`texture`] decodes them when a program reads them.
     pub textures: Vec<TextureSource>,
-    /// Placed exact spheres, which no mesh stands for.
+    /// Placed exact spheres; they have no mesh.
     pub spheres: Vec<PlacedSphere>,
-    /// Perspective cameras of the files, placed. Projects have cameras of their own; one that is made from the scene takes these.
+    /// Perspective cameras of the files, in scene coordinates. They are used by a project that is made from the scene; other
+    /// projects have cameras of their own.
     pub cameras: Vec<SceneCamera>,
-    /// Directional lights of the files, placed; taken as the cameras are.
+    /// Directional lights of the files, used like the cameras.
     pub lights: Vec<SceneLight>,
-    /// Where, in the files' coordinates, the origin of the placed objects and cameras lies: what is placed at 0 is there. 0, unless
-    /// the files lie so far from theirs that `f32` would lose digits that they have.
+    /// Position of the scene's origin in the files' coordinates. It is 0 unless the files' contents lie so far from 0 that `f32`
+    /// would lose digits of them.
     pub origin: DVec3,
-    /// What was left out or replaced while loading.
+    /// Warnings about contents that were skipped or replaced while loading.
     pub warnings: Warnings,
-    /// The files it was loaded from, in order: the first [`LoadedFile::objects`] objects are of the first file, and so
-    /// on. Empty for a scene made in memory.
+    /// The files that the scene was loaded from, in order. The first [`LoadedFile::objects`] objects belong to the first file, and
+    /// so on. Empty for a scene made in memory.
     pub files: Vec<LoadedFile>,
 }
 
@@ -70,9 +71,9 @@ pub struct Scene {
 pub struct LoadedFile {
     /// The file.
     pub path: PathBuf,
-    /// How many of [`Scene::meshes`] are its.
+    /// Number of [`Scene::meshes`] that come from this file.
     pub meshes: u32,
-    /// How many of [`Scene::objects`] are its.
+    /// Number of [`Scene::objects`] that come from this file.
     pub objects: u32,
 }
 
@@ -83,15 +84,15 @@ pub struct Mesh {
     pub name: String,
     /// Positions in model space.
     pub positions: Vec<Vec3>,
-    /// Normals in model space, as the file has them ([`RenderScene::build`] makes them unit length): as many as
-    /// positions, or none where the file has none or none were asked for.
+    /// Normals in model space as the file has them; [`RenderScene::build`] normalises them. As many as positions, or none if the
+    /// file has none or none were asked for.
     pub normals: Vec<Vec3>,
     /// Texture coordinates of unit 0, `v = 0` at the bottom row: as many as positions, or none.
     pub texcoords: Vec<Vec2>,
-    /// What the colour and alpha of the surface are multiplied by, display values in 0..=1: as many as positions, or none.
+    /// Vertex colours, display values in 0..=1, which multiply the surface's colour and alpha: as many as positions, or none.
     pub colors: Vec<Vec4>,
-    /// Where u grows, in model space, and in w on which side the bitangent is: `w * cross(normal, tangent)` is where v grows. As the
-    /// file has them: as many as positions, or none; [`RenderScene::build`] computes what is missing.
+    /// Tangents in model space: xyz is the direction of growing u, w the sign of the bitangent `w * cross(normal, tangent)`, the
+    /// direction of growing v. As the file has them: as many as positions, or none; [`RenderScene::build`] computes missing ones.
     pub tangents: Vec<Vec4>,
     /// Triangles by material.
     pub groups: Vec<Group>,
@@ -132,7 +133,7 @@ pub struct SceneLight {
     pub name: String,
     /// Unit direction in which the light travels, world.
     pub direction: Vec3,
-    /// Colour times strength, as the file has it.
+    /// Colour times intensity, as the file has it.
     pub color: Vec3,
 }
 
@@ -154,45 +155,45 @@ pub struct PlacedSphere {
     pub name: String,
     /// Index into [`Scene::materials`].
     pub material: u32,
-    /// Model to world, relative to [`Scene::origin`]: turns, moves, and scales alike along all axes.
+    /// Model to world, relative to [`Scene::origin`]: rotation, translation and uniform scale only.
     pub transform: Mat4,
 }
 
 impl Scene {
-    /// Model to the files' own coordinates, of one of its objects.
+    /// The transform of one of the scene's objects to the files' coordinates.
     #[must_use]
     pub fn to_world(&self, object: &Object) -> DMat4 {
         DMat4::from_translation(self.origin) * object.transform.as_dmat4()
     }
 }
 
-/// Where a texture's bytes are.
+/// Source of a texture's texels.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum TextureSource {
-    /// A file that exists.
+    /// An existing file.
     File(PathBuf),
-    /// An encoded image inside a scene file (GLB, data URI), with a name for messages.
+    /// An encoded image inside a scene file (GLB, data URI).
     Embedded {
-        /// `file.glb#image3`.
+        /// Name for messages, such as `file.glb#image3`.
         name: String,
-        /// PNG or JPEG bytes.
+        /// Bytes of the encoded image (PNG, JPEG).
         bytes: Vec<u8>,
     },
-    /// Two files that exist: the colours of one, and the other's red channel as alpha (MTL `map_d`).
+    /// Two existing files: colours from one, alpha from the red channel of the other (MTL `map_d`).
     Masked {
         /// The colours.
         color: PathBuf,
-        /// The alpha; resampled to the size of the colours.
+        /// The alpha, resampled to the size of the colours.
         mask: PathBuf,
     },
-    /// Another source, seen otherwise beyond its sides than by repeating it.
+    /// Another source with wrap modes other than repetition.
     Wrapped {
         /// The texels.
         source: Box<TextureSource>,
-        /// Along u and v.
+        /// Wrap modes along u and v.
         wrap: [Wrap; 2],
     },
-    /// Another source whose texels are numbers and no colours (normals): never decoded from sRGB.
+    /// Another source whose texels are data, not colours (normals, roughness): never decoded from sRGB.
     Data {
         /// The texels.
         source: Box<TextureSource>,
@@ -200,7 +201,7 @@ pub enum TextureSource {
 }
 
 impl TextureSource {
-    /// The file it is in, or the name of an embedded image.
+    /// The path of the file, or the name of the embedded image.
     #[must_use]
     pub fn name(&self) -> String {
         match self {
@@ -211,25 +212,25 @@ impl TextureSource {
         }
     }
 
-    /// This source as numbers and no colours.
+    /// This source, marked as data instead of colours.
     #[must_use]
     pub fn data(self) -> Self {
         Self::Data { source: Box::new(self) }
     }
 
-    /// Whether the texels are numbers and no colours.
+    /// Whether the texels are data instead of colours.
     #[must_use]
     pub fn is_data(&self) -> bool {
         matches!(self, Self::Data { .. })
     }
 
-    /// This source with something else beyond its sides.
+    /// This source with other wrap modes.
     #[must_use]
     pub fn wrapped(self, wrap: [Wrap; 2]) -> Self {
         if wrap == [Wrap::Repeat; 2] { self } else { Self::Wrapped { source: Box::new(self), wrap } }
     }
 
-    /// Where the texels are, and what lies beyond the sides.
+    /// The source of the texels, without its wrappers, and the wrap modes.
     #[must_use]
     pub fn texels(&self) -> (&Self, [Wrap; 2]) {
         match self {
@@ -251,35 +252,36 @@ pub struct Material {
     pub ambient: Vec4,
     /// Specular colour.
     pub specular: Vec4,
-    /// Emitted colour. In CBO and NBO it adds to the light that the texture is seen in, as the report's programs have it.
+    /// Emitted colour. In CBO and NBO it is added to the light that multiplies the texture, as in the report's programs.
     pub emission: Vec4,
-    /// Whether the emitted colour is added to what is seen, times [`Self::emission_texture`] (glTF, MTL).
+    /// Whether the emitted colour, times [`Self::emission_texture`], is added to the shaded colour (glTF, MTL).
     pub emission_added: bool,
-    /// What the emitted colour is multiplied by, at the coordinates of [`Self::texture`]: index into [`Scene::textures`].
+    /// Texture that multiplies the emitted colour, at the coordinates of [`Self::texture`]: index into [`Scene::textures`].
     pub emission_texture: Option<u32>,
     /// Phong exponent.
     pub shininess: f32,
     /// Texture of unit 0: index into [`Scene::textures`].
     pub texture: Option<u32>,
-    /// Normal map: unit vectors in the frame of tangent, bitangent and normal, at the coordinates of [`Self::texture`], green towards
+    /// Normal map: vectors in tangent space (tangent, bitangent, normal), at the coordinates of [`Self::texture`]; green points to
     /// growing v. Index into [`Scene::textures`].
     pub normal_texture: Option<u32>,
-    /// What the normal map's x and y are multiplied by; finite.
+    /// Factor of the normal map's x and y; finite.
     pub normal_scale: f32,
-    /// Where the texture's alpha times [`Self::diffuse`]'s is below this, there is no surface. `None`: opaque.
+    /// Alpha test: the surface has a hole where texture alpha times the alpha of [`Self::diffuse`] is below this. `None`: opaque.
     pub alpha_cutoff: Option<f32>,
-    /// Whether some of its triangles have vertex colours ([`Geometry::colors`]). Found by [`RenderScene::build`]; `false` before.
+    /// Whether some triangles of the material have vertex colours ([`Geometry::colors`]). [`RenderScene::build`] sets it; `false`
+    /// before.
     pub vertex_colors: bool,
-    /// Whether the camera does not see its triangles from behind, where their corners go clockwise (glTF unless `doubleSided`).
-    /// Rays meet both sides: light that entered glass must leave it, and a wall keeps light off from either side.
+    /// Whether cameras cull its back faces, whose corners run clockwise on screen (glTF unless `doubleSided`). Rays hit both sides:
+    /// light that entered glass must leave it, and a wall blocks light from either side.
     pub single_sided: bool,
     /// Share of the light that enters (glTF `KHR_materials_transmission`), 0..=1.
     pub transmission: f32,
-    /// Whether the surface is the border of a body, and not a thin wall (glTF `thicknessFactor` above 0; MTL `illum` 6 and 7). This
-    /// and what follows is shaded with `glass=auto`; a pane has the program's index, and nothing else.
+    /// Whether the surface bounds a solid body instead of being a thin wall (glTF `thicknessFactor` above 0; MTL `illum` 6 and 7).
+    /// This field and the following ones apply with `glass=auto`; a thin pane has only the program's index of refraction.
     pub volume: bool,
-    /// Share of the light by colour that passes the surface, beside Fresnel's, each time that light passes it: glTF's base colour;
-    /// MTL's `Tf`, of which a body has the square root, since light enters and leaves it. Linear, 0..=1.
+    /// Share of light, by colour, that passes the surface at each crossing, in addition to Fresnel's term: glTF's base colour, or
+    /// the square root of MTL's `Tf` for a body, since light crosses its surface twice. Linear, 0..=1.
     pub filter: Vec3,
     /// What is kept of reflected light by colour, each time that glass reflects it (glTF `extras.reflectionColor`). Linear, 0..=1.
     pub reflection: Vec3,
@@ -287,27 +289,27 @@ pub struct Material {
     pub reflectance: Option<Reflectance>,
     /// Whether the texture's colour is part of the filter (glTF) and not only of the diffuse colour (MTL).
     pub filter_textured: bool,
-    /// Share of the light that enters and is scattered back by the diffuse colour, 0..=1.
+    /// Share of the entering light that is scattered back with the diffuse colour, 0..=1.
     pub veil: f32,
-    /// Where bodies overlap, the one of the highest rank fills the place, and of several alike the one that was entered last (glTF
+    /// Rank of a body where bodies overlap: the highest rank wins, and among equal ranks the body entered last (glTF
     /// `extras.priority`, 0 to 255).
     pub priority: u8,
     /// Index of refraction (MTL `Ni`, glTF `KHR_materials_ior`), 1..=∞.
     pub ior: f32,
-    /// 20 over Abbe's number (glTF `KHR_materials_dispersion`), 0 or more: by how much a body bends blue light more than red.
+    /// Dispersion: 20 divided by the Abbe number (glTF `KHR_materials_dispersion`), 0 or more.
     pub dispersion: f32,
-    /// Roughness of the surface as glass (glTF `roughnessFactor`, MTL `Pr`), 0..=1: its square is the width alpha of the distribution of
-    /// microfacets.
+    /// Roughness of the surface as glass (glTF `roughnessFactor`, MTL `Pr`), 0..=1. Its square is the width alpha of the microfacet
+    /// distribution.
     pub roughness: f32,
     /// What the roughness is multiplied by: the green channel, as a number, at the coordinates of [`Self::texture`] (glTF
     /// `metallicRoughnessTexture`, MTL `map_Pr`). Index into [`Scene::textures`].
     pub roughness_texture: Option<u32>,
-    /// Thickness (glTF `KHR_materials_volume`), of use only where a surface with a volume is not closed. In scene units, as the file
-    /// has it.
+    /// Thickness in scene units, as the file has it (glTF `KHR_materials_volume`). Used only for a surface with a volume that is
+    /// not a closed mesh.
     pub thickness: f32,
-    /// Colour that white light has after [`Self::attenuation_distance`], linear.
+    /// Colour of white light after [`Self::attenuation_distance`] inside the body, linear.
     pub attenuation_color: Vec3,
-    /// In scene units; infinite where nothing is absorbed.
+    /// Distance in scene units; infinite without absorption.
     pub attenuation_distance: f32,
 }
 
@@ -359,8 +361,8 @@ impl Material {
         [self.texture, self.emission_texture, self.normal_texture, self.roughness_texture].into_iter().flatten()
     }
 
-    /// What the alpha of texture and vertices alone is compared with, from [`Self::alpha_cutoff`] and the diffuse opacity;
-    /// infinite where the opacity is 0. `None` where nothing is cut.
+    /// Alpha cutoff for the alpha of texture and vertices alone: [`Self::alpha_cutoff`] divided by the diffuse opacity, infinite
+    /// for an opacity of 0. `None` if nothing is cut.
     pub(crate) fn cutoff(&self) -> Option<f32> {
         let opacity = self.diffuse.w;
         let scaled = |cutoff: f32| if opacity > 0.0 { cutoff / opacity } else { f32::INFINITY };
@@ -369,18 +371,18 @@ impl Material {
     }
 }
 
-/// What of a scene is wanted; what is not is neither read nor stored.
+/// The parts of a scene that are needed; others are neither read nor stored.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Needs {
-    /// Vertex normals (computed where the file has none).
+    /// Vertex normals; computed if the file has none.
     pub normals: bool,
     /// Texture coordinates of unit 0, and the textures.
     pub textures: bool,
-    /// Vertex colours, where files have them.
+    /// Vertex colours, if files have them.
     pub colors: bool,
-    /// Normal maps, where materials have them, and the tangents and texture coordinates that they take; only with [`Self::normals`].
+    /// Normal maps of materials that have them, with their tangents and texture coordinates; only with [`Self::normals`].
     pub normal_maps: bool,
-    /// Textures of the roughness of glass, where materials have them; only with [`Self::textures`].
+    /// Roughness textures of glass; only with [`Self::textures`].
     pub roughness_maps: bool,
     /// Tangents of all meshes, for shaders that read them; only with [`Self::normals`] and [`Self::textures`].
     pub tangents: bool,
@@ -391,7 +393,7 @@ impl Needs {
     pub const ALL: Needs =
         Needs { normals: true, textures: true, colors: true, normal_maps: true, roughness_maps: true, tangents: false };
 
-    /// Positions alone.
+    /// Positions only.
     pub const NOTHING: Needs = Needs {
         normals: false,
         textures: false,
@@ -402,43 +404,44 @@ impl Needs {
     };
 }
 
-/// Triangles and spheres in world space, sorted by material: what rasterisers draw and tracers build on.
+/// Triangles and spheres in world space, sorted by material: the input of rasterisers and ray tracers.
 ///
-/// Surfaces have ids: that of a triangle is its position in [`Self::triangles`]; those of the spheres follow, in their order.
+/// Surface ids: the id of a triangle is its index in [`Self::triangles`]; the ids of the spheres follow, in their order.
 ///
-/// Every index is below `positions.len()`, every position is finite, no triangle has zero area, and `normals`, `texcoords`,
-/// `colors` and `tangents` are either empty (not needed, or without contents) or as long as `positions`. Normals are unit length.
+/// Invariants: every index is below `positions.len()`, every position is finite, no triangle has zero area, normals are unit
+/// length, and `normals`, `texcoords`, `colors` and `tangents` are as long as `positions`, or empty if they are not needed or no
+/// mesh has them.
 #[derive(Debug, Clone, Default)]
 pub struct Geometry {
     /// Positions, relative to [`RenderScene::origin`].
     pub positions: Vec<Vec3>,
-    /// Shading normals, in world space or (thesis fidelity) in model space as the report's program wrote them.
+    /// Shading normals in world space; in thesis fidelity in model space, as the report's program wrote them.
     pub normals: Vec<Vec3>,
     /// Texture coordinates of unit 0, `v = 0` at the bottom row.
     pub texcoords: Vec<Vec2>,
-    /// What the colour and alpha of the surface are multiplied by, in the scene's colour space; white where a mesh has none. Empty
-    /// where no mesh has any.
+    /// Vertex colours, which multiply the surface's colour and alpha, in [`Self::color_space`]; white for vertices of meshes
+    /// without colours. Empty if no mesh has any.
     pub colors: Vec<Vec4>,
-    /// Unit directions in which u grows, at right angles to the normals or nearly, and in w on which side the bitangent is:
-    /// `w * cross(normal, tangent)`, where v grows. 0 where a mesh has no normal map. Empty where no mesh has any.
+    /// Tangents: xyz is the unit direction of growing u, about perpendicular to the normal; w is the sign of the bitangent `w *
+    /// cross(normal, tangent)`, the direction of growing v. 0 for meshes without a normal map. Empty if no mesh has one.
     pub tangents: Vec<Vec4>,
     /// The colour space of [`Self::colors`].
     pub color_space: ColorSpace,
     /// Vertex indices; the position in this list is the triangle's id everywhere.
     pub triangles: Vec<[u32; 3]>,
-    /// Runs of triangles with one material, in ascending order, covering all of them.
+    /// Runs of triangles with one material, in ascending order of materials, covering all triangles.
     pub batches: Vec<Batch>,
-    /// Exact spheres, in ascending order of their materials. Their normals look outwards; they have neither texture coordinates nor
-    /// colours of vertices.
+    /// Exact spheres, in ascending order of their materials. Their normals point outwards; they have neither texture coordinates
+    /// nor vertex colours.
     pub spheres: Vec<Sphere>,
 }
 
 /// An exact sphere in world space.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Sphere {
-    /// Relative to [`RenderScene::origin`]; finite.
+    /// Centre, relative to [`RenderScene::origin`]; finite.
     pub center: Vec3,
-    /// Above 0 and finite.
+    /// Radius; finite and above 0.
     pub radius: f32,
     /// Index into [`RenderScene::materials`].
     pub material: u32,
@@ -456,7 +459,7 @@ pub struct Batch {
 }
 
 impl Geometry {
-    /// Index of the material of a triangle.
+    /// Material index of a triangle.
     ///
     /// # Panics
     /// If there is no such triangle.
@@ -467,14 +470,14 @@ impl Geometry {
         self.batches[next - 1].material
     }
 
-    /// The sphere of an id; `None` for triangles, and where there is none.
+    /// The sphere with a surface id; `None` for ids of triangles and for ids out of range.
     #[inline]
     #[must_use]
     pub fn sphere(&self, id: u32) -> Option<&Sphere> {
         self.spheres.get((id as usize).checked_sub(self.triangles.len())?)
     }
 
-    /// Number of triangles and spheres: no id is as large.
+    /// Number of triangles and spheres: all surface ids are below it.
     #[must_use]
     pub fn surfaces(&self) -> usize {
         self.triangles.len() + self.spheres.len()
@@ -485,7 +488,7 @@ impl Geometry {
         self.batches.iter().flat_map(|batch| std::iter::repeat_n(batch.material, batch.count as usize))
     }
 
-    /// The corners of a triangle.
+    /// The corner positions of a triangle.
     #[inline]
     #[must_use]
     pub fn corners(&self, triangle: u32) -> [Vec3; 3] {
@@ -493,13 +496,13 @@ impl Geometry {
     }
 }
 
-/// The triangles and spheres of some materials. Both are sorted by material, so these are few ranges of ids, and whether one is among them
-/// takes a comparison or two where its material would have to be looked for among all.
+/// The surface ids of some materials, as ranges. Surfaces are sorted by material, so there are few ranges, and testing an id takes
+/// a few comparisons instead of a search for its material among all batches.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub struct TriangleRanges(Vec<[u32; 2]>);
 
 impl TriangleRanges {
-    /// Those of the materials that are marked.
+    /// The surfaces whose material is marked.
     #[must_use]
     pub fn new(geometry: &Geometry, marked: &[bool]) -> Self {
         let mut ranges = Self::default();
@@ -507,7 +510,7 @@ impl TriangleRanges {
         ranges
     }
 
-    /// Replaces them by those of the materials that are marked; a material beyond the list is not.
+    /// Replaces the ranges by those of the marked materials; materials beyond the end of `marked` are not marked.
     pub fn find(&mut self, geometry: &Geometry, marked: &[bool]) {
         self.0.clear();
         let is_marked = |batch: &&Batch| batch.count > 0 && marked.get(batch.material as usize) == Some(&true);
@@ -528,13 +531,13 @@ impl TriangleRanges {
         }
     }
 
-    /// First and end of each, in ascending order; none is empty, and no two touch.
+    /// The ranges `[first, end)`, in ascending order; none is empty, and no two are adjacent.
     #[must_use]
     pub fn as_slice(&self) -> &[[u32; 2]] {
         &self.0
     }
 
-    /// Whether a triangle is in one of them.
+    /// Whether a surface id is in one of the ranges.
     #[inline]
     #[must_use]
     pub fn contains(&self, triangle: u32) -> bool {
@@ -543,21 +546,22 @@ impl TriangleRanges {
     }
 }
 
-/// A scene made ready for rendering: flat geometry, materials, and decoded textures.
+/// A scene ready for rendering: flat geometry, materials, and decoded textures.
 #[derive(Debug, Clone, Default)]
 pub struct RenderScene {
-    /// All triangles.
+    /// All surfaces.
     pub geometry: Geometry,
-    /// Materials, in the order that [`Batch::material`] counts. [`Material::texture`] indexes [`Self::textures`].
+    /// Materials; [`Batch::material`] is an index into this list, and [`Material::texture`] one into [`Self::textures`].
     pub materials: Vec<Material>,
     /// Decoded textures.
     pub textures: Vec<Texture>,
-    /// Where the origin of [`Geometry::positions`] lies in the world: 0, or near a scene that is far from it. Cameras are moved with it.
+    /// World position of the origin of [`Geometry::positions`]: 0, or near a scene that is far from 0. Cameras are relative to it
+    /// too.
     pub origin: DVec3,
 }
 
 impl RenderScene {
-    /// Adds another scene's triangles, materials and textures after this one's.
+    /// Appends another scene's triangles, materials and textures.
     ///
     /// # Panics
     /// If the two were made for different [`Needs`] or origins, or together have more than 2^32 vertices or triangles.
@@ -579,7 +583,7 @@ impl RenderScene {
         }
         let before = geometry.positions.len();
         join(&mut geometry.colors, &other.geometry.colors, before, whole, Vec4::ONE);
-        // A scene that only normal maps ask for coordinates has none without such a map.
+        // A scene needs coordinates only for its normal maps may have none, if it has no such map.
         join(&mut geometry.texcoords, &other.geometry.texcoords, before, whole, Vec2::ZERO);
         join(&mut geometry.tangents, &other.geometry.tangents, before, whole, Vec4::ZERO);
         let (vertices, triangles) = (index(geometry.positions.len()), index(geometry.triangles.len()));

@@ -1,19 +1,19 @@
-//! How a normal map bends the shading normal: the one definition, which kernels and shaders repeat.
+//! Normal mapping: the reference definition, which kernels and shaders reproduce.
 //!
-//! A texel is a vector in the frame of tangent, bitangent and vertex normal as MikkTSpace has it: the tangent and the normal interpolated
-//! between the corners and not made unit length, the bitangent `w * cross(normal, tangent)`. Only the shading normal is bent: which side
-//! is seen, where rays start, the entry into glass and the mended terminator go by the triangle and its vertex normals.
+//! A texel is a vector in tangent space as MikkTSpace defines it: tangent and normal are interpolated between the corners without
+//! normalisation, and the bitangent is `w * cross(normal, tangent)`. Only the shading normal is bent. The visible side, the origins
+//! of rays, the entry into glass and the corrected terminator use the triangle and its vertex normals.
 
 use glam::{Vec3, Vec4};
 
-/// Least height of a texel's vector over the surface; those that a map has below it lie in the surface.
+/// Least z of a texel's vector: vectors below are raised to it, so that they lie almost in the surface.
 pub const LEAST_HEIGHT: f32 = 1.0 / 255.0;
 
-/// Least cosine between the bent normal and the triangle's: it never turns to the other side of the triangle than the vertex normal.
+/// Least cosine between the bent normal and the triangle's normal, so that the bent normal stays on the side of the vertex normal.
 pub const LEAST_COSINE: f32 = 0.01;
 
-/// The unit normal that a texel (components as stored, in 0..=1) makes of a vertex normal, on a triangle with a unit normal `flat`, on either
-/// side. The vertex normal is finite and not 0; a tangent of 0 bends nothing.
+/// The bent unit normal from a texel (components as stored, in 0..=1) and an interpolated vertex normal. `flat` is the triangle's
+/// unit normal and may point to either side. `normal` must be finite and not 0; a tangent of 0 bends nothing.
 #[must_use]
 #[inline(always)]
 pub fn bent(texel: Vec3, scale: f32, normal: Vec3, tangent: Vec4, flat: Vec3) -> Vec3 {
@@ -29,7 +29,7 @@ pub fn bent(texel: Vec3, scale: f32, normal: Vec3, tangent: Vec4, flat: Vec3) ->
     if cosine < LEAST_COSINE { unit_or(bent + flat * (LEAST_COSINE - cosine), flat) } else { bent }
 }
 
-/// The light's cosine at a bent normal: 0 below the horizon of the vertex normal.
+/// The light's cosine at a bent normal; 0 if the light is below the horizon of the vertex normal.
 #[must_use]
 #[inline(always)]
 pub fn cosine(bent: Vec3, normal: Vec3, to_light: Vec3) -> f32 {
@@ -37,7 +37,7 @@ pub fn cosine(bent: Vec3, normal: Vec3, to_light: Vec3) -> f32 {
     if normal.dot(to_light) > 0.0 && cosine > 0.0 { cosine.min(1.0) } else { 0.0 }
 }
 
-/// The unit vector of that direction, or else of the other one's.
+/// `vector` normalised, or `other` normalised if `vector` has no direction.
 #[inline(always)]
 fn unit_or(vector: Vec3, other: Vec3) -> Vec3 {
     let reciprocal = 1.0 / vector.dot(vector).sqrt();
@@ -53,7 +53,7 @@ mod tests {
     use super::{LEAST_COSINE, LEAST_HEIGHT, bent, cosine};
     use glam::{Mat3, Quat, Vec3, Vec4};
 
-    /// What [`bent`] should be in a frame of unit vectors at right angles, in f64 and by a matrix.
+    /// Expected result of [`bent`] in an orthonormal frame, by a matrix in `f64`.
     fn by_matrix(texel: Vec3, scale: f32, turn: Quat, side: f32) -> Vec3 {
         let vector = (2.0 * texel.as_dvec3() - 1.0) * glam::DVec3::new(f64::from(scale), f64::from(scale * side), 1.0);
         (turn.as_dquat() * vector.normalize()).as_vec3()
@@ -66,12 +66,12 @@ mod tests {
             let [t, n] = [Vec3::X, Vec3::Z].map(|axis| turn * axis);
             for texel in [Vec3::new(0.8, 0.5, 0.9), Vec3::new(0.25, 0.9, 0.75), Vec3::new(0.5, 0.1, 1.0)] {
                 for side in [1.0, -1.0] {
-                    // Lengths of the vertex normal and of the triangle's side change nothing but the share of the frame.
+                    // A normal of another length only scales its share of the frame; the side of `flat` has no effect.
                     let found = bent(texel, scale, n, t.extend(side), -n);
                     let exact = by_matrix(texel, scale, turn, side);
                     assert!(found.distance(exact) < 1e-6, "{texel} {scale} {side}: {found}, not {exact}");
                 }
-                // Controls: green the other way round, and the side of the bitangent ignored.
+                // Controls that must fail: green flipped, and the sign of the bitangent ignored.
                 let flipped = Vec3::new(texel.x, 1.0 - texel.y, texel.z);
                 let told_apart = scale != 0.0 && texel.y != 0.5;
                 let right = by_matrix(texel, scale, turn, 1.0);
@@ -83,7 +83,7 @@ mod tests {
 
     #[test]
     fn the_frame_is_as_long_as_what_is_interpolated() {
-        // MikkTSpace: vN + vT x + vB y with vB = w cross(vN, vT), none of them of unit length.
+        // MikkTSpace: vN + vT x + vB y with vB = w cross(vN, vT), none of them normalised.
         let (n, t) = (Vec3::new(0.1, 0.2, 0.7), Vec3::new(0.6, 0.0, -0.1));
         let texel = Vec3::new(0.7, 0.3, 0.9);
         let [x, y, z] = [0.4, -0.4, 0.8];
@@ -96,7 +96,7 @@ mod tests {
     fn a_bent_normal_stays_on_the_side_of_the_vertex_normal() {
         let n = Vec3::new(0.8, 0.0, 0.6);
         let t = Vec3::new(0.6, 0.0, -0.8);
-        // 90 degrees from the vertex normal is far below the triangle's plane.
+        // A vector at 90 degrees to the vertex normal is far below the triangle's plane.
         let texel = Vec3::new(1.0, 0.5, 0.5);
         for flat in [Vec3::Z, Vec3::NEG_Z] {
             let found = bent(texel, 1.0, n, t.extend(1.0), flat);
@@ -105,7 +105,7 @@ mod tests {
             let from_behind = bent(texel, 1.0, -n, (-t).extend(1.0), flat);
             assert!(low.contains(&-from_behind.z), "{from_behind}");
         }
-        // What looks into the surface lies in it, and what has no direction is the vertex normal.
+        // A vector into the surface is raised into it; a vector without a direction gives the vertex normal.
         let sunk = bent(Vec3::new(1.0, 0.5, 0.0), 1.0, Vec3::Z, Vec4::new(1.0, 0.0, 0.0, 1.0), Vec3::Z);
         assert!(sunk.z >= LEAST_HEIGHT && sunk.is_normalized(), "{sunk}");
         assert_eq!(bent(Vec3::ONE, 1.0, Vec3::Y, Vec4::ZERO, Vec3::Y), Vec3::Y);

@@ -1,5 +1,5 @@
-//! Ogre's meshes as XML (`.mesh.xml`): shared or own vertices, and faces by material. Materials have names only; their scripts are not
-//! read. What else a file holds (skeletons, poses, levels of detail) is passed over.
+//! Ogre meshes as XML (`.mesh.xml`): shared or own vertices, and faces by material. Materials are names only; material scripts are
+//! not read. Other contents of a file (skeletons, poses, levels of detail) are skipped.
 
 use super::context::{Context, MaterialTable};
 use super::error::{Place, SceneError};
@@ -9,21 +9,21 @@ use crate::guard;
 use glam::{Mat4, Vec2, Vec3};
 use quick_xml::events::{BytesStart, Event};
 
-/// Ends the names of its files.
+/// Suffix of the file names.
 pub(crate) const SUFFIX: &str = ".mesh.xml";
 
-/// Where the reader is.
+/// State of the reader.
 #[derive(Default)]
 struct Loader {
     scene: Scene,
     table: MaterialTable,
     warnings: Warnings,
     shared: Mesh,
-    /// The mesh of the submesh that is open, and whether it uses the shared vertices.
+    /// The mesh of the open submesh, and whether it uses the shared vertices.
     current: Option<(Mesh, bool)>,
-    /// Triangles of the shared vertices, by submesh.
+    /// Triangles that use the shared vertices, by submesh.
     shared_groups: Vec<Group>,
-    /// The vertex that is open has its first texture coordinates.
+    /// Whether the open vertex already has texture coordinates; only the first set is read.
     has_texcoord: bool,
     elements: u64,
 }
@@ -53,7 +53,7 @@ pub(crate) fn read(bytes: &[u8], context: &mut Context<'_>) -> Result<Scene, Sce
             _ => {}
         }
         loader.elements += 1;
-        // No element becomes more than a vertex and its attributes, in lists that double.
+        // An element becomes at most a vertex with its attributes; lists double as they grow.
         if loader.elements > booked {
             context.take("the vertices and faces", 4096, 64)?;
             booked += 4096;
@@ -93,7 +93,7 @@ impl Loader {
                 self.vertices().normals.push(normal);
             }
             "texcoord" if !std::mem::replace(&mut self.has_texcoord, true) => {
-                // v counts downwards.
+                // v counts downwards in the file.
                 let at = Vec2::new(number(element, "u")?, 1.0 - number(element, "v")?);
                 self.vertices().texcoords.push(at);
             }
@@ -110,12 +110,12 @@ impl Loader {
         Ok(())
     }
 
-    /// The vertices that are read: those of the open submesh, or the shared ones.
+    /// The mesh that vertices are read into: the open submesh, or the shared vertices.
     fn vertices(&mut self) -> &mut Mesh {
         self.current.as_mut().map_or(&mut self.shared, |(mesh, _)| mesh)
     }
 
-    /// A submesh ends.
+    /// Ends a submesh.
     fn end(&mut self) {
         match self.current.take() {
             Some((mesh, true)) => self.shared_groups.extend(mesh.groups),
@@ -153,7 +153,7 @@ impl Loader {
     }
 }
 
-/// An attribute's text; `None` if it is not there.
+/// The text of an attribute; `None` if it is missing.
 fn text(element: &BytesStart<'_>, name: &str) -> Result<Option<String>, String> {
     let attribute = element.try_get_attribute(name).map_err(|error| error.to_string())?;
     Ok(attribute.map(|attribute| attribute.value.into_owned()))

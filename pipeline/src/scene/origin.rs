@@ -1,24 +1,26 @@
-//! Where the origin of a scene's coordinates is put.
+//! Choice of the origin of a scene's coordinates.
 //!
-//! Buildings and terrains come in map coordinates. `f32` has 24 bits: a million units from the origin its steps are a sixteenth of a unit,
-//! and products of such coordinates with a matrix lose some more. So a scene that lies far from the origin is told from one nearer by,
-//! and files whose numbers have more digits are read relative to it before they are rounded.
+//! Buildings and terrains often use map coordinates. `f32` has 24 bits: a million units from the origin its spacing is a sixteenth
+//! of a unit, and products of such coordinates with a matrix lose further digits. So coordinates of a scene far from the origin are
+//! stored relative to a nearer one, and files whose numbers have more digits are read relative to it before rounding.
 
 use super::Mesh;
 use glam::{DMat4, DVec3, Vec3};
 use rayon::prelude::*;
 
-/// A scene is far from the origin if it lies so many times its longest side away. At 16 sides `f32` coordinates are off by at most a
-/// two-millionth of that side, less than a thousandth of a pixel in a picture of 1024 that shows it whole.
+/// A scene is far from the origin if its distance exceeds this many times its longest side. At 16 sides `f32` coordinates have an
+/// error of at most one two-millionth of that side, less than a thousandth of a pixel in a picture of 1024 pixels that shows the
+/// whole scene.
 const FAR: f64 = 16.0;
 
-/// The corners of a box.
+/// Lowest and highest corner of a box.
 pub(crate) type Bounds = [DVec3; 2];
 
-/// The origin for what lies in a box: 0, unless the box is farther away than [`FAR`] of its longest sides; else near its centre.
+/// The origin for contents in a box: 0, unless the box is farther away than [`FAR`] times its longest side; then a point near its
+/// centre.
 ///
-/// It is a multiple of a power of two that is at least twice the longest side. So a scene that is moved by a multiple of that has the
-/// coordinates of the one that is not, bit for bit; and it is an `f32`, exactly.
+/// It is a multiple of a power of two that is at least twice the longest side. Moving a scene by a multiple of that power therefore
+/// leaves its relative coordinates unchanged, bit for bit; and the origin is exact in `f32`.
 pub(crate) fn origin_for([low, high]: Bounds) -> DVec3 {
     let side = (high - low).max_element();
     let away = low.max(-high).max_element();
@@ -27,11 +29,11 @@ pub(crate) fn origin_for([low, high]: Bounds) -> DVec3 {
     }
     let step = (2.0 * side).max(away * 2.0_f64.powi(-22)).log2().ceil().exp2();
     let origin = (0.5 * (low + high) / step).round() * step;
-    // A step of 0 or infinity is that of numbers at the ends of f32's range.
+    // At the ends of the range of f32 the step may be 0 or infinite.
     if origin.is_finite() { origin } else { DVec3::ZERO }
 }
 
-/// The box around points that are finite; `None` without any.
+/// The bounding box of the finite points; `None` if there are none.
 pub(crate) fn bounds(points: &[Vec3]) -> Option<Bounds> {
     let none = || [Vec3::INFINITY, Vec3::NEG_INFINITY];
     let with = |[low, high]: [Vec3; 2], point: &Vec3| match point.is_finite() {
@@ -43,7 +45,7 @@ pub(crate) fn bounds(points: &[Vec3]) -> Option<Bounds> {
     low.is_finite().then(|| [low.as_dvec3(), high.as_dvec3()])
 }
 
-/// A box around placed meshes: that of the corners of their own boxes.
+/// A box around placed meshes: the bounding box of the placed corners of their own boxes.
 pub(crate) fn placed_bounds(meshes: &[Mesh], placed: impl Iterator<Item = (u32, DMat4)>) -> Option<Bounds> {
     let boxes: Vec<Option<Bounds>> = meshes.iter().map(|mesh| bounds(&mesh.positions)).collect();
     let mut whole: Option<Bounds> = None;

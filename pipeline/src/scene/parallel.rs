@@ -1,17 +1,17 @@
-//! Long lists on all threads.
+//! Parallel operations on long lists.
 
 use bytemuck::Zeroable;
 use rayon::prelude::*;
 
-/// Items that a task copies.
+/// Number of items that a task copies.
 const CHUNK: usize = 1 << 16;
 
-/// A list of zeros whose memory nobody has touched yet: the threads that write it share the work of getting it.
+/// A list of zeros in untouched memory: its pages are first touched by the threads that write it, in parallel.
 pub(super) fn zeros<T: Zeroable>(count: usize) -> Vec<T> {
     bytemuck::allocation::zeroed_vec(count)
 }
 
-/// Cuts a list into parts of these lengths, which together are its own.
+/// Splits a list into consecutive parts of the given lengths.
 pub(super) fn parts<T>(mut list: &mut [T], lengths: impl IntoIterator<Item = usize>) -> Vec<&mut [T]> {
     let mut parts = Vec::new();
     for length in lengths {
@@ -22,7 +22,7 @@ pub(super) fn parts<T>(mut list: &mut [T], lengths: impl IntoIterator<Item = usi
     parts
 }
 
-/// All lists, one after the other.
+/// Concatenates lists.
 pub(super) fn concatenate<T: Copy + Zeroable + Send + Sync>(lists: &[&[T]]) -> Vec<T> {
     let mut all = zeros(lists.iter().map(|list| list.len()).sum());
     let places = parts(&mut all, lists.iter().map(|list| list.len()));

@@ -1,4 +1,4 @@
-//! The primitives of `<geometry>`: boxes, squares, spheres and grids, tessellated as the engine does; and exact spheres.
+//! The primitives of `<geometry>`: boxes, squares, spheres and grids, tessellated as in the report's engine; and exact spheres.
 
 use super::error::SceneError;
 use super::{Group, Material, Mesh, Object, PlacedSphere, Scene};
@@ -9,26 +9,26 @@ use std::path::Path;
 /// A primitive placed in a scene.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Shape {
-    /// Name of its object.
+    /// Name of the object that it becomes.
     pub name: String,
-    /// Name of its material; one of that name in the scene's files serves, or else a light grey one is made.
+    /// Name of the material. A material of that name in the scene is used; otherwise a light grey one is made.
     pub material: String,
-    /// What it is.
+    /// Kind and parameters.
     pub kind: ShapeKind,
     /// Model to scene.
     pub place: Placement,
 }
 
-/// Where a scene or a primitive stands: the product of three matrices.
+/// Placement of a scene or a primitive: the product of a translation, a rotation and a scale.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Placement {
-    /// Moves by this.
+    /// Translation.
     pub translation: Vec3,
-    /// Turns about this axis, of any length; one of length 0 turns nothing.
+    /// Rotation axis, of any length; length 0 means no rotation.
     pub axis: Vec3,
-    /// By this angle, counter-clockwise where the axis points at the viewer.
+    /// Rotation angle in degrees, counter-clockwise for a viewer whom the axis points at.
     pub degrees: f32,
-    /// Scales along the axes.
+    /// Scale factors along the axes.
     pub scale: Vec3,
     /// The factors of the product from the left, as the format names them: one of [`Placement::ORDERS`].
     pub order: &'static str,
@@ -45,7 +45,7 @@ impl Placement {
     /// The orders of the factors T(ranslation), R(otation), S(caling); the first is the usual one.
     pub const ORDERS: [&'static str; 6] = ["T_R_S", "T_S_R", "R_T_S", "R_S_T", "S_R_T", "S_T_R"];
 
-    /// The product.
+    /// The matrix of the product.
     #[must_use]
     pub fn matrix(&self) -> Mat4 {
         let axis = self.axis.as_dvec3().try_normalize().map(|unit| unit.as_vec3());
@@ -58,27 +58,27 @@ impl Placement {
     }
 }
 
-/// What a primitive is, in model space. Faces are counter-clockwise from outside or above.
+/// The kind of a primitive, in model space. Faces are counter-clockwise seen from outside or above.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum ShapeKind {
-    /// From -1 to 1 on all axes, four vertices and one whole texture a face.
+    /// A cube from -1 to 1; each face has four vertices and the whole texture.
     Box,
-    /// From -1 to 1 on x and z, at y = 0, facing up.
+    /// A square from -1 to 1 on x and z, at y = 0, facing up.
     Square,
-    /// Radius 1 about the origin, poles on y.
+    /// A tessellated sphere of radius 1 about the origin, with the poles on the y axis.
     Sphere {
-        /// Around the y axis, 3 to [`ShapeKind::MOST`].
+        /// Divisions around the y axis, 3 to [`ShapeKind::MOST`].
         slices: u32,
-        /// From pole to pole, 2 to [`ShapeKind::MOST`].
+        /// Divisions from pole to pole, 2 to [`ShapeKind::MOST`].
         stacks: u32,
     },
-    /// Radius 1 about the origin, and no mesh: every ray and every pixel meets the sphere itself.
+    /// A sphere of radius 1 about the origin without a mesh: rays and pixels are intersected with the sphere itself.
     ExactSphere,
-    /// A square on x and z about the origin, facing up.
+    /// A square grid on x and z about the origin, facing up.
     Grid {
-        /// Along each side, 1 to [`ShapeKind::MOST`].
+        /// Divisions along each side, 1 to [`ShapeKind::MOST`].
         divisions: u32,
-        /// Of a side.
+        /// Length of a side.
         length: f32,
     },
 }
@@ -87,14 +87,14 @@ impl ShapeKind {
     /// Most slices, stacks or divisions.
     pub const MOST: u32 = 4096;
 
-    /// Bytes of the mesh.
+    /// Size of the mesh in bytes.
     fn bytes(self) -> u64 {
         let Some((columns, rows)) = self.cells() else { return size_of::<PlacedSphere>() as u64 };
         let (columns, rows) = (u64::from(columns), u64::from(rows));
         32 * (columns + 1) * (rows + 1) + 24 * columns * rows
     }
 
-    /// Quads along the two directions of its net, where it has one.
+    /// Columns and rows of its quads; `None` without a mesh.
     fn cells(self) -> Option<(u32, u32)> {
         match self {
             Self::Box => Some((6, 1)),
@@ -105,7 +105,7 @@ impl ShapeKind {
         }
     }
 
-    /// Its geometry; the group's material is 0. `None` for exact spheres.
+    /// The mesh; the material of its group is 0. `None` for exact spheres.
     #[must_use]
     pub fn mesh(self) -> Option<Mesh> {
         let mesh = match self {
@@ -131,8 +131,8 @@ impl ShapeKind {
     }
 }
 
-/// A net of quads over the unit square: `at` gives position and normal at (u, v), which are the texture coordinates too. `turned` where
-/// u cross v looks inwards.
+/// A grid of quads over the unit square. `at` returns position and normal at (u, v), which are also the texture coordinates.
+/// `turned` reverses the winding, for surfaces where u cross v points inwards.
 fn net((columns, rows): (u32, u32), at: impl Fn(f32, f32) -> (Vec3, Vec3), turned: bool) -> Mesh {
     let mut mesh = Mesh::default();
     for row in 0..=rows {
@@ -161,7 +161,7 @@ fn net((columns, rows): (u32, u32), at: impl Fn(f32, f32) -> (Vec3, Vec3), turne
 
 /// Six faces that share no vertex.
 fn cube() -> Mesh {
-    // Normal, and the direction of u; v is their cross product.
+    // Normal, and direction of u; the direction of v is their cross product.
     const FACES: [(Vec3, Vec3); 6] = [
         (Vec3::Z, Vec3::X),
         (Vec3::NEG_X, Vec3::Z),
@@ -186,7 +186,7 @@ fn cube() -> Mesh {
     mesh
 }
 
-/// Adds primitives to a scene that was loaded. `file` is named where they do not fit.
+/// Adds primitives to a loaded scene. `file` is named in the error.
 ///
 /// # Errors
 /// If their meshes take more than `max_bytes`.
@@ -220,7 +220,7 @@ pub(crate) fn add(scene: &mut Scene, shapes: &[Shape], file: &Path, max_bytes: u
 mod tests {
     use super::*;
 
-    /// Area, and volume by the divergence theorem; every face looks where its normals do.
+    /// Area and, by the divergence theorem, volume of a shape. Checks that every face has the side of its normals.
     fn measured(kind: ShapeKind) -> (f64, f64) {
         let mesh = kind.mesh().expect("it has a mesh");
         let (mut area, mut volume) = (0.0, 0.0);
@@ -246,7 +246,7 @@ mod tests {
         near(measured(ShapeKind::Box), (24.0, 8.0));
         near(measured(ShapeKind::Square), (4.0, 0.0));
         near(measured(ShapeKind::Grid { divisions: 7, length: 3.0 }), (9.0, 0.0));
-        // A band between two latitudes is n trapezoids; its volume is that of the frusta of pyramids with n corners.
+        // A band between two latitudes consists of n trapezoids; its volume is the difference of pyramids with n corners.
         let (slices, stacks) = (12_u32, 9_u32);
         let (mut area, mut volume) = (0.0, 0.0);
         let turn = std::f64::consts::PI / f64::from(slices);
@@ -270,7 +270,7 @@ mod tests {
             scale: Vec3::new(1.0, 2.0, 3.0),
             order: "T_R_S",
         };
-        // Of the point (1, 1, 1): a quarter turn about y takes z to x, and x to -z.
+        // The image of (1, 1, 1): a quarter turn about y takes z to x, and x to -z.
         for (order, expected) in [
             ("T_R_S", [13.0, 2.0, -1.0]),
             ("T_S_R", [11.0, 2.0, -3.0]),

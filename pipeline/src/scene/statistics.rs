@@ -1,56 +1,56 @@
-//! Counts of what a scene holds, for people and for scripts.
+//! Statistics of a scene's contents.
 
 use super::Scene;
 use glam::{DVec3, Vec3};
 use serde::Serialize;
 use std::path::PathBuf;
 
-/// What a scene holds. Triangles and vertices are counted once for every object that places them.
+/// Contents of a scene. Triangles and vertices count once for each object that places them.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Statistics {
-    /// By file.
+    /// Statistics of each file.
     pub files: Vec<FileStatistics>,
-    /// Stored meshes.
+    /// Number of stored meshes.
     pub meshes: u64,
-    /// Placed meshes.
+    /// Number of objects, that is placed meshes.
     pub objects: u64,
-    /// Placed vertices.
+    /// Number of placed vertices.
     pub vertices: u64,
-    /// Placed triangles.
+    /// Number of placed triangles.
     pub triangles: u64,
-    /// Lowest and highest corner of the box around all placed, finite vertices; `None` without any.
+    /// Lowest and highest corner of the bounding box of all placed, finite vertices; `None` if there are none.
     pub bounds: Option<[[f32; 3]; 2]>,
-    /// By material, in the scene's order.
+    /// Statistics of each material, in the scene's order.
     pub materials: Vec<MaterialStatistics>,
 }
 
-/// What one file holds.
+/// Contents of one file.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize)]
 pub struct FileStatistics {
     /// The file.
     pub path: PathBuf,
-    /// Stored meshes.
+    /// Number of stored meshes.
     pub meshes: u64,
-    /// Placed meshes.
+    /// Number of objects, that is placed meshes.
     pub objects: u64,
-    /// Placed vertices.
+    /// Number of placed vertices.
     pub vertices: u64,
-    /// Placed triangles.
+    /// Number of placed triangles.
     pub triangles: u64,
 }
 
 /// How a material is used.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize)]
 pub struct MaterialStatistics {
-    /// Its name.
+    /// Name of the material.
     pub name: String,
-    /// Placed triangles that have it.
+    /// Number of placed triangles with this material.
     pub triangles: u64,
-    /// The file or embedded image of its texture.
+    /// Path or name of the texture; `None` without one.
     pub texture: Option<String>,
 }
 
-/// Counts what a scene holds, as its files have it: triangles that [`super::RenderScene::build`] leaves out included.
+/// Counts the contents of a scene as its files have them, including triangles that [`super::RenderScene::build`] leaves out.
 #[must_use]
 pub fn statistics(scene: &Scene) -> Statistics {
     let mut by_material = vec![0_u64; scene.materials.len()];

@@ -1,4 +1,4 @@
-//! 3DS files, of Autodesk's 3D Studio for DOS: chunks in chunks, little endian.
+//! 3DS files of Autodesk's 3D Studio for DOS: nested chunks, little endian.
 //!
 //! ```text
 //! chunk     := u16 id, u32 length (of all of it, with these six bytes), contents
@@ -11,7 +11,7 @@
 //!              4120 u16 n, (u16 corners[3], u16 flags)[n], chunks: 4130 := material name (to a NUL), u16 n, u16 faces[n]
 //! ```
 //!
-//! Positions are those of the scene: the matrices of the file place pivots only. Normals are not in the file.
+//! Positions are in scene coordinates: the file's matrices only place pivots. The file contains no normals.
 
 use super::bytes::{Reader, f32_at};
 use super::context::{Context, MaterialTable, add_texture, texture_file_or_suffix};
@@ -26,11 +26,11 @@ const SCENE: u16 = 0x3D3D;
 const MATERIAL: u16 = 0xAFFF;
 const OBJECT: u16 = 0x4000;
 const MESH: u16 = 0x4100;
-/// Bytes of a chunk's head.
+/// Size of a chunk's header, bytes.
 const HEAD: usize = 6;
 /// Longest name, bytes.
 const LONGEST_NAME: usize = 4096;
-/// The material of faces that name none.
+/// Name of the material of faces that name none.
 const PLAIN: &str = "default";
 
 /// Scale and offset of texture coordinates.
@@ -46,7 +46,7 @@ struct Loader<'a, 'b> {
     context: &'a mut Context<'b>,
     scene: Scene,
     table: MaterialTable,
-    /// By name of the material, where it changes texture coordinates.
+    /// Transforms of texture coordinates, by name of the material; materials without one are missing.
     mappings: HashMap<String, Mapping>,
     warnings: Warnings,
 }
@@ -76,14 +76,14 @@ pub(crate) fn read(bytes: &[u8], context: &mut Context<'_>) -> Result<Scene, Sce
             }
         }
     }
-    // Materials may stand after the objects that name them.
+    // Materials may follow the objects that name them.
     objects.into_iter().try_for_each(|object| loader.object(object))?;
     let Loader { mut scene, table, warnings, .. } = loader;
     (scene.materials, scene.warnings) = (table.materials, warnings);
     Ok(scene)
 }
 
-/// The next chunk's id, and its contents.
+/// Reads the next chunk: its id and its contents.
 fn chunk<'a>(reader: &mut Reader<'a>) -> Result<(u16, Reader<'a>), SceneError> {
     let id = reader.u16("a chunk's id")?;
     let length = reader.count("a chunk's length")?;
@@ -92,7 +92,7 @@ fn chunk<'a>(reader: &mut Reader<'a>) -> Result<(u16, Reader<'a>), SceneError> {
     Ok((id, reader.part(contents, "a chunk")?))
 }
 
-/// Bytes up to a NUL, as Latin-1.
+/// Reads Latin-1 text up to a NUL.
 fn name(reader: &mut Reader<'_>) -> Result<String, SceneError> {
     let mut name = String::new();
     loop {
@@ -104,7 +104,7 @@ fn name(reader: &mut Reader<'_>) -> Result<String, SceneError> {
     }
 }
 
-/// The first colour in a chunk; linear ones (of version 3) come after those for display.
+/// Reads the first colour in a chunk. Linear colours (version 3) follow the display colours.
 fn color(mut reader: Reader<'_>) -> Result<Option<Vec3>, SceneError> {
     while reader.left() >= HEAD {
         match chunk(&mut reader)? {
@@ -119,7 +119,7 @@ fn color(mut reader: Reader<'_>) -> Result<Option<Vec3>, SceneError> {
     Ok(None)
 }
 
-/// The first share in a chunk, 0 to 1.
+/// Reads the first percentage in a chunk, as 0 to 1.
 fn share(mut reader: Reader<'_>) -> Result<Option<f32>, SceneError> {
     while reader.left() >= HEAD {
         match chunk(&mut reader)? {
@@ -166,7 +166,7 @@ impl Loader<'_, '_> {
         Ok(())
     }
 
-    /// The file of a texture.
+    /// Reads the file name and the mapping of a texture.
     fn texture(&mut self, mut reader: Reader<'_>, mapping: &mut Mapping) -> Result<Option<String>, SceneError> {
         let mut file = None;
         while reader.left() >= HEAD {
@@ -204,7 +204,7 @@ impl Loader<'_, '_> {
     fn mesh(&mut self, name: &str, mut reader: Reader<'_>) -> Result<(), SceneError> {
         let mut mesh = Mesh { name: name.to_owned(), ..Mesh::default() };
         let mut faces: Vec<[u32; 3]> = Vec::new();
-        // By face: one more than its material, or 0.
+        // By face: material index plus one, or 0 without a material.
         let mut materials: Vec<u32> = Vec::new();
         while reader.left() >= HEAD {
             let (id, mut part) = chunk(&mut reader)?;
@@ -250,7 +250,7 @@ impl Loader<'_, '_> {
         Ok(())
     }
 
-    /// The lists of faces by material, which follow the faces.
+    /// Reads the lists of faces by material, which follow the faces.
     fn face_materials(&mut self, mut reader: Reader<'_>, materials: &mut [u32]) -> Result<(), SceneError> {
         while reader.left() >= HEAD {
             let (id, mut part) = chunk(&mut reader)?;
@@ -275,7 +275,7 @@ impl Loader<'_, '_> {
         Ok(())
     }
 
-    /// Sorts faces by material; a texture that is placed moves the coordinates of its faces' corners.
+    /// Groups faces by material, and transforms the texture coordinates of faces whose texture has a mapping.
     fn groups(&mut self, mesh: &mut Mesh, faces: &[[u32; 3]], materials: &[u32]) {
         let mut by_material: HashMap<u32, usize> = HashMap::new();
         for (face, material) in faces.iter().zip(materials) {

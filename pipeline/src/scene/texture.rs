@@ -1,14 +1,14 @@
-//! Decoded textures with mip levels, and the one definition of how they are filtered.
+//! Decoded textures with mip levels, and the reference definition of their filtering.
 //!
-//! Texels are used as stored, as in the report's engine, or their colours are decoded from sRGB before they are filtered
-//! ([`Texture::space`]). `v = 0` is the bottom row, coordinates repeat unless a texture says otherwise, filtering is bilinear
-//! within a level and linear between two.
+//! Texels are used as stored, as in the report's engine, or their colours are decoded from sRGB before filtering
+//! ([`Texture::space`]). `v = 0` is the bottom row, coordinates repeat unless a texture says otherwise, and filtering is trilinear:
+//! bilinear within a mip level, linear between two levels.
 
 use crate::color::{self, ColorSpace, DECODED};
 use glam::{Vec2, Vec4};
 use rayon::prelude::*;
 
-/// Texels that a thread makes at a time, at least.
+/// Least number of texels per task.
 const MIN_TEXELS: usize = 1 << 14;
 
 /// One mip level: rows from the top, RGBA, 8 bits a channel.
@@ -23,7 +23,7 @@ pub struct Level {
 }
 
 impl Level {
-    /// A texel, in 0..=1; its colours are decoded from sRGB where `DECODE` is set.
+    /// The value of a texel in 0..=1; with `DECODE` its colours are decoded from sRGB.
     #[inline(always)]
     fn texel<const DECODE: bool>(&self, x: usize, y: usize) -> Vec4 {
         let texel = self.texels[y * self.width as usize + x];
@@ -34,8 +34,8 @@ impl Level {
         Vec4::from_array(texel.map(f32::from)) / 255.0
     }
 
-    /// Bilinear filtering of the texels as stored, at `uv`. Non-finite coordinates read the first texel. In line, to be compiled for the instruction set of the
-    /// rasteriser.
+    /// Samples the stored texels bilinearly at `uv`. Coordinates that are not finite read the first texel. Always inlined, so that
+    /// it is compiled for the instruction set of the rasteriser.
     #[must_use]
     #[inline(always)]
     pub fn sample(&self, uv: Vec2) -> Vec4 {
@@ -65,20 +65,20 @@ impl Level {
     }
 }
 
-/// What is seen beyond the sides of a texture.
+/// Wrap mode: texture coordinates outside 0 to 1.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Wrap {
-    /// The texture again.
+    /// The texture repeats.
     #[default]
     Repeat,
-    /// The texture again, every second one mirrored.
+    /// The texture repeats, every second copy mirrored.
     Mirror,
-    /// The texels at its edge.
+    /// The edge texels are extended.
     Clamp,
 }
 
 impl Wrap {
-    /// Where a coordinate lies, as a share of the side, 0..=1.
+    /// Maps a coordinate into the texture, 0..=1.
     #[inline]
     fn share(self, value: f32) -> f32 {
         match self {
@@ -91,7 +91,7 @@ impl Wrap {
         }
     }
 
-    /// As [`around`] for textures that repeat; the others have the texel at their edge again beyond it.
+    /// [`around`] for any wrap mode: modes other than `Repeat` read the edge texel again beyond the edge.
     #[inline]
     fn around(self, place: f32, count: u32) -> ([usize; 2], f32) {
         let ([before, after], share) = around(place, count);
@@ -103,46 +103,46 @@ impl Wrap {
     }
 }
 
-/// Where coordinates lie in a texture that repeats, as shares of its sides, 0..=1.
+/// Position in a texture, as fractions of its sides, 0..=1.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Place {
-    /// From the left; NaN where the coordinates are not finite.
+    /// Fraction from the left; NaN if the coordinates are not finite.
     pub right: f32,
-    /// From the top row.
+    /// Fraction from the top row.
     pub down: f32,
 }
 
 impl Place {
-    /// The place of `uv`. Without a jump: loops over many become vector code.
+    /// The position of `uv` in a texture that repeats. Free of branches, so that loops over many coordinates are vectorised.
     #[must_use]
     #[inline(always)]
     pub fn of(uv: Vec2) -> Self {
-        // The fractional part first: large coordinates would lose the sub-texel position otherwise.
+        // The fractional part is taken first; multiplied by the size, large coordinates would lose their sub-texel position.
         let right = if uv.is_finite() { fraction(uv.x) } else { f32::NAN };
         Self { right, down: 1.0 - fraction(uv.y) }
     }
 }
 
-/// `value - value.floor()`, in 0..=1. Where the processor cannot be assumed to round down, `floor` is a call.
+/// `value - value.floor()`, in 0..=1. Without SSE4.1 `floor` would be a function call.
 #[inline(always)]
 fn fraction(value: f32) -> f32 {
-    // From there on all numbers are whole.
+    // All `f32` numbers from here on are whole.
     const WHOLE: f32 = 8_388_608.0;
     let truncated = value as i32 as f32;
     let fraction = value - if truncated > value { truncated - 1.0 } else { truncated };
     if value.abs() >= WHOLE { 0.0 } else { fraction }
 }
 
-/// The logarithm to base 2 of a number above 0 that is not subnormal, within 0.5001 units of its last place. The standard library's
-/// differs in the last bit from platform to platform; this one is made of what IEEE 754 rounds alike everywhere. Without a jump, as
+/// Base-2 logarithm of a positive, normal number, within 0.5001 units in the last place. The standard library's result differs in
+/// the last bit between platforms; this one uses only operations that IEEE 754 rounds the same everywhere. Free of branches, as
 /// [`Place::of`].
 #[inline(always)]
 fn log2(value: f32) -> f32 {
-    // value = 2^exponent m, where m is from the root of a half to twice that.
+    // value = 2^exponent m, with m between sqrt(1/2) and sqrt(2).
     const ROOT_OF_HALF: u32 = 0x3f35_04f3;
     let exponent = value.to_bits().wrapping_sub(ROOT_OF_HALF).cast_signed() >> 23;
     let m = f64::from(f32::from_bits(value.to_bits().wrapping_sub((exponent << 23).cast_unsigned())));
-    // ln m = 2 artanh t = 2 (t + t^3 / 3 + t^5 / 5 + ...); what is left out is below 4e-14 of it.
+    // ln m = 2 artanh t = 2 (t + t^3 / 3 + t^5 / 5 + ...); the omitted terms are below 4e-14 of the sum.
     let t = (m - 1.0) / (m + 1.0);
     let square = t * t;
     let series = [1.0 / 13.0, 1.0 / 11.0, 1.0 / 9.0, 1.0 / 7.0, 1.0 / 5.0, 1.0 / 3.0, 1.0];
@@ -150,8 +150,8 @@ fn log2(value: f32) -> f32 {
     (f64::from(exponent) + 2.0 * std::f64::consts::LOG2_E * t * sum) as f32
 }
 
-/// The texels of a row or column of `count` before and after a place of -0.5 to `count - 0.5`, the first one again after the last, and how
-/// far it is from the one before.
+/// The two texels of a row or column of `count` that a position between -0.5 and `count - 0.5` lies between, with repetition, and
+/// the weight of the second.
 #[inline(always)]
 fn around(place: f32, count: u32) -> ([usize; 2], f32) {
     let last = count as usize - 1;
@@ -169,27 +169,27 @@ pub struct Texture {
     pub name: String,
     /// Level 0 is the image; each next one halves both sides (rounded down, at least 1) down to 1 x 1.
     pub levels: Vec<Level>,
-    /// What lies beyond its sides, along u and v.
+    /// Wrap modes along u and v.
     pub wrap: [Wrap; 2],
-    /// What its colours are read as: as stored, or decoded from sRGB. Alpha is read as stored.
+    /// How colours are read: as stored, or decoded from sRGB. Alpha is always read as stored.
     pub space: ColorSpace,
 }
 
 impl Texture {
-    /// The same with something else beyond its sides.
+    /// The texture with other wrap modes.
     #[must_use]
     pub fn wrapped(self, wrap: [Wrap; 2]) -> Self {
         Self { wrap, ..self }
     }
 
-    /// Whether it repeats along both axes.
+    /// Whether the texture repeats along both axes.
     #[must_use]
     #[inline(always)]
     pub fn repeats(&self) -> bool {
         self.wrap == [Wrap::Repeat; 2]
     }
 
-    /// Where `uv` lies in it.
+    /// The position of `uv` in the texture, by its wrap modes.
     #[must_use]
     #[inline(always)]
     pub fn place(&self, uv: Vec2) -> Place {
@@ -200,7 +200,7 @@ impl Texture {
         Place { right: across.share(uv.x), down: 1.0 - along.share(uv.y) }
     }
 
-    /// Builds the mip chain of an image by 2 x 2 box filtering (rounded to nearest), as stored.
+    /// Builds the mip chain of an image by 2 x 2 box filtering of the stored values, rounded to nearest.
     ///
     /// # Panics
     /// If the image is empty or `texels` does not match its size.
@@ -209,8 +209,8 @@ impl Texture {
         Self::build(name, Level { width, height, texels }, false, ColorSpace::Report)
     }
 
-    /// Builds the mip chain of an image: of one that is cut out as [`Self::cut_out`] does, else as [`Self::new`]. With
-    /// [`ColorSpace::Linear`] means are of linear values, and are stored in sRGB again.
+    /// Builds the mip chain of an image: as [`Self::cut_out`] if `cut_out` is set, otherwise as [`Self::new`]. With
+    /// [`ColorSpace::Linear`] colours are averaged in linear light and stored in sRGB again.
     ///
     /// # Panics
     /// As [`Self::new`].
@@ -228,8 +228,8 @@ impl Texture {
         Self { name, levels, wrap: [Wrap::Repeat; 2], space }
     }
 
-    /// Builds the mip chain of a texture whose texels with little alpha are holes. Which are is asked of level 0 alone, by the camera as by
-    /// rays. Colours are weighted by alpha, so that what is stored in the holes does not show at their edges.
+    /// Builds the mip chain of a texture with holes where its alpha is low. Alpha tests read level 0 only, for cameras and rays
+    /// alike. Colours are averaged with their alpha as weight, so that the colours stored in holes do not bleed into the edges.
     ///
     /// # Panics
     /// If the image is empty or `texels` does not match its size.
@@ -238,14 +238,14 @@ impl Texture {
         Self::build(name, Level { width, height, texels }, true, ColorSpace::Report)
     }
 
-    /// Trilinear filtering at a level of detail; `lod <= 0` reads level 0.
+    /// Samples trilinearly at a level of detail; `lod <= 0` reads level 0.
     #[must_use]
     #[inline(always)]
     pub fn sample(&self, uv: Vec2, lod: f32) -> Vec4 {
         self.sample_at(self.place(uv), lod)
     }
 
-    /// The same at a place that [`Self::place`] found.
+    /// [`Self::sample`] at a position found by [`Self::place`].
     #[must_use]
     #[inline(always)]
     pub fn sample_at(&self, place: Place, lod: f32) -> Vec4 {
@@ -270,7 +270,7 @@ impl Texture {
         level.sample_in::<DECODE>(place, |at, count| u.around(at, count), |at, count| v.around(at, count))
     }
 
-    /// Texels a row and rows of level 0.
+    /// Width and height of level 0 in texels.
     #[must_use]
     #[inline(always)]
     pub fn size(&self) -> Vec2 {
@@ -278,8 +278,9 @@ impl Texture {
     }
 }
 
-/// Level of detail for the derivatives of the texture coordinates along the screen's x and y (in pixels), of a texture of so many texels:
-/// `log2` of the longer footprint side in texels of level 0 (Vulkan 1.3, section 16.5.7). Without a jump, as [`Place::of`].
+/// Level of detail from the derivatives of the texture coordinates along the screen's x and y (per pixel): `log2` of the longer
+/// side of the footprint, in texels of level 0 of a texture of the given size (Vulkan 1.3, section 16.5.7). Free of branches, as
+/// [`Place::of`].
 #[must_use]
 #[inline(always)]
 pub fn lod(size: Vec2, duv_dx: Vec2, duv_dy: Vec2) -> f32 {
@@ -299,7 +300,7 @@ fn chain(base: Level, mean: impl Fn([[u8; 4]; 4]) -> [u8; 4] + Sync) -> Vec<Leve
 fn halve(level: &Level, mean: impl Fn([[u8; 4]; 4]) -> [u8; 4] + Sync) -> Level {
     let (width, height) = ((level.width / 2).max(1), (level.height / 2).max(1));
     let mut texels = vec![[0; 4]; width as usize * height as usize];
-    // Both rows, cut to whole pairs: what follows knows its lengths.
+    // Both rows, cut to whole pairs, so that the compiler knows their lengths.
     let row = |y: u32| &level.texels[y as usize * level.width as usize..][..level.width as usize];
     let fill = |(y, out): (usize, &mut [[u8; 4]])| {
         let y = (2 * y as u32).min(level.height - 1);
@@ -329,7 +330,7 @@ fn mean(four: [[u8; 4]; 4]) -> [u8; 4] {
     })
 }
 
-/// Colours weighted by alpha; the plain mean where nothing is solid at all.
+/// Mean of colours with alpha as weight; the plain mean if all four are fully transparent.
 fn mean_by_alpha(four: [[u8; 4]; 4]) -> [u8; 4] {
     let plain = mean(four);
     let weight: u32 = four.iter().map(|texel| u32::from(texel[3])).sum();
@@ -343,7 +344,7 @@ fn mean_by_alpha(four: [[u8; 4]; 4]) -> [u8; 4] {
     [color(0), color(1), color(2), plain[3]]
 }
 
-/// The mean of linear colours, in sRGB.
+/// Mean of colours in linear light, stored in sRGB.
 fn linear_mean(four: [[u8; 4]; 4]) -> [u8; 4] {
     let [.., alpha] = mean(four);
     let color = |channel: usize| {
@@ -353,7 +354,7 @@ fn linear_mean(four: [[u8; 4]; 4]) -> [u8; 4] {
     [color(0), color(1), color(2), alpha]
 }
 
-/// As [`mean_by_alpha`], of linear colours, in sRGB.
+/// [`mean_by_alpha`] in linear light, stored in sRGB.
 fn linear_mean_by_alpha(four: [[u8; 4]; 4]) -> [u8; 4] {
     let [.., alpha] = mean(four);
     let weight: u32 = four.iter().map(|texel| u32::from(texel[3])).sum();
@@ -372,7 +373,7 @@ mod tests {
     use super::{ColorSpace, Level, Texture, Wrap, log2};
     use glam::Vec2;
 
-    /// Bilinear filtering by the definition: texel centres, and what the mode says of each index (Vulkan 1.3, section 16.6).
+    /// Bilinear filtering by definition: texel centres, and the wrap mode applied to each index (Vulkan 1.3, section 16.6).
     fn expected(texels: &[u8], wrap: Wrap, u: f64) -> f64 {
         let count = texels.len() as i64;
         let texel = |index: i64| {
@@ -423,10 +424,10 @@ mod tests {
             (linear.levels[1].texels[0], report.levels[1].texels[0]),
             ([188, 188, 188, 255], [128, 128, 128, 255])
         );
-        // The middle between four texels; bilinear weights are a quarter each.
+        // The centre between four texels: bilinear weights of a quarter each.
         assert_eq!(linear.sample(Vec2::splat(0.5), 0.0).x, 0.5);
         assert!((linear.sample(Vec2::splat(0.5), 1.0).x - 0.5).abs() < 0.004, "188 is not quite a half");
-        // Codes 0 and 128 side by side: half of what 128 decodes to, and not what 64 does.
+        // Codes 0 and 128 side by side: the mean is half of what 128 decodes to, not what 64 decodes to.
         let row = Level { width: 2, height: 1, texels: vec![[0, 0, 0, 128], [128, 128, 128, 128]] };
         let row = Texture::build("row".into(), row, false, ColorSpace::Linear);
         let exact = ((128.0 / 255.0 + 0.055) / 1.055_f64).powf(2.4);
@@ -441,7 +442,7 @@ mod tests {
         let texels = vec![[255, 0, 10, 255], [0, 255, 10, 0], [128, 0, 10, 255], [0, 255, 10, 0]];
         let level = Level { width: 2, height: 2, texels };
         let cut = Texture::build("leaf".into(), level.clone(), true, ColorSpace::Linear);
-        // Only the two solid texels count: the mean of 1 and of what 128 decodes to.
+        // Only the two opaque texels count: the mean of 1 and of what 128 decodes to.
         let red = 0.5 * (1.0 + ((128.0 / 255.0 + 0.055) / 1.055_f64).powf(2.4));
         let code = (255.0 * (1.055 * red.powf(1.0 / 2.4) - 0.055)).round() as u8;
         assert_eq!(cut.levels[1].texels[0][..3], [code, 0, 10]);

@@ -1,6 +1,6 @@
-//! Hills all around, a far ridge, and the part of the sky that the sun lights frontally.
+//! Hills all around, a far ridge, and the part of the sky opposite the sun.
 //!
-//! There is no sky on the sun's side: it would hide the sun. Rays that go there meet nothing.
+//! There is no sky on the sun's side: it would block the sun's light. Rays in that direction miss.
 
 use super::detail::Detail;
 use super::math::{cos_sin, fractal, noise, smoothstep};
@@ -62,8 +62,8 @@ fn hills(builder: &mut Builder, detail: Detail) {
     });
 }
 
-/// A flat screen that faces the sun, so that the picture alone gives its brightness, with a wing at each end. Shading
-/// and true normals agree: occlusion rays that leave it never meet it.
+/// A flat screen, perpendicular to the sun's horizontal direction, so that only its texture varies its brightness, with an angled
+/// wing at each end. Shading and geometric normals agree, so occlusion rays that start on it never hit it.
 fn sky(builder: &mut Builder, detail: Detail) {
     const AWAY: f32 = 380.0;
     const HALF: f32 = 610.0;

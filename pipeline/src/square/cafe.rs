@@ -1,4 +1,4 @@
-//! The cafe whose pane the camera `Vidro` looks at: a wide pane, a door, and the room behind them.
+//! The cafe whose pane is in view of the camera `Vidro`: a wide pane, a door, and the room behind them.
 
 use super::detail::Detail;
 use super::facade::{self, Opening};
@@ -111,7 +111,7 @@ fn table(builder: &mut Builder, frame: &Frame, round: u32) {
     );
 }
 
-/// `side` is where the back is.
+/// A chair; `side` is the direction of its back along the local x axis.
 fn chair(builder: &mut Builder, frame: &Frame, side: f32) {
     let at = Vec3::new;
     builder.cuboid(Surface::PaintRed, frame, at(-0.2, 0.43, -0.2), at(0.2, 0.47, 0.2), Sides::ALL);

@@ -1,10 +1,9 @@
 //! How finely things are built for a wanted number of triangles.
 
-/// The level of detail of everything that has a fixed share of the triangles. Paving, roof tiles and leaves take what
-/// is left over.
+/// Level of detail of the parts with a fixed share of the triangles. Paving, roof tiles and leaves use the triangles that remain.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) struct Detail {
-    /// 0 up to 3.
+    /// 0 (coarsest) to 3.
     pub tier: u32,
 }
 
@@ -19,7 +18,7 @@ impl Detail {
         Self { tier }
     }
 
-    /// Whether a thing that appears at `tier` is built.
+    /// Whether a part that appears at level `tier` is built.
     pub(super) fn at_least(self, tier: u32) -> bool {
         self.tier >= tier
     }
@@ -29,7 +28,7 @@ impl Detail {
         Self { tier: self.tier.saturating_sub(1) }
     }
 
-    /// Segments around a circle that has `usual` of them in the shipped scene; a multiple of four.
+    /// Segments of a circle that has `usual` segments in the shipped scene; a multiple of four.
     pub(super) fn round(self, usual: u32) -> u32 {
         let wanted = match self.tier {
             0 => usual * 2 / 5,
@@ -40,7 +39,7 @@ impl Detail {
         wanted.max(4).next_multiple_of(4)
     }
 
-    /// Pieces along a curve that has `usual` of them in the shipped scene.
+    /// Pieces of a curve that has `usual` pieces in the shipped scene.
     pub(super) fn curve(self, usual: u32) -> u32 {
         match self.tier {
             0 => (usual / 2).max(2),

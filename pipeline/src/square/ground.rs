@@ -19,15 +19,15 @@ const BED: f32 = 0.03;
 const FIELD: f32 = 7.5;
 /// Width of a band of slabs, metres.
 const BAND: f32 = 0.8;
-/// The fields around the fountain that the rings replace reach this far from its centre, metres.
+/// Distance from the fountain's centre within which its rings replace the fields, along x and z, metres.
 const HALF: f32 = 2.0 * FIELD;
-/// Where single stones are worth building: what the camera sees from nearby (x and z from, to; metres).
+/// The region where single stones are worth building, near the cameras: from and to (x, z), metres.
 const STONES: [Vec2; 2] = [Vec2::new(-6.0, -31.0), Vec2::new(48.5, 33.5)];
 
 /// How much of the paving is built stone by stone.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Paving {
-    /// One polygon a patch.
+    /// One polygon for each patch.
     Flat,
     /// Slabs are stones.
     Slabs,
@@ -43,11 +43,11 @@ impl Paving {
 
 #[derive(Debug, Clone, Copy)]
 enum Shape {
-    /// Corners in the plane, anticlockwise seen from above when y is up (x, z).
+    /// Lower and upper corner (x, z) of a rectangle. Its border runs anticlockwise seen from above.
     Rectangle { min: Vec2, max: Vec2 },
-    /// Between two radii and two angles (in turns) around the fountain.
+    /// The part of a ring around the fountain between two radii and two angles (in turns).
     Ring { radii: [f32; 2], turns: [f32; 2] },
-    /// Between a circle and the square that holds the rings, over two angles.
+    /// The part between a circle and the square that encloses the rings, between two angles.
     Spandrel { radius: f32, turns: [f32; 2] },
 }
 
@@ -77,17 +77,17 @@ fn direction(turns: [f32; 2], t: f32) -> Vec2 {
 struct Patch {
     shape: Shape,
     surface: Surface,
-    /// Stones along `s` and `t`.
+    /// Number of stones along `s` and `t`.
     stones: [u32; 2],
-    /// Pieces along `s` and `t` when flat: curved sides need several.
+    /// Number of flat pieces along `s` and `t`: curved sides need several.
     pieces: [u32; 2],
-    /// Turns the texture of every other field.
+    /// Whether the texture is turned by a quarter, as in every other field.
     turned: bool,
     near: bool,
 }
 
 impl Patch {
-    /// Whether it is drawn stone by stone.
+    /// Whether the patch is drawn stone by stone.
     fn in_stones(&self, paving: Paving) -> bool {
         match paving {
             Paving::Flat => false,
@@ -96,7 +96,7 @@ impl Patch {
         }
     }
 
-    /// The flat pieces, by the fractions `(s, t)` of their corners, anticlockwise seen from above.
+    /// The flat pieces. Each has four corners as fractions `(s, t)`, anticlockwise seen from above.
     fn flat_pieces(&self) -> impl Iterator<Item = [Vec2; 4]> {
         let [columns, rows] = self.pieces;
         let at = move |column: u32, row: u32| Vec2::new(column as f32 / columns as f32, row as f32 / rows as f32);
@@ -108,11 +108,11 @@ impl Patch {
         })
     }
 
-    /// World texture coordinates in metres of fractions `(s, t)` and the point that they are.
+    /// Texture coordinates in metres of the point `at`, which lies at `fractions` of the patch.
     fn metres(&self, fractions: Vec2, at: Vec2) -> Vec2 {
         match self.shape {
             Shape::Rectangle { .. } => metres(at, self.turned),
-            // Joints follow the circle: a whole number of repeats around.
+            // Joints follow the circle: the texture repeats a whole number of times around it.
             Shape::Ring { radii, turns } => {
                 let turn = turns[0] + (turns[1] - turns[0]) * fractions.y;
                 let repeats = (radii[1] * std::f32::consts::TAU / self.surface.metres()).round();
@@ -124,7 +124,7 @@ impl Patch {
     }
 }
 
-/// Whether a place is where single stones are worth building.
+/// Whether a place lies in [`STONES`].
 fn near(at: Vec2) -> bool {
     at.cmpge(STONES[0]).all() && at.cmple(STONES[1]).all()
 }
@@ -215,7 +215,7 @@ fn patches(coarse: bool) -> Vec<Patch> {
     patches
 }
 
-/// Triangles of the paving that [`build`] makes.
+/// Number of triangles of the paving that [`build`] makes.
 pub(super) fn triangles(paving: Paving, coarse: bool) -> usize {
     let patches = patches(coarse);
     let corners = flat_corners(&patches, paving);
@@ -259,7 +259,7 @@ pub(super) fn build(paving: Paving, coarse: bool) -> Builder {
     builder
 }
 
-/// World texture coordinates in metres, turned by a quarter where asked.
+/// Texture coordinates of a place in metres; turned by a quarter if `turned`.
 fn metres(at: Vec2, turned: bool) -> Vec2 {
     if turned { Vec2::new(at.y + 1.7, at.x) } else { at }
 }
@@ -283,7 +283,7 @@ fn flat(builder: &mut Builder, patch: &Patch, corners: &Corners) {
     }
 }
 
-/// One bevelled block a stone. The joint is wide enough to see and narrower than the stone's bevel.
+/// Builds one bevelled block for each stone of a patch. Joints are wide enough to see and narrower than the bevel.
 fn stones(builder: &mut Builder, patch: &Patch, seed: u32, domed: bool) {
     let [columns, rows] = patch.stones;
     let (joint, bevel, uneven) =
@@ -297,7 +297,7 @@ fn stones(builder: &mut Builder, patch: &Patch, seed: u32, domed: bool) {
     for row in 0..rows {
         for column in 0..columns {
             let corner = |right: u32, up: u32| {
-                // Joints wander a little; neighbours share the corner.
+                // Corners move a little at random; neighbouring stones share the corner.
                 let (c, r) = (column + right, row + up);
                 let inner = c > 0 && c < columns && r > 0 && r < rows;
                 let wander = if inner { 0.12 } else { 0.0 };
@@ -313,7 +313,7 @@ fn stones(builder: &mut Builder, patch: &Patch, seed: u32, domed: bool) {
     }
 }
 
-/// What single stones of a paving are made of.
+/// The surface of single stones in a patch of this paving.
 fn stone_surface(paving: Surface) -> Surface {
     match paving {
         Surface::Slabs => Surface::SlabStone,
@@ -322,11 +322,11 @@ fn stone_surface(paving: Surface) -> Surface {
     }
 }
 
-/// `size` is the joint's half width, the bevel and the unevenness, metres.
+/// Builds one stone. `size` is half the joint's width, the bevel and the unevenness, metres.
 fn stone(builder: &mut Builder, patch: &Patch, corners: [Vec2; 4], size: [f32; 3], id: u32, domed: bool) {
     let [joint, bevel, uneven] = size;
     let center = (corners[0] + corners[1] + corners[2] + corners[3]) / 4.0;
-    // Half the stone along `s` and `t`; corners are inset along both.
+    // Unit vectors from the centre along `s` and `t`; corners are inset along both.
     let along = ((corners[3] + corners[2] - corners[0] - corners[1]) / 4.0).normalize_or(Vec2::X);
     let across = ((corners[1] + corners[2] - corners[0] - corners[3]) / 4.0).normalize_or(Vec2::Y);
     let inset = |by: f32| -> [Vec2; 4] {
@@ -340,7 +340,7 @@ fn stone(builder: &mut Builder, patch: &Patch, corners: [Vec2; 4], size: [f32; 3
         let slope = (at - center) / extent * tilt;
         Vec3::new(at.x, lift + slope.x + slope.y, at.y)
     };
-    // Each stone shows its own part of a plain picture.
+    // Each stone shows another part of a plain texture.
     let shift = Vec2::new(hash01(id, 4, 0), hash01(id, 5, 0)) * 4.0;
     let metres = |at: Vec2| if patch.surface == Surface::Slabs { at } else { at * 0.15 + shift };
     let surface = stone_surface(patch.surface);
@@ -363,7 +363,7 @@ fn stone(builder: &mut Builder, patch: &Patch, corners: [Vec2; 4], size: [f32; 3
             let out = Vec3::new(upper[index].x - center.x, 0.0, upper[index].y - center.y).normalize_or(Vec3::X);
             builder.vertex(bottom[index], (out + Vec3::Y * 0.3).normalize(), metres(lower[index]), surface)
         });
-        // A course between the bottom and the top rounds the shoulder.
+        // A ring of vertices between bottom and top rounds the shoulder.
         let shoulder = inset(joint + 0.3 * bevel);
         let waist: [u32; 4] = std::array::from_fn(|index| {
             let out = Vec3::new(upper[index].x - center.x, 0.0, upper[index].y - center.y).normalize_or(Vec3::X);

@@ -9,7 +9,7 @@ use super::roof::{self, Slope};
 use super::surface::Surface;
 use glam::{Vec2, Vec3};
 
-/// What the ground floor is.
+/// The kind of the ground floor.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Ground {
     /// A door in one bay, windows in the others.
@@ -38,7 +38,7 @@ pub(super) struct House {
     pub paint: Surface,
     pub ground: Ground,
     pub roof: roof::Kind,
-    /// Storeys (1 is the first floor) whose windows open onto balconies.
+    /// Indices of the storeys whose windows open onto balconies; 0 is the ground floor.
     pub balconies: Vec<usize>,
     pub seed: u32,
 }
@@ -53,7 +53,7 @@ impl House {
         self.ground == Ground::Hidden
     }
 
-    /// Builds the house but for the slopes of its roof, which it returns.
+    /// Builds the house without the slopes of its roof, which it returns.
     pub(super) fn build(&self, builder: &mut Builder, detail: Detail) -> Vec<Slope> {
         let mut random = Random::new(self.seed);
         let height = self.height();
@@ -129,7 +129,7 @@ impl House {
             openings.extend(super::cafe::openings());
         }
         let size = Vec2::new(self.width, self.height());
-        // Coarse windows and doors lie on the wall: only walks and the cafe break it.
+        // Coarse windows and doors are laid onto the wall. Only arcades and the cafe have holes in it.
         let laid = !detail.at_least(if self.hidden() { 2 } else { 1 });
         if laid {
             openings.retain(|opening| !doors.contains(opening) && !windows.iter().any(|(window, _)| window == opening));
@@ -182,7 +182,7 @@ impl House {
         for door in &doors {
             opening::door(builder, &back, door, self.paint, detail);
         }
-        // The inner face of the front wall, seen from panes that mirror the walk.
+        // The inner face of the front wall: panes mirror it.
         let behind =
             Frame { origin: self.frame.point(Vec3::new(self.width, 0.0, -THICK)), ..self.frame }.turned(0.0, -1.0);
         let mirrored: Vec<Opening> = arches

@@ -6,7 +6,7 @@ use glam::Vec2;
 /// Cosine and sine of `turn` full turns, within 1e-14.
 pub(super) fn cos_sin(turn: f64) -> (f64, f64) {
     let quarters = (turn * 4.0).round();
-    // At most an eighth of a turn either way, where the Taylor series below has converged.
+    // At most an eighth of a turn in either direction; within it the Taylor series below converges.
     let x = (turn - quarters * 0.25) * std::f64::consts::TAU;
     let xx = x * x;
     let sin = x
@@ -66,13 +66,13 @@ impl Random {
         Self { seed, drawn: 0 }
     }
 
-    /// In `0.0..1.0`.
+    /// A number in `0.0..1.0`.
     pub(super) fn unit(&mut self) -> f32 {
         self.drawn = self.drawn.wrapping_add(1);
         hash01(self.seed, self.drawn, 0x51)
     }
 
-    /// In `low..high`.
+    /// A number in `low..high`.
     pub(super) fn between(&mut self, low: f32, high: f32) -> f32 {
         low + (high - low) * self.unit()
     }

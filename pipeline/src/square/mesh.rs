@@ -5,7 +5,7 @@ use super::surface::Surface;
 use crate::scene::{Group, Mesh};
 use glam::{Vec2, Vec3};
 
-/// A local system of axes. Along a facade: `x` to the right as seen from outside, `y` up, `z` outwards.
+/// A local coordinate frame. Along a facade: `x` to the right as seen from outside, `y` up, `z` outwards.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Frame {
     pub origin: Vec3,
@@ -15,7 +15,7 @@ pub(super) struct Frame {
 }
 
 impl Frame {
-    /// The world's axes, moved to `origin`.
+    /// The world's axes with the origin moved to `origin`.
     pub(super) fn upright(origin: Vec3) -> Self {
         Self { origin, x: Vec3::X, y: Vec3::Y, z: Vec3::Z }
     }
@@ -47,7 +47,7 @@ impl Frame {
     }
 }
 
-/// Which sides of a cuboid are built; those that touch something are not.
+/// Which sides of a cuboid are built; hidden sides are left out.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Sides(u8);
 
@@ -83,12 +83,12 @@ pub(super) struct Builder {
 }
 
 impl Builder {
-    /// Triangles so far.
+    /// Number of triangles so far.
     pub(super) fn triangles(&self) -> usize {
         self.groups.iter().map(Vec::len).sum()
     }
 
-    /// Makes room for more.
+    /// Reserves memory for more vertices and triangles.
     pub(super) fn reserve(&mut self, surface: Surface, vertices: usize, triangles: usize) {
         self.positions.reserve(vertices);
         self.normals.reserve(vertices);
@@ -112,7 +112,7 @@ impl Builder {
         (self.positions.len() - 1) as u32
     }
 
-    /// Adds a triangle, anticlockwise seen from its front; one without area is left out.
+    /// Adds a triangle, anticlockwise seen from its front. A triangle without area is skipped.
     pub(super) fn triangle(&mut self, surface: Surface, corners: [u32; 3]) {
         let [a, b, c] = corners.map(|corner| self.positions[corner as usize]);
         if (b - a).cross(c - a).length_squared() > 1e-13 {
@@ -120,7 +120,7 @@ impl Builder {
         }
     }
 
-    /// Adds a quadrilateral whose vertices exist, anticlockwise seen from its front.
+    /// Adds a quadrilateral of existing vertices, anticlockwise seen from its front.
     pub(super) fn quad(&mut self, surface: Surface, corners: [u32; 4]) {
         let [a, b, c, d] = corners;
         self.triangle(surface, [a, b, c]);
@@ -223,8 +223,8 @@ impl Builder {
         }
     }
 
-    /// Adds a surface of revolution about the local `y`: a profile of (radius, height) from the bottom up and over,
-    /// smooth along it, with the outside to the right of its direction. Creases are made by separate profiles.
+    /// Adds a surface of revolution about the local `y`. The profile of (radius, height) starts at the bottom; the outside is to
+    /// the right of its direction, and normals are smooth along it. Sharp creases need separate profiles.
     pub(super) fn lathe(&mut self, surface: Surface, frame: &Frame, segments: u32, profile: &[(f32, f32)]) {
         let points: Vec<Vec2> = profile.iter().map(|&(radius, height)| Vec2::new(radius, height)).collect();
         let normal_of = |from: Vec2, to: Vec2| Vec2::new(to.y - from.y, from.x - to.x).normalize_or_zero();
@@ -253,7 +253,7 @@ impl Builder {
         });
     }
 
-    /// As [`Self::lathe`], for each profile: the edge between two profiles stays sharp.
+    /// [`Self::lathe`] for each profile: the edge between two profiles stays sharp.
     pub(super) fn turned(&mut self, surface: Surface, frame: &Frame, segments: u32, profiles: &[&[(f32, f32)]]) {
         for profile in profiles {
             self.lathe(surface, frame, segments, profile);

@@ -1,9 +1,9 @@
-//! The stand-in scene: a town square with a fountain, generated.
+//! The generated stand-in scene: a town square with a fountain.
 //!
-//! The report's model, the Largo de Camões in Ponte de Lima, is not free to ship. This square is built in its likeness
-//! at any density, so that the same projects, cameras and sun work on it: granite paving, a stone fountain, houses with
-//! granite-framed openings and panes of the material `Vidro`, arcades, lamps, trees, hills and sky. Units are metres, y is
-//! up. The same count gives the same bits on every platform.
+//! The report's model, the Largo de Camões in Ponte de Lima, is not free to ship. This square resembles it, at any triangle count,
+//! so that the same projects, cameras and sun work on it: granite paving, a stone fountain, houses with granite-framed openings and
+//! panes of the material `Vidro`, arcades, lamps, trees, hills and sky. Units are metres, y is up. The same count gives the same
+//! bits on every platform.
 
 mod backdrop;
 mod cafe;
@@ -41,17 +41,17 @@ use surface::Surface;
 
 /// Centre of the fountain, x and z.
 const FOUNTAIN: Vec2 = Vec2::new(22.0, 3.0);
-/// The way in which the sun's light travels in the projects.
+/// Direction in which the sun's light travels in the projects.
 const SUN: Vec3 = Vec3::new(0.597, -0.390, 0.700);
-/// The number of triangles, about, of the scene that the projects come with.
+/// Approximate number of triangles of the scene that the projects come with.
 pub const SHIPPED_TRIANGLES: u32 = 56_000;
-/// The fewest and the most triangles that [`generate`] makes.
+/// Least and largest number of triangles that [`generate`] makes.
 pub const TRIANGLES: std::ops::RangeInclusive<u32> = 10_000..=40_000_000;
 
 /// A texture of the square.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Painting {
-    /// Name of its file.
+    /// Name of the file.
     pub name: &'static str,
     /// Texels a row.
     pub width: u32,
@@ -64,13 +64,13 @@ pub struct Painting {
 /// A generated square.
 #[derive(Debug, Clone)]
 pub struct Square {
-    /// Geometry, materials, and the textures as embedded images: it renders without being written.
+    /// Geometry, materials, and the textures as embedded images: it renders without being written to files.
     pub scene: Scene,
     /// The textures, in the order of [`Scene::textures`].
     pub paintings: Vec<Painting>,
 }
 
-/// Where the trees stand, and which of the three shapes each has.
+/// Position (x, z) of each tree, and the index of its shape.
 const TREES: [(f32, f32, usize); 9] = [
     (43.6, -9.0, 0),
     (43.4, 0.0, 1),
@@ -83,8 +83,8 @@ const TREES: [(f32, f32, usize); 9] = [
     (25.5, -19.0, 2),
 ];
 
-/// Builds the square with about `triangles` triangles (within 15 %), placed ones counted each time; numbers outside
-/// [`TRIANGLES`] are brought into it. Paving, roof tiles and leaves grow finest, where detail shows.
+/// Builds the square with about `triangles` triangles (within 15 %); a mesh placed several times counts each time. Numbers outside
+/// [`TRIANGLES`] are clamped to it. Paving, roof tiles and leaves are refined most, where detail shows.
 #[must_use]
 pub fn generate(triangles: u32) -> Square {
     let wanted = triangles.clamp(*TRIANGLES.start(), *TRIANGLES.end()) as usize;
@@ -107,7 +107,7 @@ pub fn generate(triangles: u32) -> Square {
     let coarse = detail.tier == 0;
     let mut left = wanted.saturating_sub(fixed);
 
-    // The finest paving and tiles that leave the rest their share; leaves take what remains.
+    // The finest paving and tiles that fit into their share; leaves take the rest.
     let paving_cost = |paving: Paving| ground::triangles(paving, coarse);
     let paving = finest(&Paving::ALL, paving_cost, left * 4 / 10);
     left = left.saturating_sub(paving_cost(paving));
@@ -136,7 +136,7 @@ pub fn generate(triangles: u32) -> Square {
     assemble(parts)
 }
 
-/// The last of `options`, coarse to fine, that costs at most `budget`; the first where none does.
+/// The last of `options`, which go from coarse to fine, that costs at most `budget`; the first if none does.
 fn finest<T: Copy>(options: &[T], cost: impl Fn(T) -> usize, budget: usize) -> T {
     options.iter().rev().copied().find(|&option| cost(option) <= budget).unwrap_or(options[0])
 }

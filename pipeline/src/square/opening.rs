@@ -1,4 +1,4 @@
-//! What fills the holes of a facade: windows, doors and balconies.
+//! Fillings of the holes of a facade: windows, doors and balconies.
 
 use super::detail::Detail;
 use super::facade::{self, Opening};
@@ -7,13 +7,13 @@ use super::mesh::{Builder, Frame, Sides};
 use super::surface::Surface;
 use glam::{Vec2, Vec3};
 
-/// How far the panes lie behind the wall's face, metres.
+/// Local z of the panes, metres: behind the wall's face at 0.
 pub(super) const PANE: f32 = -0.17;
-/// Back end of the reveals, metres.
+/// Local z of the back end of the reveals, metres.
 pub(super) const REVEAL: f32 = -0.22;
 
-/// A window with a granite surround: casements, one pane, a dark room and curtains behind. `sill` is left out where
-/// the window opens onto a balcony.
+/// A window with a granite surround: casements, one pane, and behind it a dark room with curtains. Without a `sill` where the
+/// window opens onto a balcony.
 pub(super) fn window(
     builder: &mut Builder,
     frame: &Frame,
@@ -39,7 +39,7 @@ pub(super) fn window(
     room(builder, frame, opening, detail, random);
 }
 
-/// The cheapest opening: stone, a dark ground and `front` laid on an unbroken wall.
+/// The cheapest opening: a stone frame, a dark ground and `front`, laid onto an unbroken wall.
 fn pasted(builder: &mut Builder, frame: &Frame, opening: &Opening, front: Surface) {
     let rim = Vec2::splat(0.16);
     builder.rectangle(Surface::Granite, frame, opening.min - rim, opening.max + rim, 0.03);
@@ -167,7 +167,7 @@ pub(super) fn balcony(builder: &mut Builder, frame: &Frame, [from, to]: [f32; 2]
     for (y, radius) in [(top, 0.028), (floor + 0.09, 0.016)] {
         let rails =
             [(corner(left, y), corner(right, y)), (wall(left, y), corner(left, y)), (corner(right, y), wall(right, y))];
-        // Coarse balconies have their front rails alone.
+        // Coarse balconies have only their front rails.
         for (a, b) in rails.into_iter().take(if detail.at_least(1) { 3 } else { 1 }) {
             builder.tube(Surface::Iron, frame, sides, &[(a, radius), (b, radius)]);
         }

@@ -1,10 +1,10 @@
-//! Procedural textures. Each repeats without a seam and is painted from hashes and noise, so that it is the same on
-//! every machine. Brightness is kept in coarse steps: the files stay small.
+//! Procedural textures. Each tiles without a seam. They are painted from hashes and noise and are the same on every machine.
+//! Brightness is quantised in coarse steps, so that the files stay small.
 
 use super::math::{fractal, hash01, noise, smoothstep};
 use glam::{Vec2, Vec3};
 
-/// The pictures that the square's materials wear.
+/// The textures of the square's materials.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Picture {
     Setts,
@@ -67,7 +67,7 @@ impl Picture {
         Self::Sky,
     ];
 
-    /// Name of its file, and its sides in pixels.
+    /// File name, width and height in pixels.
     pub(super) fn file(self) -> (&'static str, u32, u32) {
         match self {
             Self::Setts => ("calcada.png", 512, 512),
@@ -98,7 +98,7 @@ impl Picture {
         }
     }
 
-    /// Its texels, top row first.
+    /// The texels, top row first.
     pub(super) fn texels(self) -> Vec<[u8; 4]> {
         let (_, width, height) = self.file();
         let mut texels = Vec::with_capacity(width as usize * height as usize);
@@ -108,7 +108,7 @@ impl Picture {
                 let at = Vec2::new((column as f32 + 0.5) / width as f32, 1.0 - (row as f32 + 0.5) / height as f32);
                 let grain = hash01(column, row, self as u32);
                 let color = self.color(at, grain) * 85.0;
-                // Steps of three in 255.
+                // Quantised to steps of three in 255.
                 let [red, green, blue] = color.to_array().map(|value| (value.clamp(0.0, 85.0) + 0.5) as u8 * 3);
                 texels.push([red, green, blue, 255]);
             }
@@ -169,7 +169,7 @@ fn granite(at: Vec2, grain: f32, level: f32) -> Vec3 {
 const SETT: Vec3 = rgb(240, 229, 208);
 const BASALT: Vec3 = rgb(150, 145, 136);
 
-/// A face of rough stone; setts show different parts of it.
+/// Rough stone; single setts show different parts of it.
 fn stone(at: Vec2, grain: f32, color: Vec3) -> Vec3 {
     color * (0.84 + 0.24 * fractal(at * 4.0, 4, 3, 27) + 0.06 * (grain - 0.5))
 }
@@ -314,7 +314,7 @@ fn sky(at: Vec2) -> Vec3 {
     let warp = fractal(stretched * 0.5, 4, 3, 151) - 0.5;
     let cover = fractal(stretched + Vec2::splat(1.3 * warp), 8, 5, 155);
     let cloud = smoothstep(0.50, 0.74, cover) * smoothstep(0.98, 0.7, height);
-    // The frontal sun lights it at 1.13.
+    // Divided by the sun's contribution, 1.13, where its light falls frontally.
     clear.lerp(rgb(240, 238, 232), 0.85 * cloud) * 0.88
 }
 

@@ -1,4 +1,4 @@
-//! The pillory: the column on steps that old Portuguese towns have before the town hall.
+//! The pillory: a column on steps that stands before the town hall in old Portuguese towns.
 
 use super::detail::Detail;
 use super::mesh::{Builder, Frame};

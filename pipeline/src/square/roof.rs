@@ -17,14 +17,14 @@ const TILE: Vec2 = Vec2::new(0.24, 0.36);
 /// How roofs are tiled.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) struct Tiling {
-    /// Pieces across a column; 0 for painted tiles.
+    /// Pieces across a column of tiles; 0 for painted tiles.
     pub pieces: u32,
     /// Whether courses overlap.
     pub courses: bool,
 }
 
 impl Tiling {
-    /// From none to the finest.
+    /// All tilings, from painted to the finest.
     pub(super) const ALL: [Tiling; 8] = [
         Tiling { pieces: 0, courses: false },
         Tiling { pieces: 2, courses: false },
@@ -37,8 +37,8 @@ impl Tiling {
     ];
 }
 
-/// A plane part of a roof: `width` along the eaves, `length` up the slope; the sides lean inwards by `cut` metres a
-/// metre of slope.
+/// A plane part of a roof: `width` metres along the eaves, `length` metres up the slope. Both sides lean inwards by `cut` metres
+/// per metre of slope.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Slope {
     /// `x` along the eaves, `y` up the slope, `z` off the surface.
@@ -58,12 +58,12 @@ impl Slope {
         (self.length / TILE.y).ceil() as u32
     }
 
-    /// Slope length at a distance along the eaves.
+    /// Length of the slope at a distance `x` along the eaves.
     fn height_at(&self, x: f32) -> f32 {
         if self.cut == 0.0 { self.length } else { (x.min(self.width - x).max(0.0) / self.cut).min(self.length) }
     }
 
-    /// Triangles that [`Self::build`] makes, at most.
+    /// Most triangles that [`Self::build`] makes.
     pub(super) fn triangles(&self, tiling: Tiling) -> usize {
         if tiling.pieces == 0 {
             return 2;
@@ -76,7 +76,7 @@ impl Slope {
         (0..self.courses()).map(|course| self.course(course, tiling).1 as usize * 4).sum()
     }
 
-    /// First piece and number of pieces of a course, and its lower and upper edge.
+    /// The first piece of a course, its number of pieces, and the distances of its lower and upper edge from the eaves.
     fn course(&self, course: u32, tiling: Tiling) -> (u32, u32, f32, f32) {
         let across = self.columns() * tiling.pieces;
         let (low, high) = (course as f32 * TILE.y, ((course + 1) as f32 * TILE.y).min(self.length));
@@ -121,7 +121,7 @@ impl Slope {
         let across = self.columns() * tiling.pieces;
         let at = |column: u32| self.width * (first + column) as f32 / across as f32;
         let shift = |column: u32| {
-            // Each tile shows its own part of the clay.
+            // Each tile shows another part of the clay texture.
             let tile = (first + column) / tiling.pieces;
             Vec2::new(hash01(tile / 2, course, self.seed), hash01(tile / 2, course, self.seed + 1)) * 0.2
         };
@@ -164,7 +164,7 @@ pub(super) enum Kind {
 pub(super) struct Roof {
     /// Width of the facade and depth of the house, metres.
     pub size: [f32; 2],
-    /// Metres up for a metre inwards; 0.466 is 25 degrees.
+    /// Slope: metres up per metre inwards; 0.466 is 25 degrees.
     pub rise: f32,
     pub kind: Kind,
     /// What the walls under a gable are made of.
@@ -172,12 +172,12 @@ pub(super) struct Roof {
     pub seed: u32,
 }
 
-/// Adds everything of a roof but its slopes (edges, caps, gable walls), and returns the slopes. `frame` is the left
-/// end of the facade at the height of the eaves.
+/// Adds the parts of a roof other than its slopes (edges, caps, gable walls), and returns the slopes. `frame` is at the left end of
+/// the facade, at the height of the eaves.
 pub(super) fn build(builder: &mut Builder, frame: &Frame, roof: &Roof, detail: Detail) -> Vec<Slope> {
     let Roof { size: [width, depth], rise, kind, wall, seed } = *roof;
     let side = if kind == Kind::Hip { EAVES } else { 0.0 };
-    // Plan of the eaves: x from, to; z back, front.
+    // Plan of the eaves: left and right x, back and front z.
     let (left, right, back, front) = (-side, width + side, -depth - EAVES, EAVES);
     let half = (front - back) / 2.0;
     let stretch = (1.0 + rise * rise).sqrt();

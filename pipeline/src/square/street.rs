@@ -1,4 +1,4 @@
-//! What stands on the paving: lamps, benches, parasols with tables, bollards.
+//! Objects on the paving: lamps, benches, parasols with tables, bollards.
 
 use super::FOUNTAIN;
 use super::detail::Detail;
@@ -7,14 +7,14 @@ use super::mesh::{Builder, Frame, Sides};
 use super::surface::Surface;
 use glam::{Vec2, Vec3};
 
-/// A thing that is stored once and placed several times, and where.
+/// A mesh that is stored once, and the places of its copies.
 pub(super) struct Placed {
     pub name: &'static str,
     pub builder: Builder,
     pub places: Vec<Vec3>,
 }
 
-/// Everything that stands on the paving but the trees.
+/// Builds all objects on the paving except the trees.
 pub(super) fn build(detail: Detail) -> Vec<Placed> {
     let around = |radius: f32, count: u32, shift: u32| -> Vec<Vec3> {
         (0..count)
@@ -110,7 +110,7 @@ fn bollard(detail: Detail) -> Builder {
     builder
 }
 
-/// A granite bench; its length lies along z, or along x where it stands across.
+/// A granite bench, its length along x if `across`, otherwise along z.
 fn bench(across: bool) -> Builder {
     let mut builder = Builder::default();
     let frame = Frame::facing(Vec3::ZERO, if across { Vec3::Z } else { Vec3::X });

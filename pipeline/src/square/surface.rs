@@ -4,7 +4,7 @@ use super::paint::Picture;
 use crate::scene::Material;
 use glam::Vec4;
 
-/// What a triangle is made of. The order is that of the materials in the scene.
+/// The surface of a triangle, in the order of the scene's materials.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Surface {
     Setts,
@@ -47,7 +47,7 @@ pub(super) enum Surface {
     Sky,
 }
 
-/// Name, diffuse colour, picture and the length in metres that one repeat of it covers.
+/// Name, diffuse colour, texture, and the length in metres of one repeat of the texture.
 struct Look {
     name: &'static str,
     diffuse: [f32; 3],
@@ -147,17 +147,17 @@ impl Surface {
         }
     }
 
-    /// The length that one repeat of the picture covers.
+    /// Length of one repeat of the texture, metres.
     pub(super) fn metres(self) -> f32 {
         self.look().picture.map_or(1.0, |(_, metres)| metres)
     }
 
-    /// The picture on it.
+    /// The texture of the surface.
     pub(super) fn picture(self) -> Option<Picture> {
         self.look().picture.map(|(picture, _)| picture)
     }
 
-    /// The material, with `texture` as the index of its picture.
+    /// The scene's material; `texture` is the index of its texture.
     pub(super) fn material(self, texture: Option<u32>) -> Material {
         let look = self.look();
         let [red, green, blue] = look.diffuse;

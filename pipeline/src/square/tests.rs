@@ -11,7 +11,7 @@ fn placed_triangles(scene: &Scene) -> usize {
     scene.objects.iter().map(|object| count(&scene.meshes[object.mesh as usize])).sum()
 }
 
-/// The projects of the repository; nothing in the packaged crate, which has them not: then a test is skipped.
+/// The projects folder of the repository. `None` in the packaged crate, which does not contain it: tests are then skipped.
 fn projects() -> Option<PathBuf> {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../xml_projects");
     if !folder.is_dir() {
@@ -21,7 +21,7 @@ fn projects() -> Option<PathBuf> {
     Some(folder)
 }
 
-/// A triangle in the world, with its material and object.
+/// A triangle in world space, with its material and object.
 struct Facet {
     corners: [DVec3; 3],
     material: usize,
@@ -80,7 +80,7 @@ fn camera(projects: &Path, file: &str, name: &str) -> (DVec3, DVec3, f64) {
     (vector("position"), vector("view").normalize(), number("perspective", "fov"))
 }
 
-/// Rays through the centres of `side` x `side` pixels, with the place of each in -1..1.
+/// Rays through the centres of `side` x `side` pixels, with each pixel's position in -1..1.
 fn view(camera: (DVec3, DVec3, f64), side: u32) -> Vec<(f64, f64, DVec3)> {
     let (_, forward, fov) = camera;
     let right = forward.cross(DVec3::Y).normalize();
@@ -99,7 +99,7 @@ fn to_sun() -> DVec3 {
     -SUN.as_dvec3().normalize()
 }
 
-/// From the fewest to a million, with both sides of each change of level.
+/// Triangle counts from the fewest to a million, on both sides of each change of level.
 const COUNTS: [u32; 14] = [
     10_000,
     12_000,
@@ -277,7 +277,7 @@ fn the_main_camera_looks_at_a_sunlit_fountain() {
     let name = |facet: &Facet| square.scene.objects[facet.object].name.as_str();
     let (_, center) = nearest(&facets, camera.0, camera.1).expect("the centre of the picture is not empty");
     assert_eq!(name(center), "fountain");
-    // Points of the ground around it see the sun, all but those behind it.
+    // Points of the ground around it see the sun, except those in its shadow.
     let mut lit = 0;
     for index in 0..12 {
         let way = math::on_circle(index, 12) * 7.5;

@@ -9,13 +9,13 @@ use super::roof::{self, Slope};
 use super::surface::Surface;
 use glam::Vec3;
 
-/// Left end of the cafe's facade, as seen from the square, and the way its facade faces: along the pane one looks
-/// almost at the fountain, so that the pane mirrors it at a slant.
+/// Frame at the left end of the cafe's facade, as seen from the square. Seen along its facade the fountain lies almost ahead, so
+/// the pane mirrors the fountain at a grazing angle.
 pub(super) fn cafe_frame() -> Frame {
     Frame::facing(Vec3::new(-1.0, 0.0, -15.0), Vec3::new(0.7373, 0.0, -0.6756))
 }
 
-/// A house's width, bays, storeys, wall, paint, ground floor, roof and balconies.
+/// Plan of a house: width, bays, storeys, wall, paint, ground floor, roof and balconies.
 type Plan = (f32, u32, &'static [f32], Surface, Surface, Ground, roof::Kind, &'static [usize]);
 
 use Ground::{Arcade, Cafe, Home, Shops};
@@ -56,7 +56,7 @@ const CAFE: &[Plan] = &[
     (9.2, 4, &[3.5, 3.0], PlasterOchre, PaintWhite, Shops, Gable, &[]),
 ];
 
-/// Houses side by side from `start` (the left end, as seen from outside) that face `outward`.
+/// Houses side by side that face `outward`. `start` is the left end of the row, as seen from outside.
 fn row(start: Vec3, outward: Vec3, plans: &[Plan], depth: f32, seed: u32) -> Vec<House> {
     let mut frame = Frame::facing(start, outward);
     let mut houses = Vec::new();
@@ -74,7 +74,7 @@ fn row(start: Vec3, outward: Vec3, plans: &[Plan], depth: f32, seed: u32) -> Vec
             balconies: balconies.to_vec(),
             seed: hash(seed, index as u32, 0x40) & 0xffff,
         };
-        // Hipped roofs stand out at the sides: leave their eaves room.
+        // Hipped roofs project at the sides: leave room for their eaves.
         frame = frame.moved(width, 0.0, 0.0);
         houses.push(house);
     }
@@ -133,13 +133,13 @@ fn back_houses(rows: usize) -> Vec<House> {
     houses
 }
 
-/// Builds all houses and the church but for the slopes of their roofs, which it returns.
+/// Builds all houses and the church, without the slopes of their roofs, which it returns.
 pub(super) fn build(builder: &mut Builder, detail: Detail) -> Vec<Slope> {
     let mut slopes = Vec::new();
     for house in square_houses() {
         slopes.extend(house.build(builder, detail));
     }
-    // Seen from afar, from behind or over other roofs.
+    // These are seen only from afar, from behind or over other roofs.
     for house in row(Vec3::new(16.5, 0.0, -36.5), Vec3::Z, NEAR, 9.0, 5) {
         slopes.extend(house.build(builder, detail.lower()));
     }

@@ -1,4 +1,4 @@
-//! Trees: a trunk with boughs, crowns of dense foliage, and leaves all over them.
+//! Trees: a trunk with boughs, dense crowns, and leaves all over the crowns.
 
 use super::detail::Detail;
 use super::math::{Random, cos_sin, noise, on_circle};
@@ -66,7 +66,7 @@ impl Tree {
         let mut random = Random::new(self.seed ^ 0x1eaf);
         let areas: Vec<f32> = self.clumps.iter().map(|clump| clump.radius.x * clump.radius.x).collect();
         let total: f32 = areas.iter().sum();
-        // Each point of the surface is covered by a few leaves, however many there are.
+        // Leaf size for a given number of leaves, so that a few of them cover each point of the surface.
         let side = (total * 4.0 * std::f32::consts::PI * 1.5 / count.max(1) as f32).sqrt().clamp(0.05, 0.34);
         for index in 0..count {
             let mut pick = (index as f32 + 0.5) / count as f32 * total;
@@ -83,14 +83,14 @@ impl Tree {
         let out = on_sphere(random);
         let depth = random.between(0.86, 1.08);
         let center = clump.center + clump.radius * out * depth;
-        // Leaves hang loosely along the crown's surface.
+        // Leaves lean at random from the crown's surface.
         let lean = (out + on_sphere(random) * 0.75 + Vec3::Y * 0.35).normalize_or(Vec3::Y);
         let tangent = lean.cross(on_sphere(random)).normalize_or(Vec3::X);
         let other = lean.cross(tangent);
         let size = side * random.between(0.7, 1.25);
         let (a, b) = (tangent * size * 0.5, other * size * 0.36);
         let normal = (out * 0.65 + lean * 0.55 + Vec3::Y * 0.1).normalize();
-        // The shading normal lies on the side that faces out.
+        // The shading normal is on the outward side.
         let (a, normal) = if normal.dot(lean) > 0.0 { (a, normal) } else { (-a, lean) };
         let shift = Vec2::new(random.unit(), random.unit()) * 1.6;
         let corners = [(-a, Vec2::ZERO), (-b, Vec2::new(0.5, 0.3)), (a, Vec2::new(1.0, 0.5)), (b, Vec2::new(0.5, 0.8))];

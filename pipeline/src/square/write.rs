@@ -1,4 +1,4 @@
-//! Writing the square where the projects look for it.
+//! Writing the square's files to the place where the projects look for them.
 
 use super::{Painting, Square};
 use crate::files::{create_folder, write_atomically};
@@ -32,8 +32,8 @@ impl Painting {
 }
 
 impl Square {
-    /// Writes [`SCENE_FILE`] (2014 layout) and its textures into `folder`, which is made if missing, and returns the
-    /// scene file's path. Each file is written whole or not at all, the scene last.
+    /// Writes [`SCENE_FILE`] (2014 layout) and its textures into `folder`, which is made if missing, and returns the path of the
+    /// scene file. Each file is written whole or not at all, and the scene is written last.
     ///
     /// # Errors
     /// If a folder or file cannot be written.

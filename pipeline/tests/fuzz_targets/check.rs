@@ -1,4 +1,4 @@
-//! What a successful load promises, asserted.
+//! Assertions of what a successful load guarantees.
 
 use super::MAX_BYTES;
 use curitiba_pipeline::diagnostic::Problems;
@@ -14,29 +14,29 @@ use glam::Vec3;
 use std::collections::HashSet;
 use std::path::Path;
 
-/// Whether an input was read.
+/// Result of loading an input.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Outcome {
-    /// It was, and everything promised holds.
+    /// The input was read, and all guarantees hold.
     Loaded,
-    /// It was not, and the error says why.
+    /// The input was refused, and the error says why.
     Refused,
 }
 
-/// A refusal names the file and says something.
+/// Checks that an error names the file and contains a message.
 pub fn scene_error(error: &SceneError) {
     assert!(!error.what.is_empty() && !error.what.ends_with('.'), "{error}");
     assert!(!error.file.as_os_str().is_empty(), "{error}");
 }
 
-/// A scene and the folder of its file.
+/// A scene, and the folder of its file.
 pub struct LoadedScene<'a> {
     pub scene: Scene,
     pub folder: &'a Path,
 }
 
 impl LoadedScene<'_> {
-    /// Everything that a loaded scene promises, what is built of it, and what is read again after it was written.
+    /// Checks a loaded scene, the render scene built from it, and the scene as read again after writing.
     pub fn check(&self) {
         scene(&self.scene);
         let plain = BuildOptions { max_bytes: MAX_BYTES, ..BuildOptions::default() };
@@ -52,7 +52,7 @@ impl LoadedScene<'_> {
         }
     }
 
-    /// Without normals and textures the same triangles are there.
+    /// Checks that a load without normals and textures has the same triangles.
     pub fn check_positions_only(&self, bare: &Scene) {
         scene(bare);
         let (all, less) = (statistics(&self.scene), statistics(bare));
@@ -61,17 +61,17 @@ impl LoadedScene<'_> {
         assert!(bare.textures.is_empty() && bare.materials.iter().all(|material| material.texture.is_none()));
     }
 
-    /// A written scene reads as it was: the same objects, triangles and materials.
+    /// Writes the scene and reads it again: it must have the same objects, triangles and materials.
     fn round_trip(&self, layout: Layout) {
         let name = if layout == Layout::Cbo2014 { "written.cbo" } else { "written.nbo" };
         let path = self.folder.join(name);
         match write_cbo(&self.scene, &path, layout) {
             Ok(_) => {}
-            // A texture that is not an image cannot be stored, and the message says so.
+            // A texture that is no image cannot be written, and the message says so.
             Err(error) if self.scene.textures.iter().any(|texture| error.what.contains(&texture.name())) => return,
             Err(error) => panic!("a loaded scene can be written: {error}"),
         }
-        // Names take more than in the scene's file where many objects share one; textures may be images that are large.
+        // Names may take more memory than in the original file, if many objects share one; and textures may be large images.
         let options = LoadOptions { max_bytes: 16 * MAX_BYTES, ..LoadOptions::default() };
         let read = match load(&[path], &options, &|_| {}) {
             Ok(read) => read,
@@ -82,8 +82,8 @@ impl LoadedScene<'_> {
     }
 }
 
-/// Two scenes have the same objects, with the same positions, triangles and materials, bit by bit. Groups without
-/// triangles and the names of everything are not compared: the writer leaves those out, and may change these.
+/// Asserts that two scenes have the same objects, with the same positions, triangles and materials, bit by bit. Groups without
+/// triangles and all names are not compared: the writer leaves the former out and may change the latter.
 pub fn same(written: &Scene, read: &Scene) {
     let transforms = |scene: &Scene| -> Vec<[u32; 16]> {
         scene.objects.iter().map(|object| scene.to_world(object).as_mat4().to_cols_array().map(f32::to_bits)).collect()
@@ -103,13 +103,13 @@ pub fn same(written: &Scene, read: &Scene) {
     }
 }
 
-/// The numbers of a material that both layouts keep.
+/// The numbers of a material that both layouts store.
 fn kept_of(material: &Material) -> Vec<u32> {
     let colors = [material.diffuse, material.ambient, material.specular, material.emission];
     colors.iter().flat_map(|color| color.to_array()).chain([material.shininess]).map(f32::to_bits).collect()
 }
 
-/// What [`Scene`] promises of itself: indices, lengths, numbers, names, and that the cap was kept.
+/// Asserts the guarantees of [`Scene`]: indices, lengths, numbers, names, and the memory cap.
 pub fn scene(scene: &Scene) {
     for object in &scene.objects {
         assert!((object.mesh as usize) < scene.meshes.len(), "object {} has no mesh", object.name);
@@ -125,7 +125,7 @@ pub fn scene(scene: &Scene) {
         }
         bytes += (12 * mesh.positions.len() + 12 * mesh.normals.len() + 8 * mesh.texcoords.len()) as u64;
     }
-    // What a written scene is read with, at most.
+    // The cap with which a written scene is read.
     assert!(bytes <= 16 * MAX_BYTES, "{bytes} bytes of vertices and triangles");
     let mut names = HashSet::new();
     for material in &scene.materials {
@@ -140,7 +140,7 @@ pub fn scene(scene: &Scene) {
     assert_eq!(found.objects, scene.objects.len() as u64);
 }
 
-/// No number of a material is NaN; only those are infinite for which that has a meaning.
+/// Asserts that no number of a material is NaN, and that only numbers with a meaningful infinity are infinite.
 fn material(material: &Material) {
     for color in [material.diffuse, material.ambient, material.specular, material.emission] {
         assert!(color.is_finite(), "{material:?}");
@@ -155,7 +155,7 @@ fn material(material: &Material) {
     assert!(material.alpha_cutoff.is_none_or(|cutoff| !cutoff.is_nan()), "{material:?}");
 }
 
-/// What [`RenderScene`] and its geometry promise.
+/// Asserts the guarantees of [`RenderScene`] and its geometry.
 pub fn render_scene(built: &RenderScene, options: &BuildOptions) {
     let geometry = &built.geometry;
     let vertices = geometry.positions.len();
@@ -210,7 +210,7 @@ pub fn render_scene(built: &RenderScene, options: &BuildOptions) {
         12 + if normals { 12 } else { 0 } + if textures || mapped { 8 } else { 0 } + if mapped { 16 } else { 0 };
     let vertex = vertex + if geometry.colors.is_empty() { 0 } else { 16 };
     let bytes = 4 * texels + vertices as u64 * vertex + 12 * geometry.triangles.len() as u64;
-    // The mip chain of a texture one texel wide is twice its image, not 4/3.
+    // The mip chain of a texture one texel wide has twice the image's size, not 4/3.
     assert!(bytes <= MAX_BYTES + MAX_BYTES / 2, "{bytes} bytes built");
 }
 
@@ -245,7 +245,7 @@ pub fn project(path: &Path) -> Outcome {
     Outcome::Loaded
 }
 
-/// Every problem can be shown with its place, and there are not too many.
+/// Asserts that every problem can be shown with its place, and that their number is limited.
 fn problems_shown(problems: &Problems) {
     assert!(problems.0.len() <= 202, "{} problems", problems.0.len());
     for problem in &problems.0 {
@@ -263,7 +263,7 @@ fn problems_shown(problems: &Problems) {
     assert!(text.len() <= 202 * 16_384, "{} bytes of messages", text.len());
 }
 
-/// What [`Project`] promises: every index is valid and every number in its range.
+/// Asserts the guarantees of [`Project`]: every index is valid, and every number in its range.
 pub fn project_references(project: &Project) {
     assert!(project.window.iter().all(|side| (1..=MAX_SIDE).contains(side)));
     assert!(project.default_pipeline < project.pipelines.len());
@@ -326,7 +326,7 @@ fn references_of(pass: &Pass, project: &Project) {
     }
 }
 
-/// What a plan promises: what it draws lies within its target, and its memory within the cap.
+/// Asserts the guarantees of a plan: passes draw within their targets, and the memory is within the cap.
 fn plan(plan: &Plan) {
     assert!(plan.target_bytes() <= plan.settings.max_memory);
     for planned in &plan.passes {

@@ -1,9 +1,9 @@
-//! What every loader must hold for any bytes at all: the bodies of the fuzz targets in `fuzz/`, which the ordinary tests
-//! run too (`fuzz_brief.rs`).
+//! The bodies of the fuzz targets in `fuzz/`: guarantees that every loader must keep for any bytes at all. The ordinary tests run
+//! them too (`fuzz_brief.rs`).
 //!
-//! A body writes its input into a folder of its own, in memory where the system has such a folder, because the loaders
-//! read files and the files beside them. It loads the input with a cap of [`MAX_BYTES`] and panics if anything that a
-//! successful load promises does not hold, or if a refusal says nothing.
+//! A body writes its input to a folder of its own, since loaders read files and the files beside them; the folder is in memory if
+//! the system has one there. It loads the input with a cap of [`MAX_BYTES`] and panics if a successful load breaks a guarantee, or
+//! if a refusal has no message.
 
 pub mod check;
 pub mod picture;
@@ -16,27 +16,27 @@ use curitiba_pipeline::scene::{
 use glam::{Mat4, Vec2, Vec3};
 use std::path::{Path, PathBuf};
 
-/// What a load, and a build after it, may hold.
+/// Memory cap of a load, and of building the scene after it.
 pub const MAX_BYTES: u64 = 16 << 20;
 
-/// Divides the files of an input that stands for several. No text of these formats holds it.
+/// Separates the files in an input that stands for several files. It does not occur in text of these formats.
 pub const SEPARATOR: u8 = 0;
 
-/// A project that uses everything which [`LIBRARY`] declares, and every class of pass.
+/// A project that uses everything in [`LIBRARY`], and every class of pass.
 pub const PROJECT: &str = include_str!("everything.xml");
 
 /// The material library that [`PROJECT`] names.
 pub const LIBRARY: &str = include_str!("everything.mlib");
 
-/// A format's body.
+/// A fuzz target.
 pub struct Target {
-    /// The format, and the name of the fuzz target.
+    /// Name of the format and of the target.
     pub name: &'static str,
-    /// Loads an input and checks what came of it.
+    /// Loads an input and checks the result.
     pub run: fn(&[u8]) -> Outcome,
 }
 
-/// All of them but `shader`, which needs a feature that not every crate with these bodies has.
+/// All targets except `shader`, which needs a feature that not every crate with these bodies has.
 pub const TARGETS: &[Target] = &[
     Target { name: "project_xml", run: project_xml },
     Target { name: "mlib", run: mlib },
@@ -50,21 +50,21 @@ pub const TARGETS: &[Target] = &[
     Target { name: "picture", run: picture::picture },
 ];
 
-/// A project file, beside [`LIBRARY`].
+/// Loads a project file, with [`LIBRARY`] beside it.
 pub fn project_xml(input: &[u8]) -> Outcome {
     let folder = Folder::new();
     folder.write("everything.mlib", LIBRARY.as_bytes());
     check::project(&folder.write("project.xml", input))
 }
 
-/// A material library, named by [`PROJECT`].
+/// Loads a material library that [`PROJECT`] names.
 pub fn mlib(input: &[u8]) -> Outcome {
     let folder = Folder::new();
     folder.write("everything.mlib", input);
     check::project(&folder.write("project.xml", PROJECT.as_bytes()))
 }
 
-/// A CBO file. Its extension says which layout is tried first, never whether the file is read.
+/// Loads a CBO file. Its extension only decides which layout is tried first, never whether it is read.
 pub fn cbo(input: &[u8]) -> Outcome {
     let folder = Folder::with_textures();
     let loaded = scene(&folder, &folder.write("scene.cbo", input));
@@ -73,7 +73,7 @@ pub fn cbo(input: &[u8]) -> Outcome {
     loaded
 }
 
-/// An OBJ file; after a [`SEPARATOR`], the material library `scene.mtl`.
+/// Loads an OBJ file and, after a [`SEPARATOR`], the material library `scene.mtl`.
 pub fn obj(input: &[u8]) -> Outcome {
     let folder = Folder::with_textures();
     let mut files = input.splitn(2, |byte| *byte == SEPARATOR);
@@ -82,7 +82,7 @@ pub fn obj(input: &[u8]) -> Outcome {
     scene(&folder, &folder.write("scene.obj", obj))
 }
 
-/// A glTF file, as JSON or GLB by its first bytes; after a [`SEPARATOR`] in JSON, the buffer `scene.bin`.
+/// Loads a glTF file, as JSON or GLB depending on its first bytes; after a [`SEPARATOR`] in JSON comes the buffer `scene.bin`.
 pub fn gltf(input: &[u8]) -> Outcome {
     let folder = Folder::with_textures();
     if input.starts_with(b"glTF") {
@@ -94,26 +94,26 @@ pub fn gltf(input: &[u8]) -> Outcome {
     scene(&folder, &folder.write("scene.gltf", json))
 }
 
-/// A file of 3D Studio.
+/// Loads a 3DS file.
 pub fn studio(input: &[u8]) -> Outcome {
     let folder = Folder::with_textures();
     scene(&folder, &folder.write("scene.3ds", input))
 }
 
-/// A COLLADA document.
+/// Loads a COLLADA document.
 pub fn collada(input: &[u8]) -> Outcome {
     let folder = Folder::with_textures();
     scene(&folder, &folder.write("scene.dae", input))
 }
 
-/// A mesh of Ogre, as XML.
+/// Loads an Ogre mesh in XML.
 pub fn ogre(input: &[u8]) -> Outcome {
     let folder = Folder::with_textures();
     scene(&folder, &folder.write("scene.mesh.xml", input))
 }
 
-/// An image, as a scene's texture: inside its file, as a file of its own, and as the mask of itself. Only a file's name
-/// can say that it is a TGA.
+/// Loads an image as a texture: embedded, as a file, and as its own mask. The file is named `.tga`, because only the name
+/// identifies a TGA file.
 pub fn texture(input: &[u8]) -> Outcome {
     let folder = Folder::new();
     let file = folder.write("image.tga", input);
@@ -158,7 +158,7 @@ fn triangle(source: TextureSource) -> Scene {
     }
 }
 
-/// Loads a scene file whole, and once more with nothing but positions.
+/// Loads a scene file completely, and again with positions only.
 fn scene(folder: &Folder, path: &Path) -> Outcome {
     let load = |needs: Needs| -> Result<Scene, SceneError> {
         load(&[path.to_owned()], &LoadOptions { needs, max_bytes: MAX_BYTES }, &|_| {})
@@ -178,11 +178,11 @@ fn scene(folder: &Folder, path: &Path) -> Outcome {
     Outcome::Loaded
 }
 
-/// A folder that is removed when the body is done.
+/// A folder that is removed at the end of the body.
 pub struct Folder(tempfile::TempDir);
 
 impl Folder {
-    /// An empty one, in memory where the system has a folder for that.
+    /// An empty folder, in memory if the system has a folder there.
     pub fn new() -> Self {
         let memory = Path::new("/dev/shm");
         let parent = if memory.is_dir() { memory.to_owned() } else { std::env::temp_dir() };
@@ -190,7 +190,7 @@ impl Folder {
         Self(folder.expect("a folder for temporary files can be made"))
     }
 
-    /// One with the textures that inputs may name: `t.tga` has an alpha channel with holes, `m.tga` none.
+    /// A folder with the textures that inputs may name: `t.tga` has an alpha channel with holes, `m.tga` has no alpha channel.
     fn with_textures() -> Self {
         let folder = Self::new();
         folder.write("t.tga", &tga(&[[200, 10, 20, 255], [10, 200, 20, 0], [10, 20, 200, 90], [9, 9, 9, 255]]));
@@ -205,7 +205,7 @@ impl Folder {
         path
     }
 
-    /// Where it is.
+    /// Path of the folder.
     pub fn path(&self) -> &Path {
         self.0.path()
     }

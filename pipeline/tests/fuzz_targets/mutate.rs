@@ -1,24 +1,24 @@
-//! A deterministic mutation loop: what the fuzzer does, for a few hundred inputs, in the ordinary tests.
+//! A deterministic mutation loop for the ordinary tests: a few hundred inputs, as a fuzzer would make them.
 
 use super::fuzz_targets::Target;
 use super::fuzz_targets::check::Outcome;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 
-/// How many inputs were read, and how many refused.
+/// Number of inputs that were loaded, and number refused.
 #[derive(Debug, Default, Clone, Copy)]
 pub struct Tally {
     pub loaded: usize,
     pub refused: usize,
 }
 
-/// An input on which a body panicked.
+/// An input on which a body panicked, with the message.
 #[derive(Debug)]
 pub struct Finding {
     pub input: Vec<u8>,
     pub message: String,
 }
 
-/// Runs one input; a panic is a finding.
+/// Runs one input; a panic is returned as a finding.
 pub fn run_one(target: &Target, input: &[u8], tally: &mut Tally) -> Result<(), Finding> {
     match catch_unwind(AssertUnwindSafe(|| (target.run)(input))) {
         Ok(Outcome::Loaded) => tally.loaded += 1,
@@ -32,7 +32,7 @@ pub fn run_one(target: &Target, input: &[u8], tally: &mut Tally) -> Result<(), F
     Ok(())
 }
 
-/// Runs `rounds` mutations of the seeds, the same in every run, up to the first finding.
+/// Runs `rounds` mutations of the seeds, the same in every run, until the first finding.
 pub fn run(target: &Target, seeds: &[Vec<u8>], rounds: usize) -> Result<Tally, Finding> {
     let mut random = Random(0x9E37_79B9_7F4A_7C15);
     let mut tally = Tally::default();
@@ -57,14 +57,14 @@ impl Random {
         (self.0.wrapping_mul(0x2545_F491_4F6C_DD1D) >> 32) as u32
     }
 
-    /// Below a bound; 0 for the bound 0.
+    /// A random number below a bound; 0 for the bound 0.
     fn below(&mut self, bound: usize) -> usize {
         self.next() as usize % bound.max(1)
     }
 }
 
 fn mutate(input: &mut Vec<u8>, other: &[u8], random: &mut Random) {
-    /// Counts and bit patterns of numbers on which readers stumble.
+    /// Numbers, as counts and as bit patterns of floats, that readers tend to mishandle.
     const WORDS: [u32; 8] = [0, 1, 0x7FFF_FFFF, 0xFFFF_FFFF, 0x8000_0000, 0x7F80_0000, 0x7FC0_0000, 0x0100_0000];
     const TEXTS: [&[u8]; 10] =
         [b"-1", b"0", b"1e39", b"nan", b"4294967296", b"<", b"\"", b"\n", b"9999999999999999999", b"\xC4\x80"];

@@ -6,10 +6,10 @@ use curitiba_pipeline::image::MAX_SIDE;
 use curitiba_pipeline::image::{Image, Layer, Picture, read_image, write_exr, write_png};
 use std::path::Path;
 
-/// The largest picture that is tried. Readers take 16384 x 16384 pixels, far more than the fuzzer allows a run.
+/// Largest picture that is tried. Readers accept 16384 x 16384 pixels, far more than the fuzzer allows a run.
 const MAX_PIXELS: u64 = 1 << 16;
 
-/// A picture, read as PNG and as EXR.
+/// Reads an input as PNG and as EXR.
 pub fn picture(input: &[u8]) -> Outcome {
     if claimed_pixels(input) > MAX_PIXELS {
         return Outcome::Refused;
@@ -51,7 +51,7 @@ fn claimed_pixels(input: &[u8]) -> u64 {
     windows.map(area).max().unwrap_or(0)
 }
 
-/// What [`Picture`] promises.
+/// Asserts the guarantees of [`Picture`].
 pub fn check(picture: &Picture) {
     let sound = |image: &Image| {
         assert!([image.width, image.height].iter().all(|side| (1..=MAX_SIDE).contains(side)));
@@ -73,7 +73,7 @@ pub fn check(picture: &Picture) {
     }
 }
 
-/// A picture that was read can be written, and what is written is read as it was.
+/// Asserts that a picture that was read can be written, and is read back unchanged.
 fn round_trip(image: &Image, steps: Option<u32>, folder: &Path) {
     let (png, exr) = (folder.join("written.png"), folder.join("written.exr"));
     write_exr(&exr, Layer { name: "window", channels: ["R", "G", "B", "A"], image }).expect("it can be written");
@@ -95,7 +95,7 @@ fn same(one: &Picture, other: &Picture) -> bool {
     variance && one.channels == other.channels && one.steps == other.steps && same_pixels(&one.image, &other.image)
 }
 
-/// Bit by bit: pictures may hold values that are not a number.
+/// Compares bit by bit, since pictures may hold NaN.
 fn same_pixels(one: &Image, other: &Image) -> bool {
     let bits = |image: &Image| -> Vec<[u32; 4]> { image.pixels.iter().map(|p| p.map(f32::to_bits)).collect() };
     [one.width, one.height] == [other.width, other.height] && bits(one) == bits(other)

@@ -1,4 +1,4 @@
-//! Tiny inputs of every format, all of them made here, from which mutations start.
+//! Tiny inputs of every format, all made here, as seeds of mutations.
 
 use super::fuzz_targets::{Folder, LIBRARY, PROJECT, tga};
 use curitiba_pipeline::image::{Image, Layer, write_exr_layers};
@@ -8,7 +8,7 @@ use glam::{Mat4, Vec2, Vec3};
 use image::{DynamicImage, ImageFormat, Rgba, RgbaImage};
 use std::io::Cursor;
 
-/// Names and bytes of a target's seeds; each is an input that loads.
+/// The seeds of a target, with names; each is an input that loads.
 ///
 /// # Panics
 /// If there is no such target.
@@ -30,7 +30,7 @@ pub fn of(target: &str) -> Vec<(&'static str, Vec<u8>)> {
             ("binary.glb", glb()),
             ("sparse.gltf", SPARSE_GLTF.into()),
             ("posed.gltf", POSED_GLTF.into()),
-            // Made by the encoders of the crates that read them; a test of `scene_gltf` writes them.
+            // Made by the encoders of the decoding crates; a test in `scene_gltf` writes them.
             ("draco.glb", include_bytes!("draco.glb").to_vec()),
             ("meshopt.glb", include_bytes!("meshopt.glb").to_vec()),
         ],
@@ -64,18 +64,18 @@ const BANDS_FRAGMENT: &str = include_str!("../../../xml_projects/shaders/glsl/ba
 const SHADOWED_VERTEX: &str = include_str!("../../../xml_projects/shaders/glsl/shadowed.vert");
 const SHADOWED_FRAGMENT: &str = include_str!("../../../xml_projects/shaders/glsl/shadowed.frag");
 
-/// For a target of one colour whose depth is kept.
+/// Shaders for a target with one colour whose depth is kept.
 const DEPTH_SHADER: &str = "1#version 440\nuniform mat4 m[2];\nuniform bool on = true;\nin vec4 position;\nin vec3 tangent;\nout vec4 p[2];\nout mat3 n;
 void main() { p[0] = m[1] * position; p[1] = on ? p[0] : position; n = mat3(m[0]); n[1] = tangent; gl_Position = position; }
 \0#version 440\nuniform sampler2DShadow a;\nuniform bvec2 two;\nuniform float w[3] = { 1., 2., 3. };\nin vec4 p[2];\nin mat3 n;\nout float depth;
 void main() { depth = texture(a, p[0].xyz) + textureProj(a, p[1]) * w[w.length() - 1]; if (two.y) gl_FragDepth = n[2].x; }\n";
 
-/// As files of before OpenGL 3 are written.
+/// Shaders in the style of files from before OpenGL 3.
 const QUAD_SHADER: &str = "#version 120\nattribute vec4 position;\nattribute vec4 texCoord0;\nvarying vec2 uv;
 void main() { uv = vec2(texCoord0); gl_Position = position; }\n\0uniform sampler2D a;\nvarying vec2 uv;
 void main() { gl_FragColor = texture2D(a, uv) + vec4(gl_FragCoord.xy, 0, 1.); if (uv.x < .5) discard; }\n";
 
-/// One of most things that are written otherwise.
+/// Shaders that use most of the syntax that the compiler translates.
 const WORDS_SHADER: &str = "#version 430 core\n#define N 3\n#if N > 2 && defined(N)\nstruct L { vec4 w[N]; vec3 d; float one; };\n#endif
 layout(std140) uniform M { mat4 pvm; mat3 n; L light; };\nuniform int count = 2;\nuniform int on;
 in vec4 position;\nflat out int id;\nout vec4 c;\nout vec4 e;\nsmooth out float f;
@@ -124,13 +124,13 @@ const OGRE: &str = r#"<?xml version="1.0"?><mesh><sharedgeometry vertexcount="4"
 <vertex><position x="5" y="0" z="0"/></vertex><vertex><position x="6" y="0" z="0"/></vertex><vertex><position x="5" y="1" z="0"/></vertex>
 </vertexbuffer></geometry></submesh></submeshes></mesh>"#;
 
-/// A chunk of a 3DS file: its number, its length, and what it holds.
+/// A chunk of a 3DS file: id, length, contents.
 fn chunk(id: u16, parts: &[&[u8]]) -> Vec<u8> {
     let contents = parts.concat();
     [&id.to_le_bytes()[..], &(contents.len() as u32 + 6).to_le_bytes(), &contents].concat()
 }
 
-/// A square of two triangles, one plain and half clear, one textured.
+/// A square of two triangles: one plain and half transparent, one textured.
 fn studio() -> Vec<u8> {
     let floats = |values: &[f32]| values.iter().flat_map(|value| value.to_le_bytes()).collect::<Vec<u8>>();
     let shorts = |values: &[u16]| values.iter().flat_map(|value| value.to_le_bytes()).collect::<Vec<u8>>();
@@ -149,7 +149,7 @@ fn studio() -> Vec<u8> {
     chunk(0x4D4D, &[&chunk(0x0002, &[&[3, 0, 0, 0]]), &chunk(0x3D3D, &[&object, &plain, &wall])])
 }
 
-/// A textured square whose file is the texture beside it, and a triangle that is placed twice, in glass.
+/// A square with a texture file beside it, and a glass triangle that is placed twice.
 fn scene(folder: &Folder) -> Scene {
     let texture = folder.write("t.tga", &tga(&[[1, 2, 3, 4]]));
     let square = Mesh {
@@ -190,7 +190,7 @@ fn written(layout: Layout) -> Vec<u8> {
     std::fs::read(path).expect("it was written")
 }
 
-/// A scene whose objects lie in the nodes of an octree; the writer writes lists only.
+/// A scene whose objects are in an octree, built by hand because the writer only writes lists.
 fn octree(layout: Layout) -> Vec<u8> {
     let is_2014 = layout == Layout::Cbo2014;
     let word = |value: u32| value.to_le_bytes().to_vec();
@@ -202,7 +202,7 @@ fn octree(layout: Layout) -> Vec<u8> {
             [text(key), text("o"), floats(&[0.0; 6]), class, floats(&Mat4::IDENTITY.to_cols_array())].concat(),
             [text("r"), word(1), text("position"), word(3)].concat(),
             floats(&[0.0, 0.0, 0.0, 1.0, 1.0, 0.0, 0.0, 1.0, 0.0, 1.0, 0.0, 1.0]),
-            // The word after the vertices; then a group without indices: the vertices in order.
+            // The word after the vertices; then a group without indices, which uses the vertices in order.
             [word(0), text("m"), word(0), word(0)].concat(),
         ]
         .concat()
@@ -229,7 +229,7 @@ fn gltf_binary() -> Vec<u8> {
     bytes
 }
 
-/// The asset of [`gltf_binary`]; `uri` is a JSON string or `null`.
+/// JSON for the buffer of [`gltf_binary`]; `uri` is a JSON string or `null`.
 fn gltf_json(uri: &str) -> String {
     format!(
         r#"{{"asset":{{"version":"2.0"}},"scene":0,"scenes":[{{"nodes":[0,2]}}],
@@ -269,7 +269,7 @@ fn glb() -> Vec<u8> {
     [header, text, word(binary.len()), b"BIN\0".to_vec(), binary].concat()
 }
 
-/// Positions that are zero but for one, put there by a sparse accessor with normalised integers beside it.
+/// Positions that are zero except for those that a sparse accessor sets, beside normalised integers.
 const SPARSE_GLTF: &str = r#"{"asset":{"version":"2.0"},"nodes":[{"mesh":0}],
 "meshes":[{"primitives":[{"attributes":{"POSITION":0,"NORMAL":1}}]}],
 "accessors":[{"componentType":5126,"count":3,"type":"VEC3","sparse":{"count":2,
@@ -278,7 +278,7 @@ const SPARSE_GLTF: &str = r#"{"asset":{"version":"2.0"},"nodes":[{"mesh":0}],
 "bufferViews":[{"buffer":0,"byteLength":28},{"buffer":0,"byteLength":28,"byteStride":4}],
 "buffers":[{"byteLength":28,"uri":"data:;base64,AQIAAAAAgD8AAAAAAAAAAAAAAAAAAIA/AAAAAA=="}]}"#;
 
-/// The same positions in a skin, with a morph target and colours.
+/// The same positions with a skin, a morph target and vertex colours.
 const POSED_GLTF: &str = r#"{"asset":{"version":"2.0"},
 "nodes":[{"mesh":0,"skin":0,"weights":[0.5]},{"translation":[0,0,1],"children":[2]},{"rotation":[0,0,1,1]}],
 "meshes":[{"weights":[1],"primitives":[{"attributes":{"POSITION":0,"COLOR_0":1,"JOINTS_0":2,"WEIGHTS_0":3},"targets":[{"POSITION":0}]}]}],
@@ -314,7 +314,7 @@ fn encoded(format: ImageFormat, alpha: bool) -> Vec<u8> {
     bytes.into_inner()
 }
 
-/// PNG files of several kinds, and EXR files of every compression that loses nothing, with and without a variance.
+/// PNG files of several kinds, and EXR files with every lossless compression, with and without a variance layer.
 fn pictures() -> Vec<(&'static str, Vec<u8>)> {
     let rgba = |x: u32, y: u32| Rgba([9_000 * x as u16, 20_000 * y as u16, 7, 65_535]);
     let deep = DynamicImage::ImageRgba16(image::ImageBuffer::from_fn(5, 3, rgba));

@@ -1,16 +1,16 @@
-//! Projects' own shaders: the body of the fuzz target `shader`.
+//! Own shaders of projects: the body of the fuzz target `shader`.
 
 use super::fuzz_targets::SEPARATOR;
 use super::fuzz_targets::check::Outcome;
 use curitiba_pipeline::glsl::{Block, FRAME, MAX_OUTPUTS, Program, Source, Stage};
 
-/// A vertex shader and, after a [`SEPARATOR`], a fragment shader. That what is compiled is WGSL which the device's library reads is an
-/// assertion of the compiler's own, in builds that have them.
+/// Compiles a vertex shader and, after a [`SEPARATOR`], a fragment shader. In builds with these assertions the compiler itself
+/// asserts that its output is WGSL that the device's library can read.
 pub fn shader(input: &[u8]) -> Outcome {
     // Files that are not UTF-8 are refused before they are compiled.
     let Ok(text) = std::str::from_utf8(input) else { return Outcome::Refused };
     let (vertex, fragment) = text.split_once(char::from(SEPARATOR)).unwrap_or((text, ""));
-    // A vertex shader that begins with such a digit is for a target that keeps its depth.
+    // A leading digit in the vertex shader stands for a target that keeps its depth, at that output location.
     let digit = vertex.bytes().next().filter(u8::is_ascii_digit).map(|digit| usize::from(digit - b'0'));
     let depth = digit.filter(|depth| *depth < MAX_OUTPUTS);
     let vertex = if depth.is_some() { &vertex[1..] } else { vertex };
@@ -34,7 +34,7 @@ pub fn shader(input: &[u8]) -> Outcome {
     }
 }
 
-/// What a compiled shader promises.
+/// Asserts the guarantees of a compiled shader.
 fn check<'a>(program: &Program, file: impl Fn(Stage) -> &'a str) {
     for (text, stage) in [(&program.vertex, "@vertex"), (&program.fragment, "@fragment")] {
         assert_eq!(text.matches(stage).count(), 1, "one entry point");
@@ -52,7 +52,7 @@ fn check<'a>(program: &Program, file: impl Fn(Stage) -> &'a str) {
     assert_eq!(program.outputs.len(), MAX_OUTPUTS);
 }
 
-/// Members lie one behind the other within their block, and are found in the file.
+/// Asserts that members follow each other within their block, and that their names are found in the file.
 fn check_block(block: &Block, file: &str) {
     let mut free = 0;
     for member in &block.members {

@@ -1,4 +1,4 @@
-//! Passes whose rays start at the camera: which program they mean.
+//! Passes whose rays start at the camera: which program is chosen.
 
 use crate::support::{SHOW, bad, errors, good, one_error, place, project, with};
 use curitiba_pipeline::camera_programs::SurfaceKind;
@@ -13,7 +13,7 @@ const NAMED: &str = r#"<pass class="rt" name="rays" program="whitted" samples="4
 <glass><material name="Vidro"/></glass><metal><material name="steel*"/></metal></pass>
 "#;
 
-/// A pass as the tutorials of the engine's descendant write it: the same names of programs, whatever it computes.
+/// A pass in the style of the tutorials of the engine's descendant: the program names are the same, whatever it computes.
 fn tutorial(shadow: bool, attributes: &[&str], light: &str, handed: &str, maps: &str) -> String {
     let program = |ray: &str, names: &str| {
         let of = |kind: &str, prefix: &str| {
@@ -52,7 +52,7 @@ fn of_pass(component: &str) -> String {
     format!(r#"<param name="p" type="PASS" context="CURRENT" component="{component}"/>"#)
 }
 
-/// A project of a pass, with numbers that it declares for passes.
+/// A project with a pass, and with numbers that it declares for passes.
 fn with_values(pass: &str, values: &[(&str, &str)]) -> String {
     let declared: String = values
         .iter()
@@ -94,7 +94,7 @@ fn what_a_pass_is_handed_says_what_it_computes() {
         assert_eq!(found.program, program);
         assert!(start.why.contains(why), "{}", start.why);
         assert_eq!(start.lamp, pass.contains("POSITION"), "{program:?}");
-        // The plan says so, and asks for no G-buffer.
+        // The plan contains the decision, and needs no G-buffer.
         let plan = Plan::new(project, Settings::default()).expect("a plan");
         let what = format!("ray program `{}` for pass `rays`", program.info().stem);
         assert!(plan.decisions.iter().any(|decision| decision.what == what && decision.why.contains(why)));
@@ -115,7 +115,7 @@ fn what_cannot_be_decided_is_an_error_that_lists_the_programs() {
             message,
             r#"program="albedo", program="lambert", program="whitted", program="cameraOcclusion""#,
         );
-        // Said on the pass, it is decided.
+        // Naming the program on the pass resolves the ambiguity.
         let said = with(&text.replacen('@', "", 1), "name=\"rays\">", "name=\"rays\" program=\"albedo\">");
         assert_eq!(ray(&good(&said)).program, RayProgram::Albedo);
     }
@@ -155,7 +155,7 @@ fn names_of_programs_say_what_rays_do_at_materials() {
     let (surfaces, why) = read(&text);
     assert_eq!(surfaces, expected(SurfaceKind::Glass));
     assert!(!why.contains("straight"), "{why}");
-    // Two tutorials name glass alike; one bends light, the other does not, and has its name of it.
+    // Two tutorials name glass in the same way. One refracts; the other, named after transparency, does not.
     let (surfaces, why) = read(&with(&text, "name=\"p\"", "name=\"Test - Transparency\""));
     assert_eq!(surfaces, expected(SurfaceKind::Clear));
     assert!(why.contains("straight through, for the project is named `Test - Transparency`"), "{why}");
@@ -163,7 +163,7 @@ fn names_of_programs_say_what_rays_do_at_materials() {
     assert_eq!(surfaces, expected(SurfaceKind::Glass));
     let unknown = with(&text, "__closesthit__phong_metal", "@__closesthit__velvet");
     one_error(&unknown, "no meaning is known of the program `__closesthit__velvet` of a material", "<metal><material");
-    // A pattern is the beginning of names.
+    // A pattern matches the beginning of names.
     assert!(MaterialPattern::Beginning("Grade".to_owned()).matches("Grade_08"));
     assert!(!MaterialPattern::Beginning("Grade".to_owned()).matches("BarraGrades"));
 }
@@ -176,12 +176,12 @@ fn numbers_of_the_project_become_parameters() {
     let project_of = |pass: &str| good(&with_values(pass, &values));
     let project = project_of(&pass);
     let params = ray(&project).params;
-    // One ray of ours asks for one point of the light: as many as the square of the larger number.
+    // Each of our rays samples one point of the light, so the number of camera rays is RAYS_PER_PIXEL² max(SHADOW_RAYS², GLOSSY_RAYS).
     assert_eq!((params.samples, params.camera.gloss, params.camera.ambient), (9, 128.0, 0.0));
     assert_eq!((params.camera.light_width, params.background), (0.4, Background::Blue));
     let several = with(&pass, "<scenes>", "<RAYS_PER_PIXEL value=\"2\"/><SHADOW_RAYS value=\"1\"/><scenes>");
     assert_eq!(ray(&project_of(&several)).params.samples, 8);
-    // What is not handed over is not read, and attributes of the pass come last.
+    // Numbers that are not handed over are ignored, and attributes of the pass take precedence.
     let named = with(&pass, "name=\"rays\">", "name=\"rays\" samples=\"5\" background=\"clear\">");
     let project = project_of(&named);
     assert_eq!((ray(&project).params.samples, ray(&project).params.background), (5, Background::Clear));

@@ -1,4 +1,4 @@
-//! Both dialects, and everything that is lenient about them.
+//! Both dialects of the format, and everything in which the reader is lenient.
 
 use crate::support::{FINAL, Files, LIBRARY, RASTER, SHADOWS, SHOW, good, line, place, project, ssao, with};
 use curitiba_pipeline::diagnostic::Severity;

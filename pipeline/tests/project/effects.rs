@@ -1,4 +1,4 @@
-//! Passes of class `effect`: raster effects in the place of ray programs.
+//! Passes of class `effect`: raster effects in place of ray programs.
 
 use crate::support::{Files, LIBRARY, RASTER, SHOW, good, one_error, project, ssao, with};
 use curitiba_pipeline::backend::Attachments;
@@ -115,10 +115,10 @@ fn what_only_an_effect_reads_stays_where_it_was_drawn() {
 
 #[test]
 fn narrow_formats_rays_and_inspection_need_the_g_buffer_in_host_memory() {
-    // The normal is stored in 16-bit floats, as rasterisers keep it themselves.
+    // Normals in 16-bit floats are stored as rasterisers keep them themselves.
     let half = plan(load_with(LIBRARY, &[RASTER, MAP, SHOW].concat()), Settings::default());
     assert!(matches!(work(&half, "map"), Work::Effect { resident: true, .. }));
-    // In bytes they do not, and an effect must see it so.
+    // Normals in bytes are not, so the effect must read the rounded values.
     let bytes = LIBRARY.replace("name=\"norm\" internalFormat=\"RGBA16F\"", "name=\"norm\" internalFormat=\"RGBA8\"");
     assert_ne!(bytes, LIBRARY);
     let narrow = plan(load_with(&bytes, &[RASTER, MAP, SHOW].concat()), Settings::default());
@@ -130,7 +130,7 @@ fn narrow_formats_rays_and_inspection_need_the_g_buffer_in_host_memory() {
     let shown = plan(load_with(&wide(), &[RASTER, MAP, SHOW].concat()), shown);
     let Work::Raster { host, .. } = work(&shown, "gbuffer") else { panic!("a raster pass") };
     assert_eq!(*host, Attachments { position: true, ..Attachments::default() });
-    // A second drawing between the two, kept because it is shown.
+    // Another raster pass in between, which runs because its target is shown.
     let other =
         with(&with(RASTER, "name=\"gbuffer\">", "name=\"other\">"), "name=\"gbuffer\" from", "name=\"small\" from");
     let settings = Settings { show: vec!["tiny".to_owned()], ..Settings::default() };
@@ -179,7 +179,7 @@ fn formats_are_set_from_outside_and_checked() {
     assert_eq!(formats(&changed), [Rgba8Unorm, Rgba32Float, Rgba32Float]);
     assert!(matches!(work(&changed, "map"), Work::Effect { params: EffectParams { pcf: 3, .. }, .. }));
     assert!(changed.warnings.is_empty(), "normals and colours need no warning");
-    // Positions may be rounded by who means it.
+    // The user may ask for rounded positions; a warning results.
     let rounded = set(&["pos.format=RGBA16F"]).expect("valid");
     let [group] = rounded.warnings.groups() else { panic!("one warning") };
     assert!(group.to_string().contains("pass `gbuffer` writes `Lib::pos` as RGBA16F"), "{group}");
@@ -208,7 +208,7 @@ fn an_effect_sees_what_its_g_buffer_shows() {
     let text = two(&project(&[RASTER, &with(MAP, "<lights>", "<camera>Other</camera><lights>"), SHOW].concat()));
     let message = Plan::new(good(&text), Settings::default()).expect_err("two cameras").to_string();
     assert!(message.contains("pass `map` has another camera than pass `gbuffer`"), "{message}");
-    // One camera for all from outside makes it whole.
+    // A camera given for all passes makes the plan valid.
     let settings = Settings { camera: Some("Eye".to_owned()), ..Settings::default() };
     assert!(Plan::new(good(&text), settings).is_ok());
 }

@@ -3,13 +3,13 @@
 use crate::support::{Files, LIBRARY, RASTER, bad, errors, good, line, one_error, place, project, with};
 use curitiba_pipeline::diagnostic::Severity;
 
-/// The shared project with one text replaced; `@` in `new` marks where the error stands.
+/// Asserts an error in the shared project with one text replaced; `@` in `new` marks the place of the error.
 #[track_caller]
 fn wrong(old: &str, new: &str, message: &str, help: &str) {
     one_error(&with(&project(RASTER), old, new), message, help);
 }
 
-/// The same in the library: `new` marks the place with `@` too.
+/// [`wrong`] for the library; `@` in `new` marks the place too.
 #[track_caller]
 fn wrong_library(old: &str, new: &str, message: &str) {
     let files = Files::new(project(RASTER));
@@ -85,7 +85,7 @@ fn cameras_must_see_something() {
     let here = "@<LOOK_AT_POINT x=0 y=0 z=5 />";
     wrong("<view x=\"0\" y=\"0\" z=\"-2\" />", here, "the camera looks at the point where it stands", "");
     wrong("</camera>", "@<LOOK_AT_POINT x=2 y=0 z=0 /></camera>", "<LOOK_AT_POINT> contradicts <view> of line 5", "");
-    // What the engine writes has both, and both say the same.
+    // Files that the engine writes contain both elements, and both agree.
     good(&with(&project(RASTER), "</camera>", "<LOOK_AT_POINT x=0 y=0 z=4 /></camera>"));
     let kind = "<projection TYPE=\"@ISO\" /></camera>";
     wrong("</camera>", kind, "`ISO` is not a projection", "perspective, ortho");
@@ -178,7 +178,7 @@ fn libraries_must_be_there_once() {
             && warning.message.ends_with("is listed twice: it is read once")
     );
 
-    // A second file of the same name in the same folder adds to the first, as in the engine.
+    // As in the engine, a second file of the same name in the same folder extends the first library.
     let twice = |path: &str| {
         let named = format!("<mlib filename=\"{path}\"/></materialLibs>");
         files.write("project.xml", with(&project(RASTER), "</materialLibs>", &named));

@@ -1,11 +1,11 @@
-//! What projects of the engine hold that draws nothing here, or does not run: it is left out with a warning, and the rest renders.
+//! Parts of the engine's projects that have no effect here or cannot run: they are left out with a warning, and the rest renders.
 
 use crate::support::{RASTER, SHADOWS, bad, errors, good, project, with};
 use curitiba_pipeline::project::{MaterialPattern, PassKind, Project};
 
 const COMPUTE: &str = r#"<pass class="compute" name="sums"></pass>"#;
 
-/// The project with a second pipeline, of which `attributes` says more.
+/// The project with a second pipeline that has these attributes and passes.
 fn two(attributes: &str, passes: &str) -> String {
     let second = format!("<pipeline name=\"other\" defaultCamera=\"Eye\" {attributes}>{passes}</pipeline></pipelines>");
     with(&project(RASTER), "</pipelines>", &second)
@@ -25,7 +25,7 @@ fn a_pipeline_that_does_not_run_may_hold_what_is_refused() {
     let said = loaded.pipeline(Some("other")).expect_err("it cannot run");
     assert!(said.contains("pipeline `other` cannot run: ") && said.contains("project.xml:"), "{said}");
     assert_eq!(good(&two("", RASTER)).pipeline(Some("other")), Ok(1), "a whole one can be asked for");
-    // Where it is what runs, it is an error.
+    // If it is the default pipeline, it is an error.
     for text in
         [two("default=\"true\"", COMPUTE), with(&two("", COMPUTE), "<pipelines>", "<pipelines default=\"other\">")]
     {
@@ -36,7 +36,7 @@ fn a_pipeline_that_does_not_run_may_hold_what_is_refused() {
     assert_eq!(named.pipeline(None), Ok(1));
 }
 
-/// What is wrong beside the pipelines is an error, whichever of them runs.
+/// Errors outside the pipelines are errors, whichever pipeline runs.
 #[test]
 fn what_pipelines_share_is_not_excused() {
     let lens = "<perspective fov=\"200\" near=\"1\" far=\"2\" /><view x=";
@@ -52,7 +52,7 @@ fn passes_that_draw_nothing_are_left_out() {
     assert_eq!(loaded.pipelines[0].passes.len(), 1);
     warns(&loaded, "pass `times` is left out");
     warns(&loaded, "pass `moves` is left out: it only runs scripts");
-    // One that says nothing at all is a mistake.
+    // A pass without any contents is a mistake.
     let empty = r#"<pass class="default" name="nothing"></pass>"#;
     assert!(errors(&bad(project(&[RASTER, empty].concat()))).iter().any(|error| error.contains("names no scene")));
 }

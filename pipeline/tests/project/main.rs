@@ -1,4 +1,4 @@
-//! Projects and material libraries: what loads, and what is said of what does not.
+//! Projects and material libraries: what loads, and the messages about what does not.
 
 mod camera;
 mod dialects;

@@ -3,13 +3,13 @@
 use crate::support::{FINAL, Files, RASTER, SHADOWS, SHOW, errors, good, line, one_error, project, ssao, with};
 use curitiba_pipeline::diagnostic::Severity;
 
-/// A project of the G-buffer pass and `second`, where `@` marks where the error stands.
+/// Asserts an error in a project of the G-buffer pass and `second`; `@` marks the place of the error.
 #[track_caller]
 fn wrong(second: &str, old: &str, new: &str, message: &str, help: &str) {
     one_error(&project(&[RASTER, &with(second, old, new)].concat()), message, help);
 }
 
-/// A project of the G-buffer pass alone.
+/// Asserts an error in a project with only the G-buffer pass.
 #[track_caller]
 fn wrong_raster(old: &str, new: &str, message: &str, help: &str) {
     one_error(&project(&with(RASTER, old, new)), message, help);

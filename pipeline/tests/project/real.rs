@@ -1,5 +1,5 @@
-//! Real projects, where the environment has them: `CURITIBA_PROJECTS` names a folder with `OptixProjects/*.xml` and the
-//! libraries that they name.
+//! Real projects, if available: the environment variable `CURITIBA_PROJECTS` names a folder with `OptixProjects/*.xml` and the
+//! libraries that they use.
 
 use curitiba_pipeline::camera_programs::SurfaceKind;
 use curitiba_pipeline::programs::RayProgram;
@@ -20,7 +20,7 @@ fn the_seven_projects_of_2014_load_unchanged() {
     }
 }
 
-/// `CURITIBA_TUTORIALS` names a checkout of the engine's present-day descendant.
+/// `CURITIBA_TUTORIALS` names a checkout of the engine's current descendant.
 #[test]
 fn the_ray_tutorials_mean_what_they_hand_over() {
     let Some(folder) = std::env::var_os("CURITIBA_TUTORIALS").map(PathBuf::from) else {

@@ -1,4 +1,4 @@
-//! Files that are damaged or hostile: a message, never a panic, a hang or unbounded memory.
+//! Damaged or hostile files must cause a message, never a panic, a hang or unbounded memory.
 
 use crate::support::{FINAL, Files, LIBRARY, RASTER, SHOW, bad, errors, line, project};
 use curitiba_pipeline::project::load;
@@ -29,7 +29,7 @@ fn other_encodings_are_named_with_their_place() {
 
 #[test]
 fn the_place_of_a_wrong_byte_can_be_shown() {
-    // What stands for the byte in the text is three bytes long; half of it is no text.
+    // The replacement character for an invalid byte is three bytes long, and spans must not cut it.
     for bytes in [&b"<project name=\"\xF4\"/>"[..], b"\xFF\xFE<\0", b"\xEF\xBB\xBFab\xC3"] {
         let problems = bad(bytes);
         let (source, range) = problems.0[0].place.clone().expect("a place");
@@ -135,7 +135,7 @@ fn huge_files_values_and_counts_are_capped() {
 
 #[test]
 fn hostile_repetition_takes_bounded_time_and_memory() {
-    // Each of these would take squared time or memory if done naively.
+    // Each of these would take quadratic time or memory with a naive implementation.
     let textures = "<texture unit=\"0\" name=\"color\"/>".repeat(20_000);
     let library = LIBRARY.replace(
         "<material name=\"glass\">",

@@ -1,4 +1,4 @@
-//! Scenes and cameras as present-day files write them: folders, primitives, placements, projections.
+//! Scenes and cameras as present-day files declare them: folders, primitives, placements, projections.
 
 use super::support::{Files, RASTER, bad, good, one_error, project, with};
 use curitiba_pipeline::diagnostic::Severity;
@@ -48,7 +48,8 @@ fn primitives_and_placements_of_both_dialects_are_read() {
     let corner =
         |measure: fn(Vec3, Vec3) -> Vec3, start: Vec3| built.geometry.positions.iter().copied().fold(start, measure);
     let (low, high) = (corner(Vec3::min, Vec3::INFINITY), corner(Vec3::max, Vec3::NEG_INFINITY));
-    // The ball reaches from -3.5 to -1.5, twice as high and deep, then half as high; the box as high as half of 2.
+    // The ball spans -3.5 to -1.5 along x, with twice the height and depth, then half the height; the box has half the height of
+    // 2.
     assert!(low.distance(Vec3::new(-3.5, -1.0, -2.0)) < 0.02 && high.distance(Vec3::new(3.5, 1.0, 2.0)) < 0.02);
     assert!(built.geometry.normals.iter().all(|normal| (normal.length() - 1.0).abs() < 1e-5));
 
@@ -83,14 +84,14 @@ fn exact_spheres_are_placed_as_meshes_are() {
     let spheres = built(&text).geometry.spheres;
     assert_eq!((spheres.len(), spheres[0].center, spheres[0].radius), (2, Vec3::new(2.0, -4.0, 6.0), 1.0));
     assert!(spheres[1].center == Vec3::ZERO && (spheres[1].radius - 2.0).abs() < 1e-6, "{:?}", spheres[1]);
-    // What a mesh of the same place is.
+    // The exact sphere must agree with a mesh at the same place.
     for param in ["NO_SWAP", "SWAP_YZ", "UNITIZE", "SWAP_YZ UNITIZE"] {
         let with_param = with(&text, "<scene name=\"Main\">", &format!("<scene name=\"Main\" param=\"{param}\">"));
         let spheres = built(&with_param).geometry.spheres;
         let mesh = built(&with_param.replace("exact=true", "").replace("exact=TRUE", "")).geometry;
         for vertex in &mesh.positions {
             let off = spheres.iter().map(|sphere| (vertex.distance(sphere.center) - sphere.radius).abs());
-            // A mesh of ten slices does not reach as far as its sphere, which is what is made unit size.
+            // A mesh with ten slices is smaller than its sphere, and UNITIZE scales by that size.
             let allowed = if param.contains("UNITIZE") { 0.04 } else { 1e-5 };
             let off = off.fold(f32::INFINITY, f32::min);
             assert!(off < allowed, "{param}: {spheres:?} {vertex} {off}");

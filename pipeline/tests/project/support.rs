@@ -1,4 +1,4 @@
-//! Small projects written into a folder of their own.
+//! Small projects, each written to a folder of its own.
 
 use curitiba_pipeline::diagnostic::{Problem, Problems, Severity};
 use curitiba_pipeline::project::{Project, load};
@@ -65,7 +65,7 @@ pub const LIBRARY: &str = r#"<?xml version="1.0" ?>
 </materiallib>
 "#;
 
-/// Assets that projects of tests share.
+/// Assets that the tests' projects share.
 pub const ASSETS: &str = r#"<assets>
 <scenes><scene name="Main"><file>box.obj</file></scene></scenes>
 <viewports><viewport name="View"><geometry x="0" y="0" width="1" height="1" /></viewport></viewports>
@@ -98,7 +98,7 @@ pub const SHADOWS: &str = r#"<pass class="optix" name="shadows"><scenes><scene>M
 <optixInput><buffer var="pos_buffer" texture="Lib::pos" /></optixInput></pass>
 "#;
 
-/// A pass that runs `ssao`, with attributes of its own.
+/// A pass that runs `ssao`, with the given attributes.
 pub fn ssao(attributes: &str) -> String {
     format!(
         r#"<pass class="optix" name="ao" {attributes}><scenes><scene>Main</scene></scenes>
@@ -153,20 +153,20 @@ pub const FINAL: &str = r#"<pass class="rt" name="final"><scenes><scene name="Ma
 pub const SHOW: &str = r#"<pass class="quad" name="show"><texture name="result" fromLibrary="Lib" /></pass>
 "#;
 
-/// A project of the shared assets and these passes. The line of the first pass is 13.
+/// A project of the shared assets and these passes. The first pass is on line 13.
 pub fn project(passes: &str) -> String {
     format!(
         "<project name=\"p\">\n{ASSETS}<pipelines><pipeline name=\"main\" defaultCamera=\"Eye\">\n{passes}</pipeline></pipelines></project>\n"
     )
 }
 
-/// A folder with a project and libraries.
+/// A folder with a project and its libraries.
 pub struct Files {
     folder: TempDir,
 }
 
 impl Files {
-    /// The shared library and this project.
+    /// The shared library and the given project.
     pub fn new(project: impl AsRef<[u8]>) -> Self {
         let files = Self { folder: tempfile::tempdir().expect("a folder for temporary files") };
         files.write("project.xml", project);
@@ -189,7 +189,7 @@ impl Files {
     }
 }
 
-/// Loads a project that must load.
+/// Loads a project that must be valid.
 #[track_caller]
 pub fn good(text: &str) -> Project {
     match Files::new(text).load() {
@@ -201,7 +201,7 @@ pub fn good(text: &str) -> Project {
     }
 }
 
-/// Loads a project that must not load.
+/// Loads a project that must be refused.
 #[track_caller]
 pub fn bad(bytes: impl AsRef<[u8]>) -> Problems {
     let problems = Files::new(bytes).load().expect_err("it must not load");
@@ -209,7 +209,7 @@ pub fn bad(bytes: impl AsRef<[u8]>) -> Problems {
     problems
 }
 
-/// `file.xml:line:column: message`, without the folder.
+/// Formats a problem as `file.xml:line:column: message`, without the folder.
 pub fn line(problem: &Problem) -> String {
     let Some((source, range)) = &problem.place else { return problem.message.clone() };
     let (line, column) = source.line_column(range.start);
@@ -217,12 +217,12 @@ pub fn line(problem: &Problem) -> String {
     format!("{name}:{line}:{column}: {}", problem.message)
 }
 
-/// The errors as [`line`]s.
+/// The errors, formatted by [`line`].
 pub fn errors(problems: &Problems) -> Vec<String> {
     problems.0.iter().filter(|problem| problem.severity == Severity::Error).map(line).collect()
 }
 
-/// `line:column` of where `needle` first stands in a text.
+/// `line:column` of the first occurrence of `needle` in a text.
 #[track_caller]
 pub fn place(text: &str, needle: &str) -> String {
     let before = &text[..text.find(needle).unwrap_or_else(|| panic!("`{needle}` is not in the text"))];
@@ -230,7 +230,7 @@ pub fn place(text: &str, needle: &str) -> String {
     format!("{}:{column}", before.matches('\n').count() + 1)
 }
 
-/// Asserts that a project has exactly this error, at the text that `at` marks: `line:column` is where `@` stands.
+/// Asserts that a project has exactly this error, at the place that `@` marks in `marked`.
 #[track_caller]
 pub fn one_error(marked: &str, message: &str, help: &str) {
     let at = place(marked, "@");
@@ -241,7 +241,7 @@ pub fn one_error(marked: &str, message: &str, help: &str) {
     assert!(said.contains(help), "the help lacks `{help}`: {said}");
 }
 
-/// Replaces a text that must be there, once.
+/// Replaces the first occurrence of a text, which must occur.
 #[track_caller]
 pub fn with(text: &str, old: &str, new: &str) -> String {
     assert!(text.contains(old), "`{old}` is not in the text");

@@ -1,15 +1,15 @@
-//! Where passes draw, and what they clear it to.
+//! Viewports of passes, and their clear colours.
 
 use crate::support::{ASSETS, Files, LIBRARY, RASTER, SHADOWS, SHOW, with};
 use curitiba_pipeline::backend::Rect;
 use curitiba_pipeline::plan::{Plan, Settings, Work};
 use glam::{Vec3, Vec4};
 
-/// The left half, green.
+/// A viewport: the left half of the target, with a green clear colour.
 const HALF: &str =
     r#"<viewport name="Half"><geometry x="0" y="0" width="0.5" height="1"/><bgcolor r="0" g="0.5" b="0"/></viewport>"#;
 
-/// Plans a project whose camera has the green half as its viewport.
+/// Plans a project whose camera has that viewport.
 fn plan(library: &str, passes: &str) -> Plan {
     let assets = with(ASSETS, "<viewports>", &format!("<viewports>{HALF}"));
     let assets = with(&assets, "<camera name=\"Eye\">", "<camera name=\"Eye\"><viewport>Half</viewport>");
@@ -21,7 +21,7 @@ fn plan(library: &str, passes: &str) -> Plan {
     Plan::new(files.load().expect("it loads"), Settings::default()).expect("the plan stands")
 }
 
-/// The rectangle and the colour of the first pass.
+/// Viewport and clear colour of the first pass.
 fn drawn(plan: &Plan) -> (Rect, Vec4) {
     match plan.passes[0].work {
         Work::Raster { viewport, clear_color, .. } => (viewport, clear_color),
@@ -31,7 +31,7 @@ fn drawn(plan: &Plan) -> (Rect, Vec4) {
 
 const WHOLE: Rect = Rect { x: 0, y: 0, width: 64, height: 32 };
 
-/// A library whose G-buffer says what it is cleared to.
+/// The library with a clear colour for its G-buffer.
 fn cleared(clear: &str) -> String {
     let target = "<rendertarget name=\"gbuffer\">";
     with(LIBRARY, target, &format!("{target}{clear}"))

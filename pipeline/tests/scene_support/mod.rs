@@ -1,11 +1,11 @@
-//! What the tests of scene files share.
+//! Helpers of the tests of scene files.
 #![allow(dead_code, reason = "each test program uses its own part of this")]
 
 use curitiba_pipeline::diagnostic::Warnings;
 use curitiba_pipeline::scene::{LoadOptions, Scene, SceneError, load};
 use std::path::{Path, PathBuf};
 
-/// A folder that is removed after the test, and the files in it.
+/// A folder with files that is removed after the test.
 pub struct Folder(tempfile::TempDir);
 
 impl Folder {
@@ -24,7 +24,7 @@ impl Folder {
         path
     }
 
-    /// A PNG of one colour.
+    /// Writes a PNG of one colour.
     pub fn png(&self, name: &str, width: u32, height: u32, texel: [u8; 4]) -> PathBuf {
         let image = image::RgbaImage::from_pixel(width, height, image::Rgba(texel));
         let path = self.write(name, []);
@@ -37,22 +37,22 @@ pub fn load_one(path: &Path) -> Result<Scene, SceneError> {
     load(&[path.to_owned()], &LoadOptions::default(), &|_| {})
 }
 
-/// Loads with a small memory cap, as files that were tampered with are.
+/// Loads with a small memory cap, for damaged files.
 pub fn load_capped(path: &Path) -> Result<Scene, SceneError> {
     load(&[path.to_owned()], &LoadOptions { max_bytes: 16 << 20, ..LoadOptions::default() }, &|_| {})
 }
 
-/// How often a kind of warning was counted.
+/// Number of warnings of a kind.
 pub fn count(warnings: &Warnings, what: &str) -> u64 {
     warnings.groups().iter().filter(|group| group.what == what).map(|group| group.count).sum()
 }
 
-/// Triangles of all placed meshes.
+/// Number of triangles of all placed meshes.
 pub fn triangles(scene: &Scene) -> u64 {
     curitiba_pipeline::scene::statistics(scene).triangles
 }
 
-/// Every index of a loaded scene is in range, so that later stages may rely on it.
+/// Asserts that every index of a loaded scene is in range, as later stages rely on it.
 pub fn assert_references_are_valid(scene: &Scene) {
     for object in &scene.objects {
         assert!((object.mesh as usize) < scene.meshes.len(), "object {} has no mesh", object.name);
@@ -70,7 +70,7 @@ pub fn assert_references_are_valid(scene: &Scene) {
     }
 }
 
-/// Deterministic variations of a file: every truncation at `step`, and byte changes at pseudo-random places.
+/// Deterministic mutations of a file: truncations at regular steps, and byte changes at pseudo-random places.
 pub fn mutations(bytes: &[u8], changes: usize) -> impl Iterator<Item = Vec<u8>> + '_ {
     let step = (bytes.len() / 200).max(1);
     let truncated = (0..bytes.len()).step_by(step).map(|length| bytes[..length].to_vec());

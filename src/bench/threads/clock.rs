@@ -1,4 +1,4 @@
-//! Wall time and processor time of the steps of a frame, taken by an observer.
+//! Wall time and processor time of the steps of a frame, measured by an observer.
 
 use crate::pipeline::backend::RayJob;
 use crate::pipeline::executor::{Fallback, Observer, Output, Progress, StepKind, Triangles};
@@ -6,8 +6,7 @@ use crate::pipeline::image::Image;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
-/// The processor time that all threads of this process have used so far, those that ended too; `None` where the system
-/// does not tell.
+/// Processor time of all threads of this process so far, including ended ones; `None` if the system does not report it.
 #[must_use]
 pub fn processor_time() -> Option<Duration> {
     #[cfg(unix)]
@@ -21,30 +20,30 @@ pub fn processor_time() -> Option<Duration> {
     }
 }
 
-/// Both clocks at one moment.
+/// A reading of both clocks.
 #[derive(Debug, Clone, Copy)]
 pub struct Moment {
     wall: Instant,
     processor: Option<Duration>,
 }
 
-/// How long something took, milliseconds.
+/// A duration in milliseconds, by both clocks.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Clocked {
-    /// By the clock on the wall.
+    /// Wall time.
     pub wall_ms: f64,
-    /// Of all threads together, those that wait busily included; `None` where the system does not tell.
+    /// Processor time of all threads, including busy waiting; `None` if the system does not report it.
     pub processor_ms: Option<f64>,
 }
 
 impl Clocked {
-    /// The moment from which [`Self::since`] counts.
+    /// A reading of both clocks now, for [`Self::since`].
     #[must_use]
     pub fn now() -> Moment {
         Moment { wall: Instant::now(), processor: processor_time() }
     }
 
-    /// What has passed since.
+    /// The time since `begun`.
     #[must_use]
     pub fn since(begun: Moment) -> Self {
         let processor = processor_time().zip(begun.processor).map(|(now, then)| now.saturating_sub(then));
@@ -55,10 +54,10 @@ impl Clocked {
     }
 }
 
-/// Samples of whole frames and of each step, in the order in which each was first run.
+/// Samples of whole frames, and of each step in the order of first runs.
 #[derive(Debug, Clone, Default)]
 pub struct Samples {
-    /// Whole frames.
+    /// Samples of whole frames.
     pub frames: Vec<Clocked>,
     /// Kind, name and samples of each step.
     pub steps: Vec<(StepKind, String, Vec<Clocked>)>,
@@ -72,17 +71,17 @@ impl Samples {
         }
     }
 
-    /// Appends those of another round.
+    /// Appends the samples of another round.
     pub fn extend(&mut self, other: Self) {
         self.frames.extend(other.frames);
         other.steps.into_iter().for_each(|(kind, name, samples)| self.add(kind, name, samples));
     }
 }
 
-/// An observer that takes the time of every step between its beginning and its end, and passes on what it hears.
+/// An observer that measures every step from its beginning to its end, and forwards all notifications.
 ///
-/// On the cpu engines that is the executor's own host time, give or take a microsecond. On others a step's copies are in
-/// it, which the executor counts apart.
+/// For the cpu engines the wall time equals the executor's own host time within a microsecond. For other engines it includes a
+/// step's copies, which the executor records separately.
 pub struct Clock<'o> {
     shown: &'o mut dyn Observer,
     running: Option<(StepKind, String, Moment)>,
@@ -91,27 +90,27 @@ pub struct Clock<'o> {
 }
 
 impl<'o> Clock<'o> {
-    /// A clock that runs.
+    /// A running clock that forwards to `shown`.
     pub fn new(shown: &'o mut dyn Observer) -> Self {
         Self { shown, running: None, is_paused: false, samples: Samples::default() }
     }
 
-    /// Steps that begin from now on are not counted.
+    /// From now on steps are not measured.
     pub fn pause(&mut self) {
         self.is_paused = true;
     }
 
-    /// Steps that begin from now on are counted again.
+    /// From now on steps are measured again.
     pub fn go_on(&mut self) {
         self.is_paused = false;
     }
 
-    /// Counts a frame that ends now.
+    /// Records a frame that ends now.
     pub fn frame(&mut self, begun: Moment) {
         self.samples.frames.push(Clocked::since(begun));
     }
 
-    /// Everything counted.
+    /// All samples.
     #[must_use]
     pub fn samples(self) -> Samples {
         self.samples

@@ -1,4 +1,4 @@
-//! What a sweep over threads writes: curves with all their samples, and the machine that they were taken on.
+//! The file of a thread sweep: curves with all their samples, and the machine.
 
 use crate::bench::file::{FileError, MOST_BYTES};
 use crate::bench::model::Stats;
@@ -11,7 +11,7 @@ use std::time::{SystemTime, UNIX_EPOCH};
 
 /// Version of the layout below.
 pub const FORMAT: u32 = 1;
-/// What [`ThreadsFile::kind`] says.
+/// Value of [`ThreadsFile::kind`].
 pub const KIND: &str = "time against threads";
 
 /// A sweep, whole or interrupted.
@@ -19,74 +19,74 @@ pub const KIND: &str = "time against threads";
 pub struct ThreadsFile {
     /// [`FORMAT`].
     pub format: u32,
-    /// [`KIND`]: tells the file from those of other benchmarks.
+    /// [`KIND`], which distinguishes the file from other benchmarks.
     pub kind: String,
-    /// The command that wrote it.
+    /// The command that wrote the file.
     pub command: String,
-    /// When it was begun, seconds since 1970.
+    /// Start time, seconds since 1970.
     pub started_unix_s: u64,
-    /// Where.
+    /// Machine and build.
     pub environment: Environment,
-    /// How often each case was opened with each number of threads.
+    /// Number of times each case was opened with each number of threads.
     pub rounds: u32,
-    /// Frames measured of each round.
+    /// Number of frames measured in each round.
     pub frames: u32,
-    /// Frames rendered before them, and not counted.
+    /// Number of frames rendered before them, which are not measured.
     pub warmup: u32,
-    /// Whether every case that was asked for is there.
+    /// Whether every requested case is present.
     pub complete: bool,
     /// The cases, in the order in which they were measured.
     pub cases: Vec<ThreadsCase>,
 }
 
-/// The curves of a project with its settings.
+/// The curves of a case.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct ThreadsCase {
-    /// What tells it from all other cases.
+    /// Identifies the case among all cases.
     pub key: String,
-    /// What a reader calls it: `AO, 100 samples`.
+    /// Name for readers: `AO, 100 samples`.
     pub label: String,
     /// The view: `Fonte`, `Vidro`, or the camera's name.
     pub view: String,
     /// Project file.
     pub project: PathBuf,
-    /// `PASS.NAME=VALUE`.
+    /// Parameters set by the user, as `PASS.NAME=VALUE`.
     pub set: Vec<String>,
-    /// Window, pixels.
+    /// Width and height of the window in pixels.
     pub size: [u32; 2],
-    /// Triangles of the scene.
+    /// Number of triangles of the scene.
     pub triangles: u64,
-    /// Textures of the scene.
+    /// Number of textures of the scene.
     pub textures: u64,
-    /// Whole frames, by threads.
+    /// The curve of whole frames.
     pub frame: Vec<ThreadsPoint>,
-    /// Each step, those that are done once first.
+    /// The curve of each step; steps that run once come first.
     pub steps: Vec<ThreadsStep>,
 }
 
 /// The curve of a step.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct ThreadsStep {
-    /// What it is.
+    /// Kind of the step.
     pub kind: StepKind,
-    /// Its pass, scene or engine.
+    /// Name of its pass, scene or engine.
     pub name: String,
-    /// By threads, in the order in which they were asked for.
+    /// The points, in the order in which the numbers of threads were given.
     pub points: Vec<ThreadsPoint>,
 }
 
-/// A place on a curve.
+/// A point on a curve.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct ThreadsPoint {
-    /// Threads of the pool.
+    /// Number of threads of the pool.
     pub threads: usize,
     /// Wall time, milliseconds.
     pub wall: Stats,
-    /// Processor time of all threads together, milliseconds; `None` where the system does not tell.
+    /// Processor time of all threads, milliseconds; `None` if the system does not report it.
     pub processor: Option<Stats>,
 }
 
-/// How many times as fast the median is as on the fewest threads; `None` without two points.
+/// Speed-up of the median wall time over the point with the fewest threads; `None` without two points.
 #[must_use]
 pub fn speed_up(points: &[ThreadsPoint], point: &ThreadsPoint) -> Option<f64> {
     let first = points.iter().min_by_key(|point| point.threads)?;
@@ -94,7 +94,7 @@ pub fn speed_up(points: &[ThreadsPoint], point: &ThreadsPoint) -> Option<f64> {
 }
 
 impl ThreadsFile {
-    /// A sweep that begins now.
+    /// A new sweep without cases.
     #[must_use]
     pub fn begin(command: String, environment: Environment, rounds: u32, frames: u32, warmup: u32) -> Self {
         let now = SystemTime::now().duration_since(UNIX_EPOCH).map_or(0, |time| time.as_secs());
@@ -115,11 +115,11 @@ impl ThreadsFile {
     /// Reads a file; `None` if there is none.
     ///
     /// # Errors
-    /// If it cannot be read or holds anything else.
+    /// If it cannot be read, or is no sweep.
     pub fn read(path: &Path) -> Result<Option<Self>, FileError> {
         let text = files::read_if_there(path, MOST_BYTES)
             .map_err(|error| FileError::Io { path: path.to_owned(), message: error.to_string() })?;
-        // An empty file is one that something made to be written into.
+        // An empty file counts as missing: some tool created it as a place to write to.
         let Some(text) = text.filter(|text| !text.is_empty()) else { return Ok(None) };
         let broken = |message: String| FileError::Broken { path: path.to_owned(), message };
         let file: Self = serde_json::from_slice(&text).map_err(|error| broken(error.to_string()))?;

@@ -1,4 +1,4 @@
-//! Time against threads: a project on pools of different sizes, every step with its wall time and its processor time.
+//! Scaling with threads: wall time and processor time of every step of a project, on thread pools of different sizes.
 
 pub mod clock;
 pub mod file;
@@ -13,12 +13,13 @@ use crate::OpenError;
 use crate::pipeline::executor::{Observer, StepKind};
 use clock::{Clock, Clocked, Samples};
 
-/// What a sweep measures.
+/// Options of a sweep.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct SweepOptions {
-    /// The numbers of threads, each at least 1.
+    /// The numbers of threads; each is at least 1.
     pub threads: Vec<usize>,
-    /// How often the project is opened with each of them: the samples of what is done once. At least 1.
+    /// Number of times the project is opened with each number of threads, which gives the samples of steps that run once. At least
+    /// 1.
     pub rounds: u32,
     /// Frames of each round.
     pub frames: MeasureOptions,
@@ -31,17 +32,17 @@ pub enum SweepError {
     /// The project cannot be opened, or a frame failed.
     #[error(transparent)]
     Open(#[from] OpenError),
-    /// The system gives no pool of that size.
+    /// The system cannot start a pool of that size.
     #[error("a pool of {threads} threads cannot be had: {message}\n       name fewer with --sweep-threads")]
     Pool {
-        /// Its threads.
+        /// Number of threads.
         threads: usize,
         /// What the system says.
         message: String,
     },
 }
 
-/// What a round found out about the scene.
+/// Samples of a round, and facts about its scene.
 struct Round {
     samples: Samples,
     window: [u32; 2],
@@ -49,13 +50,13 @@ struct Round {
     textures: u64,
 }
 
-/// Measures a case on every number of threads. All of them take turns in each round, so that a machine that becomes
-/// slower does so for all. Everything is dropped after each opening: memory holds one scene at a time.
+/// Measures a case with every number of threads. Each round uses every number once, so that a machine that slows down affects all
+/// of them alike. Everything is dropped after each opening, so memory holds one scene at a time.
 ///
-/// `told` hears of each opening before it begins; `observer` makes what watches it.
+/// `told` is called before each opening; `observer` makes an observer for it.
 ///
 /// # Errors
-/// If a pool cannot be had, the case cannot be opened, or a frame fails.
+/// If a pool cannot be started, the case cannot be opened, or a frame fails.
 pub fn sweep(
     case: &Case,
     options: &SweepOptions,
@@ -78,7 +79,7 @@ pub fn sweep(
     Ok(measured)
 }
 
-/// One opening and its frames, on a pool of its own; serial parts run on one of its threads.
+/// Opens a case and renders its frames on a separate thread pool; serial parts run on one of the pool's threads.
 fn open_and_render(
     case: &Case,
     threads: usize,
@@ -129,7 +130,7 @@ impl ThreadsCase {
         }
     }
 
-    /// Puts the samples of each number of threads into the curves; steps stand in the order in which they ran.
+    /// Adds the samples of each number of threads to the curves; steps are in the order in which they ran.
     fn fill(&mut self, by_threads: &[(usize, Samples)]) {
         let Some((_, first)) = by_threads.first() else { return };
         let names: Vec<(StepKind, String)> = first.steps.iter().map(|(kind, name, _)| (*kind, name.clone())).collect();

@@ -63,8 +63,8 @@ fn processor_time_is_that_of_all_threads_and_not_of_those_that_sleep() {
         println!("skipped: this system does not tell processor times");
         return;
     };
-    // Other tests of this process run meanwhile and count too: only the lower bound is certain. A thread may get half a
-    // core on a loaded machine.
+    // Other tests of this process use processor time meanwhile, so only the lower bound is certain. On a loaded machine a thread
+    // may get half a core.
     assert!(slept >= 0.0 && worked >= 15.0, "{slept} {worked}");
 }
 
@@ -82,7 +82,7 @@ fn a_clock_counts_what_begins_while_it_runs() {
     clock.go_on();
     step(&mut clock, "b");
     step(&mut clock, "a");
-    // An end without a beginning is nothing.
+    // An end without a beginning is ignored.
     clock.end();
     let found: Vec<_> = clock.samples().steps.into_iter().map(|(_, name, samples)| (name, samples.len())).collect();
     assert_eq!(found, [("a".to_owned(), 2), ("b".to_owned(), 1)]);

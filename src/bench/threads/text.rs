@@ -1,12 +1,12 @@
-//! Curves of time against threads as Markdown.
+//! Thread sweeps as Markdown.
 
 use super::file::{ThreadsCase, ThreadsFile, ThreadsPoint, speed_up};
 use std::fmt::Write as _;
 
-/// A row of a case's table: its name and its points.
+/// A row of a case's table: name and points.
 pub type Line<'c> = (String, &'c [ThreadsPoint]);
 
-/// The steps of a case and its whole frame, those that took no measurable time left out.
+/// The steps of a case, without those that take no measurable time, and the whole frame.
 #[must_use]
 pub fn lines(case: &ThreadsCase) -> Vec<Line<'_>> {
     let steps = case.steps.iter().map(|step| (format!("{} {}", step.kind.name(), step.name), &step.points[..]));
@@ -14,7 +14,7 @@ pub fn lines(case: &ThreadsCase) -> Vec<Line<'_>> {
     all.filter(|(_, points)| points.iter().any(|point| point.wall.median >= 0.005)).collect()
 }
 
-/// `12.34 (3.9, 48.1)`: the wall time, how many times as fast that is as on the fewest threads, and the processor time.
+/// A cell such as `12.34 (3.9, 48.1)`: wall time, speed-up over the fewest threads, and processor time.
 #[must_use]
 pub fn cell(points: &[ThreadsPoint], point: &ThreadsPoint) -> String {
     let mut inside = Vec::new();
@@ -24,7 +24,7 @@ pub fn cell(points: &[ThreadsPoint], point: &ThreadsPoint) -> String {
     if inside.is_empty() { wall } else { format!("{wall} ({})", inside.join(", ")) }
 }
 
-/// What a case is, in a line.
+/// A one-line description of a case.
 #[must_use]
 pub fn heading(case: &ThreadsCase) -> String {
     let [width, height] = case.size;
@@ -34,7 +34,7 @@ pub fn heading(case: &ThreadsCase) -> String {
     )
 }
 
-/// A page: a table for each case, steps downwards and threads to the right.
+/// A page with a table for each case: steps downwards, threads to the right.
 #[must_use]
 pub fn markdown(file: &ThreadsFile) -> String {
     let machine = &file.environment;

@@ -18,7 +18,7 @@ use curitiba::{BackendChoice, Choice};
 
 const HEADER: Style = Style::new().bold();
 
-/// Prints everything, or one program.
+/// Prints everything, or a single program.
 pub fn run(program: Option<&str>) -> Result<(), Failure> {
     let Some(name) = program else {
         all();
@@ -147,7 +147,7 @@ fn one_effect(info: &EffectProgramInfo) {
     crate::say!("\n{}", snippet::effect(info));
 }
 
-/// What the command line gives a pass, and no project does: machines differ.
+/// Describes the parameter that only the command line sets, since machines differ.
 fn own_backend() {
     crate::say!("\n{HEADER}by --set PASS.NAME=VALUE alone{HEADER:#}");
     describe(&OWN_BACKEND, "auto");

@@ -1,9 +1,9 @@
-//! Passes to paste into a project.
+//! XML of passes, to paste into a project.
 
 use curitiba::pipeline::programs::RayProgramInfo;
 use curitiba::pipeline::raster_effects::EffectProgramInfo;
 
-/// A pass that runs a ray program.
+/// A pass with a ray program.
 pub fn ray(info: &RayProgramInfo) -> String {
     if info.starts_at_camera() {
         return camera(info);
@@ -107,7 +107,7 @@ fn camera(info: &RayProgramInfo) -> String {
     lines.join("\n")
 }
 
-/// A pass that runs a raster effect.
+/// A pass with a raster effect.
 pub fn effect(info: &EffectProgramInfo) -> String {
     let mut lines = vec![
         "<pass class=\"effect\" name=\"raster\">".to_owned(),
@@ -132,7 +132,7 @@ pub fn effect(info: &EffectProgramInfo) -> String {
     lines.join("\n")
 }
 
-/// The texture of the shipped library that a buffer reads.
+/// The texture of the shipped library that is bound to a buffer.
 fn channel(buffer: &str) -> &'static str {
     match buffer {
         "pos_buffer" => "pos",

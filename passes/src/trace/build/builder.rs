@@ -1,4 +1,4 @@
-//! The wide tree from obvhs's binary one.
+//! Builds the wide tree: from obvhs's binary tree to nodes and leaves.
 
 use super::collapse::Plan;
 use super::effort::Quality;
@@ -12,13 +12,13 @@ use curitiba_pipeline::progress::Progress;
 /// The survey of the triangles, the binary tree, its collapse, and the writing.
 const STEPS: u64 = 4;
 
-/// The tree.
+/// The wide tree, with leaves in the layout `L`.
 pub(crate) struct Built<L> {
     pub(crate) nodes: Vec<Node>,
     pub(crate) leaves: Vec<L>,
     pub(crate) root: Child,
     pub(crate) bounds: Bounds,
-    /// How many triangles are in it.
+    /// Number of triangles in the tree.
     pub(crate) triangles: usize,
 }
 
@@ -60,7 +60,8 @@ mod tests {
     use glam::Vec3;
     use std::sync::atomic::{AtomicBool, Ordering, fence};
 
-    /// Waves of triangles, some of them on one spot, enough of them that the work is shared.
+    /// A wavy surface of `count` triangles; every 97th of them lies on one spot. Large counts make several threads
+    /// share the work.
     fn waves(count: u32) -> Geometry {
         let mut geometry = Geometry::default();
         for triangle in 0..count {

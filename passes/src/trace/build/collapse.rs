@@ -1,4 +1,4 @@
-//! Which nodes of a binary tree become nodes and leaves of the wide one.
+//! Plans the collapse: which nodes of the binary tree become nodes of the wide tree, and which become leaves.
 
 use super::leaf_format::LeafFormat;
 use crate::trace::simd::{Detected, F8, Kernel, LANES, Plain, Simd, lower};
@@ -6,30 +6,32 @@ use curitiba_pipeline::progress::Progress;
 use obvhs::bvh2::Bvh2;
 use std::marker::PhantomData;
 
-/// Cost of opening a node, one vector test of eight, in the surface area heuristic; children cost [`LeafFormat::CHILD_COST`]
-/// more, and leaves [`LeafFormat::cost`].
+/// Cost of opening a node in the surface area heuristic: one slab test of eight boxes. Each child adds [`LeafFormat::CHILD_COST`], a leaf
+/// costs [`LeafFormat::cost`].
 const NODE_COST: f32 = 1.0;
 
-/// How many times fewer nodes than there are have halves that are planned, and written, side by side. They are the first
-/// ones of the list, which obvhs fills from its end: those that it merged last, when there were so many clusters left. So
-/// the subtrees below them are of similar sizes; by levels, they would be far from that.
+/// The first `nodes / SHARE` nodes of the binary tree are large: their halves are planned and written in parallel. obvhs fills its node
+/// list from the end, so the first nodes are those that it merged last, when only that many clusters were left. The subtrees below them are
+/// therefore of similar sizes; a cut by depth would give very unequal ones.
 const SHARE: usize = 512;
-/// Levels of nodes whose halves are planned side by side, at most.
+/// Greatest depth at which the halves of a node are still planned in parallel.
 const DEEPEST: u32 = 64;
 
-/// What the collapse knows of a subtree.
+/// What a node needs to know of a half in order to plan its own collapse.
 #[derive(Debug, Clone, Copy)]
 struct Summary {
     triangles: u32,
-    /// In lane `i` the least cost of the subtree as at most `i + 1` children of one node; the last one is not used.
+    /// Lane `i` holds the least cost of the subtree when it supplies at most `i + 1` children to one node. The last lane is not used.
     cost: F8,
 }
 
-/// The decisions about one binary node.
+/// The decisions about one binary node, packed into bits.
 ///
-/// Three bits for each number of children from 2 to 7: how many of them the left half gets, 0 if one child fewer is as
-/// good. Three bits: how many children, less 2, the node has if it is opened; three: how many of them the left half gets.
-/// One bit: it is a leaf.
+/// * For each number of children from 2 to 7, three bits: how many of those children come from the left half; 0 if one child fewer costs no
+///   more.
+/// * Three bits: the number of children, less 2, if the node becomes a wide node.
+/// * Three bits: how many of those come from the left half.
+/// * One bit: the node becomes a leaf.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) struct Choice(u32);
 
@@ -37,46 +39,47 @@ impl Choice {
     const OPENED: u32 = 3 * (LANES as u32 - 2);
     const LEAF: u32 = 1 << 24;
 
-    /// Whether the subtree, as one child, is a leaf.
+    /// Whether the subtree becomes a leaf where it is a single child.
     pub(crate) fn is_leaf(self) -> bool {
         self.0 & Self::LEAF != 0
     }
 
-    /// How many children each half of the subtree provides, as one child that is no leaf.
+    /// How many children come from the left and from the right half if the subtree becomes a wide node.
     pub(crate) fn opened(self) -> [usize; 2] {
         let children = (self.0 >> Self::OPENED & 7) as usize + 2;
         let left = (self.0 >> (Self::OPENED + 3) & 7) as usize;
         [left, children - left]
     }
 
-    /// How many of `children` children, 2 to 7, the left half gets; 0 if one child fewer is as good.
+    /// How many of `children` children (2 to 7) come from the left half; 0 if one child fewer costs no more.
     pub(crate) fn share(self, children: usize) -> usize {
         (self.0 >> (3 * (children - 2)) & 7) as usize
     }
 }
 
-/// A binary node with what was decided.
+/// A binary node and the decisions about it.
 #[derive(Debug, Clone, Copy)]
 struct Entry {
     choice: Choice,
-    /// What a ray that meets the bounds of the subtree costs there, as one child; until that is known, half the area.
+    /// Cost of the subtree as one child, for a ray that meets its bounds. Until it is computed, the field holds half the surface area of
+    /// the bounds.
     cost: f32,
-    /// The entry behind the subtree.
+    /// Index of the first entry after the subtree.
     end: u32,
-    /// The first of its triangles in the plan's list.
+    /// Index in [`Plan::triangles`] of the first triangle of the subtree.
     first: u32,
 }
 
-/// The cheapest collapse of a binary tree into nodes of eight and leaves (Ylitie, Karras and Laine, "Efficient Incoherent
-/// Ray Traversal on GPUs Through Compressed Wide BVHs", HPG 2017, section 3.1).
+/// The cheapest collapse of a binary tree into nodes of eight children and leaves (Ylitie, Karras and Laine, "Efficient Incoherent Ray
+/// Traversal on GPUs Through Compressed Wide BVHs", HPG 2017, section 3.1).
 ///
-/// It holds the whole tree but its boxes, in the order in which it is walked: the binary tree is all over the memory.
+/// It holds the whole tree without its boxes, in depth-first order; the nodes of the binary tree itself are scattered over memory.
 pub(crate) struct Plan {
-    /// The nodes, each before its left half, that before its right half; of a large subtree only the first one.
+    /// The nodes in depth-first order: a node, its left half, its right half. For a large subtree, its root only.
     entries: Vec<Entry>,
-    /// The triangles from left to right; none of a large subtree.
+    /// The triangles from left to right; empty for a large subtree.
     triangles: Vec<u32>,
-    /// The halves of a large subtree, which are planned side by side.
+    /// The halves of a large subtree, which are planned in parallel; `None` for a subtree that is not large.
     halves: Option<Box<[Plan; 2]>>,
 }
 
@@ -87,13 +90,13 @@ impl Plan {
         Some(planner.whole(0, 0)?.0)
     }
 
-    /// The whole tree.
+    /// The subtree at the root.
     pub(crate) fn root(&self) -> Subtree<'_> {
         Subtree { plan: self, index: 0 }
     }
 }
 
-/// A part of a plan.
+/// A subtree of a plan.
 #[derive(Clone, Copy)]
 pub(crate) struct Subtree<'a> {
     plan: &'a Plan,
@@ -105,22 +108,22 @@ impl<'a> Subtree<'a> {
         &self.plan.entries[self.index as usize]
     }
 
-    /// What was decided about its root.
+    /// The decisions about the root of the subtree.
     pub(crate) fn choice(self) -> Choice {
         self.entry().choice
     }
 
-    /// What a ray that meets its bounds costs there, as one child.
+    /// Cost of the subtree as one child, for a ray that meets its bounds.
     pub(crate) fn cost(self) -> f32 {
         self.entry().cost
     }
 
-    /// Whether it is large enough that its parts are written side by side.
+    /// Whether the subtree is large enough that its parts are written in parallel.
     pub(crate) fn is_large(self) -> bool {
         self.plan.halves.is_some()
     }
 
-    /// Its halves, if its root has two.
+    /// The two halves of the subtree. The root must not be a leaf.
     #[inline]
     pub(crate) fn halves(self) -> [Self; 2] {
         match &self.plan.halves {
@@ -132,7 +135,7 @@ impl<'a> Subtree<'a> {
         }
     }
 
-    /// Adds its triangles to a list, from left to right.
+    /// Appends the triangles of the subtree to a list, from left to right.
     #[inline]
     pub(crate) fn triangles(self, list: &mut Vec<u32>) {
         match &self.plan.halves {
@@ -141,7 +144,7 @@ impl<'a> Subtree<'a> {
         }
     }
 
-    /// How many it has.
+    /// Number of triangles in the subtree.
     pub(crate) fn count(self) -> usize {
         match &self.plan.halves {
             Some(halves) => halves.iter().map(|half| half.root().count()).sum(),
@@ -149,7 +152,7 @@ impl<'a> Subtree<'a> {
         }
     }
 
-    /// Those of a subtree of a plan without halves.
+    /// The triangles of a subtree whose plan has no `halves`.
     #[inline]
     fn own_triangles(self) -> &'a [u32] {
         let entry = self.entry();
@@ -161,7 +164,7 @@ impl<'a> Subtree<'a> {
 
 struct Planner<'a, L> {
     tree: &'a Bvh2,
-    /// The nodes before this one may have halves that are planned side by side.
+    /// Nodes with a smaller index may have halves that are planned in parallel.
     large: usize,
     progress: &'a Progress,
     leaf: PhantomData<fn() -> L>,
@@ -185,7 +188,7 @@ impl<L: LeafFormat> Planner<'_, L> {
         Some((Plan { entries: vec![entry], triangles: Vec::new(), halves: Some(Box::new([left.0, right.0])) }, summary))
     }
 
-    /// Plans a node with two halves. What is done for all numbers of children is written as loops over lanes.
+    /// Plans a node with two halves. The loops over the numbers of children are loops over lanes, so they become vector code.
     #[inline(always)]
     fn inner<S: Simd>(simd: S, area: f32, left: &Summary, right: &Summary) -> (Choice, f32, Summary) {
         let triangles = left.triangles + right.triangles;
@@ -201,7 +204,7 @@ impl<L: LeafFormat> Planner<'_, L> {
             }
         }
         let opened = least[0];
-        // The fewest children of those that cost the same.
+        // Of equal costs, the one with the fewest children.
         let mut children = 2;
         for lane in (1..LANES).rev() {
             children = if totals[lane] == opened { lane + 1 } else { children };
@@ -228,13 +231,14 @@ impl<L: LeafFormat> Planner<'_, L> {
             better[lane] = if costs[lane] < cost[lane - 1] { shares[lane] << (3 * (lane - 1)) } else { 0 };
         }
         choice |= better.into_iter().fold(0, |all, bits| all | bits);
-        // Kept in one piece: parts that are stored one by one are waited for when they are loaded together.
+        // Stored as one vector: a vector load that follows several scalar stores to the same place would stall.
         let cost = simd.store(simd.load(&F8(cost)));
         (Choice(choice), single / area, Summary { triangles, cost })
     }
 }
 
-/// The cheapest ways to make so many children, less 1, of two halves: the costs, and how many of them are of the left one.
+/// The cheapest ways to split children between two halves. Lane `i` is for `i + 1` children: the least cost, and the number of children
+/// that the left half supplies.
 #[inline(always)]
 fn splits(left: &[f32; LANES], right: &[f32; LANES]) -> ([f32; LANES], [u32; LANES]) {
     let mut costs = [f32::INFINITY; LANES];
@@ -262,7 +266,7 @@ impl<L: LeafFormat> Kernel<(Plan, Summary)> for Small<'_, L> {
     #[inline(always)]
     fn run<S: Simd>(self, simd: S) -> (Plan, Summary) {
         let nodes = &self.planner.tree.nodes;
-        // As many as most subtrees have, to grow seldom.
+        // Room for as many entries as most subtrees have, so that the lists rarely grow.
         let mut entries = Vec::with_capacity(4 * SHARE);
         let mut triangles = Vec::with_capacity(4 * SHARE);
         let mut pending = Vec::with_capacity(DEEPEST as usize);
@@ -270,7 +274,7 @@ impl<L: LeafFormat> Kernel<(Plan, Summary)> for Small<'_, L> {
         while let Some(index) = next {
             let node = &nodes[index as usize];
             let area = node.aabb().half_area();
-            // Where its subtree ends is not known yet; for leaves it is this.
+            // An inner node's end is not known yet and is set below; a leaf ends here.
             let end = entries.len() as u32 + 1;
             let first = triangles.len() as u32;
             next = if node.is_leaf() {
@@ -286,7 +290,7 @@ impl<L: LeafFormat> Kernel<(Plan, Summary)> for Small<'_, L> {
                 Some(node.first_index)
             };
         }
-        // Backwards, both halves of a node lie on the stack when it is reached.
+        // Going backwards, both halves of a node are on top of the stack when the node is reached.
         let mut done: Vec<(u32, Summary)> = Vec::with_capacity(DEEPEST as usize);
         let mut behind = triangles.len() as u32;
         for entry in entries.iter_mut().rev() {

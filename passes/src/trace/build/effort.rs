@@ -5,18 +5,18 @@ use obvhs::ploc::PlocSearchDistance;
 /// How much time [`Bvh::build`](crate::trace::Bvh::build) spends on the tree.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Quality {
-    /// For geometry that is traced little.
+    /// Builds fastest; for geometry that few rays are traced in.
     Fast,
-    /// What measured best over a frame of about ten million rays.
+    /// Least time for building and tracing together, measured for a frame of about ten million rays.
     #[default]
     Balanced,
-    /// For geometry that is traced long.
+    /// Slowest to build, fastest to trace; for geometry that many rays are traced in.
     Slow,
 }
 
 impl Quality {
     pub(crate) fn effort(self, triangles: usize) -> Effort {
-        // Reinsertion searches the whole tree for each candidate: its share shrinks where there are many.
+        // Reinsertion searches the whole tree for each candidate, so the share of candidates shrinks as the tree grows.
         let share = |most: f32| (most / triangles.max(1) as f32).min(1.0);
         match self {
             Self::Fast => Effort { search: PlocSearchDistance::Minimum, threshold: 0, reinsertion: 0.0 },
@@ -28,12 +28,12 @@ impl Quality {
     }
 }
 
-/// How much time to spend on the tree.
+/// Parameters of obvhs's builder.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Effort {
     pub(crate) search: PlocSearchDistance,
-    /// Passes that look at direct neighbours only.
+    /// Number of first passes that look at direct neighbours only.
     pub(crate) threshold: usize,
-    /// Share of the nodes that are put elsewhere where that is better, in a first pass; later passes take fewer.
+    /// Share of the nodes that the first pass of reinsertion tries to move to a better place; later passes try fewer.
     pub(crate) reinsertion: f32,
 }

@@ -8,19 +8,19 @@ use crate::trace::tree::{Bounds, Child, Node, STACK};
 use curitiba_pipeline::progress::Progress;
 use rayon::prelude::*;
 
-/// Levels of nodes that follow the binary tree; below them, subtrees are rebuilt by halving, whose depth is bounded.
+/// Levels of wide nodes that follow the binary tree. Below them, subtrees are rebuilt by halving, so that their depth is bounded.
 pub(crate) const FREE_DEPTH: usize = 24;
-/// Levels of nodes at most: 2³¹ triangles cut into 8 equal parts until 8 are left take 10 levels, until 3 are left 11.
+/// Greatest number of levels. 2³¹ triangles cut into 8 equal parts reach leaves of 8 triangles after 10 levels, and leaves of 3 after 11.
 pub(crate) const MAX_DEPTH: usize = FREE_DEPTH + 11;
-/// Every node on the way down leaves at most 7 siblings on the stack, and asks for room for eight.
+/// The traversal stack suffices: each node on the way down leaves at most 7 siblings on it, and the last node needs room for eight.
 const _: () = assert!(MAX_DEPTH * (LANES - 1) + LANES <= STACK);
 
-/// Nodes or leaves that a thread takes at a time, where each costs little.
+/// Cheap nodes or leaves that a thread takes at a time.
 pub(crate) const GRAIN: usize = 4096;
 
-/// The wide tree.
+/// The wide tree as it is written.
 pub(crate) struct Emitted<L> {
-    /// Each node before its subtrees.
+    /// Nodes, each before its subtrees.
     pub(crate) nodes: Vec<Node>,
     pub(crate) leaves: Vec<L>,
     pub(crate) root: Child,
@@ -59,14 +59,14 @@ pub(crate) fn emit<L: LeafFormat>(plan: &Plan, triangles: &Triangles<'_>, progre
     Some(Emitted { nodes, leaves, root: layout.root })
 }
 
-/// What nodes and leaves there are.
+/// The nodes and leaves of the tree, before their boxes and triangle data are written.
 #[derive(Default)]
 struct Layout {
     /// Children of the nodes, each node before its subtrees.
     nodes: Vec<[Child; LANES]>,
-    /// The triangles of all leaves.
+    /// Ids of the triangles of all leaves, leaf after leaf.
     members: Vec<u32>,
-    /// Where each leaf ends in `members`.
+    /// Index in `members` at which each leaf ends.
     ends: Vec<u32>,
     root: Child,
 }
@@ -96,7 +96,7 @@ impl Layout {
         Some(Self { root, ..writer.layout })
     }
 
-    /// Lists that hold a subtree of so many triangles, as a rule: on many threads lists that grow wait for each other.
+    /// Lists with room for a subtree of about that many triangles: on many threads, lists that grow wait for each other in the allocator.
     fn for_about(triangles: usize) -> Self {
         Self {
             nodes: Vec::with_capacity(triangles / 16),
@@ -106,13 +106,13 @@ impl Layout {
         }
     }
 
-    /// The triangles of a leaf.
+    /// Ids of the triangles of a leaf.
     fn leaf(&self, leaf: usize) -> &[u32] {
         let first = if leaf == 0 { 0 } else { self.ends[leaf - 1] as usize };
         &self.members[first..self.ends[leaf] as usize]
     }
 
-    /// Copies a subtree behind what is written.
+    /// Appends a subtree that was written separately, and returns its root as it is numbered here.
     fn append(&mut self, part: &Self) -> Child {
         let (first_node, first_leaf, first_member) = (self.nodes.len(), self.ends.len(), self.members.len() as u32);
         let shift = |child: Child| match child {
@@ -131,19 +131,19 @@ impl Layout {
         self.nodes.len() - 1
     }
 
-    /// Makes a leaf of the members that are in none yet.
+    /// Makes a leaf of the members that were added since the last leaf.
     fn end_leaf(&mut self) -> Child {
         self.ends.push(self.members.len() as u32);
         Child::leaf(self.ends.len() - 1)
     }
 }
 
-/// Whether a subtree under so many wide nodes is written by itself.
+/// Whether a subtree at that depth (number of wide nodes above it) is written separately from the nodes above it.
 fn is_part(subtree: Subtree<'_>, depth: usize) -> bool {
     !subtree.is_large() || depth >= FREE_DEPTH
 }
 
-/// Lists the subtrees that are written side by side and their depths, in the order of the tree.
+/// Lists the subtrees that are written in parallel, with their depths, in the order of the tree.
 fn below<'a>(subtree: Subtree<'a>, depth: usize, found: &mut Vec<(Subtree<'a>, usize)>) {
     if subtree.choice().is_leaf() {
         return;
@@ -164,8 +164,8 @@ struct Children<'a> {
 }
 
 impl<'a> Children<'a> {
-    /// Those of a subtree that is no leaf. Rays that ask only whether anything is in their way visit the last child first:
-    /// so leaves come last, and before them the subtrees that cost less to look through.
+    /// The children of a subtree that is not a leaf. Occlusion rays visit the last child first, so leaves come last, and the cheapest
+    /// subtrees just before them.
     fn new(subtree: Subtree<'a>) -> Self {
         let mut found = Self { count: 0, subtrees: [subtree; LANES] };
         for (half, allowed) in subtree.halves().into_iter().zip(subtree.choice().opened()) {
@@ -181,7 +181,7 @@ impl<'a> Children<'a> {
         Self { subtrees, ..found }
     }
 
-    /// Adds a subtree as at most so many children.
+    /// Adds a subtree as at most `allowed` children.
     fn add(&mut self, subtree: Subtree<'a>, allowed: usize) {
         let choice = subtree.choice();
         for children in (2..=allowed).rev() {
@@ -201,13 +201,13 @@ impl<'a> Children<'a> {
     }
 }
 
-/// A number that is the smaller the larger a cost is, in the order of `total_cmp`.
+/// Maps a cost to a number such that larger costs have smaller numbers, in the order of `total_cmp`.
 fn descending(cost: f32) -> u32 {
     let bits = cost.to_bits();
     bits ^ if bits >> 31 == 0 { 0x7fff_ffff } else { 0 }
 }
 
-/// Sorts without jumps, by a network of 19 comparisons.
+/// Sorts without branches, by a sorting network of 19 comparisons.
 fn sort(keys: &mut [u64; LANES]) {
     const ROUNDS: [&[[usize; 2]]; 6] = [
         &[[0, 2], [1, 3], [4, 6], [5, 7]],
@@ -225,19 +225,19 @@ fn sort(keys: &mut [u64; LANES]) {
 struct Source<'a> {
     plan: &'a Plan,
     triangles: &'a Triangles<'a>,
-    /// Triangles in a leaf at most.
+    /// Greatest number of triangles in a leaf.
     most: usize,
 }
 
 struct Writer<'a> {
     source: &'a Source<'a>,
     layout: Layout,
-    /// The subtrees that are written already, in their order.
+    /// The subtrees that were written in parallel, in the order of the tree; `None` while one of those is being written.
     written: Option<std::vec::IntoIter<Layout>>,
 }
 
 impl Writer<'_> {
-    /// Writes a subtree under `depth` wide nodes.
+    /// Writes a subtree that has `depth` wide nodes above it.
     fn write(&mut self, subtree: Subtree<'_>, depth: usize) -> Child {
         if subtree.choice().is_leaf() {
             subtree.triangles(&mut self.layout.members);
@@ -293,7 +293,7 @@ mod tests {
 
     #[test]
     fn the_network_sorts_all_there_is() {
-        // What sorts all sequences of zeros and ones sorts everything.
+        // The 0-1 principle: a network that sorts all sequences of zeros and ones sorts everything.
         for bits in 0..1_u64 << LANES {
             let mut keys = std::array::from_fn(|lane| bits >> lane & 1);
             sort(&mut keys);

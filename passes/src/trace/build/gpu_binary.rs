@@ -1,7 +1,7 @@
-//! The binary tree in the layout that any GPU traverses, one ray a thread with its stack in private memory.
+//! The binary tree in the layout that any GPU traverses: one ray a thread, the stack in private memory.
 //!
-//! A node holds the boxes of its two children, 64 bytes: Aila and Laine, "Understanding the Efficiency of Ray Traversal on GPUs", HPG
-//! 2009, section 3. The tree is obvhs's, whose subtrees of a few triangles become leaves where the surface area heuristic says so.
+//! A node of 64 bytes holds the boxes of its two children: Aila and Laine, "Understanding the Efficiency of Ray Traversal on GPUs", HPG
+//! 2009, section 3. The tree is obvhs's; its subtrees of up to four triangles become leaves where the surface area heuristic says so.
 
 use super::effort::Quality;
 use super::input::{Survey, Triangles};
@@ -13,46 +13,47 @@ use curitiba_pipeline::progress::Progress;
 use curitiba_pipeline::scene::Geometry;
 use obvhs::bvh2::Bvh2;
 
-/// Marks the id of a triangle whose hits are asked for.
+/// Flag in the id of a transparent triangle, whose hits the program must accept or reject.
 pub const TRANSPARENT: u32 = tree::TRANSPARENT;
-/// Marks a child that is a leaf: below it, two bits count its triangles less 1, and the rest is the number of the first.
+/// Flag of a child that is a leaf. The two bits below it hold the number of its triangles less 1, and the remaining bits the index of its
+/// first triangle.
 pub const LEAF: u32 = 1 << 31;
-/// How far the bits of a leaf's count are shifted.
+/// Shift of the bits that hold a leaf's count of triangles, less 1.
 pub const COUNT_SHIFT: u32 = 29;
-/// Children that wait for their turn at most: one a level.
+/// Entries of the traversal stack: at most one child a level waits.
 pub const STACK: usize = DEEPEST;
-/// The error bounds of the device programs, by the names that these give them.
+/// The error bounds of the device programs, with their names in device code.
 pub const BOUNDS: &[(&str, f32)] = rounding::OF_DEVICE;
-/// See [`BOUNDS`]: of the plane test (`packet/plane_test.rs`).
+/// Bounds of the plane test (`packet/plane_test.rs`), named as in [`BOUNDS`].
 pub const PLANE_TEST: [(&str, f32); 3] = [
     ("DOUBT", rounding::DOUBT),
     ("SMALLEST_SQUARE", rounding::SMALLEST_SQUARE),
     ("LARGEST_SQUARE", rounding::LARGEST_SQUARE),
 ];
 
-/// Triangles that a tree holds at most, so that a leaf can name each.
+/// Limit on the number of triangles in a tree, so that a leaf can index each of them.
 pub const MOST_TRIANGLES: usize = 1 << COUNT_SHIFT;
 
-/// Levels that follow obvhs's tree; below them, subtrees are rebuilt by halving: 2²⁹ triangles are 2²⁷ leaves, 27 levels.
+/// Levels that follow obvhs's tree. Below them, subtrees are rebuilt by halving: 2²⁹ triangles are 2²⁷ leaves of four, which is 27 levels.
 const FREE_DEPTH: usize = 36;
-/// Levels at most.
+/// Greatest number of levels.
 const DEEPEST: usize = FREE_DEPTH + 28;
-/// Levels whose halves are written side by side.
+/// Levels whose halves are written in parallel.
 const PARALLEL_DEPTH: usize = 6;
-/// Triangles in a leaf at most.
+/// Greatest number of triangles in a leaf.
 const MOST: u32 = 4;
 /// Cost of testing a triangle, where opening a node costs 1.
 const TRIANGLE_COST: f32 = 1.0;
 
-/// The boxes of two children, and what they are.
+/// The boxes of two children, and the children themselves.
 #[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
 #[repr(C, align(16))]
 pub struct BinaryNode {
-    /// By child: low and high along x, low and high along y.
+    /// For each child: low x, high x, low y, high y.
     pub xy: [[f32; 4]; 2],
-    /// Low and high along z of the first child, then of the second.
+    /// Low and high z of the first child, then of the second.
     pub z: [f32; 4],
-    /// By child: the index of a node, or a leaf marked by [`LEAF`].
+    /// For each child: the index of a node, or a leaf marked by [`LEAF`].
     pub children: [u32; 2],
     unused: [u32; 2],
 }
@@ -60,19 +61,19 @@ pub struct BinaryNode {
 /// The tree, ready to be copied to a device.
 #[derive(Debug, Clone, Default)]
 pub struct BinaryTree {
-    /// Each node before its subtrees.
+    /// Nodes, each before its subtrees.
     pub nodes: Vec<BinaryNode>,
-    /// Three corners a triangle as bits of numbers; in the first one's fourth place its id, with [`TRANSPARENT`].
+    /// Three corners a triangle, as the bits of `f32`. The fourth component of the first corner is the triangle's id, with [`TRANSPARENT`].
     pub triangles: Vec<[[u32; 4]; 3]>,
-    /// The node or leaf at the top; `None` if there is no triangle.
+    /// The node or leaf at the root; `None` if the tree holds no triangle.
     pub root: Option<u32>,
-    /// The least and the greatest coordinates of all triangles.
+    /// Low and high corner of the bounds of all triangles.
     pub bounds: [[f32; 3]; 2],
 }
 
 impl BinaryTree {
-    /// Builds the tree over all triangles with finite corners; arguments as for [`Bvh::build`](crate::trace::Bvh::build). It does not
-    /// depend on the number of threads.
+    /// Builds the tree over all triangles with finite corners; arguments as for [`Bvh::build`](crate::trace::Bvh::build). The result does
+    /// not depend on the number of threads.
     ///
     /// # Panics
     /// If there are [`MOST_TRIANGLES`] or more.
@@ -104,16 +105,16 @@ impl BinaryTree {
     }
 }
 
-/// A subtree that was written.
+/// The root of a subtree that was written.
 #[derive(Debug, Clone, Copy)]
 struct Top {
     reference: u32,
     bounds: Bounds,
-    /// What a ray costs that meets its box, times half the area of that.
+    /// Cost of the subtree for a ray that meets its box, times half the surface area of the box.
     cost: f32,
 }
 
-/// Subtrees that were written one after the other, and the last one's top.
+/// Subtrees that were written one after the other, and the root of the last one.
 struct Part {
     nodes: Vec<BinaryNode>,
     triangles: Vec<[[u32; 4]; 3]>,
@@ -130,7 +131,7 @@ fn half_area(bounds: Bounds) -> f32 {
     size.x * size.y + size.y * size.z + size.z * size.x
 }
 
-/// What a leaf costs, times half its area.
+/// Cost of a leaf, times half the surface area of its bounds.
 fn leaf_cost(bounds: Bounds, count: u32) -> f32 {
     half_area(bounds) * TRIANGLE_COST * count as f32
 }
@@ -146,7 +147,7 @@ fn node_of(first: Top, second: Top) -> BinaryNode {
     }
 }
 
-/// A reference behind so many nodes and triangles.
+/// A reference after its nodes and triangles were moved behind that many others.
 fn moved(reference: u32, nodes: usize, triangles: usize) -> u32 {
     reference + if reference & LEAF == 0 { nodes } else { triangles } as u32
 }
@@ -157,7 +158,7 @@ impl Part {
         Self { nodes: Vec::new(), triangles: Vec::new(), top: Top { reference: 0, bounds, cost: 0.0 } }
     }
 
-    /// Appends a part, and gives its top as it is now.
+    /// Appends a part, and returns its root as it is numbered here.
     fn append(&mut self, part: Self) -> Top {
         let (nodes, triangles) = (self.nodes.len(), self.triangles.len());
         self.nodes.extend(part.nodes.into_iter().map(|mut node| {
@@ -168,12 +169,12 @@ impl Part {
         Top { reference: moved(part.top.reference, nodes, triangles), ..part.top }
     }
 
-    /// What a node of two subtrees that were written behind a place becomes: itself, or one leaf where that is cheaper.
+    /// Joins two subtrees that were written after the node reserved at `place`. They become that node or, where that is cheaper, one leaf.
     fn join(&mut self, place: usize, first_triangle: usize, [first, second]: [Top; 2]) -> Top {
         let bounds = first.bounds.union(second.bounds);
         let cost = half_area(bounds) + first.cost + second.cost;
         let count = (self.triangles.len() - first_triangle) as u32;
-        // Costs that are not comparable, as where areas overflow, leave the tree as it is.
+        // Costs that cannot be compared (NaN, where areas overflow) leave the tree as it is.
         if count <= MOST && leaf_cost(bounds, count) <= cost {
             self.nodes.truncate(place);
             return leaf(first_triangle, count, bounds);
@@ -188,7 +189,7 @@ fn leaf(first: usize, count: u32, bounds: Bounds) -> Top {
 }
 
 impl Source<'_> {
-    /// Writes a subtree at a level, its halves side by side.
+    /// Writes the subtree at `index`, `depth` levels below the root; its halves are written in parallel.
     fn side_by_side(&self, index: usize, depth: usize) -> Part {
         let node = &self.binary.nodes[index];
         let mut part = Part::new();
@@ -206,7 +207,7 @@ impl Source<'_> {
         part
     }
 
-    /// Writes a subtree at a level.
+    /// Writes the subtree at `index`, `depth` levels below the root.
     fn write(&self, index: usize, depth: usize, part: &mut Part) -> Top {
         let node = &self.binary.nodes[index];
         if node.prim_count > 0 {
@@ -234,7 +235,7 @@ impl Source<'_> {
         leaf(first, ids.len() as u32, self.triangles.bounds(ids))
     }
 
-    /// Lists the triangles of a subtree, however deep it is.
+    /// Lists the triangles of a subtree of any depth.
     fn members(&self, index: usize, members: &mut Vec<u32>) {
         let mut pending = vec![index];
         while let Some(index) = pending.pop() {
@@ -279,7 +280,7 @@ mod tests {
     use super::*;
     use glam::Vec3;
 
-    /// Checks that every triangle below a reference lies in the boxes on its way, and returns the levels of nodes.
+    /// Checks that every triangle below a reference lies in all boxes on its path, and returns the number of levels of nodes.
     fn check(tree: &BinaryTree, reference: u32, inside: &[[[f32; 2]; 3]], seen: &mut Vec<u32>) -> usize {
         if reference & LEAF != 0 {
             let (first, count) = (reference & ((1 << COUNT_SHIFT) - 1), (reference >> COUNT_SHIFT & 3) + 1);
@@ -333,7 +334,7 @@ mod tests {
 
     #[test]
     fn what_clusters_into_a_chain_is_rebuilt_before_the_stack_overflows() {
-        // Each triangle holds the ones before it, so that clustering adds one a level.
+        // Each triangle encloses the ones before it, so clustering adds them one at a time: one level a triangle.
         let mut geometry = soup(400, 0.0, 0.0);
         for (index, positions) in geometry.positions.chunks_mut(3).enumerate() {
             let size = 1.2_f32.powi(index as i32 - 200);

@@ -17,41 +17,41 @@ use curitiba_pipeline::scene::Geometry;
 use glam::Vec3;
 use rayon::prelude::*;
 
-/// Marks the id of a triangle whose hits are asked for.
+/// Flag in the id of a transparent triangle, whose hits the program must accept or reject.
 pub const TRANSPARENT: u32 = tree::TRANSPARENT;
-/// Entries that the traversal stack needs: one a level, and the root's.
+/// Entries of the traversal stack: one a level, and one for the root.
 pub const STACK: usize = MAX_DEPTH + 2;
 
-/// The error bounds of the device programs, by the names that these give them.
+/// The error bounds of the device programs, with their names in device code.
 pub const BOUNDS: &[(&str, f32)] = rounding::OF_DEVICE;
-/// The part of the product of its edges' lengths that a triangle's normal must have for device code to trust it.
+/// A triangle's normal must be at least this share of the product of the lengths of its edges, or device code does not trust it.
 pub const DEVICE_SHARPEST: f64 = rounding::DEVICE_SHARPEST;
 
-/// Triangles in a leaf at most: what the three bits of a child's description count.
+/// Greatest number of triangles in a leaf: three bits of a child's description count them in unary.
 const LEAF: usize = 3;
 /// Cost of testing a triangle, where opening a node of eight boxes costs 1.
 const TRIANGLE_COST: f32 = 0.3;
 
 /// A node of eight children: 80 bytes.
 ///
-/// A plane of child `s` lies at `corner + q * 2^(exponent - 127)` along its axis, `q` being byte `s` of the axis's eight.
-/// Children lie in slots by where they are: bit 0 of the slot is set where the child is on the high side along x, bit 1
-/// along y, bit 2 along z, as far as several children do not contend for a slot.
+/// Along each axis, a plane of child `s` lies at `corner + q * 2^(exponent - 127)`, where `q` is byte `s` of that axis's eight. A child's
+/// slot says in which octant of the node it lies: bit 0 of the slot is set on the high side along x, bit 1 along y, bit 2 along z. Where
+/// several children compete for a slot, some lie in others.
 #[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
 #[repr(C, align(16))]
 pub struct DeviceNode {
-    /// Where the quantised coordinates count from.
+    /// Low corner of the node's box, the origin of the quantised coordinates.
     pub corner: [f32; 3],
-    /// Biased exponents of the quantum along x, y and z.
+    /// Biased exponents of the quantisation step along x, y and z.
     pub exponents: [u8; 3],
-    /// Bit `s`: whether slot `s` holds a node.
+    /// Bit `s` is set where slot `s` holds a node.
     pub inner: u8,
-    /// Index of the first child node; the others follow in the order of their slots.
+    /// Index of the first child node; the other child nodes follow in the order of their slots.
     pub first_child: u32,
-    /// Index of the first triangle of the leaves, three vectors a triangle.
+    /// Index of the first triangle of the node's leaves, counted in triangles of three vectors each.
     pub first_triangle: u32,
-    /// By slot: 0 for none; `0x20 | 24 + slot` for a node; for a leaf the number of its triangles in unary (1, 3, 7) times
-    /// 32, and their offset.
+    /// One byte a slot. 0: empty. `0x20 | 24 + slot`: a node. Else a leaf: the number of its triangles in unary (1, 3, 7) times 32, plus
+    /// the offset of its first triangle from `first_triangle`.
     pub children: [u8; LANES],
     /// Low planes by axis.
     pub low: [[u8; LANES]; 3],
@@ -62,15 +62,16 @@ pub struct DeviceNode {
 /// The tree, ready to be copied to a device.
 #[derive(Debug, Clone, Default)]
 pub struct DeviceTree {
-    /// Nodes, the root first; none if there is no triangle.
+    /// Nodes, the root first; empty if the tree holds no triangle.
     pub nodes: Vec<DeviceNode>,
-    /// Three vectors a triangle: its corners; in the first one's fourth place the bits of its id, with [`TRANSPARENT`].
+    /// Three vectors a triangle: its corners. The fourth component of the first one holds the bits of the triangle's id, with
+    /// [`TRANSPARENT`].
     pub triangles: Vec<[[f32; 4]; 3]>,
-    /// The least and the greatest coordinates of all triangles.
+    /// Low and high corner of the bounds of all triangles.
     pub bounds: [[f32; 3]; 2],
 }
 
-/// The triangles of a leaf.
+/// The ids of a leaf's triangles.
 struct Members {
     count: usize,
     ids: [u32; LEAF],
@@ -111,7 +112,7 @@ impl DeviceTree {
             return Self::default();
         }
         if root.is_leaf() {
-            // A tree of one leaf gets a node around it.
+            // The root must be a node, so a tree of one leaf gets a node around it.
             let mut alone = Node::EMPTY;
             alone.set(0, bounds, root);
             (nodes, root) = (vec![alone], Child::node(0));
@@ -137,10 +138,10 @@ impl DeviceTree {
     }
 }
 
-/// Where a node comes to lie on the device, and what lies below it.
+/// A node's place in the device's order, and the places of what lies below it.
 #[derive(Debug, Clone, Copy, Default)]
 struct Place {
-    /// The node that lies there, as the tree was built.
+    /// Index of the node in the tree that was built.
     node: usize,
     first_child: u32,
     first_triangle: u32,
@@ -149,12 +150,12 @@ struct Place {
 /// The order of nodes and triangles on the device.
 struct Layout {
     places: Vec<Place>,
-    /// The triangles of the leaves.
+    /// Ids of the triangles, leaf after leaf.
     ids: Vec<u32>,
 }
 
 impl Layout {
-    /// Children that are nodes follow each other in the order of their slots, and so do the triangles of the others.
+    /// The layout of a tree. The child nodes of a node are consecutive, in the order of their slots; so are the triangles of its leaves.
     fn new(root: Child, nodes: &[Node], slots: &[Slots], leaves: &[Members], triangles: usize) -> Self {
         let mut layout = Self { places: Vec::with_capacity(nodes.len()), ids: Vec::with_capacity(triangles) };
         layout.places.push(Place::default());
@@ -186,7 +187,7 @@ fn plane(corner: f32, quantum: f32, steps: u8) -> f32 {
     corner + f32::from(steps) * quantum
 }
 
-/// The biased exponent of the least power of two of which 255 steps reach from `low` to `high`.
+/// The least biased exponent such that 255 steps reach from `low` to `high`.
 fn exponent(low: f32, high: f32) -> u8 {
     let step = (f64::from(high) - f64::from(low)) / 255.0;
     let mut exponent = ((step as f32).to_bits() >> 23).clamp(1, 254) as u8;
@@ -197,7 +198,7 @@ fn exponent(low: f32, high: f32) -> u8 {
 }
 
 impl DeviceNode {
-    /// A node at its place, its children in their slots.
+    /// The device node for a node of the tree, with its children in their slots.
     fn new(node: &Node, slots: &Slots, leaves: &[Members], place: &Place) -> Self {
         let whole = node.whole();
         let mut written = Self {
@@ -228,7 +229,8 @@ impl DeviceNode {
         for axis in 0..3 {
             let (corner, quantum) = (self.corner[axis], quantum(self.exponents[axis]));
             let steps = |coordinate: f32| (f64::from(coordinate) - f64::from(corner)) / f64::from(quantum);
-            // Conversion cuts off: `floor` and `ceil` are calls where the processor may lack the instruction.
+            // The conversion to `u8` truncates: `floor` and `ceil` are function calls unless the compiler may use the processor's
+            // instruction.
             let mut low = steps(bounds.low[axis]) as u8;
             while low > 0 && plane(corner, quantum, low) > bounds.low[axis] {
                 low -= 1;
@@ -242,7 +244,7 @@ impl DeviceNode {
         }
     }
 
-    /// The box of a slot.
+    /// The box of a slot, dequantised: low and high corner.
     #[must_use]
     pub fn bounds(&self, slot: usize) -> [[f32; 3]; 2] {
         [&self.low, &self.high].map(|planes| {
@@ -254,26 +256,26 @@ impl DeviceNode {
 /// Lower than any distance that is compared.
 const OUT: f32 = f32::NEG_INFINITY;
 
-/// Where a value of a list is first.
+/// Index of the first occurrence of a value in a list.
 fn first_of(values: &[f32; LANES], value: f32) -> usize {
     (0..LANES).rev().fold(0, |first, index| if values[index] == value { index } else { first })
 }
 
-/// Which child goes into each slot, by its lane in the node that was built.
+/// For each slot, the lane that its child has in the node that was built; `None` for an empty slot.
 struct Slots([Option<u8>; LANES]);
 
 impl Slots {
-    /// Greedily, the child that lies farthest towards the slot's corner first.
+    /// Assigns children to slots greedily: first the pair of child and slot in which the child lies farthest towards the slot's corner.
     fn of(node: &Node) -> Self {
         let used = |lane: &usize| node.children[*lane] != Child::NONE;
         let whole = node.whole();
         let center = (whole.low + whole.high) * 0.5;
-        // How far each child lies towards the corner of each slot; what is out of the choice is lower than anything.
+        // How far each child lies towards the corner of each slot; `OUT` for children that are assigned already.
         let mut along = [[OUT; LANES]; LANES];
         for lane in (0..LANES).filter(used) {
             let bounds = node.bounds(lane);
             let from_center = (bounds.low + bounds.high) * 0.5 - center;
-            // Not a number where coordinates overflow: then any slot serves.
+            // NaN where coordinates overflow; `max` replaces it, and then any slot serves.
             along[lane] = std::array::from_fn(|slot| from_center.dot(towards(slot)).max(f32::MIN));
         }
         let mut taken = [None; LANES];
@@ -290,13 +292,13 @@ impl Slots {
         Self(taken)
     }
 
-    /// The slots that are taken, and the lanes of their children.
+    /// The slots in use, each with the lane of its child.
     fn taken(&self) -> impl Iterator<Item = (usize, usize)> + '_ {
         self.0.iter().enumerate().filter_map(|(slot, lane)| Some((slot, usize::from((*lane)?))))
     }
 }
 
-/// The corner of a slot, seen from the centre of a box.
+/// Direction from the centre of a box to the corner of a slot.
 fn towards(slot: usize) -> Vec3 {
     Vec3::from_array([0, 1, 2].map(|axis| if slot >> axis & 1 == 1 { 1.0 } else { -1.0 }))
 }
@@ -306,7 +308,7 @@ mod tests {
     use super::super::soup::soup;
     use super::*;
 
-    /// Checks that every triangle below a node lies in the boxes on its way, and returns how many there are.
+    /// Checks that every triangle below a node lies in all boxes on its path, and returns the number of levels.
     fn check(tree: &DeviceTree, index: usize, inside: &[[[f32; 3]; 2]], seen: &mut Vec<u32>) -> usize {
         let node = &tree.nodes[index];
         let mut depth = 1;

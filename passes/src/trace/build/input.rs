@@ -6,14 +6,14 @@ use curitiba_pipeline::scene::Geometry;
 use glam::{Vec3, Vec3A};
 use rayon::prelude::*;
 
-/// Triangles that a thread takes at a time. Pairs do not reach across.
+/// Triangles that a thread takes at a time. No pair is formed across two such parts.
 const GRAIN: usize = 8192;
 
-/// All triangles of a scene. They are read where they are: a copy with the corners is several times as large, and the
-/// neighbours that a leaf is made of share vertices.
+/// All triangles of a scene, read where the scene stores them. A copy with all corners would be several times as large, and neighbouring
+/// triangles of a leaf share vertices in the cache.
 pub(crate) struct Triangles<'a> {
     geometry: &'a Geometry,
-    /// By material; empty if none is.
+    /// For each material, whether it is transparent; empty if none is.
     transparent: &'a [bool],
 }
 
@@ -25,14 +25,15 @@ impl<'a> Triangles<'a> {
         Self { geometry, transparent: if transparent.contains(&true) { transparent } else { &[] } }
     }
 
-    /// The corners of a triangle; NaN where an index is out of range.
+    /// The corners of a triangle; NaN for a corner whose index is out of range.
     #[inline]
     pub(crate) fn corners(&self, id: u32) -> [Vec3; 3] {
         let [a, b, c] = self.geometry.triangles[id as usize];
         [*self.position(a), *self.position(b), *self.position(c)]
     }
 
-    /// The same in vectors, straight from where they lie: vectors made of scalars just written to memory are waited for.
+    /// The corners of a triangle as vectors, loaded directly from the scene: a vector load that follows scalar stores to the same place
+    /// would stall.
     #[inline]
     fn wide_corners(&self, id: u32) -> [Vec3A; 3] {
         let [a, b, c] = self.geometry.triangles[id as usize];
@@ -56,7 +57,7 @@ impl<'a> Triangles<'a> {
         self.geometry.positions.get(vertex as usize).unwrap_or(&Vec3::NAN)
     }
 
-    /// The id of a triangle, with [`TRANSPARENT`].
+    /// The id of a triangle; [`TRANSPARENT`] is set if its material is transparent.
     #[inline]
     pub(crate) fn marked(&self, id: u32) -> u32 {
         if !self.transparent.is_empty() && self.is_transparent(id) { id | TRANSPARENT } else { id }
@@ -70,8 +71,8 @@ impl<'a> Triangles<'a> {
     }
 }
 
-/// One triangle, or two that follow each other, as a leaf of the binary tree: the id of the first, and whether there is a
-/// second in the lowest bit.
+/// A leaf of the binary tree: one triangle, or two with consecutive ids. The lowest bit says whether there is a second one; the other bits
+/// are the id of the first.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct InputLeaf(u32);
 
@@ -85,18 +86,18 @@ impl InputLeaf {
     }
 }
 
-/// What a first look at all triangles finds.
+/// What the first pass over all triangles finds.
 pub(crate) struct Survey {
-    /// Bounds of the triangles that are kept: those whose corners are finite.
+    /// Bounds of the kept triangles: those whose corners are all finite.
     pub(crate) bounds: Bounds,
-    /// How many are kept.
+    /// Number of kept triangles.
     pub(crate) triangles: usize,
-    /// All that are kept.
+    /// The kept triangles, as leaves of the binary tree.
     pub(crate) leaves: Vec<InputLeaf>,
 }
 
 impl Survey {
-    /// Two triangles that follow each other and share an edge are put together if wide leaves hold at least four triangles
+    /// Surveys all triangles. Two consecutive triangles that share an edge become one leaf if wide leaves hold at least four triangles
     /// (`most`). The result does not depend on the number of threads, not even the sign of a zero.
     /// Nothing if it is given up, which is asked for between parts.
     pub(crate) fn new(triangles: &Triangles<'_>, most: usize, progress: &Progress) -> Option<Self> {
@@ -119,11 +120,11 @@ impl Survey {
     fn part(triangles: &Triangles<'_>, ids: std::ops::Range<usize>, most: usize) -> Self {
         let mut leaves: Vec<InputLeaf> = Vec::with_capacity(ids.len());
         let (mut all, mut count) = (Extent::EMPTY, 0);
-        // The triangle before, unless it was left out or has a partner.
+        // The previous triangle, if it was kept and is in no pair yet.
         let mut alone: Option<([Vec3A; 3], Extent)> = None;
         for id in ids {
             let corners = triangles.wide_corners(id as u32);
-            // A product is NaN where a coordinate is not finite.
+            // `x * 0` is NaN where a coordinate `x` is not finite.
             let [a, b, c] = corners;
             if a * 0.0 + b * 0.0 + c * 0.0 != Vec3A::ZERO {
                 alone = None;
@@ -148,7 +149,7 @@ impl Survey {
     }
 }
 
-/// [`Bounds`] in vectors.
+/// [`Bounds`] as vectors.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Extent {
     pub(crate) low: Vec3A,
@@ -183,7 +184,7 @@ impl Extent {
     }
 }
 
-/// Whether two triangles go into one leaf: the halves of a quadrilateral.
+/// Whether two triangles form one leaf: they share two corners, and the box around both has no more surface than their two boxes together.
 #[inline]
 fn is_pair(first: &[Vec3A; 3], second: &[Vec3A; 3], own: Extent, other: Extent) -> bool {
     let shared = first.iter().filter(|corner| second.contains(corner)).count();

@@ -1,8 +1,8 @@
-//! From triangles to the wide tree: a binary tree by clustering (`ploc`), the cheapest collapse of it into wide nodes
+//! From triangles to the wide tree: a binary tree by clustering (`ploc`), its cheapest collapse into wide nodes
 //! (`collapse`), and the writing of those (`emit`).
 //!
 //! The layout of leaves is a parameter (`leaf_format`): the processor's tree has leaves of eight triangles, the GPU's
-//! (`gpu_tree`) of three. For any GPU, the binary tree is written as it is (`gpu_binary`).
+//! wide tree (`gpu_tree`) leaves of three. `gpu_binary` writes the binary tree itself, for any GPU.
 //! May use: `tree`, `rounding`, `simd`.
 
 mod builder;

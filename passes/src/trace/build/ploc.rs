@@ -1,4 +1,4 @@
-//! obvhs's binary tree.
+//! Builds the binary tree with obvhs (PLOC: parallel locally-ordered clustering).
 
 use super::effort::Effort;
 use super::input::{InputLeaf, Survey, Triangles};
@@ -12,20 +12,19 @@ use obvhs::bvh2::reinsertion::ReinsertionOptimizer;
 use obvhs::ploc::{PlocBuilder, PlocSearchDistance, SortPrecision};
 use rayon::prelude::*;
 
-/// Sum of the areas of all nodes over that of the root, above which obvhs does not optimise its tree: the search for a
-/// better place prunes by area, and among thousands of equal boxes looks at all of them for each. Scenes have 50 to 300.
+/// Overlap (see [`overlap`]) above which reinsertion is skipped: its search for a better place prunes by area, and among thousands of equal
+/// boxes it visits all of them for each candidate. Scenes have 50 to 300.
 const MAX_OVERLAP: f64 = 1000.0;
 
-/// Leaves are grown on each side by at most this share of their size.
+/// Greatest growth of a leaf's box on each side, as a share of its size.
 const GROWTH: f32 = 1.0 / 64.0;
 
 /// Nodes that a thread takes at a time.
 const GRAIN: usize = 8192;
 
-/// obvhs's tree, over one triangle a leaf or two: `prim_count` of them from `first_index` on.
+/// The binary tree over leaves of one triangle or two: `prim_count` triangles from id `first_index` on.
 ///
-/// Two that follow each other in the scene and share an edge are one leaf ([`Survey::new`]): meshes are full of such pairs,
-/// and the library's work halves.
+/// Two consecutive triangles that share an edge are one leaf ([`Survey::new`]): meshes are full of such pairs, and obvhs has half the work.
 ///
 /// Its clustering merges neighbours that prefer each other, and loses its linear time when costs tie (a row of equal
 /// boxes merges one pair a pass), overflow or are NaN. So it is given boxes scaled to a unit cube and grown on each side
@@ -64,7 +63,7 @@ pub(crate) fn binary_tree(
         return None;
     }
     let mut tree = Bvh2 { nodes: touched(2 * count - 1), ..Bvh2::default() };
-    // The order along the curve is that of a cube: along the flat side of a scene, noise would have its highest bits.
+    // Morton codes are computed in a cube: in the scene's own box, random growth along a flat side would fill the highest bits of the code.
     let cube = Aabb::new(Vec3A::splat(-2.0 * GROWTH), Vec3A::splat(1.0 + 2.0 * GROWTH));
     let (precision, threshold) = (SortPrecision::U64, effort.threshold);
     match effort.search {
@@ -74,7 +73,7 @@ pub(crate) fn binary_tree(
         PlocSearchDistance::VeryLow => {
             builder.build_ploc_from_leaves::<2, false>(&mut tree, cube, precision, threshold)
         }
-        // The library's own is 6: a fourteenth of the building more, for rays that are no faster.
+        // obvhs's own distance is 6: building takes a fourteenth longer, and rays are no faster.
         PlocSearchDistance::Low => builder.build_ploc_from_leaves::<5, false>(&mut tree, cube, precision, threshold),
         PlocSearchDistance::Medium => {
             builder.build_ploc_from_leaves::<14, false>(&mut tree, cube, precision, threshold)
@@ -94,19 +93,20 @@ pub(crate) fn binary_tree(
     Some(tree)
 }
 
-/// Zeros that all threads write: obvhs writes most of its memory from one thread first, which then waits for the pages.
+/// A list of zeros, written by all threads so that each page is touched in parallel. obvhs itself writes most of its memory first from one
+/// thread, which would wait for the pages.
 fn touched<T: Zeroable + Send>(count: usize) -> Vec<T> {
     (0..count).into_par_iter().with_min_len(GRAIN).map(|_| T::zeroed()).collect()
 }
 
-/// Sum of the areas of all nodes over that of the root, the same for any number of threads.
+/// Sum of the surface areas of all nodes over that of the root; the same for any number of threads.
 fn overlap(tree: &Bvh2) -> f64 {
     let area = |node: &Bvh2Node| f64::from(node.aabb().half_area());
     let parts: Vec<f64> = tree.nodes.par_chunks(GRAIN).map(|nodes| nodes.iter().map(area).sum()).collect();
     parts.iter().sum::<f64>() / area(&tree.nodes[0])
 }
 
-/// Six numbers in 0..1 of ten bits from a counter (SplitMix64: Steele, Lea and Flood, "Fast Splittable Pseudorandom
+/// Six pseudo-random numbers in 0..1, ten bits each, from a counter (SplitMix64: Steele, Lea and Flood, "Fast Splittable Pseudorandom
 /// Number Generators", OOPSLA 2014).
 fn noise(counter: u32) -> [Vec3A; 2] {
     let mut word = (u64::from(counter) + 1).wrapping_mul(0x9E37_79B9_7F4A_7C15);

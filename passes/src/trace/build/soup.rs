@@ -1,9 +1,10 @@
-//! Scattered triangles that tests build trees over.
+//! Random triangles that tests build trees over.
 
 use curitiba_pipeline::scene::{Batch, Geometry};
 use glam::Vec3;
 
-/// So many triangles of a size around a point, in two batches: material 0, then material 1.
+/// `count` random triangles around the point (`center`, `center`, `center`), with corners within `size` of their
+/// middles along each axis. The first half has material 0, the rest material 1.
 pub(super) fn soup(count: u32, center: f32, size: f32) -> Geometry {
     let mut state = 7_u64;
     let mut random = || {

@@ -1,4 +1,4 @@
-//! Candidates: the triangles near some points, gathered once. Short rays from there are tested against these alone.
+//! Candidates: triangles near a set of points, gathered once. Short rays from those points are tested against these triangles only.
 
 use super::cone_test::{Cone, Cones, TriangleGroup, Viewpoint};
 use crate::trace::ray::{Directions, Fan, Hit, Ray};
@@ -10,38 +10,38 @@ use crate::trace::single::blocked;
 use crate::trace::tree::{Ball, Bounds, Child, Plane, PreparedRay, Stack, WideTree, half_balls, slack};
 use glam::Vec3;
 
-/// Triangles gathered at most.
+/// Greatest number of gathered triangles.
 const GATHERED: usize = 512;
-/// Triangles gathered for however few rays, to which come three for each two rays. With 160 for sixteen rays, short rays
-/// on a scan and in Sponza took more than twice as long as by themselves.
+/// Gathered triangles allowed for any number of rays; each two rays allow three more. With 160 for sixteen rays, short rays on a scan and
+/// in Sponza took more than twice as long as without gathering.
 const FEW_GATHERED: usize = 16;
-/// How many times longer than the rays a scene must be for triangles to be gathered.
+/// Triangles are gathered only in scenes that are more than this many times as long as the rays.
 const LONG: f32 = 4.0;
-/// Nodes and leaves looked into at most before giving up.
+/// Nodes and leaves visited before the search gives up.
 const VISITS: usize = 256;
 /// Vectors of rays that are tested together.
 const VECTORS: usize = 8;
 
-/// Where rays start that are to be tested together, and how far they reach.
+/// The origins of rays that are to be tested together, and their length.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Neighbourhood {
-    /// The box of their origins: low and high corner, world.
+    /// The bounding box of the origins: low and high corner, world.
     pub origins: [Vec3; 2],
-    /// A unit vector that no direction looks against, where there is one for all of them.
+    /// If given, a unit vector such that `direction · above >= 0` for all rays, up to rounding.
     pub above: Option<Vec3>,
     /// Hits have `t > t_min`; 0 or more.
     pub t_min: f32,
     /// Hits have `t < t_max`.
     pub t_max: f32,
-    /// How many rays there are, about: the more, the more triangles are worth gathering.
+    /// Approximate number of rays: the more rays, the more triangles are worth gathering.
     pub rays: usize,
 }
 
 impl Neighbourhood {
-    /// Fans whose neighbourhood is gathered at once: those of 4 x 4 pixels.
+    /// Fans that share a neighbourhood: those of 4 x 4 pixels.
     pub(crate) const FANS: usize = 16;
 
-    /// That of some fans; `None` if their intervals differ, or an origin is not finite.
+    /// The neighbourhood of fans; `None` if their intervals differ, or an origin is not finite.
     pub(crate) fn of(fans: &[Fan<'_>]) -> Option<Self> {
         let &Fan { origin, above, t_min, t_max, .. } = fans.first()?;
         let mut around = Self { origins: [origin; 2], above, t_min, t_max, rays: 0 };
@@ -58,15 +58,15 @@ impl Neighbourhood {
     }
 }
 
-/// Triangles that [`Tracer::gather`](crate::trace::Tracer::gather) found, and the buffers that it takes to ask them. Rays that
-/// start in their neighbourhood are answered as by [`Tracer::occluded`](crate::trace::Tracer::occluded), to the bit.
+/// Triangles that [`Tracer::gather`](crate::trace::Tracer::gather) found, and buffers for testing rays against them. Rays that start in
+/// their neighbourhood get the same answers as from [`Tracer::occluded`](crate::trace::Tracer::occluded), bit for bit.
 #[derive(Debug)]
 pub struct Candidates {
     groups: Vec<TriangleGroup>,
     used: usize,
-    /// The groups that may be met from the part that was last narrowed to, by number, and which of their triangles.
+    /// Groups that rays from the part last narrowed to may meet: the group's index and the mask of its triangles.
     near: Vec<(u32, Mask)>,
-    /// Of the scene: what the watertight test rounds depends on it.
+    /// Bounds of the scene; the rounding of the watertight test depends on them.
     bounds: Bounds,
     slack: Vec3,
     center: Vec3,
@@ -74,7 +74,7 @@ pub struct Candidates {
     t_max: f32,
     instruction_set: Detected,
     origin: Vec3,
-    /// As the origin sees them; only the first `facing` count.
+    /// The triangles as cones seen from `origin`. Only the first `facing` are valid.
     cones: Vec<Cones>,
     facing: usize,
     directions: Directions,
@@ -101,22 +101,22 @@ impl Default for Candidates {
 }
 
 impl Candidates {
-    /// Keeps the triangles that rays may meet which start in the box `origins` (low and high corner), a part of the neighbourhood, and
-    /// do not look against `above`. Each call starts again from all that was gathered.
+    /// Keeps the triangles that some rays may meet. The rays start in the box `origins` (low and high corner), a part of the neighbourhood,
+    /// and have `direction · above >= 0`. Each call starts again from all gathered triangles.
     pub fn narrow(&mut self, origins: [Vec3; 2], above: Option<Vec3>) {
         self.instruction_set.run(Narrow { candidates: self, origins, above });
     }
 
-    /// Turns to the rays from `origin`, which lies in the neighbourhood and the part last narrowed to, that do not look
-    /// against `above`, a unit vector. Returns whether any triangle may be in their way.
+    /// Prepares for rays from `origin` with `direction · above >= 0`, where `above` is a unit vector. The origin must lie in the
+    /// neighbourhood, and in the part last narrowed to. Returns whether any triangle may block such a ray.
     ///
-    /// In line, or `above` would be copied as a whole just after its parts were written, which makes some processors wait.
+    /// Inlined, or `above` would be copied as a whole just after its parts were written, which stalls some processors.
     #[inline(always)]
     pub fn turn_to(&mut self, origin: Vec3, above: Option<Vec3>) -> bool {
         self.instruction_set.run(TurnTo { candidates: self, origin, above })
     }
 
-    /// As [`Self::count_open`], after turning to the fan's origin.
+    /// [`Self::count_open`] for a fan, after [`Self::turn_to`] its origin.
     pub(crate) fn count_open_of_fan(&mut self, fan: &Fan<'_>, accept: impl FnMut(&Hit) -> bool) -> Option<u32> {
         if !self.turn_to(fan.origin, fan.above) {
             return Some(fan.directions.len() as u32);
@@ -129,13 +129,13 @@ impl Candidates {
         open
     }
 
-    /// How many of these rays from the origin last turned to meet nothing; `None` if a direction is longer than 1 by more
+    /// How many of these rays from the origin of the last [`Self::turn_to`] hit nothing; `None` if a direction is longer than 1 by more
     /// than rounding. `accept` as in [`Tracer`](crate::trace::Tracer).
     pub fn count_open(&self, directions: &Directions, mut accept: impl FnMut(&Hit) -> bool) -> Option<u32> {
         self.count_open_rays(directions, &mut accept)
     }
 
-    /// Compiled once for whatever `accept` is: it is called for transparent triangles only.
+    /// Compiled once for all closures: `accept` is called for transparent triangles only, so the dynamic call is rare.
     fn count_open_rays(&self, directions: &Directions, accept: &mut dyn FnMut(&Hit) -> bool) -> Option<u32> {
         self.instruction_set.run(CountOpen { candidates: self, directions, accept })
     }
@@ -169,7 +169,7 @@ pub(crate) struct Gather<'a> {
     pub(crate) candidates: &'a mut Candidates,
 }
 
-/// What contains all rays of a neighbourhood.
+/// Volumes that contain all rays of a neighbourhood.
 struct Zone {
     low: [f32; 3],
     high: [f32; 3],
@@ -182,7 +182,7 @@ impl Zone {
         let interval = around.t_min < around.t_max && around.t_max > 0.0;
         let origins = Bounds { low: around.origins[0], high: around.origins[1] };
         let finite = origins.low.is_finite() && origins.high.is_finite();
-        // Long rays have too many triangles in reach.
+        // Long rays reach too many triangles.
         let longest = (scene.high - scene.low).max_element();
         if !interval || !finite || longest.is_nan() || around.t_max * LONG >= longest {
             return None;
@@ -203,9 +203,9 @@ impl Zone {
 }
 
 impl Kernel<bool> for Gather<'_> {
-    /// Finds the triangles whose bounds meet what contains all rays; gives up if they are too many or too hard to find.
+    /// Finds the triangles whose bounds meet the zone of all rays. Gives up if they are too many or take too many visits.
     ///
-    /// The box is grown by more than the rounding of the triangle test, so that what a ray would hit is in it.
+    /// The box is grown by more than the rounding error of the triangle test, so it contains every triangle that a ray would hit.
     #[inline(always)]
     fn run<S: Simd>(self, simd: S) -> bool {
         let Self { tree, instruction_set, around, candidates } = self;
@@ -354,7 +354,7 @@ impl<A: FnMut(&Hit) -> bool> Kernel<Option<u32>> for CountOpen<'_, A> {
 }
 
 impl<A: FnMut(&Hit) -> bool> CountOpen<'_, A> {
-    /// How many of the first rays of some vectors none of the triangles stops.
+    /// Of the first `rays` rays of some vectors, how many are stopped by no triangle; `None` if a direction is too long.
     #[inline(always)]
     fn chunk<S: Simd, const AFTER: bool>(&mut self, simd: S, vectors: &[[F16; 3]], rays: usize) -> Option<u32> {
         let mut open = [NO_LANES; VECTORS];
@@ -393,7 +393,7 @@ impl<A: FnMut(&Hit) -> bool> CountOpen<'_, A> {
         Some(open.iter().map(|open| open.count_ones()).sum())
     }
 
-    /// Which of some rays a triangle stops, by the watertight test.
+    /// Which of the rays in a mask a triangle stops, by the watertight test.
     #[inline(always)]
     fn stopped<S: Simd>(&mut self, simd: S, group: u32, lane: usize, vector: &[F16; 3], mut rays: Mask) -> Mask {
         let candidates = self.candidates;
@@ -411,8 +411,9 @@ impl<A: FnMut(&Hit) -> bool> CountOpen<'_, A> {
     }
 }
 
-/// Closes the rays of some vectors that a triangle certainly stops, and notes those of which that is not certain. Returns whether
-/// there are any of these, and any that are open, in any lane. Without a jump in a vector: none is guessed.
+/// Removes from `open` the rays that a triangle certainly stops, and sets `undecided` to those that the test leaves undecided. Returns two
+/// masks over all vectors: lanes with an undecided ray, and lanes with an open ray. There are no branches within a vector, so none is
+/// mispredicted.
 #[inline(always)]
 fn close<S: Simd, const AFTER: bool, const SIDED: bool>(
     simd: S,
@@ -432,7 +433,7 @@ fn close<S: Simd, const AFTER: bool, const SIDED: bool>(
     (some, left)
 }
 
-/// Whether no direction is longer than [`LONGEST`], nor anything but numbers.
+/// Whether every direction is finite and no longer than [`LONGEST`].
 #[inline(always)]
 fn are_short<S: Simd>(simd: S, vector: &[F16; 3]) -> bool {
     let [x, y, z] = load_axes(simd, vector);

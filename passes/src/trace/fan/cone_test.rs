@@ -1,11 +1,10 @@
-//! Triangles as cones: sixteen triangles seen from one origin, and one of them tested against sixteen rays. The test is cheap, and
-//! decides all but a few rays.
+//! Triangles as cones: sixteen triangles seen from one origin, each tested against sixteen rays at a time. The test is cheap, and decides
+//! all but a few rays.
 //!
-//! Seen from a common origin a triangle is the cone of the three planes through the origin and its edges, and the plane it
-//! lies in; a ray is tested by its dot products with their four normals. These are computed in `f32` with a bound on
-//! how far they, and the watertight test of [`Leaf`], can be from the truth. Where a product is farther
-//! from 0 than that, both tests agree; the rays in between are put to the watertight test. So the result is the same, bit for
-//! bit, as testing each ray by itself.
+//! Seen from a common origin, a triangle is bounded by the three planes through the origin and its edges, and by its own plane. A ray is
+//! tested by its dot products with the four normals. These are computed in `f32`, with a bound on how far they, and the watertight test of
+//! [`Leaf`], can be from the exact value. Where a product is farther from 0 than the bound, both tests agree; all other rays go to the
+//! watertight test. So the result is the same, bit for bit, as testing each ray by itself.
 
 use crate::trace::rounding::{
     DISTANCE_MARGIN, EDGE_ERROR, EDGE_ON, HEIGHT_ERROR, LARGEST, LONGEST, PLANE_ERROR, SHARPEST, SIDE_ERROR, SMALLEST,
@@ -15,29 +14,29 @@ use crate::trace::simd::{F16, Mask, NO_LANES, Simd, WIDE, load_axes, vector_at};
 use crate::trace::tree::{Ball, Leaf, Plane, TRANSPARENT};
 use glam::{DVec3, Vec3};
 
-/// Up to sixteen triangles, and what is known of them wherever rays start.
+/// Up to sixteen triangles, with what does not depend on the rays' origin.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct TriangleGroup {
     /// `[corner][axis]`.
     corners: [[F16; 3]; 3],
-    /// Normals whose largest component is 1; not numbers where nothing is certain.
+    /// Normals whose largest component is 1; NaN for triangles that the cone test must not decide.
     normal: [F16; 3],
-    /// Their lengths.
+    /// Lengths of the normals.
     length: F16,
     /// Height of each triangle's plane above the centre, along the normal.
     height: F16,
     ids: [u32; WIDE],
-    /// One bit a triangle, also for those whose hits must be asked for one by one.
+    /// Lanes in use, one bit a triangle, transparent triangles included.
     used: Mask,
     transparent: Mask,
 }
 
-/// An origin and the interval of its rays, in the forms that groups are asked with.
+/// An origin and the interval of its rays, in the form that the tests use.
 pub(crate) struct Viewpoint {
     pub(crate) origin: Vec3,
-    /// The plane behind which no ray goes.
+    /// No ray goes behind this plane.
     pub(crate) plane: Option<Plane>,
-    /// What all rays stay in.
+    /// All rays stay in this ball.
     pub(crate) ball: Ball,
     pub(crate) t_min: f32,
     pub(crate) t_max: f32,
@@ -45,26 +44,27 @@ pub(crate) struct Viewpoint {
     pub(crate) center: Vec3,
 }
 
-/// The triangles of a group as one origin sees them.
+/// The triangles of a group, seen from one origin.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Cones {
-    /// Normals of the planes through the origin and each edge, towards the triangle, in units of their error.
+    /// Normals of the planes through the origin and each edge, pointing towards the triangle, divided by their error bounds.
     edges: [[F16; 3]; 3],
     /// Normals of the triangles, away from the origin, largest component 1.
     normal: [F16; 3],
-    /// `direction · normal` up to which the triangle is certainly missed: its plane is met beyond `t_max`, or behind. Nearly
-    /// parallel rays are among them unless the triangle is seen edge-on: then the watertight test may find it.
+    /// A ray with `direction · normal` at most this certainly misses the triangle: it meets the plane beyond `t_max`, or behind the origin.
+    /// Nearly parallel rays are included, unless the triangle is seen edge-on: then the watertight test may find a hit.
     miss: F16,
-    /// From which on the plane is certainly met before `t_max`; not a number where hits must be asked for one by one.
+    /// A ray with `direction · normal` of at least this certainly meets the plane before `t_max`; NaN for transparent triangles, whose hits
+    /// need `accept`.
     hit: F16,
-    /// Up to which it is certainly met after `t_min`.
+    /// A ray with `direction · normal` at most this certainly meets the plane after `t_min`.
     after: F16,
-    /// Those that a ray may meet.
+    /// Triangles that a ray may hit.
     pub(crate) seen: Mask,
-    /// Those of which it is certain on which side of their plane the origin is. Of the others it is not even certain which
-    /// sign the edges have.
+    /// Triangles for which it is certain on which side of their plane the origin is. For the others, not even the signs of the edge normals
+    /// are certain.
     sided: Mask,
-    /// The number of the group.
+    /// Index of the group.
     pub(crate) group: u32,
 }
 
@@ -79,19 +79,19 @@ impl TriangleGroup {
         transparent: NO_LANES,
     };
 
-    /// Empties it; what its lanes hold stays, and is not looked at.
+    /// Empties the group. The data of its lanes stays, and is not read.
     #[inline(always)]
     pub(crate) fn clear(&mut self) {
         (self.used, self.transparent) = (NO_LANES, NO_LANES);
     }
 
-    /// Those that it holds.
+    /// The lanes in use.
     #[inline(always)]
     pub(crate) fn used(&self) -> Mask {
         self.used
     }
 
-    /// Puts a triangle into a lane; [`Self::finish`] must follow before the group is asked.
+    /// Puts a triangle into a lane; [`Self::finish`] must follow before the group is tested.
     #[inline(always)]
     pub(crate) fn set(&mut self, lane: usize, corners: [[f32; 3]; 3], id: u32, transparent: bool) {
         for (own, corner) in self.corners.iter_mut().zip(corners) {
@@ -104,12 +104,12 @@ impl TriangleGroup {
         self.transparent |= u32::from(transparent) << lane;
     }
 
-    /// Computes the planes, once for all origins.
+    /// Computes the triangles' planes, once for all origins.
     #[inline(always)]
     pub(crate) fn finish(&mut self, center: Vec3) {
         let center = center.as_dvec3();
         let (mut normals, mut lengths, mut heights) = ([[0.0; WIDE]; 3], [0.0; WIDE], [0.0; WIDE]);
-        // A loop of fixed length over arrays becomes vector code.
+        // A loop of fixed length over arrays is vectorised.
         for lane in 0..WIDE {
             let at = |corner: &[F16; 3]| {
                 let [x, y, z] = [corner[0].0[lane], corner[1].0[lane], corner[2].0[lane]];
@@ -132,16 +132,17 @@ impl TriangleGroup {
         self.height = F16(heights);
     }
 
-    /// Computes the cones of the triangles in `near`, without those that no ray can meet; false if none is left. Of a degenerate triangle
-    /// nothing is certain: all rays are undecided.
+    /// Computes the cones of the triangles in `near`, leaving out those that no ray can hit. Returns `false` if none is left. For a
+    /// degenerate triangle nothing is certain: all rays stay undecided.
     ///
     /// With `o` the origin, `a`, `b`, `c` the corners relative to it, `n` the normal (largest component 1, away from the origin) and
     /// `h = n · a` its height above the origin, whose error is at most `ε`:
     ///
-    /// * the planes through the origin and the edges are `b x c`, `c x a`, `a x b`, each divided by its error
-    ///   `EDGE_ERROR max|b| max|c|` and turned with `n`: a product with a direction `d` above 1 is certainly positive, one below -1 negative;
+    /// * the planes through the origin and the edges are `b x c`, `c x a`, `a x b`, each divided by its error `EDGE_ERROR max|b| max|c|`,
+    ///   with the sign that `n` was given. A dot product with a direction `d` above 1 is certainly positive, one below -1 certainly
+    ///   negative;
     /// * a ray meets the plane at `t = h / n · d`. It is met before `t_max` if `n · d >= h / t_max + m` (`hit`), and beyond it if
-    ///   `n · d <= h / t_max - m` (`miss`), with the margin `m = ε / t_max + MARGIN h / t_max + PLANE_ERROR`; after `t_min` likewise;
+    ///   `n · d <= h / t_max - m` (`miss`), with the margin `m = ε / t_max + MARGIN h / t_max + PLANE_ERROR`; likewise after `t_min`;
     /// * where `h` is below `EDGE_ON max(|a|, |b|, |c|)`, the triangle is seen edge-on, and `miss` is only certain behind the origin.
     #[inline(always)]
     #[allow(clippy::needless_range_loop, reason = "an axis indexes several arrays side by side")]
@@ -164,7 +165,7 @@ impl TriangleGroup {
             normal[axis] = simd.wide_load(&self.normal[axis]);
             height = simd.wide_about_mul_add(simd.wide_splat(-moved[axis]), normal[axis], height);
         }
-        // Normals look away from the origin, and with them go the signs of the edges.
+        // Normals must point away from the origin; the edge normals change sign with them.
         let turned = simd.wide_below(height, zero);
         for axis in 0..3 {
             let opposite = simd.wide_sub(zero, normal[axis]);
@@ -193,7 +194,7 @@ impl TriangleGroup {
         let broad = sided & simd.wide_at_most(simd.wide_mul(most, simd.wide_splat(EDGE_ON)), height);
         let (least, margin) = interval(simd, height, error, view.t_max);
         let beyond = simd.wide_sub(least, margin);
-        // No direction is longer than `LONGEST`, so none comes as far as such a plane.
+        // No direction is longer than `LONGEST`, so no ray reaches a plane for which this holds.
         let reach = simd.wide_mul(simd.wide_load(&self.length), simd.wide_splat(LONGEST * LONGEST));
         seen &= !(broad & simd.wide_at_most(reach, beyond));
         let after = if view.t_min > 0.0 {
@@ -211,7 +212,7 @@ impl TriangleGroup {
         seen != NO_LANES
     }
 
-    /// The triangles that rays from the points of a box may meet.
+    /// The triangles whose bounds meet a ball and that are not wholly behind a plane.
     #[inline(always)]
     pub(crate) fn near<S: Simd>(&self, simd: S, ball: &Ball, plane: Option<Plane>) -> Mask {
         let zero = simd.wide_splat(0.0);
@@ -249,7 +250,7 @@ impl TriangleGroup {
         corners
     }
 
-    /// One triangle, for the watertight test, in the first lane of a leaf.
+    /// One triangle, in the first lane of a leaf, for the watertight test.
     pub(crate) fn leaf(&self, lane: usize) -> Leaf {
         let mut leaf = Leaf::EMPTY;
         let corners = self.corners.each_ref().map(|corner| vector_at(corner, lane));
@@ -259,8 +260,8 @@ impl TriangleGroup {
     }
 }
 
-/// The lanes whose triangles, relative to a point of a plane, certainly lie behind it or on it. The sum is compared with its
-/// own rounding error, as in [`Plane::behind`].
+/// The lanes whose triangles certainly lie behind a plane or on it. `corners` are relative to a point of the plane. Each sum is compared
+/// with its own rounding error, as in [`Plane::behind`].
 #[inline(always)]
 fn behind<S: Simd>(simd: S, corners: &[[S::Wide; 3]; 3], normal: Vec3) -> Mask {
     let zero = simd.wide_splat(0.0);
@@ -277,7 +278,7 @@ fn behind<S: Simd>(simd: S, corners: &[[S::Wide; 3]; 3], normal: Vec3) -> Mask {
     lanes
 }
 
-/// `direction · normal` of a ray that meets planes of these heights at a distance, and the error of that.
+/// The value of `direction · normal` for which a ray meets planes of these heights at a distance, and the error bound of that value.
 #[inline(always)]
 fn interval<S: Simd>(simd: S, height: S::Wide, error: S::Wide, distance: f32) -> (S::Wide, S::Wide) {
     let nearness = simd.wide_splat(1.0 / distance);
@@ -291,14 +292,14 @@ fn largest<S: Simd>(simd: S, [x, y, z]: &[S::Wide; 3]) -> S::Wide {
     simd.wide_max_or(simd.wide_max_or(simd.wide_abs(*x), simd.wide_abs(*y)), simd.wide_abs(*z))
 }
 
-/// One triangle of [`Cones`], a number a vector.
+/// One triangle of [`Cones`], each of its numbers in all lanes of a vector.
 pub(crate) struct Cone<S: Simd> {
     edges: [[S::Wide; 3]; 3],
     normal: [S::Wide; 3],
     miss: S::Wide,
     hit: S::Wide,
     after: S::Wide,
-    /// Whether the point lies clearly off the triangle's plane.
+    /// Whether the origin lies clearly off the triangle's plane.
     pub(crate) is_sided: bool,
 }
 
@@ -316,8 +317,8 @@ impl<S: Simd> Cone<S> {
         }
     }
 
-    /// What is certain of sixteen rays; `AFTER` if `t_min` is above 0, `SIDED` as [`Self::is_sided`] says. Comparisons with what
-    /// is not a number are false, so nothing is.
+    /// What is certain of sixteen rays. `AFTER` must be set if `t_min > 0`, and `SIDED` must equal [`Self::is_sided`]. Comparisons with NaN
+    /// are false, so they decide nothing.
     #[inline(always)]
     pub(crate) fn test<const AFTER: bool, const SIDED: bool>(&self, simd: S, directions: &[F16; 3]) -> Verdict {
         let rays = load_axes(simd, directions);
@@ -353,7 +354,7 @@ impl Cones {
     };
 }
 
-/// One lane of each.
+/// Each of three components of a lane, in all lanes of a vector.
 #[inline(always)]
 fn splat<S: Simd>(simd: S, values: &[F16; 3], lane: usize) -> [S::Wide; 3] {
     [simd.wide_splat(values[0].0[lane]), simd.wide_splat(values[1].0[lane]), simd.wide_splat(values[2].0[lane])]

@@ -1,9 +1,9 @@
-//! The cheapest answer about many short rays: that nothing is in reach of any of them.
+//! The cheapest answer for many short rays: nothing is in reach of any of them.
 
 use crate::trace::simd::{Kernel, NO_LANES, Simd, first_lane, without_first};
 use crate::trace::tree::{Ball, Bounds, Child, Plane, Stack, WideTree, half_balls, slack};
 
-/// Nodes and leaves looked into at most before giving up: rays are traced instead, which is never wrong.
+/// Nodes and leaves visited before the search gives up. Then the rays are traced, which is always correct.
 const VISITS: usize = 32;
 
 /// See [`Tracer::clear_above`](crate::trace::Tracer::clear_above).
@@ -69,7 +69,7 @@ mod tests {
         Bvh::build(&geometry, &[], Quality::Balanced)
     }
 
-    /// A floor of two triangles at a height, as large as a town.
+    /// A floor of two triangles at a height, 600 by 600 units.
     fn floor(height: f32) -> Vec<[Vec3; 3]> {
         let at = |x: f32, z: f32| Vec3::new(x, height, z);
         let [a, b, c, d] = [at(-300.0, -300.0), at(300.0, -300.0), at(300.0, 300.0), at(-300.0, 300.0)];

@@ -1,4 +1,4 @@
-//! The eight triangles of a leaf as rays from one origin see them: which of the rays certainly pass by all of them.
+//! The eight triangles of a leaf as cones seen from one origin: finds rays that certainly miss all of them.
 
 #![allow(clippy::needless_range_loop, reason = "an axis indexes several arrays side by side")]
 
@@ -6,20 +6,21 @@ use crate::trace::rounding::{EDGE_ERROR, LARGEST, SMALLEST};
 use crate::trace::simd::{Mask, NO_LANES, Simd};
 use crate::trace::tree::{Leaf, Plane};
 
-/// Triangles as rays from one point see them: each is the cone of the planes through the point and its edges.
+/// The triangles of a leaf seen from one point: each is the cone of the planes through the point and its edges.
 pub(crate) struct LeafCones<S: Simd> {
-    /// Normals of these planes.
+    /// Normals of the planes through the point and each edge.
     edges: [[S::Vector; 3]; 3],
-    /// How far a direction's dot products with them, and the watertight test, may be from the truth.
+    /// Bounds on how far a direction's dot products with the normals, and the watertight test, may be from the exact
+    /// value.
     errors: [S::Vector; 3],
-    /// Triangles that any ray may meet.
+    /// Triangles that a ray may hit.
     possible: Mask,
-    /// Those for which the errors are bounded.
+    /// Triangles for which the error bounds hold.
     bounded: Mask,
 }
 
 impl<S: Simd> LeafCones<S> {
-    /// Those of a leaf. With a plane, no ray goes to its far side.
+    /// The cones of a leaf's triangles. If `plane` is given, no ray goes behind it.
     #[inline(always)]
     pub(crate) fn new(simd: S, leaf: &Leaf, origin: [f32; 3], plane: Option<Plane>) -> Self {
         let zero = simd.splat(0.0);
@@ -52,13 +53,13 @@ impl<S: Simd> LeafCones<S> {
         Self { edges, errors, possible, bounded }
     }
 
-    /// Whether certainly no ray is stopped.
+    /// Whether certainly no ray hits the leaf.
     #[inline(always)]
     pub(crate) fn are_missed(&self) -> bool {
         self.possible == NO_LANES
     }
 
-    /// Whether a ray may be stopped; its line certainly passes by all triangles where not.
+    /// Whether a ray may hit the leaf. If `false`, its line certainly misses all triangles.
     #[inline(always)]
     pub(crate) fn may_stop(&self, simd: S, direction: [f32; 3]) -> bool {
         let (x, y, z) = (simd.splat(direction[0]), simd.splat(direction[1]), simd.splat(direction[2]));

@@ -1,7 +1,7 @@
 //! Fans: many short rays from one origin, or from origins near each other, as ambient occlusion traces them.
 //!
-//! From cheap to dear: nothing is in reach (`hemisphere`), few triangles are, and are gathered once (`candidates`, `cone_test`),
-//! or the fan goes down the tree (`traverse`, `leaf_cones`).
+//! From cheap to expensive: nothing is in reach (`hemisphere`); few triangles are in reach and are gathered once (`candidates`,
+//! `cone_test`); the fan traverses the tree (`traverse`, `leaf_cones`).
 //! May use: `single`, `tree`, `ray`, `rounding`, `simd`.
 
 mod candidates;

@@ -1,9 +1,9 @@
-//! Many rays from one origin down the tree.
+//! Traverses the tree with many rays from one origin.
 //!
-//! Sixteen rays go down the tree side by side, a ray a lane, until few of them are left; those go on by themselves ([`RayQueue`]). With a
-//! common origin its part of a box test is computed once for all nodes, and what is left is two fused products, a minimum and
-//! a maximum along each axis, wherever the rays go. In a leaf of triangles, too, what depends on the origin alone is computed
-//! once: the planes through it and the edges ([`LeafCones`]).
+//! Sixteen rays traverse the tree together, one a lane, until few of them are left; those go on singly ([`RayQueue`]). As the origin is
+//! common, its part of a slab test is computed once for all nodes. What is left is two fused multiply-adds, a minimum and a maximum along
+//! each axis, whatever the directions. In a leaf of triangles, too, what depends only on the origin is computed once: the planes through
+//! the origin and the edges ([`LeafCones`]).
 
 #![allow(clippy::needless_range_loop, reason = "an axis indexes several arrays side by side")]
 
@@ -58,16 +58,17 @@ struct Common {
     plane: Option<Plane>,
 }
 
-/// Up to sixteen rays, a ray a lane; the operations are those of [`PreparedRay::new`].
+/// Up to sixteen rays, one a lane; the operations are those of [`PreparedRay::new`].
 struct FanLanes {
     direction: [F16; 3],
     inverse: [F16; 3],
-    /// Minus the origin as low and as high planes see it ([`Start::farthest`]), times the inverses.
+    /// Minus the origin times the inverse direction, for low and for high planes; [`Start::farthest`] gives the origin that each of them
+    /// uses.
     offset: [[F16; 3]; 2],
     shear: [F16; 2],
-    /// The rays that are longest along x, and along y but not along x.
+    /// Rays whose largest direction component is x, and rays whose largest is y.
     longest: [Mask; 2],
-    /// Those that may go down the tree together.
+    /// Rays that may traverse the tree together.
     regular: Mask,
 }
 
@@ -115,7 +116,7 @@ impl FanLanes {
         }
     }
 
-    /// The ray in a lane, as triangles are tested with it.
+    /// The ray in a lane, in the form of the triangle test.
     #[inline(always)]
     fn line(&self, start: &Start, lane: usize) -> Line {
         let longest = if self.longest[0] >> lane & 1 == 1 { 0 } else { 2 - (self.longest[1] >> lane & 1) as usize };
@@ -123,14 +124,14 @@ impl FanLanes {
     }
 }
 
-/// Rays of a fan.
+/// Rays of a fan with what they have in common.
 struct Spread<'a> {
     common: &'a Common,
     lanes: &'a FanLanes,
 }
 
 impl Spread<'_> {
-    /// Those of some rays that a leaf stops.
+    /// Which of the rays in `mask` a leaf stops.
     #[inline(always)]
     fn stopped<S: Simd>(
         &self,
@@ -144,7 +145,7 @@ impl Spread<'_> {
         if cones.are_missed() {
             return stopped;
         }
-        // First all rays that may be stopped, then the watertight test of each: a jump in between would be guessed wrongly.
+        // First all rays that may be stopped, then the watertight test of each: a branch in between would be mispredicted.
         let mut possible = NO_LANES;
         while mask != NO_LANES {
             let ray = first_wide_lane(mask);
@@ -160,7 +161,7 @@ impl Spread<'_> {
         stopped
     }
 
-    /// Pushes the children that any of the rays meets, with those that do.
+    /// Pushes the children that any ray meets, each with the mask of the rays that do.
     #[inline(always)]
     fn visit<S: Simd>(&self, simd: S, node: &Node, mask: Mask, stack: &mut Stack) {
         let Self { common, lanes } = self;
@@ -169,7 +170,7 @@ impl Spread<'_> {
         let inverse = load_axes(simd, &lanes.inverse);
         let offset = [load_axes(simd, &lanes.offset[0]), load_axes(simd, &lanes.offset[1])];
         let mut room = stack.room();
-        // All eight children without a jump: the processor would guess wrongly how many are used and which are met.
+        // All eight children without a branch: how many are used and met is not predictable.
         for lane in 0..LANES {
             let (mut enter, mut leave) = (t_min, t_max);
             for axis in 0..3 {
@@ -215,20 +216,20 @@ impl QueuedRays for Spread<'_> {
     }
 }
 
-/// A vector of three in a lane.
+/// The three components of a vector in a lane.
 #[inline(always)]
 fn at(values: &[F16; 3], lane: usize) -> [f32; 3] {
     [values[0].0[lane], values[1].0[lane], values[2].0[lane]]
 }
 
-/// One of three by the axis along which each ray is longest.
+/// For each ray, `x`, `y` or `z` according to its largest direction component.
 #[inline(always)]
 fn pick<S: Simd>(simd: S, [along_x, along_y]: [Mask; 2], [x, y, z]: [S::Wide; 3]) -> S::Wide {
     simd.wide_select(along_x, x, simd.wide_select(along_y, y, z))
 }
 
 impl<A: FnMut(&Hit) -> bool> CountOpen<'_, A> {
-    /// Whether a ray is blocked. All instruction sets give the same bits; the portable one needs no compiling for each.
+    /// Whether a single ray is blocked. All instruction sets give the same bits, so the portable one serves all and is compiled once.
     #[cold]
     #[inline(never)]
     fn alone(&mut self, ray: &Ray) -> bool {
@@ -238,7 +239,7 @@ impl<A: FnMut(&Hit) -> bool> CountOpen<'_, A> {
         }
     }
 
-    /// Those of some regular rays that are blocked.
+    /// Which of the regular rays are blocked.
     #[inline(always)]
     fn together<S: Simd>(&mut self, simd: S, common: &Common, lanes: &FanLanes, regular: Mask) -> Mask {
         let Self { tree, accept, .. } = self;

@@ -1,6 +1,6 @@
 //! Where secondary rays start: exact points of triangles, moved off them by a bound of their rounding error.
 //!
-//! [`SurfacePoint`] is one point; [`SurfacePoints`] are eight at a time, with the same bits.
+//! [`SurfacePoint`] is one point. [`SurfacePoints`] are eight points at a time, with the same bits.
 //! May use: `ray`, `rounding`, `simd`.
 
 mod sphere_point;

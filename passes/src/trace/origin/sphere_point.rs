@@ -7,14 +7,15 @@ use curitiba_pipeline::scene::Sphere;
 use glam::{DVec3, Vec3};
 
 impl SurfacePoint {
-    /// The point of a sphere nearest to a position that was computed or stored, and so lies near it but not on it. Its normal looks
+    /// The point of a sphere nearest to a computed or stored position, which lies near the sphere but not exactly on it. Its normal points
     /// outwards.
     #[must_use]
     pub fn on_sphere(sphere: &Sphere, position: Vec3) -> Self {
         Self::towards(sphere, position.as_dvec3() - sphere.center.as_dvec3())
     }
 
-    /// The point at which a ray meets a sphere at the distance `t`: that of its line, which no error of `t` moves, on the sphere.
+    /// The point at which a ray meets a sphere at about the distance `t`. It is computed from the ray's line in `f64`, so it does not
+    /// inherit the error of `t`; `t` only selects the nearer or the farther of the two intersections.
     #[must_use]
     pub fn on_sphere_by(sphere: &Sphere, ray: &Ray, t: f32) -> Self {
         let from = ray.origin.as_dvec3() - sphere.center.as_dvec3();
@@ -26,7 +27,7 @@ impl SurfacePoint {
         Self::towards(sphere, nearest + direction * if f64::from(t) < b { -half } else { half })
     }
 
-    /// The point in a direction from the centre.
+    /// The point of the sphere in a direction from its centre.
     fn towards(sphere: &Sphere, direction: DVec3) -> Self {
         let normal = direction.normalize_or(DVec3::Y);
         let (center, radius) = (sphere.center.as_dvec3(), f64::from(sphere.radius));

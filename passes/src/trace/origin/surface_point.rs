@@ -5,23 +5,23 @@ use crate::trace::rounding::{OFFSET_MARGIN, OFFSET_REACH, OFFSET_UNITS, UNIT_ROU
 use curitiba_pipeline::scene::Geometry;
 use glam::{DVec3, Vec3};
 
-/// A point on a triangle, with what is known of its error.
+/// A point on a triangle, with a bound on its rounding error.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct SurfacePoint {
     /// Position, world, within [`Self::error`] of the triangle's plane.
     pub position: Vec3,
     /// Unit normal of the triangle's plane, counter-clockwise side; 0 for a degenerate triangle.
     pub normal: Vec3,
-    /// Where rays start before they are moved off the plane: the position, drawn in from the borders of the triangle by
-    /// its rounding error along them.
+    /// Where rays start before they are moved off the plane: the position, moved away from the borders of the triangle by its rounding
+    /// error along them.
     pub(crate) start: Vec3,
-    /// Bound of the distance from the plane to positions computed on it, including those a ray test computes.
+    /// Bound of the distance from the plane of positions that are computed on it, including those that a ray test computes.
     pub error: f32,
 }
 
 impl SurfacePoint {
-    /// The projection onto a triangle of a position that was interpolated, stored or reconstructed, and so lies near the
-    /// triangle but not on it; a projection outside the triangle is drawn in to its border.
+    /// The projection onto a triangle of a position that was interpolated, stored or reconstructed, and so lies near the triangle but not
+    /// exactly on it. A projection outside the triangle is moved to its border.
     ///
     /// # Panics
     /// If there is no such triangle.
@@ -48,24 +48,24 @@ impl SurfacePoint {
         Self { position: position.as_vec3(), normal: normal.as_vec3(), start: start.as_vec3(), error }
     }
 
-    /// A point that is as far inside its triangle as its rounding error.
+    /// A point that is farther from the borders of its triangle than its rounding error.
     #[inline(always)]
     pub(crate) fn inside(position: Vec3, normal: Vec3, error: f32) -> Self {
         Self { position, normal, start: position, error }
     }
 
-    /// Whether rays start elsewhere than above the point.
+    /// Whether rays start at a point other than the position.
     #[cfg(test)]
     pub(crate) fn is_drawn_in(&self) -> bool {
         self.start != self.position
     }
 
-    /// The origin of a ray that leaves in `direction`: off the plane to the side the ray leaves on, by 32 times
-    /// 2⁻²⁴ (Σ |nᵢ| (|aᵢ| + |u e1ᵢ| + |v e2ᵢ|) + r / 2), where r is the largest coordinate distance to a corner: the errors of
-    /// the point along the normal and of the triangle test.
+    /// The origin of a ray that leaves in `direction`. It is moved off the plane, to the side of `direction`, by 32 times 2⁻²⁴ (Σ |nᵢ|
+    /// (|aᵢ| + |u e1ᵢ| + |v e2ᵢ|) + r / 2), where r is the largest coordinate distance to a corner: the errors of the point along the
+    /// normal and of the triangle test.
     ///
-    /// Before that it is moved along the plane, away from borders of the triangle that are nearer than 32 times
-    /// 2⁻²⁴ (max (|aᵢ| + |u e1ᵢ| + |v e2ᵢ|) + r / 2): a wall on a border would else be at distance 0, or behind.
+    /// Along the plane it is moved away from borders of the triangle that are nearer than 32 times 2⁻²⁴ (max (|aᵢ| + |u e1ᵢ| + |v e2ᵢ|) + r
+    /// / 2): otherwise a wall on a border would be at distance 0, or behind the origin.
     ///
     /// There is no fixed distance in it: it scales with the scene. Surfaces nearer than the offset are not seen.
     #[must_use]
@@ -76,8 +76,8 @@ impl SurfacePoint {
     }
 }
 
-/// The shares of corners 1 and 2 in the point of a triangle that is nearest to a position near it, but for obtuse corners: a
-/// projection outside is drawn in.
+/// Barycentric coordinates of corners 1 and 2 for the point of a triangle nearest to a position near it. A projection outside is clamped to
+/// the border; in obtuse triangles the clamped point is not always the nearest.
 #[inline(always)]
 pub(crate) fn project([a, b, c]: [DVec3; 3], position: DVec3) -> (f64, f64) {
     let (e1, e2, to) = (b - a, c - a, position - a);
@@ -85,7 +85,7 @@ pub(crate) fn project([a, b, c]: [DVec3; 3], position: DVec3) -> (f64, f64) {
     let (d1, d2) = (to.dot(e1), to.dot(e2));
     let determinant = d11 * d22 - d12 * d12;
     let (u, v) = ((d22 * d1 - d12 * d2) / determinant, (d11 * d2 - d12 * d1) / determinant);
-    // Not finite for degenerate triangles and positions: then the first corner is as good as any point.
+    // Not finite for degenerate triangles or positions that are not finite: then the first corner is as good as any point.
     let finite = (u + v).abs() < f64::INFINITY;
     let u = if finite && u > 0.0 { u } else { 0.0 };
     let v = if finite && v > 0.0 { v } else { 0.0 };
@@ -93,21 +93,22 @@ pub(crate) fn project([a, b, c]: [DVec3; 3], position: DVec3) -> (f64, f64) {
     (u / sum, v / sum)
 }
 
-/// A point of a triangle, not yet drawn in from its borders.
+/// A point of a triangle, not yet moved away from its borders.
 pub(crate) struct Place {
     pub(crate) position: DVec3,
     /// See [`SurfacePoint::normal`].
     pub(crate) normal: DVec3,
     /// See [`SurfacePoint::error`].
     pub(crate) error: f32,
-    /// The distance from borders that rays start at.
+    /// The distance from borders that ray origins keep.
     margin: f64,
-    /// Whether it is certainly farther from them.
+    /// Whether the point is certainly farther than `margin` from all borders.
     pub(crate) is_inside: bool,
 }
 
 impl Place {
-    /// From the shares of corners 1 and 2. Without a jump: loops over several points become vector code.
+    /// The point with barycentric coordinates `u` and `v` of corners 1 and 2. Without branches, so that loops over several points are
+    /// vectorised.
     #[inline(always)]
     pub(crate) fn at([a, b, c]: [DVec3; 3], (u, v): (f64, f64)) -> Self {
         let (e1, e2) = (b - a, c - a);
@@ -124,8 +125,8 @@ impl Place {
     }
 }
 
-/// Whether a point is certainly farther from all borders of its triangle than `margin`, which is far above the rounding of `f64`.
-/// The distance from a border is the share of the corner across times twice the area over the border's length.
+/// Whether a point is certainly farther than `margin` from all borders of its triangle; `margin` is far above the rounding of `f64`. The
+/// distance from a border is (barycentric coordinate of the opposite corner) · 2 · area / (length of the border).
 #[inline(always)]
 fn is_farther([u, v]: [f64; 2], edges: [DVec3; 3], cross: DVec3, margin: f64) -> bool {
     let least = lower(lower(u, v), 1.0 - u - v);
@@ -156,8 +157,8 @@ pub(crate) fn unit_or_zero(vector: DVec3) -> DVec3 {
     vector * if reciprocal < f64::INFINITY && reciprocal > 0.0 { reciprocal } else { 0.0 }
 }
 
-/// The borders of a triangle: a point of each, and the direction that leads inward, as long as the border. A distance times
-/// that length is an area, which needs no root to be compared.
+/// The borders of a triangle: for each a point on it, and its inward normal, as long as the border. A distance times that length is an
+/// area, which can be compared without a square root.
 struct Borders([(DVec3, DVec3); 3]);
 
 impl Borders {
@@ -166,7 +167,7 @@ impl Borders {
         Self([(a, normal.cross(b - a)), (b, normal.cross(c - b)), (c, normal.cross(a - c))])
     }
 
-    /// Whether a position is outside, or nearer to a border than `margin`.
+    /// Whether a position is outside the triangle, or nearer to a border than `margin`.
     #[inline(always)]
     fn is_near(&self, position: DVec3, margin: f64) -> bool {
         let mut near = false;
@@ -178,13 +179,13 @@ impl Borders {
     }
 }
 
-/// A position of a triangle moved along its plane, away from the borders that are nearer than `margin`; as it is where the
+/// A position of a triangle moved along its plane, away from the borders that are nearer than `margin`. Returned unchanged where the
 /// triangle has no room for that.
 #[cold]
 fn drawn_in(corners: [DVec3; 3], normal: DVec3, position: DVec3, margin: f64) -> DVec3 {
     let borders = Borders::of(corners, normal);
     let mut moved = position;
-    // Twice, because leaving one border of a corner may lead back to the other.
+    // Twice, because moving away from one border at a corner may lead towards the other.
     for _ in 0..2 {
         for (from, inward) in borders.0 {
             let inward = inward.normalize_or_zero();

@@ -1,10 +1,11 @@
-//! SurfacePoints of sixteen triangles at once, to the bit those of [`SurfacePoint`].
+//! Eight ray origins at a time, bit for bit those of [`SurfacePoint`]; the vertices of sixteen triangles are gathered
+//! for two such groups.
 
 use super::surface_point::{Place, SurfacePoint, project};
 use crate::trace::simd::{F8, F16, LANES, Mask, Simd, WIDE};
 use glam::{DVec3, Vec3};
 
-/// The vertices of sixteen triangles, `[corner][triangle]`.
+/// The vertex indices of sixteen triangles, `[corner][triangle]`.
 ///
 /// # Panics
 /// If there is no such triangle.
@@ -15,7 +16,7 @@ pub(crate) fn vertices<S: Simd>(simd: S, triangles: &[[u32; 3]], of: &[u32; WIDE
     [bytemuck::cast(a.0), bytemuck::cast(b.0), bytemuck::cast(c.0)]
 }
 
-/// What vertices of sixteen triangles have, `[corner][axis]`.
+/// Values at the vertices of sixteen triangles, `[corner][axis]`.
 ///
 /// # Panics
 /// If there is no such vertex.
@@ -25,7 +26,7 @@ pub(crate) fn at_vertices<S: Simd>(simd: S, values: &[Vec3], [a, b, c]: &[[u32; 
     [simd.gather(values, a), simd.gather(values, b), simd.gather(values, c)]
 }
 
-/// Half of sixteen vectors.
+/// The first (0) or second (1) half of sixteen vectors.
 #[inline(always)]
 pub(crate) fn half_of<S: Simd>(simd: S, axes: &[F16; 3], half: usize) -> [S::Vector; 3] {
     let of = |axis: usize| F8(axes[axis].0.as_chunks().0[half]);
@@ -37,7 +38,7 @@ pub(crate) fn double(axes: &[F16; 3], lane: usize) -> DVec3 {
     DVec3::new(axes[0].0[lane].into(), axes[1].0[lane].into(), axes[2].0[lane].into())
 }
 
-/// Points of eight triangles: as many as one vector of `f64` holds, so that nothing is kept in memory on the way.
+/// Points on eight triangles: eight `f64` are one vector, so nothing is spilled to memory on the way.
 pub(crate) struct SurfacePoints {
     position: [F8; 3],
     normal: [F8; 3],
@@ -47,7 +48,8 @@ pub(crate) struct SurfacePoints {
 }
 
 impl SurfacePoints {
-    /// Half of sixteen projections, from the corners, `[corner][axis]`, and the positions near them.
+    /// Projects positions onto triangles, for half 0 or 1 of sixteen. The corners are `[corner][axis]`; the positions
+    /// lie near the triangles.
     #[inline(always)]
     pub(crate) fn snap([a, b, c]: &[[F16; 3]; 3], positions: &[F16; 3], half: usize) -> Self {
         let zero = F8([0.0; LANES]);
@@ -66,26 +68,26 @@ impl SurfacePoints {
         points
     }
 
-    /// A point; not that of [`SurfacePoint::snap`] where it may be [near a border](Self::near).
+    /// The point in a lane. It differs from [`SurfacePoint::snap`] where it may be [near a border](Self::near).
     #[inline(always)]
     pub(crate) fn point(&self, lane: usize) -> SurfacePoint {
         let at = |axes: &[F8; 3]| Vec3::new(axes[0].0[lane], axes[1].0[lane], axes[2].0[lane]);
         SurfacePoint::inside(at(&self.position), at(&self.normal), self.error.0[lane])
     }
 
-    /// The normals of all.
+    /// The normals of all eight points.
     #[inline(always)]
     pub(crate) fn normals<S: Simd>(&self, simd: S) -> [S::Vector; 3] {
         [simd.load(&self.normal[0]), simd.load(&self.normal[1]), simd.load(&self.normal[2])]
     }
 
-    /// The positions of all.
+    /// The positions of all eight points.
     #[inline(always)]
     pub(crate) fn positions<S: Simd>(&self, simd: S) -> [S::Vector; 3] {
         [simd.load(&self.position[0]), simd.load(&self.position[1]), simd.load(&self.position[2])]
     }
 
-    /// The points that may be so near a border that rays start elsewhere.
+    /// Points that may be so near a border that rays start elsewhere.
     #[inline(always)]
     pub(crate) fn near<S: Simd>(&self, simd: S) -> Mask {
         simd.at_most(simd.load(&self.inside), simd.splat(0.0))
@@ -116,7 +118,7 @@ mod tests {
         }
     }
 
-    /// The projections of positions onto triangles, as by [`SurfacePoint::snap`], to the bit.
+    /// The projections of positions onto triangles, bit for bit as by [`SurfacePoint::snap`].
     fn snap_by(
         simd: Detected,
         geometry: &Geometry,
@@ -124,11 +126,11 @@ mod tests {
         mut each: impl FnMut(usize, SurfacePoint),
     ) {
         for (chunk, positions) in positions.chunks(WIDE).enumerate() {
-            // What the last chunk lacks is computed all the same.
+            // Unused lanes of the last chunk repeat the first triangle.
             let (mut triangles, mut stored) = ([positions[0].0; WIDE], [F16::ZERO; 3]);
             for (lane, &(triangle, position)) in (0..WIDE).zip(positions) {
                 triangles[lane] = triangle;
-                // Number by number: of vectors in memory, parts would be read as a whole just after they were written.
+                // Component by component: a vector store followed by loads of other sizes would stall.
                 for axis in 0..3 {
                     stored[axis].0[lane] = position[axis];
                 }
@@ -162,7 +164,7 @@ mod tests {
         }
         geometry.batches.push(Batch { material: 0, first: 0, count: 60 });
         let mut positions: Vec<(u32, Vec3)> = (0..60).map(|t| (t, geometry.corners(t)[0] + vector() * 0.7)).collect();
-        // On a corner and on a border, where rays start inside; and what is no position.
+        // Positions on a corner and on a border, where rays start inside; and one that is not finite.
         positions.extend((0..60).map(|t| (t, geometry.corners(t)[t as usize % 3])));
         positions.extend((0..60).map(|t| (t, geometry.corners(t)[0].midpoint(geometry.corners(t)[1]))));
         positions.push((3, Vec3::NAN));
@@ -192,7 +194,7 @@ mod tests {
         geometry.batches.push(Batch { material: 0, first: 0, count: 1 });
         let (mut inside, mut near) = (0, 0);
         for step in 0..2000 {
-            // From a millionth of the size of the triangle inside its border to a hundredth.
+            // Distances inside the border from a millionth of the triangle's size to a hundredth.
             let share = 10.0_f32.powf(-6.0 + 4.0 * step as f32 / 2000.0);
             let position = Vec3::new(100.0 + share, 2.0, 0.3);
             let mut stored = [F16::ZERO; 3];

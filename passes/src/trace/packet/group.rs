@@ -1,9 +1,8 @@
-//! Packets of rays down the tree: sorted into prepared packets, up to sixteen of which share the upper part.
+//! Traverses the tree with packets: sorts their rays into prepared packets, up to sixteen of which share the upper part of the tree.
 //!
-//! A prepared packet is up to sixteen rays of a packet that run into one octant along one main axis; up to sixteen of them with the
-//! same octant are a group. A node's eight children are tested against the interval of the whole group, and a child that is met
-//! against the intervals of its sixteen members, a member a lane. From where few members are left, each goes on by itself
-//! ([`Descent`]).
+//! A prepared packet is up to sixteen rays of one packet that have the same octant and main axis. Up to sixteen prepared packets of the
+//! same octant are a group. A node's eight children are tested against the interval of the whole group, and each child that is met against
+//! the intervals of the members, one member a lane. Where few members are left, each goes on by itself ([`Descent`]).
 
 use super::interval::{Interval, Intervals};
 use super::octant::{Octant, Octants};
@@ -14,14 +13,14 @@ use crate::trace::simd::{Kernel as _, Mask, NO_LANES, Simd, WIDE, first_lane, fi
 use crate::trace::single::{Closest, occluded};
 use crate::trace::tree::{Child, PreparedRay, Stack, WideTree};
 
-/// Prepared packets that go down the tree together, one a lane.
+/// Greatest number of prepared packets in a group, one a lane.
 const GROUP: usize = WIDE;
-/// Members of a group up to which each goes on by itself, where nearest hits are looked for.
+/// In closest-hit queries, members go on by themselves where at most this many of a group are left.
 const ALONE: u32 = 6;
-/// Rays of an octant and a packet below which each is traced by itself.
+/// Rays of one packet and octant are traced singly if there are fewer of them than this.
 const FEW: u32 = 3;
 
-/// The nearest hits of some packets' rays. `accept` is told the ray as 16 times its packet plus its lane.
+/// The nearest hits of the rays of packets. `accept` also receives the ray's number: 16 times the index of its packet, plus its lane.
 #[inline(always)]
 pub(crate) fn closest_packets<S: Simd>(
     simd: S,
@@ -37,7 +36,7 @@ pub(crate) fn closest_packets<S: Simd>(
     }
 }
 
-/// Which rays of up to [`TOGETHER`] packets anything stops, one bit a ray; `accept` as in [`closest_packets`].
+/// Which rays of up to [`TOGETHER`] packets are blocked, one bit a ray; `accept` as in [`closest_packets`].
 #[inline(always)]
 pub(crate) fn occluded_packets<S: Simd>(
     simd: S,
@@ -63,11 +62,11 @@ struct Any<'a, A> {
     accept: A,
 }
 
-/// What is done with sorted rays. Not closures: those are compiled for the instruction set only where they are inlined.
+/// A query on sorted rays. A trait instead of closures, because a closure is compiled for the instruction set only where it is inlined.
 trait Part {
-    /// A group of one octant, and the packet of each of its members.
+    /// Traces a group of one octant; `packet_of` holds the packet of each member.
     fn group<S: Simd>(&mut self, simd: S, group: &mut [PreparedPacket], packet_of: &[usize; GROUP]);
-    /// A lone ray: its packet and its lane.
+    /// Traces a single ray, given by its packet and lane.
     fn ray<S: Simd>(&mut self, simd: S, packet: usize, lane: usize);
 }
 
@@ -91,7 +90,8 @@ impl<A: FnMut(usize, &Hit) -> bool> Part for Nearest<'_, A> {
 }
 
 impl<A: FnMut(usize, &Hit) -> bool> Part for Any<'_, A> {
-    /// Nothing is shared: rays that look for anything leave their common way early, and intervals let too much through.
+    /// Members are traced one after the other: occlusion rays soon part ways, and the intervals of a whole group would reject too few
+    /// boxes.
     #[inline(always)]
     fn group<S: Simd>(&mut self, simd: S, group: &mut [PreparedPacket], packet_of: &[usize; GROUP]) {
         for (prepared, &packet) in group.iter_mut().zip(packet_of) {
@@ -112,16 +112,16 @@ impl<A: FnMut(usize, &Hit) -> bool> Part for Any<'_, A> {
     }
 }
 
-/// Up to [`TOGETHER`] packets, sorted into groups.
+/// Up to [`TOGETHER`] packets, whose rays are sorted into groups.
 struct Sorted<'a> {
     tree: &'a WideTree,
     packets: &'a [Packet],
-    /// The number of the first packet.
+    /// Number of the first of these packets.
     first: usize,
 }
 
 impl Sorted<'_> {
-    /// Hands over all rays that can meet anything.
+    /// Passes every ray that can hit anything to `part`, in a group or singly.
     #[inline(always)]
     fn each<S: Simd>(&self, simd: S, part: &mut impl Part) {
         if self.tree.root == Child::NONE {

@@ -1,8 +1,7 @@
-//! Box tests of several rays at once, by the interval of what they compute with: of a packet against eight boxes, and of
-//! sixteen packets against one.
+//! Slab tests of several rays at once, by interval arithmetic: of a packet against eight boxes, and of sixteen packets against one box.
 //!
-//! The slab test is monotone in each operand, rounding included. So the test of the extremes enters every box that the test of any ray
-//! between them would enter.
+//! The slab test is monotone in each operand, rounding included. So a test of the extreme operands enters every box that a test of any ray
+//! between them enters.
 
 #![allow(clippy::needless_range_loop, reason = "an axis indexes several arrays side by side")]
 
@@ -12,13 +11,13 @@ use crate::trace::simd::{F8, F16, LANES, Mask, Simd, WIDE};
 /// The least and the greatest operands of the slab tests of several rays of one octant.
 #[derive(Clone, Copy)]
 pub(crate) struct Interval {
-    /// The origins with the least distance to a near plane, and with the greatest distance to a far plane.
+    /// Of the moved origins, the one nearest to near planes and the one farthest from far planes.
     pub(crate) near_origin: [f32; 3],
     pub(crate) far_origin: [f32; 3],
-    /// Least and greatest reciprocals of directions, and the same for far planes.
+    /// Least and greatest reciprocals of the directions, for near planes and for far planes.
     pub(crate) inverse: [[f32; 3]; 2],
     pub(crate) far_inverse: [[f32; 3]; 2],
-    /// Per axis: 1 where rays run towards lower coordinates, else 0.
+    /// Per axis: 1 where the rays run towards lower coordinates, else 0.
     pub(crate) backward: [usize; 3],
     pub(crate) t_min: f32,
     pub(crate) t_max: f32,
@@ -35,7 +34,7 @@ impl Interval {
         t_max: 0.0,
     };
 
-    /// Widens them to those of other rays of the octant.
+    /// Widens the interval to include other rays of the octant.
     pub(crate) fn join(&mut self, other: &Self) {
         for axis in 0..3 {
             let (near, far) = (&mut self.near_origin[axis], &mut self.far_origin[axis]);
@@ -53,7 +52,7 @@ impl Interval {
         self.t_max = self.t_max.max(other.t_max);
     }
 
-    /// The lanes of boxes that any ray may be in, and below which distance it does not enter them.
+    /// The lanes of boxes that any ray may enter, and a lower bound of the distance at which it enters them.
     #[inline(always)]
     pub(crate) fn meets<S: Simd>(&self, simd: S, planes: [[S::Vector; 3]; 2]) -> (Mask, S::Vector) {
         let mut enter = simd.splat(self.t_min);
@@ -71,14 +70,14 @@ impl Interval {
     }
 }
 
-/// The intervals of sixteen packets, a packet a lane.
+/// The intervals of up to sixteen packets, one a lane.
 pub(crate) struct Intervals {
     near_origin: [F16; 3],
     far_origin: [F16; 3],
     inverse: [[F16; 3]; 2],
     far_inverse: [[F16; 3]; 2],
     t_min: F16,
-    /// The distances up to which packets look; lanes without a packet meet nothing.
+    /// Greatest distance at which each packet still looks for hits; lanes without a packet enter no box.
     pub(crate) limit: F16,
 }
 
@@ -105,7 +104,7 @@ impl Intervals {
         self.limit.0[lane] = interval.t_max;
     }
 
-    /// The packets of which any ray may be in a box, by the operations of [`Interval::meets`].
+    /// The packets of which any ray may enter a box, by the operations of [`Interval::meets`].
     #[inline(always)]
     pub(crate) fn meets<S: Simd>(&self, simd: S, planes: &[[F8; 3]; 2], box_lane: usize, octant: Octant) -> Mask {
         let lane = box_lane & (LANES - 1);

@@ -1,7 +1,7 @@
-//! Packets of up to sixteen rays that run side by side, and groups of such packets.
+//! Packets of up to sixteen similar rays, and groups of such packets.
 //!
-//! Box tests against the interval of all rays (`interval`), triangle tests of sixteen rays at a time (`triangle_test`), and a test
-//! of the plane alone that decides most shadow rays (`plane_test`). Answers have the bits that they have ray by ray.
+//! Slab tests use the interval of all rays (`interval`), triangle tests take sixteen rays at a time (`triangle_test`), and a test of the
+//! plane alone decides most shadow rays (`plane_test`). The answers are bit for bit those of single rays.
 //! May use: `single`, `tree`, `ray`, `rounding`, `simd`.
 
 mod group;

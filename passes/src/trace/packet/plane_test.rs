@@ -1,20 +1,19 @@
-//! Whether rays whose lines pass through a triangle meet it between `t_min` and `t_max`, without computing the distance: in `f32`, with a
-//! bound on the error, for rays that ask only whether something is in the way.
+//! For rays whose lines pass through a triangle: do they meet it between `t_min` and `t_max`? For occlusion rays, decided without a
+//! division, in `f32`, with a bound on the error.
 //!
-//! The distance at which a ray meets the plane of a triangle is `n · (a - o) / n · d`. The answer of the watertight test is
-//! that this distance, computed in `f64` and kept within the triangle's bounds as the box test sees them, lies between
-//! `t_min` and `t_max`. It is the sign of two numbers, without a division:
+//! The distance at which a ray meets the plane of a triangle is `n · (a - o) / n · d`. By the watertight test, the ray is stopped if this
+//! distance, computed in `f64` and clamped to the distances of the triangle's bounds by the slab test, lies between `t_min` and `t_max`.
+//! The same follows from the signs of two numbers:
 //!
 //! * `p = n · (a - o) - t_min n · d`,
 //! * `q = n · d - n · (a - o) / t_max`:
 //!
-//! both positive or both negative for a hit. Let `n` be scaled to a largest component of 1, `u` be 2⁻²⁴, and `R` the sum,
-//! over the axes, of the largest distances of the scene's bounds from the origin. In `f32` the first product is off by at most
-//! 18 u R, and the second, for a unit direction, by 18 u. The watertight test takes a ray to pass through the triangle
-//! whose line passes it by 10 u R along two axes, so the bounds that it keeps the distance in may be those of a plane
-//! that is 25 u R away; rounding makes them 3 u wider, and the conversion of the distance from `f64` adds 1 u. Where `p`
-//! and `q` are farther from 0 than [`DOUBT`] times these units, nothing of this matters, and the watertight test agrees.
-//! The others are put to it. `t_max` may be infinite; then `q` is `n · d`.
+//! both positive or both negative for a hit. Let `n` be scaled to a largest component of 1, `u` be 2⁻²⁴, and `R` the sum, over the axes, of
+//! the largest distances of the scene's bounds from the origin. In `f32` the first product is off by at most 18 u R, and the second, for a
+//! unit direction, by 18 u. The watertight test may accept a ray whose line passes the triangle at 10 u R along two axes, so the bounds
+//! that it clamps the distance to may be those of a plane that is 25 u R away; rounding makes them 3 u wider, and the conversion of the
+//! distance from `f64` adds 1 u. Where `p` and `q` are farther from 0 than [`DOUBT`] times these units, these errors do not change the
+//! answer, and the watertight test agrees. All other rays go to the watertight test. `t_max` may be infinite; then `q` is `n · d`.
 
 #![allow(clippy::needless_range_loop, reason = "an axis indexes several arrays side by side")]
 
@@ -25,7 +24,7 @@ use glam::DVec3;
 
 /// The plane of a triangle.
 pub(crate) struct TrianglePlane {
-    /// Largest component 1, or not a number, with which nothing is certain.
+    /// Normal with largest component 1; NaN for a thin triangle, which makes all rays undecided.
     normal: [f32; 3],
     corner: [f32; 3],
 }
@@ -43,7 +42,7 @@ impl TrianglePlane {
         Self { normal: (normal * scale).as_vec3().to_array(), corner: corners[0] }
     }
 
-    /// What is certain of sixteen rays whose lines pass through the triangle. Comparisons with what is not a number are false, so nothing is.
+    /// What is certain of sixteen rays whose lines pass through the triangle. Comparisons with NaN are false, so they decide nothing.
     #[inline(always)]
     pub(crate) fn decide<S: Simd>(&self, simd: S, packet: &PreparedPacket) -> Verdict {
         let (origin, direction, t_min, shortness, doubt) = packet.decided_by();
@@ -64,7 +63,7 @@ impl TrianglePlane {
         let (minus_p, minus_q) = (simd.wide_sub(zero, of_p), simd.wide_sub(zero, of_q));
         let (above_p, below_p) = (simd.wide_below(of_p, p), simd.wide_below(p, minus_p));
         let (above_q, below_q) = (simd.wide_below(of_q, q), simd.wide_below(q, minus_q));
-        // Where a ray is parallel to the plane the distance is no number, and the bounds decide.
+        // For a ray parallel to the plane the distance is NaN or infinite, and the clamping decides: never a certain miss here.
         let meets = simd.wide_below(parallel, slope) | simd.wide_below(slope, simd.wide_sub(zero, parallel));
         Verdict { hit: above_p & above_q | below_p & below_q, miss: (above_p & below_q | below_p & above_q) & meets }
     }
@@ -93,7 +92,7 @@ mod tests {
         }
     }
 
-    /// Verdicts, and those that the watertight test contradicts.
+    /// Counts of rays, of certain verdicts, and of verdicts that the watertight test contradicts.
     #[derive(Debug, Default, Clone, Copy)]
     struct Tally {
         rays: u32,
@@ -112,7 +111,8 @@ mod tests {
         }
     }
 
-    /// Of sixteen rays and a triangle, and of a ray and a leaf: triangles that start and end near them, of many sizes and angles.
+    /// Tallies of the test of sixteen rays and a triangle, and of the test of a ray and a leaf. The rays start and end near triangles of
+    /// many sizes and orientations. The error bounds are scaled by `doubt`.
     fn tally(doubt: f32) -> [Tally; 2] {
         let mut random = Random(9);
         let mut tallies = [Tally::default(); 2];
@@ -126,7 +126,7 @@ mod tests {
             let scene = Bounds::of(&[center - Vec3::splat(2.0), center + Vec3::splat(2.0)]);
             let normal = (corners[1] - corners[0]).cross(corners[2] - corners[0]).normalize_or_zero();
             let main = random.cube();
-            // Some nearly in the plane of the triangle.
+            // Every fifth main direction is nearly parallel to the triangle.
             let main = if round % 5 == 0 { main - normal * main.dot(normal) * (1.0 - 1e-6) } else { main };
             let near = [1.0, 1e-3, 1e-6, 0.0][round / 3 % 4];
             let (t_min, t_max) = if round % 4 == 0 { (0.5, 0.7) } else { (0.0, [f32::INFINITY, 0.5][round % 2]) };
@@ -170,7 +170,7 @@ mod tests {
     fn what_is_certain_is_what_the_watertight_test_finds() {
         for Tally { rays, certain, wrong_hits, wrong_misses } in tally(1.0) {
             assert_eq!((wrong_hits, wrong_misses), (0, 0));
-            // Half of the rays start or end within a millionth of the plane: of those, little can be certain.
+            // Half of the rays start or end within a millionth of the plane, where few verdicts can be certain.
             assert!(rays > 300_000 && certain > rays / 3, "{certain} of {rays}");
         }
     }

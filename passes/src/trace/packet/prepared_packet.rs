@@ -1,4 +1,4 @@
-//! Up to sixteen rays with one main axis and one octant, prepared as [`PreparedRay`] prepares one.
+//! Up to sixteen rays with one main axis and one octant, prepared as [`PreparedRay`] prepares a single ray.
 
 #![allow(clippy::needless_range_loop, reason = "an axis indexes several arrays side by side")]
 
@@ -12,10 +12,10 @@ use crate::trace::simd::{F8, F16, Mask, NO_LANES, Simd, WIDE};
 use crate::trace::single::{QueuedRays, blocked};
 use crate::trace::tree::{Bounds, Leaf, Line, Node, PreparedRay, permutation};
 
-/// Rays of one packet and one octant. What lanes hold that are not `open` means nothing.
+/// Rays of one packet and one octant. The data of lanes that are not in `open` has no meaning.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct PreparedPacket {
-    /// The rays that are still looking.
+    /// The rays that are not answered yet.
     pub(crate) open: Mask,
     pub(crate) octant: Octant,
     pub(super) axes: [usize; 3],
@@ -28,15 +28,16 @@ pub(crate) struct PreparedPacket {
     pub(super) far_origin: [F16; 3],
     pub(super) inverse: [F16; 3],
     pub(super) far_inverse: [F16; 3],
-    /// The nearest distances so far, at first `t_max`.
+    /// Distance of each ray's nearest hit so far; `t_max` before there is one.
     pub(super) limit: F16,
-    /// Where they are; the lanes of `hit` say where there is any.
+    /// Barycentric coordinates of the nearest hits; valid for the lanes of `hit`.
     pub(super) u: F16,
     pub(super) v: F16,
-    /// The bits of triangle ids; 0 where there is no hit, so that none is below.
+    /// The triangle ids of the nearest hits, as bits. 0 where there is no hit: no id is lower, so a candidate at exactly `t_max` is not
+    /// taken.
     pub(super) triangle: F16,
     pub(super) hit: Mask,
-    /// For [`TrianglePlane::decide`](super::plane_test::TrianglePlane::decide): how far a numerator may be from the truth, and `1 / t_max`.
+    /// For [`TrianglePlane::decide`](super::plane_test::TrianglePlane::decide): the error bound of `p`, and `1 / t_max`.
     pub(super) doubt: F16,
     pub(super) shortness: f32,
 }
@@ -87,7 +88,7 @@ impl PreparedPacket {
         for axis in 0..3 {
             origin[axis] = simd.wide_load(&F16(packet.origin[axis]));
             let d = simd.wide_load(&F16(packet.direction[axis]));
-            // Of one octant, all are zero or none is; the product keeps the sign.
+            // In one octant this component is zero for all rays or for none. The product keeps the sign.
             direction[axis] = if octant.is_zero(axis) { simd.wide_mul(d, zero) } else { d };
             inverse[axis] = simd.wide_div(simd.wide_splat(1.0), direction[axis]);
             let low = simd.wide_abs(simd.wide_sub(simd.wide_splat(scene.low[axis]), origin[axis]));
@@ -123,7 +124,7 @@ impl PreparedPacket {
             simd.wide_mul(all, simd.wide_splat(DOUBT * UNIT_ROUNDOFF)),
             simd.wide_splat(self.t_min * (DOUBT * UNIT_ROUNDOFF)),
         );
-        // What is said of the numerators holds for unit vectors.
+        // The error bounds of `p` and `q` hold for unit directions only.
         let unit = simd.wide_at_most(longest, simd.wide_splat(LONGEST_DIRECTION));
         self.doubt = simd.wide_store(simd.wide_select(unit, doubt, simd.wide_splat(f32::INFINITY)));
         self.shortness = 1.0 / packet.t_max;
@@ -132,7 +133,7 @@ impl PreparedPacket {
         self.hit = NO_LANES;
     }
 
-    /// The rays that are in the box in a lane of a node up to their limit, by [`PreparedRay::slabs`] for each.
+    /// The rays that enter the box in a lane of a node before their limit, as by [`PreparedRay::slabs`] for each ray.
     #[inline(always)]
     pub(crate) fn entering<S: Simd>(&self, simd: S, planes: &[[F8; 3]; 2], lane: usize) -> Mask {
         let mut enter = simd.wide_splat(self.t_min);
@@ -151,7 +152,7 @@ impl PreparedPacket {
         simd.wide_at_most(enter, leave)
     }
 
-    /// The interval of the open rays.
+    /// The interval of the operands of the open rays.
     #[inline(always)]
     pub(crate) fn interval<S: Simd>(&self, simd: S) -> Interval {
         let backward = self.octant.backward();
@@ -179,13 +180,13 @@ impl PreparedPacket {
         interval
     }
 
-    /// The rays that may meet something nearer than what they met, or as near, in a box that is entered from a distance on.
+    /// The rays whose nearest hit so far is at `enter` or beyond: in a box entered at that distance they may find a hit as near, or nearer.
     #[inline(always)]
     pub(crate) fn reaching<S: Simd>(&self, simd: S, enter: f32) -> Mask {
         simd.wide_at_most(simd.wide_splat(enter), simd.wide_load(&self.limit))
     }
 
-    /// The distance up to which any open ray looks.
+    /// The greatest limit of the open rays.
     #[inline(always)]
     pub(crate) fn farthest<S: Simd>(&self, simd: S) -> f32 {
         self.range(simd, &self.limit).1
@@ -197,7 +198,7 @@ impl PreparedPacket {
         (self.hit >> ray & 1 == 1).then_some(self.at(ray))
     }
 
-    /// What a ray met, if it met anything.
+    /// The nearest hit of a ray, which must be in `hit`.
     #[inline(always)]
     fn at(&self, ray: usize) -> Hit {
         Hit { t: self.limit.0[ray], triangle: self.triangle.0[ray].to_bits(), u: self.u.0[ray], v: self.v.0[ray] }
@@ -213,14 +214,14 @@ impl PreparedPacket {
         self.hit |= 1 << ray;
     }
 
-    /// Writes what the rays met.
+    /// Writes the nearest hits into `hits`.
     pub(crate) fn report(&self, hits: &mut PacketHits) {
         for ray in (0..WIDE).filter(|ray| self.hit >> ray & 1 == 1) {
             hits.set(ray, &self.at(ray));
         }
     }
 
-    /// The least and the greatest of some values of the open rays.
+    /// The least and the greatest of the values of the open rays.
     #[inline(always)]
     fn range<S: Simd>(&self, simd: S, values: &F16) -> (f32, f32) {
         let values = simd.wide_load(values);
@@ -229,13 +230,14 @@ impl PreparedPacket {
         (simd.wide_least(low), simd.wide_most(high))
     }
 
-    /// What [`TrianglePlane::decide`](super::plane_test::TrianglePlane::decide) asks of rays: origins, directions, `t_min`, `1 / t_max`, and how far numerators may be off.
+    /// The operands of [`TrianglePlane::decide`](super::plane_test::TrianglePlane::decide): origins, directions, `t_min`, `1 / t_max`, and
+    /// the error bound of `p`.
     #[inline(always)]
     pub(crate) fn decided_by(&self) -> (&[F16; 3], &[F16; 3], f32, f32, &F16) {
         (&self.origin, &self.direction, self.t_min, self.shortness, &self.doubt)
     }
 
-    /// Widens or narrows the bounds of [`TrianglePlane::decide`](super::plane_test::TrianglePlane::decide).
+    /// Scales the error bounds of [`TrianglePlane::decide`](super::plane_test::TrianglePlane::decide).
     #[cfg(test)]
     pub(crate) fn scale_doubt(&mut self, factor: f32) {
         self.doubt.0 = self.doubt.0.map(|doubt| doubt * factor);
@@ -253,7 +255,7 @@ impl QueuedRays for PreparedPacket {
         blocked(simd, leaf, &self.prepared(ray), accept)
     }
 
-    /// What [`PreparedRay::new`] makes of a ray, from what is here.
+    /// The ray in a lane, as [`PreparedRay::new`] would prepare it.
     #[inline(always)]
     fn prepared(&self, ray: usize) -> PreparedRay {
         let at = |values: &[F16; 3]| [values[0].0[ray], values[1].0[ray], values[2].0[ray]];
@@ -265,7 +267,8 @@ impl QueuedRays for PreparedPacket {
             t_min: self.t_min,
             t_max: self.t_max,
             shortness: self.shortness,
-            // No edge of a normal's largest component 1 is counted there, but their squares, of which it is at most half.
+            // The single ray's bound is in units of the edges' squared lengths, not of the normal's largest component, which is at most
+            // half of their sum.
             doubt: 0.5 * self.doubt.0[ray],
         };
         PreparedRay::of_packet(

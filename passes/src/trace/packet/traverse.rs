@@ -1,10 +1,10 @@
-//! Up to sixteen rays of one octant down the tree together, a ray a lane, until few of them are left; those go on alone.
+//! Traverses the tree with up to sixteen rays of one octant, one a lane, until few of them are left; those go on singly.
 //!
-//! A node's eight children are first tested at once against the interval of all rays of the packet (Boulos, Wald and Shirley,
-//! "Geometric and Arithmetic Culling Methods for Entire Ray Packets", 2006), those that it meets against the sixteen rays;
-//! with the triangles of a leaf it is the same. Every bound is computed by the operations of the single ray's box test,
-//! which are monotone, from the interval of their operands: rounding included, no box is left out that any single ray's test
-//! would enter. What is hit, and where, has the bits that it has ray by ray.
+//! A node's eight children are first tested at once against the interval of all rays of the packet (Boulos, Wald and Shirley, "Geometric
+//! and Arithmetic Culling Methods for Entire Ray Packets", 2006); the children that it meets are tested against the sixteen rays. The
+//! triangles of a leaf are treated likewise. The interval test uses the operations of the single ray's slab test, which are monotone, on
+//! the interval of their operands. So, rounding included, no box is culled that a single ray's test would enter, and the answers are bit
+//! for bit those of single rays.
 
 use super::interval::Interval;
 use super::prepared_packet::PreparedPacket;
@@ -13,21 +13,21 @@ use crate::trace::simd::{Mask, NO_LANES, Simd, first_lane, first_wide_lane, with
 use crate::trace::single::{self, QueuedRays as _, RayQueue, Waiting, approach, closest};
 use crate::trace::tree::{Child, Leaf, Node, Stack, WideTree};
 
-/// Rays up to which those that look for the nearest hits in a part of the tree, or at a leaf, go on alone.
+/// In closest-hit queries, rays go on singly where at most this many are left in a subtree or at a leaf.
 const FEW: u32 = 3;
 
-/// What is still to be visited: where the first ray may enter it (the bits of the distance, which order as it does), the child
-/// and its rays.
+/// What is still to be visited: a lower bound of the distance at which any ray enters it (as bits, which order like the non-negative
+/// distance), the child, and the mask of its rays.
 type Entry = (u32, u32, Mask);
 
-/// Takes packets down a tree. `accept` is told the lane of the ray.
+/// Traverses the tree with a packet. `accept` also receives the lane of the ray.
 pub(crate) struct Descent<'a, A> {
     pub(crate) tree: &'a WideTree,
     pub(crate) accept: A,
 }
 
 impl<A: FnMut(usize, &Hit) -> bool> Descent<'_, A> {
-    /// Closes the open rays of a packet that anything stops, and says which they are.
+    /// Removes the blocked rays from `packet.open`, and returns their mask.
     #[inline(always)]
     pub(crate) fn stopped<S: Simd>(&mut self, simd: S, packet: &mut PreparedPacket) -> Mask {
         let (asked, interval) = (packet.open, packet.interval(simd));
@@ -86,7 +86,7 @@ impl<A: FnMut(usize, &Hit) -> bool> Descent<'_, A> {
         }
     }
 
-    /// Takes rays on alone.
+    /// Traces the rays of a mask singly, below `current`.
     #[inline(always)]
     fn one_by_one<S: Simd>(&mut self, simd: S, packet: &mut PreparedPacket, current: Child, mut mask: Mask) {
         let Self { tree, accept } = self;
@@ -119,7 +119,7 @@ impl<A: FnMut(usize, &Hit) -> bool> Descent<'_, A> {
         interval: &Interval,
     ) {
         let leaf: &Leaf = &self.tree.leaves[current.index()];
-        // Unused lanes are not numbers, which restrict nothing.
+        // Unused lanes hold NaN, which the interval test does not reject, so they are masked out.
         let mut lanes = leaf.used(simd) & interval.meets(simd, leaf.bounds(simd)).0;
         while lanes != NO_LANES {
             let lane = first_lane(lanes);
@@ -135,7 +135,7 @@ impl<A: FnMut(usize, &Hit) -> bool> Descent<'_, A> {
         }
     }
 
-    /// Pushes the children that any of the rays meets, with those that do.
+    /// Pushes the children that any ray meets, each with the mask of the rays that do.
     #[inline(always)]
     fn visit<S: Simd, const NEAREST: bool>(
         &self,

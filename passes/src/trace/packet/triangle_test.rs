@@ -1,4 +1,4 @@
-//! The watertight test of a triangle against the rays of a packet: sixteen rays at a time, with the operations and so the bits of
+//! The watertight test of a triangle against the rays of a packet: sixteen rays at a time, with the operations, and so the bits, of
 //! [`Leaf`]'s test of one ray.
 
 #![allow(clippy::needless_range_loop, reason = "an axis indexes several arrays side by side")]
@@ -13,7 +13,7 @@ use crate::trace::tree::Leaf;
 use glam::DVec3;
 
 impl PreparedPacket {
-    /// Closes the rays that the triangle in a lane of a leaf stops.
+    /// Removes from `open` the rays that the triangle in a lane of a leaf stops.
     #[inline(always)]
     pub(crate) fn stop<S: Simd>(
         &mut self,
@@ -51,7 +51,7 @@ impl PreparedPacket {
         }
     }
 
-    /// Keeps the hits on the triangle in a lane of a leaf that are nearer than those so far.
+    /// Keeps those hits on the triangle in a lane of a leaf that are nearer than the nearest so far.
     #[inline(always)]
     pub(crate) fn approach<S: Simd>(
         &mut self,
@@ -100,8 +100,8 @@ impl PreparedPacket {
         }
     }
 
-    /// Shows the hits of single rays on the triangle in a lane of a leaf up to their limits. All instruction sets give the
-    /// same bits; the portable one needs no compiling for each.
+    /// Calls `found` for the hits of single rays on the triangle in a lane of a leaf, up to their limits. All instruction sets give the
+    /// same bits, so the portable one serves all and is compiled once.
     #[cold]
     #[inline(never)]
     fn one_by_one(
@@ -125,8 +125,8 @@ impl PreparedPacket {
         }
     }
 
-    /// The rays whose lines meet the inside of a triangle, and those whose lines pass through an edge or a corner, which
-    /// have to be asked one by one.
+    /// The rays whose lines pass through the inside of a triangle, and the rays whose lines pass through an edge or a corner, which must be
+    /// tested singly.
     #[inline(always)]
     fn lines<S: Simd>(&self, simd: S, [a, b, c]: &[[f32; 3]; 3]) -> Lines<S> {
         let [a, b, c] = [self.seen(simd, a), self.seen(simd, b), self.seen(simd, c)];
@@ -142,7 +142,7 @@ impl PreparedPacket {
         Lines { sure, touched: inside & !sure, edges }
     }
 
-    /// The distances at which rays meet a triangle, of rays whose lines pass through it; and the rays whose distance is within their limit.
+    /// For rays whose lines pass through a triangle: the distances at which they meet it, and the mask of those within their limit.
     #[inline(always)]
     fn reach<S: Simd>(&self, simd: S, corners: &[[f32; 3]; 3], sure: Mask) -> (Mask, S::Wide) {
         let t = self.distance(simd, corners);
@@ -154,13 +154,13 @@ impl PreparedPacket {
         if possible == NO_LANES {
             return (NO_LANES, t);
         }
-        // As in `Leaf::solve`, the distance is kept within the triangle's own bounds.
+        // As in `Leaf::solve`, the distance is clamped to the triangle's own bounds.
         let (enter, leave) = self.span(simd, corners);
         let t = simd.wide_max_or(enter, simd.wide_min_or(t, leave));
         (possible & simd.wide_below(t_min, t) & simd.wide_at_most(t, limit), t)
     }
 
-    /// A corner as the rays see it: sheared. Where it lies along the main axis is not needed.
+    /// A corner relative to the rays' origins and sheared. Its coordinate along the main axis is not needed.
     #[inline(always)]
     fn seen<S: Simd>(&self, simd: S, corner: &[f32; 3]) -> [S::Wide; 2] {
         let [x, y, z] = self.axes;
@@ -212,12 +212,12 @@ impl PreparedPacket {
 struct Lines<S: Simd> {
     /// Rays whose lines pass through the inside.
     sure: Mask,
-    /// Rays whose lines pass through an edge or a corner: they may meet the triangle.
+    /// Rays whose lines pass through an edge or a corner: they may hit the triangle.
     touched: Mask,
     edges: [S::Wide; 3],
 }
 
-/// Those of some rays whose hits on a transparent triangle, at `t` with barycentric coordinates `u` and `v`, are accepted.
+/// Of the rays in a mask, those whose hits on a transparent triangle, at `t` with barycentric coordinates `u` and `v`, are accepted.
 #[inline(always)]
 fn accepted<S: Simd>(
     simd: S,
@@ -239,7 +239,7 @@ fn accepted<S: Simd>(
     accepted
 }
 
-/// The edge function of two corners as rays see them.
+/// The edge function of two sheared corners.
 #[inline(always)]
 fn edge<S: Simd>(simd: S, p: [S::Wide; 2], q: [S::Wide; 2]) -> S::Wide {
     simd.wide_sub(simd.wide_mul(p[0], q[1]), simd.wide_mul(p[1], q[0]))

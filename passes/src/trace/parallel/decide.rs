@@ -1,4 +1,4 @@
-//! What is certain of rays whose origins are estimates.
+//! Decides rays whose origins are only estimated.
 
 use super::estimate::{Decided, Estimates};
 use super::list::MOST;
@@ -37,16 +37,17 @@ pub(crate) fn decide<S: Simd>(simd: S, tree: &WideTree, estimates: &Estimates, d
     }
 }
 
-/// They are left.
+/// Keeps track of undecided rays, which are traced later.
 struct Doubts<'a> {
-    /// The triangle that each ray leaves.
+    /// Id of the triangle that each ray leaves.
     triangle: &'a [[u32; PACKET]; TOGETHER],
-    /// The rays that are certainly open, if nothing stops them.
+    /// Rays that are open unless they are in the mask of blocked rays; undecided rays are removed.
     open: [Mask; TOGETHER],
 }
 
 impl Undecided for Doubts<'_> {
-    // To trace what is left takes more than to trace what is known, so lists may be longer.
+    // Tracing the undecided rays costs more here, since their origins must be computed first, so longer lists are worth
+    // it.
     const LONGEST: [usize; LEVELS.len()] = [MOST; 3];
     const ESTIMATED: bool = true;
 

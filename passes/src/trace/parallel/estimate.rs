@@ -1,18 +1,20 @@
-//! Where rays start, roughly: the origins that [`SurfacePoint::spawn`](crate::trace::SurfacePoint::spawn) gives to positions near shown
-//! triangles, in `f32` and with a bound on the error, for questions whose answer does not depend on the last bits.
+//! Estimated ray origins: approximations in `f32`, with an error bound, of the origins that
+//! [`SurfacePoint::spawn`](crate::trace::SurfacePoint::spawn) gives for positions near visible triangles. They serve tests whose answer
+//! does not depend on the last bits.
 //!
-//! Let `q` be a position from a centre, `n` the unit normal of a triangle's plane, `h` the height of `q` above it, and `L` the distance
-//! that rays are moved off the plane, a linear function of the barycentric coordinates but for the largest distance to a corner. The
-//! origin is `q + (L - h) n`: two products of a vector that is the same for all positions of a triangle. With `u` = 2⁻²⁴, `E` the
-//! largest `|q|` by axis, and `Q` a bound of `|L - h|`, its error along an axis is the sum of
+//! Let `q` be a position relative to a centre, `n` the unit normal of a triangle's plane, `h` the height of `q` above it, and `L` the
+//! distance that rays are moved off the plane. `L` is a linear function of the barycentric coordinates, except for its part from the
+//! largest distance to a corner. The origin is `q + (L - h) n`: two dot products with vectors that are the same for all positions on a
+//! triangle. With `u` = 2⁻²⁴, `E` the largest `|q|` by axis, and `Q` a bound of `|L - h|`, its error along an axis is the sum of
 //!
-//! * 2 u for the exact origin, of the largest coordinate: it is rounded twice;
+//! * 2 u times the largest coordinate, for the exact origin, which is rounded twice;
 //! * 2 u E for `q` and the sum;
-//! * `|n|` times 9 u Q for the two products and their coefficients, 3 u L for the exact one, and [`OFFSET_UNITS`] u [`OFFSET_REACH`] / 4 of the
-//!   triangle's extent, in half of which, around the middle, lies what `L` has of the distance to a corner.
+//! * `|n|` times the sum of 9 u Q for the two products and their coefficients, 3 u L for the exact offset, and [`OFFSET_UNITS`] u
+//!   [`OFFSET_REACH`] / 4 of the triangle's extent: the distance to a corner is taken as the middle of its range, which is half the extent
+//!   wide.
 //!
-//! About twice of that is counted. It holds for positions whose projection is farther from the borders than rays are drawn in, and for
-//! triangles that are not so thin that `f64` loses more than `f32` does; of others there are no estimates.
+//! The code uses a bound about twice as large. It holds for positions whose projection is farther from the borders than rays are moved
+//! inward, and for triangles that are not so thin that `f64` loses more than `f32` does; other positions get no estimate.
 
 use super::list::List;
 use super::projection::ProjectedRays;
@@ -25,64 +27,64 @@ use crate::trace::simd::{F16, LANES, Mask, Simd};
 use glam::Vec3;
 use std::slice::from_mut;
 
-/// Rays of one direction of which it is known within a bound where they start, and which triangle each leaves.
+/// Rays of one direction whose origins are known within an error bound, and the triangle that each leaves.
 #[derive(Debug, Clone, Default)]
 pub struct Estimates {
-    /// From the centre.
+    /// Estimated origins, relative to the centre.
     pub(crate) origin: [[F16; 3]; TOGETHER],
-    /// No ray meets the triangle that it leaves.
+    /// Id of the triangle that each ray leaves; a ray never hits that triangle.
     pub(crate) triangle: [[u32; PACKET]; TOGETHER],
-    /// One bit a ray: those that have an estimate.
+    /// The rays that have an estimate, one bit a ray.
     pub(crate) valid: [u16; TOGETHER],
     pub(crate) center: Vec3,
-    /// By how much origins are off, by axis, at most.
+    /// Bound on the error of the origins, by axis.
     pub(crate) error: Vec3,
     pub(crate) direction: Vec3,
 }
 
-/// What is certain of rays, one bit each, and room to find out.
+/// Decisions about rays, one bit a ray, and buffers for making them.
 #[derive(Debug, Default)]
 pub struct Decided {
-    /// Those that something stops.
+    /// Rays that are certainly blocked.
     pub stopped: [u16; TOGETHER],
-    /// Those that nothing stops.
+    /// Rays that are certainly not blocked.
     pub open: [u16; TOGETHER],
     pub(crate) list: List,
     pub(crate) seen: [ProjectedRays; TOGETHER],
 }
 
 impl Decided {
-    /// Nothing is.
+    /// Marks all rays as undecided.
     pub fn clear(&mut self) {
         (self.stopped, self.open) = ([0; TOGETHER], [0; TOGETHER]);
     }
 }
 
-/// Sixteen triangles, with what an estimate of an origin on them needs.
+/// Sixteen triangles, with the coefficients of the estimates on them.
 #[derive(Debug, Clone, Copy, Default)]
 pub(crate) struct Faces {
     /// Unit normals, those of [`SurfacePoint`](crate::trace::SurfacePoint), on the side of the light.
     pub(crate) normal: [F16; 3],
-    /// Coefficients `(cx, cy, cz, c1)`: a position `q` from the centre is moved by `cx q.x + cy q.y + cz q.z + c1` along the normal.
+    /// Coefficients `(cx, cy, cz, c1)`: a position `q` relative to the centre is moved by `cx q.x + cy q.y + cz q.z + c1` along the normal.
     shift: [F16; 4],
-    /// Coefficients of the barycentric coordinates of corners 1 and 2.
+    /// Coefficients, of the same form, of the barycentric coordinates of corners 1 and 2.
     shares: [[F16; 4]; 2],
-    /// The barycentric coordinates that a position needs at least to be far enough from the borders; infinite for thin triangles.
+    /// Least barycentric coordinate of a position that is far enough from the borders; infinite for thin triangles.
     least: F16,
-    /// Units of rounding error along the normal.
+    /// Error along the normal, in units of [`UNIT_ROUNDOFF`].
     units: F16,
 }
 
 impl Faces {
-    /// Half of sixteen triangles, from their corners, for positions that are no farther from a centre than `extent` by axis.
+    /// Sets half 0 or 1 of the sixteen triangles from their corners, for positions within `extent` of the centre along each axis.
     ///
-    /// Let `a` be corner 0 from the centre, `e₁` and `e₂` the edges from it, `N = e₁ x e₂`, `n = N / |N|` on the side of the light, and `q` a
-    /// position from the centre. Then
+    /// Let `a` be corner 0 relative to the centre, `e₁` and `e₂` the edges from it, `N = e₁ x e₂`, `n = N / |N|` on the side of the light,
+    /// and `q` a position relative to the centre. Then
     ///
     /// * the barycentric coordinates are `u = U · (q - a)`, `U = (e₂ x N) / N²`, and `v = V · (q - a)`, `V = (N x e₁) / N²`;
     /// * the height above the plane is `n · (q - a)`;
-    /// * the offset is `L = k (|n| · (|a₀| + u |e₁| + v |e₂|) + r REACH)`, with `k = UNITS u`, `a₀` corner 0 in the world, and `r`, the
-    ///   distance to the farthest corner, replaced by the middle of its range, `3/4` of the extent.
+    /// * the offset is `L = k (|n| · (|a₀| + u |e₁| + v |e₂|) + r REACH)`, with `k = UNITS u` and `a₀` corner 0 in the world. `r`, the
+    ///   distance to the farthest corner, is replaced by the middle of its range, `3/4` of the extent.
     ///
     /// So the shift `L - n · (q - a)` is linear in `q`: its gradient is `k (|n| · |e₁| U + |n| · |e₂| V) - n`.
     #[inline(always)]
@@ -92,7 +94,7 @@ impl Faces {
         let units = f64::from(OFFSET_UNITS) * unit;
         let (mut normals, mut shifts, mut shares) = ([[0.0; LANES]; 3], [[0.0; LANES]; 4], [[[0.0; LANES]; 4]; 2]);
         let (mut leasts, mut errors) = ([0.0; LANES], [0.0; LANES]);
-        // A loop of fixed length over arrays becomes vector code.
+        // A loop of fixed length over arrays is vectorised.
         for lane in 0..LANES {
             let of = half * LANES + lane;
             let [a, b, c] = [double(a, of), double(b, of), double(c, of)];
@@ -138,7 +140,7 @@ impl Faces {
         set_half(from_mut(&mut self.units), half, &[errors]);
     }
 
-    /// The error of estimates on any of some triangles.
+    /// Error bound, by axis, of estimates on any of the triangles `of`.
     #[inline(always)]
     pub(crate) fn error<S: Simd>(&self, simd: S, of: Mask, center: Vec3, extent: Vec3) -> Vec3 {
         let zero = simd.wide_splat(0.0);
@@ -153,8 +155,8 @@ impl Faces {
 }
 
 impl Estimates {
-    /// Puts origins in the place of the positions of some rays, by packet, which lie on one of sixteen triangles; those near a border
-    /// have none. Returns whether any has one.
+    /// Replaces the positions of some rays (a mask for each packet) by estimated origins. All these positions lie on one of sixteen
+    /// triangles; positions near a border get no estimate. Returns whether any ray got one.
     #[inline(always)]
     pub(crate) fn estimate<S: Simd>(
         &mut self,
@@ -190,7 +192,7 @@ impl Estimates {
     }
 }
 
-/// Sets half of some vectors.
+/// Sets half 0 or 1 of some vectors.
 #[inline(always)]
 fn set_half(vectors: &mut [F16], half: usize, values: &[[f32; LANES]]) {
     for (vector, values) in vectors.iter_mut().zip(values) {
@@ -198,7 +200,7 @@ fn set_half(vectors: &mut [F16], half: usize, values: &[[f32; LANES]]) {
     }
 }
 
-/// The product of a position and 1 with what a lane holds.
+/// `(position, 1) · factors`, with the factors of one lane.
 #[inline(always)]
 fn linear<S: Simd>(simd: S, factors: &[F16; 4], lane: usize, position: &[S::Wide; 3]) -> S::Wide {
     let mut sum = simd.wide_splat(factors[3].0[lane]);
@@ -228,7 +230,7 @@ mod tests {
         }
     }
 
-    /// Estimates for sixteen positions on each of sixteen triangles.
+    /// Computes estimates for sixteen positions on each of sixteen triangles.
     struct Estimate<'a> {
         geometry: &'a Geometry,
         positions: &'a [[Vec3; PACKET]; TOGETHER],
@@ -269,7 +271,7 @@ mod tests {
         }
     }
 
-    /// Triangles of many sizes and shapes about a point, and positions on them, many near borders and some off the plane.
+    /// Triangles of many sizes and shapes around a point, and positions on them, many near borders and some off the plane.
     fn case(round: usize, random: &mut Random) -> (Geometry, [[Vec3; PACKET]; TOGETHER]) {
         let scale = [1.0, 1e-3, 1e3][round % 3];
         let middle = random.vector() * scale * [0.0, 1.0, 30.0, 1e3][round % 4];
@@ -333,7 +335,8 @@ mod tests {
         assert!((0.1..0.8).contains(&most), "the largest error is {most} of the bound");
     }
 
-    /// Verdicts on rays whose origins are off by up to `off` where `error` is promised, and those that the exact rays contradict.
+    /// For origins that are off by up to `off` where the error bound `error` is given: the number of verdicts, and how many of them the
+    /// exact rays contradict.
     fn verdicts(off: f32, error: f32) -> (u32, u32) {
         let mut random = Random(7);
         let mut geometry = Geometry::default();

@@ -1,11 +1,11 @@
-//! Rays of one direction that start near each other, as those of a tile to a distant light do: the triangles that may be in
-//! their way are gathered once, and what is certain of sixteen rays is found without testing them.
+//! Rays of one direction that start near each other, such as the shadow rays of a tile to a distant light. The triangles that may block
+//! them are gathered once, and most rays are decided sixteen at a time, without the watertight test.
 //!
-//! Seen along the direction, a ray is a point and a tile's rays a small rectangle: coordinates are sheared as the watertight
-//! test shears them, `x - sx z` and `y - sy z` where z is the direction's longest axis. The tree is searched for the triangles
-//! whose bounds meet the rectangle. Of those, a packet's own rectangle is compared with sixteen at a time, by their bounds and
-//! by their edges (the separating axes of two convex shapes); and rays that start above a triangle that looks towards the light
-//! pass it. What remains is put to the watertight test ([`PreparedPacket`]), so every ray gets the answer that it gets alone.
+//! Projected along the direction, a ray is a point and a tile's rays lie in a small rectangle. Coordinates are sheared as in the watertight
+//! test, `x - sx z` and `y - sy z`, where z is the direction's longest axis. The tree is searched for the triangles whose bounds meet the
+//! rectangle. A packet's own rectangle is compared with sixteen of those triangles at a time, by their bounds and by their edges (the
+//! separating axes of two convex shapes). Rays that start above a triangle that faces the light miss it. Undecided rays go to the
+//! watertight test ([`PreparedPacket`]), so every ray gets the answer that it would get alone.
 
 #![allow(clippy::needless_range_loop, reason = "an axis indexes several arrays side by side")]
 
@@ -17,11 +17,11 @@ use crate::trace::ray::{Hit, PACKET, Packet, TOGETHER};
 use crate::trace::simd::{F16, Mask, NO_LANES, Simd, first_wide_lane};
 use crate::trace::tree::{Child, WideTree};
 
-/// Rays below which a list is not worth it.
+/// With fewer rays than this, a list is not worth it.
 const FEW: u32 = 16;
 
-/// Answers for the rays of up to [`TOGETHER`] packets, one bit a ray, where they have one direction; else does nothing and
-/// returns false. `accept` is told the ray as 16 times its packet plus its lane.
+/// Finds the blocked rays of up to [`TOGETHER`] packets, one bit a ray, if all rays have one direction; otherwise does nothing and returns
+/// false. `accept` also receives the ray's number: 16 times the index of its packet, plus its lane.
 #[inline(always)]
 pub(crate) fn occluded<S: Simd>(
     simd: S,
@@ -52,7 +52,7 @@ pub(crate) fn occluded<S: Simd>(
     true
 }
 
-/// They are traced.
+/// Traces undecided rays exactly.
 struct Exact<'a, A> {
     tree: &'a WideTree,
     rays: &'a Rays<'a>,
@@ -85,12 +85,12 @@ impl<A: FnMut(usize, &Hit) -> bool> Undecided for Exact<'_, A> {
 struct Rays<'a> {
     packets: &'a [Packet],
     octant: Octant,
-    /// The rays of each packet that can meet anything.
+    /// The rays of each packet that can hit anything.
     valid: [Mask; TOGETHER],
 }
 
 impl<'a> Rays<'a> {
-    /// The rays, and their direction; nothing if they have not one, or are too few.
+    /// The common data, the origin of one of the rays, and the direction; `None` if the directions differ, or there are too few rays.
     #[inline(always)]
     fn of<S: Simd>(simd: S, packets: &'a [Packet]) -> Option<(Self, [f32; 3], [f32; 3])> {
         let model = packets.iter().find(|packet| packet.active != 0)?;
@@ -125,7 +125,7 @@ impl<'a> Rays<'a> {
         (count >= FEW && rays.zeros_have_one_sign(direction)).then_some((rays, origin, direction))
     }
 
-    /// Comparison does not tell zeros of either sign apart, but the box test does.
+    /// Whether components that are zero have the same sign in all rays: comparison does not distinguish -0 from 0, but the slab test does.
     #[inline(always)]
     fn zeros_have_one_sign(&self, direction: [f32; 3]) -> bool {
         (0..3).filter(|&axis| direction[axis] == 0.0).all(|axis| {

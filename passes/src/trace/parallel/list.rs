@@ -1,4 +1,4 @@
-//! The triangles that may be in the way of the rays of a tile, gathered from the tree.
+//! The triangles that may block the rays of a tile, gathered from the tree.
 
 #![allow(clippy::needless_range_loop, reason = "an axis indexes several arrays side by side")]
 
@@ -6,31 +6,31 @@ use super::projection::{ProjectedTriangles, Projection, Zone};
 use crate::trace::simd::{F16, LANES, Mask, NO_LANES, Simd, WIDE};
 use crate::trace::tree::{Child, WideTree};
 
-/// Triangles in a list, at most.
+/// Greatest number of triangles in a list.
 pub(crate) const MOST: usize = 512;
-/// Leaves that are brought near before they are looked at.
+/// How many leaves ahead data is prefetched.
 const AHEAD: usize = 3;
-/// Sixteens of triangles that packets are compared with at a time: the more, the fewer ends of loops are guessed wrongly.
+/// Vectors of sixteen triangles that packets are compared with at a time: with more of them, fewer loop ends are mispredicted.
 pub(crate) const GROUP: usize = 4;
 
-/// The triangles that may be in the way of some packets.
+/// The triangles that may block the rays of some packets.
 #[derive(Debug)]
 pub(crate) struct List {
-    /// Nodes to look at, those that were looked at, and leaves.
+    /// Work lists of the search: indices of nodes, visited and not, and of leaves.
     nodes: [u32; MOST + LANES],
     leaves: [u32; MOST + LANES],
-    /// By corner and axis.
+    /// Coordinates of the triangles, `[corner][axis]`.
     corners: [[Coordinates; 3]; 3],
     pub(crate) ids: [u32; MOST + WIDE],
-    /// What is asked of those that are looked at.
+    /// Projections of the triangles that are being compared.
     pub(crate) projected: [ProjectedTriangles; GROUP],
-    /// The leaf of each, and its lane there where it is to be asked for.
+    /// For each triangle, the index of its leaf and its lane there. `lane_of` is filled only if `gather` was told so.
     pub(crate) leaf_of: [u32; MOST + WIDE],
     pub(crate) lane_of: [u32; MOST + WIDE],
     pub(crate) len: usize,
 }
 
-/// A coordinate of triangles.
+/// One coordinate of all triangles.
 type Coordinates = [F16; MOST / WIDE + 1];
 
 impl Default for List {
@@ -51,10 +51,10 @@ impl List {
         len: 0,
     };
 
-    /// Collects the triangles that rays of a zone may meet; false if there are more than `longest` of them, of nodes or of leaves.
+    /// Collects the triangles that rays of a zone may hit. Returns false if there are more than `longest` triangles, nodes or leaves.
     ///
-    /// All nodes are visited before all leaves, in the order in which they are found: the next node is known before the last is done.
-    /// Children are appended without a jump.
+    /// All nodes are visited before all leaves, in the order in which they are found, so the next node is known before the last is done.
+    /// Children are appended without a branch. `LANES_TOO` says whether `lane_of` is needed.
     #[inline(always)]
     pub(crate) fn gather<S: Simd, const LANES_TOO: bool>(
         &mut self,
@@ -132,7 +132,7 @@ impl List {
     }
 }
 
-/// Adds those of eight numbers that are chosen to a list of so many, and returns how many it has then.
+/// Appends the chosen ones of eight numbers to a list of length `len`, and returns its new length.
 #[inline(always)]
 fn append<S: Simd>(simd: S, list: &mut [u32], len: usize, (numbers, chosen): (&[u32; LANES], Mask)) -> usize {
     list[len..len + LANES].copy_from_slice(&simd.compress(numbers, chosen));

@@ -1,16 +1,15 @@
 //! Triangles and ray origins projected along one direction, and what is certain of sixteen rays against a triangle.
 //!
-//! What the watertight test computes, it computes from rounded differences to the ray's origin. It takes a line to pass through a
-//! triangle only if the origin lies in the triangle of the rounded corners. Let `u` = 2⁻²⁴ and `S` be the largest coordinate,
-//! from a centre in the tile, of the triangle's corners and of origins together. Corners and points across the direction are off by
-//! most 5 u S each here and as much there. So a triangle is missed if its bounds are [`COORDINATE_UNITS`] u S away, or if a line through
-//! the ray's point has all corners on one side by 15 u S; and it is met if the edge functions, products of coordinates up to `D`, are
-//! positive by 30 u S D, where `D` is the extent of the triangle and of all points. With the rounding of the products both are
-//! below [`EDGE_UNITS`] u S D.
+//! The watertight test computes with rounded differences to the ray's origin. It accepts a line only if the origin lies in the triangle of
+//! the rounded corners. Let `u` = 2⁻²⁴, and let `S` be the largest coordinate, relative to a centre in the tile, of the triangle's corners
+//! and of all origins. Projected corners and points are off by at most 5 u S here, and by as much in the watertight test. So a triangle is
+//! missed if its bounds are [`COORDINATE_UNITS`] u S away, or if a line through the ray's point has all corners on one side by 15 u S. It
+//! is hit if the edge functions, products of coordinates up to `D`, are positive by 30 u S D, where `D` is the extent of the triangle and
+//! of all points. With the rounding of the products both bounds are below [`EDGE_UNITS`] u S D.
 //!
-//! The side of a plane on which a ray starts is decided in the watertight test by an `f64` distance, so for rays that pass only the
-//! rounding here counts: by axis, [`HEIGHT_UNITS`] u times the products that make up the normal and the distances that it is multiplied
-//! by, so that nothing is lost where a triangle lies flat along an axis. For hits it is also [`DOUBT`].
+//! The watertight test decides the side of a plane on which a ray starts by an `f64` distance. So for misses only the rounding here counts:
+//! by axis, [`HEIGHT_UNITS`] u times the products that make up the normal and the distances that it is multiplied by. Bounding each axis
+//! separately loses nothing where a triangle lies flat along an axis. For hits, [`DOUBT`] is added.
 
 #![allow(clippy::needless_range_loop, reason = "an axis indexes several arrays side by side")]
 
@@ -23,7 +22,7 @@ use crate::trace::simd::{F16, Mask, NO_LANES, Simd};
 use crate::trace::tree::{Bounds, Leaf, Node, permutation};
 use glam::Vec3;
 
-/// The direction, and the point from which coordinates are counted.
+/// The direction of projection, and the origin of coordinates.
 pub(crate) struct Projection {
     axes: [usize; 3],
     shear: [f32; 2],
@@ -31,21 +30,21 @@ pub(crate) struct Projection {
     pub(crate) is_backward: bool,
     direction: [f32; 3],
     center: [f32; 3],
-    /// Largest coordinates of origins, from the centre.
+    /// Largest coordinates of ray origins, relative to the centre.
     size: Vec3,
-    /// What [`DOUBT`] makes of the sum of the largest coordinates from any origin.
+    /// Error of the plane test for hits: [`DOUBT`] u times the sum of the largest distances of the scene from any origin.
     doubt: f32,
-    /// By how much origins may be off, by axis, and across the direction.
+    /// Bounds on the errors of the origins by axis, and of their projections.
     blur: Vec3,
     blur_across: [f32; 2],
 }
 
-/// The rays of a packet, seen along the direction.
+/// The rays of a packet, projected along the direction.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct ProjectedRays {
     /// Origins, relative to the centre.
     origin: [F16; 3],
-    /// The same across the direction.
+    /// Projected origins.
     across: [F16; 2],
     pub(crate) zone: Zone,
     /// Bounds of the origins, relative to the centre.
@@ -63,26 +62,26 @@ impl ProjectedRays {
     pub(crate) const NONE: Self =
         Self { origin: [F16::ZERO; 3], across: [F16::ZERO; 2], zone: Zone::EMPTY, low: [0.0; 3], high: [0.0; 3] };
 
-    /// Largest coordinates of origins.
+    /// Largest coordinates of the origins, by axis.
     #[inline(always)]
     fn size(&self) -> Vec3 {
         Vec3::from_array(self.high).max(-Vec3::from_array(self.low))
     }
 }
 
-/// A rectangle across the direction, and where along it the first ray starts.
+/// A rectangle of projected origins, and where along the direction the first ray starts.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Zone {
     low: [f32; 2],
     high: [f32; 2],
-    /// Along the longest axis: the least origin, or the greatest of backward rays.
+    /// Coordinate along the longest axis: the least of all origins, or the greatest for backward rays.
     first: f32,
 }
 
 impl Zone {
     const EMPTY: Self = Self { low: [f32::INFINITY; 2], high: [f32::NEG_INFINITY; 2], first: f32::NAN };
 
-    /// Grows to include another that is not empty.
+    /// Grows to include another zone that is not empty.
     #[inline(always)]
     pub(crate) fn join(&mut self, other: &Self, is_backward: bool) {
         for axis in 0..2 {
@@ -111,7 +110,7 @@ impl Projection {
     #[inline(always)]
     pub(crate) fn new(octant: Octant, center: [f32; 3], direction: [f32; 3]) -> Self {
         let axes @ [x, y, z] = permutation(octant.axis());
-        // As the watertight test has it: what is too small to have a reciprocal is 0.
+        // As in the watertight test, components too small to have a reciprocal count as 0.
         let direction = direction.map(|d| if d.abs() < f32::MIN_POSITIVE { d * 0.0 } else { d });
         let shear = [direction[x] / direction[z], direction[y] / direction[z]];
         let is_backward = octant.backward()[z] == 1;
@@ -128,17 +127,17 @@ impl Projection {
         }
     }
 
-    /// The same, of origins that may be off by so much.
+    /// The projection for origins that may be off by `blur` along each axis.
     #[inline(always)]
     pub(crate) fn blurred(self, blur: Vec3) -> Self {
         let [x, y, z] = self.axes;
-        // Somewhat more, for its own rounding.
+        // Slightly more, for the rounding of this sum.
         let across = |side: usize, axis: usize| (blur[axis] + self.shear[side].abs() * blur[z]) * 1.001;
         Self { blur, blur_across: [across(0, x), across(1, y)], ..self }
     }
 
-    /// Takes in how far origins and the scene reach from the centre, and grows the zones by the rounding that comes of it; false
-    /// if products of coordinates might overflow.
+    /// Computes the bounds that depend on how far origins and the scene reach from the centre, and grows the zones by the rounding errors.
+    /// Returns false if products of coordinates might overflow.
     #[inline(always)]
     pub(crate) fn settle(&mut self, scene: &Bounds, seen: &mut [ProjectedRays]) -> bool {
         self.size = seen.iter().fold(Vec3::ZERO, |size, seen| size.max(seen.size())) + self.blur;
@@ -165,7 +164,7 @@ impl Projection {
         self.rays(simd, origin, valid)
     }
 
-    /// Rays whose origins are given from the centre.
+    /// Projects rays whose origins are relative to the centre.
     #[inline(always)]
     pub(crate) fn rays<S: Simd>(&self, simd: S, mut origin: [S::Wide; 3], valid: Mask) -> ProjectedRays {
         let zero = simd.wide_splat(0.0);
@@ -182,7 +181,7 @@ impl Projection {
         };
         let (a, b) = (across(0, x), across(1, y));
         let ((a_low, a_high), (b_low, b_high)) = (reach(simd, a, valid), reach(simd, b, valid));
-        // Chosen number by number: parts of an array would be read as a whole just after they were written.
+        // Selected component by component: a vector load that follows scalar stores to the same array would stall.
         let of_z = |at_x: f32, at_y: f32, at_z: f32| match z {
             0 => at_x,
             1 => at_y,
@@ -217,14 +216,14 @@ impl Projection {
         lanes
     }
 
-    /// The lanes that do not lie behind all rays.
+    /// The lanes that do not lie behind the origins of all rays.
     #[inline(always)]
     fn ahead<S: Simd>(&self, simd: S, low: S::Vector, high: S::Vector, zone: &Zone) -> Mask {
         let first = simd.splat(zone.first);
         if self.is_backward { simd.at_most(low, first) } else { simd.at_most(first, high) }
     }
 
-    /// The triangles of a leaf that rays of a zone may meet.
+    /// The triangles of a leaf that rays of a zone may hit.
     #[inline(always)]
     pub(crate) fn triangles<S: Simd>(&self, simd: S, leaf: &Leaf, zone: &Zone) -> Mask {
         let [x, y, z] = self.axes;
@@ -250,7 +249,7 @@ impl Projection {
     }
 }
 
-/// The least and the greatest of some of sixteen numbers.
+/// The least and the greatest of the numbers in the lanes `of`.
 #[inline(always)]
 fn reach<S: Simd>(simd: S, numbers: S::Wide, of: Mask) -> (f32, f32) {
     let low = simd.wide_select(of, numbers, simd.wide_splat(f32::INFINITY));
@@ -258,21 +257,21 @@ fn reach<S: Simd>(simd: S, numbers: S::Wide, of: Mask) -> (f32, f32) {
     (simd.wide_least(low), simd.wide_most(high))
 }
 
-/// Sixteen triangles, seen along the direction.
+/// Sixteen triangles, projected along the direction.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct ProjectedTriangles {
     low: [F16; 2],
     high: [F16; 2],
-    /// The normals of the edges, inward.
+    /// Normals of the edges, pointing inward.
     edge: [[F16; 2]; 3],
-    /// With `n` the normal of an edge and `p` a projected origin: `n · p < outside` for any edge says that the ray passes the triangle by, and
-    /// `n · p > inside` for all edges that its line meets the triangle.
+    /// With `n` the normal of an edge and `p` a projected origin: if `n · p < outside` for any edge, the ray misses the triangle; if
+    /// `n · p > inside` for all edges, its line passes through the triangle.
     outside: [F16; 3],
     inside: [F16; 3],
-    /// The normal of the plane, turned so that rays run to its side.
+    /// Normals of the planes, with the sign for which `n · direction > 0`.
     normal: [F16; 3],
-    /// With `n` this normal and `o` an origin: `n · o > beyond` says that the ray starts beyond the plane and misses it, and `n · o < before`
-    /// that it starts before the plane.
+    /// With `n` this normal and `o` an origin: if `n · o > beyond`, the ray starts beyond the plane and misses the triangle; if
+    /// `n · o < before`, it starts before the plane.
     beyond: F16,
     before: F16,
 }
@@ -289,12 +288,13 @@ impl ProjectedTriangles {
         before: F16::ZERO,
     };
 
-    /// From the corners, `[corner][axis]`; `opaque` says which triangles stop every ray.
+    /// Projects sixteen triangles, given as `[corner][axis]`; `opaque` says which of them stop every ray.
     ///
-    /// Let `S` be the largest coordinate of corners and origins from the centre, and `D` the extent of triangle and zone, summed over both
-    /// axes. A projected corner is `q = (x - sx z, y - sy z)`, with an error of `E = COORDINATE_UNITS u S` an axis. The bounds are those of the
-    /// corners, grown by `E`. The edge from `q` to `r` has the normal `n = (q.y - r.y, r.x - q.x)`, turned towards the third corner `s`; its
-    /// function `n · p` errs by `F = EDGE_UNITS u S D`, and by `|n| · b` more where origins are only known within `b`. So
+    /// Let `S` be the largest coordinate of corners and origins relative to the centre, and `D` the extent of triangle and zone, summed
+    /// over both axes. A projected corner is `q = (x - sx z, y - sy z)`, with an error of `E = COORDINATE_UNITS u S` an axis. The bounds
+    /// are those of the corners, grown by `E`. The edge from `q` to `r` has the normal `n = (q.y - r.y, r.x - q.x)`, with the sign for
+    /// which it points towards the third corner `s`. Its function `n · p` errs by `F = EDGE_UNITS u S D`, plus `|n| · b` where origins are
+    /// only known within `b`. So
     ///
     /// * `outside = min(n · q, n · r, n · s) - F - |n| · b`,
     /// * `inside = max(n · q, n · r) + F + |n| · b`.
@@ -365,15 +365,16 @@ impl ProjectedTriangles {
 
     /// Sets the plane: its normal, and the bounds on heights of origins.
     ///
-    /// With edges `e` and `f` of the triangle, `a` its first corner from the centre, `d` the direction, and origins up to `s` from the centre,
-    /// known within `b`: `n = e x f`; along each axis it errs by `H = HEIGHT_UNITS u (|e f'| + |e' f|)`, the two products that it is the
-    /// difference of. Then, summed over the axes,
+    /// Let `e` and `f` be edges of the triangle, `a` its first corner relative to the centre, `d` the direction, and let origins be up to
+    /// `s` from the centre, known within `b`. The normal is `n = e x f`; along each axis it errs by `H = HEIGHT_UNITS u (|e f'| + |e' f|)`,
+    /// from the two products whose difference it is. Then, summed over the axes,
     ///
     /// * the height `n · (o - a)` errs by at most `h = H · (|a| + s) + |n| · b`,
-    /// * the slope `n · d` by at most `H · |d|`; below that, the ray may be parallel to the plane, and nothing is certain.
+    /// * the slope `n · d` errs by at most `H · |d|`; if the slope is smaller, the ray may be parallel to the plane, and nothing is
+    ///   certain.
     ///
-    /// With `n` turned so that `n · d > 0`: `beyond = n · a + h`, and `before = n · a - h - max |n| doubt`, where `doubt` is what the distance
-    /// test allows (`DOUBT` in `rounding.rs`).
+    /// With the sign of `n` for which `n · d > 0`: `beyond = n · a + h`, and `before = n · a - h - max |n| doubt`, where `doubt` is the
+    /// error of the distance test (`DOUBT` in `rounding.rs`).
     #[inline(always)]
     fn set_plane<S: Simd>(
         &mut self,
@@ -384,7 +385,7 @@ impl ProjectedTriangles {
         opaque: Mask,
     ) {
         let zero = simd.wide_splat(0.0);
-        // Edges from the corners as they are: seen from the centre they are rounded.
+        // Edges from the original corners: relative to the centre, corners are rounded.
         let mut edges = [[zero; 3]; 2];
         for axis in 0..3 {
             let from = simd.wide_load(triangles[0][axis]);
@@ -415,7 +416,7 @@ impl ProjectedTriangles {
             offset = simd.wide_about_mul_add(turned, corner[axis], offset);
             self.normal[axis] = simd.wide_store(turned);
         }
-        // Else a ray may be parallel to the plane, and nothing is certain; nor is it if anything is not a number.
+        // If not, a ray may be parallel to the plane, or a number is NaN, and nothing is certain.
         let decides = simd.wide_below(of_slope, simd.wide_abs(slope));
         let beyond = simd.wide_add(offset, of_height);
         let of_hit = simd.wide_mul(longest, simd.wide_splat(view.doubt));
@@ -424,7 +425,7 @@ impl ProjectedTriangles {
         self.before = simd.wide_store(simd.wide_select(decides & opaque, before, simd.wide_splat(f32::NEG_INFINITY)));
     }
 
-    /// The triangles that the rays of a packet may meet.
+    /// The triangles that the rays of a packet may hit.
     #[inline(always)]
     pub(crate) fn meeting<S: Simd>(&self, simd: S, seen: &ProjectedRays) -> Mask {
         let zone = &seen.zone;
@@ -444,7 +445,7 @@ impl ProjectedTriangles {
             }
             apart |= simd.wide_below(most, simd.wide_load(&self.outside[edge]));
         }
-        // The lowest of all origins.
+        // Lower bound of `n · o` over all origins.
         let mut least = simd.wide_splat(0.0);
         for axis in 0..3 {
             let normal = simd.wide_load(&self.normal[axis]);
@@ -455,7 +456,7 @@ impl ProjectedTriangles {
         !(apart | simd.wide_below(simd.wide_load(&self.beyond), least))
     }
 
-    /// The rays that a triangle certainly stops, and those that it may stop.
+    /// The rays that a triangle certainly stops, and the rays that it may stop.
     #[inline(always)]
     pub(crate) fn stops<S: Simd>(&self, simd: S, lane: usize, seen: &ProjectedRays, open: Mask) -> (Mask, Mask) {
         let mut height = simd.wide_splat(0.0);

@@ -7,42 +7,43 @@ use crate::trace::simd::{Mask, NO_LANES, Simd, WIDE};
 use crate::trace::tree::{TRANSPARENT, WideTree};
 use std::ops::Range;
 
-/// How many packets share a list; where it is too long, fewer share one, and in the end none is made.
+/// Number of packets that share a list, by level. Where a list would be too long, fewer packets share one; in the end no list is made.
 pub(crate) const LEVELS: [usize; 3] = [TOGETHER, 4, 1];
 
-/// What is done with rays that a list leaves undecided.
+/// How rays that a list leaves undecided are handled.
 pub(crate) trait Undecided {
-    /// The longest list, by how many packets share it.
+    /// Greatest length of a list, by level.
     const LONGEST: [usize; LEVELS.len()];
-    /// Whether origins are estimates. Then the undecided rays are only marked, which is cheaper than a jump that asks whether there are any.
+    /// Whether origins are estimates. If so, undecided rays are only marked, which is cheaper than a branch that asks whether there are
+    /// any.
     const ESTIMATED: bool;
 
-    /// The rays that leave this triangle, and so do not meet it, whatever the list says.
+    /// The rays of a packet that leave this triangle, and so do not hit it whatever the list says.
     #[inline(always)]
     fn leaving<S: Simd>(&self, _simd: S, _packet: usize, _triangle: u32) -> Mask {
         NO_LANES
     }
 
-    /// Which of some rays a triangle, the lane of a leaf, stops.
+    /// Which of the rays `(packet, mask)` a triangle, given by its leaf and lane, stops.
     fn stopped_by<S: Simd>(&mut self, simd: S, rays: (usize, Mask), triangle: (usize, usize)) -> Mask;
 
-    /// Which of some rays any triangle stops; there is no list for them.
+    /// Which of the rays `(packet, mask)` any triangle stops; called where no list was made.
     fn stopped<S: Simd>(&mut self, simd: S, rays: (usize, Mask)) -> Mask;
 }
 
 /// Rays that are answered together.
 pub(crate) struct Tile<'a> {
     pub(crate) tree: &'a WideTree,
-    /// The rays of each packet that can meet anything.
+    /// The rays of each packet that can hit anything.
     pub(crate) valid: &'a [Mask; TOGETHER],
     pub(crate) projection: &'a Projection,
     pub(crate) seen: &'a [ProjectedRays; TOGETHER],
-    /// Whether a ray that meets an opaque triangle ahead is stopped, however far it is.
+    /// Whether a ray that meets an opaque triangle in front of its origin is stopped at any distance (`t_max` is infinite).
     pub(crate) hits_are_certain: bool,
 }
 
 impl Tile<'_> {
-    /// The zone of some packets; nothing if no ray of theirs can meet anything.
+    /// The joint zone of some packets; `None` if no ray of theirs can hit anything.
     #[inline(always)]
     fn zone(&self, packets: Range<usize>) -> Option<Zone> {
         let mut packets = packets.filter(|&packet| self.valid[packet] != NO_LANES);
@@ -53,7 +54,7 @@ impl Tile<'_> {
         Some(zone)
     }
 
-    /// Fills a list for a zone; false if that takes too much.
+    /// Fills a list for a zone; false if the list would be too long.
     #[inline(always)]
     fn gather<S: Simd, U: Undecided>(&self, simd: S, list: &mut List, zone: &Zone, longest: usize) -> bool {
         if U::ESTIMATED {
@@ -65,12 +66,12 @@ impl Tile<'_> {
 
     /// Answers for some packets from lists of triangles.
     ///
-    /// Packets are taken in order, `todo.start` being the first without an answer. At level `l` the next `LEVELS[l]` packets share a list; its
-    /// zone is `Z`, with area `A(Z)`. The levels are tried from the largest group to the smallest:
+    /// Packets are taken in order; `todo.start` is the first without an answer. At level `l` the next `LEVELS[l]` packets share a list;
+    /// their zone is `Z`, with area `A(Z)`. The levels are tried from the largest group to the smallest:
     ///
     /// * `tried[l]` is the packet up to which level `l` failed. The first level with `tried[l] <= todo.start` is tried.
-    /// * A level is skipped if `A(Z) > A(Z') / 2`, `Z'` being the zone of the level above it, whose list was too long: a zone of more than half
-    ///   the area holds about as many triangles. It is skipped, too, once a list of its level was too long (`in_vain`).
+    /// * A level is skipped if `A(Z) > A(Z') / 2`, where `Z'` is the zone of the level above it, whose list was too long: a zone of more
+    ///   than half the area holds about as many triangles. It is also skipped once a list of its level was too long (`in_vain`).
     /// * Where no level is left, the rays of the packet are answered without a list.
     #[inline(always)]
     pub(crate) fn answer<S: Simd, U: Undecided>(
@@ -111,7 +112,7 @@ impl Tile<'_> {
         }
     }
 
-    /// Answers for some packets, whose zone is given, from a list.
+    /// Answers for some packets from the list of their zone.
     #[inline(always)]
     fn test<S: Simd, U: Undecided>(
         &self,

@@ -1,36 +1,36 @@
-//! Directions of many rays from one origin, as vector code reads them.
+//! Directions of many rays from one origin, in the layout of vector code.
 
 use crate::trace::simd::{F16, WIDE, vector_at};
 use glam::Vec3;
 
-/// Unit directions, structure of arrays, in vectors of sixteen. It pays where those of one vector are neighbours.
+/// Unit directions as a structure of arrays, in vectors of sixteen. Vector code is fastest where the directions of one vector are similar.
 #[derive(Debug, Clone, Default)]
 pub struct Directions {
-    /// What lies beyond the last direction is 0.
+    /// Lanes beyond the last direction hold 0.
     pub(crate) vectors: Vec<[F16; 3]>,
     len: usize,
 }
 
 impl Directions {
-    /// How many there are.
+    /// Number of directions.
     #[must_use]
     pub fn len(&self) -> usize {
         self.len
     }
 
-    /// Whether there are none.
+    /// Whether there are no directions.
     #[must_use]
     pub fn is_empty(&self) -> bool {
         self.len == 0
     }
 
-    /// Removes all.
+    /// Removes all directions.
     pub fn clear(&mut self) {
         self.vectors.clear();
         self.len = 0;
     }
 
-    /// Adds one.
+    /// Adds a direction.
     pub fn push(&mut self, direction: Vec3) {
         let lane = self.len % WIDE;
         if lane == 0 {
@@ -44,15 +44,15 @@ impl Directions {
         self.len += 1;
     }
 
-    /// Replaces all by `len` directions, whose vectors are returned to be filled; what lies beyond the last of them is set to
-    /// 0 by [`Self::end`].
+    /// Sets the number of directions to `len` and returns their vectors for the caller to fill. [`Self::end`] must follow; it sets the
+    /// lanes beyond the last direction to 0.
     pub(crate) fn begin(&mut self, len: usize) -> &mut [[F16; 3]] {
         self.len = len;
         self.vectors.resize(len.div_ceil(WIDE), [F16::ZERO; 3]);
         &mut self.vectors
     }
 
-    /// Says that the vectors are filled.
+    /// Ends filling: sets the lanes beyond the last direction to 0.
     pub(crate) fn end(&mut self) {
         let used = self.len % WIDE;
         if let Some(vector) = self.vectors.last_mut()
@@ -64,12 +64,12 @@ impl Directions {
         }
     }
 
-    /// Them one by one.
+    /// The directions one by one.
     pub fn iter(&self) -> impl Iterator<Item = Vec3> + '_ {
         (0..self.len).map(|index| self.get(index))
     }
 
-    /// Adds them to others.
+    /// Appends the directions to a list.
     pub(crate) fn append_to(&self, others: &mut Vec<Vec3>) {
         let end = others.len() + self.len;
         for [x, y, z] in &self.vectors {
@@ -82,7 +82,7 @@ impl Directions {
         others.truncate(end);
     }
 
-    /// One of them.
+    /// The direction at an index.
     ///
     /// # Panics
     /// If there is no such direction.

@@ -1,6 +1,6 @@
-//! What is asked: rays, fans and packets of rays, lists of directions; and what is answered: hits.
+//! Queries (rays, fans and packets of rays, lists of directions) and answers (hits).
 //!
-//! Plain data in world coordinates, without anything of a scene or of a tree.
+//! Plain data in world coordinates, independent of scenes and trees.
 //! May use: `simd`, for the layout of its vectors.
 
 mod directions;

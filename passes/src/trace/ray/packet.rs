@@ -1,15 +1,15 @@
-//! Packets of rays: what rays that run side by side have in common is asked of the tree once.
+//! Packets of rays: similar rays share the work of the traversal.
 
 use super::ray::{Hit, Ray};
 use glam::Vec3;
 
 /// Rays in a packet.
 pub const PACKET: usize = 16;
-/// Packets that are traced together, at most: those of a tile.
+/// Greatest number of packets that are traced together: the packets of a tile.
 pub(crate) const TOGETHER: usize = 16;
 
-/// Up to sixteen rays, structure of arrays. It pays where they start near each other and run alike, as those of 4 x 4
-/// neighbouring pixels do.
+/// Up to sixteen rays as a structure of arrays. Faster than single rays where they start near each other and run in
+/// similar directions, as for 4 x 4 neighbouring pixels.
 #[derive(Debug, Clone, Copy, PartialEq)]
 #[repr(C, align(64))]
 pub struct Packet {
@@ -21,16 +21,16 @@ pub struct Packet {
     pub t_min: f32,
     /// Hits have `t < t_max`; may be infinite.
     pub t_max: f32,
-    /// One bit a ray, ray 0 lowest: those that are traced. What the others hold is not looked at.
+    /// The rays that are traced: one bit a ray, ray 0 in the lowest. The data of other lanes is not read.
     pub active: u16,
 }
 
 impl Packet {
-    /// A packet without rays and without an interval.
+    /// A packet without rays, whose interval is empty.
     pub(crate) const NONE: Self =
         Self { origin: [[0.0; PACKET]; 3], direction: [[0.0; PACKET]; 3], t_min: 0.0, t_max: 0.0, active: 0 };
 
-    /// A packet without rays.
+    /// A packet without rays, with an interval of distances.
     #[must_use]
     pub fn new(t_min: f32, t_max: f32) -> Self {
         Self { t_min, t_max, ..Self::NONE }
@@ -67,11 +67,11 @@ impl Packet {
     }
 }
 
-/// What the rays of a packet meet, structure of arrays.
+/// Hits of the rays of a packet, as a structure of arrays.
 #[derive(Debug, Clone, Copy, PartialEq)]
 #[repr(C, align(64))]
 pub struct PacketHits {
-    /// Distances; meaningful where [`Self::hit`] says so, as are the following.
+    /// Distances. This and the following fields are valid only for the rays in [`Self::hit`].
     pub t: [f32; PACKET],
     /// Barycentric coordinates of corner 1.
     pub u: [f32; PACKET],
@@ -79,22 +79,22 @@ pub struct PacketHits {
     pub v: [f32; PACKET],
     /// Triangle ids.
     pub triangle: [u32; PACKET],
-    /// One bit a ray: those that meet something.
+    /// The rays that hit something, one bit a ray.
     pub hit: u16,
 }
 
 impl PacketHits {
-    /// No ray meets anything.
+    /// No ray hits anything.
     pub const NONE: Self = Self { t: [0.0; PACKET], u: [0.0; PACKET], v: [0.0; PACKET], triangle: [0; PACKET], hit: 0 };
 
-    /// What the ray in a lane meets.
+    /// The hit of the ray in a lane; `None` for a miss.
     #[must_use]
     pub fn get(&self, lane: usize) -> Option<Hit> {
         let hit = Hit { t: self.t[lane], triangle: self.triangle[lane], u: self.u[lane], v: self.v[lane] };
         (self.hit >> lane & 1 == 1).then_some(hit)
     }
 
-    /// Says what the ray in a lane meets.
+    /// Stores the hit of the ray in a lane.
     pub fn set(&mut self, lane: usize, hit: &Hit) {
         self.t[lane] = hit.t;
         self.u[lane] = hit.u;

@@ -11,7 +11,7 @@ use glam::Vec3;
 pub struct Ray {
     /// Origin, world.
     pub origin: Vec3,
-    /// Direction, unit length; distances are multiples of it.
+    /// Direction, unit length; distances are in multiples of its length.
     pub direction: Vec3,
     /// Hits have `t > t_min`; 0 or more.
     pub t_min: f32,
@@ -20,17 +20,17 @@ pub struct Ray {
 }
 
 impl Ray {
-    /// A ray that meets nothing.
+    /// A ray that hits nothing.
     pub(crate) const NONE: Self = Self { origin: Vec3::ZERO, direction: Vec3::ZERO, t_min: 0.0, t_max: 0.0 };
 }
 
-/// Where a ray meets a triangle. Both sides of a triangle are hit.
+/// Where a ray hits a surface. Both sides of a triangle are hit.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Hit {
     /// Distance along the ray.
     pub t: f32,
-    /// Triangle id, as in [`Geometry::triangles`](curitiba_pipeline::scene::Geometry::triangles); of a tracer that knows exact spheres also
-    /// that of one ([`Geometry::sphere`](curitiba_pipeline::scene::Geometry::sphere)).
+    /// Triangle id, as in [`Geometry::triangles`](curitiba_pipeline::scene::Geometry::triangles). A tracer with exact spheres also returns
+    /// ids of spheres ([`Geometry::sphere`](curitiba_pipeline::scene::Geometry::sphere)).
     pub triangle: u32,
     /// Barycentric coordinate of corner 1.
     pub u: f32,
@@ -43,8 +43,8 @@ pub struct Hit {
 pub struct Fan<'a> {
     /// Origin, world.
     pub origin: Vec3,
-    /// A unit vector that no direction looks against, where there is one: `direction · above >= 0`, but for rounding. What
-    /// lies wholly below the origin's plane is then met by no ray.
+    /// If given, a unit vector such that `direction · above >= 0` for all directions, up to rounding. No ray then meets what lies wholly
+    /// below the plane through the origin with this normal.
     pub above: Option<Vec3>,
     /// Hits have `t > t_min`; 0 or more.
     pub t_min: f32,
@@ -62,14 +62,14 @@ impl Fan<'_> {
     }
 }
 
-/// Where rays were stopped lately: those that follow often stop there too. Any value serves any tracer.
+/// Leaves that stopped recent rays: the rays that follow are often stopped by the same ones. Any value is valid for any tracer.
 #[derive(Debug, Clone)]
 pub struct Recent {
     pub(crate) leaves: [u32; Self::LEAVES],
 }
 
 impl Recent {
-    /// Leaves that are remembered.
+    /// Number of leaves that are remembered.
     pub(crate) const LEAVES: usize = 4;
 }
 

@@ -21,8 +21,8 @@ impl BruteForce {
         Self { triangles: finite_triangles(geometry, transparent) }
     }
 
-    /// All candidates of a ray, in the order of their ids: distance and barycentric coordinates in `f64`, triangle,
-    /// whether it is transparent.
+    /// All candidates of a ray, in the order of their ids: (distance, barycentric coordinates of corners 1 and 2) in
+    /// `f64`, triangle id, whether the triangle is transparent.
     pub fn candidates(&self, ray: &Ray) -> impl Iterator<Item = (DVec3, u32, bool)> {
         let (origin, direction) = (ray.origin.as_dvec3(), ray.direction.as_dvec3());
         let finite = origin.is_finite() && direction.is_finite();
@@ -34,7 +34,8 @@ impl BruteForce {
     }
 }
 
-/// Distance and barycentric coordinates of corners 1 and 2 where a line meets a triangle, edges included.
+/// Distance and barycentric coordinates of corners 1 and 2 where a line meets a triangle, edges included; `None` for a
+/// miss.
 pub(crate) fn intersect([a, b, c]: &[DVec3; 3], origin: DVec3, direction: DVec3) -> Option<DVec3> {
     let (e1, e2) = (*b - *a, *c - *a);
     let p = direction.cross(e2);
@@ -50,7 +51,7 @@ pub(crate) fn intersect([a, b, c]: &[DVec3; 3], origin: DVec3, direction: DVec3)
     (u >= 0.0 && v >= 0.0 && u + v <= 1.0).then_some(DVec3::new(t, u, v))
 }
 
-/// The triangles whose corners are finite, their ids, and whether they are transparent.
+/// The triangles whose corners are finite: corners, id, whether transparent.
 pub(crate) fn finite_triangles(geometry: &Geometry, transparent: &[bool]) -> Vec<([DVec3; 3], u32, bool)> {
     let is_transparent = |material: u32| transparent.get(material as usize).copied().unwrap_or(false);
     let mut flags = geometry.materials().map(is_transparent);

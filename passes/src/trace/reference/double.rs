@@ -1,4 +1,4 @@
-//! The tracer of reference pictures: double precision, and as plain as a tree can be.
+//! The tracer of reference pictures: double precision, and as simple as a tree can be.
 
 use super::brute_force::{finite_triangles, hit, intersect};
 use crate::trace::ray::{Hit, Ray};
@@ -18,7 +18,7 @@ use glam::DVec3;
 pub struct Double {
     nodes: Vec<Node>,
     triangles: Vec<([DVec3; 3], u32, bool)>,
-    /// What boxes were enlarged by, and how much nearer a box must begin than a hit to be left out.
+    /// By how much boxes were enlarged. Also the distance by which a box must begin behind the nearest hit to be skipped.
     slack: f64,
 }
 
@@ -31,16 +31,16 @@ struct Bounds {
 #[derive(Debug, Clone, Copy)]
 struct Node {
     bounds: Bounds,
-    /// First triangle of a leaf; index of the second child of an inner node, whose first child follows it.
+    /// Index of the first triangle of a leaf. For an inner node, the index of its second child; its first child follows it.
     first: u32,
-    /// Triangles of a leaf; 0 for an inner node.
+    /// Number of triangles in a leaf; 0 for an inner node.
     count: u32,
 }
 
 const LEAF: usize = 4;
 const BINS: usize = 16;
 
-/// From this depth on triangles are halved by their order, so that the tree is at most this much and 32 levels deep.
+/// From this depth on, triangles are halved by their order. So the tree is at most this many plus 32 levels deep.
 const BALANCED_BELOW: usize = 64;
 const STACK: usize = 128;
 
@@ -60,7 +60,7 @@ impl Bounds {
         side.x * side.y + side.y * side.z + side.z * side.x
     }
 
-    /// Where a line enters the box, if it meets it between `t_min` and `t_max`.
+    /// Distance at which a line enters the box, if it meets the box between `t_min` and `t_max`.
     fn enter(&self, line: &Line, t_min: f64, t_max: f64) -> Option<f64> {
         let (mut enter, mut leave) = (t_min, t_max);
         for axis in 0..3 {
@@ -82,13 +82,13 @@ impl Bounds {
 /// A ray in `f64`.
 #[derive(Debug, Clone, Copy)]
 pub struct DoubleRay {
-    /// Where it starts.
+    /// Origin, world.
     pub origin: DVec3,
     /// Unit direction.
     pub direction: DVec3,
-    /// Hits nearer than this, or just so near, do not count; 0 or more.
+    /// Hits must have `t > t_min`; 0 or more.
     pub t_min: f64,
-    /// Hits as far away or farther do not count.
+    /// Hits must have `t < t_max`.
     pub t_max: f64,
 }
 
@@ -99,16 +99,16 @@ impl From<&Ray> for DoubleRay {
     }
 }
 
-/// Where a [`DoubleRay`] meets a triangle.
+/// Where a [`DoubleRay`] hits a triangle.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct DoubleHit {
-    /// Distance.
+    /// Distance along the ray.
     pub t: f64,
-    /// Weight of corner 1.
+    /// Barycentric coordinate of corner 1.
     pub u: f64,
-    /// Weight of corner 2.
+    /// Barycentric coordinate of corner 2.
     pub v: f64,
-    /// The triangle.
+    /// Id of the triangle.
     pub triangle: u32,
 }
 
@@ -118,7 +118,7 @@ impl DoubleHit {
     }
 }
 
-/// Two distances are one for [`Double::first`] if they differ by less than this share: some thousand times the rounding of `f64`.
+/// Relative difference below which two distances are equal for [`Double::first`]: some thousand times the rounding of `f64`.
 const TIE: f64 = 1.0e-12;
 
 struct Line {
@@ -174,8 +174,8 @@ impl Double {
         size_of_val(self.nodes.as_slice()) + size_of_val(self.triangles.as_slice())
     }
 
-    /// The nearest triangle, of those that are transparent only one that `accept` takes; of several in one place that of the lowest id.
-    /// Nothing is rounded to `f32`.
+    /// The nearest hit, in `f64`. Hits on transparent triangles count only if `accept` returns true; of hits at one distance (up to
+    /// rounding), the lowest id wins.
     pub fn first(&self, ray: &DoubleRay, mut accept: impl FnMut(&DoubleHit) -> bool) -> Option<DoubleHit> {
         let mut best: Option<(DVec3, u32, bool)> = None;
         self.walk(ray, |candidate| {
@@ -191,7 +191,7 @@ impl Double {
         best.map(DoubleHit::of)
     }
 
-    /// Whether a triangle is met that is opaque, or that `accept` takes.
+    /// Whether any hit exists: on an opaque triangle, or on a transparent one that `accept` accepts.
     pub fn any(&self, ray: &DoubleRay, mut accept: impl FnMut(&DoubleHit) -> bool) -> bool {
         let mut blocked = false;
         self.walk(ray, |candidate| {
@@ -201,7 +201,7 @@ impl Double {
         blocked
     }
 
-    /// Shows the candidates of a ray to `visit`, which returns the distance beyond which no more are wanted.
+    /// Passes the candidates of a ray to `visit`, which returns the distance beyond which no more candidates are wanted.
     fn walk(&self, ray: &DoubleRay, mut visit: impl FnMut((DVec3, u32, bool)) -> f64) {
         let DoubleRay { origin, direction, t_min, t_max } = *ray;
         if !origin.is_finite() || !direction.is_finite() || direction == DVec3::ZERO || self.nodes.is_empty() {
@@ -236,7 +236,7 @@ impl Double {
             let until = t_max.min(limit) + self.slack;
             let children = [index + 1, node.first];
             let met = children.map(|child| self.nodes[child as usize].bounds.enter(&line, t_min - self.slack, until));
-            // The nearer child is taken up first, so it is put down last.
+            // The nearer child must be popped first, so it is pushed last.
             let nearer = usize::from(met[1].unwrap_or(f64::INFINITY) < met[0].unwrap_or(f64::INFINITY));
             for child in [1 - nearer, nearer] {
                 if let Some(enter) = met[child] {
@@ -271,7 +271,7 @@ impl Tracer for Double {
     }
 }
 
-/// Adds the tree over `items`, whose first is triangle `first`, to the end of `nodes`.
+/// Appends the tree over `items` to `nodes`. `first` is the index of the first item's triangle.
 fn divide(items: &mut [Item], first: usize, depth: usize, nodes: &mut Vec<Node>) {
     let bounds = items.iter().fold(Bounds::EMPTY, |bounds, item| bounds.union(item.bounds));
     let index = nodes.len();
@@ -287,7 +287,7 @@ fn divide(items: &mut [Item], first: usize, depth: usize, nodes: &mut Vec<Node>)
     divide(right, first + split, depth + 1, nodes);
 }
 
-/// Sorts the items into two parts and returns where the second begins; neither is empty.
+/// Reorders the items into two non-empty parts and returns the index at which the second begins.
 fn partition(items: &mut [Item]) -> usize {
     let centers = items.iter().fold(Bounds::EMPTY, |b, item| b.union(Bounds { low: item.center, high: item.center }));
     let side = centers.high - centers.low;

@@ -1,6 +1,7 @@
-//! Two references in `f64` that share no code with the fast tracer, nor with each other's search.
+//! Two reference tracers in `f64`. They share no code with the fast tracer, and not the search with each other.
 //!
-//! [`BruteForce`] tests every triangle; [`Double`] gives its answers from a tree of its own, fast enough for pictures.
+//! [`BruteForce`] tests every triangle. [`Double`] gives the same answers from a tree of its own, fast enough for
+//! pictures.
 //! May use: `tracer`, `ray`.
 
 mod brute_force;

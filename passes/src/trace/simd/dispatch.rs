@@ -8,11 +8,11 @@ use super::x86::{Avx2, Avx512};
 /// An instruction set that the traversal is compiled for. All give the same bits.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum InstructionSet {
-    /// AVX-512 F, VL, BW and DQ, at 256 bits.
+    /// AVX-512 F, VL, BW and DQ; vectors of eight numbers use 256 bits, vectors of sixteen 512.
     Avx512,
     /// AVX2, FMA and bit manipulation.
     Avx2,
-    /// What every processor of the target has.
+    /// The baseline that every processor of the target has.
     Portable,
 }
 
@@ -27,7 +27,7 @@ pub(crate) enum Detected {
 }
 
 impl Detected {
-    /// `set`, if this processor has it.
+    /// `set`, if this processor has it; else `None`.
     pub(crate) fn new(set: InstructionSet) -> Option<Self> {
         match set {
             #[cfg(target_arch = "x86_64")]
@@ -45,13 +45,13 @@ impl Detected {
         [InstructionSet::Avx512, InstructionSet::Avx2].into_iter().find_map(Self::new).unwrap_or(Self::Portable)
     }
 
-    /// [`Self::best`], found out once.
+    /// [`Self::best`], detected once.
     pub(crate) fn cached() -> Self {
         static BEST: std::sync::OnceLock<Detected> = std::sync::OnceLock::new();
         *BEST.get_or_init(Self::best)
     }
 
-    /// Which it is.
+    /// The instruction set without the proof that it is present.
     pub(crate) fn set(self) -> InstructionSet {
         match self {
             #[cfg(target_arch = "x86_64")]

@@ -1,9 +1,9 @@
-//! Eight numbers at a time. But for [`Simd::about_mul_add`] nothing is fused or reassociated, so every instruction set gives
+//! Vectors of eight and sixteen numbers. Except in [`Simd::about_mul_add`] nothing is fused or reassociated, so every instruction set gives
 //! the same bits.
 
 use glam::{DVec3, Vec3};
 
-/// Triangles in a leaf and children of a node.
+/// Lanes of a vector: triangles in a leaf, and children of a node.
 pub(crate) const LANES: usize = 8;
 
 /// Eight floats in memory.
@@ -11,7 +11,7 @@ pub(crate) const LANES: usize = 8;
 #[repr(C, align(32))]
 pub(crate) struct F8(pub(crate) [f32; LANES]);
 
-/// InstructionSet of a wide vector.
+/// Lanes of a wide vector.
 pub(crate) const WIDE: usize = 2 * LANES;
 
 /// Sixteen floats in memory.
@@ -19,7 +19,7 @@ pub(crate) const WIDE: usize = 2 * LANES;
 #[repr(C, align(64))]
 pub(crate) struct F16(pub(crate) [f32; WIDE]);
 
-/// One of sixteen vectors, kept by axis.
+/// The vector in one lane of sixteen, which are stored by axis.
 #[inline(always)]
 pub(crate) fn vector_at(axes: &[F16; 3], lane: usize) -> Vec3 {
     Vec3::new(axes[0].0[lane], axes[1].0[lane], axes[2].0[lane])
@@ -29,7 +29,7 @@ impl F16 {
     pub(crate) const ZERO: Self = Self([0.0; WIDE]);
 }
 
-/// [`Simd::gather`], one by one.
+/// [`Simd::gather`], one value after the other.
 pub(crate) fn gather_each<const N: usize, const K: usize>(values: &[[f32; N]], indices: &[u32; WIDE]) -> [F16; K] {
     let mut gathered = [F16::ZERO; K];
     for (lane, &index) in indices.iter().enumerate() {
@@ -43,7 +43,7 @@ pub(crate) fn gather_each<const N: usize, const K: usize>(values: &[[f32; N]], i
 /// One bit a lane, lane 0 lowest.
 pub(crate) type Mask = u32;
 
-/// A mask without lanes.
+/// The empty mask.
 pub(crate) const NO_LANES: Mask = 0;
 
 /// The lowest lane of a mask that is not empty.
@@ -64,7 +64,7 @@ pub(crate) fn without_first(mask: Mask) -> Mask {
     mask & mask.wrapping_sub(1)
 }
 
-/// The lower of two numbers, in one instruction; `f32::min` takes jumps, for what is not a number.
+/// The lower of two numbers, in one instruction; `f32::min` takes more, because of NaN.
 #[inline(always)]
 pub(crate) fn lower(a: f32, b: f32) -> f32 {
     if a < b { a } else { b }
@@ -87,19 +87,19 @@ pub(crate) trait Simd: Copy {
     fn splat(self, value: f32) -> Self::Vector;
     fn add(self, a: Self::Vector, b: Self::Vector) -> Self::Vector;
     fn sub(self, a: Self::Vector, b: Self::Vector) -> Self::Vector;
-    /// `a * b + c`, fused where the processor can: for estimates with an error bound, since not all give the same bits.
+    /// `a * b + c`, fused where the processor can. Only for estimates with an error bound, since the bits differ between instruction sets.
     fn about_mul_add(self, a: Self::Vector, b: Self::Vector, c: Self::Vector) -> Self::Vector;
     fn mul(self, a: Self::Vector, b: Self::Vector) -> Self::Vector;
     /// `a > b ? a : b`: `b` where either is NaN.
     fn max_or(self, a: Self::Vector, b: Self::Vector) -> Self::Vector;
     /// `a < b ? a : b`: `b` where either is NaN.
     fn min_or(self, a: Self::Vector, b: Self::Vector) -> Self::Vector;
-    /// Where `a <= b`; not where either is NaN.
+    /// The lanes with `a <= b`; false where either is NaN.
     fn at_most(self, a: Self::Vector, b: Self::Vector) -> Mask;
 
-    /// The lanes of numbers with the top bit.
+    /// The lanes whose top bit is set.
     fn negative(self, values: &[u32; LANES]) -> Mask;
-    /// The numbers in the lanes of a mask, one after the other; what follows them has no meaning.
+    /// Moves the numbers in the lanes of a mask to the front; the lanes behind them have no meaning.
     fn compress(self, values: &[u32; LANES], mask: Mask) -> [u32; LANES];
 
     /// Sixteen floats in registers.
@@ -120,7 +120,7 @@ pub(crate) trait Simd: Copy {
     fn wide_min_or(self, a: Self::Wide, b: Self::Wide) -> Self::Wide;
     /// As [`Self::at_most`].
     fn wide_at_most(self, a: Self::Wide, b: Self::Wide) -> Mask;
-    /// Where `a < b`; not where either is NaN.
+    /// The lanes with `a < b`; false where either is NaN.
     fn wide_below(self, a: Self::Wide, b: Self::Wide) -> Mask;
     /// `a` in the lanes of the mask, `b` in the others.
     fn wide_select(self, mask: Mask, a: Self::Wide, b: Self::Wide) -> Self::Wide;
@@ -136,8 +136,8 @@ pub(crate) trait Simd: Copy {
         origin: [Self::Wide; 3],
         direction: [Self::Wide; 3],
     ) -> Self::Wide;
-    /// The first `K`, three or four, of the `N` numbers of sixteen values, those at the indices, by axis. They are moved as
-    /// bits.
+    /// Gathers the values at sixteen indices, and returns the first `K` (three or four) of their `N` numbers, as one vector each. Numbers
+    /// are moved as bits.
     ///
     /// # Panics
     /// If there is no such value.
@@ -145,7 +145,7 @@ pub(crate) trait Simd: Copy {
         gather_each(values, indices)
     }
 
-    /// Sixteen values, four a row, by component: those of the first row come first. They are moved as bits.
+    /// Transposes sixteen values of four numbers: from rows of four values each to one vector a component. Numbers are moved as bits.
     #[inline(always)]
     fn columns(self, rows: [&[[f32; 4]; 4]; 4]) -> [F16; 4] {
         let mut columns = [F16::ZERO; 4];
@@ -157,7 +157,7 @@ pub(crate) trait Simd: Copy {
         columns
     }
 
-    /// Four numbers four times. Not a copy of each: the whole could not be read at once then.
+    /// Joins four arrays of four numbers. With a copy of each, a vector load of the whole that follows would stall.
     #[inline(always)]
     fn quarters(self, quarters: [&[u32; 4]; 4]) -> [u32; WIDE] {
         let mut joined = [0; WIDE];
@@ -167,7 +167,7 @@ pub(crate) trait Simd: Copy {
         joined
     }
 
-    /// The lanes of a number.
+    /// The lanes that hold `value`.
     #[inline(always)]
     fn wide_equal(self, values: &[u32; WIDE], value: u32) -> Mask {
         let mut mask = NO_LANES;
@@ -177,7 +177,7 @@ pub(crate) trait Simd: Copy {
         mask
     }
 
-    /// Has the memory of a value brought near, which changes nothing but the time that reading it takes.
+    /// Prefetches the memory of a value. This changes only the time that reading it takes.
     fn prefetch<T>(self, value: &T);
 }
 
@@ -186,7 +186,7 @@ pub(crate) trait Kernel<T> {
     fn run<S: Simd>(self, simd: S) -> T;
 }
 
-/// Three vectors, one an axis.
+/// Loads three vectors, one an axis.
 #[inline(always)]
 pub(crate) fn load_axes<S: Simd>(simd: S, [x, y, z]: &[F16; 3]) -> [S::Wide; 3] {
     [simd.wide_load(x), simd.wide_load(y), simd.wide_load(z)]

@@ -8,7 +8,7 @@ use crate::trace::simd::{F8, Mask, NO_LANES, Simd, first_lane, without_first};
 use crate::trace::tree::{Leaf, Line, PreparedRay};
 
 impl Leaf {
-    /// One corner of all triangles as the ray sees it: sheared. Where it lies along the main axis is not needed.
+    /// One corner of all triangles, relative to the ray's origin and sheared. The coordinate along the main axis is not needed.
     #[inline(always)]
     fn shear<S: Simd>(&self, simd: S, line: &Line, corner: usize) -> [S::Vector; 2] {
         let [x, y, z] = line.axes;
@@ -22,10 +22,10 @@ impl Leaf {
         ]
     }
 
-    /// Shows `found` the hits of the leaf with `t_min < t <= t_limit`, and stops when it returns true.
+    /// Calls `found` for the hits of the leaf with `t_min < t <= t_limit`, until it returns true.
     ///
-    /// `found` gets the hit and whether its triangle is transparent, and returns whether to stop; `t_limit` is what it
-    /// left. Returns whether it stopped.
+    /// `found` receives the hit, whether its triangle is transparent, and `t_limit`, which it may lower. It returns whether to stop.
+    /// Returns whether it stopped.
     #[inline(always)]
     pub(crate) fn intersect<S: Simd>(
         &self,
@@ -39,8 +39,8 @@ impl Leaf {
         self.solve_all(ray, lanes, &edges, t_limit, found)
     }
 
-    /// Whether anything stops a ray, as [`Self::intersect`] has it, but without distances where bounds on their errors tell
-    /// ([`decide`]). `ray` is asked for the rest of what is prepared of the ray if it is needed.
+    /// Whether a triangle of the leaf stops a ray. The answer is that of [`Self::intersect`], but distances are computed only where
+    /// [`decide`] is not certain. `ray` is called for the fully prepared ray only if it is needed.
     #[inline(always)]
     pub(crate) fn stops<S: Simd>(
         &self,
@@ -59,7 +59,7 @@ impl Leaf {
         lanes != NO_LANES && self.stops_surely(&ray(), lanes, &edges, accept)
     }
 
-    /// Whether one of some triangles that a ray's line passes through stops it.
+    /// Whether one of the triangles in `lanes`, which the ray's line passes through, stops it. Computes distances.
     #[inline(never)]
     fn stops_surely(
         &self,
@@ -74,8 +74,8 @@ impl Leaf {
         })
     }
 
-    /// Whether a triangle that `blocks` takes by its id stops a ray. The answer is that of [`Self::stops`] with a closure that looks at
-    /// nothing else and is asked of all triangles; but it asks before it computes a distance.
+    /// Whether a triangle whose id `blocks` accepts stops a ray. The answer is that of [`Self::stops`] where all triangles are transparent
+    /// and the closure decides by the id; but here the closure is called before a distance is computed.
     #[inline(always)]
     pub(crate) fn stops_by<S: Simd>(&self, simd: S, ray: &PreparedRay, blocks: &mut impl FnMut(u32) -> bool) -> bool {
         let Some(Passed { lanes, inside, edges }) = self.passed(simd, &ray.line) else { return false };
@@ -104,7 +104,7 @@ impl Leaf {
         self.solve_all(ray, lanes, edges, &mut { t_max }, |hit, _, _| hit.t < t_max && blocks(hit.triangle))
     }
 
-    /// The triangles that a ray's line passes through, if there are any.
+    /// The triangles that a ray's line passes through; `None` if there are none.
     #[inline(always)]
     fn passed<S: Simd>(&self, simd: S, line: &Line) -> Option<Passed<S>> {
         let a = self.shear(simd, line, 0);
@@ -124,7 +124,7 @@ impl Leaf {
         Some(Passed { lanes, inside, edges: [edge_a, edge_b, edge_c] })
     }
 
-    /// Shows `found` what is hit of the triangles in some lanes, see [`Self::intersect`].
+    /// Calls `found` for the hits on the triangles in some lanes; see [`Self::intersect`].
     #[inline(always)]
     fn solve_all(
         &self,
@@ -147,10 +147,10 @@ impl Leaf {
         false
     }
 
-    /// Distance and barycentric coordinates in one lane that passed the sign tests.
+    /// Distance and barycentric coordinates for a lane that passed the sign tests.
     ///
-    /// The edge functions say whether the triangle is hit. The distance comes from its plane in `f64`: from sheared
-    /// corners it would have an error that grows with the triangle, and rays would hit the large walls they start from.
+    /// The edge functions decide whether the triangle is hit. The distance comes from its plane in `f64`: computed from sheared corners,
+    /// its error would grow with the triangle, and rays would hit the large walls they start from.
     #[inline(always)]
     fn solve(&self, ray: &PreparedRay, lane: usize, [a, b, c]: [f32; 3], t_limit: f32) -> Option<(f32, f32, f32)> {
         let corners = self.corners(lane);
@@ -165,7 +165,7 @@ impl Leaf {
             let determinant = a + b + c;
             (b / determinant, c / determinant)
         };
-        // The distance is kept within the triangle's own bounds: seen edge-on, the plane may be met anywhere. So no box
+        // The distance is clamped to the triangle's own bounds: for a triangle seen edge-on, the plane may be met anywhere. So no box
         // around the triangle is entered beyond its hit, and culling by distance does not depend on the tree.
         let (enter, leave) = ray.span(&corners);
         let t = if t < leave { t } else { leave };
@@ -176,18 +176,19 @@ impl Leaf {
 
 /// The triangles of a leaf that a ray's line passes through.
 struct Passed<S: Simd> {
-    /// Triangles whose three edge functions have one sign. A function of 0 has both signs, and is computed again in `f64`.
+    /// Triangles whose three edge functions have the same sign. An edge function of 0 matches both signs; it is computed again in `f64`.
     lanes: Mask,
-    /// Triangles none of whose edge functions is 0. Lanes that are not in `lanes` mean nothing.
+    /// Triangles with no edge function of 0. Lanes outside `lanes` have no meaning.
     inside: Mask,
     edges: [S::Vector; 3],
 }
 
-/// What is certain of a ray whose line passes through triangles of a leaf.
+/// What is certain of a ray whose line passes through triangles of a leaf. See `packet/plane_test.rs` for the test and its error bounds.
 ///
-/// Here the normal `n` is the product of two edges, in `f32` and not scaled. With `w` half the sum of their squares, which is at least
-/// the product of their lengths and so any component of `n`, a component errs by 4 u w, the first product of the two above by 8 u w R
-/// and the second by 13 u w: less than what is counted for the scaled normal, times `w`. The other terms scale with `n`, at most `w`.
+/// Here the normal `n` is the cross product of two edges, in `f32` and not scaled. Let `w` be half the sum of their squared lengths; it is
+/// at least the product of their lengths, and so at least any component of `n`. A component of `n` errs by 4 u w, the first product of the
+/// test by 8 u w R, and the second by 13 u w: less than the bounds for the scaled normal, times `w`. The other terms scale with `n`, which
+/// is at most `w`.
 #[inline(always)]
 pub(crate) fn decide<S: Simd>(simd: S, leaf: &Leaf, line: &Line) -> Verdict {
     let zero = simd.splat(0.0);
@@ -227,9 +228,9 @@ pub(crate) fn decide<S: Simd>(simd: S, leaf: &Leaf, line: &Line) -> Verdict {
     }
 }
 
-/// The barycentric coordinates of corners 1 and 2 by edge functions in `f64`, where products of `f32` are exact and the
-/// sign of their difference is right: what makes shared edges and vertices watertight. In `f32`, the rounded difference of
-/// rounded products has the right sign unless it is zero.
+/// The barycentric coordinates of corners 1 and 2 by edge functions in `f64`, where products of `f32` are exact and the sign of their
+/// difference is right. This makes shared edges and vertices watertight. In `f32`, the rounded difference of rounded products has the right
+/// sign unless it is zero.
 #[cold]
 #[inline(never)]
 fn solve_exactly(line: &Line, corners: &[[f32; 3]; 3]) -> Option<(f32, f32)> {

@@ -1,6 +1,6 @@
-//! Rays one by one: the watertight test of a ray and a leaf, and the way of one ray down the tree.
+//! Single rays: the watertight test of a ray and a leaf, and the traversal of the tree.
 //!
-//! [`RayQueue`] takes several rays on together where each of them is alone in its part of the tree: packets and fans end in it.
+//! [`RayQueue`] interleaves several single rays: packets and fans end in it where few of their rays are left in a subtree.
 //! May use: `tree`, `ray`, `rounding`, `simd`.
 
 mod leaf_test;

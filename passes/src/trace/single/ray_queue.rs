@@ -1,60 +1,60 @@
-//! A queue of single rays, each with the nodes that it has yet to visit; several steps are taken at a time.
+//! A queue of single rays, each with the nodes that it has yet to visit; it takes several steps at a time.
 //!
 //! A single ray waits for memory and for its own tests: for its node, for the test of the children, for which of them to visit next. The
-//! processor also guesses how many children are met, wrongly most of the time. Here the nodes that any of some rays has yet to visit lie on one list, from whose end
-//! eight are taken at a time, so that no step needs what the step before it finds. Children go to the list by one vector
-//! instruction, however many they are. The leaves that are met are kept aside and tested before more nodes are taken.
+//! processor also mispredicts how many children are met most of the time. Here the pending nodes of several rays lie on one list, and eight
+//! are taken from its end at a time, so that no step needs the result of the step before it. Children are appended by one vector
+//! instruction, however many they are. Leaves that are met go to a second list, and are tested before more nodes are taken.
 
 use super::traverse::occluded;
 use crate::trace::ray::Hit;
 use crate::trace::simd::{LANES, Mask, NO_LANES, Simd, without_first};
 use crate::trace::tree::{Child, Leaf, List, Node, PreparedRay, WideTree};
 
-/// Up to sixteen prepared rays that ask whether anything is in their way.
+/// Up to sixteen prepared occlusion rays.
 pub(crate) trait QueuedRays {
     /// The children of a node that a ray meets.
     fn meeting<S: Simd>(&self, simd: S, node: &Node, ray: usize) -> Mask;
-    /// Whether a leaf stops a ray.
+    /// Whether a triangle of a leaf stops a ray.
     fn is_stopped<S: Simd>(&self, simd: S, ray: usize, leaf: &Leaf, accept: &mut impl FnMut(&Hit) -> bool) -> bool;
-    /// A ray, as it is prepared alone.
+    /// A ray in the form in which it is prepared alone.
     fn prepared(&self, ray: usize) -> PreparedRay;
 }
 
-/// Rays up to which those in a part of the tree go on by themselves.
+/// Where at most this many rays are left in a subtree, they go on singly.
 pub(crate) const FEW: usize = 4;
-/// Subtrees that are collected before their rays go on. More would keep the processor busier, but a ray that is stopped early then saves
-/// less: what it has yet to visit is dropped.
+/// Pairs of subtree and ray that are collected before the rays go on. More would keep the processor busier, but would waste work on rays
+/// that are stopped early: the nodes that they have yet to visit are dropped.
 const ENOUGH: u32 = 8;
-/// Nodes, and leaves, that may wait.
+/// Capacity of the list of nodes and of the list of leaves.
 const WAITING: usize = 256;
 
-/// Nodes or leaves, with the ray of each.
+/// Pending nodes or leaves, each with its ray.
 pub(crate) type Waiting = List<WAITING>;
 
-/// What up to sixteen rays have yet to visit by themselves.
+/// The pending nodes and leaves of up to sixteen single rays.
 ///
-/// The lists are elsewhere, because they would be copied into it, though there is nothing in them yet.
+/// The lists are borrowed: as fields they would be copied when the queue is made, although they are empty.
 pub(crate) struct RayQueue<'a> {
     nodes: &'a mut Waiting,
     leaves: &'a mut Waiting,
-    /// Parts left to rays since they last went on.
+    /// Pairs of subtree and ray that were added since the last [`Self::finish`].
     parts: u32,
 }
 
 impl<'a> RayQueue<'a> {
-    /// With lists that are empty.
+    /// An empty queue; both lists must be empty.
     #[inline(always)]
     pub(crate) fn new(nodes: &'a mut Waiting, leaves: &'a mut Waiting) -> Self {
         Self { nodes, leaves, parts: 0 }
     }
 
-    /// Whether anything is left to be visited.
+    /// Whether anything is pending.
     #[inline(always)]
     pub(crate) fn is_waiting(&self) -> bool {
         self.parts > 0
     }
 
-    /// Leaves a part of the tree to at most [`FEW`] rays. Returns whether it is time for [`Self::finish`].
+    /// Adds a subtree for at most [`FEW`] rays. Returns whether it is time for [`Self::finish`].
     #[inline(always)]
     pub(crate) fn leave(&mut self, part: Child, mut rays: Mask) -> bool {
         let count = rays.count_ones();
@@ -69,7 +69,7 @@ impl<'a> RayQueue<'a> {
         self.parts >= ENOUGH
     }
 
-    /// Takes all rays to their ends. Returns those that are still open. `accept` is told the ray.
+    /// Traces all pending rays to their ends. Returns those of `open` that are still open. `accept` also receives the ray.
     #[inline(always)]
     pub(crate) fn finish<S: Simd>(
         &mut self,
@@ -106,7 +106,7 @@ impl<'a> RayQueue<'a> {
         }
     }
 
-    /// Looks into a node for a ray.
+    /// Visits a node for a ray: appends the children that it meets.
     #[inline(always)]
     fn step<S: Simd>(&mut self, simd: S, tree: &WideTree, rays: &impl QueuedRays, (node, ray): (u32, usize)) {
         let node = &tree.nodes[Child(node).index()];
@@ -118,7 +118,7 @@ impl<'a> RayQueue<'a> {
         self.leaves.append(simd.compress(children, leaves), ray as u8, leaves.count_ones());
     }
 
-    /// Takes what waits to its end, ray by ray, where there could be no room for more. Returns the rays that something stops.
+    /// Traces what is pending to its end, ray by ray, when the list might have no room for more nodes. Returns the rays that are stopped.
     #[cold]
     #[inline(never)]
     fn alone<S: Simd>(
@@ -159,7 +159,8 @@ mod tests {
         }
     }
 
-    /// Slivers along a diagonal, one above the other: rays beside the diagonal are in all boxes and meet none, but for a last one.
+    /// Slivers along a diagonal, one above the other: rays beside the diagonal enter all boxes but hit nothing, except for the last
+    /// triangle.
     fn pile(count: u32) -> Geometry {
         let mut geometry = Geometry::default();
         for index in 0..count {
@@ -188,7 +189,7 @@ mod tests {
         rays.prepare(Plain, &packet, (octants.valid(), octants.get(0)), &bvh.tree.bounds);
         let (mut nodes, mut leaves) = (Waiting::new(), Waiting::new());
         let mut queue = RayQueue::new(&mut nodes, &mut leaves);
-        // The root again and again: eight nodes that are looked into leave 64 others, of which none is done when they are.
+        // The root is added repeatedly: each batch of eight nodes adds 64 more, and none of those is finished when the batch is.
         assert!(
             bvh.tree.nodes[bvh.tree.root.index()]
                 .children

@@ -1,4 +1,4 @@
-//! One prepared ray down the tree: its nearest hit, or whether anything is in its way.
+//! Traverses the tree with one prepared ray: nearest hit, or occlusion.
 
 use crate::trace::ray::{Hit, Ray, Recent};
 use crate::trace::simd::{Kernel, NO_LANES, Simd, first_lane, without_first};
@@ -21,7 +21,7 @@ impl<A: FnMut(&Hit) -> bool> Kernel<Option<Hit>> for Closest<'_, A> {
     }
 }
 
-/// Finds the nearest hit of a prepared ray below `entry` that is nearer than `best` and that `accept` takes.
+/// Finds the nearest hit of a prepared ray below `entry` that is nearer than `best` and that `accept` accepts.
 #[inline(always)]
 pub(crate) fn closest<S: Simd>(
     simd: S,
@@ -54,7 +54,7 @@ pub(crate) fn closest<S: Simd>(
     }
 }
 
-/// Keeps the nearest hit of a leaf.
+/// Updates the nearest hit with the hits on a leaf.
 #[inline(always)]
 pub(crate) fn approach<S: Simd>(
     simd: S,
@@ -76,9 +76,11 @@ pub(crate) fn approach<S: Simd>(
     });
 }
 
-/// Pushes the children that the ray meets up to `limit`, nearest on top, and returns the nearest instead of pushing it.
+/// Pushes the children that the ray meets up to `limit`, the nearest on top, and returns the nearest instead of pushing
+/// it.
 ///
-/// An entry is the bits of the distance, which order as the distance does since it is not negative, above the child.
+/// The high half of an entry is the bits of the distance, which order like the distance since it is not negative; the
+/// low half is the child.
 #[inline(always)]
 fn visit_ordered<S: Simd>(simd: S, node: &Node, ray: &PreparedRay, limit: f32, stack: &mut Stack) -> Option<Child> {
     let (mut lanes, enter) = ray.slabs(simd, &node.planes, limit);
@@ -123,7 +125,7 @@ impl<A: FnMut(&Hit) -> bool> Kernel<bool> for Occluded<'_, A> {
     }
 }
 
-/// Whether a prepared ray hits anything below `entry` that `accept` takes.
+/// Whether a prepared ray hits anything below `entry` that `accept` accepts.
 #[inline(always)]
 pub(crate) fn occluded<S: Simd>(
     simd: S,
@@ -180,7 +182,8 @@ impl<B: FnMut(u32) -> bool> Kernel<u64> for BlockedBy<'_, B> {
     }
 }
 
-/// Whether a triangle that `blocks` takes stops a prepared ray: one of the recent leaves, or one that the tree leads to.
+/// Whether a triangle whose id `blocks` accepts stops a prepared ray. The recent leaves are tested before the tree is
+/// traversed.
 #[inline(always)]
 fn blocked_by<S: Simd>(
     simd: S,

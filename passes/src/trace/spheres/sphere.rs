@@ -1,25 +1,25 @@
-//! Where a ray meets a sphere.
+//! Intersection of a ray and a sphere.
 
 use crate::trace::ray::Ray;
 use curitiba_pipeline::scene::Sphere;
 
-/// The distances at which a ray's line meets a sphere, the lower first; `None` where it passes it by.
+/// The distances at which a ray's line meets a sphere, the lower first; `None` if it misses.
 ///
-/// Haines, Günther and Akenine-Möller, "Precision Improvements for Ray/Sphere Intersection", Ray Tracing Gems, 2019, chapter 7: the
-/// discriminant is r² - |f - (f·d) d|², where f leads from the centre to the origin, and not (f·d)² - f² + r², whose terms cancel where
-/// the sphere is far away. The root that is a sum of numbers of one sign is q = b ± √, b = -f·d, and the other one is (f² - r²) / q.
+/// Haines, Günther and Akenine-Möller, "Precision Improvements for Ray/Sphere Intersection", Ray Tracing Gems, 2019, chapter 7. The
+/// discriminant is r² - |f - (f·d) d|², where f leads from the centre to the origin. The usual (f·d)² - f² + r² has terms that cancel where
+/// the sphere is far away. One root is q = b ± √ with b = -f·d, with the sign for which nothing cancels; the other is (f² - r²) / q.
 #[inline(always)]
 pub(super) fn roots(ray: &Ray, sphere: &Sphere) -> Option<[f32; 2]> {
     let (from, direction) = (ray.origin - sphere.center, ray.direction);
     let b = -from.dot(direction);
     let nearest = from + b * direction;
     let discriminant = sphere.radius * sphere.radius - nearest.dot(nearest);
-    // Not for numbers that are none.
+    // `None` for a negative discriminant and for NaN.
     let half = (discriminant >= 0.0).then(|| discriminant.sqrt())?;
     let distance = from.length();
     let product = (distance - sphere.radius) * (distance + sphere.radius);
     let q = if b < 0.0 { b - half } else { b + half };
-    // Only an origin on the sphere and a direction along it make q 0: both roots are.
+    // q is 0 only if the origin is on the sphere and the direction tangent to it: then both roots are 0.
     let other = if q == 0.0 { 0.0 } else { product / q };
     Some(if b < 0.0 { [q, other] } else { [other, q] })
 }
@@ -29,7 +29,7 @@ mod tests {
     use super::*;
     use glam::{DVec3, Vec3};
 
-    /// Numbers from -1 to 1.
+    /// Random numbers from -1 to 1.
     fn numbers() -> impl FnMut() -> f64 {
         let mut state = 0x9e37_79b9_7f4a_7c15_u64;
         move || {
@@ -38,7 +38,7 @@ mod tests {
         }
     }
 
-    /// A ray in `f32` that passes a sphere of this radius at `share` of it, from a distance.
+    /// A random ray that starts about `distance` from the sphere's centre and whose line passes the centre at `share` radii.
     fn aimed(sphere: &Sphere, distance: f64, share: f64, mut random: impl FnMut() -> f64) -> Ray {
         let mut unit = || loop {
             let v = DVec3::new(random(), random(), random());
@@ -52,8 +52,8 @@ mod tests {
         Ray { origin: origin.as_vec3(), direction: direction.as_vec3(), t_min: 0.0, t_max: f32::INFINITY }
     }
 
-    /// The distance at which the line of a ray of `f32` passes the centre, in radii, and its roots: in `f64`, where the terms that cancel
-    /// leave eight digits and more.
+    /// How far the line of a ray passes from the centre, in radii, and the two roots: in `f64`, where cancellation leaves at least eight
+    /// digits.
     fn exact(ray: &Ray, sphere: &Sphere) -> (f64, [f64; 2]) {
         let direction = ray.direction.as_dvec3().normalize();
         let from = ray.origin.as_dvec3() - sphere.center.as_dvec3();
@@ -89,7 +89,7 @@ mod tests {
                 let naive = b * b - (from.dot(from) - sphere.radius * sphere.radius) >= 0.0;
                 naive_wrong += usize::from((share <= 0.999 && !naive) || (share >= 1.001 && naive));
             }
-            // Of the distance itself an f32 keeps 2^-24; near the rim of a sphere that counts 1 / sin times as much.
+            // The rounding of the distance itself is 2^-24 of it; near the rim of a sphere it counts 1 / sin times as much.
             let allowed = 40.0 * 2.0_f64.powi(-24) * (distance / radius).max(1.0);
             assert!(worst <= allowed, "r {radius} D {distance}: {worst} radii, {allowed} allowed");
             assert!(distance / radius < 1e4 || naive_wrong > 2000, "control: the usual formula errs: {naive_wrong}");

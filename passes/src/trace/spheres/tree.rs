@@ -1,15 +1,15 @@
-//! A tree over spheres: boxes, two children a node.
+//! A binary tree of boxes over spheres.
 
 use super::sphere::roots;
 use crate::trace::ray::{Hit, Ray};
 use curitiba_pipeline::scene::{Geometry, Sphere};
 use glam::{DVec3, Vec3};
 
-/// Spheres of a leaf, at most.
+/// Greatest number of spheres in a leaf.
 const LEAF: usize = 4;
-/// Levels that are certainly not exceeded: each halves the spheres, of which there are fewer than 2^32.
+/// Bound on the number of levels: each level halves the spheres, and there are fewer than 2^32.
 const DEPTH: usize = 40;
-/// In the place of the reciprocal of a component that is 0: slabs are then met at once or never, and no product is without a value.
+/// Replaces the reciprocal of a component that is 0. Slab distances are then huge instead of infinite, and no product is NaN.
 const VERTICAL: f64 = 1e300;
 
 /// An axis-parallel box.
@@ -20,7 +20,7 @@ struct Bounds {
 }
 
 impl Bounds {
-    /// Around a sphere: rounded outwards.
+    /// The box of a sphere, rounded outwards.
     fn of(sphere: &Sphere) -> Self {
         let (low, high) = (sphere.center - sphere.radius, sphere.center + sphere.radius);
         Self { low: low.map(f32::next_down), high: high.map(f32::next_up) }
@@ -31,12 +31,12 @@ impl Bounds {
     }
 }
 
-/// Where a node's children or spheres are.
+/// The children or the spheres of a node.
 #[derive(Debug, Clone, Copy)]
 enum Content {
-    /// Two nodes: this one, and the next.
+    /// Inner node: index of the first child; the second one follows it.
     Nodes(u32),
-    /// First and number in the list of spheres.
+    /// Leaf: index of its first sphere in the list, and their number.
     Spheres(u32, u32),
 }
 
@@ -46,26 +46,26 @@ struct Node {
     content: Content,
 }
 
-/// A sphere of a leaf.
+/// A sphere in a leaf.
 #[derive(Debug, Clone, Copy)]
 struct Entry {
     sphere: Sphere,
     id: u32,
-    /// Whether hits need the accept closure.
+    /// Whether hits on the sphere need the accept closure.
     transparent: bool,
 }
 
-/// Spheres, sorted so that rays ask only those near them.
+/// Spheres in a tree, so that a ray is tested only against those near it.
 ///
-/// What a ray meets does not depend on the tree: a sphere counts where the ray meets its box, in `f64`, and its surface, in `f32`; and
-/// the box of a node is met wherever one inside is. Of equal distances the lowest id wins.
+/// The answers do not depend on the tree. A sphere is hit if the ray meets its box, in `f64`, and its surface, in `f32`; and the box of a
+/// node is met wherever a box inside it is. Of equal distances the lowest id wins.
 #[derive(Debug, Default)]
 pub struct SphereTree {
     nodes: Vec<Node>,
     entries: Vec<Entry>,
 }
 
-/// A ray as boxes are asked.
+/// A ray, prepared for slab tests.
 struct Slabs {
     origin: DVec3,
     reciprocal: DVec3,
@@ -73,7 +73,7 @@ struct Slabs {
 }
 
 impl Slabs {
-    /// `None` for rays that meet nothing.
+    /// `None` for rays that hit nothing.
     fn new(ray: &Ray) -> Option<Self> {
         let sound = ray.origin.is_finite() && ray.direction.is_finite() && ray.direction != Vec3::ZERO;
         let asks = sound && ray.t_min < ray.t_max;
@@ -84,7 +84,7 @@ impl Slabs {
         Some(Self { origin: ray.origin.as_dvec3(), reciprocal, t_min: ray.t_min.into() })
     }
 
-    /// Where the ray enters a box; `None` if it misses it within `t_max`.
+    /// Distance at which the ray enters a box; `None` if it misses the box within `t_max`.
     fn enters(&self, bounds: &Bounds, t_max: f32) -> Option<f64> {
         let low = (bounds.low.as_dvec3() - self.origin) * self.reciprocal;
         let high = (bounds.high.as_dvec3() - self.origin) * self.reciprocal;
@@ -144,7 +144,7 @@ impl SphereTree {
         self.nodes.len()
     }
 
-    /// Memory, bytes.
+    /// Memory of nodes and spheres, bytes.
     #[must_use]
     pub fn bytes(&self) -> usize {
         size_of_val(self.nodes.as_slice()) + size_of_val(self.entries.as_slice())
@@ -180,13 +180,13 @@ impl SphereTree {
         blocked
     }
 
-    /// Whether a sphere reaches into a ball; it may say so of one that does not.
+    /// Whether a sphere may reach into a ball. Errs on the side of `true`.
     #[must_use]
     pub fn reaches(&self, center: Vec3, radius: f32) -> bool {
         let near = |bounds: &Bounds| {
             let (low, high) = (bounds.low.as_dvec3(), bounds.high.as_dvec3());
             let nearest = center.as_dvec3().clamp(low, high);
-            // Numbers that are none are near everything.
+            // A distance that is NaN counts as near.
             let is_far = nearest.distance(center.as_dvec3()) > f64::from(radius) * 1.001;
             !is_far
         };
@@ -209,8 +209,8 @@ impl SphereTree {
         false
     }
 
-    /// Shows `each` the spheres whose boxes a ray meets, near ones first where that is known. It returns the distance up to which others
-    /// are of interest.
+    /// Calls `each` for the spheres whose boxes a ray meets, near nodes first. `each` returns the distance beyond which hits are no longer
+    /// of interest.
     fn visit(&self, ray: &Ray, mut each: impl FnMut(&Entry, &Ray) -> f32) {
         let Some(slabs) = Slabs::new(ray) else { return };
         let mut t_max = ray.t_max;
@@ -232,7 +232,7 @@ impl SphereTree {
                 Content::Nodes(first) => {
                     let of = |node: u32| Some((node, slabs.enters(&self.nodes[node as usize].bounds, t_max)?));
                     let (one, other) = (of(first), of(first + 1));
-                    // The nearer last, so that it is next.
+                    // The nearer child is pushed last, so that it is visited next.
                     let swapped = matches!((one, other), (Some((_, a)), Some((_, b))) if a < b);
                     for child in if swapped { [other, one] } else { [one, other] }.into_iter().flatten() {
                         stack[waiting] = child;
@@ -271,7 +271,7 @@ mod tests {
         Geometry { spheres: (0..count).map(sphere).collect(), triangles: vec![[0; 3]; 5], ..Geometry::default() }
     }
 
-    /// Every hit of a ray's line in its interval, in `f64`, with its distance from grazing the sphere in radii.
+    /// Every hit of a ray within its interval, in `f64`: distance, id, and half the length of the chord in radii (0 for a grazing ray).
     fn all(geometry: &Geometry, ray: &Ray) -> Vec<(f64, u32, f64)> {
         let mut hits = Vec::new();
         for (sphere, id) in geometry.spheres.iter().zip(geometry.triangles.len() as u32..) {
@@ -303,7 +303,7 @@ mod tests {
             for index in 0..3000 {
                 let mut vector = || Vec3::new(random(), random(), random());
                 let mut direction = vector().normalize_or(Vec3::X);
-                // Along an axis, with zeros of both signs.
+                // Every fifth ray runs along an axis, with zeros of both signs.
                 if index % 5 == 0 {
                     direction = [Vec3::X, Vec3::NEG_Y, Vec3::new(-0.0, 0.0, 1.0)][index % 3];
                 }
@@ -319,7 +319,7 @@ mod tests {
                     assert!((f64::from(hit.t) - t).abs() < 1e-4, "{hit:?} {t}");
                     met += 1;
                 }
-                // Glass that nothing stops at is seen through, and each crossing of it is shown.
+                // Where no hit on glass is accepted, rays pass through it, and `accept` sees each crossing.
                 let opaque = hits.iter().find(|(_, id, _)| !glassy(*id)).map(|(_, id, _)| *id);
                 let mut shown = Vec::new();
                 assert_eq!(tree.closest(&ray, &mut |_| false).map(|hit| hit.triangle), opaque);

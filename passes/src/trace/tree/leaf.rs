@@ -6,7 +6,7 @@ use super::volumes::{Ball, Plane};
 use crate::trace::simd::{F8, LANES, Mask, NO_LANES, Simd};
 use glam::Vec3;
 
-/// Marks a triangle whose hits need the accept closure; the other bits are its id.
+/// Flag in the id of a triangle whose hits need the accept closure; the other bits are the id.
 pub(crate) const TRANSPARENT: u32 = 1 << 31;
 
 /// Up to eight triangles, structure of arrays. Unused lanes hold NaN, which no comparison accepts.
@@ -45,7 +45,7 @@ impl Leaf {
         [simd.load(&a[axis]), simd.load(&b[axis]), simd.load(&c[axis])]
     }
 
-    /// The bits of a coordinate of all triangles.
+    /// One coordinate of all triangles, as bits.
     #[inline(always)]
     pub(crate) fn bits(&self, corner: usize, axis: usize) -> &[u32; LANES] {
         bytemuck::cast_ref(&self.corners[corner][axis].0)
@@ -69,7 +69,7 @@ impl Leaf {
         self.ids[lane] & TRANSPARENT != 0
     }
 
-    /// The lanes that are used.
+    /// The lanes in use.
     #[inline(always)]
     pub(crate) fn used<S: Simd>(&self, simd: S) -> Mask {
         let first = simd.load(&self.corners[0][0]);
@@ -107,7 +107,8 @@ impl Leaf {
         simd.at_most(outside, zero)
     }
 
-    /// The lanes whose triangles are certainly met by no ray that leaves to the near side of a plane.
+    /// The lanes whose triangles certainly lie behind a plane or on it: no ray into the half space in front of it hits
+    /// them.
     #[inline(always)]
     pub(crate) fn behind<S: Simd>(&self, simd: S, plane: Plane) -> Mask {
         let mut lanes = !NO_LANES;

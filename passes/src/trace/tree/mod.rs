@@ -1,6 +1,6 @@
-//! The wide tree as it lies in memory, and what every traversal of it needs: prepared rays, volumes, stacks.
+//! The wide tree in memory, and what every traversal of it needs: prepared rays, volumes, stacks.
 //!
-//! Data and box tests only: how a tree is built is in `build`, how it is traversed in `single`, `packet`, `fan` and `parallel`.
+//! Data and box tests only: `build` builds the tree; `single`, `packet`, `fan` and `parallel` traverse it.
 //! May use: `ray`, `rounding`, `simd`.
 
 mod leaf;

@@ -3,7 +3,7 @@
 use super::volumes::{Bounds, Plane};
 use crate::trace::simd::{F8, LANES, Mask, Simd};
 
-/// Where a child is: a node index, or with the top bit a leaf index, or [`Child::NONE`].
+/// Reference to a child: the index of a node; or the index of a leaf, with the top bit set; or [`Child::NONE`].
 #[derive(Debug, Clone, Copy, PartialEq, Eq, bytemuck::Pod, bytemuck::Zeroable)]
 #[repr(transparent)]
 pub(crate) struct Child(pub(crate) u32);
@@ -40,7 +40,7 @@ impl Default for Child {
     }
 }
 
-/// Eight children, structure of arrays. Unused lanes have empty bounds, which no ray meets.
+/// Eight children as a structure of arrays. Unused lanes have empty bounds, which no ray meets.
 #[derive(Debug, Clone, Copy)]
 #[repr(C, align(64))]
 pub(crate) struct Node {
@@ -55,7 +55,7 @@ impl Node {
         children: [Child::NONE; LANES],
     };
 
-    /// The planes in registers.
+    /// Loads the planes into registers.
     #[inline(always)]
     pub(crate) fn load<S: Simd>(&self, simd: S) -> [[S::Vector; 3]; 2] {
         let [[a, b, c], [d, e, f]] = &self.planes;
@@ -75,19 +75,20 @@ impl Node {
         simd.at_most(outside, zero)
     }
 
-    /// The lanes that are used.
+    /// The lanes in use.
     #[inline(always)]
     pub(crate) fn used<S: Simd>(&self, simd: S) -> Mask {
         simd.at_most(simd.load(&self.planes[0][0]), simd.load(&self.planes[1][0]))
     }
 
-    /// The children as numbers, of which those of leaves have the top bit.
+    /// The children as numbers; leaves have the top bit set.
     #[inline(always)]
     pub(crate) fn numbers(&self) -> &[u32; LANES] {
         bytemuck::cast_ref(&self.children)
     }
 
-    /// The children of which certainly nothing is met by rays that leave to the near side of a plane.
+    /// The children that certainly lie behind a plane or on it: no ray into the half space in front of it hits anything
+    /// in them.
     #[inline(always)]
     pub(crate) fn behind<S: Simd>(&self, simd: S, plane: Plane) -> Mask {
         let [low, high] = self.load(simd);
@@ -100,7 +101,7 @@ impl Node {
         Bounds { low: low.into(), high: high.into() }
     }
 
-    /// Bounds of all children: those of unused lanes are empty.
+    /// Bounds of all children; unused lanes add nothing.
     pub(crate) fn whole(&self) -> Bounds {
         (0..LANES).fold(Bounds::EMPTY, |all, lane| all.union(self.bounds(lane)))
     }

@@ -1,4 +1,4 @@
-//! What is computed once per ray: the shear of the triangle test and the padded slabs of the box test.
+//! What is computed once for each ray: the shear of the triangle test and the padded origins of the slab test.
 
 use super::volumes::{Bounds, slab_padding};
 use crate::trace::ray::Ray;
@@ -6,24 +6,23 @@ use crate::trace::rounding::{DOUBT, FAR, FUSED_SLAB_ERROR, LARGEST_REACH, LONGES
 use crate::trace::simd::{F8, Mask, Simd, higher, lower};
 use glam::{DVec3, Vec3};
 
-/// The origin and the interval of rays that start from one point.
+/// The common origin and interval of several rays.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Start {
     origin: [f32; 3],
     pub(crate) t_min: f32,
     pub(crate) t_max: f32,
-    /// By the axis along which a direction is longest: the origin moved towards higher and towards lower coordinates, see
-    /// [`PreparedRay`].
+    /// For each longest axis of a direction, the origin moved towards higher and towards lower coordinates; see [`PreparedRay`].
     moved: [[[f32; 3]; 2]; 3],
-    /// By how much farther it is moved for the fused test, see [`Self::farthest`].
+    /// How much farther the origin is moved for the fused slab test; see [`Self::farthest`].
     fused: [f32; 3],
-    /// See [`Line`].
+    /// As in [`Line`].
     shortness: f32,
     doubt: f32,
 }
 
 impl Start {
-    /// Nothing if no ray from there can hit anything.
+    /// `None` if no ray from the origin can hit anything.
     #[inline(always)]
     pub(crate) fn new(origin: Vec3, (t_min, t_max): (f32, f32), scene: &Bounds) -> Option<Self> {
         let zero_or_nan = (origin * 0.0).element_sum();
@@ -40,19 +39,19 @@ impl Start {
         Some(Self { origin: origin.to_array(), t_min, t_max, moved, fused, shortness, doubt: doubt(reach, t_min) })
     }
 
-    /// The point.
+    /// The common origin.
     #[inline(always)]
     pub(crate) fn origin(&self) -> [f32; 3] {
         self.origin
     }
 
-    /// The origin, moved towards higher or towards lower coordinates by more than for any direction: for the test of boxes as
-    /// `plane * inverse - origin * inverse` in any order of rounding.
+    /// The origin, moved towards higher and towards lower coordinates, for slab tests of the form `plane * inverse - origin * inverse` with
+    /// any rounding (fused or not). It is farther than the moved origin of any direction.
     ///
-    /// With an inverse `i`, that test errs by `u |plane i|` where the product is rounded, `u |origin i|`, and `u` of the
-    /// result, which is `u |(plane - origin) i|`: as if the origin were off by `2 u reach + 2 u |origin|`. The test of
-    /// [`PreparedRay::slabs`] errs by 3 u of the distance, its far side by 8 u more: `11 u reach`. By more than both together this
-    /// origin is farther, so that no box is left out that the other test enters.
+    /// With an inverse `i`, such a test errs by `u |plane i|` where the product is rounded, by `u |origin i|`, and by `u` times the result,
+    /// which is `u |(plane - origin) i|`: as if the origin were off by `2 u reach + 2 u |origin|`. The test of [`PreparedRay::slabs`] errs
+    /// by 3 u of the distance, and its far side by 8 u more: `11 u reach`. This origin is moved by more than both together, so no box is
+    /// culled that the other test enters.
     #[inline(always)]
     pub(crate) fn farthest(&self) -> [[f32; 3]; 2] {
         let [[a, b], [c, d], [e, f]] = self.moved;
@@ -61,7 +60,8 @@ impl Start {
         [[most(0), most(1), most(2)], [least(0), least(1), least(2)]]
     }
 
-    /// What [`PreparedRay::new`] prepares for triangles, of a ray that it does not refuse and whose components are not flushed.
+    /// The data of [`PreparedRay::new`] for triangle tests. The direction must be one that it does not refuse, and have no component that
+    /// it flushes to 0.
     #[inline(always)]
     pub(crate) fn line(&self, direction: [f32; 3], shear: [f32; 2], longest: usize) -> Line {
         Line {
@@ -76,7 +76,7 @@ impl Start {
         }
     }
 
-    /// All that it prepares, with the reciprocals of the direction.
+    /// The prepared ray for a line; `inverse` holds the reciprocals of its direction.
     #[inline(always)]
     pub(crate) fn prepared(&self, line: Line, inverse: [f32; 3]) -> PreparedRay {
         let backward = inverse.map(|i| usize::from(i.is_sign_negative()));
@@ -93,33 +93,33 @@ impl Start {
     }
 }
 
-/// The two other axes and the one along which a direction is longest.
+/// The other two axes, then the axis of the largest component of a direction.
 #[inline(always)]
 pub(crate) fn permutation(longest: usize) -> [usize; 3] {
-    // A table: a jump would be guessed wrongly most of the time.
+    // A table: a branch would be mispredicted most of the time.
     const AXES: [[usize; 3]; 4] = [[1, 2, 0], [2, 0, 1], [0, 1, 2], [0, 1, 2]];
     AXES[longest & 3]
 }
 
-/// The largest distances of the scene's bounds from an origin by axis. Finite, or the planes of unused lanes, which are
-/// infinite, would give NaN.
+/// The largest distances of the scene's bounds from an origin, by axis. They are clamped to be finite: the planes of unused lanes are
+/// infinite, and would give NaN.
 #[inline(always)]
 fn reach(origin: Vec3, scene: &Bounds) -> Vec3 {
     (scene.low - origin).abs().max((scene.high - origin).abs()).min(Vec3::splat(LARGEST_REACH))
 }
 
-/// See [`Line::doubt`]; `t_min` is 0 or more.
+/// The value of [`Line::doubt`]; `t_min` is 0 or more.
 #[inline(always)]
 fn doubt(reach: Vec3, t_min: f32) -> f32 {
     0.5 * DOUBT * UNIT_ROUNDOFF * (reach.element_sum() + t_min)
 }
 
-/// What the tests of triangles ask of a ray.
+/// What the triangle tests need of a ray.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Line {
     pub(crate) origin: [f32; 3],
     pub(crate) direction: [f32; 3],
-    /// The two other axes and the axis along which the direction is longest.
+    /// The other two axes, then the axis of the largest component of the direction.
     pub(crate) axes: [usize; 3],
     /// `d.x/d.z` and `d.y/d.z` in permuted axes.
     pub(crate) shear: [f32; 2],
@@ -127,18 +127,18 @@ pub(crate) struct Line {
     pub(crate) t_max: f32,
     /// `1 / t_max`.
     pub(crate) shortness: f32,
-    /// For [`decide`](crate::trace::single::leaf_test): the error of `p`, in units of the edges' squared lengths. Infinite where the direction
-    /// is so long that the bound does not hold.
+    /// For [`decide`](crate::trace::single::leaf_test): the error of `p`, in units of the sum of the edges' squared lengths. Infinite where
+    /// the direction is too long for the bound to hold.
     pub(crate) doubt: f32,
 }
 
 /// A ray prepared for the tests of nodes and triangles.
 ///
-/// The triangle test sees the corners relative to the origin, sheared so that the ray is an axis (Woop, Benthin and Wald,
-/// "Watertight Ray/Triangle Intersection", JCGT 2(1), 2013). The rounding of the shear moves a corner sideways by at most
-/// `5 u (|x| + |z|)`, `x` and `z` being its distances from the origin along the two axes and `u` = 2⁻²⁴. The box test
-/// must not cut away what the triangle test would hit, so the origin of its slabs is moved outward by `8 u` times the
-/// largest such distances in the scene, plus one unit in the last place of the origin itself (their section 4).
+/// The triangle test uses corners relative to the origin, sheared so that the ray is an axis (Woop, Benthin and Wald, "Watertight
+/// Ray/Triangle Intersection", JCGT 2(1), 2013). The rounding of the shear moves a corner sideways by at most `5 u (|x| + |z|)`, where `x`
+/// and `z` are its distances from the origin along the two axes and `u` = 2⁻²⁴. The slab test must not cull what the triangle test would
+/// hit, so the origin of its slabs is moved outward by `8 u` times the largest such distances in the scene, plus one unit in the last place
+/// of the origin itself (their section 4).
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct PreparedRay {
     pub(crate) line: Line,
@@ -151,7 +151,7 @@ pub(crate) struct PreparedRay {
 }
 
 impl PreparedRay {
-    /// From what a packet has prepared.
+    /// The prepared ray, from data that a packet has prepared.
     #[inline(always)]
     pub(crate) fn of_packet(
         line: Line,
@@ -162,14 +162,14 @@ impl PreparedRay {
         Self { line, backward, near_origin, far_origin, near_inverse, far_inverse }
     }
 
-    /// Prepares a ray; nothing if it cannot hit anything (not finite, no direction, an empty interval).
+    /// Prepares a ray; `None` if it cannot hit anything (a number that is not finite, no direction, or an empty interval).
     #[inline(always)]
     pub(crate) fn new(ray: &Ray, scene: &Bounds) -> Option<Self> {
         let zero_or_nan = (ray.origin * 0.0 + ray.direction * 0.0).element_sum();
         if !(zero_or_nan == 0.0 && ray.t_min < ray.t_max && ray.t_max > 0.0) {
             return None;
         }
-        // Components whose reciprocal would overflow count as zero, in both tests alike.
+        // Components whose reciprocal would overflow count as zero, in the slab test and in the triangle test alike.
         let flush = |d: f32| if d.abs() < f32::MIN_POSITIVE { d * 0.0 } else { d };
         let direction = Vec3::new(flush(ray.direction.x), flush(ray.direction.y), flush(ray.direction.z));
         let length = direction.abs();
@@ -211,11 +211,11 @@ impl PreparedRay {
         })
     }
 
-    /// The lanes of boxes, given as planes `[low, high][axis]`, that the ray is in somewhere between `t_min` and
-    /// `t_limit`, and where it enters the boxes, which is never below `t_min`.
+    /// The lanes of the boxes, given as planes `[low, high][axis]`, that the ray is inside of somewhere between `t_min` and `t_limit`; and
+    /// the distances at which it enters them, which are at least `t_min`.
     ///
-    /// A direction of zero along an axis gives infinite distances, or `0 * inf = NaN` for a plane through the padded
-    /// origin, which the operand order of the comparisons drops: such a slab does not restrict the ray.
+    /// A direction of zero along an axis gives infinite distances, or `0 * inf = NaN` for a plane through the padded origin. The operand
+    /// order of the comparisons drops NaN: such a slab does not restrict the ray.
     #[inline(always)]
     pub(crate) fn slabs<S: Simd>(&self, simd: S, planes: &[[F8; 3]; 2], t_limit: f32) -> (Mask, S::Vector) {
         let [near_x, near_y, near_z] = [self.backward[0] & 1, self.backward[1] & 1, self.backward[2] & 1];
@@ -242,8 +242,8 @@ impl PreparedRay {
         simd.mul(from_origin, simd.splat(self.far_inverse[axis]))
     }
 
-    /// The interval in which [`Self::slabs`] says that the ray is in the bounds of a triangle, by the same operations, so
-    /// that the interval of a box around those bounds contains it.
+    /// The interval in which the ray is inside the bounds of a triangle, by the operations of [`Self::slabs`], so that the interval of any
+    /// box around those bounds contains it.
     #[inline(always)]
     pub(crate) fn span(&self, [a, b, c]: &[[f32; 3]; 3]) -> (f32, f32) {
         let (mut enter, mut leave) = (self.line.t_min, f32::INFINITY);
@@ -259,7 +259,7 @@ impl PreparedRay {
         (enter, leave)
     }
 
-    /// Where the ray meets the plane of a triangle, computed in `f64`; not finite where it is parallel to it.
+    /// Distance at which the ray meets the plane of a triangle, computed in `f64`; not finite where it is parallel to the plane.
     #[inline(always)]
     pub(crate) fn plane_distance(&self, [a, b, c]: &[[f32; 3]; 3]) -> f32 {
         let point = |p: &[f32; 3]| DVec3::new(f64::from(p[0]), f64::from(p[1]), f64::from(p[2]));
@@ -280,8 +280,8 @@ mod tests {
         (*state >> 40) as f32 / 16_777_216.0
     }
 
-    /// Whether the ray meets the box, in `f64`, where the differences of `f32` and their products with reciprocals have
-    /// errors far below those of interest; touching counts.
+    /// Whether the ray meets the box, in `f64`, where the differences of `f32` and their products with reciprocals have errors far below
+    /// those under test; touching counts.
     fn meets(ray: &Ray, bounds: &Bounds) -> bool {
         let (mut enter, mut leave) = (0.0_f64, f64::INFINITY);
         for axis in 0..3 {
@@ -307,7 +307,7 @@ mod tests {
             let scene = Bounds::of(&[point() * 10.0, point() * 10.0]);
             let (origin, mut direction) = (point() * 5.0, point());
             if round % 5 == 0 {
-                // As long along two axes.
+                // Two components are equal.
                 direction[round % 3] = direction[(round + 1) % 3];
             }
             let direction = direction.normalize();
@@ -336,7 +336,7 @@ mod tests {
         node.planes
     }
 
-    /// The test that this one replaces.
+    /// The textbook slab test, without padding.
     fn plain(ray: &Ray, bounds: &Bounds) -> bool {
         let (low, high) = ((bounds.low - ray.origin) / ray.direction, (bounds.high - ray.origin) / ray.direction);
         low.min(high).max_element().max(0.0) <= low.max(high).min_element()
@@ -360,7 +360,7 @@ mod tests {
                     target[index % 3] = bounds.low[index % 3].midpoint(bounds.high[index % 3]);
                 }
                 let mut origin = Vec3::splat(center) + (point() * 2.0 - 1.0) * 3.0;
-                // Some rays along one axis or within a plane of the box, with zeros of both signs.
+                // Every fifth ray runs along an axis or within a plane of the box, with zeros of both signs.
                 let zeros = if index % 5 == 0 { 1 + index % 2 } else { 0 };
                 for axis in 0..zeros {
                     origin[axis] = target[axis];

@@ -8,7 +8,7 @@ use std::mem::MaybeUninit;
 /// (`MAX_DEPTH` in `build/emit.rs`).
 pub(crate) const STACK: usize = 256;
 
-/// A stack of fixed size, not cleared when it is made: clearing costs more than a short ray.
+/// A stack of fixed capacity, uninitialised when it is made: clearing it costs more than a short ray.
 ///
 /// Invariant: the entries below `len` are initialised.
 pub(crate) struct Stack<T = u64> {
@@ -22,7 +22,7 @@ impl<T: Copy + PartialOrd> Stack<T> {
         Self { entries: [const { MaybeUninit::uninit() }; STACK], len: 0 }
     }
 
-    /// Adds an entry.
+    /// Pushes an entry.
     ///
     /// # Panics
     /// If the stack is full, which the bound on the tree's depth excludes.
@@ -42,7 +42,7 @@ impl<T: Copy + PartialOrd> Stack<T> {
         Room { entries, len: &mut self.len, count: 0 }
     }
 
-    /// Takes the entry that was added last.
+    /// Pops the entry that was pushed last.
     #[inline(always)]
     pub(crate) fn pop(&mut self) -> Option<T> {
         self.len = self.len.checked_sub(1)?;
@@ -76,7 +76,7 @@ impl<T: Copy + PartialOrd> Stack<T> {
     }
 }
 
-/// Room on top of a stack. Its count is not in memory while it is filled, so that nothing waits for it.
+/// Room on top of a stack. Its count stays in a register while it is filled, so that nothing waits for memory.
 pub(crate) struct Room<'a, T> {
     entries: &'a mut [MaybeUninit<T>; LANES],
     len: &'a mut usize,
@@ -84,17 +84,17 @@ pub(crate) struct Room<'a, T> {
 }
 
 impl<T: Copy> Room<'_, T> {
-    /// Adds an entry where a condition holds, without a jump.
+    /// Adds an entry if a condition holds, without a branch.
     #[inline(always)]
     pub(crate) fn push_if(&mut self, condition: bool, entry: T) {
         self.entries[self.count % LANES].write(entry);
         self.count += usize::from(condition);
     }
 
-    /// The entries are on the stack.
+    /// Pushes the added entries onto the stack.
     ///
     /// # Panics
-    /// If they are more than eight.
+    /// If there are more than eight.
     #[inline(always)]
     pub(crate) fn keep(self) {
         assert!(self.count <= LANES, "room for eight");
@@ -102,7 +102,7 @@ impl<T: Copy> Room<'_, T> {
     }
 }
 
-/// Up to `N` entries with the ray of each, not cleared either.
+/// A list of up to `N` entries, each with its ray; also uninitialised when it is made.
 ///
 /// Invariant: the entries and rays below `len` are initialised.
 pub(crate) struct List<const N: usize> {
@@ -122,10 +122,10 @@ impl<const N: usize> List<N> {
         self.len
     }
 
-    /// Adds an entry for each of the first rays.
+    /// Appends an entry once for each of the first `count` rays.
     ///
     /// # Panics
-    /// If there is no room for as many as are given, or they are said to be more.
+    /// If there is no room for `R` entries, or `count` is greater than `R`.
     #[inline(always)]
     pub(crate) fn append_rays<const R: usize>(&mut self, entry: u32, rays: [u8; R], count: u32) {
         let range = self.len..self.len + R;
@@ -139,10 +139,10 @@ impl<const N: usize> List<N> {
         self.len += count as usize;
     }
 
-    /// Adds the first of eight entries, all of one ray.
+    /// Appends the first `count` of eight entries, all of one ray.
     ///
     /// # Panics
-    /// If there is no room for eight, or they are said to be more.
+    /// If there is no room for eight, or `count` is greater than eight.
     #[inline(always)]
     pub(crate) fn append(&mut self, entries: [u32; LANES], ray: u8, count: u32) {
         let range = self.len..self.len + LANES;
@@ -156,10 +156,10 @@ impl<const N: usize> List<N> {
         self.len += count as usize;
     }
 
-    /// Takes the entry that was added last.
+    /// Pops the entry that was appended last.
     ///
     /// # Panics
-    /// If there is none.
+    /// If the list is empty.
     #[inline(always)]
     pub(crate) fn pop(&mut self) -> (u32, usize) {
         let last = self.len.checked_sub(1).expect("an entry");
@@ -168,7 +168,7 @@ impl<const N: usize> List<N> {
         entry
     }
 
-    /// Takes the eight entries that were added last, or all if there are fewer.
+    /// Pops the eight entries that were appended last, or all if there are fewer.
     #[inline(always)]
     pub(crate) fn take(&mut self) -> List<LANES> {
         let first = self.len.saturating_sub(LANES);
@@ -180,7 +180,7 @@ impl<const N: usize> List<N> {
         taken
     }
 
-    /// An entry and its ray, of which four bits are kept.
+    /// An entry and its ray; only the lowest four bits of the ray are returned.
     ///
     /// # Panics
     /// If there is no such entry.

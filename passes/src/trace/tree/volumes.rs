@@ -26,8 +26,8 @@ impl Bounds {
 
 /// A plane through the origin of rays that all leave to the side of its normal.
 ///
-/// Such a ray meets only points on that side, so a triangle with all corners on the other is met by none. This is how
-/// the floor that an occlusion ray starts from, and all that is flush with it, drop out exactly.
+/// Such a ray meets only points on that side, so no ray hits a triangle whose corners are all on the other side. This culls the floor that
+/// an occlusion ray starts from, and everything flush with it, exactly.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Plane {
     pub(crate) origin: Vec3,
@@ -35,21 +35,20 @@ pub(crate) struct Plane {
 }
 
 impl Plane {
-    /// Behind which is what lies behind the planes through all points of a box.
+    /// A plane such that whatever lies behind it also lies behind the parallel planes through all points of a box.
     pub(crate) fn behind_all(origins: &Bounds, normal: Vec3) -> Self {
         Self { origin: Vec3::select(normal.cmpge(Vec3::ZERO), origins.low, origins.high), normal }
     }
 
-    /// The lanes whose points are certainly all on the far side, or on the plane. `low` and `high` are bounds of each
-    /// lane's points by axis.
+    /// The lanes whose points certainly all lie behind the plane or on it. `low` and `high` are the bounds of each lane's points by axis.
     ///
-    /// The sum is compared with its own rounding error: four operations deep, each off by at most half an ulp of a term.
+    /// The sum is compared with its own rounding error: four operations deep, each off by at most half a unit in the last place of a term.
     #[inline(always)]
     pub(crate) fn behind<S: Simd>(&self, simd: S, low: [S::Vector; 3], high: [S::Vector; 3]) -> Mask {
         let zero = simd.splat(0.0);
         let (mut height, mut size) = (zero, zero);
         for axis in 0..3 {
-            // The corner that is farthest along the normal.
+            // The corner of the bounds that is farthest along the normal.
             let corner = if self.normal[axis] >= 0.0 { high[axis] } else { low[axis] };
             let part = simd.mul(simd.sub(corner, simd.splat(self.origin[axis])), simd.splat(self.normal[axis]));
             let minus = simd.sub(zero, part);
@@ -60,8 +59,8 @@ impl Plane {
     }
 }
 
-/// What rays of some length from the points of a box stay in: all that is no farther from it, grown by more than their
-/// rounding. From one point it is a ball.
+/// The volume that rays of some length from the points of a box stay in: all points within that distance of the box, grown by more than the
+/// rounding errors. For a single point it is a ball.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Ball {
     pub(crate) origins: Bounds,
@@ -70,13 +69,13 @@ pub(crate) struct Ball {
 }
 
 impl Ball {
-    /// `pad`: by how much, along each axis, a box may be missed by a ray that its triangle's test accepts.
+    /// `pad`: by how much, along each axis, a ray may miss a box although it hits the triangle inside by the watertight test.
     pub(crate) fn new(origins: Bounds, radius: f32, pad: Vec3) -> Self {
         let grown = radius * BALL_MARGIN + 2.0 * pad.length();
         Self { origins, square: grown * grown }
     }
 
-    /// The lanes of boxes that certainly lie outside; of what is not a number nothing is certain.
+    /// The lanes of boxes that certainly lie outside; boxes with NaN do not count.
     #[inline(always)]
     pub(crate) fn misses<S: Simd>(&self, simd: S, low: [S::Vector; 3], high: [S::Vector; 3]) -> Mask {
         let zero = simd.splat(0.0);
@@ -91,14 +90,15 @@ impl Ball {
     }
 }
 
-/// By how much the watertight test may be off along each axis, for a ray from `origin` that is longest along an axis on which the scene
-/// reaches `along` from it; `reach` is that for every axis. See [`PreparedRay`](super::PreparedRay).
+/// Error of the watertight test along each axis, for a ray from `origin`. `reach` holds the largest distances of the scene from the origin
+/// by axis, and `along` is the one along the ray's main axis. See [`PreparedRay`](super::PreparedRay).
 #[inline(always)]
 pub(crate) fn slab_padding(origin: Vec3, reach: Vec3, along: f32) -> Vec3 {
     (reach + Vec3::splat(along)) * SLAB_ERROR + origin.abs() * SLAB_ORIGIN_ERROR
 }
 
-/// By how much, along each axis, a box may be missed by a ray from a point of `origins` that its triangle's test accepts.
+/// By how much, along each axis, a ray from a point of `origins` may miss a box although it hits the triangle inside by the watertight
+/// test.
 pub(crate) fn slack(scene: &Bounds, origins: &Bounds) -> Vec3 {
     let reach = (scene.low - origins.high).abs().max((scene.high - origins.low).abs());
     let reach = reach.max((scene.low - origins.low).abs()).max((scene.high - origins.high).abs());
@@ -106,14 +106,14 @@ pub(crate) fn slack(scene: &Bounds, origins: &Bounds) -> Vec3 {
     slab_padding(size, reach, reach.max_element())
 }
 
-/// The box around the halves, on the side of a normal, of balls around all points of a box, grown by more than the rounding
-/// of a ray's end and by a slack; nothing where it overflows.
+/// The box around the half balls, on the side of a normal, around all points of a box. It is grown by more than the rounding of a ray's
+/// end, and by a slack. `None` where it overflows.
 #[inline(always)]
 pub(crate) fn half_balls(origins: &Bounds, normal: Vec3, radius: f32, slack: Vec3) -> Option<([f32; 3], [f32; 3])> {
     let (mut low, mut high) = ([0.0; 3], [0.0; 3]);
     for axis in 0..3 {
         let normal = normal[axis];
-        // The farthest point of the half ball against the normal lies on its rim.
+        // The extreme point of the half ball against the normal lies on its rim.
         let rim = (1.0 - normal * normal).max(0.0).sqrt() + RIM_ERROR;
         let (back, front) = if normal >= 0.0 { (rim.min(1.0), 1.0) } else { (1.0, rim.min(1.0)) };
         let size = origins.low[axis].abs().max(origins.high[axis].abs());

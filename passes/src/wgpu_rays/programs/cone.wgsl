@@ -1,22 +1,22 @@
-// A triangle as rays from one origin see it: four dot products are sure of all rays but a few (`trace/fan/cone_test.rs`). The rays in
-// between are traced, so the result is the same as tracing each.
+// A triangle as a cone seen from one origin: four dot products decide all rays but a few (`trace/fan/cone_test.rs`). Undecided rays are
+// traced, so the result is the same as tracing each ray.
 //
-// Unlike the processor, which has planes in 64 bits, the normal and the height are computed here for each origin, in 32 bits, with their
-// own bounds. With P the product of the largest components of two edges, S the largest component of their cross product, and M the largest
-// coordinate relative to the origin, in units u of the last place:
+// The processor has planes in 64 bits. Here the normal and the height are computed for each origin, in 32 bits, with their own bounds. With
+// P the product of the largest components of two edges, S the largest component of their cross product, and M the largest coordinate
+// relative to the origin, in units u of the last place:
 //   * each component of the normal, divided by S, is off by 8 P / S + 2: differences by 1 each, products by 3, their difference by 2;
 //   * the height is off by 3 M times that, by 3 M for the relative corner, and by 9 M for the sum: (24 P / S + 18) M;
 //   * the product of the normal with a direction is off by PLANE_ERROR, and by 1.75 times the error of a component: 14 P / S + 4.
-// A reciprocal may be off by several units: all components alike, so the plane is the same. The edges' bound is twice the processor's,
-// whose shear is divided once with 1 unit of error and not with 2.5. Fusing a product with a sum only takes an error away.
+// A reciprocal may be off by several units, but equally for all components, so the plane is the same. The edges' bound is twice the
+// processor's, whose shear has a division with 1 unit of error instead of 2.5. Fusing a product with a sum only removes an error.
 
-// Triangles thinner than this part of P have no planes that are sure of anything.
+// Triangles thinner than this share of P have no plane that decides anything.
 const SHARPEST: f32 = 1.0 / 4096.0;
 const EDGE_UNIT: f32 = 2.0 * EDGE_ERROR;
 
-// Normals of the planes through the origin and each edge, towards the triangle, in units of their error; in the fourth places
-// `direction . normal` up to which the triangle is certainly missed, and that from which on it is certainly met if the ray passes
-// within the edges. The normal of the triangle looks away from the origin.
+// `a`, `b`, `c`: normals of the planes through the origin and each edge, pointing towards the triangle, divided by their error bounds.
+// Their fourth components: `direction . normal` up to which the triangle is certainly missed, and the value from which on it is certainly
+// hit if the ray passes within the edges. `normal`, the normal of the triangle, points away from the origin.
 struct Facet { a: vec4f, b: vec4f, c: vec4f, normal: vec4f }
 
 fn largest(p: vec3f) -> f32 { return most3(abs(p)); }
@@ -24,20 +24,21 @@ fn edge_plane(start: vec3f, to: vec3f, unit: f32) -> vec3f {
     return cross(start, to) * (1.0 / (unit * largest(start) * largest(to)));
 }
 
-// What rays of some length from an origin, that go to one side of a plane through it, stay in.
+// The volume that contains all rays of some length from an origin that go to one side of a plane through it.
 struct HalfBall { origin: vec3f, facing: vec3f, square: f32, nearness: f32 }
-// By how much, along each axis, a box may be missed by a ray that its triangle's test accepts; twice the processor's (`Way`).
+// By how much, along each axis, a ray may miss a box although it hits the triangle inside by the watertight test; twice the processor's
+// bound (`Way`).
 fn slack_around(origin: vec3f) -> vec3f {
     let reach = reach_from(origin);
     return 2.0 * ((reach + vec3f(most3(reach))) * SLAB_ERROR + abs(origin) * SLAB_ORIGIN_ERROR);
 }
-// `radius` may be a part of that of the rays: then triangles beyond it are left out.
+// `radius` may be less than the length of the rays; then triangles beyond it are left out.
 fn half_ball(origin: vec3f, facing: vec3f, radius: f32) -> HalfBall {
     let slack = slack_around(origin);
     let grown = radius * LONGEST * BALL_MARGIN + 2.0 * sqrt(dot(slack, slack));
     return HalfBall(origin, facing, grown * grown, 1.0 / params.radius);
 }
-// Whether a point, relative to one of a plane, certainly lies behind the plane or on it.
+// Whether a point, relative to a point of a plane, certainly lies behind the plane or on it.
 fn is_behind(p: vec3f, normal: vec3f) -> bool {
     let height = p * normal;
     let size = abs(height) * SIDE_ERROR;
@@ -50,7 +51,7 @@ fn ball_meets(ball: HalfBall, corners: Corners) -> bool {
     return !(is_behind(a, ball.facing) && is_behind(b, ball.facing) && is_behind(c, ball.facing));
 }
 
-// A triangle, which meets the half ball, as its origin sees it; false if its plane is beyond.
+// The facet of a triangle that meets the half ball; false if no ray reaches its plane.
 fn facet_of(triangle: Triangle, ball: HalfBall, facet: ptr<function, Facet>) -> bool {
     let a = triangle.corners.a - ball.origin; let b = triangle.corners.b - ball.origin; let c = triangle.corners.c - ball.origin;
     let ab = triangle.corners.b - triangle.corners.a; let ac = triangle.corners.c - triangle.corners.a;
@@ -62,7 +63,7 @@ fn facet_of(triangle: Triangle, ball: HalfBall, facet: ptr<function, Facet>) -> 
     (*facet).c = vec4f(0.0, 0.0, 0.0, 0.0);
     (*facet).normal = vec4f(0.0);
     let bounded = SMALLEST <= min(min(sa, sb), sc) && most <= LARGEST && SMALLEST * SMALLEST <= sides;
-    // Of a degenerate triangle nothing is certain.
+    // A degenerate triangle decides nothing.
     if !bounded || !(size > SHARPEST * sides) { return true; }
     let scale = 1.0 / size;
     let thinness = sides * scale;
@@ -77,9 +78,9 @@ fn facet_of(triangle: Triangle, ball: HalfBall, facet: ptr<function, Facet>) -> 
     let at = height * ball.nearness;
     let margin = error * ball.nearness + at * (2.0 * DISTANCE_MARGIN) + plane_error;
     let broad = most * EDGE_ON <= height;
-    // No direction is longer than that, so none comes as far as such a plane.
+    // No direction is longer than `LONGEST`, so no ray reaches such a plane.
     if broad && sqrt(dot(normal, normal)) * (LONGEST * LONGEST * (1.0 + 16.0 * UNIT_ROUNDOFF)) <= at - margin { return false; }
-    // Hits must be asked for one by one where the triangle may have holes.
+    // A triangle that may have holes: each hit must be tested for coverage.
     let asked = (triangle.id & TRANSPARENT) != 0u && params.cut != 0u && (flags_of(triangle.id & ~TRANSPARENT) & SHADE_CUT) != 0u;
     let unit = select(EDGE_UNIT, -EDGE_UNIT, turned);
     (*facet).a = vec4f(edge_plane(b, c, unit), select(-plane_error, at - margin, broad));

@@ -7,23 +7,24 @@ fn corrected(pixel: Pixel) -> vec4f {
     let start = shadow_start(triangle, position.xyz);
     return shadow_from(start.kind, start.start, start.way);
 }
-// The light or the shadow from where a ray towards the light starts.
+// The colour for a shadow ray with this start (`ShadowStart`).
 fn shadow_from(kind: f32, start: vec3f, way: vec3f) -> vec4f {
     if kind == TURNED { return opaque(vec3f(SHADOWED)); }
     if kind != LIFTED { return shadow_of(start); }
     if is_cut_off(ACCEPT_COVERED, start, way) { return opaque(vec3f(SHADOWED)); }
     return shadow_of(sep3(start + way));
 }
-// The light or the shadow of a ray towards the light.
+// The colour for a shadow ray from an origin.
 fn shadow_of(origin: vec3f) -> vec4f {
     count(SHADOW);
     let blocked = occluded(ACCEPT_COVERED, Ray(origin, params.to_light, 0.0, HUGE));
     return opaque(vec3f(select(1.0, SHADOWED, blocked)));
 }
-// Where a ray towards the light starts: nowhere, off the triangle, or off it and farther along a way.
+// Kinds of starts of shadow rays. TURNED: the surface is turned from the light, no ray; FACING: off the triangle;
+// LIFTED: off it and farther along `way`.
 const TURNED: f32 = 0.0;
 const FACING: f32 = 1.0;
-// Of what is listed: nothing is seen there.
+// In the list only: the pixel shows no surface.
 const NOTHING: f32 = 2.0;
 const LIFTED: f32 = 3.0;
 struct ShadowStart { start: vec3f, kind: f32, way: vec3f }

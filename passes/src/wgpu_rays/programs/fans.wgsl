@@ -1,21 +1,21 @@
-// The occlusion rays of the points of a group, in shared memory: where they start, the side to which they go, and what their directions
-// have in common.
+// The occlusion rays of the points of a group, in shared memory: origins, the sides to which they go, and what their directions have in
+// common.
 
-// Where they start; the fourth number is 0.
+// Ray origins; w: the distance before which nothing is hit, 0 unless `trace.wgsl` sets it.
 var<workgroup> fan_origin: array<vec4f, 32>;
-// With it, the first word that scrambles.
+// Side to which the rays go; w: first scrambling seed.
 var<workgroup> fan_facing: array<vec4f, 32>;
-// With it, the second one.
+// First tangent; w: second scrambling seed.
 var<workgroup> fan_tangent: array<vec4f, 32>;
-// With it, the key.
+// Second tangent; w: key.
 var<workgroup> fan_bitangent: array<vec4f, 32>;
 var<workgroup> fan_normal: array<vec4f, 32>;
 
-// Whether a point has any.
+// Whether a point has occlusion rays.
 fn has_fan(point: u32, end: u32) -> bool {
     return point < end && params.samples != 0u && any(color_of(point) != vec3f(0.0));
 }
-// Keeps those of a point. The origin is that of `spawn`.
+// Stores the fan of a point. The origin is that of `spawn`.
 fn keep_fan(own: u32, point: u32) {
     let start = point_vector(point, 0u);
     let facing = points[POINT * point + 1u];

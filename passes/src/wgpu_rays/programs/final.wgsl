@@ -1,6 +1,6 @@
 // `final`: glass as in `refraction`, shadows and ambient occlusion, at pixels and at every hit.
 
-// A colour times the light's share and ambient occlusion. Black stays black, without a ray.
+// A colour times the share of the light and the ambient occlusion. Black stays black, without tracing a ray.
 fn visible(color: vec3f, surface: Surface, lit_side: vec3f, triangle: u32, key: u32) -> vec3f {
     if all(color == vec3f(0.0)) { return color; }
     let light = light_share(surface, lit_side, triangle);
@@ -14,7 +14,7 @@ fn thesis_light_share(position: vec3f) -> f32 {
     count(SHADOW);
     return select(SHADOWED, 1.0, thesis_sees_light(ACCEPT_OPAQUE, position));
 }
-// The report's `closest_hit` hands `faceforward` the ray's direction where the other programs hand it the opposite.
+// The report's `closest_hit` passes the ray's direction to `faceforward`, where the other programs pass its opposite.
 fn thesis_seen(position: vec3f, direction: vec3f, hit: Hit) -> vec3f {
     let normals = thesis_normals(hit);
     let normal = face_forward(normals.shading, direction, normals.geometric);

@@ -1,4 +1,4 @@
-// Multiplies the colours of points by what reaches them of the light.
+// Multiplies the colours of points by the share of the light that reaches them.
 @compute @workgroup_size(64)
 fn main(@builtin(workgroup_id) group: vec3u, @builtin(num_workgroups) groups: vec3u, @builtin(local_invocation_index) thread: u32) {
     let place = group.y * groups.x + group.x;

@@ -1,16 +1,16 @@
-// The points of `final`: what pixels see, and what is seen through glass.
+// The points of `final`: surfaces that pixels see, directly and through glass.
 
-// The pixel's points so far.
+// The first and the last point of the pixel so far.
 var<private> head: u32 = NONE;
 var<private> last: u32 = NONE;
-// Called for each end of the tree of rays (`glass.wgsl`): its colour is added later.
+// Called for each end of the tree of rays (`glass.wgsl`); the point's colour is added to the pixel by a later kernel.
 fn seen_through(hit: Hit, surface: Surface, key: u32, weight: Weight) -> vec3f {
     let color = weighed_color(weight, lit_color(hit, surface.normal));
-    // Black stays black, without a ray.
+    // Black stays black, without tracing a ray.
     if head == NO_ROOM || all(color == vec3f(0.0)) { return vec3f(0.0); }
     let place = atomicAdd(&ray_counts[FOUND], 1u);
     if place >= params.capacity {
-        // What was listed of it counts no more.
+        // The points of this pixel that were listed before are discarded.
         for (var point = head; point != NONE; point = next_of(point)) { put_nothing(point, next_of(point)); }
         head = NO_ROOM;
         return vec3f(0.0);
@@ -21,7 +21,8 @@ fn seen_through(hit: Hit, surface: Surface, key: u32, weight: Weight) -> vec3f {
     return vec3f(0.0);
 }
 
-// A point whose light is found later, or, where its triangle is turned away, now: few are. Light that is left then will be halved.
+// Stores a point whose light is found by a later kernel. Few triangles are turned away; their light is found now, divided by SHADOWED,
+// because the later kernel multiplies turned points by it.
 fn put_lit_point(place: u32, surface: Surface, lit_side: vec3f, triangle: u32, key: u32, weight: f32, color: vec3f) {
     let turned = dot3(lit_side, params.to_light) <= 0.0;
     var lit = color;

@@ -1,4 +1,4 @@
-// The picture of `final`, from what is known of its points.
+// The picture of `final`, from its points.
 fn picture(pixel: Pixel) -> vec4f {
     let triangle = stored_triangle(pixel);
     if triangle == NO_TRIANGLE { return stored_color(pixel); }

@@ -16,7 +16,7 @@ fn main() {
             var through = false;
             if kept > 0u { through = !enters && entered[kept - 1u] && crossed[kept - 1u] == material; }
             if through {
-                // A body that is entered and left at once holds nothing.
+                // A body that is entered and left in succession does not hold the camera.
                 kept -= 1u;
             } else if kept < MAX_LINE {
                 crossed[kept] = material;

@@ -1,9 +1,10 @@
-// Glass that reflects and refracts, shared by `refraction` and `final`, which say in `seen_through` what is seen there, with its weight.
+// Glass that reflects and refracts, shared by `refraction` and `final`, whose `seen_through` gives the weighted colour of a surface seen
+// through it.
 //
-// The processor's code recurses; here the tree of rays is walked with a list of the branches still to be traced, each with the weight of
-// its colour. The sum is the same but for the order of its roundings.
+// The processor's code recurses. Here a loop walks the tree of rays with a list of pending branches, each with the weight of its colour.
+// The sum is the same up to the order of its roundings.
 
-// A ray that is still to be traced. At most one a bounce waits while another is followed.
+// A ray that is still to be traced. While one branch is followed, at most one a bounce waits.
 struct Branch { origin: vec3f, direction: vec3f, weight: f32, key: u32, bounces: u32 }
 
 // The colour of the glass that a pixel shows.
@@ -21,7 +22,7 @@ fn glass_color(pixel: Pixel, triangle: u32, first: Surface, first_view: vec3f, f
         var next: Branch;
         var follows = false;
         if splits {
-            // The light that the glass sends along `view` splits.
+            // Splits the light that the glass sends along `view` into a reflected and a refracted ray.
             splits = false;
             var normal = interface_normal(surface, view);
             var meeting = interface_at(-dot3(normal, view), params.index);

@@ -1,6 +1,6 @@
-// Glass of the report, shared by `refraction` and `final`, which say in `thesis_seen` what is seen there.
+// Glass of the report, shared by `refraction` and `final`, whose `thesis_seen` gives the colour at the end of a chain.
 
-// The colour of the glass branch of the report's `buffer_camera`: two chains, since its glass keeps the reflected colour only.
+// The colour of the glass branch of the report's `buffer_camera`: two chains of rays, since its glass keeps only the reflected colour.
 fn thesis_glass(pixel: Pixel) -> vec3f {
     let position = stored_position(pixel).xyz; let normal = stored_normal(pixel);
     let view = thesis_view(position);

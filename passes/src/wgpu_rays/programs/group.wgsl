@@ -1,8 +1,8 @@
-// What the 32 threads of a group find together, without assuming that they run together.
+// Votes among the 32 threads of a group, which need not run in lockstep.
 
 const GROUP: u32 = 32u;
 var<private> lane: u32;
-// Three rounds of four words: one that is being written, one that may still be read, one that is 0.
+// Three rounds of four words: one is being written, one may still be read, one is 0.
 var<workgroup> votes: array<atomic<u32>, 12>;
 var<private> next_vote: u32 = 0u;
 
@@ -15,7 +15,7 @@ fn end_vote() {
     if lane < 4u { atomicStore(&votes[4u * ((next_vote + 2u) % 3u) + lane], 0u); }
     next_vote = (next_vote + 1u) % 3u;
 }
-// One bit for each thread whose value is true. All threads call it.
+// Mask of the threads whose value is true. All threads must call it.
 fn ballot(value: bool) -> u32 {
     let first = 4u * next_vote;
     if value { atomicOr(&votes[first], 1u << lane); }
@@ -24,7 +24,7 @@ fn ballot(value: bool) -> u32 {
     end_vote();
     return bits;
 }
-// The same of four values. What they wrote to shared memory before is there after it.
+// Masks for four values. What threads wrote to shared memory before is visible after it.
 fn ballots(values: vec4<bool>) -> vec4u {
     let first = 4u * next_vote;
     if values.x { atomicOr(&votes[first], 1u << lane); }

@@ -1,12 +1,12 @@
-// What the 32 threads of a group find together, where they are one subgroup.
+// Votes among the 32 threads of a group that is one subgroup.
 
 const GROUP: u32 = 32u;
 var<private> lane: u32;
 
 fn begin_group(thread: u32) { lane = subgroupExclusiveAdd(1u); }
-// One bit for each thread whose value is true. All threads call it.
+// Mask of the threads whose value is true. All threads must call it.
 fn ballot(value: bool) -> u32 { return subgroupBallot(value).x; }
-// The same of four values. What they wrote to shared memory before is there after it.
+// Masks for four values. What threads wrote to shared memory before is visible after it.
 fn ballots(values: vec4<bool>) -> vec4u {
     workgroupBarrier();
     return vec4u(ballot(values.x), ballot(values.y), ballot(values.z), ballot(values.w));

@@ -1,4 +1,4 @@
-// The points of the unit square that become directions of occlusion rays.
+// The points of the unit square for the directions of occlusion rays.
 
 fn point_of_sample(sample: u32, key: u32, seeds: vec2u) -> vec2f {
     if params.strata == 0u {

@@ -1,4 +1,4 @@
-// What comes from the light to where a ray towards it starts, where each surface of glass dims it alike.
+// The share of the light that reaches the origin of a shadow ray; each surface of glass dims it by the same factor.
 fn light_from(origin: vec3f) -> f32 {
     count(SHADOW);
     crossings_stored = 0u;

@@ -1,11 +1,11 @@
-// The side of a triangle that is lit; `light_from` says what comes through glass.
+// The share of the light that reaches a side of a triangle; `light_from` accounts for glass on the way.
 
-// What reaches a surface of the light, on a side of its triangle.
+// The share of the light that reaches a surface on `lit_side`.
 fn light_share(surface: Surface, lit_side: vec3f, triangle: u32) -> Weight {
     if dot3(lit_side, params.to_light) <= 0.0 { return turned_share(surface, lit_side, triangle); }
     return light_from(spawn(surface.point, params.to_light));
 }
-// The same of a side that is turned away.
+// The same for a side that is turned away from the light.
 fn turned_share(surface: Surface, lit_side: vec3f, triangle: u32) -> Weight {
     let way = lifted(triangle, surface.point, lit_side);
     if all(way == vec3f(0.0)) { return SHADOWED * ONE; }

@@ -1,6 +1,6 @@
-// Light that falls straight through glass (`shadow.rs`).
+// Light that passes straight through glass (`shadow.rs`).
 
-// The side of a body's surface that a line meets, by the geometric normal.
+// Whether a line enters a body at a triangle, by the geometric normal.
 fn line_enters(direction: vec3f, triangle: u32) -> bool {
     let corners = positions_of(triangle);
     let first = corners.b - corners.a; let second = corners.c - corners.a;
@@ -9,7 +9,7 @@ fn line_enters(direction: vec3f, triangle: u32) -> bool {
     return dot3(normal.h, direction) < 0.0;
 }
 
-// The share of the light that passes the surfaces that were crossed, by colour, though they bend nothing.
+// By colour channel, the share of the light that passes the crossed surfaces in a straight line, without refraction.
 fn straight_through() -> vec3f {
     var kept = 0u;
     for (var i = 0u; i < crossings_stored; i += 1u) {
@@ -53,7 +53,7 @@ fn straight_through() -> vec3f {
     return passes * transmittance(extinction_in(media), HUGE);
 }
 
-// What comes from the light to where a ray towards it starts.
+// The share of the light that reaches the origin of a shadow ray.
 fn light_from(origin: vec3f) -> vec3f {
     count(SHADOW);
     crossings_stored = 0u;

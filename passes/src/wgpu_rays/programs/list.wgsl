@@ -1,4 +1,4 @@
-// Lists what pixels see.
+// Lists the surfaces that pixels see.
 @compute @workgroup_size(TILE, TILE, 1)
 fn main(@builtin(workgroup_id) group: vec3u, @builtin(num_workgroups) groups: vec3u, @builtin(local_invocation_id) local: vec3u) {
     let tile = params.first_tile + group.y * groups.x + group.x;

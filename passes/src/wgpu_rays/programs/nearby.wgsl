@@ -1,15 +1,15 @@
-// The triangles near the points of a group, gathered once; the rays of a point are tested against those that it may meet alone.
+// The triangles near the points of a group, gathered once; the rays of a point are tested only against the triangles that they may hit.
 
-// Nodes that wait to be opened, and rounds of opening up to 32, at most.
+// Greatest number of nodes that wait to be opened, and of rounds, each of which opens up to 32.
 const WAITING: u32 = 320u;
 const ROUNDS: u32 = 160u;
-// Triangles of a list, and facets that are tested together; as many again may wait for the next time.
+// Capacity of the list of triangles; and number of facets that are tested together (the buffer holds as many again for the next round).
 const LISTED: u32 = 512u;
 const FACETS: u32 = 32u;
-// Points farther apart than so many radii have lists of their own. With 1, a picture takes 1.2 ms more of 8.5 on an H200:
-// lists are dear to gather.
+// Points share a list if they are no farther apart than this many radii. With 1, a picture takes 1.2 ms longer (of 8.5) on an H200: lists
+// are expensive to gather.
 const NEIGHBOURS: f32 = 4.0;
-// Triangles that one point sees within the radius, or within a part of it, at most: beyond, tracing its rays takes less time.
+// Greatest number of triangles that one point may see within the radius, or within a part of it. With more, tracing its rays is faster.
 const SEEN: u32 = 128u;
 const SEEN_NEARER: u32 = 96u;
 
@@ -21,7 +21,7 @@ var<workgroup> facets: array<vec4f, 256>;
 var<workgroup> zone_low: array<vec4f, 32>;
 var<workgroup> zone_high: array<vec4f, 32>;
 
-// A box, and a plane behind which nothing counts; without a normal there is no plane.
+// A box, and a plane behind which nothing counts; `has_plane` is false where there is no plane.
 struct Zone { low: vec3f, high: vec3f, origin: vec3f, normal: vec3f, has_plane: bool }
 // An upper bound of the height of a box above a plane (`trace/tree/volumes.rs`).
 fn height_bound(low: vec3f, high: vec3f, origin: vec3f, normal: vec3f) -> f32 {
@@ -40,10 +40,10 @@ fn zone_meets_triangle(zone: Zone, corners: Corners) -> bool {
     return !zone.has_plane || !(is_behind(a - zone.origin, zone.normal) && is_behind(b - zone.origin, zone.normal) &&
                                 is_behind(c - zone.origin, zone.normal));
 }
-// What contains all rays of a fan up to a distance; `bounded` is false where it overflows.
+// The zone that contains all rays of a fan up to a distance; `bounded` is false where it overflows.
 fn zone_of(origin: vec3f, facing: vec3f, distance: f32, bounded: ptr<function, bool>) -> Zone {
     let radius = distance * LONGEST;
-    // The farthest point of the half ball against the normal lies on its rim.
+    // The extreme point of the half ball against the normal lies on its rim.
     let rim = min(sqrt(max(vec3f(1.0) - facing * facing, vec3f(0.0))) + vec3f(RIM_ERROR), vec3f(1.0));
     let up = facing >= vec3f(0.0);
     let pad = (vec3f(radius) + abs(origin)) * END_ERROR + slack_around(origin);
@@ -52,7 +52,7 @@ fn zone_of(origin: vec3f, facing: vec3f, distance: f32, bounded: ptr<function, b
     *bounded = is_finite3(low) && is_finite3(high);
     return Zone(low, high, origin, facing, true);
 }
-// The zone of all members. Where they face the same way, what lies behind all of them is left out.
+// The zone that holds the zones of all members. If all face the same way, what lies behind all of them is excluded.
 fn zone_of_members(members: u32, own: Zone, facing: vec3f) -> Zone {
     zone_low[lane] = vec4f(own.low, 0.0);
     zone_high[lane] = vec4f(own.high, 0.0);
@@ -71,7 +71,7 @@ fn zone_of_members(members: u32, own: Zone, facing: vec3f) -> Zone {
     return zone;
 }
 
-// The children of a node that a zone meets; NONE for others.
+// The children of a node that meet a zone; NONE for a child that does not.
 fn met_children(zone: Zone, index: u32) -> vec2u {
     let a = bitcast<vec4f>(nodes_at(4u * index)); let b = bitcast<vec4f>(nodes_at(4u * index + 1u));
     let z = bitcast<vec4f>(nodes_at(4u * index + 2u));
@@ -82,9 +82,10 @@ fn met_children(zone: Zone, index: u32) -> vec2u {
 }
 fn is_leaf(child: u32) -> bool { return child != NONE && (child & LEAF) != 0u; }
 
-// The node below which everything lies that was gathered last.
+// The node below which everything lies that the last `gather` found.
 var<private> below: u32;
-// Lists the triangles that meet a zone; below 0 if they are too many or too hard to find. Each thread opens a node at a time.
+// Lists the triangles that meet a zone; returns their number, or a negative number if there are too many or the search takes too long. Each
+// thread opens one node at a time.
 fn gather(zone: Zone, top: u32) -> i32 {
     var waits = 1u;
     var found = 0u;
@@ -116,7 +117,7 @@ fn gather(zone: Zone, top: u32) -> i32 {
         workgroupBarrier();
         alone = alone && inner_all == 1u && leaves_all == 0u;
         if alone { below = waiting[0]; }
-        // The boxes of the leaves were met; the triangles themselves may not be. Leaves hold up to four.
+        // The boxes of these leaves meet the zone; the triangles themselves may not. A leaf holds up to four.
         for (var base = 0u; base < 4u * leaves_all; base += GROUP) {
             var triangle = 0u;
             var meets = false;
@@ -139,10 +140,10 @@ fn gather(zone: Zone, top: u32) -> i32 {
     return i32(found);
 }
 
-// Nodes that the search for a clear hemisphere opens, and that wait, at most.
+// Greatest number of nodes that the search for a clear hemisphere opens, and greatest number that wait.
 const CLEAR_VISITS: u32 = 96u;
 const CLEAR_WAITING: u32 = 32u;
-// Whether certainly nothing is in reach of a fan, where all that is lies below a node. Giving up is never wrong.
+// Whether certainly nothing is in reach of a fan; everything in reach must lie below node `top`. False means "not known".
 fn is_clear(zone: Zone, top: u32) -> bool {
     if (top & LEAF) != 0u { return false; }
     var pending: array<u32, 32>;
@@ -169,22 +170,22 @@ fn is_clear(zone: Zone, top: u32) -> bool {
     return false;
 }
 
-// Up to 128 rays of one fan: up to three whole slots, one ray a thread each, and a slot whose `rest` rays are each tested by several
-// threads against a part of the facets, so that no thread idles.
+// Up to 128 rays of one fan: up to three full slots with one ray a thread, and a last slot of `rest` rays, each of which several threads
+// test against different facets, so that no thread idles.
 var<private> ray_0: vec3f;
 var<private> ray_1: vec3f;
 var<private> ray_2: vec3f;
 var<private> ray_3: vec3f;
 var<private> whole: u32;
 var<private> rest: u32;
-// Threads a ray of the last slot, as the logarithm.
+// Base-2 logarithm of the number of threads for each ray of the last slot.
 var<private> parts: u32;
-// One bit a slot.
+// Blocked rays, one bit a slot.
 var<private> blocked: u32;
-// Likewise, where some facet was not sure.
+// Rays that some facet left undecided, one bit a slot.
 var<private> unsure: u32;
 
-// Makes the rays from `first` on; false if one is longer than the facets' bounds allow, or not made of numbers.
+// Makes `count` rays from `first` on; false if a direction is too long for the facets' bounds, or not finite.
 fn make_rays(owner: u32, first: u32, count: u32) -> bool {
     whole = min(count / GROUP, 3u);
     rest = count - GROUP * whole;
@@ -204,7 +205,7 @@ fn make_rays(owner: u32, first: u32, count: u32) -> bool {
     return ballot(longer) == 0u;
 }
 
-// What is certain of a ray: bit 0 if it is stopped, bit 1 if nothing is.
+// The verdict on a ray: 1 if it is certainly stopped, 2 if undecided, 0 if certainly missed.
 fn judge(a: vec4f, b: vec4f, c: vec4f, normal: vec4f, direction: vec3f) -> u32 {
     let least = min(min(dot(direction, a.xyz), dot(direction, b.xyz)), dot(direction, c.xyz));
     let depth = dot(direction, normal.xyz);
@@ -241,14 +242,14 @@ fn test_rays(begin: u32, count: u32) {
         }
     }
 }
-// One bit for each ray of the slots of which a bit is set in any thread that tested it.
+// For each slot, the rays whose bit is set in any thread that tested them.
 fn rays_with(bit: u32) -> vec4u {
     let bits = ballots(vec4<bool>((bit & 1u) != 0u, (bit & 2u) != 0u, (bit & 4u) != 0u, (bit & 8u) != 0u));
     var last = bits.w;
     for (var step = GROUP / 2u; step >= GROUP >> parts && step > 0u; step /= 2u) { last |= last >> step; }
     return vec4u(bits.xyz, last) & all_rays();
 }
-// One bit for each ray.
+// For each slot, the mask of all its rays.
 fn all_rays() -> vec4u {
     return vec4u(select(vec3u(0u), vec3u(0xffffffffu), vec3u(whole) > vec3u(0u, 1u, 2u)),
                  select(0u, 0xffffffffu >> (GROUP - max(rest, 1u)), rest > 0u));
@@ -260,18 +261,18 @@ fn bits_of(v: vec4u) -> u32 {
 
 var<private> open: vec4u;
 var<private> open_unsure: vec4u;
-// What is found instead of a number: too many triangles to look at, a ray that is too long, or nothing in the way of any.
+// Results other than a number of open rays: too many triangles; a ray that is too long; no ray has anything in its way.
 const TOO_MANY: u32 = 0xfffffffdu;
 const TOO_LONG: u32 = 0xfffffffeu;
 const NOTHING_SEEN: u32 = 0xffffffffu;
 
-// How many rays of a fan, from `first` on, none of the gathered triangles certainly stops within a radius. `open` has a bit for each of
-// them, and `open_unsure` for each of those that some may stop.
+// Number of a fan's rays, of `count` from `first` on, that no gathered triangle certainly stops within a radius. `open` has a bit for each
+// of these rays, and `open_unsure` for each of them that some triangle may stop.
 fn open_of(owner: u32, radius: f32, first: u32, count: u32, gathered: u32) -> u32 {
     open = vec4u(0xffffffffu);
     open_unsure = vec4u(0u);
     let ball = half_ball(fan_origin[owner].xyz, fan_facing[owner].xyz, radius);
-    // Few of those near some points are near this one.
+    // Only some of the triangles near all members are near this point.
     let most = select(SEEN_NEARER, SEEN, radius == params.radius);
     var near = 0u;
     for (var base = 0u; base < gathered; base += GROUP) {
@@ -298,7 +299,7 @@ fn open_of(owner: u32, radius: f32, first: u32, count: u32, gathered: u32) -> u3
         if base + lane < near {
             let triangle = load_triangle(near_list[base + lane]);
             met = facet_of(triangle, ball, &facet);
-            // Glass that occlusion rays pass stops none.
+            // Glass that lets occlusion rays pass stops none.
             let may_pass_light = OCCLUSION_ACCEPT == ACCEPT_STOPS && (triangle.id & TRANSPARENT) != 0u;
             stops = met && !(may_pass_light && passes_light(triangle.id & ~TRANSPARENT));
         }

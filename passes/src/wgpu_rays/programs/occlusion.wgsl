@@ -1,6 +1,6 @@
-// The rays of ambient occlusion, one thread a point: how many of them are open.
+// Ambient occlusion with one thread a point: the open share of its rays.
 
-// The share of the cosine-weighted hemisphere that is open within the radius, to the power of the intensity; 1 where it is not wanted.
+// The share of the cosine-weighted hemisphere that is open within the radius, to the power of the intensity; 1 where it is switched off.
 fn occlusion(accept: u32, surface: Surface, key: u32) -> f32 {
     if params.samples == 0u { return 1.0; }
     let origin = spawn(surface.point, surface.facing);
@@ -17,7 +17,7 @@ fn occlusion(accept: u32, surface: Surface, key: u32) -> f32 {
     return table_number(params.open_share_at + open);
 }
 
-// The report's. A ray that is not made of numbers is none, and counts as open.
+// Ambient occlusion of the report. A ray that is not finite is not traced, and counts as open.
 fn thesis_occlusion(accept: u32, position: vec3f, normal: vec3f) -> f32 {
     if params.strata == 0u { return 1.0; }
     let basis = thesis_basis(normal);

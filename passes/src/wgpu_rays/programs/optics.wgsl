@@ -7,7 +7,7 @@ fn interface_normal(surface: Surface, view: vec3f) -> vec3f {
     return select(surface.facing, surface.normal, usable);
 }
 
-// The reflected share and the cosine of the refracted ray.
+// The reflected share of the light, and the cosine of the refracted ray.
 struct Interface { reflectance: f32, cos_refracted: f32 }
 fn fresnel(cosine: f32, index: f32) -> Interface {
     let cos_in = clamp(cosine, 0.0, 1.0);
@@ -31,7 +31,7 @@ fn interface_at(cosine: f32, ratio: f32) -> Interface {
     if params.schlick != 0u { return schlick(cosine, ratio); }
     return fresnel(cosine, ratio);
 }
-// Whether a ray enters; then `refracted` is where it goes.
+// Whether a ray enters; if so, `refracted` is its direction.
 fn refracts(interface_: Interface, i: vec3f, n: vec3f, ratio: f32, refracted: ptr<function, vec3f>) -> bool {
     if interface_.reflectance >= 1.0 { return false; }
     let along = i - sep3(n * dot3(n, i));
@@ -71,7 +71,7 @@ fn thesis_normals(hit: Hit) -> ThesisNormals {
     let geometric = normalize_or(cross3(corners.b - corners.a, corners.c - corners.a), vec3f(0.0));
     return ThesisNormals(geometric, normalize_or(normal_at(hit), vec3f(0.0)));
 }
-// A ray that is not made of numbers meets nothing.
+// The first hit farther than `t_min`. A ray that is not finite hits nothing.
 fn thesis_closest(origin: vec3f, direction: vec3f, t_min: f32, hit: ptr<function, Hit>) -> bool {
     return closest(ACCEPT_ALL, Ray(origin, direction, t_min, HUGE), hit);
 }

@@ -1,7 +1,7 @@
-// What all programs are given. The constants in front of this text are written from Rust (`layout.rs`), which has the same structure.
+// The parameters of all programs. The constants before this text are written by `layout.rs`, which declares the same structure.
 struct Params {
     eye: vec3f,
-    // 0, which no compiler knows: see `sep`.
+    // Always 0, which no compiler knows: see `sep`.
     zero: u32,
     to_light: vec3f,
     seed: u32,
@@ -11,17 +11,18 @@ struct Params {
     strata: u32,
     scene_high: vec3f,
     depth: u32,
-    // Pixels; and where the images lie in the picture.
+    // Size of the images in pixels, and their place in the picture.
     width: u32,
     height: u32,
     origin_x: u32,
     origin_y: u32,
-    // Tiles of 8 x 8 pixels: those of this launch, and those of a row of the picture. Points that a launch has room for.
+    // Tiles of 8 x 8 pixels: the range of this launch, and the number in a row of the images. Then the number of points that the list has
+    // room for.
     first_tile: u32,
     end_tile: u32,
     tiles_across: u32,
     capacity: u32,
-    // The top of the tree, or NONE. Where each part of `mesh` and of `tables` begins.
+    // Root of the tree, or NONE. Then the offsets of the parts of `mesh`, `vertices` and `tables`.
     root: u32,
     materials_at: u32,
     normals_at: u32,
@@ -30,23 +31,23 @@ struct Params {
     points_at: u32,
     open_share_at: u32,
     through_glass_at: u32,
-    // Flags: whether something is cut out, whether weights are Schlick's, whether there are vertex normals. What ids in the triangle
-    // attachment are above their values.
+    // Flags: whether any material has cut-outs, whether glass uses Schlick's approximation, whether there are vertex normals. Then the
+    // offset of the ids stored in the triangle attachment.
     cut: u32,
     schlick: u32,
     has_normals: u32,
     id_base: u32,
     radius: f32,
     index: f32,
-    // Where the linear values of the codes of sRGB begin in `tables`; 0 where texels are read as stored.
+    // Offset in `tables` of the linear values of the sRGB codes; 0 where texels are read as stored.
     decoded_at: u32,
-    // Where vertex colours begin in `vertices`.
+    // Offset of the vertex colours in `vertices`.
     colors_at: u32,
-    // What is seen where rays leave the scene; where what is known of glass begins in `tables`, with whether light falls straight
-    // through it; 0 where all of it is panes.
+    // Colour of rays that leave the scene. Then the offset in `tables` of the glass data, whose first word says whether light passes
+    // straight through glass; 0 where all glass is panes.
     beyond: vec3f,
     bodies_at: u32,
-    // Where tangents begin in `vertices`; 0 where there are none.
+    // Offset of the tangents in `vertices`; 0 where there are none.
     tangents_at: u32,
 }
 
@@ -61,5 +62,5 @@ struct Params {
 
 // Group 1, the scene, is declared by `split.rs`.
 
-// What the pass knows of materials, then of textures, occlusion points, open shares, what passes through glass, and what glass is.
+// Data of the pass: materials, textures, occlusion points, open shares, transmission through glass, and glass data.
 @group(2) @binding(0) var<storage, read> tables: array<u32>;

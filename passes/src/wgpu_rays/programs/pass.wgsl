@@ -1,8 +1,8 @@
-// A pixel of a pass, what is stored of it, and the counts of its rays.
+// A pixel of a pass, its stored attributes, and its ray counts.
 
 struct Pixel { x: u32, y: u32 }
 
-// By kind: towards the light, occlusion, reflected, refracted, occlusion rays that were certain, and paths that got lost in glass.
+// Ray counts by kind: shadow, occlusion, reflected, refracted, certain occlusion rays, and paths lost in glass.
 var<private> rays: array<u32, RAY_COUNT_KINDS>;
 const SHADOW: u32 = 0u;
 const OCCLUSION: u32 = 1u;
@@ -19,16 +19,16 @@ fn stored_triangle(pixel: Pixel) -> u32 {
     return textureLoad(triangle_buffer, vec2u(pixel.x, pixel.y), 0).x - params.id_base;
 }
 
-// The nearest surface from an origin that lies off its own.
+// The nearest surface from an origin that is offset from its own surface.
 fn closest_surface(origin: vec3f, direction: vec3f, hit: ptr<function, Hit>) -> bool {
     return closest(ACCEPT_COVERED, Ray(origin, direction, 0.0, HUGE), hit);
 }
-// A ray that is not made of numbers meets nothing.
+// Whether light reaches a position. A ray that is not finite hits nothing.
 fn thesis_sees_light(accept: u32, position: vec3f) -> bool {
     return !occluded(accept, Ray(position, params.to_light, THESIS_EPSILON, HUGE));
 }
 
-// Whether something lies between a triangle and a point of it that was lifted.
+// Whether something blocks the segment from a triangle (`start`) to the point `way` away to which it was lifted.
 fn is_cut_off(accept: u32, start: vec3f, way: vec3f) -> bool {
     count(SHADOW);
     let length = sep(sqrt(dot3(way, way)));
@@ -37,7 +37,7 @@ fn is_cut_off(accept: u32, start: vec3f, way: vec3f) -> bool {
 
 fn opaque(color: vec3f) -> vec4f { return vec4f(color, 1.0); }
 
-// Adds a pixel's rays to the sums, which are spread so that threads seldom meet.
+// Adds a pixel's rays to the sums, which are spread over slots so that atomics rarely collide.
 fn count_rays(tile: u32) {
     let slot = 2u * RAY_COUNT_KINDS * (tile % RAY_COUNT_SLOTS);
     for (var kind = 0u; kind < RAY_COUNT_KINDS; kind += 1u) {

@@ -1,4 +1,4 @@
-// Exact products where `fma` is rounded once, as is tried when the device is opened: its second word is the error of the first.
+// Exact products for drivers whose `fma` rounds once, as tested when the device is opened: the second word is the error of the first.
 fn exact_product(a: f32, b: f32) -> Wide {
     let p = sep(a * b);
     return Wide(p, fma(a, b, -p));

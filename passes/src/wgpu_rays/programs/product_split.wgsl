@@ -1,4 +1,4 @@
-// Exact products by halves of the digits (Dekker), for drivers whose `fma` is rounded twice.
+// Exact products by splitting the digits into halves (Dekker), for drivers whose `fma` rounds twice.
 fn upper(a: f32) -> f32 { return bitcast<f32>(bitcast<u32>(a) & 0xfffff000u); }
 fn upper3(a: vec3f) -> vec3f { return bitcast<vec3f>(bitcast<vec3u>(a) & vec3u(0xfffff000u)); }
 fn exact_product(a: f32, b: f32) -> Wide {

@@ -1,4 +1,4 @@
-// `reflection`: a mirror in the place of glass. Other pixels keep their colour.
+// `reflection`: a mirror in place of glass. Other pixels keep their colour.
 
 fn corrected(pixel: Pixel) -> vec4f {
     let triangle = stored_triangle(pixel);

@@ -1,5 +1,5 @@
-// Random numbers without state and directions of a hemisphere: the same integers and, step by step, the same numbers as
-// `passes/src/sampling`, which names the sources of each formula.
+// Random numbers without state and directions of a hemisphere: the same integers and, step by step, the same floats as
+// `passes/src/sampling`, which gives the source of each formula.
 
 fn pcg4d(seed: vec4u) -> vec4u {
     var v = seed * 1664525u + vec4u(1013904223u);
@@ -14,7 +14,7 @@ fn pcg4d(seed: vec4u) -> vec4u {
     v.w += v.y * v.z;
     return v;
 }
-// Of a pixel's place in the picture.
+// The key of a pixel, by its place in the picture.
 fn pixel_key(pixel: Pixel) -> u32 {
     return pcg4d(vec4u(pixel.x + params.origin_x, pixel.y + params.origin_y, params.seed, HASH_PIXEL)).w;
 }
@@ -42,7 +42,7 @@ fn basis_around(n: vec3f) -> Basis {
     return Basis(tangent, vec3f(b, turned + sep(sep(n.y * n.y) * a), -n.y), n);
 }
 
-// Sine and cosine of up to an eighth of a turn.
+// Sine and cosine of angles up to π/4.
 fn sin_cos_eighth(angle: f32) -> vec2f {
     let square = sep(angle * angle);
     let s = sep(sep(-1.9515296e-4 * square) + 8.332161e-3);
@@ -66,10 +66,10 @@ fn cosine_direction(point: vec2f) -> vec3f {
     return vec3f(disk, sqrt(max(1.0 - (sep(disk.x * disk.x) + sep(disk.y * disk.y)), 0.0)));
 }
 
-// The report's noise and its hemisphere, for thesis fidelity. Sines are taken in twice the precision and rounded once.
+// The report's noise and hemisphere, for thesis fidelity. Sines are taken in twice the precision and rounded once.
 
-// Sine and cosine of any angle that a picture has: less a multiple of a quarter turn, which is taken in three words, they are Taylor's
-// series, whose first terms are summed in two words. They err by less than 2⁻³², and are rounded once.
+// Sine and cosine of any angle in a picture: a multiple of a quarter turn, in three words, is subtracted, and Taylor's series is evaluated
+// for the rest, with its first terms in two words. The error before the final rounding is below 2⁻³².
 fn wide_sine(x: Wide) -> f32 {
     let square = mul(x, x);
     let z = square.h;
@@ -84,7 +84,7 @@ fn wide_cosine(x: Wide) -> f32 {
     let fourth = mul(mul(square, square), Wide(0.0416666679084301, -1.2417634698280722e-09));
     return add(add(add(wide(1.0), Wide(-0.5 * square.h, -0.5 * square.l)), fourth), wide(rest)).h;
 }
-// An angle, less so many quarter turns.
+// An angle minus `turns` quarter turns.
 struct Reduced { angle: Wide, turns: i32 }
 fn reduced(angle: f32) -> Reduced {
     let turns = round(sep(angle * 0.63661977));
@@ -93,18 +93,18 @@ fn reduced(angle: f32) -> Reduced {
     x = add(x, minus(exact_product(turns, -1.7151245100058819e-15)));
     return Reduced(x, i32(turns));
 }
-// The sine of an angle after so many quarter turns more.
+// The sine of the angle plus `more` quarter turns.
 fn sine_of(r: Reduced, more: i32) -> f32 {
     let quarter = (r.turns + more) & 3;
     var sine = 0.0;
     if (quarter & 1) == 0 { sine = wide_sine(r.angle); } else { sine = wide_cosine(r.angle); }
     return select(sine, -sine, quarter >= 2);
 }
-// What is not a number: no compiler knows that it is none.
+// NaN, in a form that no compiler recognises.
 fn not_a_number() -> f32 { return bitcast<f32>(0x7fc00000u ^ params.zero); }
 fn thesis_rand(x: f32, y: f32) -> f32 {
     let angle = sep(x * 12.9898) + sep(y * 78.233);
-    // Above 2²⁴, an angle is known to more than a turn.
+    // Above 2²⁴, the rounding of an angle is more than a turn.
     if !is_finite(angle) || abs(angle) > 16777216.0 { return not_a_number(); }
     // 43758.5453 in two words.
     let product = mul(wide(sine_of(reduced(sep(angle)), 0)), Wide(43758.546875, -0.0015750000020489097));

@@ -1,4 +1,4 @@
-// What is hit: rays, hits, vertex attributes, textures, materials, and where triangles are cut out.
+// What rays hit: rays, hits, vertex attributes, textures, materials, and cut-outs.
 
 // Hits have t_min < t < t_max.
 struct Ray { origin: vec3f, direction: vec3f, t_min: f32, t_max: f32 }
@@ -15,7 +15,7 @@ fn positions_of(triangle: u32) -> Corners {
     let i = corners_of(triangle);
     return Corners(vector_at(3u * i.x), vector_at(3u * i.y), vector_at(3u * i.z));
 }
-// Three vectors, weighed as the processor does.
+// Interpolates three vectors at a hit, with the processor's roundings.
 fn weighed(a: vec3f, b: vec3f, c: vec3f, hit: Hit) -> vec3f {
     let w = 1.0 - hit.u - hit.v;
     return sep3(sep3(a * w) + sep3(b * hit.u)) + sep3(c * hit.v);
@@ -34,7 +34,7 @@ fn texture_coordinates(hit: Hit) -> vec2f {
 }
 
 fn four_at(place: u32) -> vec4f { return vec4f(vector_at(place), bitcast<f32>(vertices_at(place + 3u))); }
-// An attribute of four numbers a vertex, which begins there.
+// A vertex attribute of four numbers, whose array begins at `first`, interpolated at a hit.
 fn four_between(first: u32, hit: Hit) -> vec4f {
     let i = vec3u(first) + 4u * corners_of(hit.triangle);
     let w = 1.0 - hit.u - hit.v;
@@ -42,18 +42,18 @@ fn four_between(first: u32, hit: Hit) -> vec4f {
 }
 fn vertex_color(hit: Hit) -> vec4f { return four_between(params.colors_at, hit); }
 
-// Level 0 of a texture, which alone rays read.
+// Level 0 of a texture, the only one that rays read.
 struct Texture { first: u32, width: u32, height: u32, wrap_u: u32, wrap_v: u32, decoded_at: u32 }
 fn texture_of(index: u32) -> Texture {
     let place = params.textures_at + TEXTURE_WORDS * index;
     return Texture(tables[place], tables[place + 1u], tables[place + 2u], tables[place + 3u], tables[place + 4u], params.decoded_at);
 }
-// The texel that stands for one beyond the sides: from the other side, or the one at the edge.
+// The index of the texel that replaces one beyond the border: the texel from the other side (repeat), or the one at the border.
 fn beyond(x: i32, size: i32, wrap: u32) -> i32 {
     if wrap != WRAP_REPEAT { return clamp(x, 0, size - 1); }
     return select(select(x, x - size, x >= size), x + size, x < 0);
 }
-// Where a coordinate lies, as a share of the side.
+// A coordinate after wrapping, as a share of the side, 0 to 1.
 fn share_of_side(t: f32, wrap: u32) -> f32 {
     if wrap == WRAP_CLAMP { return clamp(t, 0.0, 1.0); }
     if wrap == WRAP_REPEAT { return t - floor(t); }
@@ -76,7 +76,7 @@ fn sep4(x: vec4f) -> vec4f { return bitcast<vec4f>(bitcast<vec4u>(x) ^ vec4u(par
 fn between(a: vec4f, b: vec4f, s: f32) -> vec4f { return sep4(a * (1.0 - s)) + sep4(b * s); }
 // Bilinear filtering; `v = 0` is the bottom row.
 fn sample_texture(index: u32, uv: vec2f) -> vec4f { return sample_image(texture_of(index), uv); }
-// The same of numbers that are no colours.
+// As `sample_texture`, for textures that do not hold colours.
 fn sample_numbers(index: u32, uv: vec2f) -> vec4f {
     var image = texture_of(index);
     image.decoded_at = 0u;
@@ -104,7 +104,7 @@ fn shade_of(triangle: u32) -> Shade {
 fn flags_of(triangle: u32) -> u32 { return tables[SHADE_WORDS * mesh_at(params.materials_at + triangle) + 3u]; }
 fn is_glass(triangle: u32) -> bool { return (flags_of(triangle) & SHADE_GLASS) != 0u; }
 fn passes_light(triangle: u32) -> bool { return (flags_of(triangle) & SHADE_SHADOW_GLASS) != 0u; }
-// Whether there is a surface at this point of the triangle.
+// Whether there is a surface at this point of the triangle, that is, no cut-out.
 fn covers(hit: Hit) -> bool {
     if params.cut == 0u { return true; }
     let shade = shade_of(hit.triangle);
@@ -116,8 +116,8 @@ fn covers(hit: Hit) -> bool {
     return alpha >= shade.cutoff;
 }
 
-// The normal that a texel makes of the one between the corners, on a triangle of unit normal `flat_normal` on either side, as
-// `normal_map::bent` of the pipeline has it.
+// The normal that a normal map's texel makes of the interpolated normal, on a triangle with unit normal `flat_normal` (of either sign), as
+// in `normal_map::bent` of the pipeline.
 fn bent(texel: vec3f, scale: f32, normal: vec3f, tangent: vec4f, flat_normal: vec3f) -> vec3f {
     let slopes = sep3((2.0 * texel - vec3f(1.0)) * scale);
     let height = 2.0 * texel.z - 1.0;
@@ -131,7 +131,7 @@ fn bent(texel: vec3f, scale: f32, normal: vec3f, tangent: vec4f, flat_normal: ve
     if cosine < LEAST_COSINE { return normalize_or(turned + sep3(side * (LEAST_COSINE - cosine)), normalize_or(side, side)); }
     return turned;
 }
-// The normal at a hit, bent by the normal map of its material if it has one; `vertex_normal` is the one between the corners.
+// The normal at a hit, bent by the material's normal map if it has one; `vertex_normal` is the interpolated normal.
 fn bent_normal(hit: Hit, vertex_normal: vec3f, flat_normal: vec3f) -> vec3f {
     if params.tangents_at == 0u || !(dot3(vertex_normal, vertex_normal) > LEAST_SQUARE) { return vertex_normal; }
     let place = SHADE_WORDS * mesh_at(params.materials_at + hit.triangle);
@@ -139,7 +139,7 @@ fn bent_normal(hit: Hit, vertex_normal: vec3f, flat_normal: vec3f) -> vec3f {
     let texel = sample_numbers(tables[place + 10u], texture_coordinates(hit)).xyz;
     return bent(texel, table_number(place + 11u), vertex_normal, four_between(params.tangents_at, hit), flat_normal);
 }
-// Whether the normal between the corners faces the light, on the side of the triangle on which a bent normal is.
+// Whether the interpolated normal faces the light, when turned to the side of the triangle that the bent normal is on.
 fn vertices_face_light(hit: Hit, bent: vec3f) -> bool {
     let corners = positions_of(hit.triangle);
     let flat_normal = cross3(corners.b - corners.a, corners.c - corners.a);
@@ -149,7 +149,7 @@ fn vertices_face_light(hit: Hit, bent: vec3f) -> bool {
     return select(cosine, -cosine, is_turned) > 0.0;
 }
 
-// Diffuse light, ambient light and texture, with this unit normal, times the vertex colour.
+// Diffuse and ambient light times texture and vertex colour, with this unit normal.
 fn reflected_color(hit: Hit, normal: vec3f) -> vec3f {
     let shade = shade_of(hit.triangle);
     var cosine = max(dot3(params.to_light, normal), 0.0);
@@ -162,7 +162,7 @@ fn reflected_color(hit: Hit, normal: vec3f) -> vec3f {
     if (shade.flags & SHADE_VERTEX_COLORS) != 0u { reflected = reflected * vertex_color(hit).xyz; }
     return reflected;
 }
-// The same, and the light that the surface sends out.
+// The reflected colour plus the light that the surface emits.
 fn lit_color(hit: Hit, normal: vec3f) -> vec3f {
     let reflected = reflected_color(hit, normal);
     if (flags_of(hit.triangle) & SHADE_GLOW) == 0u { return reflected; }
@@ -173,11 +173,11 @@ fn lit_color(hit: Hit, normal: vec3f) -> vec3f {
     return reflected + sep3(glow * sample_texture(image, texture_coordinates(hit)).xyz);
 }
 
-// Which candidate hits on transparent materials count, as the ray asks.
-const ACCEPT_ALL: u32 = 0u;     // every one
-const ACCEPT_COVERED: u32 = 1u; // where the triangle is not cut out
-const ACCEPT_STOPS: u32 = 2u;   // covered, and not glass that shadow rays pass
-const ACCEPT_OPAQUE: u32 = 3u;  // not glass that shadow rays pass (thesis: nothing is cut out)
+// Which candidate hits on transparent materials count for a ray.
+const ACCEPT_ALL: u32 = 0u;     // every hit
+const ACCEPT_COVERED: u32 = 1u; // hits where the triangle is not cut out
+const ACCEPT_STOPS: u32 = 2u;   // covered hits, except on glass that shadow rays pass
+const ACCEPT_OPAQUE: u32 = 3u;  // hits except on glass that shadow rays pass (thesis: nothing is cut out)
 const ACCEPT_COUNTS: u32 = 4u;  // as ACCEPT_STOPS; the covered glass on the way is counted
 
 fn accepts(accept: u32, hit: Hit) -> bool {

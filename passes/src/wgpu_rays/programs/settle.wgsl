@@ -1,41 +1,40 @@
-// What the triangles near points say of their occlusion rays, before any is traced.
+// Settles the occlusion rays of points by the triangles near them, before any ray is traced.
 
-// Where there is too much in reach, what is nearer than a part of the radius says at least which rays are stopped there, and the others
-// need not test it: most of what a ray meets is around the surface that it leaves. The parts are tried in turn.
+// Distance within which triangles are gathered. If too many are within the radius, a smaller reach still finds the rays that are stopped
+// near their origin, and most hits are near the surface that a ray leaves. The parts are tried in order.
 const REACHES: u32 = 3u;
 fn reach_of(part: u32) -> f32 {
     return params.radius * select(select(0.04, 0.125, part == 1u), 1.0, part == 0u);
 }
-// That is asked of so many rays at most.
+// Reaches below the radius are tried only for fans of at most this many rays.
 const REMEMBERED: u32 = 128u;
 
-// The bits of the slots, by sample: those of the last slot follow the whole ones.
+// Reorders the masks of the slots by sample: the last slot's bits follow those of the full slots.
 fn by_sample(slots: vec4u) -> vec4u {
     var bits = slots;
     if params.samples < 128u { bits[params.samples / GROUP] = slots.w; }
     return bits;
 }
 
-// Settles the rays of the points of a group from the triangles near them, as far as these tell (`settle` of
-// `cuda/programs/count_open.cuh`):
+// Settles the rays of the points of a group by the triangles near them, as far as possible (`settle` of `cuda/programs/count_open.cuh`):
 //   1. The first point left leads. The points no farther from it than NEIGHBOURS radii share a list.
-//   2. For each reach in turn the triangles in reach of any of them are gathered; the first list that is not too long is taken.
-//   3. Each point tests its rays against the list, all threads together, up to that reach; if it sees too many, up to the next one.
-//      Up to the whole radius, only rays are traced of which some triangle was not sure. Else those that are not stopped are traced, from
-//      that distance on if all triangles were sure.
+//   2. For each reach in turn, the triangles within reach of any of them are gathered; the first list that is not too long is taken.
+//   3. Each point tests its rays against the list up to that reach, with all threads; if it sees too many triangles, up to the next one.
+//      If the reach is the whole radius, only rays that some triangle left undecided are traced. Else all rays that are not stopped are
+//      traced, from that distance on if all triangles were certain.
 //   4. Without a list, all rays are traced.
-// At the end, points that saw no triangle within a smaller reach ask once whether their whole half ball is clear.
+// At the end, points that saw no triangle within a smaller reach test once whether their whole half ball is clear.
 fn settle(point: u32, wanted: bool, there: bool) {
     if wanted { keep_fan(lane, point); }
     workgroupBarrier();
     var known_open = 0u;
-    // One for each sample whose ray is left.
+    // One bit for each sample whose ray is still to be traced.
     var bits = vec4u(0xffffffffu);
     var beyond = 0.0;
     var top = params.root;
     var certain = wanted && params.root == NONE;
     var traces = wanted && !certain;
-    // Whether too much was found around the point, but nothing that it sees.
+    // Whether too many triangles were gathered around the point, but it sees none within a smaller reach.
     var asks = false;
     var left = ballot(traces);
     while left != 0u {
@@ -57,7 +56,7 @@ fn settle(point: u32, wanted: bool, there: bool) {
                 let sure = ballot(bounded);
                 member = member && (lane == leader || bounded);
                 left &= ~ballot(member);
-                // The rays of a point of which no bounds are known are traced.
+                // A point without finite bounds: its rays are traced.
                 member = member && (sure >> leader & 1u) != 0u;
                 members = ballot(member);
                 if members == 0u { break; }
@@ -87,7 +86,7 @@ fn settle(point: u32, wanted: bool, there: bool) {
             var found = 0u;
             var doubts = 0u;
             var radius = 0.0;
-            // Where one point sees too much, what is nearer is on the list, too.
+            // If a point sees too many triangles, the same list serves for a smaller reach.
             for (var part = attempt; part < REACHES; part += 1u) {
                 radius = reach_of(part);
                 sum = 0u;
@@ -107,7 +106,7 @@ fn settle(point: u32, wanted: bool, there: bool) {
                 traces = found != 0u;
                 asks = found == NOTHING_SEEN;
                 bits = by_sample(open);
-                // A ray that a near triangle may stop is traced from its begin.
+                // If some triangle may stop a ray, the rays are traced from their origins.
                 if doubts == 0u { beyond = radius; }
             } else if doubts == 0u {
                 certain = found == NOTHING_SEEN;

@@ -1,5 +1,5 @@
-// Where the shadow rays of pixels start, two vectors each: in the fourth place what `shadow_start` says, or that nothing is seen; the
-// second is written and read where the way is.
+// The starts of the pixels' shadow rays, two vectors each. The first: the start, and in w the kind of `shadow_start`, or NOTHING. The
+// second, the way, is written and read only for LIFTED.
 fn list(pixel: Pixel, slot: u32) {
     let triangle = stored_triangle(pixel);
     let position = stored_position(pixel);

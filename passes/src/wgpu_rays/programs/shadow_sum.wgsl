@@ -1,4 +1,4 @@
-// The picture of `deferredShadows`, from where the rays of its pixels start.
+// The picture of `deferredShadows`, from the listed starts of its shadow rays.
 fn picture(pixel: Pixel) -> vec4f {
     let slot = 2u * slot_of(pixel);
     let start = bitcast<vec4f>(points[slot]);

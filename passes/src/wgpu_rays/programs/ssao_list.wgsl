@@ -1,4 +1,4 @@
-// The points of `ssao`.
+// Lists the points of `ssao`.
 fn list(pixel: Pixel, slot: u32) {
     let triangle = stored_triangle(pixel);
     if triangle == NO_TRIANGLE {

@@ -1,11 +1,11 @@
-// Points on surfaces, and origins of the rays that leave them (`trace/origin/surface_point.rs`), in twice the precision of a number.
+// Points on surfaces, and origins of the rays that leave them (`trace/origin/surface_point.rs`), in double-word arithmetic.
 
-// A point of a triangle, with what is known of its error along the normal. Rays start off `start`.
+// A point of a triangle, with a bound on its error along the normal. Rays start at `start`, offset along the normal.
 struct SurfacePoint { position: vec3f, normal: vec3f, start: vec3f, error: f32 }
 
-// A position of a triangle moved along its plane, away from borders nearer than `margin`, where there is room for that.
+// A position of a triangle moved along its plane, away from borders nearer than `margin`, if there is room for that.
 fn drawn_in(corners: Corners, normal: Wide3, position: Wide3, margin: f32, scale: f32) -> Wide3 {
-    // Far from all borders, as most points are, numbers of one word say so: they err by less than 2 of 16 units of the margin.
+    // Most points are far from all borders, which single-word numbers can show: they err by less than 2 of 16 units of the margin.
     var near = false;
     for (var border = 0u; border < 3u; border += 1u) {
         let start = select(select(corners.c, corners.b, border == 1u), corners.a, border == 0u);
@@ -17,7 +17,7 @@ fn drawn_in(corners: Corners, normal: Wide3, position: Wide3, margin: f32, scale
     if !near { return position; }
     var moved = position;
     near = false;
-    // Twice, because leaving one border of a corner may lead back to the other; the last round looks at what is left.
+    // Twice, because moving away from one border at a corner may lead towards the other; the last round checks the result.
     for (var round = 0u; round < 4u; round += 1u) {
         for (var border = 0u; border < 3u; border += 1u) {
             let start = select(select(corners.c, corners.b, border == 1u), corners.a, border == 0u);
@@ -42,7 +42,7 @@ fn drawn_in(corners: Corners, normal: Wide3, position: Wide3, margin: f32, scale
     return moved;
 }
 
-// The point of a triangle with these coordinates.
+// The point of a triangle with barycentric coordinates `u` and `v` of corners 1 and 2.
 fn point_on(corners: Corners, u: Wide, v: Wide) -> SurfacePoint {
     let first = corners.b - corners.a; let second = corners.c - corners.a;
     let scale = scale_to_one(max(most3(abs(first)), most3(abs(second))));
@@ -85,13 +85,13 @@ fn snap(triangle: u32, position: vec3f) -> SurfacePoint {
     }
     return point_on(corners, u, v);
 }
-// Where a ray in this direction starts: inside the borders, and off the plane to the side to which it goes.
+// The origin of a ray in this direction: inside the borders, and offset from the plane to the side to which the ray goes.
 fn spawn(point: SurfacePoint, direction: vec3f) -> vec3f {
     let distance = OFFSET_UNITS * point.error;
     return point.start + sep3(point.normal * select(distance, -distance, dot3(point.normal, direction) < 0.0));
 }
 
-// The coordinates of a point in the plane of a triangle, as a hit at distance 0.
+// The barycentric coordinates of a point in the plane of a triangle, as a hit at distance 0.
 fn locate(triangle: u32, position: vec3f) -> Hit {
     let corners = positions_of(triangle);
     let e1 = difference(corners.b, corners.a, 1.0); let e2 = difference(corners.c, corners.a, 1.0);
@@ -105,12 +105,12 @@ fn locate(triangle: u32, position: vec3f) -> Hit {
     }
     return at;
 }
-// By how much a point below the plane through a corner is lifted onto it.
+// The vector by which a point below the plane through a corner is lifted onto the plane.
 fn lift(position: vec3f, corner: vec3f, normal: vec3f) -> vec3f {
     return sep3(normal * max(0.0, -dot3(position - corner, normal)));
 }
-// From a point of a triangle that is turned away from the light, on the side of normal `facing`, onto the round surface that it stands
-// for; 0 where no light falls there (`effects/terminator.rs`).
+// For a point of a triangle that is turned away from the light: the vector to the curved surface that the vertex normals (on the side of
+// `facing`) describe; 0 where no light falls there (`effects/terminator.rs`).
 fn lifted(triangle: u32, point: SurfacePoint, facing: vec3f) -> vec3f {
     if params.has_normals == 0u { return vec3f(0.0); }
     let i = corners_of(triangle) * 3u + vec3u(params.normals_at);
@@ -135,7 +135,7 @@ fn surface_of(point: SurfacePoint, stored: vec3f, view: vec3f) -> Surface {
     let normal = normalize_or(stored, facing);
     return Surface(point, facing, select(normal, -normal, dot3(normal, facing) < 0.0));
 }
-// The point that a ray meets.
+// The surface at a ray's hit.
 fn surface_hit(direction: vec3f, hit: Hit) -> Surface {
     let point = point_on(positions_of(hit.triangle), wide(hit.u), wide(hit.v));
     return surface_of(point, bent_normal(hit, normal_at(hit), point.normal), direction);

@@ -1,4 +1,4 @@
-// Traces the occlusion rays of points of which what is near does not tell. A thread that is done with a ray takes the next one.
+// Traces the occlusion rays of points that are not settled. A thread that has finished a ray takes the next one.
 var<workgroup> ray_bits: array<vec4u, 32>;
 var<workgroup> tops: array<u32, 32>;
 var<workgroup> order: array<u32, 32>;
@@ -17,7 +17,7 @@ fn main(@builtin(workgroup_id) group: vec3u, @builtin(num_workgroups) groups: ve
         if wanted { known = points[POINT * point + 5u]; }
         if wanted && !IS_SETTLED && params.root == NONE { points[POINT * point + 5u].x = params.samples; }
         let traces = known.z != NONE;
-        // Where nobody asked what is near, nobody counted.
+        // Without settling, the rays were not counted yet.
         if wanted && !IS_SETTLED { rays[OCCLUSION] += params.samples; }
         let bits = ballot(traces);
         if bits == 0u { continue; }

@@ -1,8 +1,8 @@
-// The way of a ray down the binary tree, one ray a thread, its stack in private memory: on an H100 twice as fast as in workgroup memory.
+// Traversal of the binary tree, one ray a thread, with the stack in private memory: on an H100 twice as fast as in workgroup memory.
 
-// A ray runs from plane to plane of a box at `plane * inverse - start`: the low planes begin at the origin moved up, the high ones at
-// the origin moved down. Moved by the error of the triangle test and by that of this test in any order of rounding, fused or not
-// (`box_padding` of `cuda/programs/trace_bvh.cuh` has the same units), so that no box is left out whose triangle is hit.
+// A ray meets the planes of a box at `plane * inverse - start`: for low planes, `start` belongs to the origin moved up, for high planes to
+// the origin moved down. It is moved by the error of the triangle test plus the error of this test with any rounding, fused or not
+// (`box_padding` of `cuda/programs/trace_bvh.cuh` has the same units), so no box is culled whose triangle is hit.
 struct Way { inverse: vec3f, low: vec3f, high: vec3f }
 fn way_of(query: ptr<function, Query>) -> Way {
     let origin = (*query).origin;
@@ -11,17 +11,17 @@ fn way_of(query: ptr<function, Query>) -> Way {
     let inverse = (*query).inverse;
     return Way(inverse, (origin + pad) * inverse, (origin - pad) * inverse);
 }
-// Where the ray enters and leaves a box.
+// Distances at which the ray enters and leaves a box.
 fn enters(way: Way, low: vec3f, high: vec3f, t_min: f32, limit: f32) -> vec2f {
     let a = low * way.inverse - way.low;
     let b = high * way.inverse - way.high;
     let near = min(a, b); let far = max(a, b);
     return vec2f(max(max(near.x, near.y), max(near.z, t_min)), min(min(far.x, far.y), min(far.z, limit)) * LATER);
 }
-// Above the rounding of the inverses, which is between the axes.
+// Above the rounding of the reciprocals, which differs between the axes.
 const LATER: f32 = 1.0 + 32.0 * UNIT_ROUNDOFF;
 
-// The children of a node that the ray meets, the nearer one first; NONE where there is none.
+// The children of a node that the ray enters, the nearer one first; NONE for a child that it misses.
 fn open_node(way: Way, index: u32, t_min: f32, limit: f32) -> vec2u {
     let a = bitcast<vec4f>(nodes_at(4u * index)); let b = bitcast<vec4f>(nodes_at(4u * index + 1u));
     let z = bitcast<vec4f>(nodes_at(4u * index + 2u));
@@ -32,15 +32,15 @@ fn open_node(way: Way, index: u32, t_min: f32, limit: f32) -> vec2u {
     return select(met, met.yx, met.x == NONE || (met.y != NONE && second.x < first.x));
 }
 
-// The way of a ray down the tree, from one triangle that it may meet to the next. What decides about a triangle is outside of this loop:
-// it takes many registers, and few triangles come so far.
+// The state of a ray's traversal, from one triangle that it may hit to the next. The exact triangle test is outside of this loop: it takes
+// many registers, and few triangles reach it.
 struct Descent { way: Way, current: u32, depth: u32, next: u32, end: u32, t_min: f32 }
 var<private> stack: array<u32, STACK>;
 
 fn begin_descent(query: ptr<function, Query>, top: u32, t_min: f32) -> Descent {
     return Descent(way_of(query), top, 0u, 1u, 0u, t_min);
 }
-// The next triangle that the ray may meet before a distance; NONE where none is left.
+// The next triangle that the ray may hit before `limit`; NONE where none is left.
 fn next_candidate(descent: ptr<function, Descent>, query: ptr<function, Query>, limit: f32) -> u32 {
     loop {
         while (*descent).next <= (*descent).end {
@@ -100,7 +100,8 @@ fn closest(accept: u32, ray: Ray, best: ptr<function, Hit>) -> bool {
     return any;
 }
 
-// Whether any accepted hit exists below a node. No box is entered before a distance that all hits are known to lie behind.
+// Whether any accepted hit exists below a node. All hits are known to lie beyond the distance `behind`; boxes that end before it are
+// skipped.
 fn occluded_below(accept: u32, ray: Ray, top: u32, behind: f32) -> bool {
     var query: Query;
     if top == NONE || !prepare(ray, &query) { return false; }

@@ -1,7 +1,7 @@
-// The watertight triangle test of `trace/single/leaf_test.rs`, without numbers of 64 bits: Woop, Benthin and Wald, "Watertight
-// Ray/Triangle Intersection", JCGT 2(1), 2013.
+// The watertight triangle test of `trace/single/leaf_test.rs`, without 64-bit numbers: Woop, Benthin and Wald, "Watertight Ray/Triangle
+// Intersection", JCGT 2(1), 2013.
 
-// A ray prepared for the tests. `turn` takes vectors to axes of which the last is the one along which the ray is longest.
+// A ray prepared for the tests. `turn` permutes the axes of a vector so that the ray's longest axis is last.
 struct Query {
     origin: vec3f,
     direction: vec3f,
@@ -9,7 +9,7 @@ struct Query {
     longest: u32,
     t_min: f32,
     t_max: f32,
-    // See `decide`.
+    // Error bound for `decide`.
     doubt: f32,
     inverse: vec3f,
 }
@@ -17,12 +17,12 @@ struct Query {
 fn turn(v: vec3f, longest: u32) -> vec3f {
     return select(select(v, v.zxy, longest == 1u), v.yzx, longest == 0u);
 }
-// How far the scene reaches from a point along each axis.
+// Largest distance of the scene's bounds from a point, along each axis.
 fn reach_from(point: vec3f) -> vec3f { return max(abs(params.scene_low - point), abs(params.scene_high - point)); }
 
 fn steered(d: f32) -> f32 { return select(d, with_sign(LEAST_DIRECTION, d), abs(d) < LEAST_DIRECTION); }
 
-// Whether the ray can hit anything; then `query` is prepared.
+// Prepares `query`; false if the ray cannot hit anything.
 fn prepare(ray: Ray, query: ptr<function, Query>) -> bool {
     if !(is_finite3(ray.origin) && is_finite3(ray.direction) && ray.t_min < ray.t_max && ray.t_max > 0.0) { return false; }
     let length = abs(ray.direction);
@@ -45,14 +45,14 @@ fn prepare(ray: Ray, query: ptr<function, Query>) -> bool {
     return true;
 }
 
-// A corner as the ray sees it. What two triangles share has the same bits in both.
+// A corner relative to the ray's origin and sheared. A shared corner has the same bits in both triangles.
 fn sheared(query: ptr<function, Query>, corner: vec3f) -> vec2f {
     let p = turn(corner - (*query).origin, (*query).longest);
     return sheared_by((*query).shear, p);
 }
 
-// Whether the ray's line may pass through a triangle: no two of the edge functions certainly have different signs. Most triangles of
-// leaves are left by this, which is all that the way down the tree has to do for them.
+// Whether the ray's line may pass through a triangle: no two edge functions certainly have different signs. This rejects most triangles of
+// leaves, and is the only test inside the traversal loop.
 fn may_pass(query: ptr<function, Query>, corners: Corners) -> bool {
     let sa = sheared(query, corners.a); let sb = sheared(query, corners.b); let sc = sheared(query, corners.c);
     let e = vec3f(edge(sc, sb), edge(sa, sc), edge(sb, sa));
@@ -61,7 +61,7 @@ fn may_pass(query: ptr<function, Query>, corners: Corners) -> bool {
     return !(min(min(high.x, high.y), high.z) < 0.0 && max(max(low.x, low.y), low.z) > 0.0);
 }
 
-// The signed areas opposite to the corners, and their signs, which are exact.
+// The edge functions opposite to the corners, and their signs, which are exact.
 struct Edges { a: f32, b: f32, c: f32, some_zero: bool, passes: bool, sa: vec2f, sb: vec2f, sc: vec2f }
 fn edges_of(query: ptr<function, Query>, corners: Corners) -> Edges {
     var e: Edges;
@@ -76,7 +76,7 @@ fn edges_of(query: ptr<function, Query>, corners: Corners) -> Edges {
         let b = exact_sign(sa.x, sc.y, sa.y, sc.x);
         let c = exact_sign(sb.x, sa.y, sb.y, sa.x);
         let least = min(min(a, b), c); let most = max(max(a, b), c);
-        // Three times 0 is a triangle seen edge-on.
+        // Three edge functions of 0 are a triangle seen edge-on, which is missed.
         e.passes = !(least < 0 && most > 0) && (least != 0 || most != 0);
     } else {
         let least = min(min(e.a, e.b), e.c); let most = max(max(e.a, e.b), e.c);
@@ -88,8 +88,8 @@ fn edges_of(query: ptr<function, Query>, corners: Corners) -> Edges {
 const UNDECIDED: u32 = 0u;
 const HITS: u32 = 1u;
 const MISSES: u32 = 2u;
-// What is certain of a ray whose line passes through a triangle: `decide` of `trace/single/leaf_test.rs`, which derives the bound. It
-// holds in any order of rounding, fused or not.
+// What is certain of a ray whose line passes through a triangle: `decide` of `trace/single/leaf_test.rs`, which derives the bound. The
+// bound holds in any order of rounding, fused or not.
 fn decide(query: ptr<function, Query>, corners: Corners, limit: f32) -> u32 {
     let first = corners.b - corners.a; let second = corners.c - corners.a;
     let to = corners.a - (*query).origin;
@@ -112,7 +112,7 @@ fn decide(query: ptr<function, Query>, corners: Corners, limit: f32) -> u32 {
     return select(select(UNDECIDED, MISSES, miss), HITS, hit);
 }
 
-// The interval in which the ray is in the bounds of a triangle, as in `PreparedRay::span`.
+// The interval in which the ray is inside the bounds of a triangle, as in `PreparedRay::span`.
 fn span(query: ptr<function, Query>, corners: Corners) -> vec2f {
     let reach = min(reach_from((*query).origin), vec3f(LARGEST_REACH));
     let along = turn(reach, (*query).longest).z;
@@ -126,7 +126,7 @@ fn span(query: ptr<function, Query>, corners: Corners) -> vec2f {
     return vec2f(max(max(max(near.x, near.y), near.z), (*query).t_min), min(min(far.x, far.y), far.z));
 }
 
-// Where the ray, whose line passes through the triangle, meets it with t_min < t <= limit.
+// The hit of a ray whose line passes through the triangle, with t_min < t <= limit; false if there is none.
 fn solve(query: ptr<function, Query>, corners: Corners, e: Edges, limit: f32, hit: ptr<function, Hit>) -> bool {
     let first = corners.b - corners.a; let second = corners.c - corners.a;
     let scale = scale_to_one(max(most3(abs(first)), most3(abs(second))));
@@ -136,7 +136,7 @@ fn solve(query: ptr<function, Query>, corners: Corners, e: Edges, limit: f32, hi
     var t = select(-HUGE, HUGE, height.h >= 0.0);
     if slope.h != 0.0 {
         let quotient = div(height, slope).h;
-        // Out of range where the ray is nearly parallel: its bounds decide.
+        // The quotient is out of range where the ray is nearly parallel; then the triangle's bounds decide.
         if is_finite(quotient) {
             if !(quotient > (*query).t_min && quotient <= limit) { return false; }
             t = quotient;
@@ -158,7 +158,7 @@ fn solve(query: ptr<function, Query>, corners: Corners, e: Edges, limit: f32, hi
         (*hit).u = e.b / determinant;
         (*hit).v = e.c / determinant;
     }
-    // The distance is kept within the triangle's own bounds: seen edge-on, the plane may be met anywhere.
+    // The distance is clamped to the triangle's own bounds: for a triangle seen edge-on, the plane may be met anywhere.
     let range = span(query, corners);
     t = select(range.y, t, t < range.y);
     t = select(t, range.x, t < range.x);

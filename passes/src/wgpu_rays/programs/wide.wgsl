@@ -1,10 +1,10 @@
 // Arithmetic that does not depend on how a driver rounds. WGSL rounds + - * correctly, but lets compilers fuse a product with a sum, and
-// drivers do so or not as they like; some also rewrite sums. What passes through `sep` is rounded by itself: no compiler knows that
-// `params.zero` is 0.
+// drivers may do so; some also reorder sums. A value that passes through `sep` is rounded separately: no compiler knows that `params.zero`
+// is 0.
 fn sep(x: f32) -> f32 { return bitcast<f32>(bitcast<u32>(x) ^ params.zero); }
 fn sep3(x: vec3f) -> vec3f { return bitcast<vec3f>(bitcast<vec3u>(x) ^ vec3u(params.zero)); }
 
-// There are no infinities and no NaN to rely on: what is not finite is told by its bits.
+// WGSL does not guarantee infinities or NaN, so values that are not finite are recognised by their bits.
 fn is_finite(x: f32) -> bool { return (bitcast<u32>(x) & 0x7f800000u) != 0x7f800000u; }
 fn is_finite3(x: vec3f) -> bool { return is_finite(x.x) && is_finite(x.y) && is_finite(x.z); }
 const HUGE: f32 = 3.0e38;
@@ -13,18 +13,18 @@ fn dot3(a: vec3f, b: vec3f) -> f32 { return sep(sep(a.x * b.x) + sep(a.y * b.y))
 fn cross3(a: vec3f, b: vec3f) -> vec3f { return sep3(a.yzx * b.zxy) - sep3(b.yzx * a.zxy); }
 fn most3(a: vec3f) -> f32 { return max(max(a.x, a.y), a.z); }
 fn length_recip(a: vec3f) -> f32 { return 1.0 / sep(sqrt(dot3(a, a))); }
-// The number with the sign of another, also of -0.
+// The magnitude of a number with the sign of another; the sign of -0 counts.
 fn with_sign(x: f32, signed: f32) -> f32 {
     return bitcast<f32>((bitcast<u32>(x) & 0x7fffffffu) | (bitcast<u32>(signed) & 0x80000000u));
 }
-// The unit vector of a direction, or another vector where there is none.
+// The unit vector of a direction, or `other` where there is none.
 fn normalize_or(a: vec3f, other: vec3f) -> vec3f {
     let square = dot3(a, a);
     if !(is_finite(square) && square > 0.0) { return other; }
     return sep3(a * (1.0 / sep(sqrt(square))));
 }
 
-// Sums of two numbers, the second one below the rounding of the first: twice the precision (Dekker, "A Floating-Point Technique for
+// Double-word numbers: the sum `h + l`, with `l` below the rounding of `h`: twice the precision (Dekker, "A Floating-Point Technique for
 // Extending the Available Precision", Numerische Mathematik 18, 1971). Exact products are in `product_split.wgsl` and `product_fused.wgsl`.
 struct Wide { h: f32, l: f32 }
 struct Wide3 { h: vec3f, l: vec3f }
@@ -42,7 +42,7 @@ fn exact_sum3(a: vec3f, b: vec3f) -> Wide3 {
     let t = sep3(s - a);
     return Wide3(s, sep3(sep3(a - sep3(s - t)) + sep3(b - t)));
 }
-// Where the first is larger, or 0.
+// Requires |a| >= |b|, or a = 0.
 fn quick_sum(a: f32, b: f32) -> Wide {
     let s = sep(a + b);
     return Wide(s, sep(b - sep(s - a)));
@@ -73,7 +73,7 @@ fn mul3(a: Wide3, b: Wide3) -> Wide3 {
     let p = exact_product3(a.h, b.h);
     return quick_sum3(p.h, sep3(p.l + sep3(sep3(a.h * b.l) + sep3(a.l * b.h))));
 }
-// By a number that is not 0.
+// Division by a number that is not 0.
 fn div(a: Wide, b: Wide) -> Wide {
     let first = sep(a.h / b.h);
     let rest = add(a, minus(mul(b, wide(first))));
@@ -97,19 +97,19 @@ fn difference(a: vec3f, b: vec3f, scale: f32) -> Wide3 {
     let d = exact_sum3(a, -b);
     return Wide3(sep3(d.h * scale), sep3(d.l * scale));
 }
-// The power of two that takes a positive number to 1 or more, below 2.
+// The power of two whose product with a positive number is in [1, 2).
 fn scale_to_one(x: f32) -> f32 {
     let exponent = clamp(bitcast<u32>(x) >> 23u & 0xffu, 1u, 253u);
     return bitcast<f32>((254u - exponent) << 23u);
 }
-// The reciprocal of the root of a positive number.
+// The reciprocal square root of a positive number.
 fn wide_recip_root(a: Wide) -> Wide {
     let first = 1.0 / sep(sqrt(a.h));
-    // One step of Newton's method: the rest is 1 - a first².
+    // One step of Newton's method, with the residual 1 - a first².
     let rest = add(wide(1.0), minus(mul(a, exact_product(first, first))));
     return quick_sum(first, sep(0.5 * sep(first * rest.h)));
 }
-// Of vectors whose largest component is far from the limits of numbers; 0 has none.
+// Unit vector of a vector whose largest component is far from the limits of numbers; 0 for the zero vector.
 fn wide_unit(a: Wide3) -> Wide3 {
     let scale = scale_to_one(most3(abs(a.h)));
     let near = Wide3(sep3(a.h * scale), sep3(a.l * scale));
@@ -118,9 +118,9 @@ fn wide_unit(a: Wide3) -> Wide3 {
     return scaled3(near, wide_recip_root(square));
 }
 
-// The sign of a b - c d, exactly: products of 24 bits as integers.
+// The sign of a b - c d, exactly: products of 24-bit mantissas as integers.
 struct Product { sign: i32, exponent: i32, high: u32, low: u32 }
-// Of numbers so small that a driver may take them for 0, too.
+// The sign of a number by its bits: correct also for numbers so small that a driver may take them for 0.
 fn bits_sign(x: f32) -> i32 {
     let bits = bitcast<u32>(x);
     return select(select(1, -1, (bits >> 31u) != 0u), 0, (bits & 0x7fffffffu) == 0u);
@@ -144,7 +144,7 @@ fn product_of(a: f32, b: f32) -> Product {
     var high = mh * nh + (middle >> 12u) + (low >> 24u);
     low &= 0xffffffu;
     var exponent = m.exponent + n.exponent;
-    // Of 47 or 48 digits: all have 48.
+    // The product has 47 or 48 digits; normalise to 48.
     if (high & 0x800000u) == 0u {
         high = high << 1u | low >> 23u;
         low = low << 1u & 0xffffffu;

@@ -1,4 +1,4 @@
-//! Functions of the programs, number by number, beside exact arithmetic and the processor's.
+//! Functions of the programs, compared number by number with exact arithmetic and with the processor.
 
 use super::rays;
 use crate::effects::dielectric::Variant;
@@ -15,7 +15,7 @@ use curitiba_pipeline::scene::Geometry;
 use glam::{Vec2, Vec3};
 
 const COUNT: usize = 20_000;
-/// Numbers that a case is given, and words that it gives.
+/// Numbers of input, and words of output, of a case.
 const GIVEN: usize = 12;
 const WORDS: usize = 30;
 
@@ -50,13 +50,13 @@ fn put3(place: u32, v: vec3f) { put(place, v.x); put(place + 1u, v.y); put(place
 struct Random(u64);
 
 impl Random {
-    /// In 0..1.
+    /// A random number in 0..1.
     fn unit(&mut self) -> f32 {
         self.0 = self.0.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
         (self.0 >> 40) as f32 / 16_777_216.0
     }
 
-    /// Of any size within so many powers of two.
+    /// A random number whose size varies by `powers` powers of two up and down.
     fn wide(&mut self, powers: f32) -> f32 {
         (self.unit() * 2.0 - 1.0) * ((self.unit() * 2.0 - 1.0) * powers).round().exp2()
     }
@@ -73,14 +73,14 @@ fn cases() -> (Vec<[f32; GIVEN]>, Geometry) {
     let mut cases = Vec::with_capacity(COUNT);
     for index in 0..COUNT {
         let (a, b) = (random.wide(10.0), random.wide(10.0));
-        // Products that are equal, or nearly.
+        // Choose `c` and `d` such that `a b` and `c d` are equal, or nearly.
         let c = if index % 3 == 0 { a } else { a * (1.0 + f32::EPSILON * 8.0) };
         let d = if index % 3 == 1 { random.wide(10.0) } else { a * b / c };
         let (angle, other) = (random.wide(14.0), random.wide(14.0));
         let scale = random.wide(8.0).abs() + 1e-3;
         let center = random.vector() * 50.0;
         let corners = [0; 3].map(|_| center + random.vector() * scale);
-        // Some on borders and at corners.
+        // Some points lie on borders and at corners.
         let (u, v) = [(0.0, 0.0), (0.0, 0.3), (random.unit() * 0.5, random.unit() * 0.5)][index % 3];
         let at = corners[0] + (corners[1] - corners[0]) * u + (corners[2] - corners[0]) * v;
         let (g, h) = (random.unit(), random.unit());
@@ -92,7 +92,7 @@ fn cases() -> (Vec<[f32; GIVEN]>, Geometry) {
     (cases, geometry)
 }
 
-/// What the device finds, case by case.
+/// The device's output for each case.
 fn run(gpu: &Gpu, arithmetic: Arithmetic, cases: &[[f32; GIVEN]], geometry: &Geometry) -> Vec<[u32; WORDS]> {
     let text =
         source(RayProgram::Final, Variant::Panes(Fidelity::Corrected), Stage::Whole, arithmetic, Split::default())
@@ -159,7 +159,7 @@ fn functions_give_what_exact_arithmetic_and_the_processor_give() {
     let Some(rays) = rays() else { return };
     let (cases, geometry) = cases();
     let found = run(&rays.gpu, rays.arithmetic, &cases, &geometry);
-    // Elsewhere roots and quotients may be off by some last bits.
+    // Other drivers' roots and quotients may be off by a few units in the last place.
     let exact = rays.gpu.adapter.kind == AdapterKind::Software;
     let (mut naive_wrong, mut zero, mut sines, mut noise, mut starts) = (0, 0, 0, 0, 0);
     for (index, (case, words)) in cases.iter().zip(&found).enumerate() {
@@ -179,7 +179,7 @@ fn functions_give_what_exact_arithmetic_and_the_processor_give() {
         assert!((wide(number(5)) - sine).abs() < 7e-8 && (wide(number(6)) - cosine).abs() < 7e-8, "{angle}");
         sines += usize::from(number(5) != sine as f32 || number(6) != cosine as f32);
         noise += usize::from((number(7) - sine_noise::rand(Vec2::new(angle, other))).abs() > 1e-6);
-        // Near the rim, the third number is the root of a small difference.
+        // Near the rim, the third component is the root of a small difference.
         let near = |found: Vec3, expected: Vec3| {
             let (off, square) = ((found - expected).abs(), (found.z * found.z - expected.z * expected.z).abs());
             off.x.max(off.y) <= if exact { 1.2e-7 } else { 2e-6 } && square <= 4e-6

@@ -1,4 +1,4 @@
-//! Glass as each material says, textures that do not repeat and surfaces that send out light, beside the processor's.
+//! Glass as defined by each material, textures that do not repeat and surfaces that emit light, compared with the processor.
 
 use super::pictures::differing;
 use super::{picture, rays};
@@ -16,14 +16,14 @@ use glam::Vec3;
 use std::sync::Arc;
 
 const SIDE: u32 = 64;
-/// Pixels that may be off by more than a hundredth: where a last bit of a direction decides on a ray.
+/// Number of pixels that may differ by more than a hundredth, where the last bit of a direction decides what a ray hits.
 const FEW: usize = (SIDE * SIDE) as usize / 200;
 
 fn solid(index: f32) -> Dielectric {
     Dielectric { shape: Shape::Solid, index, filter: Vec3::ONE, ..Dielectric::default() }
 }
 
-/// Six sides that face outwards.
+/// A box with six outward faces.
 fn block(world: &mut World, material: u32, center: Vec3, half: Vec3) {
     for (x, y, z) in [(Vec3::X, Vec3::Y, Vec3::Z), (Vec3::Y, Vec3::Z, Vec3::X), (Vec3::Z, Vec3::X, Vec3::Y)] {
         for side in [1.0, -1.0] {
@@ -32,7 +32,7 @@ fn block(world: &mut World, material: u32, center: Vec3, half: Vec3) {
     }
 }
 
-/// Tinted, veiled and overlapping bodies, one in another, an absorbing wall and a pane over a floor with a textured block.
+/// Tinted, veiled and overlapping bodies, one inside another, an absorbing wall and a pane, over a floor with a textured block.
 fn several() -> World {
     several_of([Dielectric::default(); 3])
 }
@@ -118,7 +118,8 @@ fn bodies_walls_and_panes_show_what_the_processors_do() {
     for (program, params) in [
         (RayProgram::Refraction, auto(5, GlassShadow::Report, 0)),
         (RayProgram::Refraction, RayParams { fresnel: Fresnel::Schlick, ..auto(1, GlassShadow::Report, 0) }),
-        // In kernels one after the other; the last holds all that one kernel would. Software drivers compile each for seconds.
+        // Several kernels, one after the other; the last one contains everything that a single kernel would. Software drivers take seconds
+        // to compile each.
         (RayProgram::Final, auto(4, GlassShadow::Straight, 2)),
         (RayProgram::Final, auto(4, GlassShadow::Report, 2)),
     ] {
@@ -250,7 +251,7 @@ fn the_camera_may_be_in_a_body() {
     };
     let off = differing(&found, &expected, 0.01);
     assert!(off <= FEW, "{off} pixels are off");
-    // Control: who takes the camera to be in air refracts and absorbs otherwise.
+    // Control: with a camera taken to be in air, refraction and absorption differ.
     let outside = World { dielectrics: vec![solid(1.33), solid(1.0)], ..world };
     let Some([other, _]) = both(&outside, Vec3::new(0.1, 0.2, 1.5), RayProgram::Refraction, params) else { return };
     assert!(differing(&other, &expected, 0.01) > 10 * FEW, "absorption is seen");

@@ -1,4 +1,4 @@
-//! No ray passes between triangles that share an edge or a corner, whatever the driver rounds.
+//! No ray passes between triangles that share an edge or a corner, however the driver rounds.
 
 use super::texts::ROUNDINGS;
 use super::{bits, picture, rays};
@@ -10,7 +10,7 @@ use curitiba_pipeline::scene::{Batch, Geometry, Material, RenderScene};
 use glam::Vec3;
 use std::sync::Arc;
 
-/// A closed ball of triangles with bumps, without those whose number `left_out` says.
+/// A closed, bumpy ball of triangles, without the triangles for whose index `left_out` returns true.
 fn ball(left_out: impl Fn(u32) -> bool) -> Arc<RenderScene> {
     const RINGS: u32 = 24;
     const AROUND: u32 = 40;
@@ -51,7 +51,7 @@ impl Random {
     }
 }
 
-/// Points inside the ball from which rays in this direction run to corners and points of edges.
+/// Points inside the ball from which rays in this direction hit corners and points of edges.
 fn inside(geometry: &Geometry, direction: Vec3, count: usize, random: &mut Random) -> Vec<[f32; 4]> {
     let mut points = Vec::with_capacity(count);
     while points.len() < count {
@@ -73,7 +73,7 @@ fn inside(geometry: &Geometry, direction: Vec3, count: usize, random: &mut Rando
     points
 }
 
-/// Of the ball's one material.
+/// Shading of the ball's single material.
 static SHADES: [Shade; 1] = [Shade::WHITE];
 
 fn job<'a>(scene: &'a RenderScene, position: &'a [[f32; 4]], direction: Vec3) -> RayJob<'a> {
@@ -103,7 +103,7 @@ fn job<'a>(scene: &'a RenderScene, position: &'a [[f32; 4]], direction: Vec3) ->
     }
 }
 
-/// How many of so many rays in each of ten directions leave the ball.
+/// How many rays leave the ball, of `count` rays in each of ten directions.
 fn leaks(rays: &mut WgpuRays, scene: &Arc<RenderScene>, count: usize, with_cpu: bool) -> usize {
     rays.build(scene, &[]).expect("built");
     let mut cpu = CpuRays::new();
@@ -141,6 +141,6 @@ fn none_leaks_however_products_are_rounded() {
         rays.set_rounding(rounding);
         assert_eq!(leaks(&mut rays, &ball(|_| false), 20_000, false), 0, "{rounding:?}");
     }
-    // One triangle of 1840 is missing: the count can fail.
+    // Control: with one of 1840 triangles missing, the count is not 0.
     assert!(leaks(&mut rays, &ball(|index| index == 400), 20_000, false) > 20);
 }

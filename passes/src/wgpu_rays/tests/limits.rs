@@ -21,12 +21,12 @@ use std::sync::Arc;
 
 const SIDE: u32 = 40;
 
-/// The device of a backend that shares it with nobody.
+/// The device of a backend that does not share it.
 fn alone(rays: &mut WgpuRays) -> &mut Gpu {
     Arc::get_mut(&mut rays.gpu).expect("nobody else has the device")
 }
 
-/// Runs a shadow pass over a small world as a test says.
+/// Runs `test` with a shadow pass over a small world.
 fn with_job(test: impl FnOnce(&mut WgpuRays, &Arc<RenderScene>, &RayJob<'_>)) {
     let Some(mut rays) = rays() else { return };
     let world = World::scattered();
@@ -64,12 +64,12 @@ fn scenes_that_no_bindings_hold_are_refused_by_what_is_too_large() {
 fn scenes_in_several_bindings_are_traced_to_the_same_bits() {
     let Some(mut rays) = rays() else { return };
     let mut world = super::pictures::world();
-    // More triangles between the vertices: the arrays become about as large as each other, and few bindings hold them.
+    // More triangles between the vertices make the arrays about equally large, so that few bindings hold them.
     let geometry = &mut world.scene.geometry;
     let (first, vertices) = (geometry.triangles.len() as u32, geometry.positions.len() as u32);
     geometry.batches.push(Batch { material: 0, first, count: 1100 });
     geometry.triangles.extend((0..1100).map(|i| [i, i + 1, i + 3].map(|vertex| vertex % vertices)));
-    // More texels than a binding holds, of which each is another one.
+    // More texels than a binding holds, all different.
     let texel = |i: u32| (i.wrapping_mul(2_654_435_761) | 0xff00_0000).to_le_bytes();
     let texels: Vec<[u8; 4]> = (0..64 * 64).map(texel).collect();
     for texture in &mut world.scene.textures {
@@ -93,7 +93,7 @@ fn scenes_in_several_bindings_are_traced_to_the_same_bits() {
         rays.built.as_ref().is_some_and(|(_, scene)| scene.split.bindings.iter().all(|count| *count > 1))
     };
     let enough = rays.gpu.limits.max_storage_buffers_per_shader_stage >= 32;
-    // The largest that splits every array.
+    // The largest limit that splits every array.
     for shift in (8..16).rev() {
         alone(&mut rays).limits.max_storage_buffer_binding_size = 1 << shift;
         rays.built = None;
@@ -152,7 +152,7 @@ fn pictures_are_the_same_without_a_clock_and_in_launches_of_any_size() {
         cpu.build(scene, &[]).expect("built");
         let (expected, theirs) = picture(&mut cpu, job);
         rays.clock = None;
-        // One tile a launch in rectangles one group wide, and several launches whose last is short.
+        // One tile a launch in dispatches one group wide, and several launches of which the last is short.
         for (tiles, most) in [(1, 1), (7, 3), (100, 65_535)] {
             alone(rays).limits.max_compute_workgroups_per_dimension = most;
             rays.sizes.insert((job.program, Variant::of(job)), Some(tiles));
@@ -186,7 +186,7 @@ fn a_lost_device_is_an_error_that_says_what_to_do() {
     });
 }
 
-/// Loses a device where the ray pass of the second frame begins.
+/// Loses the device when the ray pass of the second frame begins.
 struct Loses {
     device: wgpu::Device,
     passes: u32,

@@ -1,4 +1,4 @@
-//! The backend beside the processor. Without an adapter, tests that need one say `skipped: why`, and pass; with
+//! Compares the backend with the processor. Without an adapter, tests that need one print `skipped: why` and pass; with
 //! `CURITIBA_REQUIRE_GPU_TESTS=1` they fail instead.
 
 mod functions;
@@ -10,7 +10,7 @@ mod texts;
 
 use super::*;
 
-/// A backend, or `None` (and a line that says why) where this machine has no device.
+/// A backend; `None`, after printing why, where this machine has no device.
 fn rays() -> Option<WgpuRays> {
     match WgpuRays::new(AdapterChoice::Any) {
         Ok(rays) => Some(rays),
@@ -22,9 +22,9 @@ fn rays() -> Option<WgpuRays> {
     }
 }
 
-/// The picture of a job on a backend, and what was done for it.
+/// The picture of a job on a backend, with its statistics.
 fn picture(rays: &mut dyn RayBackend, job: &RayJob<'_>) -> (Vec<[f32; 4]>, RayStats) {
-    // What no program writes.
+    // Filled with NaN, which no program writes.
     let mut output = Image::filled(job.width, job.height, [f32::NAN; 4]);
     let stats = rays.run(job, &mut output, &Progress::default()).expect("a complete job");
     (output.pixels, stats)

@@ -1,4 +1,4 @@
-//! Pictures beside the processor's, of small worlds.
+//! Pictures of small worlds, compared with the processor's.
 
 use super::{bits, picture, rays};
 use crate::cpu::CpuRays;
@@ -20,7 +20,7 @@ pub(super) fn world() -> World {
     world.quad(picture, Vec3::new(0.0, 2.0, 0.0), Vec3::X * 1.5, Vec3::Z * 1.5);
     let tint = |at: &Vec3| Vec4::new(0.5 + 0.2 * at.x.sin(), 0.5 + 0.5 * at.y.cos(), 0.7, 0.5 + 0.5 * at.x.sin());
     world.scene.geometry.colors = world.scene.geometry.positions.iter().map(tint).collect();
-    // Cut out by its texture times its vertices, and by these alone.
+    // Cut-outs by texture times vertex alpha, and by vertex alpha alone.
     world.shades[picture as usize].vertex_colors = true;
     (world.shades[0].vertex_colors, world.shades[0].alpha_cutoff) = (true, Some(0.2));
     let glass = world.glass();
@@ -28,20 +28,20 @@ pub(super) fn world() -> World {
     world.quad(glass, Vec3::new(0.0, 0.0, 3.0), Vec3::X, Vec3::Y);
     let vertices = world.scene.geometry.positions.len();
     world.scene.geometry.colors.resize(vertices, Vec4::ONE);
-    // Bumps on what is lit, cut out, and glass.
+    // Normal maps on lit, cut-out and glass surfaces.
     world.bump(0, [[220, 90, 200, 255], [40, 160, 220, 255]], 1.0);
     world.bump(picture, [[128, 200, 220, 255], [60, 60, 200, 255]], 0.5);
     world.bump(glass, [[150, 120, 240, 255], [110, 140, 240, 255]], -1.0);
     world
 }
 
-/// Pixels of which any number differs by more than a difference.
+/// The number of pixels in which any number differs by more than `by`.
 pub(super) fn differing(a: &[[f32; 4]], b: &[[f32; 4]], by: f32) -> usize {
     let far = |(a, b): (&[f32; 4], &[f32; 4])| a.iter().zip(b).any(|(a, b)| (a - b).is_nan() || (a - b).abs() > by);
     a.iter().zip(b).filter(|pair| far(*pair)).count()
 }
 
-/// Pictures of a program on both backends.
+/// Pictures of a program from both backends.
 fn both(program: RayProgram, fidelity: Fidelity, params: RayParams) -> Option<[Vec<[f32; 4]>; 2]> {
     let world = world();
     let shot = Shot::of(&world, Vec3::new(0.3, 0.8, 9.0), grid(96, Vec3::ZERO, Vec3::X * 4.5, Vec3::Y * 4.5)).rows(96);
@@ -56,7 +56,7 @@ fn both_of(
     params: RayParams,
 ) -> Option<[Vec<[f32; 4]>; 2]> {
     let mut rays = rays()?;
-    // A job names its scene by address.
+    // A job identifies its scene by address.
     let scene: Arc<RenderScene> = Arc::new(world.scene.clone());
     let job = curitiba_pipeline::backend::RayJob { scene: &scene, ..shot.job(program, fidelity, params) };
     let mut cpu = CpuRays::new();
@@ -67,11 +67,11 @@ fn both_of(
     if !matches!(program, RayProgram::Final | RayProgram::Refraction) {
         assert_eq!(mine.rays.shadow, theirs.rays.shadow, "{program:?} {fidelity:?}");
         let all = |rays: curitiba_pipeline::backend::RayCounts| rays.occlusion + rays.certain;
-        // Whether the report's noise makes a ray of numbers may depend on a last bit.
+        // A last bit may decide whether the report's noise gives a finite ray.
         let few = if fidelity == Fidelity::Thesis { all(theirs.rays) / 1000 } else { 0 };
         assert!(all(mine.rays).abs_diff(all(theirs.rays)) <= few, "{program:?} {fidelity:?}");
     }
-    // Whether this adapter is known to fuse nothing.
+    // Software adapters are known to fuse nothing, so their differences are printed.
     if rays.gpu.adapter.kind == AdapterKind::Software {
         println!("{program:?} {fidelity:?}: {} of {} differ", differing(&found, &expected, 0.0), found.len());
     }
@@ -97,10 +97,11 @@ fn dummy_writes_what_it_reads() {
     }
 }
 
-/// Pixels that may be off by more than a hundredth: where a last bit of a direction decides on a ray.
+/// Number of pixels that may differ by more than a hundredth, where the last bit of a direction decides what a ray
+/// hits.
 const FEW: usize = 96 * 96 / 500;
 
-/// Checks a program in both fidelities, and that what is compared is no flat picture.
+/// Compares a program in both fidelities, and checks that the picture is not uniform.
 fn agrees(program: RayProgram, params: RayParams, few: [usize; 2]) {
     for (fidelity, few) in FIDELITIES.into_iter().zip(few) {
         let Some([found, expected]) = both(program, fidelity, params) else { return };
@@ -132,11 +133,13 @@ fn occlusion_is_the_processors() {
 #[test]
 fn all_effects_together_are_the_processors() {
     let params = RayParams { samples: 4, radius: 1.5, ..RayParams::default() };
-    // In thesis fidelity, occlusion rays of hits depend on the last bits of these: the limit of the conformance matrix.
+    // In thesis fidelity, occlusion rays at hits depend on the last bits of the hits: the limit is that of the
+    // conformance matrix.
     agrees(RayProgram::Final, params, [FEW, 96 * 96 * 15 / 100]);
 }
 
-/// Points of triangles that are turned away are lifted, by rays that the kernels take one after the other.
+/// Points of triangles that are turned away from the light are lifted, with rays that the kernels trace one after the
+/// other.
 #[test]
 fn round_bodies_are_lit_as_by_the_processor() {
     let mut world = sphere(6, true);
@@ -155,7 +158,7 @@ fn round_bodies_are_lit_as_by_the_processor() {
     }
 }
 
-/// A part of a picture has the pixels of the whole: random numbers belong to places in the picture.
+/// A part of a picture has the same pixels as in the whole picture: random numbers depend on the place in the picture.
 #[test]
 fn parts_of_a_picture_are_those_of_the_whole() {
     let Some(mut rays) = rays() else { return };

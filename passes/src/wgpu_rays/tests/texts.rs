@@ -1,4 +1,4 @@
-//! The texts of the programs, without a device.
+//! The sources of the programs, tested without a device.
 
 use crate::effects::dielectric::Variant;
 use crate::wgpu_rays::layout::Params;
@@ -9,7 +9,7 @@ use wgpu::naga;
 
 pub const ROUNDINGS: [Rounding; 4] = [Rounding::Fma, Rounding::Separate, Rounding::Driver, Rounding::Fused];
 
-/// Parses and validates a text as a device without any extension would.
+/// Parses and validates a source for a device without any extension.
 fn validate(source: &str) -> Result<naga::Module, String> {
     let module = naga::front::wgsl::parse_str(source).map_err(|error| error.emit_to_string(source))?;
     naga::valid::Validator::new(naga::valid::ValidationFlags::all(), naga::valid::Capabilities::empty())

@@ -1,13 +1,13 @@
-//! Projects made from scene files: a camera, a sun, targets and passes for a scene that has no project of its own.
+//! Projects made from scene files: camera, sun, targets and passes for a scene without a project of its own.
 //!
-//! | what | is |
+//! | part | choice |
 //! |---|---|
-//! | camera | `Camera`, which the options describe, or else sees all of the scene; the file's own come first unless it is described |
+//! | camera | `Camera`: described by options, or placed to see the whole scene; the file's own cameras come first unless it is described |
 //! | sun | the options', or the file's first directional light (its direction and hue), or one behind the viewer's left shoulder |
-//! | effects | shadows and occlusion; glass if a material that is drawn lets a tenth of the light through |
-//! | glass | what each material says (`glass=auto`), before the background, with coloured shadows (`shadow=straight`) |
-//! | what is looked at | the box of all triangles, or of most where a few far ones (a sky) make it twice as large |
-//! | occlusion radius | a twentieth of the diagonal of what is looked at |
+//! | effects | shadows and occlusion; glass if a drawn material transmits at least a tenth of the light |
+//! | glass | by each material (`glass=auto`), in front of the background, with coloured shadows (`shadow=straight`) |
+//! | focus | the box of all triangles, or of most of them if a few far ones (a sky) make it more than twice as large |
+//! | occlusion radius | a twentieth of the diagonal of the focus |
 //! | window | 1024 x 1024 |
 //! | colours | linear (`color=linear`) |
 
@@ -30,26 +30,26 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use view::{Extent, two_digits};
 
-/// Window of a project unless another is asked for, pixels.
+/// Default size of the window, pixels.
 const WINDOW: [u32; 2] = [1024, 1024];
-/// Display values behind the scene.
+/// Colour of the background, display values.
 const BACKGROUND: Vec3 = Vec3::new(0.6, 0.7, 0.8);
-/// The occlusion radius as a share of the diagonal of the scene's box.
+/// Occlusion radius as a share of the diagonal of the focus.
 const RADIUS: f64 = 0.05;
 
 /// Why no project could be made from scene files.
 #[derive(Debug, Clone, thiserror::Error)]
 #[non_exhaustive]
 pub enum FromSceneError {
-    /// A scene file.
+    /// A scene file could not be read.
     #[error(transparent)]
     Scene(#[from] SceneError),
-    /// An option that does not fit the scene.
+    /// An option does not fit the scene.
     #[error("{0}")]
     Option(String),
 }
 
-/// Everything about a scene that its projects have in common.
+/// A scene, and the parts that all its projects have in common.
 #[derive(Debug, Clone)]
 pub struct SceneProjects {
     base: Project,
@@ -59,11 +59,11 @@ pub struct SceneProjects {
 }
 
 impl SceneProjects {
-    /// Reads scene files (without normals and textures) and looks at what they hold. `window` is the size of the window and of
-    /// the targets, pixels.
+    /// Reads scene files (without normals and textures) and examines their contents. `window` is the size of window and targets in
+    /// pixels.
     ///
     /// # Errors
-    /// The first file that cannot be read; a scene without a triangle; or options that do not fit it.
+    /// If a file cannot be read, the scene has no triangles, or options do not fit it.
     pub fn new(
         files: &[PathBuf],
         options: &SceneOptions,
@@ -76,18 +76,18 @@ impl SceneProjects {
         Self::of(&scene, files, options, window)
     }
 
-    /// The same of a scene that was made in memory. Its project cannot be written, nor read again.
+    /// [`Self::new`] for a scene made in memory. Its project can be neither written nor read again.
     ///
     /// # Errors
-    /// A scene without a triangle; one with an index that is out of range, or with another number of normals or texture coordinates than
-    /// positions; or options that do not fit it.
+    /// If the scene has no triangles, an index is out of range, a mesh has a different number of normals or texture coordinates
+    /// than positions, or options do not fit it.
     pub fn in_memory(
         mut scene: Scene,
         options: &SceneOptions,
         window: Option<[u32; 2]>,
     ) -> Result<Self, FromSceneError> {
         check(&scene).map_err(FromSceneError::Option)?;
-        // What is looked at is turned; what is loaded is turned when it is built.
+        // The examined scene is turned here; the stored one is turned when it is built.
         let standing = (scene.objects.clone(), scene.cameras.clone(), scene.lights.clone(), scene.origin);
         turn(&mut scene, options.up);
         let mut projects = Self::of(&scene, &[], options, window)?;
@@ -161,15 +161,15 @@ impl SceneProjects {
         Ok(Self { base, glass, radius, effects })
     }
 
-    /// The project that shows the scene with the effects that were asked for, or else that it calls for.
+    /// The project with the requested effects, or else with those that suit the scene.
     #[must_use]
     pub fn project(&self) -> Project {
-        // Glass that is not asked for is drawn as any other surface.
+        // Without the glass effect, glass is drawn as an opaque surface.
         let glass: &[String] = if self.effects.glass { &self.glass } else { &[] };
         self.with(&passes::steps(self.effects), glass, (self.effects.occlusion, true))
     }
 
-    /// Projects of the same scene with each effect by rays and by raster, by the file names of the report's own.
+    /// Projects of the same scene, one for each effect by rays and by rasterisation, with the file names of the report's projects.
     #[must_use]
     pub fn by_technique(&self) -> Vec<(&'static str, Project)> {
         let rays = |program| vec![Step::Rays(program)];
@@ -192,7 +192,7 @@ impl SceneProjects {
             ("raster/SceneDepthOcclusion.xml", raster(EffectProgram::DepthOcclusion)),
         ]
         .into_iter()
-        // What raster can do is known of the report's panes.
+        // Raster effects only support the report's panes.
         .map(|(file, steps)| (file, self.with(&steps, &self.glass, (true, false))))
         .collect()
     }
@@ -205,7 +205,7 @@ impl SceneProjects {
     }
 }
 
-/// What is wrong with a scene that no loader made.
+/// Checks a scene that no loader made.
 fn check(scene: &Scene) -> Result<(), String> {
     for (index, object) in scene.objects.iter().enumerate() {
         if object.mesh as usize >= scene.meshes.len() {
@@ -237,7 +237,7 @@ fn check(scene: &Scene) -> Result<(), String> {
     }
 }
 
-/// Notes without a place.
+/// Problems without a place in a file.
 #[derive(Default)]
 struct Notes(Problems);
 
@@ -259,20 +259,20 @@ fn listed(files: &[PathBuf]) -> String {
     }
 }
 
-/// The stem of the first file, as a name that a project can have.
+/// The stem of the first file, cleaned for use as a project's name.
 fn name_of(files: &[PathBuf]) -> String {
     let stem = files.first().and_then(|file| file.file_stem()).map(|stem| stem.to_string_lossy().into_owned());
     clean(&stem.unwrap_or_default()).unwrap_or_else(|| "scene".to_owned())
 }
 
-/// A name as a project file can hold it; `None` if nothing of it is left.
+/// A name as a project file can hold it; `None` if nothing remains.
 fn clean(name: &str) -> Option<String> {
     let visible: String = name.chars().map(|c| if c.is_control() { ' ' } else { c }).take(200).collect();
     let folded = visible.split_whitespace().collect::<Vec<_>>().join(" ");
     (!folded.is_empty()).then_some(folded)
 }
 
-/// Turns all that stands in a scene.
+/// Turns everything in a scene so that y points up.
 fn turn(scene: &mut Scene, up: Up) {
     let turn = up.turn();
     scene.origin = turn.as_dmat4().transform_point3(scene.origin);
@@ -289,7 +289,7 @@ fn turn(scene: &mut Scene, up: Up) {
     }
 }
 
-/// The box around all corners of triangles that are finite.
+/// The bounding box of all finite corners of triangles.
 fn extent(scene: &Scene) -> Option<Extent> {
     let mut extent: Option<Extent> = None;
     for object in &scene.objects {
@@ -314,12 +314,12 @@ fn extent(scene: &Scene) -> Option<Extent> {
     extent
 }
 
-/// The box around most triangles, where a few far ones (a sky, a plane to the horizon) make that of all more than twice as large;
-/// else that of all.
+/// The bounding box of most triangles, if a few far ones (a sky, a plane to the horizon) make the whole box more than twice as
+/// large; otherwise the whole box.
 fn focus(scene: &Scene, whole: Extent) -> Extent {
-    /// Triangles that are looked at, at most.
+    /// Most triangles that are examined.
     const MOST: usize = 1 << 16;
-    /// Share of their corners beyond the box on each side.
+    /// Share of their corners that may lie beyond the box on each side.
     const BEYOND: f64 = 0.03;
     let groups = |object: &Object| {
         let mesh = &scene.meshes[object.mesh as usize];
@@ -357,7 +357,7 @@ fn focus(scene: &Scene, whole: Extent) -> Extent {
     if most.diagonal() > 0.0 && whole.diagonal() > 2.0 * most.diagonal() { most } else { whole }
 }
 
-/// The file's cameras, and one that is described or fits: first the one that serves.
+/// The cameras of the file, and one that is described or placed; the default camera comes first.
 fn cameras(
     scene: &Scene,
     options: &SceneOptions,
@@ -395,7 +395,7 @@ fn cameras(
     Ok(cameras)
 }
 
-/// Names of the materials of drawn triangles that let enough light through.
+/// Names of the drawn materials that transmit enough light to be glass.
 fn glass(scene: &Scene) -> Vec<String> {
     let mut drawn = vec![false; scene.materials.len()];
     for object in &scene.objects {

@@ -1,4 +1,4 @@
-//! What is asked of a project that is made from scene files.
+//! Options of projects made from scene files.
 
 use crate::diagnostic::valid_names;
 use glam::{DVec3, Mat4, Vec3, Vec4};
@@ -18,7 +18,7 @@ pub struct Effects {
 }
 
 impl Effects {
-    /// Their names, in the order of the fields.
+    /// Names of the effects, in the order of the fields.
     pub const NAMES: [&'static str; 3] = ["shadows", "ao", "glass"];
 
     fn flags(&mut self) -> [&mut bool; 3] {
@@ -29,7 +29,7 @@ impl Effects {
 impl FromStr for Effects {
     type Err = String;
 
-    /// `shadows,ao,glass` or some of them, with `,` or `+` between; or `none`.
+    /// Parses `shadows,ao,glass` or a subset, separated by `,` or `+`; or `none`.
     fn from_str(text: &str) -> Result<Self, String> {
         let mut effects = Self::default();
         if text.trim() == "none" {
@@ -60,12 +60,12 @@ pub enum Up {
     /// y, as in glTF and most OBJ files.
     #[default]
     Y,
-    /// z, as in many files of CAD programs and of 3D Studio: the scene is turned, y = z and z = -y.
+    /// z, as in many files of CAD programs and of 3D Studio. The scene is turned: new y = z, new z = -y.
     Z,
 }
 
 impl Up {
-    /// The turn that makes y point up.
+    /// The rotation that makes y point up.
     pub(super) fn turn(self) -> Mat4 {
         match self {
             Self::Y => Mat4::IDENTITY,
@@ -77,7 +77,7 @@ impl Up {
 impl FromStr for Up {
     type Err = String;
 
-    /// `y` or `z`.
+    /// Parses `y` or `z`.
     fn from_str(text: &str) -> Result<Self, String> {
         match text.trim() {
             "y" | "Y" => Ok(Self::Y),
@@ -87,29 +87,29 @@ impl FromStr for Up {
     }
 }
 
-/// What is asked of a project that is made from scene files. What is `None` is chosen from the scene.
+/// Options of a project made from scene files. A value of `None` is chosen from the scene.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct SceneOptions {
-    /// Scene files beside the one that is named first.
+    /// Further scene files, in addition to the first.
     pub more: Vec<PathBuf>,
-    /// The effects. Else shadows, occlusion, and glass where a material that is drawn is glass.
+    /// The effects. Default: shadows, occlusion, and glass if a drawn material is glass.
     pub effects: Option<Effects>,
-    /// Where the camera stands, world. Else where all of the scene is seen.
+    /// Position of the camera, world. Default: a position that shows the whole scene.
     pub look_from: Option<DVec3>,
-    /// What the camera looks at, world. Else the centre of the scene's box.
+    /// Point that the camera looks at, world. Default: the centre of the scene's box.
     pub look_at: Option<DVec3>,
-    /// Vertical field of view, degrees, above 0 and below 180. Else 45.
+    /// Vertical field of view, degrees, above 0 and below 180. Default: 45.
     pub fov: Option<f32>,
-    /// Direction in which the sun stands, of any length. Else the file's own light, or behind the viewer's left shoulder.
+    /// Direction towards the sun, of any length. Default: the file's own light, or behind the viewer's left shoulder.
     pub sun: Option<Vec3>,
-    /// The axis of the files that points up.
+    /// The upward axis of the files.
     pub up: Up,
-    /// Display values of the background. Else a light blue grey.
+    /// Colour of the background, display values. Default: a light blue grey.
     pub background: Option<Vec3>,
 }
 
 impl SceneOptions {
-    /// Names of the options that are set, as the command line and `compare` write them.
+    /// Names of the options that are set, as on the command line and in `compare`.
     #[must_use]
     pub fn given(&self) -> Vec<&'static str> {
         let given = [
@@ -124,7 +124,7 @@ impl SceneOptions {
         given.into_iter().filter(|(_, given)| *given).map(|(name, _)| name).collect()
     }
 
-    /// The options that are set as words, `effects=shadows+ao`, which [`Self`] can be read from again.
+    /// The options that are set, as words such as `effects=shadows+ao` that can be parsed again.
     #[must_use]
     pub fn words(&self) -> Vec<String> {
         let vector = |name: &str, vector: Option<Vec3>| vector.map(|Vec3 { x, y, z }| format!("{name}={x}/{y}/{z}"));
@@ -142,32 +142,32 @@ impl SceneOptions {
         words.into_iter().flatten().chain(more).collect()
     }
 
-    /// Whether the camera is described, so that none of the file's own serves.
+    /// Whether the camera is described, so that none of the file's cameras is the default.
     #[must_use]
     pub fn has_camera(&self) -> bool {
         self.look_from.is_some() || self.look_at.is_some() || self.fov.is_some()
     }
 
-    /// Three numbers with `,` or `/` between them, finite in `f32`.
+    /// Parses three numbers separated by `,` or `/`, finite in `f32`.
     ///
     /// # Errors
-    /// What would be valid.
+    /// A message that says what would be valid.
     pub fn parse_vector(text: &str) -> Result<Vec3, String> {
         three(text, |number: &f32| number.is_finite()).map(Vec3::from)
     }
 
-    /// The same with all their digits: places in map coordinates have more than `f32` holds.
+    /// [`Self::parse_vector`] in `f64`: positions in map coordinates have more digits than `f32` holds.
     ///
     /// # Errors
-    /// What would be valid.
+    /// A message that says what would be valid.
     pub fn parse_point(text: &str) -> Result<DVec3, String> {
         three(text, |number: &f64| (*number as f32).is_finite()).map(DVec3::from)
     }
 
-    /// A vector that is not 0.
+    /// Parses a vector that is not 0.
     ///
     /// # Errors
-    /// What would be valid.
+    /// A message that says what would be valid.
     pub fn parse_direction(text: &str) -> Result<Vec3, String> {
         Self::parse_vector(text).and_then(|vector| match vector.as_dvec3().try_normalize() {
             Some(_) => Ok(vector),
@@ -175,10 +175,10 @@ impl SceneOptions {
         })
     }
 
-    /// `R,G,B` from 0 to 1, or `#rrggbb`.
+    /// Parses `R,G,B` from 0 to 1, or `#rrggbb`.
     ///
     /// # Errors
-    /// What would be valid.
+    /// A message that says what would be valid.
     pub fn parse_color(text: &str) -> Result<Vec3, String> {
         let wrong = || format!("`{text}` is not R,G,B from 0 to 1, nor #rrggbb, such as 0.6,0.7,0.8 or #99b2cc");
         if let Some(digits) = text.strip_prefix('#') {
@@ -191,10 +191,10 @@ impl SceneOptions {
         if valid { Ok(color) } else { Err(wrong()) }
     }
 
-    /// A vertical field of view.
+    /// Parses a vertical field of view in degrees.
     ///
     /// # Errors
-    /// What would be valid.
+    /// A message that says what would be valid.
     pub fn parse_fov(text: &str) -> Result<f32, String> {
         let degrees: Option<f32> = text.trim().parse().ok().filter(|degrees| *degrees > 0.0 && *degrees < 180.0);
         degrees.ok_or_else(|| format!("`{text}` is no angle above 0 and below 180 degrees"))

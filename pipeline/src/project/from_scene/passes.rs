@@ -1,4 +1,4 @@
-//! Render targets and passes: the G-buffer, what computes on it, and the window.
+//! Render targets and passes: the G-buffer, the passes that read it, and the window.
 
 use super::Effects;
 use crate::glass::{Background, GlassRule, GlassShadow};
@@ -11,17 +11,17 @@ use crate::project::{
 use crate::raster_effects::{EffectParams, EffectProgram};
 use glam::{Vec3, Vec4};
 
-/// Name of the one material library.
+/// Name of the only material library.
 const LIBRARY: &str = "Targets";
-/// The report's mark of glass: no surface has this colour.
+/// The colour with which the report marks glass; no other surface has it.
 const GLASS_MARK: Vec4 = Vec4::new(1.0, 0.0, 1.0, 0.0);
 
-/// What computes on the G-buffer.
+/// A pass that reads the G-buffer.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Step {
-    /// By rays.
+    /// By tracing rays.
     Rays(RayProgram),
-    /// By raster.
+    /// By rasterisation.
     Raster(EffectProgram),
 }
 
@@ -33,7 +33,7 @@ impl Step {
         }
     }
 
-    /// Whether it writes a factor of the colour and not a colour.
+    /// Whether the pass writes a factor for the colour instead of a colour.
     fn is_factor(self) -> bool {
         let program = match self {
             Self::Rays(program) => program,
@@ -43,7 +43,8 @@ impl Step {
     }
 }
 
-/// The steps that some effects take. One program has all of them; it always has shadows.
+/// The passes for a set of effects. Shadows together with another effect take the program `final`, which can compute all of them;
+/// glass and occlusion without shadows are two passes.
 pub(super) fn steps(effects: Effects) -> Vec<Step> {
     let Effects { shadows, occlusion, glass } = effects;
     let programs: &[RayProgram] = match (shadows, occlusion, glass) {
@@ -57,25 +58,26 @@ pub(super) fn steps(effects: Effects) -> Vec<Step> {
     programs.iter().map(|program| Step::Rays(*program)).collect()
 }
 
-/// What the passes of a project have in common. It has one scene, one camera that serves, one light, and one viewport, each
-/// the first of the project.
+/// Common properties of a project's passes. The project has one scene, one light, one viewport and one camera in use, each the
+/// first of its list.
 pub(super) struct Common<'a> {
     /// Size of the window and of the targets, pixels.
     pub window: [u32; 2],
-    /// What is seen where nothing is drawn.
+    /// Colour where nothing is drawn.
     pub background: Vec3,
     /// Names of the materials that are glass.
     pub glass: &'a [String],
     /// Longest distance to an occluder.
     pub radius: f32,
-    /// Whether `final` has occlusion.
+    /// Whether the program `final` computes occlusion.
     pub occlusion: bool,
-    /// Whether glass is what its materials say, before the background, with coloured shadows; else the report's panes.
+    /// Whether glass follows its materials, in front of the background and with coloured shadows; otherwise all glass is the
+    /// report's panes.
     pub bodies: bool,
 }
 
 impl Common<'_> {
-    /// The targets and the pipeline. Passes have the names of the report's projects, so that its commands serve: `pass1` draws,
+    /// The targets and the pipeline. Passes have the names of the report's projects, so that its commands work: `pass1` draws,
     /// `pass2` (and `pass3`) compute, `pass5` fills the window.
     pub fn pipeline(&self, steps: &[Step]) -> (Vec<RenderTarget>, Pipeline) {
         let channel = |name: &str| Channel { name: name.to_owned(), format: PixelFormat::Rgba32Float, depth: false };
@@ -130,7 +132,7 @@ impl Common<'_> {
         self.glass.iter().cloned().map(MaterialPattern::Named).collect()
     }
 
-    /// Colours that mark glass in the G-buffer: the programs as the report wrote them know it by those.
+    /// Colours that mark glass in the G-buffer: the report's programs recognise glass by them.
     fn marks(&self) -> Vec<ColorMap> {
         let mark = |to| ColorMap {
             to,
@@ -197,7 +199,7 @@ fn read(buffers: &[&str], name: &str, channel: usize) -> Option<ChannelRef> {
     buffers.contains(&name).then_some(ChannelRef { target: 0, channel })
 }
 
-/// The parameters that a program reads; the others have their defaults, as in a project that is read.
+/// The parameters that a program reads; others have their defaults, as after reading a project file.
 fn as_written(params: RayParams, names: &[&str]) -> RayParams {
     let defaults = RayParams::default();
     RayParams {

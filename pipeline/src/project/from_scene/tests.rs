@@ -1,7 +1,7 @@
 use super::*;
 use crate::project::{PassKind, QuadSource};
 
-/// A square of two materials in a folder: paint, and glass as far as `d` is below 1.
+/// Writes a scene to a folder: a square of two materials, paint and pane; the pane is glass if `d` is below 1.
 fn scene(folder: &Path, glass_opacity: f32, uses_glass: bool) -> PathBuf {
     let library = format!("newmtl paint\nKd 1 1 1\nnewmtl pane\nKd 1 1 1\nd {glass_opacity}\n");
     std::fs::write(folder.join("m.mtl"), library).expect("a file");
@@ -65,7 +65,7 @@ fn effects_are_those_asked_for_or_those_that_the_scene_calls_for() {
 #[test]
 fn the_box_is_that_of_triangles_and_the_radius_follows_it() {
     let folder = tempfile::tempdir().expect("a folder");
-    // The fifth vertex of the file is far off and in no triangle.
+    // The fifth vertex of the file is far away and in no triangle.
     let project = open(&scene(folder.path(), 1.0, false), &SceneOptions::default());
     let PassKind::Ray(ray) = &project.pipelines[0].passes[1].kind else { panic!("a ray pass") };
     assert!(!project.problems.to_string().contains("far triangles"), "few triangles are no reason to leave some out");
@@ -151,7 +151,7 @@ fn a_scene_whose_z_points_up_is_seen_as_if_it_had_been_turned() {
     assert_eq!(seen(&turned), seen(&upright));
     assert!(turned.scenes[0].swap_yz && !upright.scenes[0].swap_yz);
     assert_ne!(seen(&open(&path, &SceneOptions::default())), seen(&upright), "it is another view without the option");
-    // What is drawn is turned alike.
+    // The drawn scene is turned in the same way.
     let drawn = |project: &Project, path: &Path| {
         let scene = scene::load(&[path.to_owned()], &LoadOptions::default(), &|_| {}).expect("a scene");
         let options = scene::BuildOptions { swap_yz: project.scenes[0].swap_yz, ..scene::BuildOptions::default() };

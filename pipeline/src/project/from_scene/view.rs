@@ -1,22 +1,22 @@
-//! Cameras and the sun of a project that is made from scene files.
+//! Camera and sun of a project made from scene files.
 
 use super::SceneOptions;
 use crate::project::{Camera, Light};
 use crate::scene::{SceneCamera, SceneLight};
 use glam::{DVec3, Vec3};
 
-/// Vertical field of view of a camera that is not described, degrees.
+/// Default vertical field of view, degrees.
 const FOV: f32 = 45.0;
-/// The sun's strength: a surface that faces it is 1 with the ambient light of 0.3.
+/// Strength of the sun: with the ambient light of 0.3, a surface that faces it has brightness 1.
 const SUN: f32 = 0.7;
-/// Share of the picture's half that the scene's box leaves free at each side.
+/// Margin around the scene's box in the picture, as a share of half the picture's size.
 const MARGIN: f64 = 0.04;
-/// A camera that fits sees the scene from this share of its height above the horizon, 1 for 45 degrees.
+/// Elevation of a default camera: the tangent of its angle above the horizon (1 for 45 degrees).
 const RISE: f64 = 0.45;
-/// The same of scenes as flat as a terrain.
+/// Elevation for scenes as flat as a terrain.
 const RISE_OF_FLAT: f64 = 0.8;
 
-/// The box around all that is drawn.
+/// The bounding box of everything that is drawn.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Extent {
     pub low: DVec3,
@@ -40,16 +40,16 @@ impl Extent {
     }
 }
 
-/// As the loader makes vectors unit length, so that what is written and read again is the same.
+/// The unit vector, computed as the loader does, so that writing and reading it again changes nothing.
 fn unit(vector: DVec3) -> Option<Vec3> {
     // The loader reads f32.
     vector.as_vec3().as_dvec3().try_normalize().map(|unit| unit.as_vec3())
 }
 
-/// A number with few digits, off by less than a thousandth of `size`.
+/// Rounds to few digits, with an error below a thousandth of `size`.
 fn rounded(value: DVec3, size: f64) -> DVec3 {
     let step = 10.0_f64.powf(size.log10().floor() - 3.0);
-    // A division by a whole number gives the decimals that are nearest.
+    // Dividing by a whole number gives the nearest decimal fraction.
     if step < 1.0 {
         (value * step.recip().round()).round() / step.recip().round()
     } else {
@@ -57,10 +57,10 @@ fn rounded(value: DVec3, size: f64) -> DVec3 {
     }
 }
 
-/// The camera of the options, or one that sees all of `focus` in a window of this shape. Its planes enclose the `whole` scene.
+/// The camera of the options, or one that sees all of `focus` in a window of this shape. Its near and far planes enclose `whole`.
 ///
 /// # Errors
-/// If it would look at the point where it stands.
+/// If the camera would look at its own position.
 pub(super) fn camera(options: &SceneOptions, whole: Extent, focus: Extent, window: [u32; 2]) -> Result<Camera, String> {
     let fov = options.fov.unwrap_or(FOV);
     let size = focus.diagonal().max(f64::from(f32::MIN_POSITIVE));
@@ -87,8 +87,8 @@ pub(super) fn camera(options: &SceneOptions, whole: Extent, focus: Extent, windo
     })
 }
 
-/// The unit direction from which the box is looked at: from the front (z) and a little from the right and from above; from
-/// the side where that is far broader; from higher above where all is flat.
+/// Unit direction from the box towards the camera: from the front (z), a little from the right and from above; from the side if
+/// that is far broader; from higher above if the scene is flat.
 fn away(extent: Extent) -> DVec3 {
     let size = extent.high - extent.low;
     let rise = if size.y < 0.2 * size.x.max(size.z) { RISE_OF_FLAT } else { RISE };
@@ -96,8 +96,8 @@ fn away(extent: Extent) -> DVec3 {
     DVec3::new(if broad_side { 1.0 } else { 0.5 }, rise, if broad_side { 0.5 } else { 1.0 }).normalize()
 }
 
-/// Tangents of half of the angles that a camera sees without its margin, to the right and up, and these two directions. A window
-/// wider than high shows what a square one does.
+/// Tangents of half the camera's angles, without the margin, to the right and up, and these two directions. A window wider than
+/// high is treated as a square one.
 fn frame(away: DVec3, fov: f32, [width, height]: [u32; 2]) -> ([f64; 2], [DVec3; 2]) {
     let tan_y = (f64::from(fov).to_radians() * 0.5).tan() * (1.0 - MARGIN);
     let tan_x = tan_y * (f64::from(width) / f64::from(height.max(1))).min(1.0);
@@ -105,7 +105,7 @@ fn frame(away: DVec3, fov: f32, [width, height]: [u32; 2]) -> ([f64; 2], [DVec3;
     ([tan_x, tan_y], [right, away.cross(right)])
 }
 
-/// Where a camera sees all corners of the box from nearest, with as much free on one side as on the other.
+/// The nearest camera position that shows all corners of the box, with equal margins on opposite sides.
 fn place(extent: Extent, target: DVec3, away: DVec3, fov: f32, window: [u32; 2]) -> DVec3 {
     let (tangents, axes) = frame(away, fov, window);
     let offsets = extent.corners().map(|corner| corner - target);
@@ -113,18 +113,18 @@ fn place(extent: Extent, target: DVec3, away: DVec3, fov: f32, window: [u32; 2])
     let mut eye = target;
     let mut farthest = 0.0_f64;
     for (tangent, axis) in tangents.into_iter().zip(axes) {
-        // A corner at x to the right and z towards the viewer is seen from s to the right and d off if
+        // A corner at x to the right and z towards the viewer is visible from a camera at s to the right and distance d if
         // |x - s| <= tangent (d - z).
         let right = most(&|offset| offset.dot(axis) + tangent * offset.dot(away));
         let left = most(&|offset| -offset.dot(axis) + tangent * offset.dot(away));
         eye += axis * ((right - left) * 0.5);
         farthest = farthest.max((right + left) * 0.5 / tangent);
     }
-    // A scene of one point is seen from somewhere, too.
+    // For a scene of a single point any distance works.
     eye + away * if farthest > 0.0 { farthest } else { 1.0 }
 }
 
-/// How far off a camera that looks at a point must be to see all corners of the box.
+/// The distance from which a camera that looks at `target` sees all corners of the box.
 fn distance(extent: Extent, target: DVec3, away: DVec3, fov: f32, window: [u32; 2]) -> f64 {
     let ([tan_x, tan_y], [right, up]) = frame(away, fov, window);
     let needed = |corner: DVec3| {
@@ -133,22 +133,23 @@ fn distance(extent: Extent, target: DVec3, away: DVec3, fov: f32, window: [u32; 
         sideways + offset.dot(away)
     };
     let farthest = extent.corners().into_iter().map(needed).fold(0.0, f64::max);
-    // A scene of one point is seen from somewhere, too.
+    // For a scene of a single point any distance works.
     if farthest > 0.0 { farthest } else { 1.0 }
 }
 
-/// Rounded to two digits, above 0.
+/// The value rounded to two digits, above 0.
 pub(super) fn two_digits(value: f64) -> f32 {
     let text = format!("{value:.1e}");
     text.parse().ok().filter(|value: &f32| value.is_normal()).unwrap_or(1.0)
 }
 
-/// +y, or -z for cameras that look up or down.
+/// Up vector: +y, or -z for cameras that look straight up or down.
 fn up_for(direction: Vec3) -> Vec3 {
     if direction.cross(Vec3::Y).length() < 1e-3 { Vec3::NEG_Z } else { Vec3::Y }
 }
 
-/// A camera of a scene file whose placed things are told from `origin`. A far plane that the file leaves open lies beyond the scene.
+/// A camera of a scene file whose positions are relative to `origin`. If the file gives no far plane, it is placed beyond the
+/// scene.
 pub(super) fn of_file(camera: &SceneCamera, origin: DVec3, name: String, extent: Extent) -> Camera {
     let eye = origin + camera.position.as_dvec3();
     let farthest = extent.corners().iter().map(|corner| corner.distance(eye)).fold(0.0, f64::max) as f32;
@@ -160,7 +161,7 @@ pub(super) fn of_file(camera: &SceneCamera, origin: DVec3, name: String, extent:
         position: eye,
         direction,
         up: up.unwrap_or_else(|| up_for(direction)),
-        // Through degrees, in which projects are written.
+        // Converted through degrees, the unit in project files.
         fov_y: camera.fov_y.to_degrees().to_radians(),
         near: camera.near,
         far: if far > camera.near { far } else { camera.near * 1e6 },
@@ -169,13 +170,13 @@ pub(super) fn of_file(camera: &SceneCamera, origin: DVec3, name: String, extent:
     }
 }
 
-/// The sun of the options, that of the scene file, or one behind the viewer's left shoulder.
+/// The sun of the options, that of the scene file, or else one behind the viewer's left shoulder.
 pub(super) fn sun(options: &SceneOptions, of_file: Option<&SceneLight>, camera: &Camera) -> Light {
     let shoulder = || {
         let view = camera.direction.as_dvec3();
         let level = DVec3::new(view.x, 0.0, view.z).try_normalize().unwrap_or(DVec3::NEG_Z);
         let left = DVec3::Y.cross(level);
-        // Steep enough that shadows stay short, and aside so that they are seen.
+        // Steep enough for short shadows, and from the side so that they are visible.
         rounded(level * 0.5 - left * 0.6 - DVec3::Y * 0.9, 1.0)
     };
     let (travels, color) = match (options.sun, of_file) {
@@ -183,7 +184,7 @@ pub(super) fn sun(options: &SceneOptions, of_file: Option<&SceneLight>, camera: 
         (None, Some(light)) => (light.direction.as_dvec3(), light.color),
         (None, None) => (shoulder(), Vec3::ONE),
     };
-    // The file's own strength is in lux, for a film that nobody exposes here: only the hue serves.
+    // The file's intensity is in lux, for an exposure that is not modelled here: only the hue is used.
     let strongest = color.max_element();
     let hue = if strongest > 0.0 && strongest.is_finite() { color / strongest } else { Vec3::ONE };
     Light {
@@ -202,7 +203,7 @@ mod tests {
         Extent { low: low.into(), high: high.into() }
     }
 
-    /// Corners in the picture, from -1 to 1.
+    /// Positions of the box's corners in the picture, from -1 to 1.
     fn corners_seen(extent: Extent, camera: &Camera, aspect: f32) -> Vec<[f64; 3]> {
         let forward = camera.direction.as_dvec3();
         let right = forward.cross(camera.up.as_dvec3()).normalize();
@@ -230,7 +231,7 @@ mod tests {
         for extent in boxes {
             for window in [[1024, 1024], [1920, 1080], [300, 600]] {
                 let camera = camera(&SceneOptions::default(), extent, extent, window).expect("it looks at the centre");
-                // A window wider than high shows what a square one does, and more beside it.
+                // A window wider than high shows the same as a square one, and more on both sides.
                 let aspect = (window[0] as f32 / window[1] as f32).min(1.0);
                 let seen = corners_seen(extent, &camera, aspect);
                 let widest = seen.iter().flat_map(|[x, y, _]| [x.abs(), y.abs()]).fold(0.0, f64::max);

@@ -1,4 +1,4 @@
-//! Material libraries of a project: render targets, and the materials that its passes refer to.
+//! Writes the material libraries of a project: render targets, and the materials that its passes use.
 
 use super::xml::Xml;
 use super::{WriteError, color};
@@ -6,20 +6,20 @@ use crate::programs::{QUAD_PROGRAMS, RASTER_PROGRAMS};
 use crate::project::{ChannelRef, ColorMap, Pass, PassKind, Project, QuadSource};
 use std::path::{Path, PathBuf};
 
-/// Name of the library of a project that has no render target.
+/// Name of the library if the project has no render target.
 const WITHOUT_TARGETS: &str = "Materials";
-/// The material that draws.
+/// Name of the material with the raster program.
 pub(super) const DRAWS: &str = "deferred";
 
-/// A library, and the file that it is written to.
+/// A library and the file that it is written to.
 pub(super) struct Library {
     pub path: PathBuf,
     pub name: String,
-    /// Whether the project's materials are in this one.
+    /// Whether the project's materials are written to this library.
     materials: bool,
 }
 
-/// The libraries of a project, in the order of their targets; materials are in the first.
+/// The libraries of a project, in the order of its targets; the first one contains the materials.
 pub(super) fn of(project: &Project, path: &Path) -> Vec<Library> {
     let mut names: Vec<String> = Vec::new();
     for target in &project.targets {
@@ -38,23 +38,23 @@ pub(super) fn of(project: &Project, path: &Path) -> Vec<Library> {
     names.into_iter().enumerate().map(library).collect()
 }
 
-/// The name of the material that has the colours of a map of a pass; `number` is that of the pass in the project.
+/// Name of the material with the colours of map `map` of a pass; `number` is the pass's number in the project.
 pub(super) fn colored((number, pass): (usize, &Pass), map: usize) -> String {
     format!("{number} {} colours {}", pass.name, map + 1)
 }
 
-/// The name of the material with which a quad pass joins two textures.
+/// Name of the material with which a quad pass combines two textures.
 pub(super) fn joining((number, pass): (usize, &Pass)) -> String {
     format!("{number} {} combine", pass.name)
 }
 
-/// The texture of a channel, as files write it.
+/// The texture name of a channel, as files write it.
 pub(super) fn texture(project: &Project, channel: ChannelRef) -> String {
     let target = &project.targets[channel.target];
     format!("{}::{}", target.library, target.channels[channel.channel].name)
 }
 
-/// The maps of colours of a pass.
+/// The colour maps of a pass.
 pub(super) fn colors(pass: &Pass) -> &[ColorMap] {
     match &pass.kind {
         PassKind::Raster(raster) => &raster.colors,

@@ -1,6 +1,6 @@
-//! Writes a project as the XML that [`super::load`] reads: every number comes back to the bit.
+//! Writes a project as XML that [`super::load`] reads back with the same numbers, bit for bit.
 //!
-//! The file of render targets and materials stands beside the project's: `view.mlib` beside `view.xml`.
+//! Render targets and materials are written to a file beside it: `view.mlib` beside `view.xml`.
 
 mod library;
 mod numbers;
@@ -21,16 +21,16 @@ use xml::Xml;
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 #[non_exhaustive]
 pub enum WriteError {
-    /// A name or a path that the format cannot hold.
+    /// The format cannot hold a name or a path.
     #[error(
         "`{0}` cannot stand in a project file\n       \
          valid: names and paths without `*`, `\\`, control characters, and white space at an end or doubled; rename it"
     )]
     Text(String),
-    /// A file that is there already; a person may have edited it.
+    /// The file exists already; a person may have edited it.
     #[error("{} is there already; name another file, or delete this one", .0.display())]
     Exists(PathBuf),
-    /// Whatever the file system reports.
+    /// An error of the file system.
     #[error("{}: {why}", .path.display())]
     Io {
         /// The file.
@@ -47,11 +47,10 @@ impl WriteError {
 }
 
 impl Project {
-    /// Writes the project and its libraries. Files that are there already are left as they are. Returns what was written, the
-    /// project first.
+    /// Writes the project and its libraries. Existing files are not overwritten. Returns the paths written, the project first.
     ///
     /// # Errors
-    /// If one of the files is there, cannot be written, or the format cannot hold a name or a path of the project.
+    /// If one of the files exists or cannot be written, or the format cannot hold a name or a path of the project.
     pub fn write(&self, path: &Path) -> Result<Vec<PathBuf>, WriteError> {
         let libraries = library::of(self, path);
         let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
@@ -63,14 +62,14 @@ impl Project {
         if let Some((path, _)) = files.iter().find(|(path, _)| path.exists()) {
             return Err(WriteError::Exists(path.clone()));
         }
-        // The project last: without it the others are nothing to anybody.
+        // The project is written last: the libraries are of no use without it.
         for (path, text) in files.iter().rev() {
             write_atomically(path, text.as_bytes()).map_err(|error| WriteError::io(path, &error))?;
         }
         Ok(files.into_iter().map(|(path, _)| path).collect())
     }
 
-    /// The element of a camera, to be pasted among the `<cameras>` of a project: every number comes back to the bit.
+    /// The XML element of a camera, to be pasted into the `<cameras>` of a project; its numbers are read back bit for bit.
     ///
     /// # Errors
     /// If there is no such camera, or the format cannot hold its name.
@@ -140,7 +139,7 @@ impl Project {
     }
 }
 
-/// Rust writes the shortest text that is read as the same number.
+/// Writes a vector; Rust formats each number with the fewest digits that are read back as the same number.
 fn vector(xml: &mut Xml, name: &'static str, vector: Vec3) {
     let [x, y, z] = vector.to_array().map(|component| component.to_string());
     xml.empty(name, &[("x", &x), ("y", &y), ("z", &z)]);
@@ -193,7 +192,7 @@ fn write_shape(xml: &mut Xml, shape: &Shape) {
     xml.end();
 }
 
-/// What differs from standing where it is.
+/// Writes the parts of a placement that differ from the identity.
 fn write_place(xml: &mut Xml, place: &Placement) {
     let usual = Placement::default();
     if place.translation != usual.translation {
@@ -238,7 +237,7 @@ fn write_light(xml: &mut Xml, light: &Light) {
     xml.end();
 }
 
-/// A path as the project file names it: relative to its folder, or from the root where nothing else is common.
+/// A path as the project file names it: relative to its folder, or absolute if they have only the root in common.
 fn relative(path: &Path, folder: &Path) -> Result<String, WriteError> {
     let whole = std::fs::canonicalize(path).or_else(|_| std::path::absolute(path));
     let whole = whole.map_err(|error| WriteError::io(path, &error))?;
@@ -253,10 +252,10 @@ fn relative(path: &Path, folder: &Path) -> Result<String, WriteError> {
     let unusable = || WriteError::Text(path.display().to_string());
     let text = wanted.to_str().ok_or_else(unusable)?;
     if std::path::MAIN_SEPARATOR == '\\' {
-        // Other machines' paths have slashes; those with a drive are of this machine alone.
+        // Slashes serve other machines too; a path with a drive works on this machine only.
         return if text.contains(':') { Err(unusable()) } else { Ok(text.replace('\\', "/")) };
     }
-    // The reader takes a backslash for a slash.
+    // The reader would convert a backslash to a slash.
     if text.contains('\\') { Err(unusable()) } else { Ok(text.to_owned()) }
 }
 

@@ -1,9 +1,9 @@
-//! Numbers as texts that the loader reads back to the same bits.
+//! Numbers as texts that the loader reads back bit for bit.
 
-/// An angle in radians as a text in degrees.
+/// An angle in radians as text in degrees.
 pub(super) fn degrees(radians: f32) -> String {
     let near = radians.to_degrees();
-    // A whole number, or one with few digits, is what a person wrote.
+    // Prefers a number with few decimals, as a person would write it.
     let short = (0..=3).map(|digits| format!("{near:.digits$}"));
     let short = short.filter_map(|text| text.parse::<f32>().ok());
     let mut short = short.filter(|degrees| degrees.to_radians() == radians);

@@ -1,4 +1,4 @@
-//! Pipelines and their passes.
+//! Writes pipelines and their passes.
 
 use super::library::{self, DRAWS, Library, colored, joining, texture};
 use super::xml::Xml;
@@ -9,12 +9,12 @@ use crate::project::{
 };
 use std::borrow::Cow;
 
-/// A pass with what it refers to.
+/// A pass and the names that it refers to.
 struct Context<'a> {
     project: &'a Project,
-    /// The library of materials.
+    /// Name of the library with the materials.
     library: &'a str,
-    /// Its number in the project, which its materials' names have.
+    /// Number of the pass in the project, which is part of its materials' names.
     number: usize,
     pass: &'a Pass,
 }
@@ -55,7 +55,7 @@ impl Context<'_> {
         xml.end();
     }
 
-    /// The start of a pass, with the values of its parameters.
+    /// Writes the start tag of a pass, with its parameters.
     fn begin(&self, xml: &mut Xml, class: &str, values: &[(&'static str, String)]) {
         let mut attributes = vec![("class", class), ("name", self.pass.name.as_str())];
         attributes.extend(values.iter().map(|(name, value)| (*name, value.as_str())));
@@ -87,7 +87,7 @@ impl Context<'_> {
         }
     }
 
-    /// `<materialMaps>` of colours that replace whole materials, then `<injectionMaps>` of the others.
+    /// Writes `<materialMaps>` for colour maps that replace whole materials, then `<injectionMaps>` for the others.
     fn colors(&self, xml: &mut Xml, draws: bool) {
         let maps = || library::colors(self.pass).iter().enumerate();
         let material = |map: usize| colored((self.number, self.pass), map);
@@ -168,7 +168,7 @@ impl Context<'_> {
         if !glass.is_empty() {
             xml.begin("optixMaterialMap", &[]);
             for to in glass {
-                // With a library, so that a colon in the material's name is not taken for the end of one.
+                // The library is written too, so that a colon in the material's name is not taken for the separator.
                 let name = format!("curitiba_material_lib:{}", pattern(xml, to));
                 xml.begin("optixMap", &[("to", &name)]);
                 for proc in info.procs.iter().filter(|proc| proc.proc.ends_with("_glass")) {
@@ -243,7 +243,7 @@ impl Context<'_> {
                 let name = joining((self.number, self.pass));
                 xml.empty("material", &[("name", &name), ("fromLibrary", self.library)]);
             }
-            // What is written is made of scenes, which bring no shaders.
+            // Written projects are made from scenes and have no own shaders.
             QuadSource::Own => {}
         }
     }
@@ -253,7 +253,7 @@ fn program(xml: &mut Xml, file: &str, proc: &ProcInfo) {
     xml.empty("optixProgram", &[("type", proc.kind), ("ray", proc.ray), ("file", file), ("proc", proc.proc)]);
 }
 
-/// A pattern as it is written; a name with an asterisk would mean another.
+/// A pattern as text; a name that contains an asterisk cannot be written.
 fn pattern<'p>(xml: &mut Xml, pattern: &'p MaterialPattern) -> Cow<'p, str> {
     match pattern {
         MaterialPattern::All => Cow::Borrowed("*"),

@@ -2,13 +2,13 @@ use super::*;
 use crate::project;
 use glam::DVec3;
 
-/// The projects of the repository, which the packaged crate has not.
+/// The projects folder of the repository; `None` in the packaged crate, which does not contain it.
 fn shipped() -> Option<PathBuf> {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../xml_projects");
     folder.is_dir().then_some(folder)
 }
 
-/// All of a project but the places of its files, which another file has elsewhere.
+/// A text of a project's contents, without the paths of its files, which differ between copies.
 fn contents(project: &Project) -> String {
     let mut project = project.clone();
     (project.path, project.source) = (PathBuf::new(), PathBuf::new());
@@ -21,7 +21,7 @@ fn contents(project: &Project) -> String {
     for pass in project.pipelines.iter_mut().flat_map(|pipeline| &mut pipeline.passes) {
         pass.place.clear();
     }
-    // Libraries that no target is in are not in the value; a target's index may be another where they are several.
+    // Libraries without targets are not in the value, and the order of targets may differ if there are several libraries.
     let mut targets: Vec<_> = project.targets.iter().map(|target| format!("{target:?}")).collect();
     targets.sort();
     format!("{project:#?}\n{targets:#?}")
@@ -70,7 +70,7 @@ fn triangle(folder: &Path, name: &str, material: &str) -> PathBuf {
 #[test]
 fn projects_made_of_scenes_are_read_as_they_were_written() {
     let folder = tempfile::tempdir().expect("a folder");
-    // Signs that mean something in XML, and a colon, which ends a library's name in a map of glass.
+    // Characters with a meaning in XML, and a colon, which separates a library's name in a glass map.
     let file = triangle(folder.path(), "a & b <c>.obj", "glass:\"pane\" & co");
     let options = project::SceneOptions {
         look_from: Some(DVec3::new(0.1, 2.7, -9.3)),

@@ -1,12 +1,12 @@
-//! Elements with attributes, one a line.
+//! An XML writer that puts each element on a line.
 
 use super::WriteError;
 use std::fmt::Write as _;
 
-/// Longest attribute value that the reader takes, bytes.
+/// Longest attribute value that the reader accepts, bytes.
 const MAX_VALUE: usize = 4096;
 
-/// A document that grows from its beginning.
+/// A document under construction.
 pub(super) struct Xml {
     text: String,
     open: Vec<&'static str>,
@@ -20,19 +20,19 @@ impl Xml {
         Self { text, open: Vec::new(), wrong: None }
     }
 
-    /// Elements for a document that is there already.
+    /// Elements without a document around them.
     pub fn fragment() -> Self {
         Self { text: String::new(), open: Vec::new(), wrong: None }
     }
 
-    /// An element with children, up to [`Self::end`].
+    /// Begins an element with children; [`Self::end`] closes it.
     pub fn begin(&mut self, name: &'static str, attributes: &[(&str, &str)]) {
         self.start(name, attributes);
         self.text.push_str(">\n");
         self.open.push(name);
     }
 
-    /// Ends the element that was begun last.
+    /// Ends the innermost open element.
     pub fn end(&mut self) {
         if let Some(name) = self.open.pop() {
             self.indent();
@@ -40,20 +40,20 @@ impl Xml {
         }
     }
 
-    /// An element without children.
+    /// Writes an element without children.
     pub fn empty(&mut self, name: &'static str, attributes: &[(&str, &str)]) {
         self.start(name, attributes);
         self.text.push_str("/>\n");
     }
 
-    /// An element that holds a text.
+    /// Writes an element that contains text.
     pub fn text(&mut self, name: &'static str, text: &str) {
         self.indent();
         let escaped = self.escaped(text);
         writeln!(self.text, "<{name}>{escaped}</{name}>").expect("a string takes all");
     }
 
-    /// Says that a text cannot be written.
+    /// Records that a text cannot be written.
     pub fn refuse(&mut self, text: &str) {
         let start: String = text.chars().take(64).collect();
         self.wrong.get_or_insert(WriteError::Text(start.escape_debug().to_string()));
@@ -73,7 +73,7 @@ impl Xml {
         self.text.push_str(&"  ".repeat(self.open.len()));
     }
 
-    /// A text as the reader will have it: it trims, folds white space, and takes no control character.
+    /// Escapes a text. Text that the reader would change (it trims, folds white space and rejects control characters) is refused.
     fn escaped(&mut self, text: &str) -> String {
         let folded = text.split_whitespace().collect::<Vec<_>>().join(" ");
         let mut escaped = String::with_capacity(text.len());
@@ -92,7 +92,7 @@ impl Xml {
         escaped
     }
 
-    /// The whole text.
+    /// The document, or the first error.
     pub fn finish(mut self) -> Result<String, WriteError> {
         while !self.open.is_empty() {
             self.end();

@@ -1,4 +1,4 @@
-//! CBO and NBO: the engine's binary scene files, little endian, in the two layouts met.
+//! CBO and NBO, the binary scene files of the report's engine, little endian, in two layouts.
 //!
 //! ```text
 //! file        := u32 material_count, material[material_count], str scene_type, scene
@@ -12,10 +12,10 @@
 //! node        := f32[12] bounds, u32 n, (str key, octree_object)[n], i32 child_count, id, depth, node[child_count]
 //! octree_object := str name, f32[6] bounds, [2014] str transform_class, mat4, str renderable, vertices, str material, indices
 //! ```
-//! A `str` is a `u32` length, that many Latin-1 bytes and a NUL; a `mat4` is 16 `f32`, column by column. The extension
-//! does not tell the layout. Neither layout keeps transmission or refraction. Of the 2014 layout's render states the
-//! alpha test is read and written, as [`Material::alpha_cutoff`](super::Material::alpha_cutoff); today's has no states,
-//! and a texture with texels that are less than half opaque is cut out at 0.5 there.
+//! A `str` is a `u32` length, that many Latin-1 bytes and a NUL; a `mat4` is 16 `f32`, column by column. The file extension does
+//! not determine the layout. Neither layout stores transmission or refraction. Of the render states of the 2014 layout only the
+//! alpha test is read and written, as [`Material::alpha_cutoff`](super::Material::alpha_cutoff). Today's layout has no render
+//! states: there a texture with texels of less than half opacity gets a cutoff of 0.5.
 
 mod read;
 mod write;
@@ -25,20 +25,20 @@ use super::context::Context;
 use super::error::SceneError;
 pub use write::write_cbo;
 
-/// What "no texture" is called in a material.
+/// Name of "no texture" in a material.
 const NO_TEXTURE: &str = "<no texture>";
-/// The scene type whose objects lie in the nodes of an octree.
+/// Scene type of files that store their objects in an octree.
 const OCTREE_SCENE: &str = "OctreeByMatScene";
-/// The renderable of an object without geometry.
+/// Renderable type of an object without geometry.
 const NULL_OBJECT: &str = "NULLOBJECT";
 
-/// Where the alpha test stands in the lists of a 2014 render state, and OpenGL's names of its comparisons.
+/// Positions of the alpha test in the lists of a 2014 render state, and OpenGL's numbers of its comparisons.
 mod alpha_test {
-    /// In the bools: whether it is on.
+    /// Index in the list of bools: whether the test is enabled.
     pub(super) const ENABLED: usize = 2;
-    /// In the enums: the comparison.
+    /// Index in the list of enums: the comparison function.
     pub(super) const FUNCTION: usize = 8;
-    /// In the floats: what the texture's alpha is compared with.
+    /// Index in the list of floats: the reference value for the texture's alpha.
     pub(super) const VALUE: usize = 3;
     /// `GL_GREATER`.
     pub(super) const GREATER: i32 = 0x204;
@@ -46,12 +46,12 @@ mod alpha_test {
     pub(super) const GREATER_OR_EQUAL: i32 = 0x206;
 }
 
-/// Which engine's files.
+/// The layout of a scene file.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Layout {
-    /// `.cbo`, of 2014: materials hold shader names and a render state, objects name the class of their transform.
+    /// `.cbo` of 2014: materials hold shader names and a render state, objects name the class of their transform.
     Cbo2014,
-    /// `.nbo`, of today.
+    /// `.nbo`, today's layout.
     NboToday,
 }
 
@@ -61,7 +61,7 @@ impl Layout {
     }
 }
 
-/// Reads a file in the layout in which it parses to its last byte.
+/// Reads a file in the layout that accounts for its last byte.
 pub(crate) fn read(bytes: &[u8], context: &mut Context<'_>) -> Result<Scene, SceneError> {
     let extension = context.file.extension().and_then(|extension| extension.to_str()).unwrap_or_default();
     let layouts = if extension.eq_ignore_ascii_case("nbo") {
@@ -75,7 +75,7 @@ pub(crate) fn read(bytes: &[u8], context: &mut Context<'_>) -> Result<Scene, Sce
         Err(failure) => failure,
     };
     *context.budget = before;
-    // The layout that explains more of the file tells the more useful story.
+    // If both layouts fail, the one that got further in the file gives the more useful error.
     read::read(bytes, layouts[1], context).map_err(|second| {
         let failure = if second.reached > first.reached { second } else { first };
         failure.error.help("neither the 2014 layout nor today's reads this file to its end; is it cut off or damaged?")

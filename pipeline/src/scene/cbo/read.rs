@@ -1,4 +1,4 @@
-//! The reader of both layouts.
+//! The reader for both layouts.
 
 use super::super::bytes::{Reader, f32_at};
 use super::super::context::{Context, MASK_CUTOFF, MaterialTable, add_texture, texture_file_or_suffix};
@@ -10,10 +10,10 @@ use glam::{Mat4, Vec2, Vec3, Vec4};
 use std::collections::HashMap;
 use std::path::{Path, PathBuf};
 
-/// An octree deeper than this is not believed: its smallest node would be 2^-64 of the scene.
+/// Deepest octree accepted: its smallest node would already be 2^-64 of the scene.
 const MAX_OCTREE_DEPTH: u32 = 64;
 
-/// An error, and how far the layout explained the file.
+/// An error, and the byte up to which the layout could read the file.
 pub(super) struct Failure {
     pub(super) error: SceneError,
     pub(super) reached: u64,
@@ -47,7 +47,7 @@ struct Parser<'b, 'c, 'f> {
     scene: Scene,
     table: MaterialTable,
     by_renderable: HashMap<String, u32>,
-    /// By texture file; today's layout only.
+    /// Alpha cutoff by texture file; only for today's layout.
     cutoffs: HashMap<PathBuf, Option<f32>>,
 }
 
@@ -58,7 +58,7 @@ impl Parser<'_, '_, '_> {
         }
         let scene_type = self.reader.string("the scene type")?;
         if scene_type.is_empty() {
-            // In a 2014 file read as today's, a material's empty shader name stands here.
+            // If a 2014 file is read in today's layout, the empty shader name of a material ends up here.
             return Err(self.reader.error("the scene type is empty"));
         }
         if scene_type == OCTREE_SCENE {
@@ -108,7 +108,7 @@ impl Parser<'_, '_, '_> {
         Ok(())
     }
 
-    /// Today's layout has no alpha test: a texture with texels that are less than half opaque is a cut-out.
+    /// The cutoff for today's layout, which has no alpha test: 0.5 for textures with texels of less than half opacity.
     fn cutoff_of(&mut self, texture: &Path) -> Result<Option<f32>, SceneError> {
         if let Some(known) = self.cutoffs.get(texture) {
             return Ok(*known);
@@ -123,8 +123,7 @@ impl Parser<'_, '_, '_> {
         Ok(cutoff)
     }
 
-    /// Shaders and render state of a 2014 material. The render path decides about all of it but the alpha test, whose
-    /// cutoff is returned.
+    /// Reads shaders and render state of a 2014 material. Only the alpha test is used; its cutoff is returned.
     fn state(&mut self) -> Result<Option<f32>, SceneError> {
         for what in
             ["a program's name", "a vertex shader's name", "a geometry shader's name", "a fragment shader's name"]

@@ -1,4 +1,4 @@
-//! The writer of both layouts. Scenes are written as lists of objects (`OctreeUnified`), never as octrees.
+//! The writer for both layouts. Scenes are written as lists of objects (`OctreeUnified`), never as octrees.
 
 use super::super::error::SceneError;
 use super::super::{Material, Mesh, Object, Scene, TextureSource};
@@ -11,7 +11,7 @@ use std::collections::HashSet;
 use std::io::{BufWriter, Write};
 use std::path::Path;
 
-/// What a 2014 material's render state holds where nothing was changed: depth test and culling as the engine sets them.
+/// Default render state of a 2014 material: depth test and culling as the engine sets them.
 const STATE_BOOLS: [u8; 7] = [0, 0, 0, 1, 1, 0, 1];
 const STATE_ENUMS: [i32; 9] = [0, 0, 0x201, 0x405, 0, 1, 0, 0x8006, 0];
 const STATE_INTS: [i32; 1] = [0];
@@ -19,18 +19,17 @@ const STATE_FLOATS: [f32; 4] = [0.0, 1.0, 1.0, 0.0];
 const STATE_VECTORS: [f32; 8] = [0.0; 8];
 const STATE_BOOL4S: [u8; 4] = [1; 4];
 
-/// Writes a scene, atomically: a file of that name is replaced when everything is written.
+/// Writes a scene. The file is written whole or not at all, and then replaces a file of that name.
 ///
-/// Meshes are shared by the objects that place them. Texture paths are stored relative to the file; images that are
-/// embedded in the scene's files or put together from two are written beside it, as `NAME.texture0.png`. The warnings
-/// returned count what the format cannot keep, each by its kind: transmission, absorption, alpha cutoffs (today's layout only),
-/// letters outside Latin-1.
+/// Objects that place the same mesh share it. Texture paths are stored relative to the file; images that are embedded in scene
+/// files, or combined from two files, are written beside it as `NAME.texture0.png`. The returned warnings count, by kind, what the
+/// format cannot store: transmission, absorption, alpha cutoffs (today's layout only), and letters outside Latin-1.
 ///
 /// # Errors
-/// If a count does not fit the format, an image cannot be put together, or the file cannot be written.
+/// If a count does not fit the format, an image cannot be combined, or the file cannot be written.
 ///
 /// # Panics
-/// If an index of the scene (of a mesh, material or texture) leads nowhere; [`super::super::load`] makes no such scene.
+/// If an index of the scene (of a mesh, material or texture) is out of range; [`super::super::load`] makes no such scene.
 pub fn write_cbo(scene: &Scene, path: &Path, layout: Layout) -> Result<Warnings, SceneError> {
     let failed = |error: std::io::Error| SceneError::file(path, format!("cannot be written: {error}"));
     let mut warnings = Warnings::default();
@@ -53,8 +52,8 @@ fn folder_of(path: &Path) -> &Path {
     path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."))
 }
 
-/// Names as they are written, with an index appended where one is taken: objects share geometry, and triangles find their
-/// material, by names, and two that differ may be the same in Latin-1.
+/// Makes names unique in the form in which they are written, by appending an index where a name is taken. Objects share geometry
+/// and triangles find their material by name, and two different names may be equal in Latin-1.
 fn unique_names<'a>(
     names: impl Iterator<Item = &'a str>,
     mut taken: HashSet<String>,
@@ -73,7 +72,7 @@ fn unique_names<'a>(
         .collect()
 }
 
-/// The text with `?` for letters outside Latin-1, which are counted.
+/// The text with `?` for each letter outside Latin-1; a warning counts them.
 fn latin_1(text: &str, path: &Path, warnings: &mut Warnings) -> String {
     let letter = |letter: char| if u8::try_from(letter).is_ok() { letter } else { '?' };
     let kept: String = text.chars().map(letter).collect();
@@ -83,7 +82,7 @@ fn latin_1(text: &str, path: &Path, warnings: &mut Warnings) -> String {
     kept
 }
 
-/// The path of every texture of a colour, relative to the file; writes those that are not files yet. Others have no path.
+/// The path of each colour texture, relative to the file; images that are not files yet are written. Other textures have no path.
 fn texture_paths(scene: &Scene, path: &Path, warnings: &mut Warnings) -> Result<Vec<String>, SceneError> {
     let folder = folder_of(path);
     let mut paths = Vec::with_capacity(scene.textures.len());
@@ -141,7 +140,7 @@ impl SceneWriter<'_> {
         self.out.flush()
     }
 
-    /// All of a material but its name.
+    /// Writes a material, without its name.
     fn material(&mut self, material: &Material) -> std::io::Result<()> {
         self.warn_about_losses(material);
         for color in [material.ambient, material.specular, material.diffuse, material.emission] {
@@ -190,7 +189,7 @@ impl SceneWriter<'_> {
         let absorption = material.thickness != defaults.thickness
             || material.attenuation_color != defaults.attenuation_color
             || material.attenuation_distance != defaults.attenuation_distance;
-        // An index of refraction is not missed: no program reads it.
+        // The loss of an index of refraction needs no warning: no program reads it.
         for (lost, what, remedy) in [
             (material.transmission != defaults.transmission, "materials with transmission", "not written"),
             (absorption, "materials with absorption", "not written"),
@@ -238,7 +237,7 @@ impl SceneWriter<'_> {
             self.attribute("texCoord0", mesh.texcoords.iter().map(|t| [t.x, t.y, 0.0, 1.0]))?;
         }
         self.count(0)?;
-        // An empty index list would mean "all vertices in order".
+        // An empty index list would mean "all vertices in order", so empty groups are skipped.
         let groups = || mesh.groups.iter().filter(|group| !group.triangles.is_empty());
         self.count(groups().count())?;
         for group in groups() {
@@ -280,7 +279,7 @@ impl SceneWriter<'_> {
     }
 }
 
-/// The smallest box around the finite positions; a point at the origin where there is none.
+/// The bounding box of the finite positions; a point at the origin if there are none.
 fn bounds(positions: &[Vec3]) -> (Vec3, Vec3) {
     positions
         .iter()

@@ -1,4 +1,4 @@
-//! Effects as materials: what the common profile says of a surface.
+//! Materials from effects of the common profile.
 
 use super::xml::{Document, Element, plain};
 use crate::diagnostic::Warnings;
@@ -7,20 +7,20 @@ use crate::scene::{Material, TextureSource};
 use glam::{Vec3, Vec4};
 use std::collections::HashMap;
 
-/// Brightness of a colour, as the specification (1.4.1, "Determining transparency") weighs it.
+/// Weights of the luminance of a colour (COLLADA 1.4.1, "Determining transparency").
 const LUMINANCE: Vec3 = Vec3::new(0.212_671, 0.715_160, 0.072_169);
 
-/// The materials that something was drawn with.
+/// The materials that drawn primitives use.
 #[derive(Debug, Default)]
 pub(super) struct Materials {
     pub(super) table: MaterialTable,
     pub(super) textures: Vec<TextureSource>,
-    /// By id in the file; without one where a primitive names none.
+    /// Index by the material's id in the file; the key is `None` for primitives that name no material.
     by_id: HashMap<Option<String>, u32>,
 }
 
 impl Materials {
-    /// The material of that URL, which is read when it is asked for first; a light grey one where there is none.
+    /// The material of a URL. It is read at its first use; a light grey material stands in for a missing one.
     pub(super) fn of(
         &mut self,
         url: Option<&str>,
@@ -36,7 +36,7 @@ impl Materials {
         let written = written.filter(|written| written.name() == "material");
         let named = written.and_then(|written| written.attribute("name")).or(id.as_deref()).unwrap_or("default");
         let mut name = plain(named).into_owned();
-        // Names need not differ, ids must.
+        // Names may repeat in the file; ids may not.
         while self.table.get(&name).is_some() {
             name = format!("{name}#{}", id.as_deref().unwrap_or("default"));
         }
@@ -95,7 +95,7 @@ impl Materials {
             let path = image.as_deref().unwrap_or(name);
             let found = texture_file_or_suffix(context, path, warnings, &material.name);
             material.texture = found.map(|path| add_texture(&mut self.textures, TextureSource::File(path)));
-            // A texture carries the colour by itself.
+            // The texture alone gives the colour.
             material.diffuse = Vec4::ONE;
         }
         if texture("transparent").is_some() {
@@ -121,8 +121,8 @@ fn color(written: &Element<'_>) -> Option<Vec4> {
     color.is_finite().then_some(color)
 }
 
-/// The path of the image that a texture names: through a sampler and, in 1.4, a surface, which are parameters of the profile; some
-/// programs name the image itself.
+/// The path of the image that a texture names. The reference goes through a sampler and, in 1.4, a surface, which are parameters of
+/// the profile; some programs name the image directly.
 fn image(texture: &str, profile: &Element<'_>, document: &Document<'_>) -> Option<String> {
     let parameter =
         |sid: &str| document.children(profile, "newparam").find(|parameter| parameter.attribute("sid") == Some(sid));
@@ -132,7 +132,7 @@ fn image(texture: &str, profile: &Element<'_>, document: &Document<'_>) -> Optio
             return instance.attribute("url");
         }
         let surface = parameter(document.descend(sampler, &["source"])?.text())?;
-        // Borrowed from the document, not from this closure.
+        // The result borrows from the document, not from this closure.
         document.descend(surface, &["surface", "init_from"]).map(|init| init.text())
     });
     let image = document.get(document.find(id?)?);
@@ -143,7 +143,7 @@ fn image(texture: &str, profile: &Element<'_>, document: &Document<'_>) -> Optio
     Some(percent_decoded(path))
 }
 
-/// A URI's path without its escapes; as it is where they are broken.
+/// A URI's path with its percent escapes decoded; unchanged if an escape is malformed.
 fn percent_decoded(uri: &str) -> String {
     let mut bytes = Vec::with_capacity(uri.len());
     let mut rest = uri.as_bytes();

@@ -1,4 +1,4 @@
-//! Primitives as triangles, with one vertex for each set of indices.
+//! Primitives as triangles, with one vertex for each distinct tuple of indices.
 
 use super::xml::{Document, Element};
 use crate::diagnostic::Warnings;
@@ -8,20 +8,20 @@ use crate::scene::{Group, Mesh};
 use glam::{Vec2, Vec3};
 use std::collections::HashMap;
 
-/// Stands for no index.
+/// Marks a missing index.
 const NONE: u32 = u32::MAX;
 
-/// Whether an element of a mesh is drawn.
+/// Whether an element is a primitive that is drawn.
 pub(super) fn is_drawn(name: &str) -> bool {
     matches!(name, "triangles" | "polylist" | "polygons" | "tristrips" | "trifans")
 }
 
-/// Whether it is a primitive that is not drawn.
+/// Whether an element is a primitive that is not drawn.
 pub(super) fn is_not_drawn(name: &str) -> bool {
     matches!(name, "lines" | "linestrips")
 }
 
-/// The meshes that were read, by primitive and material.
+/// The meshes read so far, by (primitive, material).
 #[derive(Debug, Default)]
 pub(super) struct Meshes(HashMap<(u32, u32), u32>);
 
@@ -38,7 +38,7 @@ impl Meshes {
     }
 }
 
-/// An attribute: the numbers of a source, and where a corner's index of it is.
+/// An attribute: the numbers of a source, and the offset of its index within a corner's indices.
 struct Attribute {
     offset: usize,
     numbers: Vec<f32>,
@@ -48,7 +48,7 @@ struct Attribute {
 }
 
 impl Attribute {
-    /// The values of an index, zeros for those that the source lacks, and for [`NONE`].
+    /// The value at an index; zeros for [`NONE`], and for an index that the source lacks.
     fn at<const N: usize>(&self, index: u32) -> [f32; N] {
         if index == NONE {
             return [0.0; N];
@@ -58,10 +58,10 @@ impl Attribute {
     }
 }
 
-/// What a corner reads: position, normal, texture coordinates, colour.
+/// The attributes of a corner: position, normal, texture coordinates, colour.
 type Attributes = [Option<Attribute>; 4];
 
-/// Reads a primitive, an element of a mesh with its material.
+/// Reads a primitive element of a mesh, with its material.
 pub(super) fn read(
     document: &Document<'_>,
     (primitive, material): (u32, u32),
@@ -86,7 +86,7 @@ pub(super) fn read(
         };
         let mut add = |semantic: &str, source: u32, context: &mut Context<'_>| {
             let slot = ["POSITION", "NORMAL", "TEXCOORD", "COLOR"].iter().position(|own| *own == semantic);
-            // Of several sets the first one.
+            // Of several sets of an attribute the one with the lowest number is used.
             let Some(slot) = slot.filter(|slot| wanted[*slot] && set < sets[*slot]) else { return Ok(()) };
             sets[slot] = set;
             attributes[slot] = Some(attribute(document, source, offset, context)?);
@@ -144,7 +144,7 @@ pub(super) fn read(
                 }
             }
             ("tristrips", _) => corners.windows(3).enumerate().for_each(|(number, corners)| {
-                // Every second triangle turns the other way round.
+                // In a strip every second triangle has the opposite winding.
                 let [a, b, c] = [corners[0], corners[1], corners[2]];
                 draw(if number % 2 == 0 { [a, b, c] } else { [a, c, b] });
             }),
@@ -169,7 +169,7 @@ fn fan<'c, 'i>(corners: &'c [&'i [u32]]) -> impl Iterator<Item = [&'i [u32]; 3]>
     (2..corners.len()).map(|last| [corners[0], corners[last - 1], corners[last]])
 }
 
-/// The numbers that a source's accessor describes; all of them are there.
+/// Reads the numbers that a source's accessor describes, and checks that all of them exist.
 fn attribute(
     document: &Document<'_>,
     source: u32,
@@ -200,9 +200,9 @@ struct Builder {
     attributes: Attributes,
     mesh: Mesh,
     triangles: Vec<[u32; 3]>,
-    /// Which vertex has which indices.
+    /// The vertex of each tuple of indices.
     vertices: HashMap<[u32; 4], u32>,
-    /// Indices out of range, but for those of positions.
+    /// Number of indices out of range, other than those of positions.
     lacking: u64,
 }
 
@@ -211,7 +211,7 @@ impl Builder {
         Self { attributes, mesh, triangles: Vec::new(), vertices: HashMap::new(), lacking: 0 }
     }
 
-    /// Adds a triangle unless the index of a position is out of range. It does not depend on the other attributes, which are not
+    /// Adds a triangle unless the index of a position is out of range. Other attributes do not decide this, since they are not
     /// always read.
     fn triangle(&mut self, corners: [&[u32]; 3]) -> bool {
         let mut keys = [[NONE; 4]; 3];

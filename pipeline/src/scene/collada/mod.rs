@@ -1,6 +1,6 @@
-//! COLLADA 1.4 and 1.5 (`.dae`): the geometry of a visual scene as it stands, its materials and their textures. Places are in metres
-//! with y up, whatever the file counts in. Skinned and morphed meshes are drawn as they were modelled; animations, cameras, lights and
-//! physics are passed over.
+//! COLLADA 1.4 and 1.5 (`.dae`): geometry, materials and textures of a visual scene. Positions are converted to metres with y up,
+//! whatever unit and axes the file uses. Skinned and morphed meshes are drawn in the pose in which they were modelled; animations,
+//! cameras, lights and physics are skipped.
 
 mod material;
 mod mesh;
@@ -16,7 +16,7 @@ use mesh::Meshes;
 use std::path::Path;
 use xml::{Document, Element, plain};
 
-/// Nodes below nodes, at most: nobody's scene is deeper, and one that places itself has no end.
+/// Deepest nesting of nodes. Real scenes are shallower, and a node that instantiates itself would recurse without end.
 const MAX_DEPTH: usize = 1024;
 
 pub(crate) fn read(bytes: &[u8], context: &mut Context<'_>) -> Result<Scene, SceneError> {
@@ -51,7 +51,7 @@ pub(crate) fn read(bytes: &[u8], context: &mut Context<'_>) -> Result<Scene, Sce
     Ok(scene)
 }
 
-/// From the file's axes and unit to metres with y up.
+/// The transform from the file's axes and unit to metres with y up.
 fn upright(document: &Document<'_>, root: &Element<'_>, file: &Path, warnings: &mut Warnings) -> DMat4 {
     let asset = |name: &str| document.descend(root, &["asset", name]);
     let written = asset("unit").and_then(|unit| unit.attribute("meter"));
@@ -79,16 +79,16 @@ struct Walk<'d, 'a> {
 }
 
 impl Walk<'_, '_> {
-    /// Places what the nodes below one hold, depth first, in order.
+    /// Places the contents of all nodes below one, depth first, in order.
     fn nodes(&mut self, scene: u32, upright: DMat4, context: &mut Context<'_>) -> Result<(), SceneError> {
         let document = self.document;
         let file = context.file;
-        // Of a scene its nodes, of a node its nodes and instances; transforms come first in a node.
+        // The children of a scene are nodes; those of a node are nodes and instances, after its transforms.
         let mut stack = vec![(scene, upright, 0)];
         while let Some((index, parent, depth)) = stack.pop() {
             let node = document.get(index);
             let fail = |(at, what): (u64, String)| SceneError::new(file, Place::Byte(at), what);
-            // Instances of nodes within instances may be far more than the file has bytes.
+            // Nested instances may expand to far more nodes than the file has bytes.
             context.take("the nodes", 1, 64)?;
             if depth > MAX_DEPTH {
                 let what = format!("more than {MAX_DEPTH} nodes lie within each other, or one places itself");
@@ -124,11 +124,11 @@ impl Walk<'_, '_> {
         Ok(())
     }
 
-    /// The geometry that a controller moves, and where it was when it was bound; a geometry is its own.
+    /// The geometry behind a controller, with its bind transform. For a geometry it returns the geometry itself and the identity.
     fn geometry_of(&mut self, mut index: u32, context: &mut Context<'_>) -> Result<(u32, DMat4), SceneError> {
         let document = self.document;
         let mut bind = DMat4::IDENTITY;
-        // A skin of a morph of a mesh; more would be a circle.
+        // At most a skin of a morph of a mesh; a longer chain would be a cycle.
         for _ in 0..4 {
             let element = document.get(index);
             let moved = ["skin", "morph"].iter().find_map(|kind| document.descend(element, &[kind]));
@@ -175,7 +175,7 @@ impl Walk<'_, '_> {
             if mesh::is_drawn(element.name()) {
                 let symbol = element.attribute("material");
                 let target = symbol.map(|symbol| {
-                    // Without a binding the symbol may be the name of a material.
+                    // Without a material binding the symbol may be the name of a material.
                     bound.iter().find(|(own, _)| *own == symbol).map_or(symbol, |(_, target)| *target)
                 });
                 materials.push((primitive, self.materials.of(target, document, context, &mut self.warnings)));
@@ -201,7 +201,7 @@ impl Walk<'_, '_> {
         Ok(())
     }
 
-    /// The transforms of a node, which are applied from the last to the first.
+    /// The combined transform of a node. Its transforms are applied from the last to the first.
     fn transform(&mut self, node: &Element<'_>, context: &mut Context<'_>) -> Result<DMat4, SceneError> {
         let document = self.document;
         let mut whole = DMat4::IDENTITY;
@@ -247,7 +247,7 @@ fn matrix(element: &Element<'_>, context: &mut Context<'_>) -> Result<DMat4, Sce
     exactly(element, 16, context).map(|numbers| rows(&numbers))
 }
 
-/// Matrices are written row by row.
+/// A matrix from 16 numbers in row order.
 fn rows(numbers: &[f64]) -> DMat4 {
     DMat4::from_cols_slice(numbers).transpose()
 }

@@ -3,7 +3,7 @@ use crate::scene::{BuildOptions, LoadOptions, Needs, RenderScene, Scene, load};
 use glam::{Vec2, Vec3, Vec4};
 use std::path::Path;
 
-/// A house of a quad and a triangle, in centimetres with z up, placed twice; and a wall that is drawn through a skin.
+/// A house of a quad and a triangle, in centimetres with z up, placed twice, and a wall drawn through a skin.
 const HOUSE: &str = r##"<?xml version="1.0" encoding="utf-8"?>
 <COLLADA xmlns="http://www.collada.org/2005/11/COLLADASchema" version="1.4.1">
 <asset><unit name="cm" meter="0.01"/><up_axis>Z_UP</up_axis></asset>
@@ -74,7 +74,7 @@ fn warnings(scene: &Scene) -> String {
 #[test]
 fn geometry_stands_in_metres_with_y_up_where_its_nodes_place_it() {
     let scene = load_text(HOUSE, Needs::ALL, 1 << 24).expect("it loads");
-    // The house's two primitives, and both again without a binding of materials.
+    // The house's two primitives, and both again where the instance binds no materials.
     assert_eq!((scene.meshes.len(), scene.objects.len()), (4, 6), "{}", warnings(&scene));
     let names: Vec<_> = scene.objects.iter().map(|object| object.name.as_str()).collect();
     assert_eq!(names, ["shared", "shared", "shared", "shared", "c", "c"]);
@@ -88,7 +88,7 @@ fn geometry_stands_in_metres_with_y_up_where_its_nodes_place_it() {
     near(at(2, 2), [6.0, 2.0, 0.0]);
     near(at(4, 0), [0.0, 0.0, -0.07]);
     let mesh = &scene.meshes[0];
-    // Corner 3 of the quad and of the triangle are one vertex, corner 2 too; the top is its own.
+    // Quad and triangle share the vertices of corner 3 and of corner 2; the top belongs to the triangle alone.
     assert_eq!((mesh.positions.len(), mesh.normals[4], mesh.texcoords[2]), (5, Vec3::NEG_Y, Vec2::ONE));
     assert_eq!(mesh.groups[0].triangles, [[0, 1, 2], [0, 2, 3], [3, 2, 4]]);
     assert_eq!(mesh.colors[0], Vec4::new(1.0, 0.0, 0.0, 1.0), "the accessor skips a number");
@@ -157,17 +157,17 @@ fn wrong_files_are_errors_with_their_place_and_never_more() {
     said(&HOUSE.replace("<scale>1 1 2</scale>", "<scale>1 2</scale>"), "<scale>: 2 numbers; valid: 3");
     said(&HOUSE.replace("url=\"#shared\"", "url=\"#g\""), "it names no node");
     said(&HOUSE.replace("<instance_light url=\"#sun\"/>", "<instance_node url=\"#l\"/>"), "one places itself");
-    // A source may be empty, as exporters leave it; what reads it is left out.
+    // Exporters may leave empty sources; attributes that read them are missing.
     let empty = "count=\"0\" stride=\"0\"";
     let nothing = load_text(&HOUSE.replace("count=\"5\" stride=\"3\"", empty), Needs::ALL, 1 << 24).expect("it loads");
     assert!(nothing.meshes.iter().all(|mesh| mesh.positions.is_empty()), "{}", warnings(&nothing));
-    // An index beyond all, and a corner of more numbers than there are.
+    // An index beyond the source.
     let far = HOUSE.replace("<p>0 1 2 0 1 9</p>", "<p>0 1 4294967295 0 1</p>");
     assert!(
         warnings(&load_text(&far, Needs::ALL, 1 << 24).expect("it loads"))
             .contains("indices of positions out of range")
     );
-    // One of another attribute takes no triangle away: without that attribute it would be there.
+    // An index out of range of another attribute removes no triangle: without that attribute the triangle would be drawn too.
     let lacking = HOUSE.replace("2 0 4 0 0 0</p></polylist>", "2 0 4 7 4 4294967295</p></polylist>");
     let all = load_text(&lacking, Needs::ALL, 1 << 24).expect("it loads");
     let bare = load_text(&lacking, Needs::NOTHING, 1 << 24).expect("it loads");
@@ -200,13 +200,13 @@ fn wrong_files_are_errors_with_their_place_and_never_more() {
     said(&many, "--max-memory");
     let deep = format!("<COLLADA>{}</COLLADA>", "<a>".repeat(300_000));
     assert!(load_text(&deep, Needs::ALL, 1 << 20).expect_err("beyond the limit").contains("--max-memory"));
-    // Cut anywhere, it loads or is an error.
+    // Truncated at any byte, it loads or returns an error.
     for end in (0..HOUSE.len()).step_by(7) {
         _ = load_text(&HOUSE[..end], Needs::ALL, 1 << 24);
     }
 }
 
-/// Windows tools begin their files with one.
+/// Programs on Windows write a byte order mark.
 #[test]
 fn a_byte_order_mark_moves_nothing() {
     let marked = format!("\u{feff}{HOUSE}");

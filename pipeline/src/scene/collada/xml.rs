@@ -1,4 +1,4 @@
-//! The elements of an XML file, to be looked up by id: COLLADA refers to what comes later.
+//! The elements of an XML file with look-up by id, since COLLADA refers to elements that come later.
 
 use crate::guard;
 use crate::scene::context::Context;
@@ -8,27 +8,27 @@ use quick_xml::events::Event;
 use std::borrow::Cow;
 use std::collections::HashMap;
 
-/// An element. Its children are numbers of [`Document::elements`].
+/// An element. Its children are indices into [`Document::elements`].
 #[derive(Debug, Default)]
 pub(super) struct Element<'a> {
-    /// Without a prefix.
+    /// Tag name without its prefix.
     name: &'a str,
     attributes: Vec<(&'a str, &'a str)>,
-    /// As written, what lies between its children joined.
+    /// Text as written, joined across child elements.
     text: Cow<'a, str>,
     children: Vec<u32>,
-    /// Where it begins.
+    /// Byte offset of the element in the file.
     at: u64,
 }
 
-/// A file.
+/// A parsed file.
 #[derive(Debug)]
 pub(super) struct Document<'a> {
     elements: Vec<Element<'a>>,
     by_id: HashMap<&'a str, u32>,
 }
 
-/// Bytes that are booked at a time.
+/// Number of bytes booked at a time.
 const BLOCK: usize = 1 << 16;
 
 impl<'a> Document<'a> {
@@ -81,7 +81,7 @@ impl<'a> Document<'a> {
                 }
                 _ => {}
             }
-            // Lists double.
+            // Growing lists double their capacity, so twice the bytes are booked.
             if 2 * held > booked {
                 context.take("the elements", 1, 2 * BLOCK.max(2 * held - booked))?;
                 booked += 2 * BLOCK.max(2 * held - booked);
@@ -90,10 +90,10 @@ impl<'a> Document<'a> {
         Ok(this)
     }
 
-    /// Adds text to the element that is open; returns the bytes that it takes.
+    /// Adds text to the innermost open element; returns the bytes that it takes.
     fn push(&mut self, open: &[u32], raw: &'a str) -> usize {
         let Some(open) = open.last() else { return 0 };
-        // Between children there are blanks, which only separate words.
+        // Blanks between children only separate words.
         let raw = if raw.trim().is_empty() { " " } else { raw };
         let text = &mut self.elements[*open as usize].text;
         if text.trim().is_empty() {
@@ -115,34 +115,34 @@ impl<'a> Document<'a> {
         &self.elements[index as usize]
     }
 
-    /// What a URL of this file (`#id`) or an id names.
+    /// The element that a URL within this file (`#id`), or an id, refers to.
     pub(super) fn find(&self, url: &str) -> Option<u32> {
         self.by_id.get(url.strip_prefix('#').unwrap_or(url)).copied()
     }
 
-    /// The children of a name.
+    /// The children with a name.
     pub(super) fn children<'d>(&'d self, of: &'d Element<'a>, name: &'d str) -> impl Iterator<Item = &'d Element<'a>> {
         self.all_children(of).map(|(_, child)| child).filter(move |child| child.name == name)
     }
 
-    /// All children with their numbers.
+    /// All children with their indices.
     pub(super) fn all_children<'d>(&'d self, of: &'d Element<'a>) -> impl Iterator<Item = (u32, &'d Element<'a>)> {
         of.children.iter().map(|child| (*child, self.get(*child)))
     }
 
-    /// The first descendant along these names.
+    /// The first descendant along a path of names.
     pub(super) fn descend<'d>(&'d self, from: &'d Element<'a>, names: &[&str]) -> Option<&'d Element<'a>> {
         names.iter().try_fold(from, |element, name| {
             self.all_children(element).map(|(_, child)| child).find(|child| child.name == *name)
         })
     }
 
-    /// The first element of a name anywhere in the file.
+    /// The first element with a name, anywhere in the file.
     pub(super) fn first(&self, name: &str) -> Option<u32> {
         self.elements.iter().position(|element| element.name == name).map(|index| index as u32)
     }
 
-    /// The numbers of all elements of a name.
+    /// The indices of all elements with a name.
     pub(super) fn all<'d>(&'d self, name: &'d str) -> impl Iterator<Item = u32> {
         (0..).zip(&self.elements).filter(move |(_, element)| element.name == name).map(|(index, _)| index)
     }
@@ -163,18 +163,18 @@ impl<'a> Element<'a> {
         self.text.trim()
     }
 
-    /// An attribute that is a whole number; `otherwise` where it is missing.
+    /// An attribute that is a whole number; `otherwise` if it is missing.
     pub(super) fn count(&self, name: &str, otherwise: usize) -> Result<usize, (u64, String)> {
         let Some(written) = self.attribute(name) else { return Ok(otherwise) };
         written.trim().parse().map_err(|_| self.wrong(format!("`{name}` is no whole number from 0 on")))
     }
 
-    /// Something wrong with it, and where.
+    /// Describes a fault of this element, with its position.
     pub(super) fn wrong(&self, what: String) -> (u64, String) {
         (self.at, format!("<{}>: {what}", self.name))
     }
 
-    /// The numbers of its text; `None` for one that is none is an error.
+    /// The numbers of the element's text. A word that is not a number is an error.
     pub(super) fn numbers<T: std::str::FromStr>(&self, context: &mut Context<'_>) -> Result<Vec<T>, SceneError> {
         context.take("the numbers of an element", self.text.len() / 2 + 1, size_of::<T>())?;
         let read = |word: &str| {
@@ -188,7 +188,7 @@ impl<'a> Element<'a> {
     }
 }
 
-/// The name and attributes of a tag, without its brackets.
+/// Parses the name and attributes of a tag, given without its brackets.
 fn element(raw: &str, at: u64) -> Result<Element<'_>, String> {
     let end = raw.find(|letter: char| letter.is_ascii_whitespace()).unwrap_or(raw.len());
     let name = &raw[..end];
@@ -207,7 +207,7 @@ fn element(raw: &str, at: u64) -> Result<Element<'_>, String> {
     Ok(Element { name, attributes, at, ..Element::default() })
 }
 
-/// Text with its entities replaced; as written where they are none.
+/// The text with its entities replaced; unchanged if they are malformed.
 pub(super) fn plain(text: &str) -> Cow<'_, str> {
     unescape(text).unwrap_or(Cow::Borrowed(text))
 }

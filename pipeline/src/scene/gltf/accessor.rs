@@ -1,4 +1,4 @@
-//! Typed values out of buffers. Every range is checked before it is read.
+//! Typed values from buffers. Every range is checked before it is read.
 
 use super::super::context::Context;
 use super::super::error::SceneError;
@@ -10,22 +10,22 @@ use ::gltf::json::{
 };
 use std::borrow::Cow;
 
-/// The buffers of an asset and what describes them.
+/// The buffers of an asset and the JSON that describes them.
 pub(super) struct Data<'a> {
     pub(super) root: &'a json::Root,
     pub(super) buffers: &'a [Cow<'a, [u8]>],
-    /// By buffer view: its bytes where they were compressed; empty where none were.
+    /// By buffer view: the decompressed bytes of a compressed view. Empty if no view is compressed.
     pub(super) decoded: &'a [Option<Vec<u8>>],
 }
 
-/// Elements at a regular distance.
+/// Elements at a constant stride.
 struct Elements<'a> {
     bytes: &'a [u8],
     stride: usize,
 }
 
 impl<'a> Data<'a> {
-    /// The bytes of a view.
+    /// The bytes of a buffer view.
     pub(super) fn view(&self, index: Index<buffer::View>) -> Result<&'a [u8], String> {
         if let Some(Some(decoded)) = self.decoded.get(index.value()) {
             return Ok(decoded);
@@ -74,7 +74,7 @@ impl<'a> Data<'a> {
         self.root.accessors.get(index.value()).ok_or_else(|| "it does not exist".to_owned())
     }
 
-    /// Vectors of `N` components. Integers become their value, or a fraction where they are normalised.
+    /// Reads vectors of `N` components. Integers are converted to their value, or to fractions if they are normalised.
     pub(super) fn vectors<const N: usize>(
         &self,
         index: Index<Accessor>,
@@ -101,7 +101,7 @@ impl<'a> Data<'a> {
         self.values(accessor, N * width, [0.0; N], &read, context, &fail)
     }
 
-    /// How many components the vectors of an accessor have; 0 where it holds no vectors, or does not exist.
+    /// Number of components of an accessor's vectors; 0 if it holds no vectors or does not exist.
     pub(super) fn components(&self, index: Index<Accessor>) -> usize {
         match self.root.accessors.get(index.value()).map(|accessor| accessor.type_) {
             Some(Checked::Valid(Type::Vec2)) => 2,
@@ -111,7 +111,7 @@ impl<'a> Data<'a> {
         }
     }
 
-    /// Vertex indices.
+    /// Reads vertex indices.
     pub(super) fn indices(&self, index: Index<Accessor>, context: &mut Context<'_>) -> Result<Vec<u32>, SceneError> {
         let file = context.file;
         let fail = |what: String| SceneError::file(file, format!("accessor {}: {what}", index.value()));
@@ -126,7 +126,7 @@ impl<'a> Data<'a> {
         self.values(accessor, width(component), 0, &read, context, &fail)
     }
 
-    /// The values of the view (zeros without one), with the sparse ones put in their place.
+    /// Reads the values of the accessor's view (zeros without a view), then overwrites the sparse ones.
     fn values<T: Clone>(
         &self,
         accessor: &Accessor,
@@ -196,7 +196,7 @@ fn first<const N: usize>(bytes: &[u8]) -> [u8; N] {
     std::array::from_fn(|i| bytes[i])
 }
 
-/// How a component becomes a number (glTF 2.0, section 3.6.2.2).
+/// The conversion of a component to a number (glTF 2.0, section 3.6.2.2).
 fn reader_of(component: ComponentType, normalized: bool) -> fn(&[u8]) -> f32 {
     match (component, normalized) {
         (ComponentType::F32, _) => |bytes| f32::from_le_bytes(first(bytes)),

@@ -1,4 +1,4 @@
-//! The parts of a glTF asset: its JSON, its buffers, and the bytes that URIs name.
+//! The parts of a glTF asset: its JSON, its buffers, and the data that URIs refer to.
 
 use super::super::bytes::Reader;
 use super::super::context::{Context, read_file};
@@ -41,7 +41,7 @@ pub(super) fn split<'a>(bytes: &'a [u8], context: &Context<'a>) -> Result<(&'a [
     Ok((text, binary))
 }
 
-/// Reads the JSON. What its tree takes in memory is bounded by its text first.
+/// Parses the JSON. An upper bound of the tree's memory is derived from the text and booked first.
 pub(super) fn parse(text: &[u8], context: &mut Context<'_>) -> Result<json::Root, SceneError> {
     let count = |byte: u8| text.iter().filter(|other| **other == byte).count();
     // No object of the tree is larger than 512 bytes, and no element of an array than 64.
@@ -52,7 +52,7 @@ pub(super) fn parse(text: &[u8], context: &mut Context<'_>) -> Result<json::Root
     })
 }
 
-/// All buffers, each as long as it says.
+/// Reads all buffers and checks their lengths.
 pub(super) fn buffers<'a>(
     root: &json::Root,
     binary: Option<&'a [u8]>,
@@ -81,7 +81,7 @@ pub(super) fn buffers<'a>(
                     );
                 }
             }),
-            // What its compressed views hold is decoded by themselves.
+            // A fallback buffer has no bytes of its own: its views are compressed, and their data lie in another buffer.
             None if meshopt::is_fallback(buffer) => {
                 buffers.push(Cow::Borrowed(&[][..]));
                 continue;
@@ -100,15 +100,15 @@ pub(super) fn buffers<'a>(
     Ok(buffers)
 }
 
-/// What a URI names.
+/// What a URI refers to.
 pub(super) enum Target<'a> {
     /// Base64 text.
     Data(&'a str),
-    /// A relative path, decoded.
+    /// A relative path, with percent escapes decoded.
     Path(String),
 }
 
-/// Takes a URI apart; an error says why it is not read.
+/// Parses a URI; the error says why it cannot be read.
 pub(super) fn uri_target(uri: &str) -> Result<Target<'_>, &'static str> {
     if let Some(data) = uri.strip_prefix("data:") {
         return match data.split_once(";base64,") {
@@ -124,7 +124,7 @@ pub(super) fn uri_target(uri: &str) -> Result<Target<'_>, &'static str> {
     Ok(Target::Path(path))
 }
 
-/// The start of a text that may be megabytes long.
+/// The start of a text that may be megabytes long, for messages.
 pub(super) fn shortened(text: &str) -> String {
     const SHOWN: usize = 60;
     match text.char_indices().nth(SHOWN) {

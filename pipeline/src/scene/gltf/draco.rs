@@ -1,4 +1,4 @@
-//! Primitives that `KHR_draco_mesh_compression` compresses. The crate `draco-core` reads their streams.
+//! Primitives compressed with `KHR_draco_mesh_compression`, decoded by the crate `draco-core`.
 
 use super::super::context::Context;
 use super::super::error::SceneError;
@@ -10,18 +10,18 @@ use serde_json::{Map, Value};
 
 pub(super) const EXTENSION: &str = "KHR_draco_mesh_compression";
 
-/// Bytes that the decoder's tables take for a triangle or a vertex, at most: corners, their opposites, and maps of both for each
+/// Upper bound of the decoder's tables, in bytes per triangle or vertex: corners, opposite corners, and maps of both for each
 /// attribute.
 const TABLES: u64 = 256;
 
-/// The contents of a stream.
+/// A decoded stream.
 pub(super) struct Decoded<'a> {
     mesh: Mesh,
-    /// By semantic: the id of the attribute in the stream.
+    /// The id of each attribute in the stream, by glTF semantic.
     ids: &'a Map<String, Value>,
 }
 
-/// Reads the stream of a primitive; `None` if it has none.
+/// Decodes the stream of a primitive; `None` if it is not compressed.
 pub(super) fn decode<'a>(
     primitive: &'a Primitive,
     data: &Data<'_>,
@@ -36,7 +36,7 @@ pub(super) fn decode<'a>(
         return Err(fail("a primitive lacks `bufferView` or `attributes`".to_owned()));
     };
     let bytes = data.view(Index::<buffer::View>::new(view)).map_err(fail)?;
-    // What a stream decodes to has no bound in its length, so what is left of the memory bounds it.
+    // The size of the decoded mesh has no bound in the stream's length, so the remaining memory bounds it.
     let left = context.budget.left();
     let limits = DecodeLimits::default()
         .with_max_points(left / TABLES)
@@ -60,8 +60,8 @@ impl Decoded<'_> {
         Ok(self.mesh.faces().iter().map(|corners| corners.map(|point| point.0)).collect())
     }
 
-    /// The vectors of an attribute by vertex; `None` if the stream does not hold it. Integers become fractions where the accessor
-    /// says that they are `normalized`.
+    /// The vectors of an attribute by vertex; `None` if the stream does not hold it. Integers are converted to fractions if the
+    /// accessor is `normalized`.
     pub(super) fn vectors<const N: usize>(
         &self,
         semantic: &str,
@@ -89,7 +89,7 @@ impl Decoded<'_> {
     }
 }
 
-/// What stands for 1 where integers of a type are fractions (glTF 2.0, section 3.6.2.2).
+/// The integer of a type that stands for 1 in normalised values (glTF 2.0, section 3.6.2.2).
 fn largest(of: DataType) -> Option<f32> {
     match of {
         DataType::Int8 => Some(127.0),

@@ -15,10 +15,10 @@ use ::gltf::json::deserialize::from_str;
 use ::gltf::json::{self, Value, material::AlphaMode, texture::WrappingMode, validation::Checked};
 use glam::{Mat2, Vec2, Vec3, Vec4};
 
-/// How a primitive's texture coordinates become those of its material's texture.
+/// Transform from a primitive's texture coordinates to those of its material's texture.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Coordinates {
-    /// The set that the texture reads.
+    /// Number of the `TEXCOORD` set that the texture reads.
     pub(super) set: u32,
     linear: Mat2,
     offset: Vec2,
@@ -27,31 +27,32 @@ pub(super) struct Coordinates {
 impl Coordinates {
     const PLAIN: Coordinates = Coordinates { set: 0, linear: Mat2::IDENTITY, offset: Vec2::ZERO };
 
-    /// `KHR_texture_transform` (translation after rotation after scale), then the v axis turned upwards.
+    /// Applies `KHR_texture_transform` (scale, then rotation, then translation) and flips v upwards.
     pub(super) fn apply(&self, texcoord: Vec2) -> Vec2 {
         let texcoord = self.linear * texcoord + self.offset;
         Vec2::new(texcoord.x, 1.0 - texcoord.y)
     }
 }
 
-/// What alpha does to a surface.
+/// Effect of alpha on a surface.
 #[derive(Debug, Clone, Copy, PartialEq)]
 enum Alpha {
-    /// Nothing.
+    /// Alpha is ignored: the surface is opaque.
     Ignored,
-    /// It is compared with the material's cutoff.
+    /// Alpha test with the material's cutoff.
     Cut,
-    /// As [`Alpha::Cut`] with this cutoff, which the material has only where something but its factor has alpha.
+    /// `BLEND` drawn as [`Alpha::Cut`] with this cutoff. The material gets the cutoff only if its texture or vertex colours have
+    /// alpha; a factor alone cuts nothing.
     Blended(f32),
 }
 
 /// The material of a primitive.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Surface {
-    /// Its index in the table.
+    /// Index of the material in the table.
     pub(super) material: u32,
     pub(super) coordinates: Coordinates,
-    /// Whether it has a normal map that is wanted.
+    /// Whether the material has a normal map and [`crate::scene::Needs`] asks for it.
     pub(super) mapped: bool,
     alpha: Alpha,
 }
@@ -61,9 +62,9 @@ pub(super) struct Surface {
 pub(super) struct Materials {
     pub(super) table: MaterialTable,
     pub(super) textures: Vec<TextureSource>,
-    /// By material of the asset: its index in the table, and what else its primitives ask.
+    /// By material of the asset: its index in the table, and further properties for its primitives.
     by_index: Vec<Surface>,
-    /// The material of primitives that name none.
+    /// The material of primitives without one, once it is made.
     default: Option<u32>,
 }
 
@@ -111,7 +112,7 @@ impl Materials {
                 let source = image(info, data, &mut images, (&material.name, NO_TEXTURE), context, warnings)?;
                 material.emission_texture = source.map(|source| add_texture(&mut materials.textures, source));
                 if material.emission_texture.is_none() {
-                    // The factor alone would make all of the surface shine.
+                    // Without its texture the factor alone would make the whole surface emit.
                     material.emission = Material::default().emission;
                 }
             }
@@ -162,7 +163,7 @@ impl Materials {
         Ok(materials)
     }
 
-    /// The material of a primitive; one that does not exist is an error.
+    /// The material of a primitive. An index out of range is an error.
     pub(super) fn of(
         &mut self,
         index: Option<json::Index<json::Material>>,
@@ -188,7 +189,7 @@ impl Materials {
 }
 
 impl Materials {
-    /// Vertex colours as a surface has them: display values, whose alpha is 1 where it means nothing.
+    /// Converts linear vertex colours to display values. Their alpha is 1 on surfaces that ignore alpha.
     pub(super) fn colored(&mut self, surface: Surface, colors: impl Iterator<Item = Vec4>) -> Vec<Vec4> {
         let mut clear = false;
         let colors = colors
@@ -206,7 +207,7 @@ impl Materials {
     }
 }
 
-/// All but the texture.
+/// The parameters of a material, without its texture.
 fn surface(written: &json::Material, name: String, context: &Context<'_>, warnings: &mut Warnings) -> Material {
     let mut warn = |what: &'static str, remedy: &'static str, detail: &str| {
         warnings.add(context.file, what, remedy, || format!("{detail}`{name}`"));
@@ -214,23 +215,24 @@ fn surface(written: &json::Material, name: String, context: &Context<'_>, warnin
     let factor = Vec4::from_array(written.pbr_metallic_roughness.base_color_factor.0);
     let extensions = written.extensions.as_ref();
     let single_sided = !written.double_sided;
-    // Colours of the scene model are display values, as texels are and as the report's files have them; glTF's factors are linear
-    // (2.0, section 3.9.2).
+    // Colours of a scene are display values, like texels and the colours in the report's files; glTF's factors are linear (2.0,
+    // section 3.9.2).
     let mut material =
         Material { single_sided, diffuse: factor.truncate().map(encode).extend(1.0), ..Material::default() };
     match written.alpha_mode {
         Checked::Valid(AlphaMode::Opaque) => {}
         Checked::Valid(AlphaMode::Mask) => {
             let cutoff = written.alpha_cutoff.unwrap_or_default().0;
-            // The factor multiplies the texture's alpha, which alone is compared here.
+            // glTF compares factor times texture alpha with the cutoff; here the texture's alpha is compared alone, so the factor
+            // is divided out.
             let scaled = if factor.w > 0.0 { cutoff / factor.w } else { f32::INFINITY };
-            // Numbers beyond f32 are read as infinite, and the ratio of two such is none.
+            // The parser refuses numbers beyond the range of f32; should the ratio be NaN all the same, the cutoff stays as written.
             material.alpha_cutoff = Some(if scaled.is_nan() { cutoff } else { scaled });
         }
         Checked::Valid(AlphaMode::Blend) => {
             material.diffuse.w = factor.w;
             let textured = written.pbr_metallic_roughness.base_color_texture.is_some();
-            // What is mostly clear in the texture, whatever the factor, is a hole; the rest is whole.
+            // Texels of less than half opacity, without the factor, become holes; all others are opaque.
             material.alpha_cutoff = (textured && factor.w > 0.0).then_some(MASK_CUTOFF * factor.w);
             warn("materials that are blended", "what is half clear or more in their texture is cut out", "");
         }
@@ -251,7 +253,7 @@ fn surface(written: &json::Material, name: String, context: &Context<'_>, warnin
     }
     if let Some(ior) = extensions.and_then(|e| e.ior.as_ref()).map(|e| e.ior.0) {
         match ior {
-            // The extension's way to say "reflects everything".
+            // An `ior` of 0 means in the extension that the surface reflects everything.
             0.0 => material.ior = f32::INFINITY,
             ior if ior >= 1.0 => material.ior = ior,
             _ => warn("materials with an index of refraction below 1", "1.5 serves", ""),
@@ -314,7 +316,7 @@ fn surface(written: &json::Material, name: String, context: &Context<'_>, warnin
     }
     let pbr = &written.pbr_metallic_roughness;
     let mapped = pbr.metallic_roughness_texture.is_some();
-    // That of glass is read where a pass asks.
+    // The roughness texture of glass is read where a pass asks for it.
     let rough_glass = material.transmission > 0.0 && context.needs.roughness_maps;
     for (present, what) in [
         (written.occlusion_texture.is_some(), "occlusion of "),
@@ -329,7 +331,7 @@ fn surface(written: &json::Material, name: String, context: &Context<'_>, warnin
     material
 }
 
-/// What glTF leaves to whoever writes it, which is free but for a few names.
+/// The `extras` of a material: free JSON, of which a few names are read.
 struct Extras(Value);
 
 impl Extras {
@@ -338,7 +340,7 @@ impl Extras {
         Self(read.unwrap_or(Value::Null))
     }
 
-    /// The rank of a body.
+    /// Rank of the body where bodies overlap (`priority`).
     fn priority(&self) -> Result<Option<u8>, ()> {
         let Some(written) = self.0.get("priority") else { return Ok(None) };
         written.as_u64().and_then(|rank| u8::try_from(rank).ok()).map(Some).ok_or(())
@@ -382,7 +384,7 @@ impl Extras {
     }
 }
 
-/// 20 over Abbe's number; 0 where the material does not disperse.
+/// `KHR_materials_dispersion`: 20 divided by the Abbe number; 0 without dispersion.
 fn dispersion(extensions: Option<&json::extensions::material::Material>) -> Result<f32, ()> {
     let extension = extensions.and_then(|extensions| extensions.others.get("KHR_materials_dispersion"));
     let Some(written) = extension.and_then(|extension| extension.get("dispersion")) else { return Ok(0.0) };
@@ -390,12 +392,12 @@ fn dispersion(extensions: Option<&json::extensions::material::Material>) -> Resu
     share.filter(|share| share.is_finite() && *share >= 0.0).ok_or(())
 }
 
-/// What serves without a texture of a colour.
+/// Remedy in warnings about a missing colour texture.
 const NO_TEXTURE: &str = "the diffuse colour serves";
-/// The same of a roughness texture.
+/// Remedy in warnings about a missing roughness texture.
 const NO_ROUGHNESS_MAP: &str = "the factor alone serves";
 
-/// A normal texture as the other textures are written; the crate `gltf` leaves its extensions as they are.
+/// A normal texture in the form of other textures; the crate `gltf` leaves its extensions unparsed.
 fn normal_info(map: &json::material::NormalTexture) -> Result<json::texture::Info, String> {
     const TRANSFORM: &str = "KHR_texture_transform";
     let transform = map.extensions.as_ref().and_then(|extensions| extensions.others.get(TRANSFORM));
@@ -421,12 +423,12 @@ fn coordinates_of(info: &json::texture::Info) -> Coordinates {
     }
 }
 
-/// Extensions that name an image of another format, which is preferred to the texture's own.
+/// Extensions that name an image in another format. Such an image is preferred to the texture's own.
 const IMAGE_EXTENSIONS: [&str; 2] = ["EXT_texture_webp", "MSFT_texture_dds"];
-/// One that names an image which is not read.
+/// An extension whose image format is not read.
 const BASIS: &str = "KHR_texture_basisu";
 
-/// The index of a texture's image, perhaps of one that does not exist.
+/// The index of a texture's image; it may be out of range.
 fn source_of(texture: &json::Texture) -> usize {
     let named = texture.extensions.as_ref().and_then(|extensions| {
         let source = |name: &str| extensions.others.get(name)?.get("source")?.as_u64();
@@ -435,7 +437,7 @@ fn source_of(texture: &json::Texture) -> usize {
     named.unwrap_or_else(|| texture.source.value())
 }
 
-/// What a sampler says of coordinates beyond 0 to 1 (glTF 2.0, section 3.8.4.5).
+/// The wrap mode of a sampler (glTF 2.0, section 3.8.4.5).
 fn wrap_of(mode: Checked<WrappingMode>) -> Wrap {
     match mode {
         Checked::Valid(WrappingMode::ClampToEdge) => Wrap::Clamp,
@@ -444,7 +446,7 @@ fn wrap_of(mode: Checked<WrappingMode>) -> Wrap {
     }
 }
 
-/// The image of a texture: `Some` in `images` once it was looked for. What is missing is a warning.
+/// The image of a texture. `images` caches the results of earlier look-ups; a missing image is a warning.
 fn image(
     info: &json::texture::Info,
     data: &Data<'_>,

@@ -1,4 +1,4 @@
-//! Buffer views that `EXT_meshopt_compression` compresses. The crate `meshoptimizer-rs` decodes them.
+//! Buffer views compressed with `EXT_meshopt_compression`, decoded by the crate `meshoptimizer-rs`.
 
 use super::super::context::Context;
 use super::super::error::SceneError;
@@ -11,13 +11,13 @@ use std::borrow::Cow;
 
 pub(super) const EXTENSION: &str = "EXT_meshopt_compression";
 
-/// Whether a buffer only stands for what compressed views hold, and has no bytes of its own.
+/// Whether a buffer is a fallback for compressed views and has no bytes of its own.
 pub(super) fn is_fallback(buffer: &json::Buffer) -> bool {
     let extension = buffer.extensions.as_ref().and_then(|extensions| extensions.others.get(EXTENSION));
     extension.and_then(|extension| extension.get("fallback")).and_then(Value::as_bool) == Some(true)
 }
 
-/// By buffer view: its bytes where it is compressed. Empty where none is.
+/// The decompressed bytes of each compressed buffer view. Empty if no view is compressed.
 pub(super) fn views(
     root: &json::Root,
     buffers: &[Cow<'_, [u8]>],

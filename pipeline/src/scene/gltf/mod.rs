@@ -1,7 +1,7 @@
-//! glTF 2.0 assets, as JSON or GLB. The crate `gltf` reads the JSON; every index and range is checked here, because its
-//! own readers panic on bad ones.
+//! glTF 2.0 assets, as JSON or GLB. The crate `gltf` parses the JSON. Every index and range is checked here, because the crate's
+//! own readers panic on invalid ones.
 //!
-//! A primitive becomes a mesh, and a node with a mesh one object for each of its primitives.
+//! A primitive becomes a mesh. A node with a mesh becomes one object for each of the mesh's primitives.
 
 mod accessor;
 mod container;
@@ -32,7 +32,7 @@ use std::collections::HashMap;
 use std::path::Path;
 use vectors::Vectors;
 
-/// Extensions whose contents are used, or whose absence changes nothing that is drawn.
+/// Extensions that are read, or that can be ignored without a visible difference.
 const READ_EXTENSIONS: [&str; 13] = [
     meshopt::EXTENSION,
     "EXT_texture_webp",
@@ -51,7 +51,7 @@ const READ_EXTENSIONS: [&str; 13] = [
 
 pub(crate) fn read(bytes: &[u8], context: &mut Context<'_>) -> Result<Scene, SceneError> {
     let mut scene = Scene::default();
-    // One lifetime for the file's name and its bytes.
+    // Gives the file's name and its bytes the same lifetime.
     let mut context = Context { file: context.file, needs: context.needs, budget: &mut *context.budget };
     let (text, binary) = container::split(bytes, &context)?;
     let root = container::parse(text, &mut context)?;
@@ -71,7 +71,7 @@ pub(crate) fn read(bytes: &[u8], context: &mut Context<'_>) -> Result<Scene, Sce
     Ok(scene)
 }
 
-/// Refuses assets that cannot be read without an extension that is not read here.
+/// Refuses assets that require an extension which is not read.
 fn check_extensions(root: &json::Root, file: &Path, warnings: &mut Warnings) -> Result<(), SceneError> {
     for name in &root.extensions_required {
         if READ_EXTENSIONS.contains(&name.as_str()) {
@@ -91,10 +91,10 @@ fn check_extensions(root: &json::Root, file: &Path, warnings: &mut Warnings) -> 
     Ok(())
 }
 
-/// Counts what an asset has besides what is drawn.
+/// Counts warnings for contents of an asset that are not drawn.
 fn count_unread(root: &json::Root, file: &Path, warnings: &mut Warnings) {
     for name in &root.extensions_used {
-        // Those that are required were counted, or refused.
+        // Required extensions were counted already, or refused.
         if !READ_EXTENSIONS.contains(&name.as_str()) && !root.extensions_required.contains(name) {
             warnings.add(file, "extensions that are not read", "the asset is drawn without them", || name.clone());
         }
@@ -109,15 +109,16 @@ struct Assembler<'a> {
     materials: &'a mut Materials,
     scene: &'a mut Scene,
     skins: Skins,
-    /// The transforms of objects and cameras with all digits of the file.
+    /// The transforms of objects and cameras, with all digits of the file.
     places: Places,
-    /// By mesh of the asset and its pose, once they were read: the first of the primitives in the scene, and of each whether it was
-    /// moved into the world.
+    /// By mesh of the asset and pose, once read: index of its first primitive in the scene, and for each primitive whether skinning
+    /// moved it into world space.
     placed: HashMap<(usize, Pose), (u32, Vec<bool>)>,
 }
 
 impl Assembler<'_> {
-    /// Walks the default scene (or the first, or all root nodes) depth first, in order.
+    /// Walks the nodes of the default scene, depth first, in order. Without a default scene it takes the first, or else all root
+    /// nodes.
     fn nodes(&mut self, context: &mut Context<'_>) -> Result<(), SceneError> {
         let root = self.data.root;
         let fail = |what: String| SceneError::file(context.file, what);
@@ -153,7 +154,7 @@ impl Assembler<'_> {
         Ok(())
     }
 
-    /// Places a mesh of the asset, which is read when it is placed first.
+    /// Places a mesh of the asset. The mesh is read the first time it is placed.
     fn place(
         &mut self,
         index: usize,
@@ -172,7 +173,7 @@ impl Assembler<'_> {
             self.placed.insert(key.clone(), read);
         }
         let (first, moved) = &self.placed[&key];
-        // Every node may place every primitive of the asset: far more objects than the file has bytes.
+        // Every node may place every primitive: that can be far more objects than the file has bytes.
         context.take("the objects", moved.len(), size_of::<Object>() + name.len())?;
         for (mesh, moved) in (*first..).zip(moved) {
             let (transform, exact) = if *moved { (Mat4::IDENTITY, DMat4::IDENTITY) } else { (transform, exact) };
@@ -182,7 +183,8 @@ impl Assembler<'_> {
         Ok(())
     }
 
-    /// Reads a mesh: its first primitive in the scene, and whether each was moved into the world.
+    /// Reads a mesh. Returns the index of its first primitive in the scene, and for each primitive whether it was moved into world
+    /// space.
     fn mesh(
         &mut self,
         index: usize,
@@ -275,7 +277,7 @@ impl Assembler<'_> {
         Ok(Some((mesh, moved)))
     }
 
-    /// The triangles of a primitive that is not compressed.
+    /// The triangles of an uncompressed primitive.
     fn triangles(
         &mut self,
         primitive: &Primitive,
@@ -305,7 +307,7 @@ impl Assembler<'_> {
 }
 
 impl Assembler<'_> {
-    /// `COLOR_0` of a primitive (glTF 2.0, section 3.7.2.1): linear, with or without alpha.
+    /// Reads `COLOR_0` of a primitive: linear, with or without alpha (glTF 2.0, section 3.7.2.1).
     fn colors(
         &mut self,
         surface: Surface,
@@ -330,7 +332,7 @@ fn assemble(mode: Mode, indices: &[u32]) -> Vec<[u32; 3]> {
         Mode::TriangleStrip => indices
             .windows(3)
             .enumerate()
-            // Every second triangle turns the other way round.
+            // In a strip every second triangle has the opposite winding.
             .map(|(number, i)| if number % 2 == 0 { [i[0], i[1], i[2]] } else { [i[0], i[2], i[1]] })
             .collect(),
         Mode::TriangleFan => {
@@ -349,13 +351,13 @@ fn local_transform(node: &json::Node) -> Mat4 {
     Mat4::from_scale_rotation_translation(scale, rotation(node), translation)
 }
 
-/// Files round their quaternions; one of length 0 turns nothing.
+/// The unit quaternion of a node's rotation: files round quaternions, and one of length 0 means no rotation.
 fn rotation(node: &json::Node) -> Quat {
     let rotation = node.rotation.and_then(|rotation| Vec4::from(rotation.0).try_normalize());
     rotation.map_or(Quat::IDENTITY, Quat::from_vec4)
 }
 
-/// The nodes that are nobody's children.
+/// The nodes that are no child of another node.
 fn root_nodes(root: &json::Root) -> Vec<usize> {
     let mut is_child = vec![false; root.nodes.len()];
     for child in root.nodes.iter().flat_map(|node| node.children.iter().flatten()) {

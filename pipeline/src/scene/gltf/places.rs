@@ -1,4 +1,4 @@
-//! Where nodes stand, with all digits that the file has: the crate `gltf` rounds them to `f32`.
+//! Transforms of nodes with all digits of the file; the crate `gltf` rounds them to `f32`.
 
 use super::super::Scene;
 use super::super::context::Context;
@@ -8,10 +8,10 @@ use super::rotation;
 use ::gltf::json;
 use glam::{DMat4, DQuat, DVec3, Vec3};
 
-/// Translations below this are taken as the crate reads them: `f32` has steps of a sixteen-thousandth there.
+/// Translations below this are taken from the crate: there the spacing of `f32` numbers is at most 1 / 16384.
 const LARGE: f32 = 1024.0;
 
-/// The numbers of a node that a crate that reads `f32` rounds too much.
+/// The numbers of a node that the crate's `f32` would round too much.
 #[derive(Debug, Default, serde::Deserialize)]
 #[serde(default)]
 struct Node {
@@ -27,16 +27,16 @@ struct Nodes {
 
 /// Transforms in `f64`.
 pub(super) struct Places {
-    /// By node; empty where no node stands far off.
+    /// By node of the asset; empty if no node has a large translation.
     nodes: Vec<Node>,
-    /// By object of the scene.
+    /// Exact transform of each object of the scene.
     pub objects: Vec<DMat4>,
-    /// By camera of the scene: its position.
+    /// Exact position of each camera of the scene.
     pub cameras: Vec<DVec3>,
 }
 
 impl Places {
-    /// Reads the nodes' numbers again if some are large.
+    /// Parses the nodes' numbers again, in `f64`, if a translation is large.
     ///
     /// # Errors
     /// If that takes more memory than is left.
@@ -54,7 +54,7 @@ impl Places {
         Ok(Self { nodes, objects: Vec::new(), cameras: Vec::new() })
     }
 
-    /// The transform of a node, of the asset's that has this index.
+    /// The local transform of `node`, which has this index in the asset.
     pub fn local(&self, index: usize, node: &json::Node) -> DMat4 {
         let exact = self.nodes.get(index);
         if let Some(matrix) = exact.and_then(|exact| exact.matrix).or(node.matrix.map(|matrix| matrix.map(f64::from))) {
@@ -67,7 +67,7 @@ impl Places {
         DMat4::from_scale_rotation_translation(scale, turn.normalize(), translation)
     }
 
-    /// Tells the scene from an origin nearby, if it lies far from its own.
+    /// Moves the scene's origin near its contents, if they lie far from 0.
     pub fn move_origin(self, scene: &mut Scene) {
         let objects = scene.objects.iter().zip(&self.objects);
         let bounds = placed_bounds(&scene.meshes, objects.map(|(object, exact)| (object.mesh, *exact)));

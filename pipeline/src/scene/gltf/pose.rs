@@ -1,7 +1,7 @@
-//! Meshes in the pose that a file is in when nothing moves: morph targets by their default weights (glTF 2.0, section 3.7.2.2), then
-//! skins by the transforms of their joints (section 3.7.3).
+//! Meshes in the default pose of a file: first morph targets with their default weights (glTF 2.0, section 3.7.2.2), then skins
+//! with the transforms of their joints (section 3.7.3).
 //!
-//! Matrices and sums are in 64 bits: a joint's place in the world and its inverse bind matrix may be large and nearly cancel.
+//! Matrices and sums use `f64`: a joint's world transform and its inverse bind matrix may be large and nearly cancel.
 
 use super::super::Mesh;
 use super::super::context::Context;
@@ -17,17 +17,17 @@ use ::gltf::json::{
 use glam::{DMat3, DMat4, DQuat, DVec3, DVec4, Vec3};
 use rayon::prelude::*;
 
-/// What places a mesh besides its node.
+/// The state that deforms a mesh, other than its node's transform.
 #[derive(Debug, Clone, PartialEq, Eq, Hash, Default)]
 pub(super) struct Pose {
     /// Index of the skin.
     pub(super) skin: Option<usize>,
-    /// Bits of the weights of the morph targets; empty where all are 0.
+    /// Bits of the morph targets' weights; empty if all weights are 0.
     weights: Vec<u32>,
 }
 
 impl Pose {
-    /// That of a node's mesh: the node's weights, or else the mesh's.
+    /// The pose of a node's mesh, with the weights of the node, or else those of the mesh.
     pub(super) fn of(node: &json::Node, mesh: &json::Mesh) -> Self {
         let weights = node.weights.as_ref().or(mesh.weights.as_ref()).map_or(&[][..], Vec::as_slice);
         let moved = weights.iter().any(|weight| *weight != 0.0);
@@ -35,7 +35,7 @@ impl Pose {
         Self { skin: node.skin.map(|skin| skin.value()), weights }
     }
 
-    /// Adds the displacements of a primitive's morph targets, as far as their weights are not 0.
+    /// Adds the displacements of a primitive's morph targets whose weights are not 0.
     pub(super) fn morph(
         &self,
         mesh: &mut Mesh,
@@ -66,7 +66,7 @@ impl Pose {
                 continue;
             }
             for (sum, accessor) in sums.iter_mut().zip([target.positions, target.normals, target.tangents]) {
-                // Normals and tangents that the file has not, or nobody reads, are none to be displaced.
+                // Normals and tangents that are missing in the file, or not needed, have no displacements.
                 let Some(accessor) = accessor.filter(|_| !sum.is_empty()) else { continue };
                 let displacements = vectors.data.vectors::<3>(accessor, context)?;
                 if displacements.len() != vertices {
@@ -95,17 +95,17 @@ impl Pose {
     }
 }
 
-/// The matrices of the joints of an asset's skins.
+/// The joint matrices of an asset's skins.
 #[derive(Debug, Default)]
 pub(super) struct Skins {
-    /// By node: its place in the world; `None` for a node that is its own ancestor. Empty until a skin is met.
+    /// World transform of each node; `None` for a node that is its own ancestor. Empty until the first skin is met.
     globals: Vec<Option<DMat4>>,
-    /// By skin: from the mesh as it is stored to the world, for each joint. Empty until it is met.
+    /// By skin and joint: the matrix from the stored mesh to the world. Empty until the skin is met.
     joints: Vec<Vec<DMat4>>,
 }
 
 impl Skins {
-    /// Computes the matrices of a skin, if it was not met before.
+    /// Computes the matrices of a skin, unless that was done before.
     pub(super) fn meet(
         &mut self,
         skin: usize,
@@ -154,7 +154,8 @@ impl Skins {
         Ok(())
     }
 
-    /// Moves a primitive's vertices into the world by a skin that was [met](Self::meet); `false` where the primitive names no joints.
+    /// Moves a primitive's vertices into world space by a skin that was [met](Self::meet). Returns `false` if the primitive names
+    /// no joints.
     pub(super) fn apply(
         &self,
         skin: usize,
@@ -223,10 +224,11 @@ impl Skins {
     }
 }
 
-/// Joints and weights of all vertices, four each.
+/// Joints and weights of all vertices, four of each a vertex.
 type Set = (Vec<[f32; 4]>, Vec<[f32; 4]>);
 
-/// The mean of the matrices of a vertex's joints by its weights, whose sum files round; and whether all weights are 0.
+/// The mean of a vertex's joint matrices, weighted and divided by the sum of the weights, which files round; and whether all
+/// weights are 0, in which case it is the first joint's matrix.
 fn blended(sets: &[Set], vertex: usize, matrices: &[DMat4]) -> Result<(DMat4, bool), String> {
     let (mut sum, mut total) = (DMat4::ZERO, 0.0);
     let mut first = None;
@@ -247,7 +249,7 @@ fn blended(sets: &[Set], vertex: usize, matrices: &[DMat4]) -> Result<(DMat4, bo
     if total > 0.0 { Ok((sum * total.recip(), false)) } else { Ok((first.unwrap_or(DMat4::IDENTITY), true)) }
 }
 
-/// A normal by the inverse transpose of a linear map, up to a positive factor.
+/// Transforms a normal by the inverse transpose of a linear map, up to a positive factor.
 fn turned(linear: &DMat3, normal: DVec3) -> DVec3 {
     let DMat3 { x_axis, y_axis, z_axis } = *linear;
     let cofactors = DMat3::from_cols(y_axis.cross(z_axis), z_axis.cross(x_axis), x_axis.cross(y_axis));
@@ -256,13 +258,13 @@ fn turned(linear: &DMat3, normal: DVec3) -> DVec3 {
     if linear.determinant() < 0.0 { -unit } else { unit }
 }
 
-/// A vector up to a positive factor: those of tiny or huge matrices leave the range of 32 bits. 0 where it has no direction.
+/// A vector scaled to a largest component of 1, since results of tiny or huge matrices overflow `f32`; 0 if it has no direction.
 fn scaled(vector: DVec3) -> DVec3 {
     let unit = vector / vector.abs().max_element();
     if unit.is_finite() { unit } else { DVec3::ZERO }
 }
 
-/// The place of every node in the world; `None` for those that are their own ancestors.
+/// The world transform of every node; `None` for nodes that are their own ancestors.
 fn globals(root: &json::Root) -> Vec<Option<DMat4>> {
     let mut globals: Vec<Option<DMat4>> = vec![None; root.nodes.len()];
     let mut is_child = vec![false; root.nodes.len()];
@@ -284,7 +286,7 @@ fn globals(root: &json::Root) -> Vec<Option<DMat4>> {
     globals
 }
 
-/// A node's own transform (glTF 2.0, section 3.5.3).
+/// A node's local transform (glTF 2.0, section 3.5.3).
 fn local(node: &json::Node) -> DMat4 {
     if let Some(matrix) = node.matrix {
         return DMat4::from_cols_array(&matrix.map(f64::from));
@@ -292,7 +294,7 @@ fn local(node: &json::Node) -> DMat4 {
     let vector = |written: Option<[f32; 3]>, otherwise: DVec3| {
         written.map_or(otherwise, |written| Vec3::from(written).as_dvec3())
     };
-    // Files round their quaternions; one of length 0 turns nothing.
+    // Files round quaternions; one of length 0 means no rotation.
     let rotation = node.rotation.and_then(|rotation| DVec4::from(rotation.0.map(f64::from)).try_normalize());
     DMat4::from_scale_rotation_translation(
         vector(node.scale, DVec3::ONE),

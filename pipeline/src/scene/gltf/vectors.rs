@@ -1,4 +1,4 @@
-//! Vertex attributes of a primitive, wherever they are.
+//! Vertex attributes of a primitive, compressed or not.
 
 use super::super::context::Context;
 use super::super::error::SceneError;
@@ -6,14 +6,14 @@ use super::accessor::Data;
 use super::draco;
 use ::gltf::json::{Index, accessor::Accessor};
 
-/// Where the vertex attributes of a primitive are.
+/// Sources of a primitive's vertex attributes.
 pub(super) struct Vectors<'a> {
     pub(super) data: &'a Data<'a>,
     pub(super) packed: Option<&'a draco::Decoded<'a>>,
 }
 
 impl Vectors<'_> {
-    /// From the compressed stream if it holds the attribute, or else from the accessor's buffer view.
+    /// Reads an attribute from the compressed stream if that holds it, otherwise from the accessor's buffer view.
     pub(super) fn read<const N: usize>(
         &self,
         accessor: Index<Accessor>,

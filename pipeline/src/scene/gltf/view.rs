@@ -10,8 +10,8 @@ use std::path::Path;
 
 const LIGHTS: &str = "KHR_lights_punctual";
 
-/// The perspective camera of a node (glTF 2.0, section 3.10): it looks along the node's -z, its +y is up, and scales count for
-/// nothing but the place.
+/// The perspective camera of a node (glTF 2.0, section 3.10). It looks along the node's -z with +y up; scales affect only its
+/// position.
 pub(super) fn camera(
     root: &json::Root,
     node: &json::Node,
@@ -76,7 +76,7 @@ pub(super) fn light(
     Some(SceneLight { name: name.map_or_else(|| format!("light {index}"), str::to_owned), direction, color })
 }
 
-/// A direction of the node in the world, unit length.
+/// Transforms a direction of the node to a unit direction in the world; `None` if it has length 0.
 fn direction(transform: &Mat4, own: Vec3) -> Option<Vec3> {
     transform.transform_vector3(own).as_dvec3().try_normalize().map(|unit| unit.as_vec3())
 }

@@ -1,4 +1,4 @@
-//! The second time over a file: its faces, with indices counted from its beginning, and every warning.
+//! The second pass over a file: faces, with indices counted from the file's beginning, and all warnings.
 
 use super::super::Needs;
 use super::lines::{Lines, split_word, text, words};
@@ -8,19 +8,19 @@ use crate::diagnostic::Warnings;
 use std::collections::HashMap;
 use std::path::Path;
 
-/// About what a triangle takes: its corners, its indices and, shared by neighbours, its vertices.
+/// Approximate memory of a triangle: its corners, its indices, and its share of vertices.
 const TRIANGLE_BYTES: u64 = 60;
-/// What a run takes besides: a mesh with its lists, a group.
+/// Additional memory of a run: a mesh with its lists, and a group.
 const RUN_BYTES: u64 = 512;
-/// Stands for a texture coordinate or normal that a corner has not.
+/// Marks a missing texture coordinate or normal of a corner.
 const NONE: u32 = u32::MAX;
 
-/// Faces of one object, material and set of attributes that follow each other.
+/// Consecutive faces with the same object, material and set of attributes.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub(super) struct Run {
-    /// Which name.
+    /// Index of the object's name.
     pub(super) object: u32,
-    /// Which name.
+    /// Index of the material's name.
     pub(super) material: u32,
     /// Whether every corner has texture coordinates.
     pub(super) texcoords: bool,
@@ -28,7 +28,8 @@ pub(super) struct Run {
     pub(super) normals: bool,
 }
 
-/// A run of a piece: where its triangles begin in the lists of [`Faces`], and how many they are.
+/// The part of a run that lies in one piece of the file: indices of its first triangle in the lists of [`Faces`], and its number of
+/// triangles.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Part {
     pub(super) run: Run,
@@ -38,21 +39,21 @@ pub(super) struct Part {
     pub(super) count: u32,
 }
 
-/// The faces of a piece, cut into triangles.
+/// The faces of one piece of the file, cut into triangles.
 #[derive(Default)]
 pub(super) struct Faces {
-    /// Positions of each triangle's corners.
+    /// Position indices of each triangle's corners.
     pub(super) positions: Vec<[u32; 3]>,
-    /// The same of runs with texture coordinates, and of runs with normals.
+    /// Texture coordinate indices, only of runs that have them; and normal indices, likewise.
     pub(super) texcoords: Vec<[u32; 3]>,
     pub(super) normals: Vec<[u32; 3]>,
     /// First triangle and number of triangles of each polygon that has more than one.
     pub(super) polygons: Vec<[u32; 2]>,
     pub(super) parts: Vec<Part>,
-    /// The names that [`Run`]s of this piece count.
+    /// The names that the indices in [`Run`] refer to.
     pub(super) objects: Names,
     pub(super) materials: Names,
-    /// The arguments of `mtllib` statements with their lines.
+    /// The arguments of `mtllib` statements, with their line numbers.
     pub(super) libraries: Vec<(u64, String)>,
     pub(super) warnings: Warnings,
 }
@@ -76,7 +77,7 @@ impl Names {
     }
 }
 
-/// Indices of a corner, counted from 0; [`NONE`] for what it has not.
+/// Indices of a corner, counted from 0; [`NONE`] for a missing attribute.
 #[derive(Debug, Clone, Copy)]
 struct Corner {
     position: u32,
@@ -89,7 +90,7 @@ struct Reader<'n> {
     file: &'n Path,
     textures: bool,
     shading: bool,
-    /// Statements so far, from the file's beginning on.
+    /// Number of statements of each kind so far, from the beginning of the file.
     positions: u64,
     texcoords: u64,
     normals: u64,
@@ -99,7 +100,7 @@ struct Reader<'n> {
     faces: Faces,
 }
 
-/// Reads the faces of a piece; stops where the allowance is used up.
+/// Reads the faces of a piece; stops when the memory allowance is used up.
 pub(super) fn read(
     mut lines: Lines<'_>,
     start: Start,
@@ -168,7 +169,7 @@ impl Reader<'_> {
             b"o" | b"g" => self.object = self.faces.objects.index_of(&name_of(rest)),
             b"usemtl" => self.material = self.faces.materials.index_of(&name_of(rest)),
             b"mtllib" => self.faces.libraries.push((line, text(rest))),
-            // Smoothing groups and rendering attributes say nothing that is used.
+            // Smoothing groups and rendering attributes have no effect here.
             b"s" | b"vp" | b"mg" | b"lod" | b"usemap" | b"maplib" | b"shadow_obj" | b"trace_obj" | b"bevel"
             | b"c_interp" | b"d_interp" => {}
             b"l" | b"p" => self.warn(line, "lines and points", "left out", String::new),
@@ -176,7 +177,7 @@ impl Reader<'_> {
             | b"scrv" | b"sp" | b"end" | b"con" | b"ctech" | b"stech" => {
                 self.warn(line, "free-form curves and surfaces", "left out", || text(keyword));
             }
-            // Not quoted: the file may be of another kind.
+            // The statement is not quoted: the file may be of another kind, with private contents.
             _ => self.warn(line, "unknown statements", "ignored", String::new),
         }
     }
@@ -211,7 +212,7 @@ impl Reader<'_> {
             let index = integer(field).ok_or(MALFORMED)?;
             // Counted from 1, or backwards from the last one read.
             let index = if index < 0 { index + count as i64 } else { index - 1 };
-            // All counts are below NONE.
+            // All counts are below `NONE`.
             if (0..count as i64).contains(&index) { Ok(index as u32) } else { Err(OUT_OF_RANGE) }
         };
         let position = field(self.positions)?;
@@ -234,7 +235,7 @@ impl Reader<'_> {
         })
     }
 
-    /// Cuts a polygon into a fan of triangles, from its first corner, or from the one that points inwards.
+    /// Cuts a polygon into a triangle fan, from its first corner, or from its reflex corner if there is one.
     fn triangulate(&mut self, line: u64, corners: &[Corner]) {
         let mut apex = 0;
         if corners.len() > 3 {
@@ -281,14 +282,14 @@ impl Reader<'_> {
         }
     }
 
-    /// How many corners of a polygon point inwards, and the first of them (0 without any).
+    /// The number of reflex corners of a polygon, and the index of the first of them (0 if there is none).
     fn inward_corners(&self, corners: &[Corner]) -> (usize, usize) {
         let at = |index: usize| {
             let position = corners[index % corners.len()].position;
             self.numbers.positions[position as usize].as_dvec3()
         };
         let origin = at(0);
-        // Twice the area, as a vector (Newell).
+        // Twice the area as a vector (Newell's method).
         let area = (1..corners.len() - 1)
             .map(|i| (at(i) - origin).cross(at(i + 1) - origin))
             .fold(glam::DVec3::ZERO, |sum, cross| sum + cross);
@@ -303,7 +304,7 @@ impl Reader<'_> {
     }
 }
 
-/// Whether an ascending list holds a place.
+/// Whether an ascending list contains a number.
 fn holds(list: &[u32], place: u64) -> bool {
     !list.is_empty() && list.binary_search_by_key(&place, |held| u64::from(*held)).is_ok()
 }

@@ -1,5 +1,5 @@
-//! Runs into meshes: what has one object's name and the same attributes comes together, vertices with equal contents of
-//! different runs are shared.
+//! Joins runs into meshes: runs with the same object name and the same attributes become one mesh, and equal vertices of different
+//! runs are shared.
 
 use super::super::context::Context;
 use super::super::error::SceneError;
@@ -12,15 +12,15 @@ use glam::{Mat4, Vec2};
 use rayon::prelude::*;
 use std::collections::HashMap;
 
-/// A vertex's contents, for finding equal ones.
+/// All components of a vertex as bits, to find equal vertices.
 type Key = [u32; 11];
 
-/// Vertices with their hashes that one task looks at.
+/// Number of vertex hashes that one task looks at.
 const CHUNK: usize = 1 << 14;
 
-/// Makes a mesh and an object of each set of runs, in the order of their first ones.
+/// Makes a mesh and an object of each set of runs that belong together, in the order of their first runs.
 ///
-/// `materials` has the material of each run, `coordinates` by material how it changes texture coordinates.
+/// `materials` is the material of each run; `coordinates` is by material the transform of texture coordinates.
 pub(super) fn join(
     runs: &Runs,
     mut welded: Vec<Welded>,
@@ -64,7 +64,7 @@ fn mesh_of(mut parts: Vec<(u32, Welded)>, context: &mut Context<'_>) -> Result<M
             ..Mesh::default()
         });
     }
-    // By run: its first vertex, counted through all runs, and the end of the last.
+    // First vertex of each run, counted through all runs; the last entry is the total.
     let mut starts = Vec::with_capacity(parts.len() + 1);
     let (mut vertices, mut triangles) = (0_u64, 0_u64);
     for (_, part) in &parts {
@@ -78,7 +78,7 @@ fn mesh_of(mut parts: Vec<(u32, Welded)>, context: &mut Context<'_>) -> Result<M
             .help(format!("valid: fewer than {limit}")));
     }
     starts.push(vertices as u32);
-    // What is joined is there twice for a while, and each vertex has a hash with its number.
+    // While they are joined vertices exist twice, and each has a hash with its number.
     let bytes = vertices * (16 + size_of::<Key>() as u64) + triangles * 12;
     context.budget.take(context.file, "joining the faces of an object", bytes)?;
     let shared = shared_vertices(&parts, &starts);
@@ -120,8 +120,8 @@ fn mesh_of(mut parts: Vec<(u32, Welded)>, context: &mut Context<'_>) -> Result<M
     Ok(mesh)
 }
 
-/// The vertices whose contents an earlier run has, ascending, each with that run's first one of these contents. Vertices
-/// are counted through all runs. Those of one run stay as they are: where the file lists equal ones, it wants them apart.
+/// The vertices that equal a vertex of an earlier run, ascending, each with the first such vertex. Vertices are counted through all
+/// runs. Equal vertices of one run are not shared: where a file lists a vertex twice, the two are meant to be separate.
 fn shared_vertices(parts: &[(u32, Welded)], starts: &[u32]) -> Vec<(u32, u32)> {
     let run_of = |vertex: u32| starts.partition_point(|start| *start <= vertex) - 1;
     let contents = |vertex: u32| {
@@ -142,7 +142,7 @@ fn shared_vertices(parts: &[(u32, Welded)], starts: &[u32]) -> Vec<(u32, u32)> {
         .flat_map_iter(|chunk| {
             let mut found = Vec::new();
             let mut same: Vec<(Key, u32)> = Vec::new();
-            // Vertices of one hash are looked at where the first of them is.
+            // The chunk that contains the first vertex of a hash handles all vertices of that hash.
             let begins = |at: usize| at == 0 || hashes[at - 1].0 != hashes[at].0;
             let firsts = (chunk * CHUNK..((chunk + 1) * CHUNK).min(hashes.len())).filter(|at| begins(*at));
             for first in firsts {
@@ -152,7 +152,7 @@ fn shared_vertices(parts: &[(u32, Welded)], starts: &[u32]) -> Vec<(u32, u32)> {
                 }
                 same.clear();
                 same.extend(hashes[first..end].iter().map(|(_, vertex)| (contents(*vertex), *vertex)));
-                // Different contents may have one hash.
+                // Different vertices may have the same hash.
                 same.sort_unstable();
                 for equal in same.chunk_by(|a, b| a.0 == b.0) {
                     let (_, original) = equal[0];
@@ -168,24 +168,24 @@ fn shared_vertices(parts: &[(u32, Welded)], starts: &[u32]) -> Vec<(u32, u32)> {
     shared
 }
 
-/// Where the vertices of runs are in the mesh that joins them.
+/// Maps the vertices of runs to their indices in the joined mesh.
 struct Index<'a> {
     starts: &'a [u32],
     shared: &'a [(u32, u32)],
 }
 
 impl Index<'_> {
-    /// How many vertices before one are shared.
+    /// Number of shared vertices before this one.
     fn shared_before(&self, vertex: u32) -> usize {
         self.shared.partition_point(|(shared, _)| *shared < vertex)
     }
 
-    /// The shared vertices of a run.
+    /// The shared vertices of a run, each with the vertex that replaces it.
     fn shared_of(&self, run: usize) -> &[(u32, u32)] {
         &self.shared[self.shared_before(self.starts[run])..self.shared_before(self.starts[run + 1])]
     }
 
-    /// By vertex of a run: its place in the mesh.
+    /// The index in the mesh of each vertex of a run.
     fn of_run(&self, run: usize) -> Vec<u32> {
         let mut shared = self.shared_of(run).iter().peekable();
         let mut next = self.starts[run] - self.shared_before(self.starts[run]) as u32;
@@ -199,7 +199,7 @@ impl Index<'_> {
         (self.starts[run]..self.starts[run + 1]).map(place).collect()
     }
 
-    /// An attribute of all vertices that are not shared.
+    /// Collects an attribute of all vertices that are not shared.
     fn gather<T: Copy + Zeroable + Send + Sync>(
         &self,
         parts: &[(u32, Welded)],
@@ -229,7 +229,7 @@ fn key(part: &Welded, vertex: usize) -> Key {
     [x, y, z, nx, ny, nz, u, v, red, green, blue].map(f32::to_bits)
 }
 
-/// FNV-1a by words, mixed once more: equal hashes only cost a comparison of the contents.
+/// FNV-1a on words with an additional rotation. Collisions only cost a comparison of the keys.
 fn hash(key: &Key) -> u64 {
     let words = key.iter().fold(0xcbf2_9ce4_8422_2325_u64, |hash, word| {
         (hash ^ u64::from(*word)).wrapping_mul(0x0000_0100_0000_01b3).rotate_left(23)

@@ -4,7 +4,7 @@ use memchr::{memchr, memchr_iter};
 use rayon::prelude::*;
 use std::borrow::Cow;
 
-/// Logical lines: without line ends, comments and surrounding blanks, continued ones (`\` at the end) joined.
+/// Logical lines: without line ends, comments and surrounding blanks; lines that end in `\` are joined with the next.
 #[derive(Clone)]
 pub(super) struct Lines<'a> {
     rest: &'a [u8],
@@ -12,8 +12,8 @@ pub(super) struct Lines<'a> {
     about: Counts,
 }
 
-/// How many statements of a kind a piece seems to have, by the first letters of its lines: how long its lists will about be. A list that
-/// grows step by step on one thread makes all other threads wait for the system's memory.
+/// Estimated number of statements of each kind in a piece, from the first letters of its lines. Lists are allocated with these
+/// sizes: growing a list step by step makes other threads wait for the system's allocator.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub(super) struct Counts {
     pub(super) positions: usize,
@@ -22,7 +22,7 @@ pub(super) struct Counts {
     pub(super) faces: usize,
 }
 
-/// Cuts a file into pieces of about `size` bytes, each with whole logical lines that know their numbers.
+/// Cuts a file into pieces of about `size` bytes. Each consists of whole logical lines and knows the number of its first line.
 pub(super) fn pieces(bytes: &[u8], size: usize) -> Vec<Lines<'_>> {
     let mut rest = Lines::new(bytes).rest;
     let mut parts = Vec::with_capacity(rest.len() / size.max(1) + 1);
@@ -41,7 +41,7 @@ pub(super) fn pieces(bytes: &[u8], size: usize) -> Vec<Lines<'_>> {
     pieces
 }
 
-/// The line ends of a piece, and about what it has.
+/// The number of line ends in a piece, and its estimated statements.
 fn count(part: &[u8]) -> (u64, Counts) {
     let (mut ends, mut about) = (0, Counts::default());
     let mut line = |start: usize| match part[start..] {
@@ -59,7 +59,7 @@ fn count(part: &[u8]) -> (u64, Counts) {
     (ends, about)
 }
 
-/// Where the logical line ends that the byte before `from` is in.
+/// End of the logical line that contains the byte before `from`.
 fn end_of_line(bytes: &[u8], mut from: usize) -> usize {
     loop {
         let Some(end) = bytes.get(from - 1..).and_then(|rest| memchr(b'\n', rest)) else { return bytes.len() };
@@ -78,7 +78,7 @@ impl<'a> Lines<'a> {
         Self { rest, next_number: 1, about: Counts::default() }
     }
 
-    /// About what the piece has; nothing is known of lines that are no piece.
+    /// Estimated statements of the piece; zeros for lines that were not made by [`pieces`].
     pub(super) fn about(&self) -> Counts {
         self.about
     }
@@ -123,7 +123,7 @@ fn continued(line: &[u8]) -> Option<&[u8]> {
     line.strip_suffix(b"\\")
 }
 
-/// A `#` starts a comment at the start of a line or after a blank; file names may hold one elsewhere.
+/// Removes a comment. A `#` starts a comment only at the start of a line or after a blank; file names may contain it elsewhere.
 fn without_comment(line: &[u8]) -> &[u8] {
     let comment = |at: &usize| *at == 0 || line[*at - 1].is_ascii_whitespace();
     match memchr_iter(b'#', line).find(comment) {
@@ -142,12 +142,12 @@ pub(super) fn words(line: &[u8]) -> impl Iterator<Item = &[u8]> {
     line.split(u8::is_ascii_whitespace).filter(|word| !word.is_empty())
 }
 
-/// UTF-8 where it is, Latin-1 otherwise.
+/// Decodes UTF-8 if the bytes are valid UTF-8, otherwise Latin-1.
 pub(super) fn text(bytes: &[u8]) -> String {
     std::str::from_utf8(bytes).map_or_else(|_| bytes.iter().map(|byte| char::from(*byte)).collect(), str::to_owned)
 }
 
-/// A number; `None` for what is none. Infinities and NaN are numbers here.
+/// Parses a number, including infinities and NaN; `None` if it is not a number.
 pub(super) fn number(word: &[u8]) -> Option<f32> {
     std::str::from_utf8(word).ok()?.parse().ok()
 }

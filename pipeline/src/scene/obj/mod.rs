@@ -1,19 +1,19 @@
 //! Wavefront OBJ files with their material libraries.
 //!
-//! Objects and groups (`o`, `g`) become objects by name. Where one is spread over several materials or places in the
-//! file, vertices with equal contents are shared again, so that normals computed for it are smooth across.
-//! Smoothing groups (`s`) are not read: where normals are missing, the crease angle decides (see `render`).
+//! Objects and groups (`o`, `g`) become objects by name. If a name occurs with several materials or at several places in the file,
+//! equal vertices are shared again, so that computed normals are smooth across them. Smoothing groups (`s`) are not read: where
+//! normals are missing, the crease angle decides (see `render`).
 //!
-//! A file is read in pieces, cut at line ends, on all threads: first the numbers of every piece ([`scan`]), which also
-//! counts; then, with what lies before each piece known, the faces ([`faces`]); then the vertices of each run of faces
-//! ([`weld`]), and what belongs together ([`join`]). The result depends neither on the cuts nor on the threads.
+//! A file is cut at line ends into pieces, which all threads read in parallel. The first pass ([`scan`]) reads the numbers of every
+//! piece and counts them. The second ([`faces`]) reads the faces, now that the counts before each piece are known. Then the
+//! vertices of each run of faces are made ([`weld`]), and runs that belong together are joined ([`join`]). The result depends
+//! neither on the cuts nor on the number of threads.
 //!
-//! Positions of a file that lies far from its origin are read a second time, relative to one nearer by, so that no digit is lost
+//! The positions of a file far from its origin are read again, relative to a nearer one, so that no digit is lost
 //! ([`super::origin`]).
 //!
-//! `tobj` reads none of it: it reads a file from its first line on and knows no pieces, gives up on a whole file for one
-//! bad number, and holds over 100 bytes for every face. A reader on top of it, which this one replaces, serves the tests:
-//! both find the same scene in every file.
+//! The crate `tobj` is not used: it reads a file sequentially, rejects a whole file for one bad number, and holds over 100 bytes
+//! for every face. An earlier reader built on it serves the tests: both must find the same scene in every file.
 
 mod faces;
 mod join;
@@ -39,12 +39,12 @@ use mtl::Library;
 use rayon::prelude::*;
 use std::sync::atomic::{AtomicU64, Ordering};
 
-/// Bytes of a piece, at least and at most: small enough that all threads end together.
+/// Least and largest size of a piece in bytes: small enough that all threads finish at about the same time.
 const PIECE: [usize; 2] = [1 << 16, 1 << 22];
-/// Triangles of a run, after which the next polygon begins another. Equal vertices of one run stay as they are, those of
-/// different runs are shared: the length is part of what a file means, and not a matter of threads.
+/// Length of a run in triangles after which the next polygon begins a new one. Equal vertices are shared between runs but not
+/// within one, so this length affects the result and must not depend on the number of threads.
 const MAX_RUN: usize = 1 << 20;
-/// Bytes that are booked at a time.
+/// Number of bytes booked at a time.
 const BLOCK: u64 = 1 << 16;
 
 pub(crate) fn read(bytes: &[u8], context: &mut Context<'_>) -> Result<Scene, SceneError> {
@@ -52,13 +52,13 @@ pub(crate) fn read(bytes: &[u8], context: &mut Context<'_>) -> Result<Scene, Sce
     read_in_pieces(bytes, (bytes.len() / shares).clamp(PIECE[0], PIECE[1]), MAX_RUN, context)
 }
 
-/// [`read`] with pieces of about so many bytes, and runs of about so many triangles at most.
+/// [`read`] with given approximate sizes of pieces (bytes) and runs (triangles).
 fn read_in_pieces(bytes: &[u8], piece: usize, max_run: usize, context: &mut Context<'_>) -> Result<Scene, SceneError> {
     const WHAT: &str = "the vertices and faces";
     let file = context.file;
     let pieces = pieces(bytes, piece);
     let mut needs = context.needs;
-    // Texture coordinates alone are wanted where only a normal map reads them.
+    // Texture coordinates are also needed if only a normal map reads them.
     needs.textures |= needs.normals && needs.normal_maps && names_normal_map(&pieces, context);
     let allowance = Allowance::new(context);
     let scans = scan::scan(&pieces, needs, &allowance);
@@ -86,7 +86,7 @@ fn read_in_pieces(bytes: &[u8], piece: usize, max_run: usize, context: &mut Cont
         mtl::read_libraries(argument, *line, &mut library, context, &mut warnings)?;
     }
     let runs = runs::runs(&faces, max_run);
-    // Materials are declared in the order in which faces first name them.
+    // Materials are numbered in the order in which faces first name them.
     let mut material_index = vec![None; runs.materials.len()];
     let mut materials = Vec::with_capacity(runs.list.len());
     for (run, _) in &runs.list {
@@ -105,7 +105,7 @@ fn read_in_pieces(bytes: &[u8], piece: usize, max_run: usize, context: &mut Cont
     Ok(scene)
 }
 
-/// Whether a material of the libraries of a file has a normal map; false where one cannot be read, which is an error later.
+/// Whether a material in the file's libraries has a normal map. `false` for an unreadable library; that error is reported later.
 fn names_normal_map(pieces: &[Lines<'_>], context: &mut Context<'_>) -> bool {
     let named: Vec<String> = pieces
         .par_iter()
@@ -129,15 +129,14 @@ fn names_normal_map(pieces: &[Lines<'_>], context: &mut Context<'_>) -> bool {
     library.table.materials.iter().any(|material| material.normal_texture.is_some())
 }
 
-/// The material that faces name. Files without any `usemtl` get the default one, without a warning.
+/// The material that faces name. In a file without `usemtl` faces have the default material, without a warning.
 fn material_of(library: &mut Library, name: &str, context: &Context<'_>, warnings: &mut Warnings) -> u32 {
     let mut unspoken = Warnings::default();
     let warnings = if name == "default" { &mut unspoken } else { warnings };
     library.table.get_or_default(name, context.file, warnings)
 }
 
-/// What of the memory that a load may still hold the threads have used. Each books before it goes on, and stops where
-/// nothing is left.
+/// Memory that the threads of a load may use. Each thread books memory before it goes on, and stops when none is left.
 struct Allowance {
     left: u64,
     used: AtomicU64,
@@ -148,18 +147,18 @@ impl Allowance {
         Self { left: context.budget.left(), used: AtomicU64::new(0) }
     }
 
-    /// Books `bytes`; `false` where they are too many.
+    /// Books `bytes`; returns `false` if the allowance is exceeded.
     fn take(&self, bytes: u64) -> bool {
         self.used.fetch_add(bytes, Ordering::Relaxed).saturating_add(bytes) <= self.left
     }
 
-    /// Books the sum with the load, which is an error where the threads had to stop.
+    /// Books the threads' sum with the load's budget. Fails if the threads had to stop.
     fn settle(self, what: &str, context: &mut Context<'_>) -> Result<(), SceneError> {
         context.budget.take(context.file, what, self.used.into_inner())
     }
 }
 
-/// Bytes that one thread has not booked yet.
+/// Bytes that a thread has used but not yet booked.
 struct Purse<'a> {
     allowance: &'a Allowance,
     unbooked: u64,
@@ -170,7 +169,7 @@ impl<'a> Purse<'a> {
         Self { allowance, unbooked: 0 }
     }
 
-    /// Counts `bytes`; `false` where there are too many.
+    /// Counts `bytes`; returns `false` if the allowance is exceeded.
     fn spend(&mut self, bytes: u64) -> bool {
         self.unbooked += bytes;
         self.unbooked <= BLOCK || self.book()

@@ -1,6 +1,6 @@
-//! Wavefront material libraries (Alias "MTL Material Format", 1995), and what is made of them.
+//! Wavefront material libraries (Alias "MTL Material Format", 1995), and their conversion to materials.
 //!
-//! `tobj` has a reader of its own, which panics on the legal `Kd 0.5` and refuses whole files for `d -halo 0.5`.
+//! The reader of `tobj` is not used: it panics on the legal `Kd 0.5` and rejects whole files for `d -halo 0.5`.
 
 use super::super::Material;
 use super::super::TextureSource;
@@ -16,7 +16,7 @@ use glam::{Vec2, Vec3, Vec4};
 use std::collections::{HashMap, HashSet};
 use std::path::{Path, PathBuf};
 
-/// A map statement: the file as written and how its coordinates are changed.
+/// A map statement: the file name as written, and the transform of its coordinates.
 #[derive(Debug, Clone, PartialEq)]
 struct Map {
     file: String,
@@ -64,21 +64,21 @@ struct Declaration {
 pub(super) struct Library {
     pub(super) table: MaterialTable,
     pub(super) textures: Vec<TextureSource>,
-    /// By material: scale and offset of its texture coordinates, where the library changes them.
+    /// Scale and offset of texture coordinates by material; `None` if the library does not change them.
     pub(super) coordinates: Vec<Option<(Vec2, Vec2)>>,
-    /// Textures that were looked at, and whether they have holes.
+    /// Textures already examined, and whether they have holes.
     cut_out: HashMap<PathBuf, bool>,
-    /// Files that were read: a second time they declare nothing new, and a file may name one a million times.
+    /// Files already read: reading one again declares nothing new, and a file may name it a million times.
     files: HashSet<PathBuf>,
-    /// Statements that were followed, likewise.
+    /// Arguments of statements already followed, for the same reason.
     arguments: HashSet<String>,
 }
 
 impl Library {
-    /// Adds the materials of one file. Those declared before stay as they are.
+    /// Adds the materials of one file. Materials declared earlier are kept.
     ///
     /// # Errors
-    /// If the texels of a texture that may be cut out need more memory than is left.
+    /// If decoding a texture to look for holes needs more memory than is left.
     pub(super) fn read(
         &mut self,
         bytes: &[u8],
@@ -109,7 +109,7 @@ impl Library {
         Ok(())
     }
 
-    /// Whether a texture has holes; several materials may share one.
+    /// Whether a texture has holes. The answer is cached, since materials may share a texture.
     fn is_cut_out(
         &mut self,
         texture: &Path,
@@ -184,7 +184,7 @@ impl Library {
                         });
                         TextureSource::File(color)
                     }
-                    // Glass has an alpha of its own.
+                    // Glass is not cut out: its transparency is its transmission.
                     None => {
                         if !is_glass && self.is_cut_out(&color, context, warnings)? {
                             material.alpha_cutoff = Some(MASK_CUTOFF);
@@ -204,7 +204,7 @@ impl Library {
 }
 
 impl Library {
-    /// The normal map of a material (`norm` of "PBR Extension to the MTL Format"), which is read where the colour texture is.
+    /// The normal map of a material (`norm` of "PBR Extension to the MTL Format"). It uses the coordinates of the colour texture.
     fn normal_map(
         &mut self,
         map: &Map,
@@ -274,13 +274,13 @@ fn transmission(written: &Declaration, dissolve: f32) -> f32 {
     share.clamp(0.0, 1.0)
 }
 
-/// Whether the illumination model is one of glass.
+/// Whether the illumination model is a glass model.
 fn is_glass(written: &Declaration) -> bool {
     matches!(written.illum, Some(4 | 6 | 7 | 9))
 }
 
-/// What light keeps by colour where it passes the surface. The models 6 and 7 refract, so their surface is the border of a body,
-/// which light passes twice: each time it keeps the square root of `Tf`.
+/// Share of light by colour that passes the surface at each crossing. Models 6 and 7 refract, so their surface bounds a body that
+/// light crosses twice: each crossing keeps the square root of `Tf`.
 fn filter(written: &Declaration) -> Vec3 {
     let filter = written.tf.filter(|_| is_glass(written)).unwrap_or(Vec3::ONE).clamp(Vec3::ZERO, Vec3::ONE);
     if matches!(written.illum, Some(6 | 7)) { filter.map(f32::sqrt) } else { filter }
@@ -294,8 +294,8 @@ struct Parser<'a> {
 }
 
 impl Parser<'_> {
-    /// Counts a statement. Only a keyword that the format has is quoted, and nothing else of the line: a `mtllib` statement
-    /// may have named a file of any other kind, to have it shown.
+    /// Counts a warning about a statement. Only a keyword of the format is quoted, never the rest of the line: a `mtllib` statement
+    /// may name a file of another kind in order to have its contents shown.
     fn warn(&mut self, line: u64, what: &'static str, keyword: Option<&[u8]>) {
         self.warnings.add(self.file, what, "ignored", || match keyword {
             Some(keyword) => format!("line {line}: `{}`", text(keyword)),
@@ -372,7 +372,7 @@ fn scalar(rest: &[u8]) -> Option<f32> {
     finite(words(rest).next()?)
 }
 
-/// One or three numbers; `spectral` files and `xyz` colours are not read.
+/// Parses one or three numbers; `spectral` files and `xyz` colours are not read.
 fn color(rest: &[u8]) -> Option<Vec3> {
     let mut words = words(rest);
     let red = finite(words.next()?)?;
@@ -383,7 +383,8 @@ fn color(rest: &[u8]) -> Option<Vec3> {
     }
 }
 
-/// Options and a file name that may hold blanks. `-s` and `-o` change the coordinates; the others have no effect here.
+/// Parses options and a file name, which may contain blanks. `-s` and `-o` change the coordinates, `-clamp` the wrap mode, `-bm`
+/// the multiplier; other options have no effect.
 fn map(rest: &[u8]) -> Option<Map> {
     let mut map = Map { file: String::new(), scale: Vec2::ONE, offset: Vec2::ZERO, clamped: false, multiplier: 1.0 };
     let mut rest = rest;
@@ -434,7 +435,7 @@ fn map(rest: &[u8]) -> Option<Map> {
     (!map.file.is_empty()).then_some(map)
 }
 
-/// Finds and reads the library that a `mtllib` statement names: one file with blanks in its name, or several.
+/// Finds and reads the libraries that a `mtllib` statement names: a single file name with blanks, or several names.
 pub(super) fn read_libraries(
     argument: &str,
     line: u64,

@@ -1,28 +1,28 @@
-//! The runs of a whole file, put together from those of its pieces.
+//! The runs of a whole file, assembled from those of its pieces.
 
 use super::faces::{Faces, Names, Part, Run};
 use std::ops::Range;
 
-/// Triangles of a run that lie in one piece.
+/// The triangles of a run that lie in one piece.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Segment {
     pub(super) piece: u32,
-    /// [`Part::run`] counts names of the piece here; the rest are the places of the first triangle, and how many follow.
+    /// The triangles' place in the lists of the piece. The name indices in [`Part::run`] refer to the piece's names.
     pub(super) part: Part,
 }
 
 /// All runs in order.
 #[derive(Default)]
 pub(super) struct Runs {
-    /// Each with its part of [`Self::segments`].
+    /// Each run with its range in [`Self::segments`].
     pub(super) list: Vec<(Run, Range<usize>)>,
     pub(super) segments: Vec<Segment>,
-    /// The names that the runs count.
+    /// The names that the indices in [`Run`] refer to.
     pub(super) objects: Vec<String>,
     pub(super) materials: Vec<String>,
 }
 
-/// Puts the runs together; one that has `max_run` triangles or more ends.
+/// Assembles the runs. A run ends once it has `max_run` triangles or more.
 pub(super) fn runs(faces: &[Faces], max_run: usize) -> Runs {
     let mut runs = Runs::default();
     let (mut objects, mut materials) = (Names::default(), Names::default());
@@ -56,7 +56,7 @@ pub(super) fn runs(faces: &[Faces], max_run: usize) -> Runs {
     runs
 }
 
-/// The polygons that begin in the first `room` triangles of a part, and the rest.
+/// Splits a part: first the polygons that begin within its first `room` triangles, then the rest.
 fn split(part: Part, room: usize, polygons: &[[u32; 2]]) -> (Part, Part) {
     if part.count as usize <= room {
         return (part, Part { count: 0, ..part });

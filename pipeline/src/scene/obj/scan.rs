@@ -1,4 +1,4 @@
-//! The first time over a file: its numbers, and what each piece must know of those before it.
+//! The first pass over a file: its numbers, and the state at the beginning of each piece.
 
 use super::super::Needs;
 use super::super::error::SceneError;
@@ -10,51 +10,51 @@ use glam::{DVec3, Vec2, Vec3, Vec4};
 use rayon::prelude::*;
 use std::path::Path;
 
-/// The numbers of `v`, `vt` and `vn` statements, and the places of those that are not what they should be, ascending;
-/// zeros stand there.
+/// The numbers of `v`, `vt` and `vn` statements. Invalid statements are stored as zeros, and their indices are listed in ascending
+/// order.
 #[derive(Default)]
 pub(super) struct Numbers {
     pub(super) positions: Vec<Vec3>,
-    /// Of the positions; white where a line has none. Empty where none are needed, or no line has any.
+    /// Vertex colours; white for lines without one. Empty if colours are not needed, or no line has one.
     pub(super) colors: Vec<Vec4>,
-    /// Empty where none are needed.
+    /// Empty if not needed.
     pub(super) texcoords: Vec<Vec2>,
-    /// Empty where none are needed.
+    /// Empty if not needed.
     pub(super) normals: Vec<Vec3>,
     pub(super) bad_positions: Vec<u32>,
     pub(super) bad_texcoords: Vec<u32>,
     pub(super) bad_normals: Vec<u32>,
 }
 
-/// What holds where a piece begins.
+/// The state at the beginning of a piece.
 #[derive(Debug, Clone)]
 pub(super) struct Start {
-    /// Statements of each kind before it.
+    /// Number of statements of each kind before the piece.
     pub(super) positions: u64,
     pub(super) texcoords: u64,
     pub(super) normals: u64,
-    /// The names that faces go by.
+    /// The current names of object and material.
     pub(super) object: String,
     pub(super) material: String,
 }
 
-/// What a piece holds.
+/// The contents of a piece.
 #[derive(Default)]
 pub(super) struct Scan {
     numbers: Numbers,
     texcoords: u64,
     normals: u64,
-    /// The last name that it sets.
+    /// The last names that the piece sets; `None` if it sets none.
     object: Option<String>,
     material: Option<String>,
 }
 
-/// The name of an `o`, `g` or `usemtl` statement.
+/// The name in an `o`, `g` or `usemtl` statement; `default` if it is empty.
 pub(super) fn name_of(rest: &[u8]) -> String {
     if rest.is_empty() { "default".to_owned() } else { text(rest) }
 }
 
-/// Reads the numbers of every piece; pieces stop where the allowance is used up.
+/// Reads the numbers of every piece; a piece stops when the memory allowance is used up.
 pub(super) fn scan(pieces: &[Lines<'_>], needs: Needs, allowance: &Allowance) -> Vec<Scan> {
     pieces.par_iter().with_max_len(1).map(|piece| scan_piece(piece.clone(), needs, allowance)).collect()
 }
@@ -70,7 +70,7 @@ fn scan_piece(mut lines: Lines<'_>, needs: Needs, allowance: &Allowance) -> Scan
     while let Some((_, statement)) = lines.next() {
         let (keyword, rest) = split_word(&statement);
         let numbers = &mut found.numbers;
-        // Each number is held by its piece and then, for a moment, by the whole file too.
+        // Each number exists in its piece and then, for a moment, in the list of the whole file too.
         let bytes = match keyword {
             b"v" => {
                 let values = finite_numbers(rest, 3);
@@ -85,7 +85,7 @@ fn scan_piece(mut lines: Lines<'_>, needs: Needs, allowance: &Allowance) -> Scan
             b"vt" => {
                 found.texcoords += 1;
                 if textures {
-                    // A texture coordinate may have one number only.
+                    // A texture coordinate may consist of one number only.
                     let values = finite_numbers(rest, 1).map(|[u, v, _]| Vec2::new(u, v));
                     push(&mut numbers.texcoords, &mut numbers.bad_texcoords, values, Vec2::ZERO);
                     16
@@ -127,7 +127,7 @@ fn push<T>(list: &mut Vec<T>, bad: &mut Vec<u32>, value: Option<T>, otherwise: T
     list.push(value.unwrap_or(otherwise));
 }
 
-/// All numbers in order, and where each piece begins.
+/// Concatenates the numbers of all pieces, and computes the state at the beginning of each piece.
 pub(super) fn combine(scans: Vec<Scan>, file: &Path) -> Result<(Numbers, Vec<Start>), SceneError> {
     let mut start = Start { positions: 0, texcoords: 0, normals: 0, object: name_of(b""), material: name_of(b"") };
     let mut starts = Vec::with_capacity(scans.len());
@@ -182,7 +182,7 @@ fn whole<T: Copy + Zeroable + Send + Sync>(mut lists: Vec<Vec<T>>) -> Vec<T> {
     concatenate(&lists.iter().map(Vec::as_slice).collect::<Vec<_>>())
 }
 
-/// The red, green and blue that some programs write behind a position, display values; `None` unless there are just these three.
+/// The vertex colour that some programs write after a position, as display values. `None` unless exactly three numbers follow it.
 fn color_of(rest: &[u8]) -> Option<Vec4> {
     let mut behind = words(rest).skip(3);
     let [red, green, blue] = std::array::from_fn(|_| behind.next().and_then(number));
@@ -190,7 +190,7 @@ fn color_of(rest: &[u8]) -> Option<Vec4> {
     behind.next().is_none().then_some(color)
 }
 
-/// The positions of all pieces again, relative to an origin: the difference is taken before anything is rounded to `f32`.
+/// Reads all positions again, relative to an origin. The difference is taken in `f64`, before rounding to `f32`.
 pub(super) fn positions_from(pieces: &[Lines<'_>], origin: DVec3) -> Vec<Vec3> {
     let read = |piece: &Lines<'_>| {
         let mut lines = piece.clone();
@@ -212,7 +212,7 @@ fn position_from(rest: &[u8], origin: DVec3) -> Option<Vec3> {
     Some((position - origin).as_vec3())
 }
 
-/// Up to three finite numbers, zeros for those that are missing; `None` for fewer than `least`, or where one is none.
+/// Up to three finite numbers, with zeros for missing ones. `None` if there are fewer than `least`, or one is not a finite number.
 fn finite_numbers(rest: &[u8], least: usize) -> Option<[f32; 3]> {
     let mut values = [0.0; 3];
     let mut found = 0;

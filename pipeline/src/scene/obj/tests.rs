@@ -1,4 +1,4 @@
-//! The reader in pieces finds what the one before it finds, bit by bit, wherever the file is cut.
+//! The parallel reader must produce the same scene as the sequential one, bit for bit, wherever the file is cut.
 
 use super::super::context::Context;
 use super::super::error::Budget;
@@ -15,7 +15,7 @@ fn with_context<T>(file: &Path, needs: Needs, limit: u64, read: impl FnOnce(&mut
     read(&mut Context { file, needs, budget: &mut budget })
 }
 
-/// Everything that a scene holds, numbers by their bits.
+/// A text of all contents of a scene, with numbers as bits.
 fn contents(scene: &Scene) -> String {
     use std::fmt::Write as _;
     let mut text = String::new();
@@ -33,7 +33,7 @@ fn contents(scene: &Scene) -> String {
     text
 }
 
-/// Both readers on one file.
+/// Runs both readers on one file and compares their scenes.
 fn check(file: &Path, bytes: &[u8], needs: Needs, piece: usize, max_run: usize) -> Result<String, String> {
     let whole = with_context(file, needs, u64::MAX, |context| serial::read(bytes, max_run, context));
     let cut = with_context(file, needs, u64::MAX, |context| read_in_pieces(bytes, piece, max_run, context));
@@ -48,7 +48,7 @@ fn needs(textures: bool, normals: bool) -> Needs {
     Needs { textures, normals, colors: textures, normal_maps: textures, roughness_maps: textures, tangents: false }
 }
 
-/// Statements as exporters, and people who break their files, write them.
+/// Statements as exporters write them, and broken ones.
 fn statement() -> impl Strategy<Value = String> {
     let number = prop_oneof![
         8 => (-4_i32..5).prop_map(|value| value.to_string()),
@@ -125,7 +125,7 @@ proptest! {
 
 #[test]
 fn colours_behind_positions_are_read_and_keep_vertices_apart() {
-    // Corner 4 has the place of corner 1 and another colour; the third line has none.
+    // Vertex 4 has the position of vertex 1 and another colour; the third line has no colour.
     let text = "v 0 0 0 1 0 0\nv 1 0 0 0 .5 0\nv 0 1 0\nv 0 0 0 0 0 1\nusemtl a\nf 1 2 3\nusemtl b\nf 4 3 2\nv 0 0 0 1\nv 0 0 0 1 2 3 4\n";
     for piece in 1..text.len() + 1 {
         check(Path::new("a.obj"), text.as_bytes(), Needs::ALL, piece, MAX_RUN).unwrap();
@@ -144,7 +144,7 @@ fn colours_behind_positions_are_read_and_keep_vertices_apart() {
 
 #[test]
 fn vertices_with_equal_contents_are_shared_between_runs_and_not_within_one() {
-    // The file lists the first corner twice: run 0 keeps both, run 1 takes the first of them.
+    // The file lists the first vertex twice: run 0 keeps both, run 1 uses the first of them.
     let text = "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 0\nusemtl a\nf 1 2 3\nf 4 3 2\nusemtl b\nv 0 0 0\nv 5 5 5\nf 5 3 6\nf 4 6 2\n";
     for piece in 1..text.len() + 1 {
         check(Path::new("a.obj"), text.as_bytes(), Needs::ALL, piece, MAX_RUN).unwrap();
@@ -163,7 +163,7 @@ fn vertices_with_equal_contents_are_shared_between_runs_and_not_within_one() {
 #[test]
 fn a_generated_file_of_long_runs_is_read_as_before() {
     use std::fmt::Write as _;
-    // Quads and triangles in turns with positions out of order, in three materials, over many pieces.
+    // Quads and triangles in turn, with positions out of order, in three materials, over many pieces.
     let mut text = String::from("o ground\n");
     let side = 60;
     for step in 0..side * side {
@@ -207,7 +207,7 @@ fn the_memory_cap_holds_in_every_stage_and_says_what_to_do() {
     assert!(read(2 * needed).is_ok());
 }
 
-/// The OBJ files of the folder beside the project, where it is.
+/// The OBJ files in the scenes folder beside the project, if it exists.
 fn files_at_hand() -> Vec<PathBuf> {
     let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../shared/scenes");
     let mut folders = vec![root];

@@ -1,4 +1,4 @@
-//! The vertices of each run: one for each set of indices that its corners have, in the order in which they are met.
+//! The vertices of each run: one for each distinct tuple of indices, in order of first use.
 
 use super::faces::{Faces, Part, Run};
 use super::runs::{Runs, Segment};
@@ -7,7 +7,7 @@ use glam::{Vec2, Vec3, Vec4};
 use rayon::prelude::*;
 use std::collections::HashMap;
 
-/// The triangles of a run with vertices of their own.
+/// The triangles of a run, with their vertices.
 #[derive(Default)]
 pub(super) struct Welded {
     pub(super) positions: Vec<Vec3>,
@@ -20,10 +20,10 @@ pub(super) struct Welded {
     pub(super) triangles: Vec<[u32; 3]>,
 }
 
-/// Stands for no vertex, and for the indices that a run's corners have not.
+/// Marks no vertex, and a missing index of a corner.
 const NONE: u32 = u32::MAX;
 
-/// Every run, side by side.
+/// Welds the runs in parallel.
 pub(super) fn weld(runs: &Runs, faces: &[Faces], numbers: &Numbers) -> Vec<Welded> {
     let weld =
         |(run, segments): &(Run, _)| weld_run(*run, &runs.segments[std::ops::Range::clone(segments)], faces, numbers);
@@ -37,7 +37,7 @@ fn weld_run(run: Run, segments: &[Segment], faces: &[Faces], numbers: &Numbers) 
     };
     let count: usize = segments.iter().map(|segment| segment.part.count as usize).sum();
     let mut vertices = Vertices::new(segments.iter().flat_map(positions_of).flatten().copied(), 3 * count);
-    // A mesh has about half as many vertices as triangles; where edges are not shared, it has more.
+    // A mesh has about half as many vertices as triangles; without shared edges it has more.
     let expected = vertices.first.len().min(count);
     let list = |wanted: bool| if wanted { expected } else { 0 };
     let mut welded = Welded {
@@ -71,13 +71,13 @@ fn weld_run(run: Run, segments: &[Segment], faces: &[Faces], numbers: &Numbers) 
     welded
 }
 
-/// Which vertex has which indices.
+/// The vertex of each tuple of indices.
 struct Vertices {
-    /// By position, from the least on: texture coordinate, normal and number of its first vertex. Empty where the
-    /// positions of a run lie too far apart.
+    /// The first vertex of each position, indexed from the position `least`: texture coordinate, normal and number of the vertex.
+    /// Empty if the positions of a run span too wide a range.
     first: Vec<[u32; 3]>,
     least: u32,
-    /// All others.
+    /// All further vertices.
     others: HashMap<[u32; 3], u32>,
 }
 
@@ -89,7 +89,7 @@ impl Vertices {
         Self { first, least, others: HashMap::new() }
     }
 
-    /// The vertex of these indices, which is `next` where there was none.
+    /// The vertex with these indices; a new one gets the number `next`.
     fn find_or_insert(&mut self, indices: [u32; 3], next: u32) -> u32 {
         let [position, texcoord, normal] = indices;
         match self.first.get_mut((position - self.least) as usize) {

@@ -1,4 +1,4 @@
-//! Objects into one list of triangles in world space.
+//! Flattens objects into one list of triangles in world space.
 
 use super::super::error::{Budget, SceneError};
 use super::super::origin::{Bounds, origin_for, placed_bounds};
@@ -14,7 +14,7 @@ use rayon::prelude::*;
 use std::borrow::Cow;
 use std::sync::atomic::{AtomicBool, Ordering};
 
-/// Triangles that a task looks at, at least.
+/// Least number of triangles per task.
 const GRAIN: usize = 1 << 12;
 
 /// A run of consecutive triangles that come from one group of one object.
@@ -25,7 +25,7 @@ struct Run {
     triangles: usize,
 }
 
-/// Why a triangle is left out.
+/// Whether a triangle is kept, or why it is left out.
 #[derive(Clone, Copy, PartialEq, Eq)]
 enum Verdict {
     Kept,
@@ -34,19 +34,19 @@ enum Verdict {
     Degenerate,
 }
 
-/// Marks an index that lies outside its mesh; never a valid vertex, because their number is below it.
+/// Marks an index out of its mesh's range; never a valid index.
 const BAD: u32 = u32::MAX;
 
-/// What the files place.
+/// The placed contents of the files.
 #[derive(Clone, Copy)]
 pub(super) struct Placed<'a> {
     pub objects: &'a [Object],
     pub spheres: &'a [PlacedSphere],
-    /// In the files' coordinates, where 0 of the objects lies.
+    /// Position of the objects' origin in the files' coordinates.
     pub origin: DVec3,
 }
 
-/// The triangles in world space, by how much lengths of the files were scaled, and where 0 of the triangles lies in the world.
+/// Returns the triangles in world space, the factor by which lengths were scaled, and the world position of the triangles' origin.
 pub(super) fn flatten(
     mut meshes: Vec<Mesh>,
     (Placed { objects, spheres: placed_spheres, origin: own }, materials): (Placed<'_>, &[Material]),
@@ -87,7 +87,7 @@ pub(super) fn flatten(
     }
     let vertices = total_size(&meshes, objects, has, options, files, budget)?;
 
-    // What is made unit size lies around 0 first, wherever it was.
+    // A scene that is made unit size is placed around 0 first, wherever it was.
     let own = if options.unitize { DVec3::ZERO } else { own };
     let turn = if options.swap_yz { DMat4::from_cols_array_2d(&SWAP_YZ) } else { DMat4::IDENTITY };
     let file = files.whole_scene();
@@ -112,7 +112,7 @@ pub(super) fn flatten(
             around(meshes, spheres).map_or(DVec3::ZERO, origin_for)
         }
     };
-    // Near the origin all is placed in f32, one transform after the other.
+    // Near 0 everything is placed in f32, one transform after the other.
     let exact = own != DVec3::ZERO || origin != DVec3::ZERO;
 
     let mut geometry = Geometry::default();
@@ -168,7 +168,7 @@ pub(super) fn flatten(
     let mut scale = 1.0;
     if options.unitize && !(geometry.positions.is_empty() && balls.is_empty()) {
         scale = unitize(&mut geometry.positions, &mut balls);
-        // Rounding after the scaling may flatten slivers.
+        // Rounding after the scaling may have made slivers degenerate.
         sort_out(&mut geometry, &mut runs, objects, files, warnings);
         drop_unused_vertices(&mut geometry);
     }
@@ -186,7 +186,7 @@ pub(super) fn flatten(
     Ok((geometry, scale, origin))
 }
 
-/// What vertices have besides positions and normals.
+/// Which attributes vertices have in addition to positions and normals.
 #[derive(Clone, Copy)]
 struct Has {
     texcoords: bool,
@@ -194,7 +194,7 @@ struct Has {
     tangents: bool,
 }
 
-/// Adds up what the objects need, books it, and returns the number of vertices.
+/// Adds up the memory that the objects need, books it, and returns the number of vertices.
 fn total_size(
     meshes: &[Mesh],
     objects: &[Object],
@@ -232,7 +232,7 @@ fn total_size(
     Ok(vertices as usize)
 }
 
-/// By mesh: the first object that places it, whose file messages name.
+/// By mesh: the first object that places it; messages name that object's file.
 fn first_users(meshes: usize, objects: &[Object]) -> Vec<usize> {
     let mut first = vec![0; meshes];
     for (index, object) in objects.iter().enumerate().rev() {
@@ -306,7 +306,7 @@ fn mend_colors(
     }
 }
 
-/// Tangents of the meshes with normal maps; `mapped` says by material whether it has one.
+/// Computes tangents of meshes with normal maps. `mapped` says by material whether it has a normal map.
 fn ensure_tangents(
     meshes: &mut [Mesh],
     (first_users, uses): (&[usize], &[u32]),
@@ -318,7 +318,7 @@ fn ensure_tangents(
     let is_computed = |mesh: &Mesh| tangents::is_mapped(mesh, mapped) && mesh.tangents.len() != mesh.positions.len();
     let triangles = |mesh: &Mesh| mesh.groups.iter().map(|group| group.triangles.len() as u64).sum::<u64>();
     let in_use = || meshes.iter().zip(uses).filter(|(_, uses)| **uses > 0).map(|(mesh, _)| mesh);
-    // As many are computed at a time as there are threads; in the worst case those that need most.
+    // One mesh per thread is computed at a time; the worst case is that of the largest meshes.
     let mut sizes: Vec<u64> = in_use().filter(|mesh| is_computed(mesh)).map(triangles).collect();
     sizes.sort_unstable_by_key(|size| std::cmp::Reverse(*size));
     let working = sizes.iter().take(rayon::current_num_threads()).sum::<u64>() * tangents::BYTES_PER_TRIANGLE;
@@ -348,7 +348,7 @@ fn ensure_tangents(
     Ok(())
 }
 
-/// The list itself when this is its last use, and a view of it otherwise.
+/// The list itself at its last use, a borrowed view before.
 fn claim<T: Clone>(list: &mut Vec<T>, last: bool) -> Cow<'_, [T]> {
     if last { Cow::Owned(std::mem::take(list)) } else { Cow::Borrowed(list) }
 }
@@ -360,7 +360,7 @@ fn append<T: Clone>(target: &mut Vec<T>, source: Cow<'_, [T]>) {
     }
 }
 
-/// Appends an attribute of a mesh's vertices, or as many times what stands for it where the mesh has none.
+/// Appends an attribute of a mesh's vertices, or the default value for each vertex if the mesh lacks the attribute.
 fn append_or_fill<T: Clone>(target: &mut Vec<T>, source: &mut Vec<T>, (vertices, missing): (usize, T), last: bool) {
     if source.len() == vertices {
         append(target, claim(source, last));
@@ -369,22 +369,22 @@ fn append_or_fill<T: Clone>(target: &mut Vec<T>, source: &mut Vec<T>, (vertices,
     }
 }
 
-/// `(x, y, z)` becomes `(x, z, -y)`, by columns.
+/// Maps `(x, y, z)` to `(x, z, -y)`; columns of the matrix.
 const SWAP_YZ: [[f64; 4]; 4] =
     [[1.0, 0.0, 0.0, 0.0], [0.0, 0.0, -1.0, 0.0], [0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 0.0, 1.0]];
 
-/// What a scene that is made unit size lies in.
+/// The box that a scene of unit size fills.
 fn unit_cube() -> Mesh {
     Mesh { positions: vec![Vec3::NEG_ONE, Vec3::ONE], ..Mesh::default() }
 }
 
-/// What [`BuildOptions::swap_yz`] makes of a vector.
+/// Applies [`BuildOptions::swap_yz`] to a vector, if it is set.
 fn swap(options: &BuildOptions) -> impl Fn(Vec3) -> Vec3 + Sync {
     let swaps = options.swap_yz;
     move |v: Vec3| if swaps { Vec3::new(v.x, v.z, -v.y) } else { v }
 }
 
-/// Appends a mesh's vertices in world space. Where there is a transform of the whole way, in `f64`, positions take that.
+/// Appends a mesh's vertices in world space. If a combined transform in `f64` is given, it is used for the positions.
 fn append_vertices(
     geometry: &mut Geometry,
     mesh: &mut Mesh,
@@ -416,7 +416,7 @@ fn append_vertices(
     }
 }
 
-/// Moves the whole scene by [`BuildOptions::transform`]; positions that are `exact` are placed already, but for those of a scene that was
+/// Applies [`BuildOptions::transform`] to the whole scene. If `exact`, positions were already placed with it, unless the scene was
 /// made unit size.
 fn place(geometry: &mut Geometry, options: &BuildOptions, exact: bool, origin: DVec3) {
     let transform = options.transform;
@@ -433,18 +433,18 @@ fn place(geometry: &mut Geometry, options: &BuildOptions, exact: bool, origin: D
     }
 }
 
-/// Turns unit normals with a transform, then changes them by `after`.
+/// Transforms unit normals, then applies `after`.
 fn turn(normals: &mut [Vec3], transform: Mat4, after: impl Fn(Vec3) -> Vec3 + Sync) {
     let matrix = normal_matrix(transform);
     normals.par_iter_mut().for_each(|normal| {
         let turned = normals::unit(matrix * *normal);
-        // Only a transform of rank 1 or less leaves no direction; its triangles have no area.
+        // Only a transform of rank 1 or less leaves no direction; its triangles have no area and are dropped.
         *normal = if turned == Vec3::ZERO { Vec3::Z } else { after(turned) };
     });
 }
 
-/// Moves unit tangents with a transform, then changes them by `after`, which turns. Where the transform mirrors, the bitangent is on the other
-/// side: normals stay on theirs.
+/// Transforms unit tangents, then applies the rotation `after`. A mirroring transform flips the sign of the bitangent, because
+/// normals keep their side.
 fn turn_tangents(tangents: &mut [Vec4], transform: Mat4, after: impl Fn(Vec3) -> Vec3 + Sync) {
     let side = if transform.determinant() < 0.0 { -1.0 } else { 1.0 };
     let linear = Mat3::from_mat4(transform);
@@ -455,8 +455,8 @@ fn turn_tangents(tangents: &mut [Vec4], transform: Mat4, after: impl Fn(Vec3) ->
     });
 }
 
-/// The inverse transpose of the linear part, up to a positive factor. The matrix of cofactors also serves transforms
-/// that flatten; it is scaled first so that it neither overflows nor vanishes.
+/// The inverse transpose of the linear part, up to a positive factor. It is computed as the cofactor matrix, which also exists for
+/// singular transforms; the matrix is scaled first so that it neither overflows nor underflows.
 fn normal_matrix(transform: Mat4) -> Mat3 {
     let linear = Mat3::from_mat4(transform);
     let largest = linear.x_axis.abs().max(linear.y_axis.abs()).max(linear.z_axis.abs()).max_element();
@@ -493,7 +493,7 @@ fn large_enough(twice_area: DVec3) -> bool {
     twice_area.length() >= f64::from(f32::MIN_POSITIVE)
 }
 
-/// Leaves out the triangles that cannot be drawn, and counts them.
+/// Drops the triangles that cannot be drawn, and counts them in warnings.
 fn sort_out(
     geometry: &mut Geometry,
     runs: &mut [Run],
@@ -533,7 +533,7 @@ fn sort_out(
     triangles.truncate(write);
 }
 
-/// Keeps the vertices that a triangle uses, in order.
+/// Drops the vertices that no triangle uses; the others keep their order.
 fn drop_unused_vertices(geometry: &mut Geometry) {
     let mut marks: Vec<AtomicBool> = Vec::new();
     marks.par_extend(geometry.positions.par_iter().map(|_| AtomicBool::new(false)));
@@ -569,7 +569,7 @@ fn retain<T>(list: &mut Vec<T>, used: &[bool]) {
     list.retain(|_| *flags.next().expect("one flag a vertex"));
 }
 
-/// The box around two.
+/// The bounding box of two boxes.
 fn around(one: Option<Bounds>, other: Option<Bounds>) -> Option<Bounds> {
     match (one, other) {
         (Some([low, high]), Some([a, b])) => Some([low.min(a), high.max(b)]),
@@ -577,7 +577,7 @@ fn around(one: Option<Bounds>, other: Option<Bounds>) -> Option<Bounds> {
     }
 }
 
-/// Centres positions and spheres and scales them until the longest side of their box is [-1, 1]. Returns the scale.
+/// Centres positions and spheres and scales them so that the longest side of their box is [-1, 1]. Returns the scale.
 fn unitize(positions: &mut [Vec3], balls: &mut [Ball]) -> f32 {
     let low = positions.iter().fold(Vec3::INFINITY, |low, position| low.min(*position)).as_dvec3();
     let high = positions.iter().fold(Vec3::NEG_INFINITY, |high, position| high.max(*position)).as_dvec3();

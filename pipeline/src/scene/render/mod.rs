@@ -1,4 +1,4 @@
-//! From a scene as its files describe it to what passes use: flat geometry in world space and decoded textures.
+//! Builds a render scene (flat geometry in world space, decoded textures) from a scene as files describe it.
 
 mod flatten;
 mod normals;
@@ -14,27 +14,26 @@ use glam::{DVec3, Mat4, Vec3, Vec4};
 use rayon::prelude::*;
 use std::path::{Path, PathBuf};
 
-/// How a scene is made ready.
+/// Options of [`RenderScene::build`].
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct BuildOptions {
-    /// What passes read.
+    /// The attributes that passes read.
     pub needs: Needs,
-    /// Normals stay in model space, as the report's program wrote them.
+    /// Whether normals stay in model space, as in the report's program.
     pub model_space_normals: bool,
-    /// `(x, y, z)` becomes `(x, z, -y)`, for models with z up; normals turn with it in both spaces, because the engine
-    /// turns the vertex data itself.
+    /// Maps `(x, y, z)` to `(x, z, -y)`, for models with z up. Normals are mapped too, also in model space, because the report's
+    /// engine converts the vertex data itself.
     pub swap_yz: bool,
-    /// The scene's box is centred at the origin and scaled uniformly until its longest side is [-1, 1]; after
-    /// [`Self::swap_yz`].
+    /// Centres the scene's box at the origin and scales it uniformly so that its longest side is [-1, 1]; after [`Self::swap_yz`].
     pub unitize: bool,
-    /// What places the whole scene in the world, after [`Self::unitize`]; normals in model space do not turn with it.
+    /// Placement of the whole scene in the world, after [`Self::unitize`]. It does not transform normals that stay in model space.
     pub transform: Mat4,
-    /// The origin of the positions, in the world: 0 unless another is asked for, or that of an earlier scene. `None`: 0, or near the
-    /// scene if that is farther from 0 than 16 times its longest side.
+    /// World position of the positions' origin: normally 0, or the origin of an earlier scene. `None` chooses 0, or a point near
+    /// the scene if the scene is farther from 0 than 16 times its longest side.
     pub origin: Option<DVec3>,
-    /// What colours and textures are made: in a scene they are display values, whatever its files have.
+    /// Colour space to which colours and textures are converted; in a [`Scene`] they are display values, whatever its files have.
     pub color: ColorSpace,
-    /// Bytes that the geometry and textures may hold.
+    /// Most bytes that geometry and textures may take.
     pub max_bytes: u64,
 }
 
@@ -56,36 +55,36 @@ impl Default for BuildOptions {
 impl RenderScene {
     /// Places all objects in the world, sorts the triangles by material and decodes the textures in use.
     ///
-    /// - Triangles with an index outside the mesh, a corner that is not finite in world space, or no area (twice the
-    ///   area, in double precision, is below the smallest normal `f32`) are left out and counted, by object.
-    /// - Vertices that no triangle uses are dropped. The order of triangles is that of objects and groups, sorted by
-    ///   material without exchanging equals; ids therefore do not depend on the number of threads.
-    /// - Where a transform mirrors (its determinant is below 0), triangles of single-sided materials are turned, so that they still
-    ///   face where their mesh has them face (glTF 2.0, section 3.7.4).
-    /// - Normals are transformed by the inverse transpose and made unit length. Where a mesh has none, each vertex gets
-    ///   the mean of the normals of its faces, weighted by the face's angle there (Thürmer and Wüthrich, "Computing
-    ///   Vertex Normals from Polygonal Facets", 1998); faces on both sides of a crease of more than
-    ///   60 degrees are not averaged, and the vertices there are split; vertices that are not shared stay flat.
-    /// - Where [`Scene::origin`] or the origin of the result is not 0, positions are placed in `f64` and rounded once, relative to the
-    ///   latter.
-    /// - Textures that no triangle's material uses are not decoded; a texture that cannot be decoded is counted, and
-    ///   its material has none.
-    /// - Exact spheres are sorted by material. They are shown without textures, since they have no texture coordinates; those of a
-    ///   material that has one are counted.
-    /// - Vertex colours are there where a mesh that is placed has some; the vertices of the others are white.
-    /// - Tangents are there where a material that is placed has a normal map: those of the file, or else by MikkTSpace, which splits
-    ///   vertices. A tangent turns with the surface; where a transform mirrors, its bitangent changes sides. A material without a tangent
-    ///   on any of its triangles has no normal map.
-    /// - Colours of materials are kept within [`BRIGHTEST`]; those that were not are counted.
-    /// - In linear light colours of materials are decoded from sRGB, and textures when they are read ([`Texture::space`](super::texture::Texture::space)).
-    ///   What light keeps in a filter, and what is absorbed, is linear as it is.
+    /// - Triangles are left out and counted, by object, if an index is out of the mesh's range, a corner is not finite in world
+    ///   space, or the triangle has no area (twice its area, in `f64`, is below the smallest normal `f32`).
+    /// - Vertices that no triangle uses are dropped. Triangles keep the order of objects and groups and are sorted by material with
+    ///   a stable sort, so ids do not depend on the number of threads.
+    /// - Where a transform mirrors (determinant below 0), the winding of triangles of single-sided materials is reversed, so that
+    ///   they still face where their mesh has them face (glTF 2.0, section 3.7.4).
+    /// - Normals are transformed by the inverse transpose and normalised. For a mesh without normals each vertex gets the mean of
+    ///   the normals of its faces, weighted by the face's angle there (Thürmer and Wüthrich, "Computing Vertex Normals from Polygonal
+    ///   Facets", 1998). Faces on both sides of a crease of more than 60 degrees are not averaged: the vertices there are split.
+    ///   Vertices that are not shared stay flat.
+    /// - If [`Scene::origin`] or the origin of the result is not 0, positions are placed in `f64` and rounded once, relative to the
+    ///   result's origin.
+    /// - Textures that no triangle's material uses are not decoded. A texture that cannot be decoded is counted, and its material
+    ///   then has none.
+    /// - Exact spheres are sorted by material. They have no texture coordinates and are shown without textures; spheres of textured
+    ///   materials are counted.
+    /// - If a placed mesh has vertex colours, the vertices of meshes without them are white.
+    /// - If a placed material has a normal map, vertices have tangents: those of the file, or else computed by MikkTSpace, which
+    ///   splits vertices. Tangents are transformed with the surface; a mirroring transform flips the sign of the bitangent. A
+    ///   material none of whose triangles has tangents loses its normal map.
+    /// - Colours of materials are clamped to [`BRIGHTEST`]; clamped ones are counted.
+    /// - In linear light, colours of materials are decoded from sRGB here, and textures when they are read
+    ///   ([`Texture::space`](super::texture::Texture::space)). Filter and attenuation colours are linear already.
     ///
     /// # Errors
-    /// If the geometry has more than 2^32 - 2 vertices or triangles, or more memory is needed than allowed; if an exact sphere is not scaled
-    /// alike along all axes.
+    /// If the geometry has more than 2^32 - 2 vertices or triangles, if more memory is needed than allowed, or if the scale of an
+    /// exact sphere is not uniform.
     ///
     /// # Panics
-    /// If an index of the scene (of a mesh, material or texture) leads nowhere; [`super::load`] makes no such scene.
+    /// If an index of the scene (of a mesh, material or texture) is out of range; [`super::load`] makes no such scene.
     pub fn build(scene: Scene, options: &BuildOptions) -> Result<(RenderScene, Warnings), SceneError> {
         let files = FilesOfObjects::new(&scene);
         let mut warnings = Warnings::default();
@@ -134,14 +133,14 @@ impl RenderScene {
 }
 
 impl RenderScene {
-    /// Whether the colours of texels are decoded from sRGB when they are read: those of all textures of a scene, or of none.
+    /// Whether the colours of texels are decoded from sRGB when they are read. All textures of a scene agree in this.
     #[must_use]
     pub fn decodes_texels(&self) -> bool {
         self.textures.iter().any(|texture| texture.space == ColorSpace::Linear)
     }
 }
 
-/// Says of each material whether some of its triangles have colours.
+/// Sets, for each material, whether some of its triangles have vertex colours.
 fn mark_colored(geometry: &Geometry, materials: &mut [Material]) {
     if geometry.colors.is_empty() {
         return;
@@ -154,7 +153,7 @@ fn mark_colored(geometry: &Geometry, materials: &mut [Material]) {
     }
 }
 
-/// Takes normal maps away from materials none of whose triangles has tangents.
+/// Removes normal maps from materials none of whose triangles has tangents.
 fn keep_normal_maps(geometry: &Geometry, materials: &mut [Material]) {
     let mut kept = vec![false; materials.len()];
     if !geometry.tangents.is_empty() {
@@ -171,13 +170,13 @@ fn keep_normal_maps(geometry: &Geometry, materials: &mut [Material]) {
     }
 }
 
-/// The colours of a material that are display values.
+/// The colours of a material that are stored as display values.
 fn colors(material: &mut Material) -> [&mut Vec4; 4] {
     let Material { diffuse, ambient, specular, emission, .. } = material;
     [diffuse, ambient, specular, emission]
 }
 
-/// Keeps the colours of a material within [`BRIGHTEST`]; whether they were.
+/// Clamps the colours of a material to [`BRIGHTEST`]; returns whether they were within it.
 fn bounded(material: &mut Material) -> bool {
     let mut bounded = true;
     for color in colors(material).into_iter().filter(|color| !in_range(color.truncate())) {
@@ -187,14 +186,14 @@ fn bounded(material: &mut Material) -> bool {
     bounded
 }
 
-/// Makes the colours of a material those of a space.
+/// Converts the colours of a material from display values to a colour space.
 fn to_space(material: &mut Material, space: ColorSpace) {
     colors(material).into_iter().for_each(|color| *color = space.of_display(*color));
 }
 
-/// Which file an object is of, for messages.
+/// The file that each object comes from, for messages.
 struct FilesOfObjects {
-    /// The first object that is not of the file any more, and the file.
+    /// By file: the index after its last object, and its path.
     ends: Vec<(usize, PathBuf)>,
     whole: PathBuf,
 }
@@ -222,7 +221,7 @@ impl FilesOfObjects {
         self.ends.get(index).map_or(&self.whole, |(_, file)| file)
     }
 
-    /// The only file, or the word "scene".
+    /// The path of the only file, or the word "scene".
     fn whole_scene(&self) -> &Path {
         &self.whole
     }

@@ -1,4 +1,4 @@
-//! Vertex normals of a mesh: made unit length, and computed where they are missing or useless.
+//! Vertex normals of a mesh: normalised, and computed if they are missing or have no direction.
 
 use super::super::Mesh;
 use super::super::parallel::concatenate;
@@ -6,17 +6,17 @@ use glam::{DVec3, Vec3};
 use rayon::prelude::*;
 use std::sync::atomic::{AtomicU32, AtomicU64, Ordering};
 
-/// Vertices that one task computes.
+/// Number of vertices that one task computes.
 const BLOCK: usize = 1 << 14;
-/// Faces that a task looks at, at least.
+/// Least number of faces per task.
 const GRAIN: usize = 1 << 12;
 
-/// Cosine of the crease angle, 60 degrees: faces that meet at an edge with a larger angle between their normals are not
-/// smoothed into each other. Boxes stay flat so, whether or not their file shares the corners, and round things smooth.
+/// Cosine of the crease angle, 60 degrees: faces that meet at an edge with a larger angle between their normals are not smoothed
+/// into each other. So boxes stay flat, whether or not their file shares the corners, and round shapes become smooth.
 const CREASE_COSINE: f64 = 0.5;
 
-/// Gives the mesh one unit normal a vertex, in model space. Computed normals split the vertices on creases. Returns how many of those in the file had no direction
-/// and were replaced by computed ones.
+/// Gives each vertex of the mesh a unit normal, in model space. Computed normals split the vertices on creases. Returns the number
+/// of normals of the file that had no direction and were replaced by computed ones.
 pub(super) fn ensure(mesh: &mut Mesh) -> u64 {
     if mesh.normals.len() != mesh.positions.len() {
         let Smooth { normals, splits } = smooth(mesh, true);
@@ -37,7 +37,7 @@ pub(super) fn ensure(mesh: &mut Mesh) -> u64 {
     replaced as u64
 }
 
-/// The unit vector of that direction; zero if it has none. Never overflows: the vector is scaled first.
+/// The normalised vector; zero if it has no direction. The vector is scaled first, so it never overflows.
 pub(super) fn unit(vector: Vec3) -> Vec3 {
     let scaled = vector / vector.abs().max_element();
     if scaled.is_finite() { scaled.normalize_or_zero() } else { Vec3::ZERO }
@@ -45,23 +45,23 @@ pub(super) fn unit(vector: Vec3) -> Vec3 {
 
 /// Normals computed from faces.
 struct Smooth {
-    /// By vertex: the normal, or that of the first part where it is to be split.
+    /// The normal of each vertex; if the vertex is split, the normal of its first part.
     normals: Vec<Vec3>,
-    /// The corners that become other vertices, by vertex.
+    /// The other parts of split vertices, sorted by vertex.
     splits: Vec<Split>,
 }
 
-/// Corners of one vertex that lie beyond a crease from its first ones.
+/// Corners at a vertex that a crease separates from its first corners.
 struct Split {
     vertex: u32,
     normal: Vec3,
-    /// Face times 3 plus place in the face; faces are counted through all groups.
+    /// Corners as `3 * face + place in the face`; faces are counted through all groups.
     corners: Vec<u64>,
 }
 
-/// Face normals averaged at each vertex with the corner's angle as weight. Where they cancel, the first face's normal;
-/// where there is none, +z. With `creases`, only faces are averaged that are connected around the vertex by edges below
-/// the crease angle. Each vertex's sum is formed in the order of the triangles, whatever the number of threads.
+/// Averages face normals at each vertex, weighted by the corner's angle. Where they cancel, it takes the first face's normal;
+/// without faces, +z. With `creases` only faces are averaged that are connected around the vertex by edges below the crease angle.
+/// Sums are formed in the order of the triangles, whatever the number of threads.
 fn smooth(mesh: &Mesh, creases: bool) -> Smooth {
     let lists: Vec<&[[u32; 3]]> = mesh.groups.iter().map(|group| &group.triangles[..]).collect();
     let copied;
@@ -99,15 +99,15 @@ fn smooth(mesh: &Mesh, creases: bool) -> Smooth {
     Smooth { normals, splits: splits.into_iter().flatten().collect() }
 }
 
-/// The corners of each vertex.
+/// The corners around each vertex.
 struct Around {
-    /// Where those of each vertex begin in the list, and the end of the last.
+    /// First index of each vertex's corners in the list; the last entry is the end.
     starts: Vec<u64>,
     corners: Vec<AtomicU64>,
 }
 
 impl Around {
-    /// Indices beyond the vertices are left out.
+    /// Lists the corners of all faces; indices beyond the vertices are skipped.
     fn new(faces: &[[u32; 3]], vertices: usize) -> Self {
         let mut left: Vec<AtomicU32> = Vec::new();
         left.par_extend((0..vertices).into_par_iter().map(|_| AtomicU32::new(0)));
@@ -136,7 +136,7 @@ impl Around {
         Self { starts, corners }
     }
 
-    /// Those of a vertex in ascending order: threads have put them down in any.
+    /// Fills `list` with the corners of a vertex in ascending order; threads stored them in any order.
     fn corners(&self, vertex: usize, list: &mut Vec<u64>) {
         let range = self.starts[vertex] as usize..self.starts[vertex + 1] as usize;
         list.clear();
@@ -145,7 +145,7 @@ impl Around {
     }
 }
 
-/// Gives each part beyond a crease a vertex of its own, as long as vertices can be counted.
+/// Gives each part beyond a crease a vertex of its own, as long as the number of vertices fits an index.
 fn split(mesh: &mut Mesh, splits: &[Split]) {
     if splits.is_empty() || mesh.positions.len() + splits.len() >= u32::MAX as usize {
         return;
@@ -183,35 +183,35 @@ fn split(mesh: &mut Mesh, splits: &[Split]) {
     }
 }
 
-/// One corner of a face with an area.
+/// A corner of a face that has an area.
 struct FanCorner {
     corner: u64,
     /// Unit normal of the face.
     normal: DVec3,
     /// Angle of the face here, radians.
     angle: f64,
-    /// An earlier corner (or itself) of the same part; a union-find forest.
+    /// Parent in the union-find forest: an earlier corner of the same part, or itself.
     parent: usize,
 }
 
 /// Corners that edges below the crease angle connect.
 struct FanPart {
-    /// The first of them.
+    /// Its first corner.
     root: usize,
     normal: Vec3,
 }
 
-/// The faces around a vertex. It serves one vertex after the other, so that its lists are made once.
+/// The faces around a vertex. It is reused for many vertices, to keep its lists allocated.
 #[derive(Default)]
 struct Fan {
     corners: Vec<FanCorner>,
     parts: Vec<FanPart>,
-    /// The vertex at the edge's other end, and a corner whose face has the edge.
+    /// Edges of the fan: the vertex at the other end, and a corner whose face has the edge.
     edges: Vec<(u32, usize)>,
 }
 
 impl Fan {
-    /// All in one part.
+    /// Collects the corners, all in one part.
     fn gather(&mut self, positions: &[Vec3], faces: &[[u32; 3]], corners: &[u64]) {
         self.corners.clear();
         for corner in corners {
@@ -226,7 +226,7 @@ impl Fan {
         }
     }
 
-    /// One part for each set of faces that edges below the crease angle connect.
+    /// Divides the corners into parts: faces connected by edges below the crease angle are in one.
     fn unite_across_edges(&mut self, faces: &[[u32; 3]]) {
         self.edges.clear();
         for (index, corner) in self.corners.iter_mut().enumerate() {
@@ -244,20 +244,20 @@ impl Fan {
                 self.corners[late].parent = early;
             }
         }
-        // Parents come first, so that one pass leads every corner to its root.
+        // A parent precedes its children, so one pass leads every corner to its root.
         for index in 0..self.corners.len() {
             self.corners[index].parent = self.corners[self.corners[index].parent].parent;
         }
     }
 
-    /// One part for each root, in the order of their first corners.
+    /// Sums the weighted normals of each part, in the order of the parts' first corners.
     fn unite_parts(&mut self) {
         self.parts.clear();
         for corner in &self.corners {
             let weighted = (corner.normal * corner.angle).as_vec3();
             match self.parts.binary_search_by_key(&corner.parent, |part| part.root) {
                 Ok(part) => self.parts[part].normal += weighted,
-                // Roots come before their corners, hence in ascending order.
+                // Roots precede their other corners, hence appear in ascending order.
                 Err(end) => self.parts.insert(end, FanPart { root: corner.parent, normal: weighted }),
             }
         }
@@ -272,10 +272,10 @@ impl Fan {
     }
 }
 
-/// The corner that stands for the part of another.
+/// The root of a corner in the union-find forest.
 fn root(corners: &mut [FanCorner], mut index: usize) -> usize {
     while corners[index].parent != index {
-        // Halving the path keeps large fans fast.
+        // Path halving keeps large fans fast.
         corners[index].parent = corners[corners[index].parent].parent;
         index = corners[index].parent;
     }

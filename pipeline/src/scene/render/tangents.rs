@@ -1,5 +1,5 @@
-//! Tangents of meshes with normal maps: those of the file, or else computed from positions, normals and texture coordinates by MikkTSpace
-//! (Mikkelsen, "Simulation of Wrinkled Surfaces Revisited", 2008), by which normal maps are made.
+//! Tangents of meshes with normal maps: those of the file, or else computed from positions, normals and texture coordinates by
+//! MikkTSpace (Mikkelsen, "Simulation of Wrinkled Surfaces Revisited", 2008), the method that programs bake normal maps with.
 
 use super::super::Mesh;
 use super::normals::unit;
@@ -9,23 +9,23 @@ use glam::{Vec3, Vec4};
 use rayon::prelude::*;
 use std::collections::HashMap;
 
-/// Most corners of triangles that may be one vertex in position, normal and texture coordinates: the crate recurses around vertices, and
-/// compares all triangles there with each other.
+/// Most triangle corners that may share position, normal and texture coordinates: the crate recurses around a vertex and compares
+/// all its triangles with each other.
 const MOST_CORNERS: u32 = 1024;
 
-/// Bytes that a triangle takes while tangents are computed: what the crate and [`Faces`] hold, from above.
+/// Upper bound of the memory per triangle while tangents are computed, in the crate and in [`Faces`], bytes.
 pub(super) const BYTES_PER_TRIANGLE: u64 = 1024;
 
-/// Vertices that were left without a tangent.
+/// Number of vertices without a tangent, by reason.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub(super) struct Bare {
-    /// Because that of the file has no direction, or is not finite.
+    /// The file's tangent has no direction or is not finite.
     pub of_file: u64,
-    /// Because more than [`MOST_CORNERS`] corners of triangles are one vertex.
+    /// More than [`MOST_CORNERS`] triangle corners share the vertex.
     pub crowded: u64,
 }
 
-/// Whether a mesh has triangles with a normal map, by material, and so needs tangents.
+/// Whether a mesh needs tangents: whether some of its triangles have a material with a normal map.
 pub(super) fn is_mapped(mesh: &Mesh, mapped: &[bool]) -> bool {
     mesh.groups.iter().any(|group| is_group_mapped(group.material, mapped) && !group.triangles.is_empty())
 }
@@ -34,8 +34,9 @@ fn is_group_mapped(material: u32, mapped: &[bool]) -> bool {
     mapped.get(material as usize) == Some(&true)
 }
 
-/// Gives the mesh a tangent a vertex: a unit vector, and 1 or -1 as in [`Mesh::tangents`], or 0 where there is none. It has unit normals
-/// and finite texture coordinates. Computed tangents split the vertices where they differ: along the seams of mirrored textures.
+/// Gives each vertex of the mesh a tangent: a unit vector and a sign of 1 or -1 as in [`Mesh::tangents`], or 0 where there is none.
+/// The mesh must have unit normals and finite texture coordinates. Computed tangents split vertices where they differ, such as
+/// along the seams of mirrored textures.
 ///
 /// # Errors
 /// If the crate fails.
@@ -67,15 +68,15 @@ pub(super) fn ensure(mesh: &mut Mesh, mapped: &[bool]) -> Result<Bare, String> {
 /// The triangles of a mesh whose tangents are computed.
 struct Faces<'a> {
     mesh: &'a Mesh,
-    /// Group and number in it.
+    /// Each triangle as group and index within the group.
     places: Vec<(u32, u32)>,
-    /// What was computed, by corner.
+    /// Computed tangents, by triangle and corner.
     tangents: Vec<[Vec4; 3]>,
 }
 
 impl Faces<'_> {
-    /// Finds the triangles of mapped materials that have an area and finite corners; returns how many vertices are too crowded, whose
-    /// triangles are left out.
+    /// Collects the triangles of mapped materials that have finite, distinct corners. Triangles at vertices with too many corners
+    /// are left out; returns the number of such vertices.
     fn collect(&mut self, mapped: &[bool]) -> u64 {
         let mesh = self.mesh;
         for (number, group) in
@@ -112,7 +113,7 @@ fn triangle_at(mesh: &Mesh, (group, triangle): (u32, u32)) -> [u32; 3] {
     mesh.groups[group as usize].triangles[triangle as usize]
 }
 
-/// What makes two vertices one.
+/// Position, normal and texture coordinates of a vertex as bits: vertices that agree in them are the same to MikkTSpace.
 fn contents(mesh: &Mesh, vertex: u32) -> [u32; 8] {
     let vertex = vertex as usize;
     let ([x, y, z], [nx, ny, nz], [u, v]) =
@@ -149,7 +150,8 @@ impl Geometry for Faces<'_> {
     }
 }
 
-/// Gives each vertex the tangent of its first corner, and corners with another one a vertex of their own, as long as vertices can be counted.
+/// Gives each vertex the tangent of its first corner. Corners with another tangent get a vertex of their own, as long as the number
+/// of vertices fits an index.
 fn split(mesh: &mut Mesh, places: &[(u32, u32)], tangents: &[[Vec4; 3]]) {
     let first = mesh.positions.len();
     let mut known = vec![false; first];
@@ -175,7 +177,7 @@ fn split(mesh: &mut Mesh, places: &[(u32, u32)], tangents: &[[Vec4; 3]]) {
     }
 }
 
-/// Appends a copy of a vertex but for its tangent.
+/// Appends a copy of a vertex, without its tangent.
 fn copy_vertex(mesh: &mut Mesh, index: usize) {
     mesh.positions.push(mesh.positions[index]);
     mesh.normals.push(mesh.normals[index]);

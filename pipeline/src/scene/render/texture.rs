@@ -14,14 +14,14 @@ use rayon::prelude::*;
 use std::io::{BufRead, BufReader, Cursor, Seek};
 use std::path::Path;
 
-/// The longest side of a texture, texels.
+/// Longest side of a texture, texels.
 const MAX_SIDE: u32 = 16_384;
 
-/// What becomes of a surface whose normal map cannot be had.
+/// Remedy in warnings about a missing normal map.
 pub(in crate::scene) const NO_NORMAL_MAP: &str = "the normals of the vertices serve";
 
-/// Decodes the textures that materials refer to, and makes the references count the decoded ones. A texture that
-/// cannot be decoded is counted as a warning and dropped from its materials.
+/// Decodes the textures that materials use, and renumbers the references to them. A texture that cannot be decoded is counted as a
+/// warning and removed from its materials.
 pub(super) fn decode_used(
     materials: &mut [Material],
     sources: &[TextureSource],
@@ -35,7 +35,7 @@ pub(super) fn decode_used(
         used[texture as usize] = true;
     }
     let cut_out = cut_out(materials, sources.len());
-    // The headers first: what all of them need is known before anything is decoded.
+    // Headers are read first, so that the memory for all textures is known before any is decoded.
     let costs: Vec<Option<Result<Cost, String>>> =
         sources.par_iter().zip(used).map(|(source, used)| used.then(|| cost(source))).collect();
     let mut working = Vec::new();
@@ -46,7 +46,7 @@ pub(super) fn decode_used(
             working.push((cost.working, source));
         }
     }
-    // As many are decoded at a time as there are threads; in the worst case those that need most.
+    // One texture per thread is decoded at a time; the worst case is that of the largest.
     working.sort_by_key(|(bytes, _)| std::cmp::Reverse(*bytes));
     working.truncate(rayon::current_num_threads());
     let mut booked = 0;
@@ -61,7 +61,7 @@ pub(super) fn decode_used(
         .with_max_len(1)
         .map(|(source, cost)| cost.map(|cost| cost.map_err(Fault::Broken).and_then(|_| decode(source))))
         .collect();
-    // All threads make the smaller levels of one texture after the other: the larger ones end no later than the others.
+    // The mip levels are made of one texture after the other, each with all threads, so that the large ones do not finish last.
     let named = sources.iter().map(TextureSource::name);
     let decoded = decoded.into_iter().zip(named).zip(cut_out).zip(sources).map(|(((base, name), cut_out), source)| {
         let space = if source.is_data() { ColorSpace::Report } else { space };
@@ -91,21 +91,21 @@ pub(super) fn decode_used(
     for material in materials {
         let lost = material.emission_texture.is_some_and(|texture| new_index[texture as usize].is_none());
         if lost {
-            // The factor alone would make all of the surface shine.
+            // Without its texture the factor alone would make the whole surface emit.
             material.emission = Material::default().emission;
         }
         for texture in material.textures_mut() {
             *texture = texture.and_then(|texture| new_index[texture as usize]);
         }
         if material.texture.is_none() && !material.vertex_colors {
-            // Without an alpha there is nothing to cut by.
+            // Without the texture's alpha nothing can be cut.
             material.alpha_cutoff = None;
         }
     }
     Ok(textures)
 }
 
-/// An image file as a texture that is read as stored and repeats, in at most `most` bytes.
+/// Decodes an image file of at most `most` bytes in memory as a texture that is read as stored and repeats.
 pub(crate) fn image_file(path: &Path, most: u64) -> Result<Texture, SceneError> {
     let source = TextureSource::File(path.to_owned());
     let broken = |why: String| SceneError::file(path, why);
@@ -115,16 +115,16 @@ pub(crate) fn image_file(path: &Path, most: u64) -> Result<Texture, SceneError> 
     Ok(Texture::build(source.name(), base, false, ColorSpace::Report))
 }
 
-/// What a texture takes.
+/// Memory for a texture.
 #[derive(Debug, Clone, Copy, Default)]
 struct Cost {
-    /// Texels of level 0.
+    /// Number of texels of level 0.
     texels: u64,
-    /// Bytes that are needed besides them while it is decoded.
+    /// Further bytes that are needed while it is decoded.
     working: u64,
 }
 
-/// From the headers alone.
+/// Determines the cost from the headers alone.
 fn cost(source: &TextureSource) -> Result<Cost, String> {
     match source {
         TextureSource::File(path) => cost_of_file(path),
@@ -148,9 +148,9 @@ fn length(path: &Path) -> u64 {
     std::fs::metadata(path).map_or(0, |metadata| metadata.len())
 }
 
-/// Forms of more than four bytes are decoded as they are and narrowed in place. Besides, a decoder keeps the file and, if it
-/// is progressive, a coefficient of 2 bytes for each value (JPEG), or a whole picture (TIFF of one strip, WebP); the others keep
-/// rows and tables, for which 1 MiB is counted.
+/// Pixel formats of more than four bytes are decoded as they are and narrowed in place. In addition a decoder keeps the file's
+/// bytes and, for progressive JPEG, a coefficient of 2 bytes for each value, or, for WebP and TIFF of one strip, a whole picture.
+/// Other decoders keep rows and tables; 1 MiB is counted for them.
 fn cost_of((decoder, format): (impl ImageDecoder, ImageFormat), file: u64) -> Result<Cost, String> {
     let (width, height) = within_limits(decoder.dimensions())?;
     let (texels, stored) = (u64::from(width) * u64::from(height), decoder.total_bytes());
@@ -170,7 +170,7 @@ fn within_limits((width, height): (u32, u32)) -> Result<(u32, u32), String> {
     Ok((width, height))
 }
 
-/// By texture: whether a material has holes where it has little alpha.
+/// By texture: whether some material cuts it out by its alpha.
 fn cut_out(materials: &[Material], textures: usize) -> Vec<bool> {
     let mut cut_out = vec![false; textures];
     for material in materials {
@@ -181,11 +181,12 @@ fn cut_out(materials: &[Material], textures: usize) -> Vec<bool> {
     cut_out
 }
 
-/// Decodes on one thread: a decoder's state never waits on a stack for other threads, which may bring more decoders.
+/// Decodes on the calling thread: a decoder whose state waited for other threads could let that thread start further decoders
+/// meanwhile.
 fn decode(source: &TextureSource) -> Result<Level, Fault> {
     let image = pixels(source)?;
     let (width, height) = image.dimensions();
-    // Four bytes a texel either way; the copy is only made where the decoder's list has room left over.
+    // Both types have four bytes a texel; the copy is made only if the decoder's list has spare capacity.
     let texels = bytemuck::try_cast_vec(image.into_raw()).unwrap_or_else(|(_, bytes)| bytes.as_chunks().0.to_vec());
     Ok(Level { width, height, texels })
 }
@@ -207,8 +208,8 @@ fn pixels(source: &TextureSource) -> Result<RgbaImage, Fault> {
     }
 }
 
-/// Puts the mask in the image's alpha: its own alpha where it is transparent anywhere, its red channel otherwise. Masks
-/// of another size are read at the nearest texel.
+/// Stores a mask in the image's alpha: the mask's alpha channel if it is transparent anywhere, otherwise its red channel. Masks of
+/// another size are read at the nearest texel.
 fn mask_alpha(image: &mut RgbaImage, mask: &RgbaImage) {
     let channel = if mask.pixels().any(|pixel| pixel.0[3] < u8::MAX) { 3 } else { 0 };
     let (width, height) = image.dimensions();
@@ -226,7 +227,7 @@ fn open(path: &Path) -> Result<BufReader<files::Input>, String> {
     files::open(path).map(BufReader::new).map_err(|error| error.to_string())
 }
 
-/// A decoder with limits, for the format that the first bytes tell, or else (TGA has no signature) the extension.
+/// A decoder with limits. The first bytes determine the format, or else (TGA has no signature) the extension.
 fn decoder<'a, R: BufRead + Seek + 'a>(
     bytes: R,
     path: Option<&Path>,
@@ -234,7 +235,7 @@ fn decoder<'a, R: BufRead + Seek + 'a>(
     decoder_and_format(bytes, path).map(|(decoder, _)| decoder)
 }
 
-/// [`decoder`], and the format.
+/// Like [`decoder`], and also returns the format.
 fn decoder_and_format<'a, R: BufRead + Seek + 'a>(
     bytes: R,
     path: Option<&Path>,
@@ -251,15 +252,15 @@ fn decoder_and_format<'a, R: BufRead + Seek + 'a>(
     Ok((guard::call("image", || reader.into_decoder())?.map_err(|error| error.to_string())?, format))
 }
 
-/// What a decoder may allocate by itself: 16 bytes a texel (the widest format), and some for its tables. The sides are
-/// checked by [`within_limits`], which can say so better.
+/// Limit of a decoder's own allocations: 16 bytes a texel (the widest format) plus 64 MiB for its tables. [`within_limits`] checks
+/// the sides, with a better message.
 fn limits(texels: u64) -> image::Limits {
     let mut limits = image::Limits::no_limits();
     limits.max_alloc = Some((64 << 20) + 16 * texels);
     limits
 }
 
-/// All pixels as 8-bit RGBA; 16-bit and floating-point channels are reduced.
+/// Reads all pixels as 8-bit RGBA; 16-bit and floating-point channels are reduced.
 fn read<'a, R: BufRead + Seek + 'a>(bytes: R, path: Option<&Path>) -> Result<RgbaImage, Fault> {
     let mut decoder = decoder(bytes, path)?;
     let (width, height) = within_limits(decoder.dimensions())?;
@@ -270,8 +271,7 @@ fn read<'a, R: BufRead + Seek + 'a>(bytes: R, path: Option<&Path>) -> Result<Rgb
         .ok_or_else(|| Fault::Broken("the decoder made another number of texels".to_owned()))
 }
 
-/// The bytes and the extension of a file that holds the texture: an embedded image as it is, two files put together
-/// as a PNG.
+/// The encoded bytes and the extension for a file that holds the texture: an embedded image unchanged, two combined files as a PNG.
 pub(in crate::scene) fn encoded(source: &TextureSource) -> Result<(Vec<u8>, &'static str), String> {
     if let TextureSource::Embedded { bytes, .. } = source.texels().0 {
         let format = guard::call("image", || image::guess_format(bytes))?.map_err(|error| error.to_string())?;
@@ -285,12 +285,12 @@ pub(in crate::scene) fn encoded(source: &TextureSource) -> Result<(Vec<u8>, &'st
     Ok((png.into_inner(), "png"))
 }
 
-/// Whether an image file has an alpha channel, from its header alone; `false` where it cannot be read.
+/// Whether an image file has an alpha channel, by its header; `false` if it cannot be read.
 pub(in crate::scene) fn image_has_alpha(path: &Path) -> bool {
     open(path).and_then(|bytes| decoder(bytes, Some(path))).is_ok_and(|decoder| decoder.color_type().has_alpha())
 }
 
-/// Whether an image file has an alpha channel and a texel below that alpha; `None` where it cannot be read.
+/// Whether an image file has a texel with alpha below `cutoff`; `None` if it cannot be read.
 pub(in crate::scene) fn is_cut_out(path: &Path, cutoff: f32, budget: &mut Budget) -> Result<Option<bool>, SceneError> {
     let Ok(header) = open(path).and_then(|bytes| decoder(bytes, Some(path))) else { return Ok(None) };
     if !header.color_type().has_alpha() {

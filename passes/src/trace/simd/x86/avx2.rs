@@ -6,7 +6,8 @@ use crate::trace::simd::vector::{F8, F16, Kernel, Mask, Simd, gather_each};
 use glam::DVec3;
 use std::arch::x86_64::*;
 
-/// AVX2, FMA and bit manipulation. Exists only where the processor has them: [`Self::detect`] is the one way to make it.
+/// AVX2, FMA and bit manipulation. A value exists only where the processor has them: [`Self::detect`] is the only way
+/// to make one.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) struct Avx2(());
 
@@ -73,7 +74,7 @@ impl Simd for Avx2 {
         let mut compressed = [0; 8];
         // SAFETY: AVX2 and BMI2 are present, since `self` exists; eight numbers are 32 bytes.
         unsafe {
-            // The numbers of the lanes of the mask, a byte each.
+            // Indices of the lanes in the mask, one byte each.
             let chosen = _pdep_u64(mask.into(), 0x0101_0101_0101_0101).wrapping_mul(0xff);
             let lanes = _pext_u64(0x0706_0504_0302_0100, chosen);
             let lanes = _mm256_cvtepu8_epi32(_mm_cvtsi64_si128(lanes as i64));

@@ -7,7 +7,8 @@ use crate::trace::simd::vector::{F8, F16, Kernel, Mask, Simd, gather_each};
 use glam::DVec3;
 use std::arch::x86_64::*;
 
-/// AVX-512 F, VL, BW and DQ besides. Exists only where the processor has them: [`Self::detect`] is the one way to make it.
+/// AVX-512 F, VL, BW and DQ, in addition to AVX2. A value exists only where the processor has them: [`Self::detect`] is the only way to
+/// make one.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) struct Avx512(());
 
@@ -197,7 +198,7 @@ impl Simd for Avx512 {
             let [a, b, c, d] = [load(0), load(1), load(2), load(3)];
             let low = [_mm512_unpacklo_ps(a, b), _mm512_unpacklo_ps(c, d)];
             let high = [_mm512_unpackhi_ps(a, b), _mm512_unpackhi_ps(c, d)];
-            // Four of a column of the rows each.
+            // Collects the same column of four rows.
             let by_row = _mm512_setr_epi32(0, 4, 8, 12, 1, 5, 9, 13, 2, 6, 10, 14, 3, 7, 11, 15);
             [
                 _mm512_permutexvar_ps(by_row, _mm512_shuffle_ps::<0b01_00_01_00>(low[0], low[1])),

@@ -1,27 +1,27 @@
-//! What AVX2 and AVX-512 spell alike.
+//! Operations that are written alike for AVX2 and AVX-512.
 #![allow(unsafe_code, reason = "a load whose caller promises the place")]
 
 use crate::trace::simd::vector::F16;
 use std::arch::x86_64::*;
 
-/// How many of some values four numbers can be read from.
+/// Number of values, from the front, from whose start four numbers can be read within the slice.
 pub(super) const fn readable<const N: usize, const K: usize>(values: &[[f32; N]]) -> usize {
     const { assert!(N >= 3, "else the last values are too near the end") };
     const { assert!(K <= N && K <= 4, "four numbers of a value are read") };
     values.len().saturating_sub(if N == 3 { 1 } else { 0 })
 }
 
-/// The four numbers from a value on.
+/// Four numbers from the start of a value.
 ///
 /// # Safety
-/// They lie in `values`.
+/// The four numbers must lie in `values`.
 #[inline(always)]
 pub(super) unsafe fn four<const N: usize>(values: &[[f32; N]], index: u32) -> __m128 {
     // SAFETY: as promised; SSE is part of x86-64.
     unsafe { _mm_loadu_ps(values.as_ptr().add(index as usize).cast()) }
 }
 
-/// The first of four columns.
+/// The first `K` of four columns.
 #[inline(always)]
 pub(super) fn first<const K: usize>(columns: [F16; 4]) -> [F16; K] {
     let mut wanted = [F16::ZERO; K];
@@ -29,7 +29,7 @@ pub(super) fn first<const K: usize>(columns: [F16; 4]) -> [F16; K] {
     wanted
 }
 
-/// The operations that both instruction sets spell alike.
+/// The operations that are written alike for both instruction sets.
 macro_rules! common {
     () => {
         #[inline(always)]

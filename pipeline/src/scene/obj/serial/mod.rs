@@ -1,5 +1,4 @@
-//! The reader before this one, which reads a file from its first byte to its last through `tobj`: what [`super::read`]
-//! must find, bit by bit.
+//! The earlier, sequential reader, built on `tobj`. [`super::read`] must produce the same scene, bit for bit.
 
 mod sanitise;
 
@@ -32,7 +31,7 @@ pub(in crate::scene) fn read(bytes: &[u8], max_run: usize, context: &mut Context
     let mut joiner = Joiner { scene: &mut scene, pieces: HashMap::new() };
     let mut material_index = vec![None; materials.list.len()];
     for model in models {
-        // Before the first face there is an empty model without a number.
+        // The model before the first face is empty and has no number.
         let Some(run) = model.name.parse::<usize>().ok().and_then(|number| runs.get(number)) else { continue };
         let slot = &mut material_index[run.material as usize];
         let material = *slot.get_or_insert_with(|| {
@@ -47,15 +46,15 @@ pub(in crate::scene) fn read(bytes: &[u8], max_run: usize, context: &mut Context
     Ok(scene)
 }
 
-/// A vertex's contents, for finding equal ones.
+/// All components of a vertex as bits, to find equal vertices.
 type Key = [u32; 11];
 
-/// The mesh that an object's faces with one set of attributes come together in.
+/// The mesh that collects an object's faces with one set of attributes.
 struct Piece {
     mesh: usize,
-    /// Filled when a second run is added: most objects have only one.
+    /// Filled when a second run is added; most objects have only one.
     vertices: HashMap<Key, u32>,
-    /// By material: the group of the mesh.
+    /// Index of the mesh's group for each material.
     groups: HashMap<u32, usize>,
 }
 
@@ -113,8 +112,8 @@ impl Joiner<'_> {
 }
 
 impl Piece {
-    /// Appends the vertices that `target` does not hold from earlier runs, and returns where each of them is now. Those
-    /// of one run stay as they are: where the file lists equal ones, it wants them apart.
+    /// Appends the vertices that `target` does not yet hold from earlier runs, and returns the index of each vertex. Equal vertices
+    /// of one run are not shared: where a file lists a vertex twice, the two are meant to be separate.
     fn share_vertices(&mut self, target: &mut Mesh, added: Mesh) -> Vec<u32> {
         if self.vertices.is_empty() {
             for vertex in 0..target.positions.len() {

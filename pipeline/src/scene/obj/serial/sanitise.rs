@@ -1,8 +1,8 @@
-//! OBJ text made plain enough that `tobj` cannot refuse it.
+//! Conversion of OBJ text to a plain form that `tobj` accepts.
 //!
-//! `tobj` gives up on a whole file for one bad number or index. This pass reads each statement first, counts and leaves
-//! out what cannot be used, and hands on only finite `v`, `vt` and `vn`, triangles with positive indices in range, and
-//! one `o` with a running number for every run of faces of one object, material and set of attributes.
+//! `tobj` rejects a whole file for one bad number or index. This filter reads each statement first, counts and drops what cannot be
+//! used, and passes on only finite `v`, `vt` and `vn`, triangles with positive indices in range, and one `o` with a running number
+//! for every run of faces with the same object, material and set of attributes.
 
 use super::super::super::Needs;
 use super::super::super::context::Context;
@@ -13,16 +13,16 @@ use glam::Vec3;
 use std::collections::{HashMap, HashSet};
 use std::io::{BufRead, Read, Write};
 
-/// Text produced at a time.
+/// Bytes of text produced at a time.
 const BLOCK: usize = 1 << 16;
-/// About what a triangle takes in `tobj` and here: its indices and, shared by neighbours, its vertices.
+/// Approximate memory of a triangle in `tobj` and here: its indices, and its share of vertices.
 const TRIANGLE_BYTES: u64 = 60;
-/// What a run takes in `tobj` and here besides: a model with its lists, a group.
+/// Additional memory of a run in `tobj` and here: a model with its lists, and a group.
 const RUN_BYTES: u64 = 512;
-/// A position, in `tobj` and here.
+/// Memory of a position in `tobj` and here.
 const POSITION_BYTES: u64 = 24;
 
-/// Faces of one object, material and set of attributes that follow each other.
+/// Consecutive faces with the same object, material and set of attributes.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub(super) struct Run {
     /// Index into [`Sanitiser::objects`].
@@ -59,7 +59,7 @@ impl Names {
     }
 }
 
-/// A reader of plain OBJ text, made from a file's bytes as it is read.
+/// A reader that yields plain OBJ text, made from a file's bytes on demand.
 pub(super) struct Sanitiser<'b, 'c, 'f> {
     lines: Lines<'b>,
     context: &'c mut Context<'f>,
@@ -72,19 +72,19 @@ pub(super) struct Sanitiser<'b, 'c, 'f> {
     object: u32,
     material: u32,
     run_length: usize,
-    /// Faces that `tobj` may hold at once.
+    /// Largest run of faces that is passed to `tobj` as one model.
     max_run: usize,
-    /// Whether some position has a colour behind it and colours are needed: then every one is handed on with one.
+    /// Whether colours are needed and some position has one; every position is then passed on with a colour.
     colored: bool,
     corners: Vec<Corner>,
     unbooked: u64,
     pub(super) runs: Vec<Run>,
     pub(super) objects: Names,
     pub(super) materials: Names,
-    /// The arguments of `mtllib` statements with their lines.
+    /// The arguments of `mtllib` statements, with their line numbers.
     pub(super) libraries: Vec<(u64, String)>,
     pub(super) warnings: Warnings,
-    /// Why reading stopped before the end.
+    /// Why reading stopped before the end, if it did.
     pub(super) failure: Option<SceneError>,
 }
 
@@ -139,7 +139,7 @@ impl<'b, 'c, 'f> Sanitiser<'b, 'c, 'f> {
             b"v" => self.position(line, rest),
             b"vt" => {
                 if self.needs().textures {
-                    // A texture coordinate may have one number only.
+                    // A texture coordinate may consist of one number only.
                     let usable = are_finite(rest, 1);
                     if !usable {
                         self.warn(line, "texture coordinates that are not finite numbers", "0 serves", || text(rest));
@@ -171,7 +171,7 @@ impl<'b, 'c, 'f> Sanitiser<'b, 'c, 'f> {
                 self.material = self.materials.index_of(name);
             }
             b"mtllib" => self.libraries.push((line, text(rest))),
-            // Smoothing groups and rendering attributes say nothing that is used.
+            // Smoothing groups and rendering attributes have no effect here.
             b"s" | b"vp" | b"mg" | b"lod" | b"usemap" | b"maplib" | b"shadow_obj" | b"trace_obj" | b"bevel"
             | b"c_interp" | b"d_interp" => {}
             b"l" | b"p" => self.warn(line, "lines and points", "left out", String::new),
@@ -179,7 +179,7 @@ impl<'b, 'c, 'f> Sanitiser<'b, 'c, 'f> {
             | b"scrv" | b"sp" | b"end" | b"con" | b"ctech" | b"stech" => {
                 self.warn(line, "free-form curves and surfaces", "left out", || text(keyword));
             }
-            // Not quoted: the file may be of another kind, which its name hides.
+            // The statement is not quoted: the file may be of another kind, with private contents.
             _ => self.warn(line, "unknown statements", "ignored", String::new),
         }
     }
@@ -202,7 +202,7 @@ impl<'b, 'c, 'f> Sanitiser<'b, 'c, 'f> {
         self.unbooked += POSITION_BYTES;
     }
 
-    /// The first `count` words, as written, with zeros for those that are missing.
+    /// Writes the first `count` words as they are, with zeros for missing ones.
     fn emit_numbers(&mut self, keyword: &[u8], rest: &[u8], count: usize) {
         self.out.extend_from_slice(keyword);
         for word in words(rest).chain(std::iter::repeat(&b"0"[..])).take(count) {
@@ -262,7 +262,7 @@ impl<'b, 'c, 'f> Sanitiser<'b, 'c, 'f> {
         })
     }
 
-    /// Cuts a polygon into a fan of triangles, from its first corner, or from the one that points inwards.
+    /// Cuts a polygon into a triangle fan, from its first corner, or from its reflex corner if there is one.
     fn triangulate(&mut self, line: u64, corners: &[Corner]) {
         let mut apex = 0;
         if corners.len() > 3 {
@@ -312,11 +312,11 @@ impl<'b, 'c, 'f> Sanitiser<'b, 'c, 'f> {
         }
     }
 
-    /// How many corners of a polygon point inwards, and the first of them (0 without any).
+    /// The number of reflex corners of a polygon, and the index of the first of them (0 if there is none).
     fn inward_corners(&self, corners: &[Corner]) -> (usize, usize) {
         let at = |index: usize| self.positions[corners[index % corners.len()].position].as_dvec3();
         let origin = at(0);
-        // Twice the area, as a vector (Newell).
+        // Twice the area as a vector (Newell's method).
         let area = (1..corners.len() - 1)
             .map(|i| (at(i) - origin).cross(at(i + 1) - origin))
             .fold(glam::DVec3::ZERO, |sum, cross| sum + cross);
@@ -366,7 +366,7 @@ impl BufRead for Sanitiser<'_, '_, '_> {
     }
 }
 
-/// The three numbers behind a position, where there are as many and no more.
+/// The three numbers of a colour after a position; `None` unless exactly three numbers follow it.
 fn color_of(rest: &[u8]) -> Option<[f32; 3]> {
     let all: Vec<&[u8]> = words(rest).collect();
     let [_, _, _, red, green, blue] = all[..] else { return None };
