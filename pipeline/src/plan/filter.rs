@@ -6,7 +6,8 @@ use crate::memory::mebibytes;
 use crate::programs::FILTER_BYTES;
 use crate::project::PassKind;
 
-/// Most samples with which a filter can pay, as measured: of more, what rays leave of noise is less than what the filter blurs.
+/// Most samples with which a filter can pay at any radius, as measured: of more, what rays leave of noise is less than what the filter blurs, but for
+/// long radii.
 const FEW: u32 = 16;
 
 impl Plan {
@@ -75,7 +76,7 @@ impl Plan {
                 );
                 if self.samples_of(planned).is_some_and(|samples| samples > FEW) {
                     why += &format!(
-                        "; of more than {FEW} samples it blurs more than it mends: measure with `curitiba tune`"
+                        "; of more than {FEW} samples it pays at long radii alone: measure with `curitiba tune`"
                     );
                 }
                 decisions.push((what, true, why));
