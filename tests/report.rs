@@ -44,7 +44,7 @@ fn a_report_is_one_folder_whose_links_all_resolve_and_whose_page_works_in_a_brow
         for target in attributes(&html, name) {
             if let Some(id) = target.strip_prefix('#') {
                 assert!(html.contains(&format!(" id=\"{id}\"")), "#{id}");
-            } else if target.contains('/') || target.contains(".json") || target.contains(".csv") {
+            } else if target.contains('/') || [".json", ".csv", ".md"].iter().any(|end| target.ends_with(end)) {
                 assert!(folder.join(target).is_file(), "{target}");
                 linked.insert(target.to_owned());
             }
@@ -57,11 +57,13 @@ fn a_report_is_one_folder_whose_links_all_resolve_and_whose_page_works_in_a_brow
             assert!(linked.contains(&name), "{name} is shown");
         }
     }
-    for effect in ["shadows", "reflection", "refraction", "ao"] {
+    for effect in ["shadows", "soft-shadows", "reflection", "refraction", "ao"] {
         for role in ["raster", "rays", "reference", "raster-flip", "rays-flip"] {
             assert!(linked.contains(&format!("pictures/{effect}-{role}.png")), "{effect} {role}: {linked:?}");
         }
-        assert!(linked.contains(&format!("plots/{effect}-speed.svg")), "{effect}");
+        for plot in ["speed", "frames", "passes-1", "passes-2"] {
+            assert!(linked.contains(&format!("plots/{effect}-{plot}.svg")), "{effect} {plot}");
+        }
     }
 
     let json = std::fs::read_to_string(folder.join("data.json")).expect("the data");
@@ -76,6 +78,8 @@ fn a_report_is_one_folder_whose_links_all_resolve_and_whose_page_works_in_a_brow
     assert!(judged > 20, "{judged} rows have an error");
     let csv = std::fs::read_to_string(folder.join("data.csv")).expect("the table");
     assert_eq!(csv.lines().count(), rows.len() + 1);
+    let markdown = std::fs::read_to_string(folder.join("data.md")).expect("the table");
+    assert!(markdown.contains("| effect | view |") && linked.contains("data.md"));
 
     look_in_a_browser(&folder);
 }

@@ -65,6 +65,28 @@ fn the_project_written_keeps_the_error_that_was_asked_for() {
 }
 
 #[test]
+fn pictures_are_judged_as_a_whole_where_their_reference_is_kept() {
+    let place = tempfile::tempdir().expect("a folder");
+    let arguments = ["--time", "10s", "--of", "picture", "-o", "shadows.xml"];
+    let refused = tune(place.path(), "SceneShadows.xml", &arguments);
+    assert_eq!(refused.status.code(), Some(2), "{}", text(&refused.stderr));
+    let told = text(&refused.stderr);
+    assert!(told.contains("--of picture: ") && told.contains("curitiba reference "), "{told}");
+    let path = project("SceneShadows.xml");
+    let made = curitiba(place.path(), &["reference", path.to_str().expect("UTF-8"), "--size", "40x32"]);
+    assert!(made.status.success(), "{}", text(&made.stderr));
+    let tuned = tune(place.path(), "SceneShadows.xml", &arguments);
+    let (output, told) = (text(&tuned.stdout), text(&tuned.stderr));
+    assert!(tuned.status.success() && told.contains("whose own standard error is"), "{output}\n{told}");
+    // By the picture even rays have an error: that of edges with one sample.
+    let found = rows(&output);
+    assert!(found.len() > 5 && found.iter().all(|row| row.1 > 0.01), "{output}");
+    let effect = tune(place.path(), "SceneShadows.xml", &["--time", "10s", "-o", "other.xml"]);
+    let of_rays = rows(&text(&effect.stdout)).into_iter().find(|row| row.2.starts_with("deferredShadows"));
+    assert!(of_rays.is_some_and(|row| row.1 < 1e-3), "{}", text(&effect.stdout));
+}
+
+#[test]
 fn what_nothing_reaches_is_said_with_what_comes_nearest() {
     let place = tempfile::tempdir().expect("a folder");
     let made = tune(place.path(), "raster/SceneShadowMap.xml", &["--time", "0.001ms"]);

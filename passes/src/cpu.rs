@@ -1,6 +1,7 @@
 //! Ray programs on the processor: tiles of pixels over rayon's global pool.
 
 pub mod check;
+mod filter;
 
 use crate::effects::{
     AlphaTested, Area, Coverage, Opaque, Pass, Pixel, Preparation, TILE, Workspace, camera, combined, deferred_shadows,
@@ -8,6 +9,7 @@ use crate::effects::{
     dielectric::{Lenses, Media},
     reflection, refraction, ssao,
 };
+use crate::raster::effects::filter::Filter;
 use crate::sampling::HemisphereSampler;
 use crate::trace::{Bvh, DynTracer, Erased, Quality, SphereTree, Tracer, WithSpheres};
 use curitiba_pipeline::backend::{BackendError, BuildStats, RayBackend, RayCounts, RayJob, RayStats};
@@ -35,6 +37,8 @@ pub(crate) struct Structure {
 #[derive(Default)]
 pub struct CpuRays {
     built: Option<(Arc<RenderScene>, Structure)>,
+    /// Keeps its memory from frame to frame.
+    filter: Filter,
 }
 
 impl CpuRays {
@@ -79,6 +83,10 @@ impl RayBackend for CpuRays {
         true
     }
 
+    fn filters_shares(&self) -> bool {
+        true
+    }
+
     fn build(&mut self, scene: &Arc<RenderScene>, filtered: &[bool]) -> Result<BuildStats, BackendError> {
         self.build_until(scene, filtered, &Progress::default())
     }
@@ -115,10 +123,14 @@ impl RayBackend for CpuRays {
             output.pixels.copy_from_slice(job.color);
             return Ok(RayStats::default());
         }
-        match self.tracer(job)? {
-            Some(built) => trace_in(built, job, output, progress),
-            None => trace_in(&empty(), job, output, progress),
-        }
+        let mut filter = std::mem::take(&mut self.filter);
+        let traced = match self.tracer(job) {
+            Ok(Some(built)) => trace_in(built, job, output, (&mut filter, progress)),
+            Ok(None) => trace_in(&empty(), job, output, (&mut filter, progress)),
+            Err(error) => Err(error),
+        };
+        self.filter = filter;
+        traced
     }
 }
 
@@ -133,12 +145,12 @@ fn trace_in(
     Structure { triangles, spheres }: &Structure,
     job: &RayJob<'_>,
     output: &mut Image,
-    progress: &Progress,
+    (filter, progress): (&mut Filter, &Progress),
 ) -> Result<RayStats, BackendError> {
     if job.scene.geometry.spheres.is_empty() {
-        trace(triangles, job, output, progress)
+        trace_with(triangles, job, output, (filter, progress))
     } else {
-        trace(&WithSpheres { triangles, spheres }, job, output, progress)
+        trace_with(&WithSpheres { triangles, spheres }, job, output, (filter, progress))
     }
 }
 
@@ -167,9 +179,20 @@ pub fn trace<T: Tracer>(
     output: &mut Image,
     progress: &Progress,
 ) -> Result<RayStats, BackendError> {
+    trace_with(tracer, job, output, (&mut Filter::default(), progress))
+}
+
+fn trace_with<T: Tracer>(
+    tracer: &T,
+    job: &RayJob<'_>,
+    output: &mut Image,
+    (filter, progress): (&mut Filter, &Progress),
+) -> Result<RayStats, BackendError> {
     check::images(NAME, job, output)?;
     let tiles = tiles_at_a_time(job);
-    let rays = run(tracer, job, Whole { output, progress, tiles })?;
+    let rays = filter::filtered((filter, progress), job, output, |job, output| {
+        run(tracer, job, Whole { output, progress, tiles })
+    })?;
     Ok(RayStats { rays, ..RayStats::default() })
 }
 
@@ -185,7 +208,8 @@ pub fn trace_by_rays(
 ) -> Result<RayStats, BackendError> {
     check::images(NAME, job, output)?;
     let tiles = tiles_at_a_time(job);
-    let rays = run_by_rays(tracer, job, Whole { output, progress, tiles })?;
+    let trace = |job: &RayJob<'_>, output: &mut Image| run_by_rays(tracer, job, Whole { output, progress, tiles });
+    let rays = filter::filtered((&mut Filter::default(), progress), job, output, trace)?;
     Ok(RayStats { rays, ..RayStats::default() })
 }
 
@@ -200,13 +224,15 @@ pub(crate) fn trace_pixels(
     pixel: impl Fn(Pixel, &mut RayCounts) -> [f32; 4] + Sync,
 ) -> Result<RayCounts, BackendError> {
     check::images(NAME, job, output)?;
+    check::filter(NAME, job)?;
     in_host(job)?;
     check::scene(NAME, job, false)?;
     let tiles = tiles_at_a_time(job);
     Ok(each_tile(Whole { output, progress, tiles }, alone, |at, work| pixel(at, &mut work.rays)))
 }
 
-/// The colour that a program other than `dummy` writes at one pixel, which must lie inside the job's images.
+/// The colour that a program other than `dummy` writes at one pixel, which must lie inside the job's images; with a filter, the pixel's own
+/// share before it.
 ///
 /// # Errors
 /// As [`trace`].

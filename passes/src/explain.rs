@@ -15,7 +15,7 @@ pub struct PixelRays<'a> {
     job: RayJob<'a>,
     /// Column and row from the top.
     pub pixel: [u32; 2],
-    /// The value that the program wrote.
+    /// The value that the program wrote. With a filter, the value before it.
     pub value: [f32; 4],
     /// The program's calls of the tracer, in order.
     pub events: Vec<Event>,
@@ -23,7 +23,7 @@ pub struct PixelRays<'a> {
 
 /// Runs the program of a job for one of its pixels, on a tree built for the purpose, and records every ray.
 ///
-/// The value is bit for bit that of the whole pass at this pixel.
+/// The value is bit for bit that of the whole pass at this pixel. With a filter, it is the value before the filter.
 ///
 /// # Errors
 /// If the job lacks a buffer that its program reads.
@@ -157,6 +157,9 @@ impl fmt::Display for PixelRays<'_> {
         }
         let rays = self.events.iter().filter(|event| matches!(event, Event::Ray(_))).count();
         writeln!(f, "  wrote     {} after {rays} rays", channels(self.value))?;
+        if let Some(asked) = job.program.asks_of_filter(&job.params) {
+            writeln!(f, "  {asked}: the picture has an average of this share and its neighbours'")?;
+        }
         let mut number = 0;
         for event in &self.events {
             match event {

@@ -76,6 +76,10 @@ impl<F: Fn(At<'_>) -> [f32; 4] + Sync> RayBackend for OwnProgram<F> {
         self.rays.traces_sun_discs()
     }
 
+    fn filters_shares(&self) -> bool {
+        self.rays.filters_shares()
+    }
+
     fn build(&mut self, scene: &Arc<RenderScene>, filtered: &[bool]) -> Result<BuildStats, BackendError> {
         self.rays.build(scene, filtered)
     }

@@ -803,6 +803,10 @@ pub trait RayBackend {
     fn traces_sun_discs(&self) -> bool {
         false
     }
+    /// Whether it filters the share that a program writes ([`RayParams::filter`] above 0).
+    fn filters_shares(&self) -> bool {
+        false
+    }
     /// Builds the acceleration structure; the executor times this step. `filtered` says by material index whether rays of any pass
     /// may pass through it (alpha-cut textures, glass that shadow rays pass), so that hits need an any-hit test.
     ///

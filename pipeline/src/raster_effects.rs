@@ -4,12 +4,10 @@
 //! what that would write, so that either can stand in a project. Help, XML validation, `curitiba list`, reports and tests
 //! iterate these tables.
 
-use crate::programs::{Fresnel, LARGEST_SUN, ParamInfo, RayParams, RayProgram, Values};
+use crate::programs::{Fresnel, LARGEST_SUN, MAX_FILTER_LEVELS, ParamInfo, RayParams, RayProgram, Values};
 
 /// Most shadow maps that a frame may have.
 pub const MAX_CASCADES: u32 = 8;
-/// Most levels of the filter after an occlusion.
-pub const MAX_FILTER_LEVELS: u32 = 3;
 /// Most mirrors that a frame may have.
 pub const MAX_PLANES: u32 = 64;
 

@@ -7,11 +7,16 @@ use curitiba::pipeline::memory::mebibytes;
 
 const HEADER: Style = Style::new().bold();
 
+/// Columns of a line beside the labels.
+const BESIDE_LABELS: usize = 158;
+
 /// Prints rows as they are measured, and numbers their references.
 pub struct Table {
     label: usize,
     references: Vec<String>,
     begun: bool,
+    /// Whether the terminal has no room for all columns in a line.
+    narrow: bool,
 }
 
 impl Table {
@@ -34,12 +39,16 @@ impl Table {
             crate::say!("{fallback}");
         }
         let label = labels.map(|label| label.chars().count()).max().unwrap_or(0).max(6);
-        Self { label, references: Vec::new(), begun: false }
+        let narrow = super::width::of_terminal().is_some_and(|columns| columns < label + BESIDE_LABELS);
+        Self { label, references: Vec::new(), begun: false, narrow }
     }
 
     /// Prints a row.
     pub fn print(&mut self, row: &BenchRow) {
         let width = self.label;
+        if self.narrow {
+            return self.print_narrow(row);
+        }
         if !self.begun {
             self.begun = true;
             crate::say!(
@@ -62,17 +71,9 @@ impl Table {
             );
         }
         let dash = || "-".to_owned();
-        let (rmse, flip) = match &row.error {
-            RowError::Against { comparison, .. } => {
-                (format!("{:.2e}", comparison.rmse), format!("{:.4}", comparison.flip))
-            }
-            RowError::Missing(_) => (dash(), dash()),
-        };
+        let (rmse, flip) = errors(row);
         let [picture, picture_flip] = text::picture_cells(row);
-        let engines = match &row.rays {
-            Some(rays) => format!("{} + {}", row.raster.name, rays.name),
-            None => row.raster.name.clone(),
-        };
+        let engines = engines(row);
         crate::say!(
             "{:width$}  {:8}  {engines:10}  {:>20}  {:>20}  {:>4}  {:>6}  {:>9}  {:>8}  {rmse:>9}  {flip:>7}  {:>4}  {picture:>8}  {picture_flip:>7}  {:>8}",
             row.label,
@@ -88,6 +89,24 @@ impl Table {
         );
     }
 
+    /// The same in a line of a narrow terminal: effect, view, engines, time and error.
+    fn print_narrow(&mut self, row: &BenchRow) {
+        let width = self.label;
+        if !self.begun {
+            self.begun = true;
+            let header = ["view", "engines", "ms: median ± sd", "RMSE", "FLIP", "ref"];
+            let [view, engines, ms, rmse, flip, reference] = header;
+            crate::say!(
+                "{HEADER}{:width$}  {view:8}  {engines:10}  {ms:>16}  {rmse:>9}  {flip:>7}  {reference:>4}{HEADER:#}",
+                "effect"
+            );
+        }
+        let (rmse, flip) = errors(row);
+        let ms = format!("{:.2} ± {:.2}", row.frame.median, row.frame.sd);
+        let (engines, number) = (engines(row), format!("[{}]", self.number(reference(row))));
+        crate::say!("{:width$}  {:8}  {engines:10}  {ms:>16}  {rmse:>9}  {flip:>7}  {number:>4}", row.label, row.view);
+    }
+
     fn number(&mut self, reference: &str) -> usize {
         let found = self.references.iter().position(|known| known == reference);
         found.unwrap_or_else(|| {
@@ -99,7 +118,11 @@ impl Table {
     /// Prints the numbered references, the machine of the report's times, and the missing rows.
     pub fn end(&self, file: &BenchFile) {
         for (index, reference) in self.references.iter().enumerate() {
-            crate::say!("[{}] {reference}", index + 1);
+            crate::say!("[{}]  {reference}", index + 1);
+        }
+        if self.narrow {
+            let most = self.label + BESIDE_LABELS;
+            crate::say!("the other columns are in a terminal of {most} columns, and in --json, --csv and --markdown");
         }
         text::of_pictures(&file.rows).iter().for_each(|line| crate::say!("picture: {line}"));
         if file.rows.iter().any(|row| ray_device_ms(row).is_some()) {
@@ -119,5 +142,20 @@ impl Table {
         for missing in &file.unavailable {
             crate::say!("not measured: {}: {}", missing.what, missing.why);
         }
+    }
+}
+
+/// Root mean square and FLIP error of the effect, or dashes.
+fn errors(row: &BenchRow) -> (String, String) {
+    match &row.error {
+        RowError::Against { comparison, .. } => (format!("{:.2e}", comparison.rmse), format!("{:.4}", comparison.flip)),
+        RowError::Missing(_) => ("-".to_owned(), "-".to_owned()),
+    }
+}
+
+fn engines(row: &BenchRow) -> String {
+    match &row.rays {
+        Some(rays) => format!("{} + {}", row.raster.name, rays.name),
+        None => row.raster.name.clone(),
     }
 }

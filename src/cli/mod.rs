@@ -35,6 +35,7 @@ mod tune_args;
 pub mod view;
 pub mod visibility;
 mod visibility_args;
+mod width;
 
 pub use failure::Failure;
 
@@ -48,7 +49,8 @@ use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::sync::atomic::{AtomicBool, Ordering};
 
-/// Prints a line to the output stream, with colours only on a terminal.
+/// Prints a line to the output stream, with colours only on a terminal. On a terminal the last column of a table is
+/// [wrapped](width::wrapped).
 ///
 /// A closed pipe is no error, as with `head`: files are still written. A full disk ends the program with a message.
 #[macro_export]
@@ -67,7 +69,11 @@ static UNHEARD: AtomicBool = AtomicBool::new(false);
 
 /// See [`say!`].
 pub fn print_line(line: std::fmt::Arguments<'_>) {
-    if let Err(failure) = printed(writeln!(anstream::stdout(), "{line}")) {
+    let lines = match width::of_terminal() {
+        Some(columns) => width::wrapped(&line.to_string(), columns).join("\n"),
+        None => line.to_string(),
+    };
+    if let Err(failure) = printed(writeln!(anstream::stdout(), "{lines}")) {
         failure.print();
         // `exit` runs no destructors, so temporary files are removed here.
         files::abandon();
@@ -171,12 +177,13 @@ fn ask_engines(plan: &mut Plan, choice: Choice) -> Result<(), Failure> {
     let (raster, rays_of) = (&*engines.raster, |pass: &str| engines.rays_of(pass));
     // If a fallback is allowed, it takes over.
     let stands_in = choice.for_plan(plan).fallback.iter().any(Option::is_some);
-    let untraced_sun = || if stands_in { None } else { plan.untraced_sun(rays_of) };
+    let for_the_cpu = || plan.untraced_sun(rays_of).or_else(|| plan.unfiltered(rays_of));
+    let left = || if stands_in { None } else { for_the_cpu() };
     let refused = plan
         .undrawn_spheres(raster)
         .or_else(|| plan.undrawn_shaders(raster))
         .or_else(|| plan.untraced_spheres(rays_of))
-        .or_else(untraced_sun);
+        .or_else(left);
     if let Some((pass, error)) = refused {
         return Err(Failure::Work(format!("pass `{pass}`: {error}")));
     }

@@ -13,7 +13,7 @@ use std::path::PathBuf;
 pub enum OfArg {
     /// The picture, from the camera
     Picture,
-    /// The effect: occlusion from the cpu rasteriser's G-buffer
+    /// The effect, from the cpu rasteriser's G-buffer
     Effect,
 }
 

@@ -31,6 +31,7 @@ pub fn run(args: &TuneArgs) -> Result<(), Failure> {
         choice: args.project.choice(),
         options: MeasureOptions { frames: args.frames, warmup: 1 },
         metric: args.metric,
+        of: args.of.into(),
     };
     let mut bench = Bench::open(request, references, folder.path(), &mut bars)?;
     let counts: Vec<usize> = bench.slots().iter().map(|slot| slot.candidates.len()).collect();
@@ -39,6 +40,10 @@ pub fn run(args: &TuneArgs) -> Result<(), Failure> {
             "{}: no pass that runs has anything in its place\n       valid: a ray pass with shadows, occlusion or glass, or an effect pass",
             args.project.path.display()
         )));
+    }
+    let own_error = bench.check_reference().map_err(|error| Failure::Usage(format!("--of picture: {error}")))?;
+    if let Some(own_error) = own_error {
+        crate::tell!("errors are of the picture, against a reference whose own standard error is {own_error:.4}");
     }
     let slots = bench.slots().to_vec();
     let first = 1 + counts.iter().map(|count| count - 1).sum::<usize>();

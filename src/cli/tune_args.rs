@@ -1,5 +1,6 @@
 //! The arguments of `tune`.
 
+use super::reference_args::OfArg;
 use clap::builder::{PossibleValuesParser, TypedValueParser};
 use clap::{ArgGroup, Args, ValueHint};
 use curitiba::args::{ProjectArgs, parse_error_bound};
@@ -22,6 +23,9 @@ pub struct TuneArgs {
     /// What the error is: a metric of `curitiba compare` of which less is better
     #[arg(long, value_name = "NAME", default_value = "rmse", value_parser = metric_parser())]
     pub metric: &'static MetricInfo,
+    /// What the error is of: the effect, from the same G-buffer; or the picture as a whole, where `curitiba reference` has made its reference
+    #[arg(long, value_name = "WHAT", default_value = "effect")]
+    pub of: OfArg,
     /// The project that is written; its library gets the same name
     #[arg(short, long, value_name = "FILE.xml", default_value = "tuned.xml", value_hint = ValueHint::FilePath)]
     pub output: PathBuf,

@@ -141,6 +141,7 @@ fn at_its_best(pass: &mut Pass, set: &[String]) -> Result<(), String> {
         ray.params.fresnel = Fresnel::Exact;
         ray.params.samples = ray.params.samples.min(1);
         ray.params.sun_samples = 1;
+        ray.params.filter = 0;
     }
     Ok(())
 }

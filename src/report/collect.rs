@@ -20,8 +20,9 @@ pub fn collect(
     collector.look_for_engines()?;
     let entries = plan::entries(&request.wanted, collector.gpu, &collector.beside);
     let sizes = plan::pixel_sizes(&request.wanted);
+    let threads = plan::thread_counts(rayon::current_num_threads());
     collector.to_do = entries.len() * plan::ROUNDS as usize
-        + plan::scaling_lines().len() * (sizes.len() + request.wanted.triangles.len());
+        + plan::scaling_lines().len() * (sizes.len() + threads.len() + request.wanted.triangles.len());
     for entry in &entries {
         collector.entry(entry, folder, told, observer)?;
     }
@@ -32,6 +33,8 @@ pub fn collect(
     }
     collector.rounds(told, observer);
     let pixels = scale::by_pixels(&mut collector, &sizes, told, observer);
+    let threads = scale::by_threads(&mut collector, &threads, told, observer);
     let triangles = scale::by_triangles(&mut collector, folder, told, observer);
-    Ok(collector.finish(vec![triangles, pixels]))
+    let samples = scale::by_samples(&collector);
+    Ok(collector.finish(vec![triangles, pixels, samples, threads]))
 }

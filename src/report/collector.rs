@@ -2,6 +2,7 @@
 
 use super::Told;
 use super::folder::{Folder, FolderError};
+use super::graph;
 use super::model::{Effect, FlipMap, Picture, ReportData, Scaling, SceneFacts, Section, Setting, Without};
 use super::plan::{self, Entry, Stage, TimePlan, Wanted};
 use crate::bench::model::{BenchFile, BenchRow, FORMAT, RowError, Technique, ThesisFigure, Unavailable};
@@ -12,7 +13,7 @@ use crate::environment::Environment;
 use crate::passes::raster::gpu::{AdapterChoice, WgpuRasteriser};
 use crate::pipeline::backend::BackendError;
 use crate::pipeline::color::Display;
-use crate::pipeline::executor::Observer;
+use crate::pipeline::executor::{Observer, Silent};
 use crate::pipeline::image::{Image, write_displayed};
 use crate::pipeline::metrics::{self, flip_map, heat_map};
 use crate::pipeline::plan::Settings;
@@ -104,6 +105,8 @@ pub(super) struct Place<'a> {
     pub projects: &'a Path,
     pub size: [u32; 2],
     pub triangles: Option<u64>,
+    /// Threads of the processor, if not all.
+    pub threads: Option<usize>,
     pub stage: Stage,
 }
 
@@ -212,17 +215,24 @@ impl<'a> Collector<'a> {
             max_memory: self.request.max_memory,
             ..Settings::default()
         };
-        let mut choice = self.request.choice.traced_by(entry.beside.unwrap_or(self.backend));
+        let backend = if entry.is_for_the_cpu() { BackendChoice::Cpu } else { self.backend };
+        let mut choice = self.request.choice.traced_by(entry.beside.unwrap_or(backend));
         if entry.on_cpu {
             choice.raster = RasterChoice::Cpu;
         }
         let mut case = Case::new(&path, settings, choice).map_err(|error| error.joined())?;
         case.label.clone_from(&entry.label);
+        if backend != self.backend {
+            case.label += ", cpu";
+        }
         case.effect = entry.effect.to_owned();
         case.technique = entry.technique;
         if let Some(triangles) = place.triangles {
             // Temporary folders have names that mean nothing to anybody.
             case.key = format!("square of {triangles} triangles | {} | {:?} | {:?}", entry.file, place.size, entry.set);
+        }
+        if let Some(threads) = place.threads {
+            case.key += &format!(" | {threads} threads");
         }
         Ok(case)
     }
@@ -268,18 +278,21 @@ impl<'a> Collector<'a> {
         let setup_s = self.setup_ms[traces] * triangles / 1e3;
         self.time().admit(place.stage, f64::from(frames + warmup) * expected_ms / 1e3 + setup_s)?;
         told(Told { label: &entry.label, done: self.done - 1, of: self.to_do, time: self.time() });
-        let measured =
-            measure(&case, &MeasureOptions { frames, warmup }, observer).map_err(|error| error.to_string())?;
-        let row = measured.row;
+        let options = MeasureOptions { frames, warmup };
+        let (row, picture, names) = match place.threads {
+            None => run(&case, &options, observer),
+            // Nobody is told of single steps there.
+            Some(threads) => rayon::ThreadPoolBuilder::new()
+                .num_threads(threads)
+                .build()
+                .map_err(|error| format!("{threads} threads cannot be started: {error}"))?
+                .install(|| run(&case, &options, &mut Silent)),
+        }?;
         let setup: f64 = row.setup.iter().map(|step| step.host.median).sum();
         if entry.beside.is_none() {
             self.setup_ms[traces] = setup / (row.triangles.max(1) as f64);
         }
         if self.scene.triangles == 0 && place.triangles.is_none() {
-            let plan = measured.renderer.plan();
-            let files = plan.project.scenes.iter().flat_map(|scene| &scene.files);
-            let names: Vec<String> =
-                files.filter_map(|file| Some(file.path.file_name()?.to_string_lossy().into_owned())).collect();
             self.scene = SceneFacts { file: names.join(", "), triangles: row.triangles };
         }
         let known = Known {
@@ -288,10 +301,10 @@ impl<'a> Collector<'a> {
             triangles: row.triangles as f64,
             frame_ms: row.frame.median,
         };
-        if !entry.on_cpu {
+        if !entry.on_cpu && place.threads.is_none() {
             self.known.insert((entry.file.to_owned(), entry.panes, entry.beside), known);
         }
-        Ok((case, row, measured.picture))
+        Ok((case, row, picture))
     }
 
     pub fn entry(
@@ -302,7 +315,8 @@ impl<'a> Collector<'a> {
         observer: &mut dyn Observer,
     ) -> Result<(), ReportError> {
         let projects = &self.request.projects;
-        let place = Place { projects, size: self.request.wanted.size, triangles: None, stage: entry.stage };
+        let place =
+            Place { projects, size: self.request.wanted.size, triangles: None, threads: None, stage: entry.stage };
         let (case, mut row, picture) = match self.row(entry, &place, told, observer) {
             Ok(measured) => measured,
             Err(why) => {
@@ -324,7 +338,7 @@ impl<'a> Collector<'a> {
         if entry.in_table {
             self.table.push(row.key.clone());
         }
-        self.show(entry, &row, (&picture, case.display), folder, observer)?;
+        self.show(entry, &case, &row, &picture, folder, observer)?;
         if entry.effect == "none" {
             self.plain.insert(row.view.clone(), (row.key.clone(), picture));
         }
@@ -338,7 +352,8 @@ impl<'a> Collector<'a> {
     pub fn rounds(&mut self, told: &mut dyn FnMut(Told<'_>), observer: &mut dyn Observer) {
         let measured = std::mem::take(&mut self.measured);
         let projects = &self.request.projects;
-        let place = Place { projects, size: self.request.wanted.size, triangles: None, stage: Stage::Rounds };
+        let place =
+            Place { projects, size: self.request.wanted.size, triangles: None, threads: None, stage: Stage::Rounds };
         for _ in 1..plan::ROUNDS {
             for (entry, key) in &measured {
                 match self.row(entry, &place, told, observer) {
@@ -377,7 +392,7 @@ impl<'a> Collector<'a> {
             }
             // Exact references trace in f64; converged ones two pictures of 256 samples.
             let per_sample = row.frame.median / entry.weight.max(1.0);
-            let noisy = matches!(entry.effect, "ao" | "all");
+            let noisy = matches!(entry.effect, "ao" | "all" | "soft-shadows");
             let expected_s = if noisy { per_sample * 512.0 } else { row.frame.median * 12.0 } / 1e3;
             if let Err(why) = self.time().admit(entry.stage, expected_s) {
                 return RowError::Missing(format!("the reference is {why}"));
@@ -432,8 +447,9 @@ impl<'a> Collector<'a> {
     fn show(
         &mut self,
         entry: &Entry,
+        case: &Case,
         row: &BenchRow,
-        (picture, display): (&Image, Display),
+        picture: &Image,
         folder: &Folder,
         observer: &mut dyn Observer,
     ) -> Result<(), FolderError> {
@@ -442,12 +458,15 @@ impl<'a> Collector<'a> {
         if !self.sections.contains_key(&effect) {
             let without = self.without(effect, &row.view, observer);
             let (pictures, flip_maps, settings) = (Vec::new(), Vec::new(), Vec::new());
-            let section = Section { effect, view: row.view.clone(), pictures, flip_maps, without, settings };
+            let (view, graphs) = (row.view.clone(), Vec::new());
+            let section = Section { effect, view, pictures, flip_maps, graphs, without, settings };
             self.sections.insert(effect, section);
         }
         let Some(section) = self.sections.get_mut(&effect) else { return Ok(()) };
         section.settings.push(Setting { row: row.key.clone(), series, value });
         let Some((role, label)) = &entry.picture else { return Ok(()) };
+        section.graphs.extend(graph::of(case, &row.key, label));
+        let display = case.display;
         let save = |name: &str, image: &Image, display: Display| -> Result<String, FolderError> {
             let file = format!("pictures/{}-{name}.png", effect.id());
             let path = folder.path().join(&file);
@@ -485,6 +504,12 @@ impl<'a> Collector<'a> {
         Ok(())
     }
 
+    /// The settings of an effect, with their rows.
+    pub fn settings(&self, effect: Effect) -> impl Iterator<Item = (&Setting, &BenchRow)> {
+        let settings = self.sections.get(&effect).into_iter().flat_map(|section| &section.settings);
+        settings.filter_map(|setting| Some((setting, self.file.rows.iter().find(|row| row.key == setting.row)?)))
+    }
+
     pub fn finish(mut self, scalings: Vec<Scaling>) -> ReportData {
         let took_s = self.start.elapsed().as_secs_f64();
         self.file.complete = self.file.unavailable.iter().all(|missing| !missing.why.starts_with(plan::OUT_OF_TIME));
@@ -501,6 +526,18 @@ impl<'a> Collector<'a> {
             scalings,
         }
     }
+}
+
+/// A row, its picture, and the names of the scene's files.
+fn run(
+    case: &Case,
+    options: &MeasureOptions,
+    observer: &mut dyn Observer,
+) -> Result<(BenchRow, Image, Vec<String>), String> {
+    let measured = measure(case, options, observer).map_err(|error| error.to_string())?;
+    let files = measured.renderer.plan().project.scenes.iter().flat_map(|scene| &scene.files);
+    let names = files.filter_map(|file| Some(file.path.file_name()?.to_string_lossy().into_owned())).collect();
+    Ok((measured.row, measured.picture, names))
 }
 
 /// The figure of the report that the projects come from, where it has the same row.

@@ -7,6 +7,7 @@
 pub mod collect;
 mod collector;
 pub mod folder;
+mod graph;
 pub mod model;
 pub mod number;
 pub mod page;
@@ -64,6 +65,7 @@ fn write(data: &model::ReportData, folder: &Folder) -> Result<(), FolderError> {
         .map_err(|error| FolderError::Io { path: folder.path().join("data.json"), error: error.into() })?;
     folder.write("data.json", json.as_bytes())?;
     folder.write("data.csv", crate::bench::text::csv(&data.bench).as_bytes())?;
+    folder.write("data.md", crate::bench::text::markdown(&data.bench).as_bytes())?;
     // Last: a folder without it is no report.
     folder.write("index.html", page.html.as_bytes())
 }

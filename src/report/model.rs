@@ -30,7 +30,7 @@ pub struct ReportData {
     pub table: Vec<String>,
     /// One for each effect.
     pub sections: Vec<Section>,
-    /// Time against triangles, then against pixels.
+    /// Time against triangles, pixels, samples and threads.
     pub scalings: Vec<Scaling>,
 }
 
@@ -47,12 +47,14 @@ pub struct SceneFacts {
     pub triangles: u64,
 }
 
-/// The four effects that both techniques compute.
+/// The effects that both techniques compute.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Effect {
     /// Shadows of a directional light.
     Shadows,
+    /// Shadows of a light with a disc, that of the sun.
+    SoftShadows,
     /// Mirror reflection in glass.
     Reflection,
     /// Reflection and refraction in glass.
@@ -63,13 +65,14 @@ pub enum Effect {
 
 impl Effect {
     /// All, in the order of the page.
-    pub const ALL: [Self; 4] = [Self::Shadows, Self::Reflection, Self::Refraction, Self::Occlusion];
+    pub const ALL: [Self; 5] = [Self::Shadows, Self::SoftShadows, Self::Reflection, Self::Refraction, Self::Occlusion];
 
     /// As [`BenchRow::effect`] and file names have it.
     #[must_use]
     pub fn id(self) -> &'static str {
         match self {
             Self::Shadows => "shadows",
+            Self::SoftShadows => "soft-shadows",
             Self::Reflection => "reflection",
             Self::Refraction => "refraction",
             Self::Occlusion => "ao",
@@ -81,6 +84,7 @@ impl Effect {
     pub fn title(self) -> &'static str {
         match self {
             Self::Shadows => "Shadows",
+            Self::SoftShadows => "Soft shadows",
             Self::Reflection => "Reflection",
             Self::Refraction => "Refraction",
             Self::Occlusion => "Ambient occlusion",
@@ -92,6 +96,7 @@ impl Effect {
     pub fn in_words(self) -> &'static str {
         match self {
             Self::Shadows => "shadows",
+            Self::SoftShadows => "soft shadows",
             Self::Reflection => "reflection",
             Self::Refraction => "refraction",
             Self::Occlusion => "ambient occlusion",
@@ -110,6 +115,9 @@ pub struct Section {
     pub pictures: Vec<Picture>,
     /// FLIP maps against the reference.
     pub flip_maps: Vec<FlipMap>,
+    /// What passes hand on to each other in the rows that have pictures.
+    #[serde(default)]
+    pub graphs: Vec<PassGraph>,
     /// What leaving the effect out costs; `None` where it was not measured.
     pub without: Option<Without>,
     /// Every setting, in the order of the table.
@@ -153,6 +161,19 @@ pub struct FlipMap {
     pub mean: f64,
 }
 
+/// The passes of a row, in the order in which they run, and what they hand on.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+pub struct PassGraph {
+    /// The row whose times stand on its edges.
+    pub row: String,
+    /// What a reader calls it: the picture's label.
+    pub label: String,
+    /// Names of the passes, and what each does.
+    pub passes: Vec<[String; 2]>,
+    /// From which pass, to which, by their places in `passes`, and the names of the attachments. The window is behind the last pass.
+    pub edges: Vec<(usize, usize, Vec<String>)>,
+}
+
 /// One measured setting of an effect.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Setting {
@@ -172,6 +193,10 @@ pub enum Against {
     Triangles,
     /// Pixels of the window.
     Pixels,
+    /// Rays, or depths that are read, for each point.
+    Samples,
+    /// Threads of the processor.
+    Threads,
 }
 
 /// Frame time against one quantity.
@@ -192,6 +217,9 @@ pub struct ScalingSeries {
     pub technique: Technique,
     /// Keys of the rows, from few to many.
     pub rows: Vec<String>,
+    /// The quantity in each row, where the row itself does not tell it.
+    #[serde(default)]
+    pub amounts: Vec<f64>,
 }
 
 impl ReportData {
@@ -199,6 +227,23 @@ impl ReportData {
     #[must_use]
     pub fn row(&self, key: &str) -> Option<&BenchRow> {
         self.bench.rows.iter().find(|row| row.key == key)
+    }
+
+    /// The rows of a line of a scaling plot, each with its quantity.
+    pub fn points<'a>(
+        &'a self,
+        against: Against,
+        series: &'a ScalingSeries,
+    ) -> impl Iterator<Item = (&'a BenchRow, f64)> {
+        series.rows.iter().enumerate().filter_map(move |(index, key)| {
+            let row = self.row(key)?;
+            let amount = match against {
+                Against::Triangles => row.triangles as f64,
+                Against::Pixels => f64::from(row.size[0]) * f64::from(row.size[1]),
+                Against::Samples | Against::Threads => *series.amounts.get(index)?,
+            };
+            Some((row, amount))
+        })
     }
 
     /// The section of an effect.

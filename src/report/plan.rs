@@ -53,6 +53,8 @@ pub enum Stage {
     Rounds,
     /// Other window sizes.
     Pixels,
+    /// Pools of fewer threads.
+    Threads,
     /// Other scenes.
     Triangles,
 }
@@ -65,7 +67,8 @@ impl Stage {
             Self::Effects => 0.48,
             Self::Settings => 0.60,
             Self::Rounds => 0.72,
-            Self::Pixels => 0.79,
+            Self::Pixels => 0.77,
+            Self::Threads => 0.82,
             Self::Triangles => 0.96,
         }
     }
@@ -102,6 +105,15 @@ pub struct Entry {
     pub weight: f64,
 }
 
+impl Entry {
+    /// Whether its rays are traced by the cpu alone, whatever the report's backend: those to a disc of the light, and those before a filter.
+    #[must_use]
+    pub fn is_for_the_cpu(&self) -> bool {
+        let asks = |set: &String| set == SUN || set.starts_with("pass2.filter=");
+        self.technique == Technique::Rays && self.set.iter().any(asks)
+    }
+}
+
 /// How often every row of the effects and settings is measured, if the time suffices: one round after the other over all of
 /// them, so that a while in which the machine is slow does not fall on one row alone.
 pub const ROUNDS: u32 = 3;
@@ -110,7 +122,7 @@ pub const ROUNDS: u32 = 3;
 #[must_use]
 pub fn files(effect: Effect) -> (&'static str, &'static [&'static str]) {
     match effect {
-        Effect::Shadows => ("SceneShadows.xml", &["raster/SceneShadowMap.xml"]),
+        Effect::Shadows | Effect::SoftShadows => ("SceneShadows.xml", &["raster/SceneShadowMap.xml"]),
         Effect::Reflection => (
             "SceneReflect.xml",
             &["raster/SceneCubeReflect.xml", "raster/ScenePlanarReflect.xml", "raster/SceneScreenReflect.xml"],
@@ -133,8 +145,11 @@ fn is_screen(file: &str) -> bool {
 /// What stands for rays that the picture does not answer, by the first number of a setting.
 const MISSING: [&str; 3] = ["cube", "none", "rays"];
 
-/// Rays a pixel of the usual ambient-occlusion row.
+/// Rays a pixel of the usual rows of ambient occlusion and soft shadows.
 pub const USUAL_SAMPLES: u32 = 16;
+
+/// The disc of the light of soft shadows: that of the sun in the sky, degrees.
+pub const SUN: &str = "pass2.sun=0.53";
 
 /// Everything that is measured on the user's scene at the report's size. `gpu` tells whether the report's rasteriser is
 /// not the cpu's, which is then measured beside it; so is every usual row by rays on the ray backends `beside` the report's.
@@ -158,7 +173,7 @@ pub fn entries(wanted: &Wanted, gpu: bool, beside: &[BackendChoice]) -> Vec<Entr
     entries.extend(elsewhere());
     let traced: Vec<Entry> = entries.iter().filter(|e| e.technique == Technique::Rays).cloned().collect();
     for backend in beside {
-        entries.extend(traced.iter().cloned().map(|entry| Entry {
+        entries.extend(traced.iter().filter(|entry| !entry.is_for_the_cpu()).cloned().map(|entry| Entry {
             beside: Some(*backend),
             label: format!("{}, {}", entry.label, backend.name()),
             setting: entry.setting.map(|(series, value)| (format!("{series}, {}", backend.name()), value)),
@@ -237,15 +252,20 @@ fn rays(effect: Effect, other: Option<(u32, &'static str)>) -> Entry {
         let value = if samples == 1 { "1 ray".to_owned() } else { format!("{samples} rays") };
         let name = if sampler == "sobol" { "rays, Sobol" } else { "rays, strata" };
         (set, value, name, f64::from(samples))
+    } else if effect == Effect::SoftShadows {
+        let set = vec![SUN.to_owned(), format!("pass2.sunsamples={samples}")];
+        let value = if samples == 1 { "1 ray".to_owned() } else { format!("{samples} rays") };
+        (set, value, "rays, Sobol", f64::from(samples))
     } else {
         (Vec::new(), "rays".to_owned(), "rays", 1.0)
     };
     let label = match (effect, sampler) {
-        (Effect::Occlusion, "sobol") => format!("{} by {value} a pixel", effect.title()),
+        (Effect::Occlusion | Effect::SoftShadows, "sobol") => format!("{} by {value} a pixel", effect.title()),
         (Effect::Occlusion, _) => format!("{} by {value} a pixel, {sampler}", effect.title()),
         _ => format!("{} by rays", effect.title()),
     };
-    let shown = if effect == Effect::Occlusion { format!("Rays: {value} a pixel") } else { "Rays".to_owned() };
+    let sampled = matches!(effect, Effect::Occlusion | Effect::SoftShadows);
+    let shown = if sampled { format!("Rays: {value} a pixel") } else { "Rays".to_owned() };
     Entry {
         stage,
         panes,
@@ -266,9 +286,10 @@ fn raster(effect: Effect, file: &'static str, other: Option<(u32, u32)>) -> Entr
     let (stage, in_table) = if other.is_some() { (Stage::Settings, false) } else { (Stage::Effects, true) };
     let panes = matches!(effect, Effect::Reflection | Effect::Refraction);
     let (set, series, value, weight) = match effect {
-        Effect::Shadows => {
+        Effect::Shadows | Effect::SoftShadows => {
             let (side, cascades) = other.unwrap_or((1024, 4));
-            let set = vec![format!("pass2.mapsize={side}"), format!("pass2.cascades={cascades}")];
+            let mut set = vec![format!("pass2.mapsize={side}"), format!("pass2.cascades={cascades}")];
+            set.extend((effect == Effect::SoftShadows).then(|| SUN.to_owned()));
             let series = if cascades == 1 { "one shadow map".to_owned() } else { format!("{cascades} shadow maps") };
             (set, series, side.to_string(), f64::from(cascades) * (f64::from(side * side) + 2e6))
         }
@@ -331,6 +352,16 @@ fn sweep(effect: Effect, quick: bool) -> Vec<Entry> {
             let others: Vec<_> = pairs.into_iter().filter(|pair| *pair != (1024, 4)).collect();
             every(by_raster[0], &others)
         }
+        Effect::SoftShadows => {
+            let sides: &[(u32, u32)] = if quick { &[(2048, 4)] } else { &[(512, 4), (2048, 4), (4096, 4)] };
+            let mut entries = every(by_raster[0], sides);
+            let counts: &[u32] = if quick { &[1, 4, 64] } else { &[1, 2, 4, 8, 32, 64] };
+            entries.extend(counts.iter().map(|count| rays(effect, Some((*count, "sobol")))));
+            let filtered = |count: &u32| optioned(rays(effect, Some((*count, "sobol"))), "filter", "1");
+            entries.extend([1, 4].iter().map(filtered));
+            entries.sort_by(|a, b| a.weight.total_cmp(&b.weight));
+            entries
+        }
         Effect::Reflection | Effect::Refraction => {
             let sides: &[(u32, u32)] =
                 if quick { &[(128, 0), (256, 0)] } else { &[(128, 0), (256, 0), (1024, 0), (2048, 0)] };
@@ -364,6 +395,8 @@ fn sweep(effect: Effect, quick: bool) -> Vec<Entry> {
             entries.push(optioned(raster(effect, by_raster[0], Some(few)), "filter", "2"));
             let counts: &[u32] = if quick { &[1, 4, 49] } else { &[1, 4, 9, 25, 36, 49, 64, 81, 100] };
             entries.extend(counts.iter().map(|count| rays(effect, Some((*count, "sobol")))));
+            let filtered = |count: &u32| optioned(rays(effect, Some((*count, "sobol"))), "filter", "2");
+            entries.extend([1, 4].iter().map(filtered));
             let strata: &[u32] = if quick { &[1, 4, 16] } else { &[1, 4, 9, 16, 25, 49, 100] };
             entries.extend(strata.iter().map(|count| rays(effect, Some((*count, "strata")))));
             // From cheap to dear, so that what no longer fits is the dearest.
@@ -373,7 +406,7 @@ fn sweep(effect: Effect, quick: bool) -> Vec<Entry> {
     }
 }
 
-/// A row of a raster effect with another value of an option.
+/// A row with another value of an option.
 fn optioned(mut entry: Entry, name: &str, value: &str) -> Entry {
     entry.set.push(format!("pass2.{name}={value}"));
     entry.label += &format!(", {name}={value}");
@@ -402,12 +435,21 @@ pub fn pixel_sizes(wanted: &Wanted) -> Vec<[u32; 2]> {
     range.rev().map(scaled).filter(|size| size.iter().all(|side| (16..=16_384).contains(side))).collect()
 }
 
+/// Numbers of threads, doubled from one up to all.
+#[must_use]
+pub fn thread_counts(all: usize) -> Vec<usize> {
+    let doubled = std::iter::successors(Some(1), |count| Some(2 * count)).take_while(|count| *count < all);
+    doubled.chain(Some(all.max(1))).collect()
+}
+
 /// What a scaling stage is called where it is left out.
 #[must_use]
 pub fn scaling_name(against: Against, amount: u64) -> String {
     match against {
         Against::Triangles => format!("the square of {} triangles", super::number::grouped(amount)),
         Against::Pixels => format!("the window of {} pixels", super::number::grouped(amount)),
+        Against::Samples => format!("{} samples", super::number::grouped(amount)),
+        Against::Threads => format!("{amount} thread{}", if amount == 1 { "" } else { "s" }),
     }
 }
 
@@ -496,14 +538,14 @@ mod tests {
         assert!(without.iter().all(|entry| !entry.on_cpu));
         let added: Vec<_> = with.iter().filter(|entry| entry.on_cpu).collect();
         assert_eq!(added.len(), with.len() - without.len());
-        assert_eq!(added.len(), 8);
+        assert_eq!(added.len(), 9);
     }
 
     #[test]
     fn every_usual_row_by_rays_is_measured_on_the_other_ray_backends_too() {
         let wanted = Wanted::new(true, None);
         let alone = entries(&wanted, false, &[]);
-        let usual = |entry: &&Entry| entry.technique == Technique::Rays && entry.in_table;
+        let usual = |entry: &&Entry| entry.technique == Technique::Rays && entry.in_table && !entry.is_for_the_cpu();
         let backends = [BackendChoice::Cpu, BackendChoice::Optix];
         let all = entries(&wanted, false, &backends);
         for backend in backends {
@@ -536,6 +578,14 @@ mod tests {
         assert_eq!(frames(10.0, 100.0, 15), 10);
         assert_eq!((frames(1e9, 100.0, 15), frames(1e-9, 100.0, 15), frames(f64::NAN, 100.0, 15)), (3, 15, 15));
         assert_eq!(frames(1e9, 100.0, 1), 1);
+    }
+
+    #[test]
+    fn threads_are_doubled_up_to_all() {
+        assert_eq!(thread_counts(1), [1]);
+        assert_eq!(thread_counts(2), [1, 2]);
+        assert_eq!(thread_counts(6), [1, 2, 4, 6]);
+        assert_eq!(thread_counts(16), [1, 2, 4, 8, 16]);
     }
 
     #[test]

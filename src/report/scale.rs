@@ -1,10 +1,12 @@
-//! Time against pixels and against triangles.
+//! Time against pixels, triangles, samples and threads.
 
 use super::Told;
 use super::collector::{Collector, Place};
 use super::folder::Folder;
-use super::model::{Against, Scaling, ScalingSeries};
+use super::model::{Against, Effect, Scaling, ScalingSeries};
 use super::plan::{self, Entry, Stage};
+use crate::BackendChoice;
+use crate::bench::model::Technique;
 use crate::pipeline::executor::Observer;
 use crate::pipeline::files::{self, TemporaryFolder};
 use crate::pipeline::square;
@@ -17,8 +19,12 @@ use std::time::Instant;
 const MOST_FILE: u64 = 16 << 20;
 
 fn empty(lines: &[Entry]) -> Vec<ScalingSeries> {
-    let series =
-        |line: &Entry| ScalingSeries { label: line.label.clone(), technique: line.technique, rows: Vec::new() };
+    let series = |line: &Entry| ScalingSeries {
+        label: line.label.clone(),
+        technique: line.technique,
+        rows: Vec::new(),
+        amounts: Vec::new(),
+    };
     lines.iter().map(series).collect()
 }
 
@@ -33,11 +39,71 @@ pub(super) fn by_pixels(
     let mut series = empty(&lines);
     let projects = collector.request.projects.clone();
     for size in sizes {
-        let place = Place { projects: &projects, size: *size, triangles: None, stage: Stage::Pixels };
+        let place = Place { projects: &projects, size: *size, triangles: None, threads: None, stage: Stage::Pixels };
         let name = plan::scaling_name(Against::Pixels, u64::from(size[0]) * u64::from(size[1]));
         measure_lines(collector, &lines, &mut series, &place, &name, told, observer);
     }
     Scaling { against: Against::Pixels, series }
+}
+
+/// The user's scene on pools of fewer threads, by the engines of the processor.
+pub(super) fn by_threads(
+    collector: &mut Collector<'_>,
+    counts: &[usize],
+    told: &mut dyn FnMut(Told<'_>),
+    observer: &mut dyn Observer,
+) -> Scaling {
+    let on_cpu = |line: Entry| {
+        let beside = (line.technique == Technique::Rays).then_some(BackendChoice::Cpu);
+        Entry { stage: Stage::Threads, on_cpu: true, beside, ..line }
+    };
+    let lines: Vec<Entry> = plan::scaling_lines().into_iter().map(on_cpu).collect();
+    let mut series = empty(&lines);
+    let (projects, size) = (collector.request.projects.clone(), collector.request.wanted.size);
+    for count in counts {
+        let place = Place { projects: &projects, size, triangles: None, threads: Some(*count), stage: Stage::Threads };
+        let name = plan::scaling_name(Against::Threads, *count as u64);
+        let before: Vec<usize> = series.iter().map(|line| line.rows.len()).collect();
+        measure_lines(collector, &lines, &mut series, &place, &name, told, observer);
+        for (line, before) in series.iter_mut().zip(before) {
+            line.amounts.extend((line.rows.len() > before).then_some(*count as f64));
+        }
+    }
+    Scaling { against: Against::Threads, series }
+}
+
+/// The settings of the effects that differ in their samples alone: nothing is measured again.
+pub(super) fn by_samples(collector: &Collector<'_>) -> Scaling {
+    let mut lines: Vec<(ScalingSeries, Vec<(f64, String)>)> = Vec::new();
+    for effect in [Effect::Occlusion, Effect::SoftShadows] {
+        for (setting, row) in collector.settings(effect) {
+            let Some(samples) = samples(&row.set) else { continue };
+            let label = format!("{} by {}", effect.title(), setting.series);
+            let index = lines.iter().position(|(line, _)| line.label == label).unwrap_or_else(|| {
+                let (technique, rows, amounts) = (row.technique, Vec::new(), Vec::new());
+                lines.push((ScalingSeries { label, technique, rows, amounts }, Vec::new()));
+                lines.len() - 1
+            });
+            lines[index].1.push((samples, row.key.clone()));
+        }
+    }
+    let finish = |(mut line, mut points): (ScalingSeries, Vec<(f64, String)>)| {
+        points.sort_by(|a, b| a.0.total_cmp(&b.0));
+        (line.amounts, line.rows) = points.into_iter().unzip();
+        line
+    };
+    let series = lines.into_iter().map(finish).filter(|line| line.rows.len() > 1).collect();
+    Scaling { against: Against::Samples, series }
+}
+
+/// Rays of a point, or depths that are read for it, by the parameters of a row.
+fn samples(set: &[String]) -> Option<f64> {
+    let number = |name: &str| {
+        let of = |one: &String| one.strip_prefix("pass2.")?.strip_prefix(name)?.strip_prefix('=')?.parse::<f64>().ok();
+        set.iter().find_map(of)
+    };
+    let depths = || Some(2.0 * number("slices")? * number("steps")?);
+    number("samples").or_else(|| number("sunsamples")).or_else(depths)
 }
 
 /// The generated square at other densities, in a temporary copy of the projects.
@@ -77,8 +143,8 @@ pub(super) fn by_triangles(
             Ok(copy) => {
                 generation_s = start.elapsed().as_secs_f64();
                 let size = collector.request.wanted.size;
-                let place =
-                    Place { projects: copy.path(), size, triangles: Some(triangles.into()), stage: Stage::Triangles };
+                let (projects, triangles, stage) = (copy.path(), Some(triangles.into()), Stage::Triangles);
+                let place = Place { projects, size, triangles, threads: None, stage };
                 measure_lines(collector, &lines, &mut series, &place, &name, told, observer);
             }
             Err(error) => collector.miss(&name, format!("it cannot be written: {error}")),

@@ -170,7 +170,9 @@ fn together(data: &ReportData, verdicts: &[Verdict]) -> Option<String> {
     let mut sum = 0.0;
     let mut count = 0;
     let mut base_ms = 0.0_f64;
-    for verdict in verdicts {
+    let soft = |verdict: &&Verdict| verdict.effect != Effect::SoftShadows;
+    // Of hard and soft shadows a frame has one.
+    for verdict in verdicts.iter().filter(soft) {
         if let Advice::Choose { .. } | Advice::NoDifference { .. } = &verdict.advice {
             let base = data.base(&data.section(verdict.effect)?.view)?.frame.median;
             base_ms = base_ms.max(base);
@@ -180,9 +182,11 @@ fn together(data: &ReportData, verdicts: &[Verdict]) -> Option<String> {
     }
     let total = base_ms + sum;
     let fits = if total <= FRAME_60_MS { "which is in time" } else { "which is too slow" };
+    let has_soft = verdicts.iter().any(|verdict| !soft(&verdict) && verdict.setting().is_some());
+    let all = format!("All {count}{}", if has_soft { " but soft shadows" } else { "" });
     (count > 1).then(|| {
         format!(
-            "All {count} in one frame would take about {}, {fits}, if what each adds to a frame without effects simply adds up (an estimate, not a measurement).",
+            "{all} in one frame would take about {}, {fits}, if what each adds to a frame without effects simply adds up (an estimate, not a measurement).",
             milliseconds(total)
         )
     })

@@ -1,8 +1,8 @@
 //! The page and its summary from invented numbers: nothing is rendered.
 
 use super::model::{
-    Against, Effect, FlipMap, Picture, ReportData, Scaling, ScalingSeries, SceneFacts, Section, Setting, WITHIN,
-    Without,
+    Against, Effect, FlipMap, PassGraph, Picture, ReportData, Scaling, ScalingSeries, SceneFacts, Section, Setting,
+    WITHIN, Without,
 };
 use super::summary::in_short;
 use super::verdict::{Advice, pareto_front, verdicts};
@@ -121,6 +121,16 @@ fn report(base_ms: f64, rays: (f64, RowError), raster: (f64, RowError)) -> Repor
             size: [64, 64],
             mean: 0.03,
         }],
+        graphs: vec![PassGraph {
+            row: rows[1].key.clone(),
+            label: "By rays".to_owned(),
+            passes: ["pass1", "pass2", "pass5"].map(|name| [name.to_owned(), format!("does <{name}>")]).to_vec(),
+            edges: vec![
+                (0, 1, vec!["pos".to_owned()]),
+                (0, 2, vec!["color".to_owned()]),
+                (1, 2, vec!["test".to_owned()]),
+            ],
+        }],
         without: None,
         settings: vec![setting(&rows[1], "rays", "1 ray"), setting(&rows[2], "shadow map", "2048")],
     };
@@ -139,6 +149,7 @@ fn report(base_ms: f64, rays: (f64, RowError), raster: (f64, RowError)) -> Repor
                 label: "no effects".to_owned(),
                 technique: Technique::None,
                 rows: vec!["none".to_owned()],
+                amounts: Vec::new(),
             }],
         }],
         bench: BenchFile {
@@ -181,7 +192,7 @@ fn the_cheapest_setting_within_the_error_is_chosen_and_the_other_technique_stand
     let text = in_short(&data).join(" ");
     assert!(text.contains("whose error is at most 0.020 (RMSE of the effect)"), "{text}");
     assert!(text.contains("Rasterise shadows (by shadow map: 4.00 ms, RMSE 0.015; by shadow <rays> takes"), "{text}");
-    assert!(text.contains("Not measured: reflection, refraction and ambient occlusion"), "{text}");
+    assert!(text.contains("Not measured: soft shadows, reflection, refraction and ambient occlusion"), "{text}");
     // A smaller error is asked for.
     data.within = 0.01;
     assert!(matches!(advice(&data), Advice::Choose { best, other: None } if best.technique == Technique::Rays));
@@ -257,7 +268,11 @@ fn an_effect_without_rows_is_said_to_be_not_measured() {
     let mut data = report(2.0, (12.0, missing()), (4.0, missing()));
     data.sections.clear();
     assert!(verdicts(&data, data.within).iter().all(|verdict| verdict.advice == Advice::NotMeasured));
-    assert!(in_short(&data).join(" ").contains("Not measured: shadows, reflection, refraction and ambient occlusion"));
+    assert!(
+        in_short(&data)
+            .join(" ")
+            .contains("Not measured: shadows, soft shadows, reflection, refraction and ambient occlusion")
+    );
 }
 
 #[test]
@@ -371,8 +386,10 @@ fn the_page_is_well_formed_escapes_names_and_asks_the_network_for_nothing() {
     assert_well_formed(&page.html);
     assert!(page.html.contains("shadow &lt;rays&gt;") && !page.html.contains("shadow <rays>"));
     assert!(page.html.contains("no adapter &amp; no driver"));
+    // A filter of the page itself is asked for by its name, and pictures beside the page by the values of its lists.
+    let beyond = page.html.replace("url(#", "").replace("url(\"${select.value}\")", "");
     for word in ["http:", "https:", "//cdn", "@import", "url("] {
-        assert!(!page.html.contains(word), "`{word}`");
+        assert!(!beyond.contains(word), "`{word}`");
     }
     for (name, svg) in &page.plots {
         assert_well_formed(svg);
@@ -444,6 +461,54 @@ fn plots_survive_a_single_row_equal_values_and_an_exact_picture() {
     data.bench.rows.clear();
     assert!(plots::speed_against_error(&data, &data.sections[0]).is_none());
     assert!(plots::scaling_plot(&data, &data.scalings[0]).is_none());
+}
+
+#[test]
+fn the_passes_of_a_row_are_drawn_with_their_times_on_the_edges() {
+    let data = report(1.0, (4.0, against(0.01)), (3.0, against(0.05)));
+    let graph = &data.sections[0].graphs[0];
+    let plot = plots::pass_graph(graph, &data.bench.rows[1]).expect("a plot");
+    // 0.4 and 0.55 of 4 ms, by the steps of the row.
+    for word in
+        ["pass2: does &lt;pass2&gt;", "1.60 ms, pos", "1.60 ms, color", "2.20 ms, test", "the window: 4.00 ms a frame"]
+    {
+        assert!(plot.inline.contains(word), "{word}: {}", plot.inline);
+    }
+    let html = page::build(&data).html;
+    assert!(html.contains("plots/shadows-passes-1.svg") && !html.contains("plots/shadows-passes-2.svg"));
+    assert!(plots::pass_graph(&PassGraph { passes: Vec::new(), ..graph.clone() }, &data.bench.rows[1]).is_none());
+}
+
+#[test]
+fn samples_and_threads_are_told_by_the_line_and_not_by_the_row() {
+    let mut data = report(1.0, (4.0, against(0.01)), (3.0, against(0.05)));
+    let (label, technique) = ("rays".to_owned(), Technique::Rays);
+    let rows = vec![data.bench.rows[1].key.clone(), data.bench.rows[2].key.clone()];
+    let series = vec![ScalingSeries { label, technique, rows, amounts: vec![1.0, 16.0] }];
+    data.scalings.push(Scaling { against: Against::Samples, series });
+    let scaling = &data.scalings[1];
+    let amounts: Vec<f64> = data.points(scaling.against, &scaling.series[0]).map(|(_, amount)| amount).collect();
+    assert_eq!(amounts, [1.0, 16.0]);
+    assert!(plots::scaling_plot(&data, scaling).is_some_and(|plot| plot.inline.contains("depths read")));
+    let html = page::build(&data).html;
+    assert!(html.contains("Against samples") && html.contains("plots/scaling-samples.svg"));
+    assert_well_formed(&html);
+}
+
+#[test]
+fn bars_stand_from_fast_to_slow_and_a_place_of_no_error_is_beyond_a_break() {
+    let data = report(1.0, (4.0, against(0.01)), (3.0, against(0.0)));
+    let rows: Vec<&BenchRow> = data.bench.rows[1..].iter().collect();
+    let bars = plots::frame_bars("Bars", &rows, "").expect("a plot").inline;
+    let place = |text: &str| bars.find(text).unwrap_or_else(|| panic!("{text}: {bars}"));
+    assert!(place("shadow map") < place("shadow &lt;rays&gt;"));
+    let strokes = |data: &ReportData| {
+        let plot = plots::speed_against_error(data, &data.sections[0]).expect("a plot").inline;
+        (plot.contains(">\n0\n<"), plot.matches("stroke-width=\"2\"").count())
+    };
+    let exact = strokes(&data);
+    let inexact = strokes(&report(1.0, (4.0, against(0.01)), (3.0, against(0.05))));
+    assert!(exact.0 && !inexact.0 && exact.1 == inexact.1 + 2, "{exact:?} {inexact:?}");
 }
 
 #[test]

@@ -16,6 +16,8 @@ const SQUARES: [u32; 8] = [1, 4, 9, 16, 36, 64, 144, 256];
 const SLICES_AND_STEPS: [(u32, u32); 6] = [(1, 4), (2, 4), (2, 8), (4, 8), (8, 8), (8, 16)];
 /// The same where the levels of a filter follow.
 const FILTERED: [(u32, u32, u32); 3] = [(1, 4, 2), (2, 4, 1), (2, 8, 1)];
+/// Samples by rays where the levels of a filter follow: of more, rays are nearer without it.
+const FILTERED_RAYS: [(u32, u32); 5] = [(1, 2), (2, 2), (4, 1), (4, 2), (8, 1)];
 /// The same by sectors of a bitmask.
 const SECTORS: [(u32, u32, u32); 3] = [(2, 4, 1), (4, 8, 0), (8, 16, 0)];
 /// Texels a side of shadow maps, and on each side of the middle one.
@@ -112,10 +114,22 @@ fn add_rays(candidates: &mut Vec<Candidate>, pass: &RayPass, fidelity: Fidelity)
     if info.samples(&pass.params) > 0 {
         let strata = fidelity == Fidelity::Thesis || pass.params.sampler == Sampler::Strata;
         let counts: &[u32] = if strata { &SQUARES } else { &SAMPLES };
-        counts.iter().for_each(|samples| put(RayParams { samples: *samples, ..pass.params }));
+        counts.iter().for_each(|samples| put(RayParams { samples: *samples, filter: 0, ..pass.params }));
+        if info.reads("filter") && fidelity == Fidelity::Corrected && !strata {
+            FILTERED_RAYS.iter().for_each(|(samples, filter)| {
+                put(RayParams { samples: *samples, filter: *filter, ..pass.params });
+            });
+        }
     }
     if info.sun_samples(&pass.params) > 0 && fidelity == Fidelity::Corrected {
-        SUN_SAMPLES.iter().for_each(|sun_samples| put(RayParams { sun_samples: *sun_samples, ..pass.params }));
+        SUN_SAMPLES
+            .iter()
+            .for_each(|sun_samples| put(RayParams { sun_samples: *sun_samples, filter: 0, ..pass.params }));
+        if info.reads("filter") {
+            FILTERED_RAYS.iter().for_each(|(sun_samples, filter)| {
+                put(RayParams { sun_samples: *sun_samples, filter: *filter, ..pass.params });
+            });
+        }
     }
     if info.reads("fresnel") && fidelity == Fidelity::Corrected {
         [Fresnel::Exact, Fresnel::Schlick].into_iter().for_each(|fresnel| put(RayParams { fresnel, ..pass.params }));
@@ -237,6 +251,9 @@ fn ray_label(pass: &RayPass) -> String {
     }
     if info.reads("fresnel") && pass.params.fresnel != Fresnel::Exact {
         label += &format!(" fresnel={}", pass.params.fresnel.name());
+    }
+    if info.filter_levels(&pass.params) > 0 {
+        label += &format!(" filter={}", pass.params.filter);
     }
     label
 }

@@ -8,7 +8,7 @@ use crate::pipeline::executor::Observer;
 use crate::pipeline::metrics::MetricInfo;
 use crate::pipeline::plan::{Plan, Settings};
 use crate::pipeline::project::{Project, SceneOptions};
-use crate::reference::References;
+use crate::reference::{Of, ReferenceError, References};
 use crate::{Choice, OpenError};
 use std::path::{Path, PathBuf};
 
@@ -21,6 +21,9 @@ pub struct Bench<'a> {
     choice: Choice,
     options: MeasureOptions,
     metric: &'static MetricInfo,
+    of: Of,
+    /// The project as it is declared, whose picture has the reference where pictures are judged.
+    declared: Case,
     references: References,
     folder: PathBuf,
     observer: &'a mut dyn Observer,
@@ -38,6 +41,8 @@ pub struct Request<'a> {
     pub options: MeasureOptions,
     /// What pictures are judged by; lower is better.
     pub metric: &'static MetricInfo,
+    /// Whether pictures are judged by what the effect should be, or as a whole.
+    pub of: Of,
 }
 
 impl<'a> Bench<'a> {
@@ -51,7 +56,8 @@ impl<'a> Bench<'a> {
         folder: &Path,
         observer: &'a mut dyn Observer,
     ) -> Result<Self, OpenError> {
-        let Request { path, settings, choice, options, metric } = request;
+        let Request { path, settings, choice, options, metric, of } = request;
+        let declared = Case::new(path, settings.clone(), choice)?;
         let plan = Plan::new(settings.open(path)?, settings)?;
         let slots = slots(&plan);
         let Plan { project, pipeline, mut settings, .. } = plan;
@@ -59,7 +65,20 @@ impl<'a> Bench<'a> {
         settings.set.retain(|assignment| assignment.split('=').next().is_some_and(|key| key.ends_with(".format")));
         settings.scene = SceneOptions::default();
         let folder = folder.to_owned();
-        Ok(Self { project, pipeline, slots, settings, choice, options, metric, references, folder, observer })
+        Ok(Self {
+            project,
+            pipeline,
+            slots,
+            settings,
+            choice,
+            options,
+            metric,
+            of,
+            declared,
+            references,
+            folder,
+            observer,
+        })
     }
 
     /// The passes that have candidates.
@@ -78,6 +97,18 @@ impl<'a> Bench<'a> {
         project
     }
 
+    /// The standard error of the reference that pictures are judged by as a whole; `None` where effects are judged, whose reference is made
+    /// when it is needed.
+    ///
+    /// # Errors
+    /// If that reference is not kept, with the command that makes it.
+    pub fn check_reference(&mut self) -> Result<Option<f64>, ReferenceError> {
+        match self.of {
+            Of::Effect => Ok(None),
+            Of::Picture => Ok(Some(self.references.picture(&self.declared, self.observer)?.own_error)),
+        }
+    }
+
     /// Renders and judges a project file as variants are.
     ///
     /// # Errors
@@ -88,7 +119,11 @@ impl<'a> Bench<'a> {
         let (frames_ms, picture) = (measured.row.frame.samples, measured.picture);
         // Its scene need not stay beside the reference's.
         drop(measured.renderer);
-        match self.references.compare(&case, &picture, self.observer).map_err(|error| error.to_string())? {
+        let compared = match self.of {
+            Of::Effect => self.references.compare(&case, &picture, self.observer),
+            Of::Picture => self.references.compare_picture(&self.declared, &picture, self.observer),
+        };
+        match compared.map_err(|error| error.to_string())? {
             RowError::Against { comparison, .. } => Ok(Run { frames_ms, error: (self.metric.value)(&comparison) }),
             RowError::Missing(why) => Err(why),
         }

@@ -42,6 +42,19 @@ pub fn sun(backend: &'static str, job: &RayJob<'_>) -> Result<(), BackendError> 
     }
 }
 
+/// Refuses a filter over what is written, for a backend that has none.
+///
+/// # Errors
+/// [`BackendError::Unsupported`] of that backend.
+pub fn filter(backend: &'static str, job: &RayJob<'_>) -> Result<(), BackendError> {
+    match job.program.asks_of_filter(&job.params).filter(|_| job.fidelity == Fidelity::Corrected) {
+        None => Ok(()),
+        Some(asked) => {
+            Err(missing(backend, job, &format!("what it writes is to be filtered ({asked}); the cpu filters it")))
+        }
+    }
+}
+
 /// Checks the sizes of the images that the program reads and of the one that it writes.
 ///
 /// # Errors

@@ -276,6 +276,7 @@ impl WgpuRays {
         self.supports(job.program, job.fidelity)?;
         check::scene(NAME, job, false)?;
         check::sun(NAME, job)?;
+        check::filter(NAME, job)?;
         check_glass(NAME, true, &job.params, job.dielectrics)?;
         Images::check_size(&self.gpu, job)
     }

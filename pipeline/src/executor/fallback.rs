@@ -69,7 +69,9 @@ impl Renderer {
     /// The first pass that its ray backend cannot run, with the reason. Glass features are checked once the scenes are loaded.
     pub(super) fn unsupported(&self) -> Option<(String, BackendError)> {
         let rays_of = |pass: &str| self.engines.rays_of(pass);
-        if let Some(refused) = self.plan.untraced_spheres(rays_of).or_else(|| self.plan.untraced_sun(rays_of)) {
+        let plan = &self.plan;
+        let refused = plan.untraced_spheres(rays_of).or_else(|| plan.untraced_sun(rays_of));
+        if let Some(refused) = refused.or_else(|| plan.unfiltered(rays_of)) {
             return Some(refused);
         }
         self.plan.passes.iter().enumerate().find_map(|(index, planned)| {

@@ -6,6 +6,7 @@
 mod access;
 mod device_quad;
 mod effect;
+mod filter;
 mod liveness;
 mod off;
 mod parts;
@@ -224,6 +225,7 @@ impl Plan {
         plan.explain_color(&widened);
         plan.choose_parts()?;
         plan.explain_samples()?;
+        plan.explain_filters();
         plan.warn_of_rounded_positions();
         plan.check_memory()?;
         Ok(plan)
@@ -430,7 +432,12 @@ impl Plan {
         let (needed, allowed) = (self.target_bytes(), self.settings.max_memory);
         if needed > allowed {
             return Err(PlanError::new(
-                format!("the render targets take {}, and {} is allowed", mebibytes(needed), mebibytes(allowed)),
+                format!(
+                    "the render targets{} take {}, and {} is allowed",
+                    if self.filter_bytes() > 0 { " and filters" } else { "" },
+                    mebibytes(needed),
+                    mebibytes(allowed)
+                ),
                 match self.needs_whole() {
                     None => "render a smaller --size, or raise --max-memory".to_owned(),
                     Some(why) => {

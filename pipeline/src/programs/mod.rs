@@ -7,7 +7,10 @@ mod table;
 #[cfg(test)]
 pub(crate) mod tests;
 
-pub use params::{LARGEST_SUN, MOST_PATHS, MOST_SAMPLES, MOST_SUN_SAMPLES, PARAMS, ParamInfo, RayParams, Values};
+pub use params::{
+    FILTER_BYTES, LARGEST_SUN, MAX_FILTER_LEVELS, MOST_PATHS, MOST_SAMPLES, MOST_SUN_SAMPLES, PARAMS, ParamInfo,
+    RayParams, Values,
+};
 pub use table::{PROCS, ProcInfo, RAY_PROGRAMS, RayProgram, RayProgramInfo, Traces, Writes, procs_of_kind};
 
 /// Program of a raster pass, run per fragment.

@@ -38,6 +38,8 @@ pub struct RayParams {
     pub sun: f32,
     /// Shadow rays over the light's disc per lit point; without a disc there is one.
     pub sun_samples: u32,
+    /// Levels of the edge-avoiding filter over the share of light that is written; 0 filters nothing. Corrected fidelity only.
+    pub filter: u32,
     /// Position in the sample sequence of the first of the [`Self::samples`]. It is 0, except for accumulated pictures and for all
     /// but the first of several samples a pixel. Projects cannot set it.
     pub first: u32,
@@ -69,6 +71,7 @@ impl Default for RayParams {
             limits: PathLimits::DEFAULT,
             sun: 0.0,
             sun_samples: 16,
+            filter: 0,
             first: 0,
             first_path: 0,
             first_sun: 0,
@@ -85,6 +88,12 @@ pub const MOST_PATHS: u32 = 4096;
 pub const LARGEST_SUN: f32 = 90.0;
 /// Largest value of [`RayParams::sun_samples`].
 pub const MOST_SUN_SAMPLES: u32 = 65_536;
+
+/// Most levels of the filter over a share of light, by rays or by raster.
+pub const MAX_FILTER_LEVELS: u32 = 3;
+
+/// Bytes a pixel that the filter takes on the processor: position, normal, the share and the next one, in 32-bit floats.
+pub const FILTER_BYTES: u64 = 32;
 
 /// A parameter of ray programs, as XML attribute, in `--set`, in help and in documents.
 #[derive(Debug, Clone, Copy)]
@@ -231,6 +240,13 @@ pub const PARAMS: &[ParamInfo] = &[
         values: Values::Integer(1, MOST_SUN_SAMPLES),
     },
     ParamInfo {
+        name: "filter",
+        about: "levels of the filter that averages a share of few samples over its surface: 5 x 5 pixels, then 13 x 13 and 29 x 29; 0 \
+                filters nothing",
+        valid: "0..=3 (thesis fidelity: 0)",
+        values: Values::Integer(0, MAX_FILTER_LEVELS),
+    },
+    ParamInfo {
         name: "lightwidth",
         about: "side along x of a rectangular light that looks down, around the light's position, in scene units",
         valid: "0..=1e5; with lightdepth=0 as well the light is a point",
@@ -321,6 +337,9 @@ impl RayParams {
                 let valid = |count: &u32| (1..=MOST_SUN_SAMPLES).contains(count);
                 self.sun_samples = value.parse().ok().filter(valid).ok_or_else(wrong)?;
             }
+            "filter" => {
+                self.filter = value.parse().ok().filter(|levels| *levels <= MAX_FILTER_LEVELS).ok_or_else(wrong)?;
+            }
             _ => {
                 let known = self.limits.set(name, value) || self.camera.set(name, value);
                 return if known { Ok(()) } else { Err(wrong()) };
@@ -355,6 +374,7 @@ impl RayParams {
             "paths" => self.paths.to_string(),
             "sun" => self.sun.to_string(),
             "sunsamples" => self.sun_samples.to_string(),
+            "filter" => self.filter.to_string(),
             _ => self
                 .limits
                 .get(name)

@@ -156,7 +156,7 @@ pub const RAY_PROGRAMS: &[RayProgramInfo] = &[
         material_attributes: &[],
         globals: &["lightDir"],
         procs: &[required("Any_Hit", "Shadow", "any_hit_shadow"), optional("Miss", "Shadow", "miss")],
-        params: &["sun", "sunsamples"],
+        params: &["sun", "sunsamples", "filter"],
     },
     RayProgramInfo {
         program: RayProgram::Reflection,
@@ -222,7 +222,7 @@ pub const RAY_PROGRAMS: &[RayProgramInfo] = &[
         material_attributes: &[],
         globals: &[],
         procs: &[required("Any_Hit", "Shadow", "any_hit_shadow"), required("Miss", "Shadow", "miss")],
-        params: &["samples", "radius", "intensity", "sampler"],
+        params: &["samples", "radius", "intensity", "sampler", "filter"],
     },
     RayProgramInfo {
         program: RayProgram::Final,
@@ -396,6 +396,12 @@ impl RayProgram {
         (self.info().sun_samples(params) > 0).then(|| format!("sun={}", params.sun))
     }
 
+    /// The filter that a pass with these parameters asks for, in words; `None` where nothing is filtered.
+    #[must_use]
+    pub fn asks_of_filter(self, params: &RayParams) -> Option<String> {
+        (self.info().filter_levels(params) > 0).then(|| format!("filter={}", params.filter))
+    }
+
     /// Whether the program traces rays with these parameters, in a scene with everything that it looks for.
     #[must_use]
     pub fn can_trace(self, params: &RayParams) -> bool {
@@ -448,6 +454,14 @@ impl RayProgramInfo {
     #[must_use]
     pub fn sun_samples(&self, params: &RayParams) -> u32 {
         if self.reads("sun") && params.sun > 0.0 { params.sun_samples } else { 0 }
+    }
+
+    /// The levels of the filter over what it writes; 0 where nothing is filtered: no noise is in a share without samples, or of a light that is
+    /// a point.
+    #[must_use]
+    pub fn filter_levels(&self, params: &RayParams) -> u32 {
+        let noise = self.samples(params) > 0 || self.sun_samples(params) > 0;
+        if self.reads("filter") && noise { params.filter } else { 0 }
     }
 
     /// Whether the program needs an acceleration structure, and why. `finds_glass` says whether any pixel may show glass.

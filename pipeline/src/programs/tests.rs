@@ -36,6 +36,7 @@ fn every_parameter_is_settable_by_its_name() {
         ("refractions", "12"),
         ("sun", "0.53"),
         ("sunsamples", "32"),
+        ("filter", "2"),
         ("lightwidth", "0.4"),
         ("lightdepth", "0.3"),
         ("radiance", "5"),
@@ -70,6 +71,7 @@ fn every_parameter_is_settable_by_its_name() {
         },
         sun: 0.53,
         sun_samples: 32,
+        filter: 2,
         first: 0,
         first_path: 0,
         first_sun: 0,
@@ -85,7 +87,7 @@ fn every_parameter_is_settable_by_its_name() {
         },
     };
     assert_eq!(params, expected);
-    assert_eq!(PARAMS.len(), 27, "this test sets every parameter");
+    assert_eq!(PARAMS.len(), 28, "this test sets every parameter");
 }
 
 #[test]
@@ -129,5 +131,6 @@ fn wrong_parameters_say_what_is_valid() {
     assert!(["129", "-1"].iter().all(|count| params.set("reflections", count).is_err()));
     assert!(["-0.1", "90.1", "NaN", "inf"].iter().all(|angle| params.set("sun", angle).is_err()));
     assert!(["0", "65537"].iter().all(|count| params.set("sunsamples", count).is_err()));
+    assert!(["4", "-1", "1.5"].iter().all(|levels| params.set("filter", levels).is_err()));
     assert_eq!(params, RayParams::default());
 }

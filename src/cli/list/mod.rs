@@ -41,7 +41,7 @@ pub fn run(program: Option<&str>) -> Result<(), Failure> {
 fn all() {
     crate::say!("{HEADER}ray programs (class=\"optix\" or \"rt\"){HEADER:#}");
     for info in RAY_PROGRAMS {
-        crate::say!("  {:16} {}", info.stem, info.about);
+        crate::say!("  {:16}  {}", info.stem, info.about);
     }
     crate::say!("\n{HEADER}parameters of ray programs (attributes of the pass, or --set PASS.NAME=VALUE){HEADER:#}");
     for param in PARAMS {
@@ -54,12 +54,12 @@ fn all() {
         describe(param, &defaults.join(", from the camera "));
         let reads = |info: &&RayProgramInfo| info.params.contains(&param.name);
         let readers: Vec<&str> = RAY_PROGRAMS.iter().filter(reads).map(|info| info.stem).collect();
-        crate::say!("  {:16} read by {}", "", readers.join(", "));
+        crate::say!("  {:16}  read by {}", "", readers.join(", "));
     }
     crate::say!("\n{HEADER}raster effects (class=\"effect\"){HEADER:#}");
     for info in EFFECT_PROGRAMS {
-        crate::say!("  {:16} {}", info.name, info.about);
-        crate::say!("  {:16} by rays: {}", "", info.counterpart.info().stem);
+        crate::say!("  {:16}  {}", info.name, info.about);
+        crate::say!("  {:16}  by rays: {}", "", info.counterpart.info().stem);
     }
     crate::say!("\n{HEADER}parameters of raster effects{HEADER:#}");
     for param in EFFECT_PARAMS {
@@ -70,51 +70,53 @@ fn all() {
         defaults.dedup();
         describe(param, &defaults.join(", cube maps "));
         let readers: Vec<&str> = readers.iter().map(|info| info.name).collect();
-        crate::say!("  {:16} read by {}", "", readers.join(", "));
+        crate::say!("  {:16}  read by {}", "", readers.join(", "));
     }
     crate::say!("\n{HEADER}raster programs (class=\"default\", by the stem of the ps file){HEADER:#}");
     for info in RASTER_PROGRAMS {
-        crate::say!("  {:16} {}", info.stem, info.about);
+        crate::say!("  {:16}  {}", info.stem, info.about);
     }
     crate::say!("\n{HEADER}quad programs (class=\"quad\"){HEADER:#}");
-    crate::say!("  {:16} one texture, as named by <texture>", "(none)");
+    crate::say!("  {:16}  one texture, as named by <texture>", "(none)");
     for info in QUAD_PROGRAMS {
-        crate::say!("  {:16} {}", info.stem, info.about);
+        crate::say!("  {:16}  {}", info.stem, info.about);
     }
     crate::say!("\n{HEADER}rasterisers (--raster); each runs every raster effect{HEADER:#}");
-    crate::say!("  {:16} {}", "cpu", CpuRasteriser::new().device());
+    crate::say!("  {:16}  {}", "cpu", CpuRasteriser::new().device());
     let found = abilities();
     for (place, (adapter, abilities)) in found.iter().enumerate() {
-        crate::say!("  {:16} {adapter}", "wgpu");
-        crate::say!("  {:16} --adapter {place}: {abilities}", "");
+        crate::say!("  {:16}  {adapter}", "wgpu");
+        crate::say!("  {:16}  --adapter {place}: {abilities}", "");
     }
     if found.is_empty() {
-        crate::say!("  {:16} no adapter: this machine has no Vulkan, Metal or DX12 driver", "wgpu");
+        crate::say!("  {:16}  no adapter: this machine has no Vulkan, Metal or DX12 driver", "wgpu");
     }
     crate::say!("\n{HEADER}ray backends (--backend), program by program{HEADER:#}");
     for backend in BackendChoice::ALL {
         match ray_backend(Choice::CPU.traced_by(backend)) {
             Ok(rays) => ray_support(rays.as_ref()),
-            Err(error) => crate::say!("  {:16} not here: {}", backend.name(), error.reason()),
+            Err(error) => crate::say!("  {:16}  not here: {}", backend.name(), error.reason()),
         }
     }
 }
 
 fn ray_support(rays: &dyn RayBackend) {
-    crate::say!("  {:16} {}", rays.name(), rays.device());
+    crate::say!("  {:16}  {}", rays.name(), rays.device());
     for info in RAY_PROGRAMS {
         let verdict = |fidelity| match rays.supports(info.program, fidelity) {
             Ok(()) => "yes".to_owned(),
             Err(error) => error.to_string(),
         };
         crate::say!(
-            "    {:14} corrected: {}, thesis: {}",
+            "    {:14}  corrected: {}, thesis: {}",
             info.stem,
             verdict(Fidelity::Corrected),
             verdict(Fidelity::Thesis)
         );
     }
-    crate::say!("    {:14} {}", "sun above 0", if rays.traces_sun_discs() { "yes" } else { "no: use --backend cpu" });
+    for (asked, does) in [("sun above 0", rays.traces_sun_discs()), ("filter above 0", rays.filters_shares())] {
+        crate::say!("    {asked:14}  {}", if does { "yes" } else { "no: use --backend cpu" });
+    }
 }
 
 fn one_ray(info: &RayProgramInfo) {
@@ -133,8 +135,8 @@ fn one_ray(info: &RayProgramInfo) {
 
 fn one_effect(info: &EffectProgramInfo) {
     crate::say!("{HEADER}{}{HEADER:#}: {}", info.name, info.about);
-    crate::say!("  {:16} {}", "by rays", info.counterpart.info().stem);
-    crate::say!("  {:16} {}", "buffers", info.buffers.join(", "));
+    crate::say!("  {:16}  {}", "by rays", info.counterpart.info().stem);
+    crate::say!("  {:16}  {}", "buffers", info.buffers.join(", "));
     let defaults = EffectParams::of(info.program);
     for param in EFFECT_PARAMS.iter().filter(|param| info.params.contains(&param.name)) {
         describe(param, &defaults.get(param.name));
@@ -152,5 +154,5 @@ fn own_backend() {
 }
 
 fn describe(param: &ParamInfo, default: &str) {
-    crate::say!("  {:16} {} [default: {default}; valid: {}]", param.name, param.about, param.valid);
+    crate::say!("  {:16}  {} [default: {default}; valid: {}]", param.name, param.about, param.valid);
 }

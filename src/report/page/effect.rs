@@ -39,9 +39,13 @@ pub fn section(data: &ReportData, section: &Section, plots: &mut Plots) -> Marku
             (plots.figure(
                 &format!("{id}-frames"),
                 plots::frame_bars(&format!("{}: median time of each step of a frame", section.effect.title()), &rows, section.effect.title()),
-                &html! { "Median host time of each step. The figure at the end of a bar is the median of the whole frame." },
+                &html! {
+                    "Median host time of each step, the fastest frame first. The figure at the end of a bar is the median of the whole frame, "
+                    "the whisker its 95 % interval."
+                },
                 "No setting of this effect was measured.",
             ))
+            (graphs(data, section, plots))
             h3 { "All settings" }
             @if rows.is_empty() {
                 p.note { "None was measured." }
@@ -52,11 +56,45 @@ pub fn section(data: &ReportData, section: &Section, plots: &mut Plots) -> Marku
     }
 }
 
+/// The passes of the rows with pictures, by raster and by rays: as long as they differ in their passes and not only in settings.
+fn graphs(data: &ReportData, section: &Section, plots: &mut Plots) -> Markup {
+    let mut known: Vec<&[[String; 2]]> = Vec::new();
+    let different: Vec<_> = section
+        .graphs
+        .iter()
+        .filter(|graph| {
+            let new = !known.contains(&graph.passes.as_slice());
+            known.push(&graph.passes);
+            new
+        })
+        .filter_map(|graph| Some((graph, data.row(&graph.row)?)))
+        .collect();
+    html! {
+        @if !different.is_empty() {
+            h3 { "What passes hand on" }
+            @for (index, (graph, row)) in different.iter().enumerate() {
+                (plots.figure(
+                    &format!("{}-passes-{}", section.effect.id(), index + 1),
+                    plots::pass_graph(graph, row),
+                    &html! {
+                        (graph.label) ". On each edge what the pass before it took, and the attachments that it hands on."
+                    },
+                    "It has no passes.",
+                ))
+            }
+        }
+    }
+}
+
 fn about(effect: Effect) -> &'static str {
     match effect {
         Effect::Shadows => {
             "By raster, depth maps drawn from the light, one for each range of distances; their texels blur and shift the edges. By rays, \
              one ray to the light from each pixel, exact for a light without extent."
+        }
+        Effect::SoftShadows => {
+            "The light is a disc of 0.53 degrees, as the sun is. By raster, percentage-closer soft shadows: depth maps tell how far off what \
+             hides the light is, and how wide to blur. By rays, some to points of the disc; with a filter, averaged over the surface."
         }
         Effect::Reflection => {
             "By raster, a cube map drawn from the middle of the pane: what is near the pane is seen from a wrong place, and no \
@@ -96,18 +134,44 @@ fn pictures(data: &ReportData, section: &Section) -> Markup {
     html! {
         div.compare id={ "compare-" (id) } hidden {
             div.choice {
-                label { span { "Left" } select { (options(first)) } }
-                label { span { "Right" } select { (options(reference)) } }
+                label { span { "Left" } select.of-left { (options(first)) } }
+                label { span { "Right" } select.of-right { (options(reference)) } }
             }
-            div.stage {
-                img src=(reference.file) width=(size[0]) height=(size[1]) alt=(alt(section, reference));
-                img.over src=(first.file) width=(size[0]) height=(size[1]) alt=(alt(section, first));
-                span.line {}
-                b.left { (first.label) }
-                b.right { (reference.label) }
-                input type="range" min="0" max="100" step="1" value="50" aria-label="Divider between the two pictures";
+            div.tools {
+                label { span { "Compare by" }
+                    select.mode {
+                        option value="divider" { "divider" }
+                        option value="flicker" { "flicker" }
+                        option value="difference" { "difference" }
+                    }
+                }
+                label { span { "Zoom" }
+                    select.zoom {
+                        option value="fit" { "fit" }
+                        @for (value, name) in [("1", "1 × (as measured)"), ("2", "2 ×"), ("4", "4 ×"), ("8", "8 ×")] {
+                            option value=(value) { (name) }
+                        }
+                    }
+                }
+                label { span { "Exposure " b.stops { "0" } " EV" }
+                    input.exposure type="range" min="-6" max="6" step="0.5" value="0";
+                }
+                button.swap type="button" hidden { "Swap" }
             }
-            p.note { "Drag the divider, or focus it and use the arrow keys." }
+            div.window tabindex="0" role="group" aria-label="Pictures; scroll where they are larger than the window" {
+                div.stage style=(format!("--wide:{}px", size[0])) {
+                    img src=(reference.file) width=(size[0]) height=(size[1]) alt=(alt(section, reference));
+                    img.over src=(first.file) width=(size[0]) height=(size[1]) alt=(alt(section, first));
+                    span.line {}
+                    input.divider type="range" min="0" max="100" step="1" value="50" aria-label="Divider between the two pictures";
+                }
+            }
+            p.names { b.left { (first.label) } b.right { (reference.label) } }
+            p.note {
+                "Drag the divider, or focus it and use the arrow keys. Flicker shows the two in turns, difference what is between them. At zoom 1 a pixel of the "
+                "picture is a pixel of the window. Exposure multiplies the light that is displayed, and makes small differences seen; what the picture "
+                "file cut off at white stays cut off."
+            }
         }
         div.pictures {
             @for picture in &section.pictures {

@@ -216,16 +216,16 @@ fn in_short(data: &ReportData) -> Markup {
                 p { strong { (first) } }
             }
             div.scroll tabindex="0" role="group" aria-label="Table of advice" {
-                table {
-                    thead {
-                        tr {
-                            th.text scope="col" { "Effect" } th.text scope="col" { "Verdict" }
-                            th.text scope="col" { "Setting" } th scope="col" { "Frame, ms" } th scope="col" { "95 %" }
-                            th.text scope="col" { "60 Hz" }
-                            th scope="col" { "RMSE" } th scope="col" { "FLIP" } th scope="col" { "RMSE without it" }
+                // With roles, because narrow windows lay it out as lines, which takes away those of the elements.
+                table.advice role="table" {
+                    thead role="rowgroup" {
+                        tr role="row" {
+                            @for (index, name) in ADVICE.iter().enumerate() {
+                                th.text[matches!(index, 0 | 1 | 2 | 5)] scope="col" role="columnheader" { (name) }
+                            }
                         }
                     }
-                    tbody { @for verdict in &verdicts { (advice(data, verdict)) } }
+                    tbody role="rowgroup" { @for verdict in &verdicts { (advice(data, verdict)) } }
                 }
             }
             @if sentences.len() > 1 { p { (sentences[1..].join(" ")) } }
@@ -250,25 +250,34 @@ fn advice(data: &ReportData, verdict: &Verdict) -> Markup {
         Fit::AtTheLimit => "at the limit",
         Fit::No => "no",
     });
+    let cells = [
+        candidate.map(|candidate| significant(candidate.frame_ms)),
+        interval.map(|of| format!("{} – {}", significant(of.low), significant(of.high))),
+        fit.map(str::to_owned),
+        quality.map(|quality| error(quality.rmse)),
+        quality.map(|quality| error(quality.flip)),
+        without.map(|quality| error(quality.rmse)),
+    ];
     html! {
-        tr {
-            th scope="row" { (verdict.effect.title()) }
-            td.text { strong { (verdict::verb(&verdict.advice)) } }
-            td.text.wrap {
+        tr role="row" {
+            th scope="row" role="rowheader" { (verdict.effect.title()) }
+            td.text.verdict role="cell" { strong { (verdict::verb(&verdict.advice)) } }
+            td.text.wrap.setting role="cell" {
                 @match candidate {
                     Some(candidate) => { (prefix) (candidate.label) },
                     None => span.none { "–" },
                 }
             }
-            td { (candidate.map_or("–".to_owned(), |candidate| significant(candidate.frame_ms))) }
-            td { (interval.map_or("–".to_owned(), |of| format!("{} – {}", significant(of.low), significant(of.high)))) }
-            td.text { (fit.unwrap_or("–")) }
-            td { (quality.map_or("–".to_owned(), |quality| error(quality.rmse))) }
-            td { (quality.map_or("–".to_owned(), |quality| error(quality.flip))) }
-            td { (without.map_or("–".to_owned(), |quality| error(quality.rmse))) }
+            @for (cell, name) in cells.iter().zip(&ADVICE[3..]) {
+                td.text[*name == "60 Hz"] role="cell" data-label=(name) { (cell.as_deref().unwrap_or("–")) }
+            }
         }
     }
 }
+
+/// Columns of the table of advice.
+const ADVICE: [&str; 9] =
+    ["Effect", "Verdict", "Setting", "Frame, ms", "95 %", "60 Hz", "RMSE", "FLIP", "RMSE without it"];
 
 fn missing(data: &ReportData) -> Markup {
     let (late, other): (Vec<_>, Vec<_>) =
@@ -313,7 +322,9 @@ fn effects(data: &ReportData, plots: &mut Plots) -> Markup {
             (plots.figure(
                 "frames",
                 plots::frame_bars("Median time of each step of a frame", &whole, ""),
-                &html! { "Median host time of each step. The figure at the end of a bar is the median of the whole frame." },
+                &html! {
+                    "Median host time of each step. The figure at the end of a bar is the median of the whole frame, the whisker its 95 % interval."
+                },
                 "No such row was measured.",
             ))
         }
@@ -345,6 +356,8 @@ fn scaling(data: &ReportData, plots: &mut Plots) -> Markup {
                 @let (id, title, missing) = match scaling.against {
                     Against::Triangles => ("triangles", "Against triangles", "No scene of another size was measured."),
                     Against::Pixels => ("pixels", "Against pixels", "No other window size was measured."),
+                    Against::Samples => ("samples", "Against samples", "No other number of samples was measured."),
+                    Against::Threads => ("threads", "Against threads", "No other number of threads was measured."),
                 };
                 h3 { (title) }
                 (plots.figure(
@@ -354,6 +367,9 @@ fn scaling(data: &ReportData, plots: &mut Plots) -> Markup {
                     missing,
                 ))
                 (table::scaling(data, scaling))
+            }
+            p.note {
+                "Against lights nothing is measured: a pass has one, and two lights are two passes."
             }
         }
     }
@@ -365,6 +381,12 @@ fn scaling_caption(data: &ReportData, scaling: &super::model::Scaling) -> Markup
         @match scaling.against {
             Against::Triangles => { "The generated square at other densities, " (width) " × " (height) " pixels." },
             Against::Pixels => { (data.scene.file) " in windows of other sizes." },
+            Against::Samples => {
+                "The settings of the sections above that differ in their samples alone: rays of a point, and depths that a raster effect reads for it."
+            },
+            Against::Threads => {
+                "On pools of so many threads, rasteriser and rays of the processor. The table has processor time as well, of all threads together."
+            },
         }
     }
 }
@@ -396,7 +418,14 @@ fn method(data: &ReportData) -> Markup {
                 "The time allowed was " (duration(data.budget_s)) ". Before each stage its expected cost was compared with what was "
                 "left; what no longer fitted was left out and is listed above."
             }
-            p { "All samples: " a href="data.json" { "data.json" } " · " a href="data.csv" { "data.csv" } }
+            p {
+                "All samples: " a href="data.json" { "data.json" } " · as tables: " a href="data.csv" { "data.csv" } " · "
+                a href="data.md" { "data.md" }
+            }
+            p {
+                "When each step of a frame runs: " code { "curitiba render PROJECT.xml --trace trace.json" }
+                " writes what Perfetto opens."
+            }
             p { "To make it again: " code { (bench.command) } }
         }
     }

@@ -251,6 +251,8 @@ pub fn scaling(data: &ReportData, scaling: &Scaling) -> Markup {
     let quantity = match scaling.against {
         Against::Triangles => "Triangles",
         Against::Pixels => "Pixels",
+        Against::Samples => "Samples",
+        Against::Threads => "Threads",
     };
     html! {
         @if scaling.series.iter().any(|series| !series.rows.is_empty()) {
@@ -263,23 +265,24 @@ pub fn scaling(data: &ReportData, scaling: &Scaling) -> Markup {
                             th scope="col" data-column="2" { (quantity) }
                             th scope="col" data-column="3" { "Window" }
                             th scope="col" data-column="4" { "median, ms" }
-                            th scope="col" data-column="5" { "mean ± sd" }
+                            th scope="col" data-column="5" { "95 %" }
                             th scope="col" data-column="6" { "min" }
                             th scope="col" data-column="7" { "max" }
                             th scope="col" data-column="8" { "n" }
+                            th scope="col" data-column="9" { "processor" }
                         }
                     }
                     tbody {
                         @for series in &scaling.series {
-                            @for row in series.rows.iter().filter_map(|key| data.row(key)) {
+                            @for (row, amount) in data.points(scaling.against, series) {
                                 @let pixels = u64::from(row.size[0]) * u64::from(row.size[1]);
-                                @let amount = if scaling.against == Against::Triangles { row.triangles } else { pixels };
                                 tr {
                                     th scope="row" { (series.label) }
                                     td.text { (tag(series.technique)) }
-                                    (number(Some(amount as f64), |value| grouped(value as u64)))
+                                    (number(Some(amount), |value| grouped(value as u64)))
                                     td data-v=(pixels) { (row.size[0]) " × " (row.size[1]) }
                                     (times(&row.frame))
+                                    (number(row.frame_processor.as_ref().map(|stats| stats.median), significant))
                                 }
                             }
                         }

@@ -1,9 +1,10 @@
-//! Where a frame's time goes: one bar a row, one piece a step.
+//! Where a frame's time goes: one bar a row, one piece a step, the shortest first.
 
 use super::Plot;
 use super::canvas::{
     Entry, FONT, GRID, INK, Ink, MUTED, Mark, NEUTRAL, RASTER, RAYS, draw, lay_out, legend, text, text_width,
 };
+use crate::bench::Interval;
 use crate::bench::model::BenchRow;
 use crate::pipeline::executor::StepKind;
 use crate::report::number::milliseconds;
@@ -25,11 +26,17 @@ const KINDS: [(StepKind, Ink, &str); 7] = [
     (StepKind::Quad, RAYS[1], "quad"),
 ];
 
-/// Horizontal bars of the median time of each kind of step, with the whole frame's median at the end. What all labels
+/// Horizontal bars of the median time of each kind of step, the shortest frame first, with the whole frame's median and its 95 % interval at the end. What all labels
 /// begin with, `common`, is left out of them. `None` without rows.
 #[must_use]
 pub fn frame_bars(title: &str, rows: &[&BenchRow], common: &str) -> Option<Plot> {
-    let most = rows.iter().map(|row| row.frame.median.max(pieces(row).iter().sum())).fold(0.0, f64::max);
+    let mut rows = rows.to_vec();
+    rows.sort_by(|a, b| a.frame.median.total_cmp(&b.frame.median));
+    let intervals: Vec<Option<Interval>> = rows.iter().map(|row| Interval::of_median(&row.frame.samples)).collect();
+    let ends = rows.iter().zip(&intervals).map(|(row, interval)| {
+        interval.map_or(0.0, |interval| interval.high).max(row.frame.median).max(pieces(row).iter().sum())
+    });
+    let most = ends.fold(0.0, f64::max);
     if !(most > 0.0 && most.is_finite()) {
         return None;
     }
@@ -82,7 +89,15 @@ pub fn frame_bars(title: &str, rows: &[&BenchRow], common: &str) -> Option<Plot>
             }
             let (left, y) = area.map_coordinate(&(0.0, middle));
             root.draw_text(&labels[index], &text(FONT, INK, HPos::Right, VPos::Center), (left - 8, y))?;
-            let (end, _) = area.map_coordinate(&(from.max(row.frame.median), middle));
+            let mut reach = from.max(row.frame.median);
+            if let Some(Interval { low, high }) = intervals[index] {
+                let [low, high] = [low, high].map(|end| area.map_coordinate(&(end, middle)).0);
+                for line in [[(low, y), (high, y)], [(low, y - 4), (low, y + 4)], [(high, y - 4), (high, y + 4)]] {
+                    root.draw(&PathElement::new(line.to_vec(), INK.color().stroke_width(1)))?;
+                }
+                reach = reach.max(intervals[index].map_or(0.0, |interval| interval.high));
+            }
+            let (end, _) = area.map_coordinate(&(reach, middle));
             let total = milliseconds(row.frame.median);
             root.draw_text(&total, &text(12, INK, HPos::Left, VPos::Center), (end + 6, y))?;
         }

@@ -2,11 +2,13 @@
 
 mod bars;
 mod canvas;
+mod graph;
 mod scaling;
 mod speed;
 mod threads;
 
 pub use bars::frame_bars;
+pub use graph::pass_graph;
 pub use scaling::{Fit, fit, scaling_plot};
 pub use speed::speed_against_error;
 pub use threads::threads_plot;

@@ -1,4 +1,4 @@
-//! Time against the number of triangles or pixels, with the fitted exponent.
+//! Time against the number of triangles, pixels, samples or threads, with the fitted exponent.
 
 use super::Plot;
 use super::canvas::{Entry, LogAxis, Mark, draw, lay_out, legend, log_chart};
@@ -43,15 +43,7 @@ pub fn fit(points: &[(f64, f64)]) -> Option<Fit> {
 /// The points of a line: quantity and median frame time in milliseconds.
 #[must_use]
 pub fn points(data: &ReportData, against: Against, series: &ScalingSeries) -> Vec<(f64, f64)> {
-    let rows = series.rows.iter().filter_map(|key| data.row(key));
-    rows.map(|row| {
-        let x = match against {
-            Against::Triangles => row.triangles as f64,
-            Against::Pixels => f64::from(row.size[0]) * f64::from(row.size[1]),
-        };
-        (x, row.frame.median)
-    })
-    .collect()
+    data.points(against, series).map(|(row, amount)| (amount, row.frame.median)).collect()
 }
 
 /// Both axes logarithmic; the legend has the exponents. `None` without a point.
@@ -78,6 +70,8 @@ pub fn scaling_plot(data: &ReportData, scaling: &Scaling) -> Option<Plot> {
     let (title, axis) = match scaling.against {
         Against::Triangles => ("Frame time against triangles", "triangles of the scene"),
         Against::Pixels => ("Frame time against pixels", "pixels of the window"),
+        Against::Samples => ("Frame time against samples", "rays, or depths read, for each point"),
+        Against::Threads => ("Frame time against threads", "threads"),
     };
     draw(SIZE, title, |root| {
         let (places, height) = lay_out(&entries, SIZE.0 as i32 - 80);

@@ -2,7 +2,7 @@
 
 use super::Plot;
 use super::canvas::{
-    Entry, INK, Ink, LogAxis, MUTED, Mark, NEUTRAL, RASTER, RAYS, Root, draw, lay_out, legend, log_chart, text,
+    Entry, FONT, INK, Ink, LogAxis, MUTED, Mark, NEUTRAL, RASTER, RAYS, Root, draw, lay_out, legend, log_chart, text,
     text_width,
 };
 use crate::bench::model::Technique;
@@ -82,6 +82,9 @@ pub fn speed_against_error(data: &ReportData, section: &Section) -> Option<Plot>
             let entry = &entries[point.series];
             entry.mark.draw(root, *place, entry.ink)?;
         }
+        if exact {
+            break_axis(root, pixel((x.range.0, floor.log10())), pixel((x.range.0, lowest.log10())).1)?;
+        }
         if let Some(limit) = limit {
             let (px, py) = pixel((limit.log10(), y.range.1));
             root.draw_text("60 frames a second", &text(12, INK, HPos::Left, VPos::Top), (px + 5, py + 3))?;
@@ -96,6 +99,16 @@ pub fn speed_against_error(data: &ReportData, section: &Section) -> Option<Plot>
             points.iter().zip(&marks).zip(&front).filter(|(_, on)| **on).map(|(named, _)| named).collect();
         label(root, &named, &marks, width, bottom)
     })
+}
+
+/// Two strokes across the axis, between the place of no error and the least error: what is below them is on no scale.
+fn break_axis(root: &Root<'_>, (x, zero): (i32, i32), least: i32) -> Result<(), super::canvas::Failed> {
+    let middle = (zero + least) / 2;
+    for y in [middle - 3, middle + 3] {
+        root.draw(&PathElement::new(vec![(x - 7, y + 3), (x + 7, y - 3)], INK.color().stroke_width(2)))?;
+    }
+    root.draw(&PathElement::new(vec![(x - 5, zero), (x, zero)], MUTED.color().stroke_width(1)))?;
+    root.draw_text("0", &text(FONT, INK, HPos::Right, VPos::Center), (x - 9, zero))
 }
 
 /// Names points where there is room: right above first, then the other corners; a name without room is left out, the

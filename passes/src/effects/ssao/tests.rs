@@ -27,6 +27,7 @@ const DEFAULTS: RayParams = RayParams {
     first_path: 0,
     sun: 0.0,
     sun_samples: 16,
+    filter: 0,
     first_sun: 0,
     camera: CameraParams::DEFAULT,
 };

@@ -1,4 +1,4 @@
-//! An edge-avoiding filter of the noise of occlusions.
+//! An edge-avoiding filter of the noise of occlusions and of soft shadows.
 //!
 //! Dammertz, Sewtz, Hanika and Lensch, "Edge-Avoiding À-Trous Wavelet Transform for fast Global Illumination Filtering", HPG 2010: a
 //! level averages 5 x 5 pixels that are `2^level` apart, with the weights of the B3 spline, 1/16, 1/4, 3/8, 1/4, 1/16 along each axis,
@@ -14,7 +14,7 @@
 use crate::trace::{Detected, Kernel, Simd};
 use curitiba_pipeline::executor::Progress;
 use curitiba_pipeline::memory::{Refused, resize};
-use curitiba_pipeline::raster_effects::MAX_FILTER_LEVELS;
+use curitiba_pipeline::programs::{FILTER_BYTES, MAX_FILTER_LEVELS};
 use rayon::prelude::*;
 
 /// The B3 spline at distances of 0, 1 and 2 pixels.
@@ -35,35 +35,35 @@ pub struct Filter {
 }
 
 impl Filter {
-    /// Takes the first component of each pixel of `values`, and its surface.
+    /// Takes the first component of each pixel of `values`, and its surface: a position and a normal of any length, by the pixel's index.
     ///
     /// # Errors
     /// If there is not enough memory.
-    ///
-    /// # Panics
-    /// If the lists differ in length.
     pub fn load(
         &mut self,
         width: u32,
         values: &[[f32; 4]],
-        position: &[[f32; 4]],
-        normal: &[[f32; 4]],
+        surface: impl Fn(usize) -> [[f32; 3]; 2] + Sync,
     ) -> Result<(), Refused> {
-        assert!(values.len() == position.len() && values.len() == normal.len(), "one of each for a pixel");
         self.width = width as usize;
         for list in self.surfaces.iter_mut().chain([&mut self.shares, &mut self.next]) {
             resize(list, values.len(), 0.0)?;
         }
-        let [px, py, pz, nx, ny, nz] = &mut self.surfaces;
-        for index in 0..values.len() {
-            let ([x, y, z, _], [a, b, c, _]) = (position[index], normal[index]);
-            let scale = 1.0 / (a * a + b * b + c * c).sqrt();
-            // Neither 0 nor too long nor not a number.
-            let shown = scale > 0.0 && scale.is_finite() && x.is_finite() && y.is_finite() && z.is_finite();
-            [px[index], py[index], pz[index]] = if shown { [x, y, z] } else { [0.0; 3] };
-            [nx[index], ny[index], nz[index]] = if shown { [a * scale, b * scale, c * scale] } else { [0.0; 3] };
-            self.shares[index] = values[index][0];
-        }
+        const { assert!(FILTER_BYTES == 8 * size_of::<f32>() as u64, "eight lists") }
+        let row = self.width.max(1);
+        let [px, py, pz, nx, ny, nz] = self.surfaces.each_mut().map(|list| list.par_chunks_mut(row));
+        let rows = (px, py, pz, nx, ny, nz, self.shares.par_chunks_mut(row), values.par_chunks(row));
+        rows.into_par_iter().enumerate().for_each(|(down, (px, py, pz, nx, ny, nz, shares, values))| {
+            for across in 0..values.len() {
+                let [[x, y, z], [a, b, c]] = surface(down * row + across);
+                let scale = 1.0 / (a * a + b * b + c * c).sqrt();
+                // Neither 0 nor too long nor not a number.
+                let shown = scale > 0.0 && scale.is_finite() && x.is_finite() && y.is_finite() && z.is_finite();
+                [px[across], py[across], pz[across]] = if shown { [x, y, z] } else { [0.0; 3] };
+                [nx[across], ny[across], nz[across]] = if shown { [a * scale, b * scale, c * scale] } else { [0.0; 3] };
+                shares[across] = values[across][0];
+            }
+        });
         Ok(())
     }
 
@@ -184,9 +184,14 @@ mod tests {
         [pixels.clone().map(position).collect(), pixels.map(normal).collect()]
     }
 
-    fn filtered(values: &[[f32; 4]], [position, normal]: &[Vec<[f32; 4]>; 2], levels: u32) -> Vec<f32> {
+    fn first_three(pixel: [f32; 4]) -> [f32; 3] {
+        [pixel[0], pixel[1], pixel[2]]
+    }
+
+    fn filtered(values: &[[f32; 4]], scene: &[Vec<[f32; 4]>; 2], levels: u32) -> Vec<f32> {
         let mut filter = Filter::default();
-        filter.load(SIDE, values, position, normal).expect("host memory");
+        let surface = |index: usize| scene.each_ref().map(|list| first_three(list[index]));
+        filter.load(SIDE, values, surface).expect("host memory");
         filter.run(levels, &Progress::default()).to_vec()
     }
 
@@ -273,7 +278,8 @@ mod tests {
             let position: Vec<[f32; 4]> = (0..values.len()).map(place).collect();
             let normal = vec![[0.0, 0.1, 1.0, 0.0]; values.len()];
             let mut filter = Filter::default();
-            filter.load(width as u32, &values, &position, &normal).expect("host memory");
+            let surface = |index: usize| [first_three(position[index]), first_three(normal[index])];
+            filter.load(width as u32, &values, surface).expect("host memory");
             let mut level = |set| {
                 let simd = Detected::new(set)?;
                 let (surfaces, shares) = (&filter.surfaces, &filter.shares);

@@ -125,6 +125,16 @@ fn a_light_with_a_disc_is_refused() {
 }
 
 #[test]
+fn a_filter_is_refused() {
+    with_job(|rays, scene, job| {
+        rays.build(scene, &[]).expect("it fits");
+        let params = RayParams { filter: 1, ..job.params };
+        let message = failure(rays, &RayJob { program: RayProgram::Ssao, params, ..*job }).to_string();
+        assert!(message.contains("is to be filtered (filter=1)") && !rays.filters_shares(), "{message}");
+    });
+}
+
+#[test]
 fn coordinates_that_would_overflow_are_refused() {
     with_job(|rays, scene, _| {
         let mut far = RenderScene::clone(scene);

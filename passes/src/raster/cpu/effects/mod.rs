@@ -116,7 +116,9 @@ impl Effects {
         });
         if levels > 0 {
             let start = Instant::now();
-            self.filter.load(job.width, &output.pixels, job.position, job.normal).map_err(refused)?;
+            let three = |[x, y, z, _]: [f32; 4]| [x, y, z];
+            let surface = |index: usize| [three(job.position[index]), three(job.normal[index])];
+            self.filter.load(job.width, &output.pixels, surface).map_err(refused)?;
             let shares = self.filter.run(levels, progress);
             let width = job.width as usize;
             let filtering = start.elapsed();

@@ -8,7 +8,8 @@ use glam::Vec3;
 /// Relative rounding error of a nearness; it is taken of the ray's start and of the surface, whichever gives more.
 pub const ROUNDING: f32 = 1.0 / (1 << 18) as f32;
 
-/// How far into the next block a step goes, in pixels, so that rounding does not hold it back.
+/// How far into the next block its column and row are looked for, in pixels, so that rounding does not hold a ray back. The ray itself is followed
+/// from where it left the block before.
 pub const STEP: f32 = 1.0 / 256.0;
 
 /// Least extent of a line across the screen, in pixels; a shorter line stays in its column or row.
@@ -106,7 +107,8 @@ impl Screen<'_> {
         let rounding = ROUNDING * start.z.abs();
         let last = self.pyramid.depth() - 1;
         let [columns, rows] = self.size;
-        let (mut t, mut level, mut first) = (0.0_f32, 0, !from_inside);
+        // Where the ray enters the block, and a place in that block.
+        let (mut enter, mut t, mut level, mut first) = (0.0_f32, 0.0_f32, 0, !from_inside);
         for _ in 0..self.most_steps() {
             if t >= 1.0 {
                 break;
@@ -121,7 +123,7 @@ impl Screen<'_> {
                 _ => 1.0,
             };
             let exit = leaves(column, start.x, span.x).min(leaves(row, start.y, span.y)).max(t).min(1.0);
-            let deepest = start.z + span.z * if span.z < 0.0 { exit } else { t };
+            let deepest = start.z + span.z * if span.z < 0.0 { exit } else { enter };
             if first {
                 first = false;
             } else if deepest <= self.pyramid.nearest(level, column, row) {
@@ -129,13 +131,13 @@ impl Screen<'_> {
                     level -= 1;
                     continue;
                 }
-                match self.cross(&line, direction, [t, exit], [column, row], rounding) {
+                match self.cross(&line, direction, [enter, exit], [column, row], rounding) {
                     Crossing::None => {}
                     Crossing::Met => return Answer::Pixel(row as usize * columns as usize + column as usize),
                     Crossing::Hidden => return Answer::Missing,
                 }
             }
-            t = exit + least;
+            (enter, t) = (exit, exit + least);
             level = (level + 1).min(last);
         }
         if far && t >= 1.0 { Answer::Nothing } else { Answer::Missing }

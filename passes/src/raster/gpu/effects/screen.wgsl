@@ -154,6 +154,8 @@ fn march(position: vec3<f32>, direction: vec3<f32>) -> vec2<i32> {
     let rounding = ROUNDING * abs(start.z);
     let last = params.level_count - 1u;
     let most_steps = 4u * (frame.size.x + frame.size.y) + 256u;
+    // Where the ray enters the block, and a place in that block.
+    var enter = 0.0;
     var t = 0.0;
     var level = 0u;
 //#if REFRACT
@@ -166,7 +168,7 @@ fn march(position: vec3<f32>, direction: vec3<f32>) -> vec2<i32> {
         let block = min(vec2<u32>(at), frame.size - 1u) >> vec2<u32>(level);
         let side = f32(1u << level);
         let exit = min(max(min(leaves(block.x, side, start.x, span.x), leaves(block.y, side, start.y, span.y)), t), 1.0);
-        let deepest = start.z + span.z * select(t, exit, span.z < 0.0);
+        let deepest = start.z + span.z * select(enter, exit, span.z < 0.0);
         let stored = params.levels[level];
         if own {
             own = false;
@@ -175,7 +177,7 @@ fn march(position: vec3<f32>, direction: vec3<f32>) -> vec2<i32> {
                 level -= 1u;
                 continue;
             }
-            let crossing = cross_pixel(start, span, direction, t, exit, block, rounding);
+            let crossing = cross_pixel(start, span, direction, enter, exit, block, rounding);
             if crossing == 1u {
                 return vec2<i32>(block);
             }
@@ -183,6 +185,7 @@ fn march(position: vec3<f32>, direction: vec3<f32>) -> vec2<i32> {
                 return vec2<i32>(NOT_KNOWN);
             }
         }
+        enter = exit;
         t = exit + least;
         level = min(level + 1u, last);
     }
