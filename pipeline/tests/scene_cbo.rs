@@ -374,6 +374,26 @@ fn numbers_of_materials_that_are_not_finite_are_replaced_and_counted() {
 }
 
 #[test]
+fn objects_whose_transforms_are_not_finite_are_left_out_and_counted() {
+    let folder = Folder::new();
+    let whole = object_list(Layout::Cbo2014).0;
+    let before = load_one(&folder.write("a.cbo", whole.clone())).unwrap();
+    let place = before.objects[0].transform.to_cols_array();
+    let bytes_of = |columns: [f32; 16]| columns.map(f32::to_le_bytes).concat();
+    let at = whole.windows(64).position(|window| window == bytes_of(place)).expect("the first object's transform");
+    for (index, value) in [(0, f32::INFINITY), (13, f32::NEG_INFINITY), (15, f32::NAN)] {
+        let mut columns = place;
+        columns[index] = value;
+        let mut bytes = whole.clone();
+        bytes[at..at + 64].copy_from_slice(&bytes_of(columns));
+        let scene = load_one(&folder.write("b.cbo", bytes)).unwrap();
+        assert_eq!(scene.objects.len() + 1, before.objects.len(), "{value} at {index}");
+        assert_eq!(scene.files[0].objects as usize, scene.objects.len());
+        assert_eq!(count(&scene.warnings, "objects whose transforms hold numbers that are not finite"), 1);
+    }
+}
+
+#[test]
 fn changed_and_cut_files_never_panic_and_never_break_a_reference() {
     let folder = Folder::new();
     let (mut loaded, mut refused) = (0, 0);

@@ -168,6 +168,7 @@ fn merge(scene: &mut Scene, file: &Path, mut other: Scene) {
         scene.origin = other.origin;
     }
     move_origin(&mut other, scene.origin);
+    leave_out_unplaced(&mut other, file);
     let is_empty = |object: &Object| other.meshes[object.mesh as usize].groups.iter().all(|g| g.triangles.is_empty());
     if other.objects.iter().all(is_empty) {
         other.warnings.add(file, "scenes without triangles", "nothing of them is drawn", || file.display().to_string());
@@ -223,6 +224,21 @@ fn merge(scene: &mut Scene, file: &Path, mut other: Scene) {
     scene.objects.append(&mut other.objects);
     scene.cameras.append(&mut other.cameras);
     scene.lights.append(&mut other.lights);
+}
+
+/// Leaves out the objects whose transforms hold a number that is not finite. No vertex of such an object has a place.
+fn leave_out_unplaced(scene: &mut Scene, file: &Path) {
+    let Scene { objects, warnings, .. } = scene;
+    objects.retain(|object| {
+        let placed = object.transform.is_finite();
+        if !placed {
+            let remedy = "they are left out: they have no place";
+            warnings.add(file, "objects whose transforms hold numbers that are not finite", remedy, || {
+                format!("`{}`", object.name)
+            });
+        }
+        placed
+    });
 }
 
 /// Replaces numbers that are not finite; returns whether there were any. An infinite index of refraction, attenuation distance or

@@ -144,7 +144,7 @@ pub struct Object {
     pub name: String,
     /// Index into [`Scene::meshes`].
     pub mesh: u32,
-    /// Model to world, relative to [`Scene::origin`].
+    /// Model to world, relative to [`Scene::origin`]. [`load`] leaves out objects whose numbers here are not finite.
     pub transform: Mat4,
 }
 
