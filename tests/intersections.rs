@@ -224,3 +224,50 @@ fn older_files_declare_attributes_by_context() {
             .is_some_and(|why| why.contains("the uniform `side` is the `side` of RENDERER, which is not known"))
     );
 }
+
+/// What the program prints, without its colours.
+fn printed(arguments: &[&str]) -> String {
+    let ran = std::process::Command::new(env!("CARGO_BIN_EXE_curitiba"))
+        .args(arguments)
+        .arg(shipped())
+        .output()
+        .expect("the program runs");
+    [ran.stdout, ran.stderr].map(|text| String::from_utf8_lossy(&text).into_owned()).concat()
+}
+
+#[test]
+fn check_and_plan_say_what_is_traced_and_what_traces_it() {
+    if !has_driver() {
+        return;
+    }
+    let common = ["--raster", "wgpu", "--backend"];
+    let with = |command, rest: &[&str]| printed(&[&[command], &common[..], rest].concat());
+    let plan = with("plan", &["cpu"]);
+    assert!(
+        plan.contains(
+            "trace: traces up to 262144 rays of `Rays::rays`, which every surface stops, and writes the nearest hits into `Rays::hits`"
+        ),
+        "{plan}"
+    );
+    assert!(plan.contains("acceleration structure for pass `trace`: it traces the rays of a buffer"), "{plan}");
+    let check = with("check", &["cpu"]);
+    assert!(check.contains("ok, passes that run: 4"), "{check}");
+    for command in ["check", "plan"] {
+        let refused = with(command, &["wgpu"]);
+        assert!(refused.contains("pass `trace`: wgpu cannot run the rays of a storage buffer"), "{refused}");
+        let allowed = with(command, &["wgpu", "--fallback", "cpu"]);
+        assert!(!allowed.contains("cannot run"), "the cpu takes over: {allowed}");
+    }
+}
+
+/// Buffers begin with zeros in every frame: all frames are alike.
+#[test]
+fn frames_are_alike() {
+    if !has_driver() {
+        return;
+    }
+    let mut renderer = open(&shipped(), "buffer").unwrap_or_else(|error| panic!("{}", error.joined()));
+    let first = renderer.frame(&mut Silent).expect("it renders");
+    assert_eq!(renderer.frame(&mut Silent).expect("it renders").pixels, first.pixels);
+    assert_eq!(renderer.update(&mut Silent).expect("it renders").pixels, first.pixels);
+}
