@@ -2,6 +2,7 @@
 
 pub mod check;
 mod filter;
+mod intersections;
 
 use crate::effects::{
     AlphaTested, Area, Coverage, Opaque, Pass, Pixel, Preparation, TILE, Workspace, camera, combined, deferred_shadows,
@@ -12,7 +13,7 @@ use crate::effects::{
 use crate::raster::effects::filter::Filter;
 use crate::sampling::HemisphereSampler;
 use crate::trace::{Bvh, DynTracer, Erased, Quality, SphereTree, Tracer, WithSpheres};
-use curitiba_pipeline::backend::{BackendError, BuildStats, RayBackend, RayCounts, RayJob, RayStats};
+use curitiba_pipeline::backend::{BackendError, BuildStats, IntersectionJob, RayBackend, RayCounts, RayJob, RayStats};
 use curitiba_pipeline::executor::Progress;
 use curitiba_pipeline::glass::Dielectric;
 use curitiba_pipeline::image::Image;
@@ -114,6 +115,28 @@ impl RayBackend for CpuRays {
 
     fn bytes_per_triangle(&self) -> u64 {
         BYTES_PER_TRIANGLE
+    }
+
+    fn supports_intersections(&self) -> Result<(), BackendError> {
+        Ok(())
+    }
+
+    fn intersect(
+        &mut self,
+        job: &IntersectionJob<'_>,
+        hits: &mut [[f32; 4]],
+        progress: &Progress,
+    ) -> Result<RayStats, BackendError> {
+        let built = self.built.as_ref().filter(|(scene, _)| std::ptr::eq(&raw const **scene, job.scene));
+        let Some((_, Structure { triangles, spheres })) = built else {
+            let message = "its scene's acceleration structure was not built".to_owned();
+            return Err(BackendError::Device { backend: NAME, message });
+        };
+        let buffer = match job.scene.geometry.spheres.is_empty() {
+            true => intersections::trace(triangles, job, hits, progress),
+            false => intersections::trace(&WithSpheres { triangles, spheres }, job, hits, progress),
+        };
+        Ok(RayStats { rays: RayCounts { buffer, ..RayCounts::default() }, ..RayStats::default() })
     }
 
     fn run(&mut self, job: &RayJob<'_>, output: &mut Image, progress: &Progress) -> Result<RayStats, BackendError> {

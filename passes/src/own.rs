@@ -4,7 +4,7 @@
 use crate::cpu::{CpuRays, empty, trace_pixels};
 use crate::effects::Pixel;
 use crate::trace::Bvh;
-use curitiba_pipeline::backend::{BackendError, BuildStats, RayBackend, RayCounts, RayJob, RayStats};
+use curitiba_pipeline::backend::{BackendError, BuildStats, IntersectionJob, RayBackend, RayCounts, RayJob, RayStats};
 use curitiba_pipeline::executor::Progress;
 use curitiba_pipeline::glass::Dielectric;
 use curitiba_pipeline::image::Image;
@@ -86,6 +86,19 @@ impl<F: Fn(At<'_>) -> [f32; 4] + Sync> RayBackend for OwnProgram<F> {
 
     fn bytes_per_triangle(&self) -> u64 {
         self.rays.bytes_per_triangle()
+    }
+
+    fn supports_intersections(&self) -> Result<(), BackendError> {
+        self.rays.supports_intersections()
+    }
+
+    fn intersect(
+        &mut self,
+        job: &IntersectionJob<'_>,
+        hits: &mut [[f32; 4]],
+        progress: &Progress,
+    ) -> Result<RayStats, BackendError> {
+        self.rays.intersect(job, hits, progress)
     }
 
     fn run(&mut self, job: &RayJob<'_>, output: &mut Image, progress: &Progress) -> Result<RayStats, BackendError> {

@@ -677,6 +677,19 @@ pub struct RayJob<'a> {
     pub from_camera: Option<FromCamera<'a>>,
 }
 
+/// Rays in host memory that are traced for their nearest hits. Every surface stops them, cut-outs and glass as well.
+#[derive(Debug, Clone, Copy)]
+pub struct IntersectionJob<'a> {
+    /// The scene, for which a structure was built.
+    pub scene: &'a RenderScene,
+    /// Origin in the world and least distance; direction and greatest distance. Distances are multiples of the direction's length,
+    /// which is not 0. A ray with a number that is not finite (but for the greatest distance) meets nothing.
+    pub rays: &'a [[[f32; 4]; 2]],
+}
+
+/// What [`RayBackend::intersect`] writes for a ray that meets nothing: the distance -1, and the bits of the integer -1 as the id.
+pub const NO_HIT: [f32; 4] = [-1.0, f32::from_bits(u32::MAX), 0.0, 0.0];
+
 /// Number of rays traced, by kind.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
 pub struct RayCounts {
@@ -691,6 +704,9 @@ pub struct RayCounts {
     /// Camera rays.
     #[serde(default)]
     pub camera: u64,
+    /// Rays of a storage buffer.
+    #[serde(default)]
+    pub buffer: u64,
     /// Occlusion rays that were skipped because they certainly miss. Not part of the total.
     pub certain: u64,
     /// Paths in glass with a wrong colour: paths given up as black after too many surfaces, and paths inside more nested bodies
@@ -703,7 +719,7 @@ impl RayCounts {
     /// Number of all rays traced.
     #[must_use]
     pub fn total(self) -> u64 {
-        self.shadow + self.occlusion + self.reflected + self.refracted + self.camera
+        self.shadow + self.occlusion + self.reflected + self.refracted + self.camera + self.buffer
     }
 }
 
@@ -714,6 +730,7 @@ impl std::ops::AddAssign for RayCounts {
         self.reflected += other.reflected;
         self.refracted += other.refracted;
         self.camera += other.camera;
+        self.buffer += other.buffer;
         self.certain += other.certain;
         self.lost += other.lost;
     }
@@ -799,6 +816,15 @@ pub trait RayBackend {
     fn traces_spheres(&self) -> bool {
         false
     }
+    /// Whether the backend traces the rays of a storage buffer.
+    ///
+    /// # Errors
+    /// [`BackendError::Unsupported`] with a remedy.
+    fn supports_intersections(&self) -> Result<(), BackendError> {
+        let why = "its programs start their rays themselves; use --backend cpu, or allow it with --fallback cpu";
+        let what = "the rays of a storage buffer".to_owned();
+        Err(BackendError::Unsupported { backend: self.name(), what, why: why.to_owned() })
+    }
     /// Whether the backend traces soft shadows: lights with a disc ([`RayParams::sun`] above 0).
     fn traces_sun_discs(&self) -> bool {
         false
@@ -850,6 +876,19 @@ pub trait RayBackend {
     /// # Errors
     /// If the device fails or the job lacks what the program reads.
     fn run(&mut self, job: &RayJob<'_>, output: &mut Image, progress: &Progress) -> Result<RayStats, BackendError>;
+    /// Traces rays of a storage buffer into `hits`, which is as long: the distance, the triangle's id as the bits of an integer, and
+    /// the barycentric coordinates of corners 1 and 2, or [`NO_HIT`]. Advances `progress` meanwhile.
+    ///
+    /// # Errors
+    /// If [`RayBackend::supports_intersections`] says so, or the structure was not built.
+    fn intersect(
+        &mut self,
+        _: &IntersectionJob<'_>,
+        _hits: &mut [[f32; 4]],
+        _: &Progress,
+    ) -> Result<RayStats, BackendError> {
+        self.supports_intersections().map(|()| RayStats::default())
+    }
     /// Runs one pass and keeps its picture under the given number on the device of the rasteriser whose handle
     /// [`RayBackend::reads`] accepted.
     ///

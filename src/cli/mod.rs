@@ -190,9 +190,14 @@ fn ask_engines(plan: &mut Plan, choice: Choice) -> Result<(), Failure> {
     for planned in &plan.passes {
         let pass = &plan.pass(planned).name;
         if let Some(traced) = plan.traced(planned) {
-            rays_of(pass)
-                .supports(traced.program, plan.settings.fidelity)
-                .map_err(|error| Failure::Work(format!("pass `{pass}`: {error}")))?;
+            let rays = rays_of(pass);
+            let supported = match traced.program {
+                Some((program, _)) => rays.supports(program, plan.settings.fidelity),
+                // If a fallback is allowed, it takes over.
+                None if stands_in => Ok(()),
+                None => rays.supports_intersections(),
+            };
+            supported.map_err(|error| Failure::Work(format!("pass `{pass}`: {error}")))?;
         }
     }
     Ok(())

@@ -89,6 +89,11 @@ fn describe(plan: &Plan, planned: &PlannedPass) -> String {
             let values: Vec<String> = info.params.iter().map(|name| format!("{name}={}", params.get(name))).collect();
             format!("computes `{}` by raster {}", info.name, values.join(" "))
         }
+        (Work::Intersection { .. }, PassKind::Intersection(intersection)) => {
+            let buffer = &plan.project.targets[intersection.rays];
+            let (most, rays) = (intersection.count.most(), format!("{}::{}", buffer.library, buffer.name));
+            format!("traces up to {most} rays of `{rays}`, which every surface stops, and writes the nearest hits")
+        }
         (Work::Off { .. }, _) => "is switched off, and fills its target".to_owned(),
         _ => "fills a rectangle".to_owned(),
     };

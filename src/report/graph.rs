@@ -19,6 +19,7 @@ pub(super) fn of(case: &Case, row: &str, label: &str) -> Option<PassGraph> {
             (_, PassKind::Ray(ray)) => format!("{}, by rays", ray.program.info().stem),
             (_, PassKind::Effect(effect)) => format!("{}, by raster", effect.program.info().name),
             (_, PassKind::Quad(_)) => "fills a rectangle".to_owned(),
+            (_, PassKind::Intersection(_)) => "traces the rays of a buffer".to_owned(),
         };
         passes.push([pass.name.clone(), what]);
         let access = plan.access(planned);

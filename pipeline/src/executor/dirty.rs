@@ -71,7 +71,7 @@ impl Renderer {
             PassKind::Raster(raster) => raster.light,
             PassKind::Ray(ray) => ray.light,
             PassKind::Effect(effect) => effect.light,
-            PassKind::Quad(_) => None,
+            PassKind::Quad(_) | PassKind::Intersection(_) => None,
         };
         let random = match (&work, &pass.kind) {
             (Work::Rays { params, .. }, PassKind::Ray(ray)) => ray.program.info().samples(params) > 0,

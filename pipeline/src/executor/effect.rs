@@ -138,7 +138,7 @@ impl Renderer {
         let pass = self.plan.pass(planned);
         let (PassKind::Effect(effect), Some(target)) = (&pass.kind, pass.target) else { return Ok(()) };
         let (Some(traced), Some(position)) = (self.plan.traced(planned), effect.position) else { return Ok(()) };
-        let (program, params) = (traced.program, traced.params);
+        let Some((program, params)) = traced.program else { return Ok(()) };
         let backend = self.engines.rays_of(name).name();
         let refused = |refused: memory::Refused| BackendError::Device { backend, message: refused.to_string() };
         let materials = &self.materials[index];

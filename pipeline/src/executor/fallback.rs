@@ -76,8 +76,11 @@ impl Renderer {
         }
         self.plan.passes.iter().enumerate().find_map(|(index, planned)| {
             let pass = self.plan.pass(planned);
-            let Traced { program, params, .. } = self.plan.traced(planned)?;
+            let Traced { program, .. } = self.plan.traced(planned)?;
             let rays = rays_of(&pass.name);
+            let Some((program, params)) = program else {
+                return Some((pass.name.clone(), rays.supports_intersections().err()?));
+            };
             let materials = self.materials.get(index).filter(|materials| materials.glass.contains(&true));
             let glass = || materials.map_or(Ok(()), |m| rays.supports_glass(program, &params, &m.dielectrics));
             let error = rays.supports(program, self.plan.settings.fidelity).and_then(|()| glass()).err()?;

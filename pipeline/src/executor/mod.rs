@@ -8,6 +8,7 @@ mod engines;
 mod estimate;
 mod fallback;
 mod in_place;
+mod intersection;
 mod join;
 mod observer;
 mod output;
@@ -447,6 +448,10 @@ impl Renderer {
                 Traced::NothingInHost => return Ok(Traced::NothingInHost),
             },
             Work::Effect { .. } => match self.effect(index, &planned, &name, observer)? {
+                Traced::Done => Ok(()),
+                Traced::NothingInHost => return Ok(Traced::NothingInHost),
+            },
+            Work::Intersection { scene_set } => match self.intersect(&planned, *scene_set, &name, observer)? {
                 Traced::Done => Ok(()),
                 Traced::NothingInHost => return Ok(Traced::NothingInHost),
             },

@@ -9,7 +9,7 @@ use crate::diagnostic::Decision;
 use crate::glass::{self, Decided, Dielectric, GlassShadow, Shape};
 use crate::memory::mebibytes;
 use crate::memory::{self, Refused};
-use crate::plan::{PlannedPass, Work};
+use crate::plan::{PlannedPass, Traced, Work};
 use crate::programs::{Fidelity, RayParams};
 use crate::project::{CameraStart, ColorMap, MaterialPattern, PassKind};
 use crate::scene::{BuildOptions, LoadOptions, Material, RenderScene, Sphere};
@@ -188,6 +188,7 @@ impl Renderer {
             }
             (Work::Effect { scene_set, .. }, PassKind::Effect(effect)) => (*scene_set, &effect.colors),
             _ => {
+                self.decide_structure(&planned);
                 self.materials.push(PassMaterials::default());
                 return;
             }
@@ -215,7 +216,6 @@ impl Renderer {
             let culled = |(index, material): (usize, &Material)| material.single_sided && !solid(index);
             resolved.culled = materials.iter().enumerate().map(culled).collect();
         }
-        let traced = self.plan.traced(&planned);
         let mut focused = None;
         if let PassKind::Effect(effect) = &pass.kind {
             resolved.glass = matching(&effect.glass);
@@ -252,14 +252,18 @@ impl Renderer {
                 _ => {}
             }
         }
-        if traced.is_some() {
-            let (needed, why) = self.plan.needs_structure(&planned, materials);
-            let what = format!("acceleration structure for pass `{}`", pass.name);
-            self.plan.decisions.push(Decision { what, built: needed, why });
-            self.scenes[set].structure |= needed;
-        }
+        self.decide_structure(&planned);
         self.plan.decisions.extend(focused);
         self.materials.push(resolved);
+    }
+
+    /// Adds the decision whether a pass needs an acceleration structure.
+    fn decide_structure(&mut self, planned: &PlannedPass) {
+        let Some(set) = self.plan.traced(planned).map(|traced| traced.scene_set) else { return };
+        let (needed, why) = self.plan.needs_structure(planned, &self.scenes[set].scene.materials);
+        let what = format!("acceleration structure for pass `{}`", self.plan.pass(planned).name);
+        self.plan.decisions.push(Decision { what, built: needed, why });
+        self.scenes[set].structure |= needed;
     }
 
     /// Hands a scene set to the rasteriser, unless it holds it already.
@@ -342,7 +346,9 @@ impl Renderer {
     pub(super) fn filtered_materials(&self, set: usize) -> Vec<bool> {
         let mut filtered = vec![false; self.scenes[set].scene.materials.len()];
         for (planned, materials) in self.plan.passes.iter().zip(&self.materials) {
-            if self.plan.traced(planned).is_some_and(|traced| traced.scene_set == set) {
+            // The rays of a buffer know no materials: every surface stops them.
+            let asks = |traced: Traced<'_>| traced.scene_set == set && traced.program.is_some();
+            if self.plan.traced(planned).is_some_and(asks) {
                 for (material, filtered) in filtered.iter_mut().enumerate() {
                     *filtered |= materials.shades[material].alpha_cutoff.is_some() || materials.shadow_glass[material];
                 }

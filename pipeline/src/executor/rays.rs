@@ -171,6 +171,7 @@ impl Renderer {
 pub(super) fn by_kind(rays: RayCounts) -> String {
     let kinds = [
         (rays.camera, "from the camera"),
+        (rays.buffer, "from a buffer"),
         (rays.shadow, "shadow"),
         (rays.occlusion, "occlusion"),
         (rays.reflected, "reflected"),

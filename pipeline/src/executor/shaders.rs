@@ -164,18 +164,23 @@ impl Renderer {
     fn take_buffers(&mut self, shader: &OwnShader, pass: usize) -> Vec<Vec<[f32; 4]>> {
         let mut taken = Vec::new();
         for target in &shader.storage {
-            let binds = |planned: &&PlannedPass| {
-                let PassKind::Quad(quad) = &self.plan.pass(planned).kind else { return false };
-                quad.shader.iter().any(|shader| shader.storage.contains(target))
-            };
-            let first = self.plan.passes.iter().find(binds).is_some_and(|first| first.pass == pass);
             let mut bytes = std::mem::take(&mut self.targets[*target].color);
-            if first {
+            if self.is_first_to_bind(*target, pass) {
                 bytes.fill([0.0; 4]);
             }
             taken.push(bytes);
         }
         taken
+    }
+
+    /// Whether no pass that runs before the one at an index of the pipeline binds a buffer.
+    pub(super) fn is_first_to_bind(&self, target: usize, pass: usize) -> bool {
+        let binds = |planned: &&PlannedPass| match &self.plan.pass(planned).kind {
+            PassKind::Quad(quad) => quad.shader.iter().any(|shader| shader.storage.contains(&target)),
+            PassKind::Intersection(intersection) => intersection.binds(target),
+            _ => false,
+        };
+        self.plan.passes.iter().find(binds).is_some_and(|first| first.pass == pass)
     }
 
     fn fill_with(

@@ -27,7 +27,7 @@ impl Plan {
                 Work::Raster { attachments, host, .. } => *host = *attachments,
                 // Observers also see what ray passes read.
                 Work::Rays { resident, .. } => *resident = None,
-                Work::Effect { .. } | Work::Off { .. } | Work::Quad { .. } => {}
+                Work::Effect { .. } | Work::Off { .. } | Work::Quad { .. } | Work::Intersection { .. } => {}
             }
         }
     }
@@ -51,6 +51,9 @@ impl Plan {
             (Work::Raster { .. }, PassKind::Raster(raster)) => liveness::sampled(raster).map(slot).collect(),
             (Work::Off { instead: Instead::Copy(channel) }, _) => vec![slot(*channel)],
             (Work::Quad { .. }, PassKind::Quad(quad)) => liveness::sources(quad).into_iter().map(slot).collect(),
+            (Work::Intersection { .. }, PassKind::Intersection(intersection)) => {
+                intersection.reads().map(slot).collect()
+            }
             _ => Vec::new(),
         };
         let stored: Vec<Slot> = pass.kind.buffers_stored().map(slot).collect();

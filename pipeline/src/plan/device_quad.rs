@@ -163,7 +163,9 @@ impl Plan {
                 return refuse("has pixels that rays add in host memory");
             }
             Work::Rays { .. } | Work::Effect { .. } => {}
-            Work::Off { .. } | Work::Quad { .. } => return refuse("is filled in host memory"),
+            Work::Off { .. } | Work::Quad { .. } | Work::Intersection { .. } => {
+                return refuse("is filled in host memory");
+            }
         }
         for (index, planned) in self.passes.iter().enumerate() {
             let in_place = match planned.work {

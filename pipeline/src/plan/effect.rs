@@ -156,13 +156,11 @@ impl Plan {
     }
 }
 
-/// A program that the ray backend runs for a pass.
+/// What the ray backend traces for a pass.
 #[derive(Debug, Clone, Copy)]
 pub struct Traced<'a> {
-    /// The program.
-    pub program: RayProgram,
-    /// Constants of the program.
-    pub params: RayParams,
+    /// The program and its constants; `None` for the rays of a buffer.
+    pub program: Option<(RayProgram, RayParams)>,
     /// Index into [`Plan::scene_sets`].
     pub scene_set: usize,
     /// The materials that are glass, as name patterns.
@@ -170,24 +168,24 @@ pub struct Traced<'a> {
 }
 
 impl Plan {
-    /// The program that the ray backend runs for a pass: that of a ray pass, or the counterpart of an effect that leaves pixels to
-    /// rays.
+    /// What the ray backend traces for a pass: the program of a ray pass, the counterpart of an effect that leaves pixels to rays, or
+    /// the rays of a buffer.
     #[must_use]
     pub fn traced(&self, planned: &PlannedPass) -> Option<Traced<'_>> {
         match (&planned.work, &self.pass(planned).kind) {
             (Work::Rays { scene_set, params, .. }, PassKind::Ray(ray)) => {
-                Some(Traced { program: ray.program, params: *params, scene_set: *scene_set, glass: &ray.glass })
+                Some(Traced { program: Some((ray.program, *params)), scene_set: *scene_set, glass: &ray.glass })
             }
             (Work::Effect { scene_set, params, .. }, PassKind::Effect(effect))
                 if effect.program.marches() && params.missing == Missing::Rays =>
             {
                 Some(Traced {
-                    program: effect.program.info().counterpart,
-                    params: params.by_rays(),
+                    program: Some((effect.program.info().counterpart, params.by_rays())),
                     scene_set: *scene_set,
                     glass: &effect.glass,
                 })
             }
+            (Work::Intersection { scene_set }, _) => Some(Traced { program: None, scene_set: *scene_set, glass: &[] }),
             _ => None,
         }
     }

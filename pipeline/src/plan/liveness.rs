@@ -45,7 +45,7 @@ impl Plan {
         let passes = self.project.pipelines[self.pipeline].passes.clone();
         for (index, pass) in passes.iter().enumerate().rev() {
             let off = self.is_off(pass);
-            if off && matches!(pass.kind, PassKind::Raster(_) | PassKind::Quad(_)) {
+            if off && matches!(pass.kind, PassKind::Raster(_) | PassKind::Quad(_) | PassKind::Intersection(_)) {
                 let why = "it is switched off, and leaves its target as it is";
                 self.decide(format!("pass `{}`", pass.name), false, why.into());
                 continue;
@@ -63,7 +63,10 @@ impl Plan {
             let viewport = self.viewport_of(pass, camera).cloned();
             let size = self.target_size(pass.target);
             let rect = rectangle(viewport.as_ref(), size);
-            let fills = rect == Rect { x: 0, y: 0, width: size[0], height: size[1] };
+            let fills = match &pass.kind {
+                PassKind::Intersection(intersection) => intersection.fills(&self.project.targets[intersection.hits]),
+                _ => rect == Rect { x: 0, y: 0, width: size[0], height: size[1] },
+            };
             if fills || matches!(pass.kind, PassKind::Ray(_) | PassKind::Effect(_)) {
                 wanted.satisfied_by(pass, written);
             }
@@ -108,6 +111,12 @@ impl Plan {
                     }
                     self.explain_quad(pass, quad);
                     Work::Quad { viewport: rect }
+                }
+                PassKind::Intersection(intersection) => {
+                    let read: Vec<ChannelRef> = intersection.reads().collect();
+                    read.iter().for_each(|channel| self.targets[channel.target].stored.color = true);
+                    wanted.read_in_host(read);
+                    Work::Intersection { scene_set: self.scene_set(&intersection.scenes) }
                 }
             };
             if let Some(target) = pass.target {
@@ -279,7 +288,7 @@ impl Plan {
     /// the pass itself has a viewport: this is the rule of the report's engine.
     pub(super) fn viewport_of(&self, pass: &Pass, camera: Option<usize>) -> Option<&Viewport> {
         let camera = match (&pass.kind, pass.target) {
-            (_, Some(_)) | (PassKind::Quad(_), None) => None,
+            (_, Some(_)) | (PassKind::Quad(_) | PassKind::Intersection(_), None) => None,
             (PassKind::Raster(raster), None) => Some(self.seen_from(camera, raster.camera)),
             (PassKind::Ray(ray), None) => Some(camera.unwrap_or(ray.camera)),
             (PassKind::Effect(effect), None) => Some(camera.unwrap_or(effect.camera)),

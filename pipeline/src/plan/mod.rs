@@ -155,7 +155,13 @@ pub enum Work {
         /// Rectangle of the target.
         viewport: Rect,
     },
+    /// Traces the rays of a storage buffer.
+    Intersection {
+        /// Index into [`Plan::scene_sets`].
+        scene_set: usize,
+    },
 }
+
 impl Plan {
     /// Makes a plan.
     ///
@@ -256,12 +262,12 @@ impl Plan {
                     let size = self.target_size(effect.position.map(|position| position.target));
                     (effect.camera, Rect { x: 0, y: 0, width: size[0], height: size[1] })
                 }
-                PassKind::Quad(_) => continue,
+                PassKind::Quad(_) | PassKind::Intersection(_) => continue,
             };
             let moved = view(&self.project.cameras[self.seen_from(chosen, own)], rect, origin);
             match &mut self.passes[index].work {
                 Work::Raster { view, .. } | Work::Rays { view, .. } | Work::Effect { view, .. } => *view = moved,
-                Work::Off { .. } | Work::Quad { .. } => {}
+                Work::Off { .. } | Work::Quad { .. } | Work::Intersection { .. } => {}
             }
         }
     }
@@ -341,13 +347,13 @@ impl Plan {
                     let shades = match &self.pass(planned).kind {
                         PassKind::Ray(ray) => ray.program.info().material_attributes.contains(&"diffuse"),
                         PassKind::Effect(effect) => effect.program.shades_maps(),
-                        PassKind::Raster(_) | PassKind::Quad(_) => false,
+                        PassKind::Raster(_) | PassKind::Quad(_) | PassKind::Intersection(_) => false,
                     };
                     if shades {
                         hits.push(self.pass(planned).name.clone());
                     }
                 }
-                Work::Off { .. } | Work::Quad { .. } => {}
+                Work::Off { .. } | Work::Quad { .. } | Work::Intersection { .. } => {}
             }
         }
         let textures = !colored.is_empty() || !hits.is_empty();
@@ -418,8 +424,11 @@ impl Plan {
     /// Whether a pass needs an acceleration structure for a scene with these materials, and why.
     #[must_use]
     pub fn needs_structure(&self, planned: &PlannedPass, materials: &[Material]) -> (bool, String) {
-        let Some(Traced { program, params, glass, .. }) = self.traced(planned) else {
+        let Some(Traced { program, glass, .. }) = self.traced(planned) else {
             return (false, "it traces no ray".into());
+        };
+        let Some((program, params)) = program else {
+            return (true, "it traces the rays of a buffer".into());
         };
         let by_itself = |material: &Material| self.asks_materials(planned) && material.transmission >= TRANSPARENT;
         let named = |material: &Material| glass.iter().any(|pattern| pattern.matches(&material.name));

@@ -9,8 +9,10 @@ impl Plan {
     /// The place where the first exact sphere that a pass shows is declared; `None` if it shows none.
     #[must_use]
     pub fn exact_sphere(&self, planned: &PlannedPass) -> Option<&str> {
-        let (Work::Raster { scene_set, .. } | Work::Rays { scene_set, .. } | Work::Effect { scene_set, .. }) =
-            planned.work
+        let (Work::Raster { scene_set, .. }
+        | Work::Rays { scene_set, .. }
+        | Work::Effect { scene_set, .. }
+        | Work::Intersection { scene_set }) = planned.work
         else {
             return None;
         };

@@ -42,7 +42,7 @@ impl Loader {
     fn pass_attributes(&mut self, root: &Element) {
         let lists = root.children_named(&["assets"]).flat_map(|assets| assets.children_named(&["attributes"]));
         for item in lists.flat_map(|list| list.children_named(&["attribute"])) {
-            let of_pass = item.attribute("type").is_some_and(|kind| kind.text.eq_ignore_ascii_case("PASS"));
+            let of_pass = Self::declared_for(item, "PASS");
             let (Some(name), Some(value)) = (item.attribute("name"), item.attribute("value")) else { continue };
             let number = value.text.parse().ok().or_else(|| self.constants.get(&value.text).copied());
             self.renderer_value(item, name, number);
@@ -50,6 +50,13 @@ impl Loader {
                 self.pass_values.insert(name.text.clone(), number);
             }
         }
+    }
+
+    /// Whether an `<attribute>` is declared for a kind of object. Older files name the kind as `context`, and the type of its data as
+    /// `type`.
+    pub fn declared_for(item: &Element, kind: &str) -> bool {
+        let named = item.attribute("context").or(item.attribute("type"));
+        named.is_some_and(|named| named.text.eq_ignore_ascii_case(kind))
     }
 
     fn list(&mut self, root: &Element, name: &str, items: &[&str], mut read: impl FnMut(&mut Self, &Element)) {

@@ -1,6 +1,6 @@
 //! Storage buffers: declared in libraries, bound by materials. They are held as targets of one channel, of 16 bytes a pixel.
 
-use super::dom::Element;
+use super::dom::{Element, Value};
 use super::libraries::{BufferBinding, Library};
 use super::loader::Loader;
 use super::report::Found;
@@ -131,21 +131,37 @@ impl Loader {
             Some(library) => self.find_library(library)?,
             None => used.library,
         };
+        self.find_buffer(library, &bound.name.text, &bound.name)
+    }
+
+    /// The buffer that `Library::name` stands for.
+    pub(super) fn find_buffer_of(&mut self, value: &Value) -> Option<usize> {
+        let Some((library, name)) = value.text.split_once("::") else {
+            let message = format!("`{}` names no library", value.shown());
+            self.report.error_help(value.span, message, || format!("valid: Library::{}", value.shown()));
+            return None;
+        };
+        let from = Value { text: library.trim().to_owned(), joined: None, span: value.span };
+        let library = self.find_library(&from)?;
+        self.find_buffer(library, name.trim(), value)
+    }
+
+    /// The buffer `name` of a library, an index into [`super::Project::targets`]. `value` is what names it.
+    fn find_buffer(&mut self, library: usize, name: &str, value: &Value) -> Option<usize> {
         let library = self.libraries.get(library);
-        let index = match library.buffer_names.find(&bound.name.text) {
+        let index = match library.buffer_names.find(name) {
             Found::Exact(index) | Found::OtherCase(index) => index,
             Found::Missing => {
-                let help = super::report::suggest(&bound.name.text, library.buffer_names.iter());
-                let message = format!("there is no buffer `{}`", bound.name.shown());
-                self.report.error_help(bound.name.span, message, || help);
+                let help = super::report::suggest(name, library.buffer_names.iter());
+                self.report.error_help(value.span, format!("there is no buffer `{}`", value.shown()), || help);
                 return None;
             }
         };
         let target = library.buffer_indices[index];
         if target.is_none() {
-            let message = format!("the size of the buffer `{}` cannot be read", bound.name.shown());
+            let message = format!("the size of the buffer `{}` cannot be read", value.shown());
             let help = "valid: <SIZE value=\"…\"/> in bytes up to 1073741824, or <DIM x=\"…\" y=\"…\" z=\"…\"/> with a <structure> of fields";
-            self.report.error_help(bound.name.span, message, || help.to_owned());
+            self.report.error_help(value.span, message, || help.to_owned());
         }
         target
     }

@@ -37,6 +37,7 @@ mod effect;
 mod file;
 mod from_scene;
 mod handed;
+mod intersection;
 mod libraries;
 mod library;
 mod light_cameras;
@@ -374,14 +375,17 @@ pub enum PassKind {
     Effect(EffectPass),
     /// `class="quad"`.
     Quad(QuadPass),
+    /// `class="optixPrime"` or `"embree"`.
+    Intersection(IntersectionPass),
 }
 
 impl PassKind {
-    /// The channels of the storage buffers that the pass stores to; only quad passes do.
+    /// The channels of the storage buffers to which the pass's shader stores; only quad passes do. The hits of an intersection pass
+    /// are its target.
     pub fn buffers_stored(&self) -> impl Iterator<Item = ChannelRef> + '_ {
         let quad = match self {
             Self::Quad(quad) => Some(quad),
-            Self::Raster(_) | Self::Ray(_) | Self::Effect(_) => None,
+            Self::Raster(_) | Self::Ray(_) | Self::Effect(_) | Self::Intersection(_) => None,
         };
         quad.into_iter().flat_map(QuadPass::buffers_stored)
     }
@@ -391,7 +395,7 @@ impl PassKind {
     pub fn channels_written(&self) -> usize {
         match self {
             Self::Raster(_) => 3,
-            Self::Ray(_) | Self::Effect(_) | Self::Quad(_) => 1,
+            Self::Ray(_) | Self::Effect(_) | Self::Quad(_) | Self::Intersection(_) => 1,
         }
     }
 
@@ -409,7 +413,7 @@ impl PassKind {
         match self {
             Self::Ray(ray) => Some(ray.program.info().writes),
             Self::Effect(effect) => Some(effect.program.info().counterpart.info().writes),
-            Self::Raster(_) | Self::Quad(_) => None,
+            Self::Raster(_) | Self::Quad(_) | Self::Intersection(_) => None,
         }
     }
 }
@@ -608,6 +612,77 @@ pub struct EffectPass {
     pub colors: Vec<ColorMap>,
     /// Materials that are glass.
     pub glass: Vec<MaterialPattern>,
+}
+
+/// Traces the rays that lie in a storage buffer, and writes what they hit into another, which is the pass's target.
+///
+/// A ray is eight floats: its origin, the least distance, its direction and the greatest distance. Distances are multiples of the
+/// direction's length. A hit is the distance, the triangle's id as the bits of an integer, and the barycentric coordinates of the
+/// triangle's second and third corner; a ray that meets nothing has the distance -1 and the id -1.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct IntersectionPass {
+    /// Indices of the scenes that rays can hit.
+    pub scenes: Vec<usize>,
+    /// Index of the buffer of rays, into [`Project::targets`].
+    pub rays: usize,
+    /// Index of the buffer of hits, into [`Project::targets`].
+    pub hits: usize,
+    /// How many rays of the buffer are traced, from the first on.
+    pub count: RaysTraced,
+}
+
+impl IntersectionPass {
+    /// Bytes of a ray.
+    pub const RAY: u64 = 32;
+    /// Bytes of a hit.
+    pub const HIT: u64 = 16;
+
+    /// The channels of the buffers that it reads.
+    pub fn reads(&self) -> impl Iterator<Item = ChannelRef> {
+        let count = match self.count {
+            RaysTraced::Counted { buffer, .. } => Some(buffer),
+            RaysTraced::Fixed(_) => None,
+        };
+        [self.rays].into_iter().chain(count).map(|target| ChannelRef { target, channel: 0 })
+    }
+
+    /// Whether it writes all that its buffer of hits holds.
+    #[must_use]
+    pub fn fills(&self, hits: &RenderTarget) -> bool {
+        self.count == RaysTraced::Fixed(hits.buffer.unwrap_or_default() / Self::HIT)
+    }
+
+    /// Whether it binds a buffer.
+    #[must_use]
+    pub fn binds(&self, target: usize) -> bool {
+        self.hits == target || self.reads().any(|channel| channel.target == target)
+    }
+}
+
+/// How many rays of a buffer are traced.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum RaysTraced {
+    /// So many.
+    Fixed(u64),
+    /// As many as a 32-bit integer in a buffer says, at most `most`; all `most` if it is negative.
+    Counted {
+        /// Index of the buffer, into [`Project::targets`].
+        buffer: usize,
+        /// Where the integer lies in it, bytes from the start.
+        offset: u64,
+        /// As many rays and hits as the buffers hold.
+        most: u64,
+    },
+}
+
+impl RaysTraced {
+    /// The greatest number.
+    #[must_use]
+    pub fn most(self) -> u64 {
+        match self {
+            Self::Fixed(count) | Self::Counted { most: count, .. } => count,
+        }
+    }
 }
 
 /// Fills a viewport from textures.

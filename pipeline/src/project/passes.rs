@@ -12,7 +12,8 @@ use crate::raster_effects::EFFECT_PARAMS;
 use std::rc::Rc;
 
 /// Classes of passes.
-const CLASSES: [&str; 7] = ["default", "optix", "rt", "effect", "quad", "depthmap", "depthmap2"];
+const CLASSES: [&str; 9] =
+    ["default", "optix", "rt", "effect", "quad", "depthmap", "depthmap2", "optixPrime", "embree"];
 
 /// Most often that a pass draws its scenes.
 const MAX_INSTANCES: f32 = 16_777_216.0;
@@ -122,6 +123,7 @@ impl Loader {
             "optix" | "rt" => self.ray_pass(context).map(PassKind::Ray),
             "effect" => self.effect_pass(context).map(PassKind::Effect),
             "quad" => self.quad_pass(context).map(PassKind::Quad),
+            "optixprime" | "embree" => self.intersection_pass(context).map(PassKind::Intersection),
             _ => {
                 let message = format!("pass `{}` is of class `{}`", shown(&context.name), class.shown());
                 self.report.error_help(class.span, message, || suggest(&class.text, CLASSES));
@@ -147,6 +149,10 @@ impl Loader {
             None => Some(None),
         };
         let place = self.place(element);
+        let target = match &kind {
+            Some(PassKind::Intersection(intersection)) => Some(Some(intersection.hits)),
+            _ => target,
+        };
         Some(Pass { name: context.name.clone(), place, viewport: viewport?, target: target?, kind: kind? })
     }
 

@@ -87,7 +87,7 @@ impl Loader {
 
     /// Records a number or vector that `<attributes>` declare for shaders.
     pub fn renderer_value(&mut self, item: &Element, name: &Value, number: Option<f32>) {
-        if item.attribute("type").is_some_and(|kind| kind.text.eq_ignore_ascii_case("RENDERER"))
+        if Self::declared_for(item, "RENDERER")
             && let Some(value) = number.map(|number| [number, 0.0, 0.0, 0.0]).or_else(|| numbers(item))
         {
             self.renderer_values.insert(name.text.clone(), value);

@@ -323,6 +323,11 @@ fn references_of(pass: &Pass, project: &Project) {
             QuadSource::Combine { color, factor } => [color, factor].into_iter().for_each(channel),
             QuadSource::Own => assert!(quad.shader.is_some(), "pass {}", pass.name),
         },
+        PassKind::Intersection(intersection) => {
+            assert!(intersection.scenes.iter().all(|scene| *scene < project.scenes.len()), "pass {}", pass.name);
+            intersection.reads().for_each(|read| channel(&read));
+            assert_eq!(pass.target, Some(intersection.hits), "pass {}", pass.name);
+        }
     }
 }
 
@@ -338,6 +343,7 @@ fn plan(plan: &Plan) {
                 (Some(view), None, Some(*scene_set))
             }
             Work::Quad { viewport } => (None, Some(viewport), None),
+            Work::Intersection { scene_set } => (None, None, Some(*scene_set)),
             Work::Off { .. } => (None, None, None),
         };
         if let Some(rect) = viewport {

@@ -21,7 +21,7 @@ fn classes_must_be_known() {
         "class=\"default\"",
         "class=\"@compute\"",
         "pass `gbuffer` is of class `compute`",
-        "default, depthmap, depthmap2, effect, optix, quad, rt",
+        "default, depthmap, depthmap2, effect, embree, optix, optixPrime, quad, rt",
     );
     wrong_raster(
         "class=\"default\"",

@@ -215,6 +215,7 @@ fn pass_facts(plan: &Plan, settings: &Settings, index: usize, pass: &Pass, times
         PassKind::Ray(ray) => ("rays", Some(ray.program.info().stem), ray.program.info().about),
         PassKind::Effect(effect) => ("effect", Some(effect.program.info().name), effect.program.info().about),
         PassKind::Quad(_) => ("quad", None, "fills a rectangle from one texture, or from the product of two"),
+        PassKind::Intersection(_) => ("intersections", None, "traces the rays of a storage buffer for their nearest hits"),
     };
     let written = if kind == "raster" { 3 } else { 1 };
     let outputs = match pass.target {
@@ -269,7 +270,7 @@ fn parameters(pass: &Pass, settings: &Settings) -> Vec<Parameter> {
             let read = EFFECT_PARAMS.iter().filter(|info| effect.program.info().params.contains(&info.name));
             read.map(|info| Parameter { info, value: values.get(info.name) }).collect()
         }
-        PassKind::Raster(_) | PassKind::Quad(_) => Vec::new(),
+        PassKind::Raster(_) | PassKind::Quad(_) | PassKind::Intersection(_) => Vec::new(),
     };
     parameters.extend(backend);
     parameters

@@ -22,6 +22,7 @@ fn programs(project: &Project) -> Vec<&'static str> {
             PassKind::Effect(effect) => effect.program.info().name,
             PassKind::Quad(quad) if matches!(quad.source, QuadSource::Combine { .. }) => "combine",
             PassKind::Quad(_) => "show",
+            PassKind::Intersection(_) => "intersections",
         })
         .collect()
 }

@@ -5,7 +5,8 @@ use super::xml::Xml;
 use crate::programs::ProcInfo;
 use crate::project::handed::origin;
 use crate::project::{
-    ChannelRef, EffectPass, MaterialPattern, Pass, PassKind, Project, QuadPass, QuadSource, RasterPass, RayPass,
+    ChannelRef, EffectPass, IntersectionPass, MaterialPattern, Pass, PassKind, Project, QuadPass, QuadSource,
+    RasterPass, RayPass, RaysTraced,
 };
 use std::borrow::Cow;
 
@@ -51,6 +52,7 @@ impl Context<'_> {
             PassKind::Ray(ray) => self.rays(xml, ray),
             PassKind::Effect(effect) => self.effect(xml, effect),
             PassKind::Quad(quad) => self.quad(xml, quad),
+            PassKind::Intersection(intersection) => self.intersection(xml, intersection),
         }
         xml.end();
     }
@@ -60,6 +62,23 @@ impl Context<'_> {
         let mut attributes = vec![("class", class), ("name", self.pass.name.as_str())];
         attributes.extend(values.iter().map(|(name, value)| (*name, value.as_str())));
         xml.begin("pass", &attributes);
+    }
+
+    fn intersection(&self, xml: &mut Xml, pass: &IntersectionPass) {
+        self.begin(xml, "embree", &[]);
+        let buffer = |target: usize| {
+            let target = &self.project.targets[target];
+            format!("{}::{}", target.library, target.name)
+        };
+        pass.scenes.iter().for_each(|scene| xml.empty("scene", &[("name", &self.project.scenes[*scene].name)]));
+        xml.empty("rays", &[("buffer", &buffer(pass.rays)), ("queryType", "CLOSEST")]);
+        xml.empty("hits", &[("buffer", &buffer(pass.hits))]);
+        match pass.count {
+            RaysTraced::Fixed(count) => xml.empty("rayCount", &[("value", &count.to_string())]),
+            RaysTraced::Counted { buffer: counts, offset, .. } => {
+                xml.empty("rayCount", &[("buffer", &buffer(counts)), ("offset", &offset.to_string())]);
+            }
+        }
     }
 
     fn target_and_viewport(&self, xml: &mut Xml) {
