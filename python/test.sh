@@ -8,7 +8,7 @@ PROFILE=${PROFILE:-dev} ./build.sh
 clean=$(mktemp -d)
 trap 'rm -rf "$clean"' EXIT
 "${PYTHON:-python3}" -m venv "$clean/venv"
-"$clean/venv/bin/pip" install --quiet dist/curitiba-*.whl pytest pandas matplotlib
+"$clean/venv/bin/pip" install --quiet dist/curitiba-*.whl pytest pandas polars matplotlib
 # From the folder of the tests, so that the wheel is imported and not the sources.
 cd tests
 "$clean/venv/bin/python" -m pytest -q -p no:cacheprovider --rootdir . "$@" .

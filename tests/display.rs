@@ -1,5 +1,5 @@
 //! `render --display`: the data that a listening viewer receives. The parser of packets below follows tev's description
-//! of its protocol, and does not use the crate that writes them.
+//! of its protocol, and does not use the crate that writes them. No channel is named `A`, which tev would take for an alpha.
 
 use curitiba::pipeline::image::read_image;
 use std::collections::HashMap;
@@ -60,12 +60,12 @@ fn view(mut stream: TcpStream) -> HashMap<String, Shown> {
                 (image.width, image.height) = (packet.number(), packet.number());
                 image.pixels = vec![[f32::NAN; 4]; image.width * image.height];
                 let channels: Vec<String> = (0..packet.number()).map(|_| packet.text()).collect();
-                assert_eq!(channels, ["R", "G", "B", "A"]);
+                assert_eq!(channels, ["R", "G", "B", "W"]);
             }
             6 => {
                 let count = packet.number();
                 let channels: Vec<String> = (0..count).map(|_| packet.text()).collect();
-                assert_eq!(channels, ["R", "G", "B", "A"]);
+                assert_eq!(channels, ["R", "G", "B", "W"]);
                 let [x, y, width, height] = [(); 4].map(|()| packet.number());
                 let offsets: Vec<usize> = (0..count).map(|_| packet.long()).collect();
                 let strides: Vec<usize> = (0..count).map(|_| packet.long()).collect();

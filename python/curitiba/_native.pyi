@@ -1,5 +1,5 @@
 from os import PathLike
-from typing import Any, Literal, Mapping, Sequence, TypedDict, final
+from typing import Any, Literal, Mapping, Sequence, TypedDict, final, overload
 
 import numpy as np
 import numpy.typing as npt
@@ -113,14 +113,24 @@ class Renderer:
     def set_enabled(self, pass_name: str, enabled: bool) -> None:
         """Switches a pass off or on. Off, a ray or effect pass lets the colour through that it reads, or writes a share of light of 1."""
 
+    def set_pixel_samples(self, samples: int) -> None:
+        """Sets the samples of every pixel, 1, 2, 4, 8, 16, 32 or 64, of which a picture is the mean."""
+
     def set_seed(self, seed: int) -> None:
         """Sets the seed of the random numbers, 0 to 2^32 - 1."""
 
     def reload(self) -> None:
         """Reads the project and its scenes again with the next picture, and keeps what was set."""
 
-    def timings(self, *, as_frame: bool = False) -> list[Timing]:
-        """Every step so far; as a pandas.DataFrame with `as_frame=True`, which needs pandas."""
+    @overload
+    def timings(self, *, as_frame: Literal[False] | None = None) -> list[Timing]: ...
+    @overload
+    def timings(self, *, as_frame: Literal[True, "pandas", "polars"]) -> Any: ...
+    def timings(self, *, as_frame: bool | Literal["pandas", "polars"] | None = None) -> Any:
+        """Every step so far, a dict each: times in milliseconds, `rays` of one run, `bytes` of memory.
+
+        With `as_frame=True` a pandas.DataFrame, or where pandas is not installed a polars.DataFrame; "pandas" or "polars" asks for that one.
+        """
 
     def forget_timings(self) -> None:
         """Forgets the times of the frames so far: what follows a warm-up is measured by itself."""
@@ -134,9 +144,13 @@ class Renderer:
         """What the numbers of the pictures are."""
 
     @property
-    def cameras(self) -> list[str]: ...
+    def cameras(self) -> list[str]:
+        """Names of the cameras, as `set_camera` and `set_pose` take them."""
+
     @property
-    def lights(self) -> list[str]: ...
+    def lights(self) -> list[str]:
+        """Names of the lights, as `set_light` takes them."""
+
     @property
     def passes(self) -> list[Pass]:
         """The passes of the last picture, in order, with their parameters."""

@@ -2,13 +2,14 @@
 
 use crate::{arrays, failed, invalid, work};
 use curitiba::pipeline::color::{ColorSpace, Display, Tone};
-use curitiba::pipeline::executor::Cancellation;
 use curitiba::pipeline::metrics::{METRICS, Options, compare as compare_images};
 use numpy::PyArray3;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
-/// What a PNG of a picture holds: 8 bits a channel.
+/// What a PNG of a picture (height, width, 3 or 4) holds: (height, width, 4), 8 bits. `color` says what the picture's numbers are.
+///
+/// Of linear radiance: times 2 to the power of `exposure`, the tone curve, the transfer of sRGB.
 #[pyfunction]
 #[pyo3(signature = (picture, *, color = "report", exposure = 0.0, tone = "none"))]
 pub fn displayed<'py>(
@@ -31,7 +32,10 @@ pub fn displayed<'py>(
     arrays::bytes(py, [image.height as usize, image.width as usize], bytes)
 }
 
-/// The metrics of `curitiba compare`, by name.
+/// Judges a picture by a reference, both (height, width, 3 or 4): the metrics of `curitiba compare` by name. `color` says what their
+/// numbers are; ssim and flip are of displayed values.
+///
+/// rmse, relmse, max, psnr (decibels), ssim, flip, energy, outliers; and pixels, the number compared.
 #[pyfunction]
 #[pyo3(signature = (test, reference, *, color = "report", outlier_threshold = 2.5 / 255.0, pixels_per_degree = 67.0))]
 pub fn compare<'py>(
@@ -44,7 +48,7 @@ pub fn compare<'py>(
 ) -> PyResult<Bound<'py, PyDict>> {
     let (test, reference) = (arrays::image("test", test)?, arrays::image("reference", reference)?);
     let display = Display::of(color.parse().map_err(invalid)?);
-    let found = work::run(py, &Cancellation::new(), || {
+    let found = work::run(py, "compare", |_| {
         let options = Options { outlier_threshold, pixels_per_degree, display, ..Options::default() };
         compare_images(&test, &reference, &options)
     })?;

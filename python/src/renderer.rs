@@ -1,10 +1,10 @@
 //! A renderer on a thread of its own: engines belong to the thread that made them.
 
-use crate::work::wait;
+use crate::work::{Watch, wait};
 use crate::{arrays, failed, invalid};
 use curitiba::pipeline::backend::RayCounts;
 use curitiba::pipeline::diagnostic::valid_names;
-use curitiba::pipeline::executor::{self, Cancellation, ChangeError, Goal, RenderError, Row, Silent};
+use curitiba::pipeline::executor::{self, Cancellation, ChangeError, Goal, RenderError, Row};
 use curitiba::pipeline::image::Image;
 use curitiba::pipeline::pixel_samples::PixelSamples;
 use curitiba::pipeline::plan::{Settings, Work};
@@ -13,6 +13,7 @@ use curitiba::pipeline::project::{PassKind, Pose, SceneOptions, Up};
 use curitiba::{BackendChoice, Choice, RasterChoice};
 use glam::Vec3;
 use numpy::PyArray3;
+use pyo3::exceptions::PyModuleNotFoundError;
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyList};
 use std::path::PathBuf;
@@ -20,11 +21,15 @@ use std::sync::mpsc::{Sender, channel};
 
 type Job = Box<dyn FnOnce(&mut executor::Renderer) + Send>;
 
-/// A project or scene, ready to be rendered.
+/// A project or scene, ready to be rendered; made by `open`.
+///
+/// Setters are checked at once and take effect with the next picture. `render` then runs only the passes that depend on them; its
+/// picture equals, bit for bit, that of a renderer that was opened with these settings.
 #[pyclass(frozen, module = "curitiba")]
 pub struct Renderer {
     jobs: Sender<Job>,
     stop: Cancellation,
+    watch: Watch,
 }
 
 /// The one of some names, or what is valid.
@@ -42,6 +47,30 @@ fn text(value: &Bound<'_, PyAny>) -> PyResult<String> {
 /// Numbers as the command line has them.
 fn written<T: ToString>(values: &[T]) -> String {
     values.iter().map(ToString::to_string).collect::<Vec<_>>().join(",")
+}
+
+/// Libraries of tables, the preferred one first.
+const LIBRARIES: [&str; 2] = ["pandas", "polars"];
+
+/// Whether a table is wanted, or of which library.
+#[derive(FromPyObject)]
+enum Table {
+    Yes(bool),
+    Of(String),
+}
+
+impl Table {
+    /// The libraries that would do; none where no table is wanted.
+    fn libraries(&self) -> PyResult<&'static [&'static str]> {
+        match self {
+            Self::Yes(false) => Ok(&[]),
+            Self::Yes(true) => Ok(&LIBRARIES),
+            Self::Of(name) => {
+                let index = named("as_frame", name, &[("pandas", 0), ("polars", 1)])?;
+                Ok(&LIBRARIES[index..=index])
+            }
+        }
+    }
 }
 
 #[derive(FromPyObject)]
@@ -76,7 +105,13 @@ impl SceneArguments {
     }
 }
 
-/// Opens a project file, a scene file, or a folder of scenes.
+/// Opens a project file, a scene file (.glb, .gltf, .obj, .cbo, .nbo, .3ds, .mesh.xml) or a folder of scenes.
+///
+/// `size` is (width, height) in pixels; `parameters` are those of passes, such as {"pass2.samples": 16}; `off` names passes that are
+/// switched off; `max_memory` is in bytes; `color` is what the project says, or "linear" for scene files, if None; `aa` is the samples of
+/// every pixel, 1, 2, 4, 8, 16, 32 or 64, of which a picture is the mean. For scene files alone:
+/// `effects` such as "shadows+ao", `look_from` and `look_at` in scene units, `fov` in degrees, `sun` the direction in which it stands, `up` the
+/// axis that points up, `background` display values from 0 to 1.
 #[pyfunction]
 #[pyo3(signature = (
     path, *, size = None, camera = None, pipeline = None, backend = "auto", raster = "auto", fidelity = "corrected", seed = 0,
@@ -136,10 +171,12 @@ pub fn open(
     };
     let (jobs, work) = channel::<Job>();
     let (send, opened) = channel();
+    let watch = Watch::default();
+    let mut observer = watch.clone();
     let thread = std::thread::Builder::new().name("curitiba".to_owned());
     thread
         .spawn(move || {
-            let mut renderer = match curitiba::open(&path, settings, choice, &mut Silent) {
+            let mut renderer = match curitiba::open(&path, settings, choice, &mut observer) {
                 Ok(renderer) => renderer,
                 Err(error) => {
                     let _ = send.send(Err(error.to_string()));
@@ -153,8 +190,8 @@ pub fn open(
             }
         })
         .map_err(failed)?;
-    let opened = wait(py, &Cancellation::new(), opened)?.ok_or_else(fault)?;
-    Ok(Renderer { jobs, stop: opened.map_err(failed)? })
+    let opened = wait(py, &Cancellation::new(), &watch, opened)?.ok_or_else(fault)?;
+    Ok(Renderer { jobs, stop: opened.map_err(failed)?, watch })
 }
 
 fn fault() -> PyErr {
@@ -174,7 +211,7 @@ impl Renderer {
             let _ = send.send(work(renderer));
         });
         self.jobs.send(job).map_err(|_| fault())?;
-        wait(py, &self.stop, receive)?.ok_or_else(fault)
+        wait(py, &self.stop, &self.watch, receive)?.ok_or_else(fault)
     }
 
     fn set(
@@ -188,9 +225,11 @@ impl Renderer {
     fn picture<'py>(
         &self,
         py: Python<'py>,
-        render: impl FnOnce(&mut executor::Renderer) -> Result<Image, RenderError> + Send + 'static,
+        render: impl FnOnce(&mut executor::Renderer, &mut Watch) -> Result<Image, RenderError> + Send + 'static,
     ) -> PyResult<Bound<'py, PyArray3<f32>>> {
-        let rendered = self.call(py, |renderer| render(renderer).map_err(|error| error.to_string()))?;
+        let mut watch = self.watch.clone();
+        let rendered =
+            self.call(py, move |renderer| render(renderer, &mut watch).map_err(|error| error.to_string()))?;
         arrays::picture(py, rendered.map_err(failed)?)
     }
 }
@@ -200,22 +239,29 @@ type PassFacts = (String, &'static str, Option<&'static str>, Vec<(&'static str,
 
 #[pymethods]
 impl Renderer {
+    /// The picture (height, width, 4) with all that was set. The array owns the renderer's memory: nothing is copied for Python.
     fn render<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray3<f32>>> {
-        self.picture(py, |renderer| renderer.update(&mut Silent))
+        self.picture(py, |renderer, watch| renderer.update(watch))
     }
 
+    /// The same picture, with every pass run again: for measurements.
     fn frame<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray3<f32>>> {
-        self.picture(py, |renderer| renderer.frame(&mut Silent))
+        self.picture(py, |renderer, watch| renderer.frame(watch))
     }
 
+    /// A channel of a render target (height, width, 4), such as "pos" or "Deferred Render Targets::norm": a copy.
+    ///
+    /// Positions are in scene units with the light's cosine in the fourth channel; normals have unit length and 0 there. The first call for
+    /// a channel that no pass reads draws the G-buffer again.
     fn target<'py>(&self, py: Python<'py>, name: String) -> PyResult<Bound<'py, PyArray3<f32>>> {
+        let mut watch = self.watch.clone();
         let read = self.call(py, move |renderer| -> Result<Image, String> {
             let mut shown = renderer.settings().show.clone();
             if !shown.contains(&name) {
                 shown.push(name.clone());
                 renderer.set_shown(&shown).map_err(|error| error.to_string())?;
             }
-            renderer.refresh(&mut Silent).map_err(|error| error.to_string())?;
+            renderer.refresh(&mut watch).map_err(|error| error.to_string())?;
             let channel = renderer.plan().channel_named(&name).map_err(|error| error.to_string())?;
             let [width, height] = renderer.plan().target_size(Some(channel.target));
             Ok(Image { width, height, pixels: renderer.channel(channel).to_vec() })
@@ -223,6 +269,11 @@ impl Renderer {
         arrays::picture(py, read.map_err(failed)?)
     }
 
+    /// Takes more and more samples of the same sequence in the passes that take any.
+    ///
+    /// `goal`: an int for samples a point, "2s" or "500ms" for a time, a float below 1 for a standard error. "image" is the picture,
+    /// "error" the root mean square of the pixels' standard errors (an upper estimate: see docs/library.md), "passes" has both by pass, with
+    /// the standard error by pixel.
     fn accumulate<'py>(&self, py: Python<'py>, goal: &Bound<'py, PyAny>) -> PyResult<Bound<'py, PyDict>> {
         // A float is an error also where it has no point as text.
         let goal = match goal.extract::<f64>() {
@@ -230,8 +281,9 @@ impl Renderer {
             _ => text(goal)?,
         };
         let goal: Goal = goal.parse().map_err(invalid)?;
+        let mut watch = self.watch.clone();
         let done = self.call(py, move |renderer| {
-            let accumulation = renderer.accumulate(goal, &mut Silent).map_err(|error| error.to_string())?;
+            let accumulation = renderer.accumulate(goal, &mut watch).map_err(|error| error.to_string())?;
             let passes: Vec<_> = accumulation
                 .passes()
                 .iter()
@@ -257,11 +309,13 @@ impl Renderer {
         Ok(found)
     }
 
+    /// Lets every pass have this camera; each its own, if None.
     #[pyo3(signature = (name = None))]
     fn set_camera(&self, py: Python<'_>, name: Option<String>) -> PyResult<()> {
         self.set(py, move |renderer| renderer.set_camera(name.as_deref()))
     }
 
+    /// Moves a camera; what is not given stays. Scene units; `fov` is vertical, in degrees.
     #[pyo3(signature = (camera, *, position = None, direction = None, look_at = None, up = None, fov = None))]
     #[expect(clippy::too_many_arguments, reason = "they have names in Python")]
     fn set_pose(
@@ -290,48 +344,84 @@ impl Renderer {
         self.set(py, move |renderer| renderer.set_pose(&camera, pose))
     }
 
+    /// Lets a light shine in the direction in which it travels, with a linear colour (red, green, blue).
     fn set_light(&self, py: Python<'_>, light: String, direction: [f32; 3], color: [f32; 3]) -> PyResult<()> {
         self.set(py, move |renderer| renderer.set_light(&light, direction.into(), color.into()))
     }
 
+    /// Sets the size of the window, pixels; render targets scale with it.
     fn set_size(&self, py: Python<'_>, width: u32, height: u32) -> PyResult<()> {
         self.set(py, move |renderer| renderer.set_size([width, height]))
     }
 
+    /// Sets a parameter of a ray or effect pass, as `--set PASS.NAME=VALUE`; `curitiba list` names them.
     fn set_parameter(&self, py: Python<'_>, pass_name: String, name: String, value: &Bound<'_, PyAny>) -> PyResult<()> {
         let value = text(value)?;
         self.set(py, move |renderer| renderer.set_parameter(&pass_name, &name, &value))
     }
 
+    /// Switches a pass off or on. Off, a ray or effect pass lets the colour through that it reads, or writes a share of light of 1.
     fn set_enabled(&self, py: Python<'_>, pass_name: String, enabled: bool) -> PyResult<()> {
         self.set(py, move |renderer| renderer.set_enabled(&pass_name, enabled))
     }
 
+    /// Sets the samples of every pixel, 1, 2, 4, 8, 16, 32 or 64, of which a picture is the mean.
+    fn set_pixel_samples(&self, py: Python<'_>, samples: u32) -> PyResult<()> {
+        let samples = samples.to_string().parse().map_err(|why: String| invalid(format!("samples: {why}")))?;
+        self.set(py, move |renderer| renderer.set_pixel_samples(samples))
+    }
+
+    /// Sets the seed of the random numbers, 0 to 2^32 - 1.
     fn set_seed(&self, py: Python<'_>, seed: u32) -> PyResult<()> {
         self.call(py, move |renderer| renderer.set_seed(seed))
     }
 
+    /// Reads the project and its scenes again with the next picture, and keeps what was set.
     fn reload(&self, py: Python<'_>) -> PyResult<()> {
         self.set(py, executor::Renderer::reload)
     }
 
-    #[pyo3(signature = (*, as_frame = false))]
-    fn timings<'py>(&self, py: Python<'py>, as_frame: bool) -> PyResult<Bound<'py, PyAny>> {
+    /// Every step so far, a dict each: times in milliseconds, `rays` of one run, `bytes` of memory.
+    ///
+    /// With `as_frame=True` a pandas.DataFrame, or where pandas is not installed a polars.DataFrame; "pandas" or "polars" asks for that one.
+    #[pyo3(signature = (*, as_frame = None))]
+    fn timings<'py>(&self, py: Python<'py>, as_frame: Option<Table>) -> PyResult<Bound<'py, PyAny>> {
+        let libraries = as_frame.map_or(Ok(&[][..]), |table| table.libraries())?;
         let rows = self.call(py, |renderer| renderer.timeline().rows.clone())?;
         let list = PyList::empty(py);
         for row in &rows {
             list.append(timing(py, row)?)?;
         }
-        if !as_frame {
+        if libraries.is_empty() {
             return Ok(list.into_any());
         }
-        py.import("pandas")?.call_method1("DataFrame", (list,))
+        for library in libraries {
+            match py.import(*library) {
+                Ok(library) if library.name()? == "polars" => {
+                    // Of all rows: the first ones may have no device time.
+                    let options = PyDict::new(py);
+                    options.set_item("infer_schema_length", py.None())?;
+                    return library.call_method("DataFrame", (list,), Some(&options));
+                }
+                Ok(library) => return library.call_method1("DataFrame", (list,)),
+                Err(missing) if missing.is_instance_of::<PyModuleNotFoundError>(py) => {}
+                Err(broken) => return Err(broken),
+            }
+        }
+        let wanted = libraries.join(" nor ");
+        Err(PyModuleNotFoundError::new_err(format!(
+            "a table needs {}, and {} installed; without `as_frame` the rows are a list of dicts",
+            LIBRARIES.join(" or "),
+            if libraries.len() == 1 { format!("{wanted} is not") } else { format!("neither {wanted} is") },
+        )))
     }
 
+    /// Forgets the times of the frames so far: what follows a warm-up is measured by itself.
     fn forget_timings(&self, py: Python<'_>) -> PyResult<()> {
         self.call(py, executor::Renderer::forget_frames)
     }
 
+    /// Width and height of the next picture, pixels.
     #[getter]
     fn size(&self, py: Python<'_>) -> PyResult<(u32, u32)> {
         self.call(py, |renderer| {
@@ -340,21 +430,25 @@ impl Renderer {
         })
     }
 
+    /// What the numbers of the pictures are.
     #[getter]
     fn color(&self, py: Python<'_>) -> PyResult<&'static str> {
         self.call(py, |renderer| renderer.plan().display.space.name())
     }
 
+    /// Names of the cameras, as `set_camera` and `set_pose` take them.
     #[getter]
     fn cameras(&self, py: Python<'_>) -> PyResult<Vec<String>> {
         self.call(py, |renderer| renderer.project().cameras.iter().map(|camera| camera.name.clone()).collect())
     }
 
+    /// Names of the lights, as `set_light` takes them.
     #[getter]
     fn lights(&self, py: Python<'_>) -> PyResult<Vec<String>> {
         self.call(py, |renderer| renderer.project().lights.iter().map(|light| light.name.clone()).collect())
     }
 
+    /// The passes of the last picture, in order, with their parameters.
     #[getter]
     fn passes<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyList>> {
         let facts = self.call(py, |renderer| {
@@ -395,11 +489,13 @@ impl Renderer {
         Ok(list)
     }
 
+    /// Names of the passes that ran for the last picture.
     #[getter]
     fn passes_run(&self, py: Python<'_>) -> PyResult<Vec<String>> {
         self.call(py, |renderer| renderer.passes_run().map(str::to_owned).collect())
     }
 
+    /// What draws and what traces rays, such as ("cpu", "cpu").
     #[getter]
     fn engines(&self, py: Python<'_>) -> PyResult<(String, String)> {
         self.call(py, |renderer| {
@@ -408,6 +504,7 @@ impl Renderer {
         })
     }
 
+    /// What was left out or replaced, and ray backends that failed.
     #[getter]
     fn warnings(&self, py: Python<'_>) -> PyResult<Vec<String>> {
         self.call(py, |renderer| {

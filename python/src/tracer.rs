@@ -1,9 +1,9 @@
 //! Rays and nothing else.
 
 use crate::arrays::{PerRay, indices, points, vectors};
-use crate::{invalid, work};
+use crate::{failed, invalid, work};
 use curitiba::passes::trace::{Bvh, Hit, Quality, Ray, Tracer as _};
-use curitiba::pipeline::executor::Cancellation;
+use curitiba::pipeline::executor::Progress;
 use curitiba::pipeline::scene::{Batch, Geometry};
 use glam::Vec3;
 use numpy::{IntoPyArray, PyArray1, PyArray2, PyArrayMethods};
@@ -20,7 +20,9 @@ pub fn geometry(positions: &[Vec3], triangles: Vec<[u32; 3]>) -> Geometry {
     Geometry { positions: positions.to_vec(), triangles, batches, ..Geometry::default() }
 }
 
-/// Triangles that rays can be asked about.
+/// Triangles that rays can be asked about: `positions` (n, 3) float32 in scene units, `indices` (m, 3) of corners.
+///
+/// Watertight; both sides of a triangle are hit; results do not depend on the number of threads.
 #[pyclass(frozen, module = "curitiba")]
 pub struct Tracer {
     bvh: Bvh,
@@ -42,13 +44,15 @@ impl Rays<'_> {
     }
 
     /// What each ray gives, in order; `none` for those that were not asked after a request to stop.
-    fn each<T: Clone + Send>(&self, stop: &Cancellation, none: T, ask: impl Fn(&Ray) -> T + Sync) -> Vec<T> {
+    fn each<T: Clone + Send>(&self, progress: &Progress, none: T, ask: impl Fn(&Ray) -> T + Sync) -> Vec<T> {
         let mut results = vec![none; self.directions.len()];
+        progress.start(results.len() as u64);
         results.par_chunks_mut(BLOCK).enumerate().for_each(|(block, results)| {
-            if !stop.is_cancelled() {
+            if !progress.is_cancelled() {
                 for (index, result) in results.iter_mut().enumerate() {
                     *result = ask(&self.at(block * BLOCK + index));
                 }
+                progress.advance(results.len() as u64);
             }
         });
         results
@@ -73,8 +77,7 @@ impl Tracer {
         let (t_min, t_max) =
             (PerRay::new("t_min", t_min, directions.len())?, PerRay::new("t_max", t_max, directions.len())?);
         let rays = Rays { origins, directions, t_min: t_min.values()?, t_max: t_max.values()? };
-        let stop = Cancellation::new();
-        work::run(py, &stop, || rays.each(&stop, none, ask))
+        work::run(py, "rays", |progress| rays.each(progress, none, ask))
     }
 }
 
@@ -90,8 +93,10 @@ impl Tracer {
             return Err(invalid("2^31 triangles or more"));
         }
         let triangles = corners.len();
-        let bvh =
-            work::run(py, &Cancellation::new(), || Bvh::build(&geometry(positions, corners), &[], Quality::default()))?;
+        let bvh = work::run(py, "build", |progress| {
+            Bvh::build_until(&geometry(positions, corners), &[], Quality::default(), progress)
+        })?
+        .ok_or_else(|| failed("the tree was given up"))?;
         Ok(Self { bvh, triangles })
     }
 
@@ -100,11 +105,16 @@ impl Tracer {
         self.triangles
     }
 
+    /// Bytes of the tree.
     #[getter]
     fn nbytes(&self) -> usize {
         self.bvh.bytes()
     }
 
+    /// The nearest hit of each ray with t_min < t < t_max.
+    ///
+    /// `origins` (n, 3) or (1, 3) for all, `directions` (n, 3) of unit length (distances count in their lengths), both float32; others are
+    /// converted, which copies them. `t_min` and `t_max` are numbers or (n,); 0 and infinity where they are not given.
     #[pyo3(signature = (origins, directions, *, t_min = None, t_max = None))]
     fn closest<'py>(
         &self,
@@ -128,6 +138,7 @@ impl Tracer {
         Ok(found)
     }
 
+    /// (n,): whether anything lies on each ray. Arguments as `closest`.
     #[pyo3(signature = (origins, directions, *, t_min = None, t_max = None))]
     fn occluded<'py>(
         &self,

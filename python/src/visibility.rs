@@ -5,7 +5,7 @@ use crate::tracer::geometry;
 use crate::{invalid, work};
 use curitiba::passes::trace::{Bvh, Quality};
 use curitiba::passes::visibility::{Effort, Estimator, Facing, Options, Row, Surfaces};
-use curitiba::pipeline::executor::Cancellation;
+use curitiba::pipeline::executor::Progress;
 use numpy::{IntoPyArray, PyArray1, PyArrayMethods};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
@@ -13,7 +13,11 @@ use pyo3::types::PyDict;
 /// Pairs that are estimated before it is asked whether to stop.
 const BLOCK: usize = 8192;
 
-/// Visibility and form factors of pairs of triangles.
+/// How much pairs of triangles see of each other: `positions` (n, 3), `triangles` (m, 3), `pairs` (k, 2) of triangles.
+///
+/// "visibility" (k,) is the share of open segments between them (NaN where no segment leaves the front of both), "error" (k,) its standard
+/// error, 0 where it is exact, "class" says how it was found, "samples" (k,) counts segments; with `form_factors` also "form_factors" and
+/// "form_factor_errors", both (k, 2): there and back. `samples` (a multiple of 8) or `error` set the effort; 64 samples otherwise.
 #[pyfunction]
 #[pyo3(signature = (positions, triangles, pairs, *, samples = None, error = None, facing = "skip", form_factors = false, seed = 0))]
 #[expect(clippy::too_many_arguments, reason = "they have names in Python")]
@@ -44,8 +48,8 @@ pub fn visibility<'py>(
     let positions = vectors(&positions)?;
     let corners = indices::<3>("triangles", triangles, positions.len(), "positions")?;
     let pairs = indices::<2>("pairs", pairs, corners.len(), "triangles")?;
-    let stop = Cancellation::new();
-    let rows = work::run(py, &stop, || estimate(positions, corners, &pairs, options, &stop))?.map_err(invalid)?;
+    let rows = work::run(py, "visibility", |progress| estimate(positions, corners, &pairs, options, progress))?
+        .map_err(invalid)?;
     let found = PyDict::new(py);
     let floats = |value: &dyn Fn(&Row) -> f64| rows.iter().map(value).collect::<Vec<_>>().into_pyarray(py);
     found.set_item("visibility", floats(&|row| row.visibility.unwrap_or(f64::NAN)))?;
@@ -67,19 +71,24 @@ fn estimate(
     corners: Vec<[u32; 3]>,
     pairs: &[[u32; 2]],
     options: Options,
-    stop: &Cancellation,
+    progress: &Progress,
 ) -> Result<Vec<Row>, String> {
     let surfaces = Surfaces::new(&geometry(positions, corners), &[]);
-    let bvh = Bvh::build(surfaces.geometry(), &surfaces.marks(), Quality::default());
+    // A tree that is given up leaves nothing to estimate: the exception of Ctrl-C is raised in place of the rows.
+    let Some(bvh) = Bvh::build_until(surfaces.geometry(), &surfaces.marks(), Quality::default(), progress) else {
+        return Ok(Vec::new());
+    };
     let estimator = Estimator::new(&surfaces, &bvh, options)?;
     let mut rows = Vec::with_capacity(pairs.len());
     let mut part = Vec::new();
+    progress.start(pairs.len() as u64);
     for pairs in pairs.chunks(BLOCK) {
-        if stop.is_cancelled() {
+        if progress.is_cancelled() {
             break;
         }
         estimator.rows(pairs, &mut part);
         rows.append(&mut part);
+        progress.advance(pairs.len() as u64);
     }
     Ok(rows)
 }

@@ -40,16 +40,20 @@ def test_the_stubs_have_the_names_and_parameters_of_the_module():
     stub = ast.parse(pathlib.Path(native.__file__).with_name("_native.pyi").read_text())
     classes = {node.name: node for node in stub.body if isinstance(node, ast.ClassDef)}
     functions = {node.name: node for node in stub.body if isinstance(node, ast.FunctionDef)}
+    assert inspect.getdoc(native.Renderer) == ast.get_docstring(classes["Renderer"])
+    assert inspect.getdoc(native.Tracer) == ast.get_docstring(classes["Tracer"])
     public = {name for name in dir(native) if not name.startswith("_")}
-    assert public == set(curitiba.__all__) == {*functions, "Renderer", "Tracer", "CuritibaError"}
+    assert public == set(curitiba.__all__) - {"set_progress"} == {*functions, "Renderer", "Tracer", "CuritibaError"}
     for name, function in functions.items():
         assert parameters(function) == list(inspect.signature(getattr(native, name)).parameters), name
+        assert inspect.getdoc(getattr(native, name)) == ast.get_docstring(function), f"what help({name}) prints"
     for name in ("Renderer", "Tracer"):
         of_stub = {node.name: node for node in classes[name].body if isinstance(node, ast.FunctionDef)}
         of_class = {member for member in vars(getattr(native, name)) if not member.startswith("__") or member == "__len__"}
         assert of_class == set(of_stub) - {"__init__"}, name
         for member in of_class - {"__len__"}:
             real = getattr(getattr(native, name), member)
+            assert inspect.getdoc(real) and inspect.getdoc(real) == ast.get_docstring(of_stub[member]), f"what help({member}) prints"
             if callable(real):
                 found = [p for p in inspect.signature(real).parameters if p != "self"]
                 assert parameters(of_stub[member]) == found, member
@@ -118,6 +122,10 @@ def test_setters_equal_a_renderer_that_was_opened_so():
     plain = opened("SceneNoEffects", camera="Vidro", size=(61, 43)).render()
     assert (renderer.render() == plain).all()
     assert [facts["kind"] for facts in renderer.passes] == ["raster", "off", "quad"]
+    renderer.set_pixel_samples(4)
+    averaged = opened("SceneNoEffects", camera="Vidro", size=(61, 43), aa=4).render()
+    assert (renderer.render() == averaged).all() and not (averaged == plain).all()
+    renderer.set_pixel_samples(1)
     renderer.set_enabled("pass2", True)
     renderer.set_seed(3)
     renderer.set_light("Sun", (-0.5, -1, 0.25), (1, 1, 1))
@@ -146,10 +154,29 @@ def test_timings_are_rows():
     rays = [row for row in rows if row["step"] == "rays"]
     assert len(rays) == 1 and rays[0]["name"] == "pass2" and rays[0]["rays"] > 0 and rays[0]["host_ms"] > 0
     assert json.loads(json.dumps(rows)) == rows
-    frame = pytest.importorskip("pandas") and renderer.timings(as_frame=True)
-    assert list(frame["step"]) == [row["step"] for row in rows]
+    with pytest.raises(ValueError, match="pandas, polars"):
+        renderer.timings(as_frame="excel")
     renderer.forget_timings()
     assert not any(row["per_frame"] for row in renderer.timings())
+
+
+@pytest.mark.parametrize("library", ["pandas", "polars"])
+def test_timings_are_a_table_of_the_library_that_is_there(library, monkeypatch):
+    tables = pytest.importorskip(library)
+    renderer = opened("SceneShadows")
+    renderer.render()
+    rows = renderer.timings()
+    other = {"pandas": "polars", "polars": "pandas"}[library]
+    # A module that is None is one that is not installed.
+    monkeypatch.setitem(sys.modules, other, None)
+    for table in (renderer.timings(as_frame=True), renderer.timings(as_frame=library)):
+        assert isinstance(table, tables.DataFrame) and list(table.columns) == list(rows[0])
+        assert list(table["step"]) == [row["step"] for row in rows] and list(table["host_ms"]) == [row["host_ms"] for row in rows]
+    with pytest.raises(ModuleNotFoundError, match=f"{other} is not installed"):
+        renderer.timings(as_frame=other)
+    monkeypatch.setitem(sys.modules, library, None)
+    with pytest.raises(ModuleNotFoundError, match="neither pandas nor polars is installed"):
+        renderer.timings(as_frame=True)
 
 
 def test_accumulated_samples_are_those_of_one_frame():
@@ -176,6 +203,7 @@ def test_errors_say_what_is_valid():
         lambda: renderer.set_camera("Vidra"),
         lambda: renderer.set_parameter("pass2", "samples", 4),
         lambda: renderer.set_size(0, 4),
+        lambda: renderer.set_pixel_samples(3),
         lambda: renderer.set_enabled("pass1", False),
         lambda: renderer.set_light("Sun", (0, 0, 0), (1, 1, 1)),
     ):
@@ -297,10 +325,23 @@ def test_other_threads_go_on_while_it_renders():
     assert meanwhile > 20, "the interpreter was held"
 
 
+QUIET = """
+import curitiba, sys
+renderer = curitiba.open(sys.argv[1], size=(64, 64), backend="cpu", raster="cpu")
+renderer.accumulate("1500ms")
+curitiba.set_progress(False)
+renderer.accumulate("1500ms")
+"""
+
+
+def test_nothing_is_drawn_where_no_terminal_is():
+    done = subprocess.run([sys.executable, "-c", QUIET, str(PROJECTS / "SceneSSAO.xml")], stderr=subprocess.PIPE, check=True)
+    assert done.stderr == b""
+
+
 INTERRUPTED = """
 import curitiba, numpy as np, sys
-renderer = curitiba.open(sys.argv[1], size=(1024, 1024), backend="cpu", raster="cpu", parameters={"pass2.samples": 512, "pass2.radius": 2})
-print("begun", flush=True)
+renderer = curitiba.open(sys.argv[1], size=(1024, 1024), backend="cpu", raster="cpu", parameters={"pass2.samples": 4096, "pass2.radius": 2})
 try:
     renderer.render()
     print("rendered", flush=True)
@@ -310,19 +351,30 @@ except KeyboardInterrupt:
 """
 
 
-@pytest.mark.skipif(os.name != "posix", reason="signals are sent as on Unix")
-def test_ctrl_c_ends_a_long_frame_and_the_renderer_goes_on():
+@pytest.mark.skipif(os.name != "posix", reason="signals and terminals are as on Unix")
+def test_a_long_frame_shows_how_far_it_is_and_ctrl_c_ends_it_and_the_renderer_goes_on():
+    terminal, end = os.openpty()
     process = subprocess.Popen(
         [sys.executable, "-c", INTERRUPTED, str(PROJECTS / "SceneSSAO.xml")],
         stdout=subprocess.PIPE,
+        stderr=end,
         text=True,
         preexec_fn=lambda: signal.signal(signal.SIGINT, signal.default_int_handler),
     )
-    assert process.stdout.readline() == "begun\n"
-    time.sleep(1)
+    os.close(end)
+    written = b""
+    while written.count(b"%") < 4:
+        written += os.read(terminal, 4096)
     process.send_signal(signal.SIGINT)
     # It would take minutes otherwise.
     assert process.communicate(timeout=60)[0] == "interrupted (1024, 1024, 4)\n"
+    written += os.read(terminal, 1 << 16)
+    os.close(terminal)
+    lines = written.decode().split("\r")
+    assert lines[0] == "" and lines[-1] == "" and lines[-2].strip() == "", "the line is taken away in the end"
+    shares = [int(line.split("%")[0].split()[-1]) for line in lines[1:-2]]
+    assert all(line.startswith("rays pass2 [") for line in lines[1:-2]), lines
+    assert shares == sorted(shares) and 0 <= shares[-1] < 100, shares
 
 
 def test_the_notebook_runs_and_makes_its_figure(tmp_path, monkeypatch):

@@ -15,7 +15,9 @@ const PATIENCE: Duration = Duration::from_secs(5);
 const PAUSE: Duration = Duration::from_millis(250);
 /// Most numbers in a packet, which holds whole rows: 4 MiB, far below the 4 GiB that its length field allows.
 const NUMBERS: usize = 1 << 20;
-const CHANNELS: [&str; 4] = ["R", "G", "B", "A"];
+/// The fourth number is no alpha: targets keep the light's cosine there, and shares above 1. Named `A` it would be taken for one, and the
+/// viewer's background would be added to the colours, or subtracted from them. `W` is a group of its own there.
+const CHANNELS: [&str; 4] = ["R", "G", "B", "W"];
 
 /// A connection to tev. If it breaks, that is reported once, and rendering continues without it.
 pub struct Display {

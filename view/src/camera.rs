@@ -79,12 +79,18 @@ pub fn fly(pose: &Pose, by: Vec3) -> Pose {
 }
 
 /// Moves back or forth along the view until all of the scene is seen in a window of this width over height.
+///
+/// What lies beyond the far plane is not drawn. Where the scene is too deep for it, the camera stays so near that the scene's far side is
+/// drawn, but no nearer to the middle than half of the far distance.
 #[must_use]
-pub fn fit(pose: &Pose, bounds: &Bounds, aspect: f32) -> Pose {
+pub fn fit(pose: &Pose, bounds: &Bounds, aspect: f32, far: f32) -> Pose {
     let half = 0.5 * pose.fov_y;
     let narrow = if aspect < 1.0 { (half.tan() * aspect).atan() } else { half };
     let distance = bounds.radius() / narrow.sin().max(1e-3);
-    Pose { position: bounds.center() - pose.direction.normalize() * distance, ..*pose }
+    let direction = pose.direction.normalize();
+    let behind_center = 0.5 * (bounds.high - bounds.low).dot(direction.abs());
+    let drawn = (far - behind_center).max(0.5 * far);
+    Pose { position: bounds.center() - direction * distance.min(drawn), ..*pose }
 }
 
 #[cfg(test)]
@@ -124,7 +130,7 @@ mod tests {
     #[test]
     fn a_fitted_scene_is_inside_the_picture() {
         for aspect in [0.5, 1.0, 2.0] {
-            let pose = fit(&POSE, &BOX, aspect);
+            let pose = fit(&POSE, &BOX, aspect, 100.0);
             let tangent = (0.5 * pose.fov_y).tan() * aspect.min(1.0);
             for corner in 0..8 {
                 let sign = |bit: i32| if corner >> bit & 1 == 1 { 1.0 } else { -1.0 };
@@ -132,6 +138,9 @@ mod tests {
                 assert!(seen.x.abs().max(seen.y.abs()) <= -seen.z * tangent, "{aspect}: {seen}");
             }
         }
+        // A far plane that just reaches the far side, and one that does not.
+        assert_eq!(fit(&POSE, &BOX, 1.0, 4.0).position, Vec3::new(0.0, 0.0, 3.0));
+        assert_eq!(fit(&POSE, &BOX, 1.0, 1.0).position, Vec3::new(0.0, 0.0, 0.5));
         assert_eq!(Bounds::around(&[Vec3::NAN]), None);
         assert_eq!(Bounds::around(&[Vec3::NEG_ONE, Vec3::INFINITY, Vec3::ONE]), Some(BOX));
     }

@@ -14,7 +14,7 @@ pub const KEYS: &[(&str, &str)] = &[
     ("hover a row, click it", "show what the pass writes; keep it shown"),
     ("up, down", "pin the output of the pass before, or behind"),
     ("Escape", "show the result; forget the pixel"),
-    ("F", "move the camera until all of the scene is seen"),
+    ("F", "move the camera until all of the scene is seen, or what its far plane lets"),
     ("C", "copy the camera as XML"),
     ("S", "save the picture: PNG, EXR, and JSON that says how to render it"),
     ("K", "keep the picture and compare with it"),
@@ -87,10 +87,11 @@ pub fn set_paused(app: &mut App, paused: bool) {
     app.worker.send(Command::Pause(paused));
 }
 
-/// Shows all of the scene.
+/// Shows all of the scene, or what the far plane lets be drawn of it.
 pub fn fit(app: &mut App, facts: &Facts) {
     let aspect = facts.window[0] as f32 / facts.window[1].max(1) as f32;
-    app.move_camera(Some(facts), |pose, bounds| camera::fit(pose, bounds, aspect));
+    let far = facts.far;
+    app.move_camera(Some(facts), |pose, bounds| camera::fit(pose, bounds, aspect, far));
 }
 
 /// Puts the camera into the clipboard.

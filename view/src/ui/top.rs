@@ -20,7 +20,8 @@ pub fn draw(app: &mut App, ui: &mut Ui, facts: Option<&Facts>) {
             ui.weak(format!("{width} × {height}"));
             ui.separator();
             cameras(app, ui, facts);
-            if ui.button("Fit").on_hover_text("F: move the camera until all of the scene is seen").clicked() {
+            let help = format!("F: move the camera until all of the scene is seen; its far plane is at {}", facts.far);
+            if ui.button("Fit").on_hover_text(help).clicked() {
                 keys::fit(app, facts);
             }
             let copy = ui.add_enabled(facts.camera_xml.is_ok(), egui::Button::new("Copy camera"));

@@ -30,6 +30,8 @@ pub struct Facts {
     pub seen_by: String,
     /// Where it stands.
     pub pose: Option<Pose>,
+    /// The distance of its far plane, behind which nothing is drawn.
+    pub far: f32,
     /// Clip space from the world, of the first raster pass.
     pub clip_from_world: Option<Mat4>,
     /// Around the scene.
@@ -170,6 +172,11 @@ impl Facts {
                 _ => None,
             }),
             bounds,
+            far: project
+                .cameras
+                .iter()
+                .find(|camera| camera.name == seen_by)
+                .map_or(f32::INFINITY, |camera| camera.far),
             camera_xml: project.camera_xml(&seen_by),
             seen_by,
             choice,

@@ -5,6 +5,7 @@
 
 mod common;
 mod drawn;
+mod measured;
 
 use common::{Window, png, project, settings, source};
 use curitiba::pipeline::executor::Silent;
@@ -214,6 +215,20 @@ fn a_camera_that_was_moved_and_copied_gives_the_same_picture_elsewhere() {
 }
 
 #[test]
+fn fitting_shows_the_scene_although_its_far_plane_is_near() {
+    let mut window = Window::open(source(project("SceneShadows"), settings()));
+    let drawn = |window: &Window| {
+        let picture = window.app().state.picture.clone().expect("a picture");
+        let lit = picture.image.pixels.iter().filter(|[r, g, b, _]| r + g + b > 0.05).count();
+        lit as f32 / picture.image.pixels.len() as f32
+    };
+    let before = window.shown();
+    window.click("Fit");
+    window.rest();
+    assert!(window.shown() != before && drawn(&window) > 0.3, "{}", drawn(&window));
+}
+
+#[test]
 fn a_frame_that_is_not_wanted_any_more_is_given_up() {
     let slow = Settings { size: Some([512, 512]), set: vec!["pass2.samples=4096".to_owned()], ..Settings::default() };
     let mut window = Window::start(source(project("SceneSSAO"), slow), false);
@@ -249,6 +264,23 @@ fn a_pixel_tells_its_values_and_its_rays() {
     assert!(!rays.segments.is_empty() && traced >= rays.segments.len(), "{:?}", rays.lines);
     window.click("Forget");
     assert_eq!(window.app().state.pixel, None);
+}
+
+#[test]
+fn a_filter_has_a_slider_and_a_pixel_says_that_the_picture_has_an_average() {
+    let mut window = Window::open(source(project("SceneSSAO"), few()));
+    window.click("Refine at rest");
+    window.harness.get_by_label("pass2 filter").set_value_accesskit(2.0);
+    window.rest();
+    let filtered = Settings { set: vec!["pass2.samples=4".to_owned(), "pass2.filter=2".to_owned()], ..settings() };
+    let picture = window.app().state.picture.clone().expect("a picture");
+    assert!(picture.image == rendered("SceneSSAO", filtered) && picture.image != rendered("SceneSSAO", few()));
+    window.harness.hover_at(egui::pos2(640.0, 400.0));
+    window.harness.step();
+    window.harness.key_press(egui::Key::P);
+    window.until("its rays", |app| app.state.pixel.is_some());
+    let lines = window.app().state.pixel.clone().expect("its rays").lines.clone();
+    assert!(lines.iter().any(|line| line.contains("filter=2") && line.contains("average")), "{lines:?}");
 }
 
 #[test]

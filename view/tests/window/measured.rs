@@ -1,0 +1,119 @@
+//! What the window takes, for the targets of `docs/viewer.md`: on an idle machine, in release mode, with
+//! `cargo test --release … --test window -- --ignored --nocapture --test-threads 1`.
+
+use super::common::{Window, project, source};
+use curitiba::Choice;
+use curitiba::pipeline::plan::Settings;
+use curitiba::pipeline::project::SceneOptions;
+use curitiba_view::camera;
+use curitiba_view::worker::{Activity, Command, Source, State, Worker};
+use std::path::PathBuf;
+use std::time::{Duration, Instant};
+
+/// Processor time of this process, seconds: clock ticks of 10 ms.
+fn processor() -> f64 {
+    let text = std::fs::read_to_string("/proc/self/stat").unwrap_or_default();
+    let fields: Vec<&str> = text.rsplit(')').next().unwrap_or_default().split_whitespace().collect();
+    [11, 12].iter().filter_map(|index| fields.get(*index)?.parse::<f64>().ok()).sum::<f64>() / 100.0
+}
+
+fn median(mut values: Vec<f64>) -> f64 {
+    values.sort_by(f64::total_cmp);
+    values[values.len() / 2]
+}
+
+#[track_caller]
+fn wait(worker: &Worker, what: &str, holds: impl Fn(&State) -> bool) -> State {
+    let start = Instant::now();
+    loop {
+        let state = worker.state();
+        if holds(&state) {
+            return state;
+        }
+        assert!(start.elapsed() < Duration::from_secs(120), "waited for {what}: {:?}", state.error);
+        std::thread::sleep(Duration::from_micros(200));
+    }
+}
+
+fn large(set: &[&str], effects: Option<&str>) -> Settings {
+    let set = set.iter().map(|set| (*set).to_owned()).collect();
+    let effects = effects.map(|effects| effects.parse().expect("effects"));
+    let scene = SceneOptions { effects, ..SceneOptions::default() };
+    Settings { size: Some([1024, 1024]), set, scene, ..Settings::default() }
+}
+
+#[test]
+#[ignore = "measures"]
+fn frames_a_second_while_the_camera_is_dragged() {
+    let square = project("SceneFinal").with_file_name("3dsmodels").join("largoCamoes.cbo");
+    let inputs: [(&str, PathBuf, Settings); 2] = [
+        ("shadows and occlusion", square, large(&[], Some("shadows,ao"))),
+        ("SceneFinal", project("SceneFinal"), large(&[], None)),
+    ];
+    for (name, path, settings) in inputs {
+        let worker =
+            Worker::start(Source { path, settings, choice: Choice::CPU, watch: false }, || {}).expect("a thread");
+        let state = wait(&worker, "a picture", |state| state.picture.is_some());
+        let facts = state.facts.expect("it is open");
+        let (start, bounds) = (facts.pose.expect("a camera"), facts.bounds.expect("a scene"));
+        let pivot = camera::pivot(&start, &bounds);
+        let (mut seconds, mut processors, mut passes) = (Vec::new(), Vec::new(), Vec::new());
+        let mut moved = 0;
+        // As a mouse: a move every 8 ms, whatever is ready. The first frames choose how many samples are taken.
+        for run in 0..6 {
+            let (began, before, used) = (Instant::now(), worker.state().frames, processor());
+            while began.elapsed() < Duration::from_secs(3) {
+                moved += 1;
+                worker.send(Command::Move(camera::orbit(&start, pivot, moved as f32 * 1e-3, 0.0)));
+                std::thread::sleep(Duration::from_millis(8));
+            }
+            let state = worker.state();
+            let frames = (state.frames - before) as f64;
+            if run > 0 {
+                seconds.push(frames / began.elapsed().as_secs_f64());
+                processors.push((processor() - used) * 1e3 / frames);
+                passes.push(state.facts.expect("it is open").frame_ms());
+            }
+        }
+        let load = std::fs::read_to_string("/proc/loadavg").unwrap_or_default();
+        println!(
+            "{name}: {:.1} frames/s, {:.1} ms of processor time a frame, passes {:.1} ms (medians of 5 times 3 s), {} threads, load {}",
+            median(seconds),
+            median(processors),
+            median(passes),
+            std::thread::available_parallelism().map_or(0, usize::from),
+            load.trim()
+        );
+    }
+}
+
+#[test]
+#[ignore = "measures"]
+fn time_until_a_long_frame_is_given_up() {
+    let settings = large(&["pass2.samples=4096", "pass2.radius=2"], None);
+    let worker = Worker::start(source(project("SceneSSAO"), settings), || {}).expect("a thread");
+    let mut times = Vec::new();
+    for turn in 0..21 {
+        wait(&worker, "a long frame", |state| state.activity == Activity::Rendering);
+        // Somewhere in the ray pass.
+        std::thread::sleep(Duration::from_millis(400 + 37 * turn));
+        let last = worker.state().gave_up_after;
+        worker.send(Command::Reload);
+        let state = wait(&worker, "its end", |state| state.gave_up_after != last);
+        times.push(state.gave_up_after.expect("it was given up").as_secs_f64() * 1e3);
+    }
+    let most = times.iter().copied().fold(0.0, f64::max);
+    println!("given up after {:.2} ms (median of {}; at most {most:.2})", median(times.clone()), times.len());
+}
+
+#[test]
+#[ignore = "measures"]
+fn time_of_the_window_beside_the_passes() {
+    let mut window = Window::open(source(project("SceneFinal"), large(&["pass2.samples=4"], None)));
+    let mut times = Vec::new();
+    for _ in 0..200 {
+        window.harness.step();
+        times.push(f64::from(window.app().drawing_ms));
+    }
+    println!("laying out the window takes {:.2} ms (median of {})", median(times.clone()), times.len());
+}
