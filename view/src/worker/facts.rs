@@ -222,7 +222,9 @@ fn pass_facts(plan: &Plan, settings: &Settings, index: usize, pass: &Pass, times
         PassKind::Ray(ray) => ("rays", Some(ray.program.info().stem), ray.program.info().about),
         PassKind::Effect(effect) => ("effect", Some(effect.program.info().name), effect.program.info().about),
         PassKind::Quad(_) => ("quad", None, "fills a rectangle from one texture, or from the product of two"),
-        PassKind::Intersection(_) => ("intersections", None, "traces the rays of a storage buffer for their nearest hits"),
+        PassKind::Intersection(_) => {
+            ("intersections", None, "traces the rays of a storage buffer for their nearest hits")
+        }
     };
     let written = if kind == "raster" { 3 } else { 1 };
     let outputs = match pass.target {
