@@ -6,7 +6,7 @@ use std::io;
 use std::path::{Path, PathBuf};
 
 /// What a report's folder holds.
-const ENTRIES: [&str; 5] = ["index.html", "data.json", "data.csv", "pictures", "plots"];
+const ENTRIES: [&str; 6] = ["index.html", "data.json", "data.csv", "data.md", "pictures", "plots"];
 
 /// Largest page that is looked at, bytes.
 const MOST_PAGE: u64 = 64 << 20;
@@ -74,7 +74,12 @@ impl Folder {
     ///
     /// # Errors
     /// If the file system fails.
+    ///
+    /// # Panics
+    /// If the name is none of a report's: the next report would take the folder for somebody else's.
     pub fn write(&self, name: &str, bytes: &[u8]) -> Result<(), FolderError> {
+        let entry = name.split('/').next().unwrap_or(name);
+        assert!(ENTRIES.contains(&entry), "`{entry}` is no part of a report");
         let path = self.path().join(name);
         write_atomically(&path, bytes).map_err(|error| FolderError::Io { path, error })
     }
