@@ -1,6 +1,6 @@
 //! Effect passes: raster effects on the G-buffer.
 
-use super::rays::{Traced, by_kind};
+use super::rays::Traced;
 use super::{Observer, RenderError, Renderer, StepKind, channel_of};
 use crate::backend::{Answers, BackendError, EffectJob, EffectStats, GBuffer, NO_TRIANGLE, RayJob};
 use crate::image::Image;
@@ -46,18 +46,9 @@ impl Renderer {
         name: &str,
         observer: &mut dyn Observer,
     ) -> Result<Traced, RenderError> {
-        let before = (self.joined, self.in_place().is_some());
-        loop {
-            self.build_or_stand_in(scene_set, name, observer)?;
-            if (self.joined, self.in_place().is_some()) != before {
-                return Ok(Traced::NothingInHost);
-            }
-            match self.trace_left(index, planned, name, observer) {
-                Ok(()) => return Ok(Traced::Done),
-                Err(_) if self.cancellation.is_cancelled() => return Err(RenderError::Cancelled),
-                Err(error) => self.stand_in(name, error, observer)?,
-            }
-        }
+        self.build_and_trace(scene_set, name, observer, |renderer, observer| {
+            renderer.trace_left(index, planned, name, observer)
+        })
     }
 
     /// Runs the raster part of an effect, into a target that is not yet rounded to its format.
@@ -198,25 +189,11 @@ impl Renderer {
                 *pixel = *traced;
             }
         }
-        let sums = self.sample > 0;
-        let copies = stats.upload.unwrap_or_default() + stats.read_back.unwrap_or_default();
         if let Some(upload) = stats.upload {
             self.timeline.record(StepKind::Join, name, upload).note = "copied from the host".to_owned();
         }
-        self.forget_held_bytes(name);
-        let row = self.timeline.record(StepKind::Rays, name, elapsed.saturating_sub(copies));
-        row.device_ms.extend(stats.device_time.map(|time| time.as_secs_f64() * 1e3));
-        let mut rays = stats.rays;
-        if sums {
-            rays += row.rays.unwrap_or_default();
-        }
-        row.rays = Some(rays);
-        row.bytes = stats.held_bytes;
-        row.note =
-            format!("{} on {backend}, for what the screen does not answer{}", program.info().stem, by_kind(rays));
-        if let Some(read_back) = stats.read_back {
-            self.timeline.record(StepKind::ReadBack, name, read_back);
-        }
+        let what = format!("{} on {backend}, for what the screen does not answer", program.info().stem);
+        self.record_rays(name, elapsed, stats, &what, self.sample > 0);
         Ok(())
     }
 

@@ -1,6 +1,6 @@
 //! Intersection passes: the rays of a storage buffer are traced, and their hits written into another.
 
-use super::rays::{Traced, by_kind};
+use super::rays::Traced;
 use super::{Observer, RenderError, Renderer, StepKind};
 use crate::backend::{BackendError, IntersectionJob};
 use crate::plan::PlannedPass;
@@ -19,18 +19,9 @@ impl Renderer {
         observer: &mut dyn Observer,
     ) -> Result<Traced, RenderError> {
         let PassKind::Intersection(pass) = self.plan.pass(planned).kind.clone() else { return Ok(Traced::Done) };
-        let before = (self.joined, self.in_place().is_some());
-        loop {
-            self.build_or_stand_in(scene_set, name, observer)?;
-            if (self.joined, self.in_place().is_some()) != before {
-                return Ok(Traced::NothingInHost);
-            }
-            match self.trace_buffer((&pass, planned.pass), scene_set, name, observer) {
-                Ok(()) => return Ok(Traced::Done),
-                Err(_) if self.cancellation.is_cancelled() => return Err(RenderError::Cancelled),
-                Err(error) => self.stand_in(name, error, observer)?,
-            }
-        }
+        self.build_and_trace(scene_set, name, observer, |renderer, observer| {
+            renderer.trace_buffer((&pass, planned.pass), scene_set, name, observer)
+        })
     }
 
     fn trace_buffer(
@@ -59,15 +50,8 @@ impl Renderer {
         self.given_up |= progress.is_given_up();
         self.targets[pass.hits].color = hits;
         let stats = traced?;
-        let sums = self.sample > 0;
-        let backend = self.engines.rays_of(name).name();
-        let row = self.timeline.record(StepKind::Rays, name, elapsed);
-        let mut rays = stats.rays;
-        if sums {
-            rays += row.rays.unwrap_or_default();
-        }
-        row.rays = Some(rays);
-        row.note = format!("intersections on {backend}{}", by_kind(rays));
+        let what = format!("intersections on {}", self.engines.rays_of(name).name());
+        self.record_rays(name, elapsed, stats, &what, self.sample > 0);
         Ok(())
     }
 

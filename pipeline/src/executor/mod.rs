@@ -441,29 +441,24 @@ impl Renderer {
         // If the pass fails, its target holds no valid picture.
         self.ran[planned.pass] = None;
         let frame = Some(self.frame);
+        let done = |()| Traced::Done;
         let result = match &planned.work {
-            Work::Raster { .. } => self.raster(index, &planned, &name, observer),
-            Work::Rays { scene_set, .. } => match self.rays(index, &planned, *scene_set, &name, None, observer)? {
-                Traced::Done => Ok(()),
-                Traced::NothingInHost => return Ok(Traced::NothingInHost),
-            },
-            Work::Effect { .. } => match self.effect(index, &planned, &name, observer)? {
-                Traced::Done => Ok(()),
-                Traced::NothingInHost => return Ok(Traced::NothingInHost),
-            },
-            Work::Intersection { scene_set } => match self.intersect(&planned, *scene_set, &name, observer)? {
-                Traced::Done => Ok(()),
-                Traced::NothingInHost => return Ok(Traced::NothingInHost),
-            },
+            Work::Raster { .. } => self.raster(index, &planned, &name, observer).map(done),
+            Work::Rays { scene_set, .. } => Ok(self.rays(index, &planned, *scene_set, &name, None, observer)?),
+            Work::Effect { .. } => Ok(self.effect(index, &planned, &name, observer)?),
+            Work::Intersection { scene_set } => Ok(self.intersect(&planned, *scene_set, &name, observer)?),
             Work::Off { instead } => {
                 self.switched_off(&planned, &name, *instead, observer);
-                Ok(())
+                Ok(Traced::Done)
             }
             Work::Quad { .. } if self.in_place().is_some_and(|quad| quad.index == index) => {
-                self.fill_on_device(&planned, &name, observer)
+                self.fill_on_device(&planned, &name, observer).map(done)
             }
-            Work::Quad { viewport } => self.quad(&planned, &name, *viewport, observer),
+            Work::Quad { viewport } => self.quad(&planned, &name, *viewport, observer).map(done),
         };
+        if let Ok(Traced::NothingInHost) = result {
+            return Ok(Traced::NothingInHost);
+        }
         self.check_cancelled()?;
         result.map_err(|error| RenderError::Pass { pass: name, frame, error })?;
         self.show_outputs(index, &planned, observer);

@@ -1,12 +1,12 @@
 //! Ray passes: building their acceleration structure, and running them.
 
 use super::{Estimate, Observer, RenderError, Renderer, Row, StepKind, channel_of};
-use crate::backend::{BackendError, FromCamera, GBuffer, RayCounts, RayJob};
+use crate::backend::{BackendError, FromCamera, GBuffer, RayCounts, RayJob, RayStats};
 use crate::image::Image;
 use crate::plan::{PlannedPass, Work};
 use crate::project::{ChannelRef, PassKind};
 use std::sync::Arc;
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 /// The estimate to which a batch is added before rounding to the target's format, and the batch's number of samples. `None` for
 /// ordinary frames.
@@ -31,13 +31,26 @@ impl Renderer {
         mut batch: Batch<'_>,
         observer: &mut dyn Observer,
     ) -> Result<Traced, RenderError> {
+        self.build_and_trace(scene_set, name, observer, |renderer, observer| {
+            renderer.trace(index, planned, name, &mut batch, observer)
+        })
+    }
+
+    /// Builds what a pass traces in, and traces by `trace`. If a backend fails, an allowed fallback takes over.
+    pub(super) fn build_and_trace(
+        &mut self,
+        scene_set: usize,
+        name: &str,
+        observer: &mut dyn Observer,
+        mut trace: impl FnMut(&mut Self, &mut dyn Observer) -> Result<(), BackendError>,
+    ) -> Result<Traced, RenderError> {
         let before = (self.joined, self.in_place().is_some());
         loop {
             self.build_or_stand_in(scene_set, name, observer)?;
             if (self.joined, self.in_place().is_some()) != before {
                 return Ok(Traced::NothingInHost);
             }
-            match self.trace(index, planned, name, &mut batch, observer) {
+            match trace(self, observer) {
                 Ok(()) => return Ok(Traced::Done),
                 Err(_) if self.cancellation.is_cancelled() => return Err(RenderError::Cancelled),
                 Err(error) => self.stand_in(name, error, observer)?,
@@ -134,6 +147,16 @@ impl Renderer {
             let from = if in_host { "copied from the host" } else { "copied from GPU to GPU" };
             self.timeline.record(StepKind::Join, name, upload).note = from.to_owned();
         }
+        let what = format!("{} on {}", ray.program.info().stem, self.engines.rays_of(name).name());
+        self.record_rays(name, elapsed, stats, &what, sums);
+        Ok(())
+    }
+}
+
+impl Renderer {
+    /// Records rays and their copy to the host as separate steps. `what` names program and backend; with `sums` the rays are added to those
+    /// of earlier runs in this frame.
+    pub(super) fn record_rays(&mut self, name: &str, elapsed: Duration, stats: RayStats, what: &str, sums: bool) {
         let copies = stats.upload.unwrap_or_default() + stats.read_back.unwrap_or_default();
         self.forget_held_bytes(name);
         let row = self.timeline.record(StepKind::Rays, name, elapsed.saturating_sub(copies));
@@ -144,7 +167,7 @@ impl Renderer {
         }
         row.rays = Some(rays);
         row.bytes = stats.held_bytes;
-        row.note = format!("{} on {}{}", ray.program.info().stem, self.engines.rays_of(name).name(), by_kind(rays));
+        row.note = format!("{what}{}", by_kind(rays));
         // The row contains times of two backends: note which ran until when.
         for fallback in &self.engines.fallbacks {
             if let Some(frame) = fallback.frame.filter(|frame| *frame > 1) {
@@ -154,13 +177,10 @@ impl Renderer {
         if let Some(read_back) = stats.read_back {
             self.timeline.record(StepKind::ReadBack, name, read_back);
         }
-        Ok(())
     }
-}
 
-impl Renderer {
     /// Clears the held bytes of the other rows of a backend: a backend holds memory for all its passes, which the last row shows.
-    pub(super) fn forget_held_bytes(&mut self, name: &str) {
+    fn forget_held_bytes(&mut self, name: &str) {
         let engines = &self.engines;
         let of_backend = |row: &&mut Row| row.kind == StepKind::Rays && engines.is_shared(&row.name, name);
         self.timeline.rows.iter_mut().filter(of_backend).for_each(|row| row.bytes = 0);
@@ -168,7 +188,7 @@ impl Renderer {
 }
 
 /// Counts by kind, such as `: 12 shadow, 3 reflected`, without kinds that were not traced.
-pub(super) fn by_kind(rays: RayCounts) -> String {
+fn by_kind(rays: RayCounts) -> String {
     let kinds = [
         (rays.camera, "from the camera"),
         (rays.buffer, "from a buffer"),
