@@ -40,9 +40,8 @@ impl Loader {
         }
         let ((rays, at_rays), (hits, at_hits)) = (rays?, hits?);
         Self::reads(context, Some(ChannelRef { target: rays, channel: 0 }), at_rays);
-        let held = [(rays, IntersectionPass::RAY, at_rays), (hits, IntersectionPass::HIT, at_hits)]
-            .map(|(target, size, at)| self.held(context, target, size, at));
-        let [rays_held, hits_held] = held;
+        let rays_held = self.held(context, rays, IntersectionPass::RAY, at_rays);
+        let hits_held = self.held(context, hits, IntersectionPass::HIT, at_hits);
         let (rays_held, hits_held) = (rays_held?, hits_held?);
         let count = self.rays_traced(context, (rays, rays_held, at_rays), (hits, hits_held))?;
         Some(IntersectionPass { scenes: scenes?, rays, hits, count })
@@ -54,20 +53,13 @@ impl Loader {
         if own.is_empty() {
             return self.pass_scenes(context);
         }
-        let mut scenes = match context.element.children_named(&["scenes"]).next() {
+        let listed = match context.element.children_named(&["scenes"]).next() {
             Some(_) => self.pass_scenes(context),
             None => Some(Vec::new()),
         };
-        for reference in own {
-            let scene = self
-                .reference(reference)
-                .and_then(|name| self.scenes.names.resolve(&mut self.report, &name.text, name.span));
-            scenes = scenes.zip(scene).map(|(mut scenes, scene)| {
-                scenes.push(scene);
-                scenes
-            });
-        }
-        scenes
+        let own: Vec<Option<usize>> = own.into_iter().map(|reference| self.scene_named(reference)).collect();
+        let own: Option<Vec<usize>> = own.into_iter().collect();
+        Some([listed?, own?].concat())
     }
 
     /// The buffer that a child of the pass names, and the place.

@@ -233,22 +233,15 @@ impl Loader {
 
     /// The scenes of a pass. `None` if one could not be resolved, or there is none.
     pub fn scenes_of(&mut self, context: &PassContext<'_>) -> Option<Vec<usize>> {
-        let mut scenes = Some(Vec::new());
+        let mut scenes = Vec::new();
         let mut any = false;
         for list in context.element.children_named(&["scenes"]) {
             self.expect(list, &["scene"], &["instances"]);
             for reference in list.children_named(&["scene"]) {
                 any = true;
-                if self.is_camera(reference) {
-                    continue;
+                if !self.is_camera(reference) {
+                    scenes.push(self.scene_named(reference));
                 }
-                let scene = self
-                    .reference(reference)
-                    .and_then(|name| self.scenes.names.resolve(&mut self.report, &name.text, name.span));
-                scenes = scenes.zip(scene).map(|(mut scenes, scene)| {
-                    scenes.push(scene);
-                    scenes
-                });
             }
         }
         if !any {
@@ -256,7 +249,13 @@ impl Loader {
             self.report.error_help(context.element.span, message, || suggest("", self.scenes.names.iter()));
             return None;
         }
-        scenes
+        scenes.into_iter().collect()
+    }
+
+    /// The scene that a `<scene name="…"/>` of a pass names.
+    pub fn scene_named(&mut self, reference: &Element) -> Option<usize> {
+        let name = self.reference(reference)?;
+        self.scenes.names.resolve(&mut self.report, &name.text, name.span)
     }
 
     /// Whether an entry of a pass's scenes names a camera: the engine draws its frustum as lines. A warning says that it is left
