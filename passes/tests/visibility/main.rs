@@ -155,21 +155,39 @@ pub(crate) fn normal([a, b, c]: &Triangle) -> DVec3 {
     (b - a).cross(c - a).normalize()
 }
 
-/// Whether a triangle lies strictly between two points (Möller and Trumbore in `f64`).
-pub(crate) fn blocks([a, b, c]: &Triangle, from: DVec3, to: DVec3) -> bool {
-    let [a, b, c] = [a, b, c].map(|corner| corner.as_dvec3());
+/// What rounding a scene to `f32` may move a point that is as far from the origin as the farther of two: triangles that were in one plane
+/// are in it up to this. Relative to the distance from the origin.
+const ROUNDING: f64 = 2e-6;
+
+/// How far apart points have to be for the order of the surfaces that they are on to be known.
+pub(crate) fn known_distance(from: DVec3, to: DVec3) -> f64 {
+    ROUNDING * from.length().max(to.length())
+}
+
+/// Whether the line of a segment crosses a triangle, and the segment's ends are on different sides of its plane, each at least `distance`
+/// from it. A negative distance also takes segments that end as near as that to the plane.
+pub(crate) fn blocks(triangle: &Triangle, from: DVec3, to: DVec3, distance: f64) -> bool {
+    let [a, b, c] = triangle.map(|corner| corner.as_dvec3());
+    let [before, behind] = [from, to].map(|end| normal(triangle).dot(end - a));
+    if before.signum() == behind.signum() && before.abs().min(behind.abs()) > -distance {
+        return false;
+    }
+    if before.abs().min(behind.abs()) <= distance {
+        return false;
+    }
+    // Möller and Trumbore in `f64`.
     let (e1, e2, along) = (b - a, c - a, to - from);
     let p = along.cross(e2);
     let determinant = e1.dot(p);
     let s = from - a;
     let q = s.cross(e1);
-    let (u, v, t) = (s.dot(p) / determinant, along.dot(q) / determinant, e2.dot(q) / determinant);
-    u >= 0.0 && v >= 0.0 && u + v <= 1.0 && t > 0.0 && t < 1.0
+    let (u, v) = (s.dot(p) / determinant, along.dot(q) / determinant);
+    u >= 0.0 && v >= 0.0 && u + v <= 1.0
 }
 
-/// Whether a segment leaves the front sides of both triangles.
-pub(crate) fn is_valid(a: &Triangle, b: &Triangle, from: DVec3, to: DVec3) -> bool {
-    normal(a).dot(to - from) > 0.0 && normal(b).dot(from - to) > 0.0
+/// Whether a segment leaves the front sides of both triangles, and its ends are more than `distance` in front of them.
+pub(crate) fn is_valid(a: &Triangle, b: &Triangle, from: DVec3, to: DVec3, distance: f64) -> bool {
+    normal(a).dot(to - from) > distance && normal(b).dot(from - to) > distance
 }
 
 /// The visibility of the first two triangles by brute force over a lattice (a Kronecker sequence with powers of the
@@ -181,9 +199,9 @@ pub(crate) fn truth(triangles: &[Triangle], points: u32) -> Option<f64> {
     for point in 0..points {
         let [x, y, z, w] = step.map(|step| (0.5 + f64::from(point) * step).fract());
         let (from, to) = (on(&a, x, y), on(&b, z, w));
-        if is_valid(&a, &b, from, to) {
+        if is_valid(&a, &b, from, to, 0.0) {
             valid += 1;
-            open += u32::from(!triangles[2..].iter().any(|triangle| blocks(triangle, from, to)));
+            open += u32::from(!triangles[2..].iter().any(|triangle| blocks(triangle, from, to, 0.0)));
         }
     }
     (valid > 0).then(|| f64::from(open) / f64::from(valid))

@@ -48,7 +48,7 @@ fn a_blocker_at_a_hundred_thousandth_of_the_distance_is_seen() {
     for _ in 0..2000 {
         let from = on(&scene[0], random.number(), random.number());
         let to = on(&scene[1], random.number(), random.number());
-        open += i32::from(!scene[2..].iter().any(|triangle| blocks(triangle, epsilon(from, to), to)));
+        open += i32::from(!scene[2..].iter().any(|triangle| blocks(triangle, epsilon(from, to), to, 0.0)));
     }
     assert_eq!(open, 2000);
 }
