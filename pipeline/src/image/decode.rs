@@ -8,6 +8,7 @@ use crate::memory::{self, Refused};
 use bytemuck::Zeroable;
 use image::{ColorType, DynamicImage, ImageBuffer, ImageDecoder, Pixel};
 use std::fmt;
+use std::io::{BufRead, Seek};
 
 /// Number of pixels that are converted at once.
 const PIECE: usize = 4096;
@@ -41,6 +42,13 @@ impl fmt::Display for Fault {
         }
     }
 }
+
+/// What can be read and sought.
+pub(crate) trait BufReadSeek: BufRead + Seek {}
+impl<T: BufRead + Seek> BufReadSeek for T {}
+
+/// An encoded picture, in a file or in memory. One type, so that every decoder is compiled once.
+pub(crate) type Encoded<'a> = Box<dyn BufReadSeek + 'a>;
 
 /// Decodes all pixels as 8-bit RGBA, top row first; channels of 16 bits or floats are reduced. Takes 4 bytes a pixel, or the bytes
 /// of the file's pixel format if they are more, plus the decoder's own memory.

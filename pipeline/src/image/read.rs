@@ -1,7 +1,7 @@
 //! Reading pictures, written by this program or by others.
 
 use super::Image;
-use super::decode::{self, Fault};
+use super::decode::{self, Encoded, Fault};
 use super::write::COLOR_ATTRIBUTE;
 use super::{MAX_SIDE, VARIANCE_LAYER};
 use crate::color::ColorSpace;
@@ -113,7 +113,7 @@ fn read_png(path: &Path) -> Result<Picture, String> {
     let broken = |error: image::ImageError| format!("this is no whole PNG file: {error}");
     let file = open(path)?;
     let size = file.get_ref().size();
-    let mut reader = ImageReader::with_format(file, ImageFormat::Png);
+    let mut reader = ImageReader::with_format(Box::new(file) as Encoded<'_>, ImageFormat::Png);
     let mut limits = Limits::default();
     // At most eight bytes a pixel, plus the decoder's own memory.
     limits.max_alloc = Some(10 * MAX_PIXELS);

@@ -8,10 +8,10 @@ use crate::color::ColorSpace;
 use crate::diagnostic::Warnings;
 use crate::files;
 use crate::guard;
-use crate::image::decode::{Fault, rgba8};
+use crate::image::decode::{Encoded, Fault, rgba8};
 use image::{ImageDecoder, ImageFormat, ImageReader, RgbaImage};
 use rayon::prelude::*;
-use std::io::{BufRead, BufReader, Cursor, Seek};
+use std::io::{BufReader, Cursor};
 use std::path::Path;
 
 /// Longest side of a texture, texels.
@@ -129,7 +129,7 @@ fn cost(source: &TextureSource) -> Result<Cost, String> {
     match source {
         TextureSource::File(path) => cost_of_file(path),
         TextureSource::Embedded { bytes, .. } => {
-            cost_of(decoder_and_format(Cursor::new(&bytes[..]), None)?, bytes.len() as u64)
+            cost_of(decoder_and_format(Box::new(Cursor::new(&bytes[..])), None)?, bytes.len() as u64)
         }
         TextureSource::Masked { color, mask } => {
             let (color, mask) = (cost_of_file(color), cost_of_file(mask)?);
@@ -194,7 +194,7 @@ fn decode(source: &TextureSource) -> Result<Level, Fault> {
 fn pixels(source: &TextureSource) -> Result<RgbaImage, Fault> {
     match source {
         TextureSource::File(path) => read(open(path)?, Some(path)),
-        TextureSource::Embedded { bytes, .. } => read(Cursor::new(&bytes[..]), None),
+        TextureSource::Embedded { bytes, .. } => read(Box::new(Cursor::new(&bytes[..])), None),
         TextureSource::Masked { color, mask } => {
             let mut image = read(open(color)?, Some(color))?;
             let mask = read(open(mask)?, Some(mask)).map_err(|fault| match fault {
@@ -223,23 +223,23 @@ fn mask_alpha(image: &mut RgbaImage, mask: &RgbaImage) {
     }
 }
 
-fn open(path: &Path) -> Result<BufReader<files::Input>, String> {
-    files::open(path).map(BufReader::new).map_err(|error| error.to_string())
+fn open(path: &Path) -> Result<Encoded<'static>, String> {
+    match files::open(path) {
+        Ok(file) => Ok(Box::new(BufReader::new(file))),
+        Err(error) => Err(error.to_string()),
+    }
 }
 
 /// A decoder with limits. The first bytes determine the format, or else (TGA has no signature) the extension.
-fn decoder<'a, R: BufRead + Seek + 'a>(
-    bytes: R,
-    path: Option<&Path>,
-) -> Result<impl ImageDecoder + use<'a, R>, String> {
+fn decoder<'a>(bytes: Encoded<'a>, path: Option<&Path>) -> Result<impl ImageDecoder + use<'a>, String> {
     decoder_and_format(bytes, path).map(|(decoder, _)| decoder)
 }
 
 /// Like [`decoder`], and also returns the format.
-fn decoder_and_format<'a, R: BufRead + Seek + 'a>(
-    bytes: R,
+fn decoder_and_format<'a>(
+    bytes: Encoded<'a>,
     path: Option<&Path>,
-) -> Result<(impl ImageDecoder + use<'a, R>, ImageFormat), String> {
+) -> Result<(impl ImageDecoder + use<'a>, ImageFormat), String> {
     let reader = guard::call("image", || ImageReader::new(bytes).with_guessed_format())?;
     let reader = reader.map_err(|error| error.to_string())?;
     let by_name = || path.and_then(|path| ImageFormat::from_path(path).ok());
@@ -261,7 +261,7 @@ fn limits(texels: u64) -> image::Limits {
 }
 
 /// Reads all pixels as 8-bit RGBA; 16-bit and floating-point channels are reduced.
-fn read<'a, R: BufRead + Seek + 'a>(bytes: R, path: Option<&Path>) -> Result<RgbaImage, Fault> {
+fn read(bytes: Encoded<'_>, path: Option<&Path>) -> Result<RgbaImage, Fault> {
     let mut decoder = decoder(bytes, path)?;
     let (width, height) = within_limits(decoder.dimensions())?;
     let limited = guard::call("image", || decoder.set_limits(limits(u64::from(width) * u64::from(height))))?;
