@@ -112,6 +112,17 @@ pub(super) struct BufferBinding {
     pub name: Value,
 }
 
+/// A texture that is bound to an image unit, for shaders that load and store it.
+#[derive(Debug, Clone)]
+pub(super) struct ImageBinding {
+    pub unit: u32,
+    pub name: Value,
+    /// Whether each pass that binds it begins with zeros.
+    pub cleared: bool,
+    /// The mip level, where it is not the first.
+    pub level: Option<Value>,
+}
+
 /// A material of a library.
 #[derive(Debug, Clone)]
 pub(super) struct LibraryMaterial {
@@ -129,6 +140,10 @@ pub(super) struct LibraryMaterial {
     pub textures: Vec<Binding>,
     /// Buffers that are bound.
     pub buffers: Vec<BufferBinding>,
+    /// Images that are bound.
+    pub images: Vec<ImageBinding>,
+    /// The first units of the arrays of textures, and of images, that are bound, in the order of the file.
+    pub arrays: [Vec<u32>; 2],
     /// How it is drawn.
     pub state: State,
 }
@@ -143,6 +158,8 @@ pub(super) struct Shader {
     pub vertex: Option<Value>,
     /// File of its pixel shader.
     pub pixel: Option<Value>,
+    /// File of its compute shader.
+    pub compute: Option<Value>,
     /// Its other stages, as descriptions with the places that name them.
     pub others: Vec<(&'static str, Span)>,
 }
@@ -158,6 +175,8 @@ pub(super) struct Library {
     pub target_indices: Vec<Option<usize>>,
     pub texture_names: Names,
     pub textures: Vec<Texture>,
+    /// Numbers of textures of the arrays of textures, by name: their textures are `name_0`, `name_1` and so on.
+    pub arrays: HashMap<String, u32>,
     /// Names of storage buffers, with their indices into [`Libraries::targets`]; `None` of one whose size is not known.
     pub buffer_names: Names,
     pub buffer_indices: Vec<Option<usize>>,
@@ -178,6 +197,7 @@ impl Library {
             target_indices: Vec::new(),
             texture_names: Names::new("texture"),
             textures: Vec::new(),
+            arrays: HashMap::new(),
             buffer_names: Names::new("buffer"),
             buffer_indices: Vec::new(),
             shader_names: Names::new("shader"),
@@ -205,6 +225,8 @@ impl Library {
                 values: Vec::new(),
                 textures: Vec::new(),
                 buffers: Vec::new(),
+                images: Vec::new(),
+                arrays: Default::default(),
                 state: State::default(),
             })));
         }

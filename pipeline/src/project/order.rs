@@ -21,6 +21,8 @@ pub(super) struct Facts {
     depth: Kept,
     /// Storage buffers that it stores to.
     stores: Vec<ChannelRef>,
+    /// Whether it stores to what is not known, since its shader could not be read.
+    stores_unknown: bool,
     /// Whether all that it reads and writes must have one size.
     pub one_size: bool,
 }
@@ -39,7 +41,17 @@ enum Kept {
 impl Facts {
     pub fn new(name: &str, span: Span) -> Self {
         let (name, depth) = (name.to_owned(), Kept::Untouched);
-        Self { name, span, reads: Vec::new(), target: None, writes: 0, depth, stores: Vec::new(), one_size: false }
+        Self {
+            name,
+            span,
+            reads: Vec::new(),
+            target: None,
+            writes: 0,
+            depth,
+            stores: Vec::new(),
+            stores_unknown: false,
+            one_size: false,
+        }
     }
 
     pub fn set_target(&mut self, target: Option<usize>, colors: usize, at: Span) {
@@ -70,6 +82,11 @@ impl Facts {
     /// The pass stores to these buffers.
     pub fn stores(&mut self, buffers: impl Iterator<Item = ChannelRef>) {
         self.stores.extend(buffers);
+    }
+
+    /// The pass stores to what is not known, for which there is an error.
+    pub fn stores_unknown(&mut self) {
+        self.stores_unknown = true;
     }
 
     /// The pass writes all channels of its target.
@@ -128,6 +145,7 @@ impl Loader {
                             format!("the later pass `{}` of {line}:{column} writes it", shown(later))
                         });
                     }
+                    None if passes[..index].iter().any(|pass| pass.stores_unknown) => {}
                     None => {
                         // A depth without a name is no channel.
                         let targets = &self.libraries.targets;
