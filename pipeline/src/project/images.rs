@@ -2,7 +2,7 @@
 //! image units. Such a texture is held as a target of one channel.
 
 use super::dom::{Element, Value};
-use super::libraries::{Binding, ImageBinding, Library, LibraryMaterial, Texture, ValueOf};
+use super::libraries::{Binding, ImageBinding, Library, LibraryMaterial, Texture, ValueOf, names};
 use super::loader::Loader;
 use super::report::{Span, shown, suggest};
 use super::shaders::ShaderUse;
@@ -12,13 +12,6 @@ use glam::Vec4;
 
 /// Most textures of an array.
 const MAX_ARRAY: u32 = 64;
-
-/// Whether a value for the uniform `given` is one for the sampler or image `name`: `tex[0]`, or `tex`, is for all elements of `tex`.
-pub(super) fn names(given: &str, name: &str) -> bool {
-    let array = |name: &str| name.split('[').next().unwrap_or_default().to_owned();
-    given == name
-        || name.contains('[') && array(given) == array(name) && (given.ends_with("[0]") || !given.contains('['))
-}
 
 /// The child of that name and its attribute `value`.
 fn value_of<'e>(element: &'e Element, name: &str) -> Option<&'e Value> {

@@ -81,6 +81,13 @@ impl ValueOf {
     }
 }
 
+/// Whether a value for the uniform `given` is one for the sampler or image `name`: `tex[0]`, or `tex`, is for all elements of `tex`.
+pub(super) fn names(given: &str, name: &str) -> bool {
+    let array = |name: &str| name.split('[').next().unwrap_or_default().to_owned();
+    given == name
+        || name.contains('[') && array(given) == array(name) && (given.ends_with("[0]") || !given.contains('['))
+}
+
 /// The render state in a `<state>`.
 #[derive(Debug, Clone, Copy, Default)]
 pub(super) struct State {

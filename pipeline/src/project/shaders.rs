@@ -1,8 +1,7 @@
 //! Own shaders of projects: files, compilation, and the inputs of their uniforms and samplers.
 
 use super::dom::Value;
-use super::images::names;
-use super::libraries::{Binding, LibraryMaterial, Shader, Texture, ValueOf};
+use super::libraries::{Binding, LibraryMaterial, Shader, Texture, ValueOf, names};
 use super::loader::Loader;
 use super::passes::PassContext;
 use super::report::{Found, Span, shown, suggest};
