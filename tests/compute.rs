@@ -3,6 +3,8 @@
 //! Pictures need the feature `glsl` and a Vulkan, Metal or DirectX 12 driver (a software driver will do). Without a driver, the tests print
 //! `skipped`, or fail with `CURITIBA_REQUIRE_GPU_TESTS=1`.
 
+#![cfg_attr(not(feature = "glsl"), allow(dead_code, reason = "without the feature there are no pictures to compare"))]
+
 use curitiba::pipeline::executor::{Renderer, Silent};
 use curitiba::pipeline::plan::Settings;
 use curitiba::{Choice, OpenError, RasterChoice};
