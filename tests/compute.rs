@@ -244,6 +244,36 @@ void main() {
         assert_near(&picture(&project), known, 1e-6);
     }
 
+    /// A quad cannot store to what it draws into.
+    #[test]
+    fn what_a_quad_draws_into_is_no_image_of_it() {
+        let quad = "#version 430
+layout(binding = 1) writeonly uniform image2D kept;
+out vec4 color;
+void main() { imageStore(kept, ivec2(0), vec4(1.0)); color = vec4(1.0); }
+";
+        let target = r#"<renderTargets><renderTarget name="t"><SIZE width="64" height="64"/><colors><color name="drawn" internalFormat="RGBA"/></colors></renderTarget></renderTargets>
+<shaders>"#;
+        let library = LIBRARY.replace("HELD_AS", "RGBA").replace("<shaders>", target);
+        let library = library.replace(r#"UNIT="1" texture="other""#, r#"UNIT="1" texture="drawn""#);
+        let into = |target: &str| {
+            let pass =
+                format!(r#"<pass class="quad" name="store">{target}<material name="quad" fromLibrary="L"/></pass>"#);
+            let show = r#"<pass class="quad" name="show"><texture name="drawn" fromLibrary="L"/></pass>"#;
+            let project = Project::new(MADE, "RGBA", ALL, &format!("{pass}{show}"));
+            project.with("quad.frag", quad).with("p.mlib", &library)
+        };
+        let said = into(r#"<renderTarget name="t" fromLibrary="L"/>"#).refused();
+        assert!(
+            said.contains("p.xml:5:") && said.contains("`store` stores to `L::drawn`, a channel of the target"),
+            "{said}"
+        );
+        // Control: into the window it can.
+        if has_driver() {
+            assert!(into("").open().is_ok());
+        }
+    }
+
     /// What is stored to a unit to which nothing is bound is lost, with a warning, as in OpenGL.
     #[test]
     fn an_image_of_nothing_holds_nothing() {

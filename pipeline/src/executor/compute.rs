@@ -16,9 +16,9 @@ impl Renderer {
         observer: &mut dyn Observer,
     ) -> Result<(), BackendError> {
         let PassKind::Compute(pass) = self.plan.pass(planned).kind.clone() else { return Ok(()) };
+        self.load_sampled(&pass.shader)?;
         observer.begin(StepKind::Quad, name, &self.progress());
         let start = Instant::now();
-        self.load_sampled(&pass.shader)?;
         let uniforms = self.compute_uniforms(&pass.shader);
         let mut buffers = self.take_buffers(&pass.shader, planned.pass);
         let textures = sampled(&pass.shader, &self.targets, &self.quad_images);

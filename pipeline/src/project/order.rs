@@ -104,13 +104,22 @@ impl Facts {
 }
 
 impl Loader {
-    /// Reports reads of channels that no earlier pass writes, passes that read their own target, and sizes that differ.
+    /// Reports reads of channels that no earlier pass writes, passes that read or store to their own target, and sizes that differ.
     pub fn check_order(&mut self, passes: &[Facts]) {
         // The first writer of each channel.
         let mut writers: HashMap<ChannelRef, usize> = HashMap::new();
         for (index, pass) in passes.iter().enumerate() {
             for channel in pass.written() {
                 writers.entry(channel).or_insert(index);
+            }
+        }
+        for pass in passes {
+            let own = |channel: &&ChannelRef| pass.target.is_some_and(|(target, ..)| target == channel.target);
+            if let Some(channel) = pass.stores.iter().find(own) {
+                let name = shown(&self.libraries.channel_name(*channel));
+                let message =
+                    format!("pass `{}` stores to `{name}`, a channel of the target that it writes", shown(&pass.name));
+                self.report.error_help(pass.span, message, || "write into another render target".to_owned());
             }
         }
         for (index, pass) in passes.iter().enumerate() {
