@@ -292,6 +292,19 @@ pub struct QuadJob<'a> {
     pub height: u32,
 }
 
+/// A compute shader of the project that runs for many work groups.
+#[derive(Debug, Clone, Copy)]
+pub struct ComputeJob<'a> {
+    /// The compiled program; it has a [`Program::compute`].
+    pub program: &'a Arc<Program>,
+    /// Bytes of each uniform block of the program.
+    pub uniforms: &'a [Vec<u8>],
+    /// Texture of each sampler of the program.
+    pub textures: &'a [QuadTexture<'a>],
+    /// Work groups in each direction.
+    pub groups: [u32; 3],
+}
+
 /// Why a backend could not do its work.
 #[derive(Debug, Clone, thiserror::Error)]
 pub enum BackendError {
@@ -413,6 +426,14 @@ pub trait Rasteriser {
         _buffers: &mut [Vec<[f32; 4]>],
     ) -> Result<(), BackendError> {
         Err(BackendError::no_shaders(self.name(), "a quad"))
+    }
+    /// Runs a compute shader of the project. `buffers` are what is bound to the program's storage buffers, 16 bytes each; what is stored is
+    /// there afterwards.
+    ///
+    /// # Errors
+    /// If the device fails, or it runs none.
+    fn compute(&mut self, _job: &ComputeJob<'_>, _buffers: &mut [Vec<[f32; 4]>]) -> Result<(), BackendError> {
+        Err(BackendError::no_shaders(self.name(), "a compute pass"))
     }
     /// Whether attachments reach host memory only through [`Rasteriser::read_back`].
     fn needs_read_back(&self) -> bool;

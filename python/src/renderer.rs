@@ -467,6 +467,7 @@ impl Renderer {
                     (PassKind::Raster(_), _) => ("raster", None, Vec::new()),
                     (PassKind::Quad(_), _) => ("quad", None, Vec::new()),
                     (PassKind::Intersection(_), _) => ("intersections", None, Vec::new()),
+                    (PassKind::Compute(_), _) => ("compute", None, Vec::new()),
                     _ => ("off", None, Vec::new()),
                 };
                 (pass.name.clone(), kind, program, parameters)

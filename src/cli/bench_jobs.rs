@@ -102,7 +102,7 @@ fn swept(path: &Path, sweep: &str, settings: &Settings) -> Result<Vec<String>, F
         let reads = |kind: &PassKind| match kind {
             PassKind::Ray(ray) => ray.program.info().params.contains(&name),
             PassKind::Effect(effect) => effect.program.info().params.contains(&name),
-            PassKind::Raster(_) | PassKind::Quad(_) | PassKind::Intersection(_) => false,
+            PassKind::Raster(_) | PassKind::Quad(_) | PassKind::Intersection(_) | PassKind::Compute(_) => false,
         };
         let pass = project.pipelines[index].passes.iter().find(|pass| reads(&pass.kind));
         let Some(pass) = pass else {

@@ -94,6 +94,18 @@ fn describe(plan: &Plan, planned: &PlannedPass) -> String {
             let (most, rays) = (intersection.count.most(), format!("{}::{}", buffer.library, buffer.name));
             format!("traces up to {most} rays of `{rays}`, which every surface stops, and writes the nearest hits")
         }
+        (Work::Compute, PassKind::Compute(compute)) => {
+            let [x, y, z] = compute.groups;
+            let stored = compute.shader.buffers_stored().map(|channel| {
+                let target = &plan.project.targets[channel.target];
+                format!("`{}::{}`", target.library, target.channels[channel.channel].name)
+            });
+            let stored = stored.collect::<Vec<_>>().join(", ");
+            return format!(
+                "{}: runs a compute shader in {x} x {y} x {z} work groups, which stores to {stored}",
+                pass.name
+            );
+        }
         (Work::Off { .. }, _) => "is switched off, and fills its target".to_owned(),
         _ => "fills a rectangle".to_owned(),
     };

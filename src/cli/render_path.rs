@@ -135,7 +135,7 @@ fn moved_camera(renderer: &Renderer, path: &CameraPath) -> Result<String, Failur
         PassKind::Raster(raster) => Some(raster.camera),
         PassKind::Ray(ray) => Some(ray.camera),
         PassKind::Effect(effect) => Some(effect.camera),
-        PassKind::Quad(_) | PassKind::Intersection(_) => None,
+        PassKind::Quad(_) | PassKind::Intersection(_) | PassKind::Compute(_) => None,
     };
     let mut cameras: Vec<usize> = match &plan.settings.camera {
         Some(name) => vec![project.camera(name).map_err(Failure::Usage)?],

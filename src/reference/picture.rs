@@ -145,7 +145,7 @@ pub(super) fn job(renderer: &Renderer, samples: Range<u32>) -> Result<Job<'_>, S
         let light = match &plan.pass(&plan.passes[index]).kind {
             PassKind::Raster(raster) => raster.light,
             PassKind::Ray(ray) => ray.light,
-            PassKind::Effect(_) | PassKind::Quad(_) | PassKind::Intersection(_) => None,
+            PassKind::Effect(_) | PassKind::Quad(_) | PassKind::Intersection(_) | PassKind::Compute(_) => None,
         };
         let light = light.map(|light| &plan.project.lights[light]);
         let sun = light.and_then(|light| light.direction.map(|direction| Sun { direction, color: light.color }));

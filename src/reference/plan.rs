@@ -134,7 +134,7 @@ fn at_its_best(pass: &mut Pass, set: &[String]) -> Result<(), String> {
             }
             pass.kind = PassKind::Ray(by_rays(effect));
         }
-        PassKind::Raster(_) | PassKind::Quad(_) | PassKind::Intersection(_) => {}
+        PassKind::Raster(_) | PassKind::Quad(_) | PassKind::Intersection(_) | PassKind::Compute(_) => {}
     }
     if let PassKind::Ray(ray) = &mut pass.kind {
         ray.params.sampler = Sampler::Sobol;

@@ -20,6 +20,7 @@ pub(super) fn of(case: &Case, row: &str, label: &str) -> Option<PassGraph> {
             (_, PassKind::Effect(effect)) => format!("{}, by raster", effect.program.info().name),
             (_, PassKind::Quad(_)) => "fills a rectangle".to_owned(),
             (_, PassKind::Intersection(_)) => "traces the rays of a buffer".to_owned(),
+            (_, PassKind::Compute(_)) => "runs a compute shader".to_owned(),
         };
         passes.push([pass.name.clone(), what]);
         let access = plan.access(planned);

@@ -54,6 +54,7 @@ impl<'w, 's> Sample<'w, 's> {
                     PixelFormat::Rgba8Unorm => value.clamp(DVec4::ZERO, DVec4::ONE),
                     PixelFormat::R8Unorm => DVec4::new(value.x.clamp(0.0, 1.0), 0.0, 0.0, 1.0),
                     PixelFormat::R32Float => DVec4::new(value.x, 0.0, 0.0, 1.0),
+                    PixelFormat::Rg32Float => DVec4::new(value.x, value.y, 0.0, 1.0),
                 }
             }
         }

@@ -71,7 +71,7 @@ impl Renderer {
             PassKind::Raster(raster) => raster.light,
             PassKind::Ray(ray) => ray.light,
             PassKind::Effect(effect) => effect.light,
-            PassKind::Quad(_) | PassKind::Intersection(_) => None,
+            PassKind::Quad(_) | PassKind::Intersection(_) | PassKind::Compute(_) => None,
         };
         let random = match (&work, &pass.kind) {
             (Work::Rays { params, .. }, PassKind::Ray(ray)) => ray.program.info().samples(params) > 0,
@@ -92,6 +92,7 @@ impl Renderer {
                 (Work::Quad { viewport }, PassKind::Quad(QuadPass { shader: Some(shader), .. })) => {
                     self.quad_uniforms(shader, *viewport, self.plan.target_size(pass.target)[1])
                 }
+                (Work::Compute, PassKind::Compute(compute)) => self.compute_uniforms(&compute.shader),
                 _ => Vec::new(),
             },
             formats: channels.iter().map(|channel| channel.format).collect(),

@@ -2,6 +2,7 @@
 
 mod accumulate;
 mod change;
+mod compute;
 mod dirty;
 mod effect;
 mod engines;
@@ -455,6 +456,7 @@ impl Renderer {
                 self.fill_on_device(&planned, &name, observer).map(done)
             }
             Work::Quad { viewport } => self.quad(&planned, &name, *viewport, observer).map(done),
+            Work::Compute => self.compute(&planned, &name, observer).map(done),
         };
         if let Ok(Traced::NothingInHost) = result {
             return Ok(Traced::NothingInHost);
@@ -502,7 +504,7 @@ impl Renderer {
         let pass = self.plan.pass(planned);
         let PassKind::Quad(quad) = &pass.kind else { return Ok(()) };
         let (source, target) = (quad.source, pass.target);
-        let shader = quad.shader.clone();
+        let (shader, writes_color) = (quad.shader.clone(), quad.writes_color);
         let progress = self.progress();
         observer.begin(StepKind::Quad, name, &progress);
         let start = Instant::now();
@@ -513,13 +515,15 @@ impl Renderer {
             true => Rect { x: 0, y: 0, width, height: buffer.height },
             false => viewport,
         };
-        let filled = shader.map_or(Ok(()), |shader| self.fill_quad((&shader, planned.pass), viewport, &mut buffer));
+        let filled = shader
+            .map_or(Ok(()), |shader| self.fill_quad((&shader, planned.pass, writes_color), viewport, &mut buffer));
         quad::fill(&mut buffer.color, width, viewport, source, &progress, |channel| {
             let read = &self.targets[channel.target];
             (read.width, read.height, channel_of(read, channel.channel))
         });
         *self.buffer(target) = buffer;
         self.round_to_formats(target);
+        self.round_stored(planned);
         let elapsed = start.elapsed();
         observer.end();
         self.given_up |= progress.is_given_up();
@@ -562,7 +566,7 @@ impl Renderer {
     }
 
     /// Rounds a target to its declared formats, whose precision later passes read. The window keeps its floats until it is written.
-    fn round_to_formats(&mut self, target: Option<usize>) {
+    pub(super) fn round_to_formats(&mut self, target: Option<usize>) {
         let Some(target) = target else { return };
         let buffer = &mut self.targets[target];
         let channels = [&mut buffer.color, &mut buffer.position, &mut buffer.normal];

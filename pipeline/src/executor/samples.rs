@@ -135,7 +135,11 @@ impl Renderer {
                 Work::Effect { view, .. } => *view = view.of_sample(gbuffer, samples, sample),
                 Work::Rays { view, .. } if gbuffer.width > 0 => *view = view.of_sample(gbuffer, samples, sample),
                 // Rays start at the G-buffer's points or at the eye, which the sample has shifted already.
-                Work::Rays { .. } | Work::Off { .. } | Work::Quad { .. } | Work::Intersection { .. } => {}
+                Work::Rays { .. }
+                | Work::Off { .. }
+                | Work::Quad { .. }
+                | Work::Intersection { .. }
+                | Work::Compute => {}
             }
         }
         planned

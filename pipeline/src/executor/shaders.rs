@@ -6,6 +6,7 @@ use crate::glsl::{CameraValue, ColorValue, FRAME, LightValue, Matrix, Member, Pr
 use crate::memory;
 use crate::plan::{PlannedPass, Work};
 use crate::project::{Camera, ChannelRef, ColorMap, OwnShader, PassKind, RasterPass, ShaderTexture};
+use crate::scene::texture::Texture;
 use crate::scene::{Material, RenderScene, image_file};
 use glam::camera::rh;
 use glam::{DMat4, DVec3, Mat4, Vec3, Vec4};
@@ -55,6 +56,27 @@ pub(super) fn own_channels(raster: &RasterPass) -> Vec<ChannelRef> {
         }
     }
     channels
+}
+
+/// What the samplers of a quad's or compute pass's shader read.
+pub(super) fn sampled<'a>(
+    shader: &OwnShader,
+    targets: &'a [GBuffer],
+    images: &'a [(PathBuf, Texture)],
+) -> Vec<QuadTexture<'a>> {
+    let read = |texture: &ShaderTexture| match texture {
+        ShaderTexture::Channel(channel) => {
+            let read = &targets[channel.target];
+            let texels = channel_of(read, channel.channel);
+            QuadTexture::Channel { width: read.width, height: read.height, texels }
+        }
+        ShaderTexture::File(path) => {
+            let image = images.iter().find(|(file, _)| file == path);
+            image.map_or(QuadTexture::Nothing, |(_, image)| QuadTexture::Image(image))
+        }
+        ShaderTexture::Material | ShaderTexture::Nothing => QuadTexture::Nothing,
+    };
+    shader.textures.iter().map(read).collect()
 }
 
 /// Inputs that all uniforms of a pass share.
@@ -145,27 +167,30 @@ impl Renderer {
         (programs, surfaces.iter().map(|surface| surface.as_ref().map(made)).collect())
     }
 
-    /// Fills a viewport of a buffer's colour with an own shader.
+    /// Fills a viewport of a buffer's colour with an own shader, or, without `writes_color`, only stores what it stores.
     pub(super) fn fill_quad(
         &mut self,
-        (shader, pass): (&OwnShader, usize),
+        (shader, pass, writes_color): (&OwnShader, usize, bool),
         viewport: Rect,
         buffer: &mut GBuffer,
     ) -> Result<(), BackendError> {
         let mut buffers = self.take_buffers(shader, pass);
-        let filled = self.fill_with(shader, &mut buffers, viewport, buffer);
-        for (target, bytes) in shader.storage.iter().zip(buffers) {
-            self.targets[*target].color = bytes;
-        }
+        let filled = self.fill_with((shader, writes_color), &mut buffers, viewport, buffer);
+        self.give_buffers(shader, buffers);
         filled
     }
 
-    /// The buffers that a shader binds, of which none is bound twice. A frame begins with zeros in all.
-    fn take_buffers(&mut self, shader: &OwnShader, pass: usize) -> Vec<Vec<[f32; 4]>> {
+    /// The buffers and images that a shader binds. A frame begins with zeros in all, unless another pass drew an image.
+    pub(super) fn take_buffers(&mut self, shader: &OwnShader, pass: usize) -> Vec<Vec<[f32; 4]>> {
         let mut taken = Vec::new();
-        for target in &shader.storage {
-            let mut bytes = std::mem::take(&mut self.targets[*target].color);
-            if self.is_first_to_bind(*target, pass) {
+        for bound in &shader.storage {
+            // What holds nothing has a texel that no shader reaches.
+            let Some(bound) = bound else {
+                taken.push(vec![[0.0; 4]]);
+                continue;
+            };
+            let mut bytes = std::mem::take(&mut self.targets[bound.target].color);
+            if bound.cleared || self.is_first_to_bind(bound.target, pass) {
                 bytes.fill([0.0; 4]);
             }
             taken.push(bytes);
@@ -173,46 +198,60 @@ impl Renderer {
         taken
     }
 
-    /// Whether no pass that runs before the one at an index of the pipeline binds a buffer.
+    /// Puts back what [`Self::take_buffers`] took.
+    pub(super) fn give_buffers(&mut self, shader: &OwnShader, buffers: Vec<Vec<[f32; 4]>>) {
+        for (bound, bytes) in shader.storage.iter().zip(buffers) {
+            if let Some(bound) = bound {
+                self.targets[bound.target].color = bytes;
+            }
+        }
+    }
+
+    /// Rounds what the shader of a pass stored to the formats of the images.
+    pub(super) fn round_stored(&mut self, planned: &PlannedPass) {
+        let stored: Vec<usize> = self.plan.pass(planned).kind.buffers_stored().map(|channel| channel.target).collect();
+        stored.into_iter().for_each(|target| self.round_to_formats(Some(target)));
+    }
+
+    /// Whether no pass that runs before the one at an index of the pipeline binds a buffer or image, or draws into it.
     pub(super) fn is_first_to_bind(&self, target: usize, pass: usize) -> bool {
-        let binds = |planned: &&PlannedPass| match &self.plan.pass(planned).kind {
-            PassKind::Quad(quad) => quad.shader.iter().any(|shader| shader.storage.contains(&target)),
-            PassKind::Intersection(intersection) => intersection.binds(target),
-            _ => false,
+        let binds = |planned: &&PlannedPass| {
+            let pass = self.plan.pass(planned);
+            match &pass.kind {
+                PassKind::Intersection(intersection) => intersection.binds(target),
+                kind => pass.target == Some(target) || kind.shader().is_some_and(|shader| shader.binds(target)),
+            }
         };
         self.plan.passes.iter().find(binds).is_some_and(|first| first.pass == pass)
     }
 
-    fn fill_with(
-        &mut self,
-        shader: &OwnShader,
-        buffers: &mut [Vec<[f32; 4]>],
-        viewport: Rect,
-        buffer: &mut GBuffer,
-    ) -> Result<(), BackendError> {
-        let failed = |message: String| BackendError::Device { backend: self.engines.raster.name(), message };
+    /// Loads the image files that the shader of a quad or compute pass samples, unless they are there.
+    pub(super) fn load_sampled(&mut self, shader: &OwnShader) -> Result<(), BackendError> {
         for texture in &shader.textures {
             let ShaderTexture::File(path) = texture else { continue };
             if !self.quad_images.iter().any(|(loaded, _)| loaded == path) {
                 let most = self.plan.settings.max_memory.saturating_sub(self.plan.target_bytes());
-                let image = image_file(path, most).map_err(|error| failed(format!("{}: {error}", shader.place)))?;
+                let image = image_file(path, most).map_err(|error| BackendError::Device {
+                    backend: self.engines.raster.name(),
+                    message: format!("{}: {error}", shader.place),
+                })?;
                 self.quad_images.push((path.clone(), image));
             }
         }
+        Ok(())
+    }
+
+    fn fill_with(
+        &mut self,
+        (shader, writes_color): (&OwnShader, bool),
+        buffers: &mut [Vec<[f32; 4]>],
+        viewport: Rect,
+        buffer: &mut GBuffer,
+    ) -> Result<(), BackendError> {
+        self.load_sampled(shader)?;
+        let failed = |message: String| BackendError::Device { backend: self.engines.raster.name(), message };
         let uniforms = self.quad_uniforms(shader, viewport, buffer.height);
-        let texture = |texture: &ShaderTexture| match texture {
-            ShaderTexture::Channel(channel) => {
-                let read = &self.targets[channel.target];
-                let texels = channel_of(read, channel.channel);
-                QuadTexture::Channel { width: read.width, height: read.height, texels }
-            }
-            ShaderTexture::File(path) => {
-                let image = self.quad_images.iter().find(|(file, _)| file == path);
-                image.map_or(QuadTexture::Nothing, |(_, image)| QuadTexture::Image(image))
-            }
-            ShaderTexture::Material | ShaderTexture::Nothing => QuadTexture::Nothing,
-        };
-        let textures: Vec<QuadTexture<'_>> = shader.textures.iter().map(texture).collect();
+        let textures: Vec<QuadTexture<'_>> = sampled(shader, &self.targets, &self.quad_images);
         let Rect { x, y, width, height } = viewport;
         if width == 0 || height == 0 {
             return Ok(());
@@ -226,10 +265,18 @@ impl Renderer {
         let program = &shader.program;
         let job = QuadJob { program, uniforms: &uniforms, textures: &textures, width, height };
         self.engines.raster.fill(&job, &mut pixels, buffers)?;
+        if !writes_color {
+            return Ok(());
+        }
         for (line, filled) in (0..).zip(pixels.chunks_exact(width as usize)) {
             buffer.color[row(line)..][..width as usize].copy_from_slice(filled);
         }
         Ok(())
+    }
+
+    /// The bytes of each uniform block of a compute pass's shader, which has no pixels.
+    pub(super) fn compute_uniforms(&self, shader: &OwnShader) -> Vec<Vec<u8>> {
+        self.quad_uniforms(shader, Rect { x: 0, y: 0, width: 0, height: 0 }, 0)
     }
 
     /// The bytes of each uniform block of a quad's shader, for a viewport of a target of the given height.

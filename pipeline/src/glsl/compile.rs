@@ -1,10 +1,11 @@
 //! The steps of a shader, one after the other.
 
-use super::link::{link, next_binding};
+use super::link::{link, link_compute, next_binding};
 use super::rewrite::read;
 use super::tokens::tokens;
+use super::translate::Translated;
 use super::translate::translate;
-use super::{Fault, Program, Source, Stage, StorageBuffer};
+use super::{Compute, ComputeSource, Fault, MAX_OUTPUTS, Program, Source, Stage, StorageBuffer};
 
 /// Bytes of the stack on which files are read: the compiler recurses as deeply as they nest, which is bounded.
 const STACK: usize = 256 << 20;
@@ -15,15 +16,63 @@ impl Source<'_> {
     /// # Errors
     /// What is wrong, with its places in the files.
     pub fn compile(&self) -> Result<Program, Vec<Fault>> {
-        let failed = |message: String| vec![Fault { stage: Stage::Vertex, start: 0, end: 0, message, help: None }];
-        std::thread::scope(|scope| {
-            let thread = std::thread::Builder::new().name("glsl".to_owned()).stack_size(STACK);
-            let running = thread.spawn_scoped(scope, || compile(*self));
-            let running = running.map_err(|error| failed(format!("no thread could be started to compile: {error}")))?;
-            // Defects of our own end the program with their message.
-            running.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic))
-        })
+        on_a_thread(Stage::Vertex, || compile(*self))
     }
+}
+
+impl ComputeSource<'_> {
+    /// Compiles the shader.
+    ///
+    /// # Errors
+    /// What is wrong, with its places in the file.
+    pub fn compile(&self) -> Result<Program, Vec<Fault>> {
+        on_a_thread(Stage::Compute, || compile_compute(self.text))
+    }
+}
+
+fn on_a_thread(
+    stage: Stage,
+    compile: impl FnOnce() -> Result<Program, Vec<Fault>> + Send,
+) -> Result<Program, Vec<Fault>> {
+    let failed = |message: String| vec![Fault { stage, start: 0, end: 0, message, help: None }];
+    std::thread::scope(|scope| {
+        let thread = std::thread::Builder::new().name("glsl".to_owned()).stack_size(STACK);
+        let running = thread.spawn_scoped(scope, compile);
+        let running = running.map_err(|error| failed(format!("no thread could be started to compile: {error}")))?;
+        // Defects of our own end the program with their message.
+        running.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic))
+    })
+}
+
+fn compile_compute(text: &str) -> Result<Program, Vec<Fault>> {
+    let tokens = tokens(Stage::Compute, text).map_err(|fault| vec![fault])?;
+    let stated = read(Stage::Compute, &tokens, 0)?;
+    let group = stated.group;
+    let done = translate(Stage::Compute, &link_compute(&stated), &stated)?;
+    let storage = used(&stated.storage, &done);
+    let mut blocks = done.blocks;
+    blocks.sort_by_key(|(binding, _)| *binding);
+    Ok(Program {
+        vertex: String::new(),
+        fragment: String::new(),
+        compute: Some(Compute { text: done.wgsl, group }),
+        attributes: Vec::new(),
+        blocks: blocks.into_iter().map(|(_, block)| block).collect(),
+        samplers: stated.samplers,
+        outputs: [false; MAX_OUTPUTS],
+        flat: false,
+        storage,
+        fixed: stated.fixed,
+    })
+}
+
+/// The buffers of a stage, with whether it reads them and stores to them.
+fn used(storage: &[StorageBuffer], done: &Translated) -> Vec<StorageBuffer> {
+    let used = |(index, buffer): (usize, &StorageBuffer)| {
+        let [read, written] = done.storage.iter().find(|(at, _)| *at == index).map_or([false; 2], |(_, of)| *of);
+        StorageBuffer { read, written, ..buffer.clone() }
+    };
+    storage.iter().enumerate().map(used).collect()
 }
 
 fn compile(source: Source<'_>) -> Result<Program, Vec<Fault>> {
@@ -39,18 +88,14 @@ fn compile(source: Source<'_>) -> Result<Program, Vec<Fault>> {
         translate(Stage::Vertex, &linked.vertex, &vertex),
         translate(Stage::Fragment, &linked.fragment, &fragment),
     )?;
+    let storage = used(&fragment.storage, &fragment_done);
     let mut blocks = [vertex_done.blocks, fragment_done.blocks].concat();
     blocks.sort_by_key(|(binding, _)| *binding);
-    let used = |(index, buffer): (usize, &StorageBuffer)| {
-        let [read, written] =
-            fragment_done.storage.iter().find(|(at, _)| *at == index).map_or([false; 2], |(_, of)| *of);
-        StorageBuffer { read, written, ..buffer.clone() }
-    };
-    let storage = fragment.storage.iter().enumerate().map(used).collect();
     debug_assert!((0..).zip(&blocks).all(|(index, (binding, _))| index == *binding), "bindings have no gaps");
     Ok(Program {
         vertex: vertex_done.wgsl,
         fragment: fragment_done.wgsl,
+        compute: None,
         attributes: linked.attributes,
         blocks: blocks.into_iter().map(|(_, block)| block).collect(),
         samplers: linked.samplers,

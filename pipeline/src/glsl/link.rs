@@ -2,9 +2,9 @@
 
 use super::rewrite::{
     OURS, Origin, Stated, TRUTH, Variable, attribute, beside_name, compare_name, compare_projected_name, counters,
-    loose_block, sampler_name, texture_name,
+    image, loose_block, sampler_name, texture_name,
 };
-use super::{Attribute, FRAME, Fault, MAX_OUTPUTS, Sampler, SamplerKind, Stage};
+use super::{Attribute, FRAME, Fault, Held, MAX_OUTPUTS, Sampler, SamplerKind, Stage};
 use std::fmt::Write;
 
 /// Most variables, elements of arrays and columns that pass between the stages: what every device has.
@@ -54,40 +54,7 @@ pub(super) fn link(vertex: &Stated, fragment: &Stated, depth: Option<usize>) -> 
     if !faults.is_empty() {
         return Err(faults);
     }
-    let begin = |stated: &Stated, binding: usize| {
-        let mut text = "#version 450\n".to_owned();
-        for (index, sampler) in samplers.iter().enumerate() {
-            if stated.samplers.iter().any(|own| own.name == sampler.name) {
-                let (texture, own) = (texture_name(&sampler.name), sampler_name(&sampler.name));
-                let _ = writeln!(text, "layout(set = 1, binding = {}) uniform texture2D {texture};", 2 * index);
-                let _ = writeln!(text, "layout(set = 1, binding = {}) uniform sampler {own};", 2 * index + 1);
-            }
-        }
-        text += &loose_block(stated, binding);
-        let counting = stated.storage.iter().enumerate().filter(|(_, buffer)| buffer.counters);
-        text.extend(counting.map(|(index, _)| counters(index)));
-        for own in &stated.samplers {
-            match own.kind {
-                SamplerKind::Compared => text += &compare(own),
-                SamplerKind::Color if stated.text.contains(&beside_name(&own.name)) => text += &beside(own),
-                SamplerKind::Color => {}
-            }
-        }
-        text
-    };
-    let truths = |stated: &Stated| {
-        let made = |uniform: &super::rewrite::Uniform| {
-            let (kind, name) = (&uniform.kind, &uniform.name);
-            let value = match kind.as_str() {
-                "bool" => format!("{TRUTH}{name} != 0u"),
-                _ => format!("notEqual({TRUTH}{name}, {}(0u))", kind.replace("bvec", "uvec")),
-            };
-            format!("{name} = {value};\n")
-        };
-        stated.uniforms.iter().filter(|uniform| uniform.is_truth()).map(made).collect::<String>()
-    };
-
-    let mut head = begin(vertex, loose_binding(vertex, 0));
+    let mut head = begin(vertex, &samplers, loose_binding(vertex, 0));
     let (mut before, mut after) = (truths(vertex), String::new());
     for attribute in &attributes {
         let (name, location) = (attribute.name(), attribute.location());
@@ -118,7 +85,7 @@ pub(super) fn link(vertex: &Stated, fragment: &Stated, depth: Option<usize>) -> 
     after += "gl_Position.z = (gl_Position.w - gl_Position.z) * 0.5;\n";
     let vertex_text = around(vertex, head, &before, &after);
 
-    let mut head = begin(fragment, loose_binding(fragment, next_binding(vertex, 0)));
+    let mut head = begin(fragment, &samplers, loose_binding(fragment, next_binding(vertex, 0)));
     let (mut before, mut after) = (truths(fragment), String::new());
     for (location, Passed { input, kind, part, flat, .. }) in passed.iter().enumerate() {
         let flat = if *flat { "flat " } else { "" };
@@ -169,6 +136,56 @@ pub(super) fn link(vertex: &Stated, fragment: &Stated, depth: Option<usize>) -> 
     let fragment_text = around(fragment, head, &before, &after);
     let flat = passed.iter().any(|passed| passed.flat);
     Ok(Linked { vertex: vertex_text, fragment: fragment_text, attributes, samplers, outputs, flat })
+}
+
+/// What stands before a stage's text: the samplers that it reads, of all `samplers` of the shader, its uniforms and buffers, and functions
+/// of ours.
+fn begin(stated: &Stated, samplers: &[Sampler], binding: usize) -> String {
+    let mut text = "#version 450\n".to_owned();
+    for (index, sampler) in samplers.iter().enumerate() {
+        if stated.samplers.iter().any(|own| own.name == sampler.name) {
+            let (texture, own) = (texture_name(&sampler.name), sampler_name(&sampler.name));
+            let _ = writeln!(text, "layout(set = 1, binding = {}) uniform texture2D {texture};", 2 * index);
+            let _ = writeln!(text, "layout(set = 1, binding = {}) uniform sampler {own};", 2 * index + 1);
+        }
+    }
+    text += &loose_block(stated, binding);
+    for (index, buffer) in stated.storage.iter().enumerate() {
+        match buffer.held {
+            Held::Block => {}
+            Held::Counters => text += &counters(index),
+            Held::Image => text += &image(index),
+        }
+    }
+    for own in &stated.samplers {
+        match own.kind {
+            SamplerKind::Compared => text += &compare(own),
+            SamplerKind::Color if stated.text.contains(&beside_name(&own.name)) => text += &beside(own),
+            SamplerKind::Color => {}
+        }
+    }
+    text
+}
+
+/// What makes truth values of the numbers of the block.
+fn truths(stated: &Stated) -> String {
+    let made = |uniform: &super::rewrite::Uniform| {
+        let (kind, name) = (&uniform.kind, &uniform.name);
+        let value = match kind.as_str() {
+            "bool" => format!("{TRUTH}{name} != 0u"),
+            _ => format!("notEqual({TRUTH}{name}, {}(0u))", kind.replace("bvec", "uvec")),
+        };
+        format!("{name} = {value};\n")
+    };
+    stated.uniforms.iter().filter(|uniform| uniform.is_truth()).map(made).collect()
+}
+
+/// A compute shader, which is joined to no other stage.
+pub(super) fn link_compute(stated: &Stated) -> Text {
+    let mut head = begin(stated, &stated.samplers, loose_binding(stated, 0));
+    let [x, y, z] = stated.group;
+    let _ = writeln!(head, "layout(local_size_x = {x}, local_size_y = {y}, local_size_z = {z}) in;");
+    around(stated, head, &truths(stated), "")
 }
 
 fn around(stated: &Stated, head: String, before: &str, after: &str) -> Text {
@@ -224,7 +241,7 @@ vec4 @c_4(vec3 p) { return vec4(vec3(@c(p)), 1.0); }
 float @p(vec4 p) { return @c(p.xyz / p.w); }
 vec4 @p_4(vec4 p) { return vec4(vec3(@p(p)), 1.0); }
 ";
-    text.replace("@t", &format!("{OURS}t1_{}", sampler.name))
+    text.replace("@t", &format!("{OURS}f{}", &name[OURS.len()..]))
         .replace("@s", &whole)
         .replace("@c", &name)
         .replace("@p", &projected)

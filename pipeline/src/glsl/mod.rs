@@ -12,6 +12,8 @@
 //! the shader, in `gl_FragCoord` as in textures, whose rows are handed over from the bottom.
 //!
 //! Storage buffers are bound as they are; what atomic counters do is put behind the compiler, which has no word for it (`translate`).
+//! Images that shaders load and store are storage buffers of a vec4 for each texel, the top row first, since not every device stores to
+//! textures that it also loads. Compute shaders have one stage, and go through the same steps ([`ComputeSource`]).
 //!
 //! Files are bounded ([`MAX_FILE`]), and so are tokens, nesting and macros; macros with parameters are refused.
 
@@ -53,6 +55,8 @@ pub enum Stage {
     Vertex,
     /// For each pixel.
     Fragment,
+    /// For each invocation of a compute pass.
+    Compute,
 }
 
 impl fmt::Display for Stage {
@@ -60,6 +64,7 @@ impl fmt::Display for Stage {
         f.write_str(match self {
             Self::Vertex => "vertex shader",
             Self::Fragment => "fragment shader",
+            Self::Compute => "compute shader",
         })
     }
 }
@@ -76,6 +81,13 @@ pub struct Source<'a> {
     pub depth: Option<usize>,
 }
 
+/// The file of a compute shader.
+#[derive(Debug, Clone, Copy)]
+pub struct ComputeSource<'a> {
+    /// Its text.
+    pub text: &'a str,
+}
+
 #[cfg(not(feature = "glsl"))]
 impl Source<'_> {
     /// Compiles the two stages: not in this build.
@@ -83,9 +95,25 @@ impl Source<'_> {
     /// # Errors
     /// [`MISSING`].
     pub fn compile(&self) -> Result<Program, Vec<Fault>> {
-        let (message, help) = ("this shader was not compiled".to_owned(), Some(MISSING.to_owned()));
-        Err(vec![Fault { stage: Stage::Vertex, start: 0, end: 0, message, help }])
+        Err(not_compiled(Stage::Vertex))
     }
+}
+
+#[cfg(not(feature = "glsl"))]
+impl ComputeSource<'_> {
+    /// Compiles the shader: not in this build.
+    ///
+    /// # Errors
+    /// [`MISSING`].
+    pub fn compile(&self) -> Result<Program, Vec<Fault>> {
+        Err(not_compiled(Stage::Compute))
+    }
+}
+
+#[cfg(not(feature = "glsl"))]
+fn not_compiled(stage: Stage) -> Vec<Fault> {
+    let (message, help) = ("this shader was not compiled".to_owned(), Some(MISSING.to_owned()));
+    vec![Fault { stage, start: 0, end: 0, message, help }]
 }
 
 /// What is wrong with a file.
@@ -204,7 +232,7 @@ pub enum SamplerKind {
 /// A texture of the project, sampled.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Sampler {
-    /// As shaders declare it.
+    /// As shaders declare it; of an element of an array `name[1]`.
     pub name: String,
     /// What it does.
     pub kind: SamplerKind,
@@ -225,36 +253,71 @@ pub struct Fixed {
     pub at: [usize; 2],
 }
 
-/// A buffer that a fragment shader reads and stores to, or one of atomic counters.
+/// What a storage buffer holds.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Held {
+    /// The members of a block, as the shader declares them.
+    Block,
+    /// Atomic counters.
+    Counters,
+    /// The texels of an `image2D`: four floats each, whatever the image's format; the top row first.
+    Image,
+}
+
+/// A buffer that a fragment or compute shader reads and stores to.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct StorageBuffer {
-    /// As the shader declares it: the block, or the first counter.
+    /// As the shader declares it: the block, the first counter, or the image; of an element of an array of images `name[1]`.
     pub name: String,
-    /// The binding point at which the project binds it.
+    /// The binding point at which the project binds it. Of an image the unit, unless the project maps another to its name.
     pub point: u32,
-    /// Whether it holds atomic counters.
-    pub counters: bool,
+    /// What it holds.
+    pub held: Held,
     /// Whether it is declared `readonly`.
     pub readonly: bool,
     /// Whether the shader reads it.
     pub read: bool,
     /// Whether the shader stores to it.
     pub written: bool,
-    /// Where its declaration is in the file of the fragment shader, bytes.
+    /// Where its declaration is in the file of the fragment or compute shader, bytes.
     pub at: [usize; 2],
+}
+
+/// The name of the uniform that says how many columns (`x`) and rows (`y`) the image at that place of [`Program::storage`] has. Users
+/// cannot declare one of this name.
+#[must_use]
+pub fn image_size(storage: usize) -> String {
+    format!("curitiba_size{storage}")
+}
+
+/// The place in [`Program::storage`] of the image whose size a uniform of this name is.
+#[must_use]
+pub fn is_image_size(name: &str) -> Option<usize> {
+    name.strip_prefix("curitiba_size")?.parse().ok()
+}
+
+/// A compute shader's own.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Compute {
+    /// WGSL.
+    pub text: String,
+    /// Invocations of a work group, in each direction.
+    pub group: [u32; 3],
 }
 
 /// A compiled shader.
 ///
-/// The entry point of both stages is `main`. Uniform buffers are in group 0, by their places in [`Self::blocks`]; textures in group 1: the
+/// The entry point of all stages is `main`. Uniform buffers are in group 0, by their places in [`Self::blocks`]; textures in group 1: the
 /// texture of [`Self::samplers`] `i` is binding `2 i`, its sampler `2 i + 1`; storage buffers in group 2, by their places in
 /// [`Self::storage`].
 #[derive(Debug, Clone, PartialEq)]
 pub struct Program {
-    /// WGSL.
+    /// WGSL; empty in a compute shader.
     pub vertex: String,
-    /// WGSL.
+    /// WGSL; empty in a compute shader.
     pub fragment: String,
+    /// What a compute shader has instead of the two.
+    pub compute: Option<Compute>,
     /// What it reads of a vertex.
     pub attributes: Vec<Attribute>,
     /// What it reads for each draw.
@@ -265,8 +328,15 @@ pub struct Program {
     pub outputs: [bool; MAX_OUTPUTS],
     /// Whether something is not interpolated: OpenGL then takes it from a triangle's last corner.
     pub flat: bool,
-    /// Buffers that the fragment shader reads and stores to.
+    /// Buffers that the fragment or compute shader reads and stores to.
     pub storage: Vec<StorageBuffer>,
     /// Uniforms that keep the values that they begin with.
     pub fixed: Vec<Fixed>,
+}
+
+impl Program {
+    /// The images that it loads and stores.
+    pub fn images(&self) -> impl Iterator<Item = &StorageBuffer> {
+        self.storage.iter().filter(|buffer| buffer.held == Held::Image)
+    }
 }

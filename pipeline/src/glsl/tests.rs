@@ -256,8 +256,15 @@ fn what_is_not_supported_is_named_with_its_reason() {
         ("buffer B { vec4 b[]; };\nbuffer C { vec4 c[]; };", "b[0] = c[0];", "a second buffer of binding point 0"),
         ("readonly buffer B { vec4 b[]; };", "b[0] = color;", ""),
         ("buffer float b;", "color.r = b;", "without its block"),
-        ("layout(rgba8) uniform image2D i;", "imageStore(i, ivec2(0), color);", "images is not supported"),
-        ("writeonly uniform image2D i;", "imageStore(i, ivec2(0), color);", "images is not supported"),
+        ("layout(rgba8) uniform image3D i;", "imageStore(i, ivec3(0), color);", "images of this type"),
+        ("layout(r32ui) uniform uimage2D i;", "imageAtomicAdd(i, ivec2(0), 1u);", "images of this type"),
+        ("uniform image2D i;", "imageStore(j, ivec2(0), color);", "`j` is not an image"),
+        ("uniform image2D i[2];", "imageStore(i[int(color.x)], ivec2(0), color);", "`i` is not an image"),
+        ("uniform image2D i[17];", "imageStore(i[1], ivec2(0), color);", "valid: 1 to 16"),
+        ("uniform sampler2D s[2];", "color = texture(s[2], vec2(0));", "`s` is not a sampler"),
+        ("uniform sampler2D s[2];", "color = texture(s[int(color.x)], vec2(0));", "`s` is not a sampler"),
+        ("uniform sampler2D s[COUNT];", "color = texture(s[0], vec2(0));", "of a length that is not"),
+        ("shared float s;", "s = color.x;", "`shared` is not supported"),
         ("uniform atomic_uint a[2];", "atomicCounterIncrement(a);", "array of atomic counters"),
         ("layout(offset = 2) uniform atomic_uint a;", "atomicCounterIncrement(a);", "at byte 2"),
         ("uniform uint a;", "atomicCounterIncrement(a);", "not a counter"),
@@ -279,14 +286,16 @@ fn what_is_not_supported_is_named_with_its_reason() {
         ("uniform vec4 v = color0;", "color = v;", "begins with"),
         ("#include \"other.glsl\"", "", "#include"),
         ("#define F(x) x", "color = vec4(F(1.0));", "parameters"),
-        ("#extension GL_ARB_bindless_texture : enable", "", "GL_ARB_bindless_texture"),
+        ("#extension GL_ARB_bindless_texture : require", "", "GL_ARB_bindless_texture"),
+        ("buffer B { sampler2D s[]; };", "color = texture(s[0], vec2(0));", "`s` is of type `sampler2D` in a block"),
         ("layout(location = 3) out vec4 fourth;", "fourth = color;", "location 3"),
         ("uniform vec4 curitiba_x;", "color = curitiba_x;", "reserved"),
         ("layout(location = 0) out vec4 again;", "again = color;", "location 0"),
     ] {
         let text = with(declaration, read).replace("out vec4 color", "layout(location = 0) out vec4 color");
         let found = compile(VERTEX, &text).expect_err(declaration);
-        assert!(found.iter().any(|fault| fault.message.contains(said)), "{declaration}: {found:?}");
+        let says = |fault: &Fault| format!("{} {:?}", fault.message, fault.help).contains(said);
+        assert!(found.iter().any(says), "{declaration}: {found:?}");
         assert!(found.iter().any(|fault| text[..fault.start].matches('\n').count() >= 1), "{declaration}: {found:?}");
     }
     let attribute = VERTEX
@@ -310,9 +319,10 @@ fn buffers_say_whether_they_are_read_and_written_and_counters_are_atomic() {
         uint n = atomicCounterIncrement(second) + atomicCounterDecrement(first) + atomicCounter(first);\n\
         memoryBarrier(); color = vec4(float(n)); }\n";
     let program = compile(VERTEX, fragment).expect("it compiles");
-    let of = |buffer: &StorageBuffer| (buffer.point, buffer.counters, buffer.read, buffer.written);
+    let of = |buffer: &StorageBuffer| (buffer.point, buffer.held, buffer.read, buffer.written);
     let found: Vec<_> = program.storage.iter().map(of).collect();
-    assert_eq!(found, [(3, false, false, true), (1, false, true, false), (2, true, true, true)]);
+    let (block, counters) = (Held::Block, Held::Counters);
+    assert_eq!(found, [(3, block, false, true), (1, block, true, false), (2, counters, true, true)]);
     let wgsl = &program.fragment;
     for part in ["array<atomic<u32>>", "atomicAdd(", "atomicSub(", "atomicLoad("] {
         assert_eq!(wgsl.matches(part).count(), 1, "{part}: {wgsl}");
@@ -321,7 +331,42 @@ fn buffers_say_whether_they_are_read_and_written_and_counters_are_atomic() {
     assert!(wgsl.contains("curitiba_up2_(1u)") && wgsl.contains("curitiba_down2_(0u)"), "{wgsl}");
     let vertex = VERTEX.replace("void main", "layout(std430) buffer B { vec4 b[]; };\nvoid main");
     let vertex = vertex.replace("pvm * position", "pvm * (position + b[0])");
-    assert!(faults(&vertex, FRAGMENT)[0].3.contains("a vertex shader reads"));
+    assert!(faults(&vertex, FRAGMENT)[0].3.contains("in a vertex shader"));
+}
+
+#[test]
+fn images_say_their_units_and_elements_of_arrays_are_images_of_their_own() {
+    let fragment = "#version 430\nlayout(binding = 5, rgba8) uniform image2D one;\nwriteonly uniform image2D some[3], unused;\n\
+        uniform sampler2D tex[2];\nout vec4 color;\n\
+        void main() { imageStore(some[2], imageSize(one), imageLoad(one, ivec2(1))); color = texture(tex[1], vec2(0.5)); }\n";
+    let program = compile(VERTEX, fragment).expect("it compiles");
+    let images: Vec<_> = program.images().map(|image| (&*image.name, image.point, image.read, image.written)).collect();
+    assert_eq!(images, [("one", 5, true, false), ("some[2]", 0, false, true)]);
+    assert_eq!(program.samplers.iter().map(|sampler| &*sampler.name).collect::<Vec<_>>(), ["tex[1]"]);
+    // The sizes of both are uniforms.
+    let members = program.blocks.iter().flat_map(|block| &block.members);
+    let sizes: Vec<_> = members.filter_map(|member| is_image_size(&member.name)).collect();
+    assert_eq!(sizes, [0, 1]);
+}
+
+#[test]
+fn compute_shaders_have_the_work_groups_that_they_declare() {
+    let text = "#version 430\n#define SIDE 4\nlayout(local_size_x = SIDE, local_size_y = 2) in;\n\
+        shared float sums[SIDE * 2];\nuniform writeonly image2D made;\nuniform float level = 0.5;\n\
+        void main() { sums[gl_LocalInvocationIndex] = level; barrier();\n\
+        imageStore(made, ivec2(gl_GlobalInvocationID.xy), vec4(sums[0])); }\n";
+    let program = ComputeSource { text }.compile().expect("it compiles");
+    let compute = program.compute.as_ref().expect("a compute shader");
+    assert_eq!(compute.group, [4, 2, 1]);
+    assert!(
+        compute.text.contains("@workgroup_size(4, 2, 1)") && compute.text.contains("workgroupBarrier()"),
+        "{compute:?}"
+    );
+    assert!(program.vertex.is_empty() && program.fragment.is_empty() && program.attributes.is_empty());
+    assert!(program.blocks.iter().all(|block| block.stage == Stage::Compute));
+    let faults = ComputeSource { text: &text.replace("made, ivec2", "made, vec2") }.compile().expect_err("refused");
+    assert!(faults.iter().all(|fault| fault.stage == Stage::Compute), "{faults:?}");
+    assert!(faults.iter().any(|fault| text[..fault.start].matches('\n').count() == 7), "{faults:?}");
 }
 
 /// What would let the preprocessor or the compiler run for long, or recurse until the stack ends.

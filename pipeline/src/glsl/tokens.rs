@@ -176,7 +176,8 @@ fn check_extension(tokens: &[Lexed]) -> Result<(), String> {
         _ => None,
     });
     let (name, behaviour) = (words.next().unwrap_or_default(), words.next().unwrap_or_default());
-    if matches!(behaviour, "disable" | "warn") || HARMLESS.contains(&name) {
+    // What is not there is an error in OpenGL only where it is required.
+    if behaviour != "require" || HARMLESS.contains(&name) {
         return Ok(());
     }
     Err(format!("the extension `{name}` is not supported"))

@@ -2,13 +2,13 @@
 
 use super::link::Text;
 use super::rewrite::{LOOSE, Stated, TRUTH, counting_name};
-use super::{Block, FRAME, Fault, Member, Scalar, Shape, Stage, StorageBuffer};
+use super::{Block, FRAME, Fault, Held, Member, Scalar, Shape, Stage, StorageBuffer};
 use crate::guard;
 use naga::front::glsl::{Frontend, Options};
 use naga::valid::{Capabilities, GlobalUse, ValidationFlags, Validator};
 use naga::{
-    AddressSpace, Expression, Handle, Module, Scalar as ScalarType, ScalarKind, ShaderStage, Span, Statement, Type,
-    TypeInner, VectorSize,
+    AddressSpace, Barrier, Expression, Handle, Module, Scalar as ScalarType, ScalarKind, ShaderStage, Span, Statement,
+    Type, TypeInner, VectorSize,
 };
 
 /// A stage as the device takes it.
@@ -27,6 +27,7 @@ pub(super) fn translate(stage: Stage, text: &Text, stated: &Stated) -> Result<Tr
     let options = Options::from(match stage {
         Stage::Vertex => ShaderStage::Vertex,
         Stage::Fragment => ShaderStage::Fragment,
+        Stage::Compute => ShaderStage::Compute,
     });
     let parsed = guard::call("naga", || Frontend::default().parse(&options, &text.source)).map_err(of_crate)?;
     let mut module = parsed.map_err(|errors| {
@@ -34,6 +35,10 @@ pub(super) fn translate(stage: Stage, text: &Text, stated: &Stated) -> Result<Tr
         errors.errors.iter().take(8).map(fault).collect::<Vec<_>>()
     })?;
     count_atomically(&mut module, stated);
+    if stage == Stage::Compute {
+        let functions = module.functions.iter_mut().map(|(_, function)| &mut function.body);
+        functions.chain(module.entry_points.iter_mut().map(|entry| &mut entry.function.body)).for_each(wait_in_group);
+    }
     let mut validator = Validator::new(ValidationFlags::all(), Capabilities::empty());
     let validate = || validator.validate(&module).map_err(Box::new);
     let info = guard::call("naga", validate).map_err(of_crate)?.map_err(|error| {
@@ -131,11 +136,32 @@ fn storage(module: &Module, info: &naga::valid::ModuleInfo) -> Vec<(usize, [bool
     found
 }
 
+/// Makes barriers wait for a work group and what it stored, as GLSL has them: the front end asks for subgroups as well, which not every
+/// device has.
+fn wait_in_group(block: &mut naga::Block) {
+    for statement in block.iter_mut() {
+        match statement {
+            Statement::ControlBarrier(waits) => *waits = Barrier::WORK_GROUP | Barrier::STORAGE,
+            Statement::Block(inner) => wait_in_group(inner),
+            Statement::If { accept, reject, .. } => {
+                wait_in_group(accept);
+                wait_in_group(reject);
+            }
+            Statement::Switch { cases, .. } => cases.iter_mut().for_each(|case| wait_in_group(&mut case.body)),
+            Statement::Loop { body, continuing, .. } => {
+                wait_in_group(body);
+                wait_in_group(continuing);
+            }
+            _ => {}
+        }
+    }
+}
+
 /// Makes the numbers of buffers of counters atomic, and gives their functions, of which the language that the compiler reads has none, the
 /// bodies that they stand for.
 fn count_atomically(module: &mut Module, stated: &Stated) {
     let number = Type { name: None, inner: TypeInner::Scalar(ScalarType::U32) };
-    for (index, _) in stated.storage.iter().enumerate().filter(|(_, buffer)| buffer.counters) {
+    for (index, _) in stated.storage.iter().enumerate().filter(|(_, buffer)| buffer.held == Held::Counters) {
         let at = Some(naga::ResourceBinding { group: 2, binding: index as u32 });
         let Some((variable, _)) = module.global_variables.iter().find(|(_, variable)| variable.binding == at) else {
             continue;

@@ -39,6 +39,8 @@ pub enum PixelFormat {
     R8Unorm,
     /// One 32-bit float in the red channel.
     R32Float,
+    /// Two 32-bit floats, in the red and the green channel.
+    Rg32Float,
 }
 
 /// Number of pixels that are converted to 16-bit floats and back at once.
@@ -46,13 +48,14 @@ const PIECE: usize = 64;
 
 impl PixelFormat {
     /// The formats by their names in project files and settings. `RGBA` is the short name of `RGBA8` in the report's engine.
-    pub const NAMED: [(&'static str, Self); 6] = [
+    pub const NAMED: [(&'static str, Self); 7] = [
         ("RGBA32F", Self::Rgba32Float),
         ("RGBA16F", Self::Rgba16Float),
         ("RGBA8", Self::Rgba8Unorm),
         ("RGBA", Self::Rgba8Unorm),
         ("R8", Self::R8Unorm),
         ("R32F", Self::R32Float),
+        ("RG32F", Self::Rg32Float),
     ];
 
     /// The format with this name; case does not matter.
@@ -87,6 +90,7 @@ impl PixelFormat {
             Self::Rgba8Unorm => |pixel| pixel.map(unorm),
             Self::R8Unorm => |pixel| [unorm(pixel[0]), 0.0, 0.0, 1.0],
             Self::R32Float => |pixel| [pixel[0], 0.0, 0.0, 1.0],
+            Self::Rg32Float => |pixel| [pixel[0], pixel[1], 0.0, 1.0],
         };
         pixels.par_iter_mut().for_each(|pixel| *pixel = round(*pixel));
     }
@@ -228,6 +232,9 @@ mod tests {
         let mut pixels = [[0.25, 0.5, 0.5, 0.5]];
         PixelFormat::R32Float.round(&mut pixels);
         assert_eq!(pixels, [[0.25, 0.0, 0.0, 1.0]]);
+        let mut pixels = [[0.25, -7.5, 0.5, 0.5]];
+        PixelFormat::Rg32Float.round(&mut pixels);
+        assert_eq!(pixels, [[0.25, -7.5, 0.0, 1.0]]);
     }
 
     /// The nearest 16-bit float, ties to even, by integer arithmetic (IEEE 754: 5 bits of exponent, 10 of fraction), for magnitudes

@@ -27,7 +27,11 @@ impl Plan {
                 Work::Raster { attachments, host, .. } => *host = *attachments,
                 // Observers also see what ray passes read.
                 Work::Rays { resident, .. } => *resident = None,
-                Work::Effect { .. } | Work::Off { .. } | Work::Quad { .. } | Work::Intersection { .. } => {}
+                Work::Effect { .. }
+                | Work::Off { .. }
+                | Work::Quad { .. }
+                | Work::Intersection { .. }
+                | Work::Compute => {}
             }
         }
     }
@@ -53,6 +57,9 @@ impl Plan {
             (Work::Quad { .. }, PassKind::Quad(quad)) => liveness::sources(quad).into_iter().map(slot).collect(),
             (Work::Intersection { .. }, PassKind::Intersection(intersection)) => {
                 intersection.reads().map(slot).collect()
+            }
+            (Work::Compute, PassKind::Compute(compute)) => {
+                compute.shader.sampled().chain(compute.shader.buffers_read()).map(slot).collect()
             }
             _ => Vec::new(),
         };

@@ -163,7 +163,7 @@ impl Plan {
                 return refuse("has pixels that rays add in host memory");
             }
             Work::Rays { .. } | Work::Effect { .. } => {}
-            Work::Off { .. } | Work::Quad { .. } | Work::Intersection { .. } => {
+            Work::Off { .. } | Work::Quad { .. } | Work::Intersection { .. } | Work::Compute => {
                 return refuse("is filled in host memory");
             }
         }

@@ -10,7 +10,7 @@ use crate::diagnostic::Decision;
 use crate::glass::{Background, GlassRule, GlassShadow};
 use crate::image::PixelFormat;
 use crate::programs::{Fidelity, RayParams, Traces};
-use crate::project::{ChannelRef, Pass, PassKind, QuadPass, QuadSource, RasterPass, RayPass, ShaderTexture, Viewport};
+use crate::project::{ChannelRef, ComputePass, Pass, PassKind, QuadPass, QuadSource, RasterPass, RayPass, Viewport};
 use glam::{Vec3, Vec4};
 use std::collections::BTreeSet;
 
@@ -45,7 +45,11 @@ impl Plan {
         let passes = self.project.pipelines[self.pipeline].passes.clone();
         for (index, pass) in passes.iter().enumerate().rev() {
             let off = self.is_off(pass);
-            if off && matches!(pass.kind, PassKind::Raster(_) | PassKind::Quad(_) | PassKind::Intersection(_)) {
+            let leaves = matches!(
+                pass.kind,
+                PassKind::Raster(_) | PassKind::Quad(_) | PassKind::Intersection(_) | PassKind::Compute(_)
+            );
+            if off && leaves {
                 let why = "it is switched off, and leaves its target as it is";
                 self.decide(format!("pass `{}`", pass.name), false, why.into());
                 continue;
@@ -56,7 +60,9 @@ impl Plan {
             live.color |= stores;
             let host = attachments(pass, written, &wanted.host, &wanted.host_triangles);
             let traced = attachments(pass, written, &wanted.traced, &wanted.traced_triangles);
-            if let Some(reason) = dead(pass, live, &wanted).filter(|_| !stores) {
+            let colorless = matches!(&pass.kind, PassKind::Quad(quad) if !quad.writes_color);
+            let unread = colorless.then_some("nothing reads what it stores");
+            if let Some(reason) = unread.or_else(|| dead(pass, live, &wanted)).filter(|_| !stores) {
                 self.decide(format!("pass `{}`", pass.name), false, reason.into());
                 continue;
             }
@@ -65,6 +71,9 @@ impl Plan {
             let rect = rectangle(viewport.as_ref(), size);
             let fills = match &pass.kind {
                 PassKind::Intersection(intersection) => intersection.fills(&self.project.targets[intersection.hits]),
+                // It may store to a part.
+                PassKind::Compute(_) => false,
+                PassKind::Quad(quad) if !quad.writes_color => false,
                 _ => rect == Rect { x: 0, y: 0, width: size[0], height: size[1] },
             };
             if fills || matches!(pass.kind, PassKind::Ray(_) | PassKind::Effect(_)) {
@@ -105,12 +114,19 @@ impl Plan {
                 PassKind::Quad(quad) => {
                     wanted.read_in_host(sources(quad));
                     // What it stores to a part of, it leaves in the rest.
-                    wanted.read_in_host(quad.buffers_stored().collect());
-                    for channel in quad.buffers_read().chain(quad.buffers_stored()) {
-                        self.targets[channel.target].stored.color = true;
+                    wanted.read_in_host(pass.kind.buffers_stored().collect());
+                    self.hold_buffers(pass);
+                    if let Some(shader) = &quad.shader {
+                        self.explain_shader(pass, shader);
                     }
-                    self.explain_quad(pass, quad);
                     Work::Quad { viewport: rect }
+                }
+                PassKind::Compute(ComputePass { shader, .. }) => {
+                    wanted.read_in_host(shader.sampled().chain(shader.buffers_read()).collect());
+                    wanted.read_in_host(shader.buffers_stored().collect());
+                    self.hold_buffers(pass);
+                    self.explain_shader(pass, shader);
+                    Work::Compute
                 }
                 PassKind::Intersection(intersection) => {
                     let read: Vec<ChannelRef> = intersection.reads().collect();
@@ -128,6 +144,13 @@ impl Plan {
         self.passes.reverse();
         self.decisions.reverse();
         Ok(())
+    }
+
+    /// Keeps the buffers and images that a pass reads and stores to.
+    fn hold_buffers(&mut self, pass: &Pass) {
+        for channel in pass.kind.buffers_read().chain(pass.kind.buffers_stored()) {
+            self.targets[channel.target].stored.color = true;
+        }
     }
 
     /// The work of a pass that is switched off.
@@ -288,7 +311,7 @@ impl Plan {
     /// the pass itself has a viewport: this is the rule of the report's engine.
     pub(super) fn viewport_of(&self, pass: &Pass, camera: Option<usize>) -> Option<&Viewport> {
         let camera = match (&pass.kind, pass.target) {
-            (_, Some(_)) | (PassKind::Quad(_) | PassKind::Intersection(_), None) => None,
+            (_, Some(_)) | (PassKind::Quad(_) | PassKind::Intersection(_) | PassKind::Compute(_), None) => None,
             (PassKind::Raster(raster), None) => Some(self.seen_from(camera, raster.camera)),
             (PassKind::Ray(ray), None) => Some(camera.unwrap_or(ray.camera)),
             (PassKind::Effect(effect), None) => Some(camera.unwrap_or(effect.camera)),
@@ -376,11 +399,7 @@ pub(super) fn inputs(ray: &RayPass, params: &RayParams) -> Vec<ChannelRef> {
 
 /// The channels that the own shaders of a raster pass sample.
 pub(super) fn sampled(raster: &RasterPass) -> impl Iterator<Item = ChannelRef> {
-    let textures = raster.shaders.iter().flat_map(|map| &map.shader.textures);
-    textures.filter_map(|texture| match texture {
-        ShaderTexture::Channel(channel) => Some(*channel),
-        _ => None,
-    })
+    raster.shaders.iter().flat_map(|map| map.shader.sampled())
 }
 
 /// The channels that a quad pass reads.
@@ -389,12 +408,7 @@ pub(super) fn sources(quad: &QuadPass) -> Vec<ChannelRef> {
         QuadSource::Show(channel) => vec![channel],
         QuadSource::Combine { color, factor } => vec![color, factor],
         QuadSource::Own => {
-            let textures = quad.shader.iter().flat_map(|shader| &shader.textures);
-            let channel = |texture: &ShaderTexture| match texture {
-                ShaderTexture::Channel(channel) => Some(*channel),
-                _ => None,
-            };
-            textures.filter_map(channel).chain(quad.buffers_read()).collect()
+            quad.shader.iter().flat_map(|shader| shader.sampled().chain(shader.buffers_read())).collect()
         }
     }
 }

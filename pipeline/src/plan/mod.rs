@@ -160,6 +160,8 @@ pub enum Work {
         /// Index into [`Plan::scene_sets`].
         scene_set: usize,
     },
+    /// Runs a compute shader.
+    Compute,
 }
 
 impl Plan {
@@ -176,10 +178,9 @@ impl Plan {
         check_size("the window", window)?;
         project.place_light_cameras(camera, window, rectangle);
         let mut targets = Vec::new();
-        // Shaders that bind buffers count on the sizes that the project has.
-        let fixed = project.pipelines[pipeline].passes.iter().any(
-            |pass| matches!(&pass.kind, PassKind::Quad(quad) if quad.buffers_read().chain(quad.buffers_stored()).next().is_some()),
-        );
+        // Shaders that bind buffers and images count on the sizes that the project has.
+        let binds = |pass: &Pass| pass.kind.buffers_read().chain(pass.kind.buffers_stored()).next().is_some();
+        let fixed = project.pipelines[pipeline].passes.iter().any(binds);
         for target in &project.targets {
             // Depth maps of lights do not scale with the window.
             let alone = target.channels.iter().all(|channel| channel.depth);
@@ -262,12 +263,12 @@ impl Plan {
                     let size = self.target_size(effect.position.map(|position| position.target));
                     (effect.camera, Rect { x: 0, y: 0, width: size[0], height: size[1] })
                 }
-                PassKind::Quad(_) | PassKind::Intersection(_) => continue,
+                PassKind::Quad(_) | PassKind::Intersection(_) | PassKind::Compute(_) => continue,
             };
             let moved = view(&self.project.cameras[self.seen_from(chosen, own)], rect, origin);
             match &mut self.passes[index].work {
                 Work::Raster { view, .. } | Work::Rays { view, .. } | Work::Effect { view, .. } => *view = moved,
-                Work::Off { .. } | Work::Quad { .. } | Work::Intersection { .. } => {}
+                Work::Off { .. } | Work::Quad { .. } | Work::Intersection { .. } | Work::Compute => {}
             }
         }
     }
@@ -347,13 +348,15 @@ impl Plan {
                     let shades = match &self.pass(planned).kind {
                         PassKind::Ray(ray) => ray.program.info().material_attributes.contains(&"diffuse"),
                         PassKind::Effect(effect) => effect.program.shades_maps(),
-                        PassKind::Raster(_) | PassKind::Quad(_) | PassKind::Intersection(_) => false,
+                        PassKind::Raster(_) | PassKind::Quad(_) | PassKind::Intersection(_) | PassKind::Compute(_) => {
+                            false
+                        }
                     };
                     if shades {
                         hits.push(self.pass(planned).name.clone());
                     }
                 }
-                Work::Off { .. } | Work::Quad { .. } | Work::Intersection { .. } => {}
+                Work::Off { .. } | Work::Quad { .. } | Work::Intersection { .. } | Work::Compute => {}
             }
         }
         let textures = !colored.is_empty() || !hits.is_empty();

@@ -33,12 +33,12 @@ impl Plan {
     }
 }
 
-/// The substitute for a pass; `None` for raster, quad and intersection passes, which leave their targets unchanged when switched off.
+/// The substitute for a pass; `None` for raster, quad, intersection and compute passes, which leave their targets unchanged when switched off.
 pub(super) fn instead(pass: &Pass) -> Option<Instead> {
     let color = match &pass.kind {
         PassKind::Ray(ray) => ray.color,
         PassKind::Effect(effect) => effect.color,
-        PassKind::Raster(_) | PassKind::Quad(_) | PassKind::Intersection(_) => None,
+        PassKind::Raster(_) | PassKind::Quad(_) | PassKind::Intersection(_) | PassKind::Compute(_) => None,
     };
     Some(match (pass.kind.writes()?, color) {
         (Writes::Color, Some(color)) => Instead::Copy(color),

@@ -111,6 +111,10 @@ impl Plan {
                         pass.name
                     ))
                 }
+                (Work::Compute, _) => Some(format!(
+                    "pass `{}` runs a compute shader, which may read and store all of an image",
+                    pass.name
+                )),
                 (Work::Quad { .. }, PassKind::Quad(quad)) if quad.shader.is_some() => Some(format!(
                     "pass `{}` fills its target by an own shader, which may read all of a texture",
                     pass.name

@@ -140,7 +140,7 @@ fn program(kind: &PassKind) -> Option<(&'static str, &'static [&'static str])> {
     match kind {
         PassKind::Ray(ray) => Some((ray.program.info().stem, ray.program.info().params)),
         PassKind::Effect(effect) => Some((effect.program.info().name, effect.program.info().params)),
-        PassKind::Raster(_) | PassKind::Quad(_) | PassKind::Intersection(_) => None,
+        PassKind::Raster(_) | PassKind::Quad(_) | PassKind::Intersection(_) | PassKind::Compute(_) => None,
     }
 }
 
@@ -167,7 +167,7 @@ pub fn may_trace(kind: &PassKind) -> bool {
     match kind {
         PassKind::Ray(_) | PassKind::Intersection(_) => true,
         PassKind::Effect(effect) => effect.program.marches(),
-        PassKind::Raster(_) | PassKind::Quad(_) => false,
+        PassKind::Raster(_) | PassKind::Quad(_) | PassKind::Compute(_) => false,
     }
 }
 
@@ -225,7 +225,7 @@ pub(super) fn constants(
         .map(|pass| match &pass.kind {
             PassKind::Ray(ray) => Some(Constants::Ray(ray.params)),
             PassKind::Effect(effect) => Some(Constants::Effect(effect.params)),
-            PassKind::Raster(_) | PassKind::Quad(_) | PassKind::Intersection(_) => None,
+            PassKind::Raster(_) | PassKind::Quad(_) | PassKind::Intersection(_) | PassKind::Compute(_) => None,
         })
         .collect();
     let tunable: Vec<&str> =

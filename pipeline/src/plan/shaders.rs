@@ -5,29 +5,28 @@ use crate::backend::{Attachments, BackendError, Rasteriser, Rect};
 use crate::color::ColorSpace;
 use crate::glsl::Attribute;
 use crate::programs::Fidelity;
-use crate::project::{Camera, OwnShader, Pass, PassKind, QuadPass, RasterPass, ShaderTexture};
+use crate::project::{Camera, OwnShader, Pass, PassKind, RasterPass, ShaderTexture};
 use crate::scene::Needs;
 
 impl Plan {
     /// Whether a planned pass draws with own shaders of the project.
     #[must_use]
     pub fn draws_own(&self, planned: &PlannedPass) -> bool {
-        self.own_raster(planned).is_some() || self.own_quad(planned).is_some()
+        self.own_raster(planned).is_some() || self.own_shader(planned).is_some()
     }
 
-    fn own_quad(&self, planned: &PlannedPass) -> Option<&OwnShader> {
-        match (&planned.work, &self.pass(planned).kind) {
-            (Work::Quad { .. }, PassKind::Quad(quad)) => quad.shader.as_deref(),
+    /// The own shader of a quad or compute pass.
+    fn own_shader(&self, planned: &PlannedPass) -> Option<&OwnShader> {
+        match &planned.work {
+            Work::Quad { .. } | Work::Compute => self.pass(planned).kind.shader(),
             _ => None,
         }
     }
 
-    /// Adds the decision which shader fills a quad.
-    pub(super) fn explain_quad(&mut self, pass: &Pass, quad: &QuadPass) {
-        if let Some(shader) = &quad.shader {
-            let why = format!("GLSL of the project, named at {}", shader.place);
-            self.decide(format!("own shader `{}` in pass `{}`", shader.name, pass.name), true, why);
-        }
+    /// Adds the decision which shader a quad or compute pass runs.
+    pub(super) fn explain_shader(&mut self, pass: &Pass, shader: &OwnShader) {
+        let why = format!("GLSL of the project, named at {}", shader.place);
+        self.decide(format!("own shader `{}` in pass `{}`", shader.name, pass.name), true, why);
     }
 
     fn own_raster(&self, planned: &PlannedPass) -> Option<&RasterPass> {
@@ -93,7 +92,7 @@ impl Plan {
     pub fn undrawn_shaders(&self, raster: &dyn Rasteriser) -> Option<(String, BackendError)> {
         self.first_refused(|planned| {
             let drawn = self.own_raster(planned).and_then(|own| own.shaders.first()).map(|map| &*map.shader);
-            let own = drawn.or_else(|| self.own_quad(planned)).filter(|_| !raster.draws_shaders())?;
+            let own = drawn.or_else(|| self.own_shader(planned)).filter(|_| !raster.draws_shaders())?;
             Some(BackendError::no_shaders(raster.name(), &own.place))
         })
     }

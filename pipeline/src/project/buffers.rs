@@ -1,12 +1,12 @@
-//! Storage buffers: declared in libraries, bound by materials. They are held as targets of one channel, of 16 bytes a pixel.
+//! Storage buffers: declared in libraries, bound by materials. They are held as targets of one channel, of 16 bytes a pixel, as images are.
 
 use super::dom::{Element, Value};
-use super::libraries::{BufferBinding, Library};
+use super::libraries::{BufferBinding, Library, ValueOf};
 use super::loader::Loader;
 use super::report::Found;
-use super::shaders::ShaderUse;
-use super::{Channel, RenderTarget};
-use crate::glsl::{self, Program};
+use super::shaders::{ShaderUse, UsedBy};
+use super::{Bound, Channel, RenderTarget};
+use crate::glsl::{self, Held, Program};
 use crate::image::PixelFormat;
 use glam::Vec4;
 
@@ -97,28 +97,62 @@ impl Loader {
     }
 
     /// By buffer of the program: what is bound.
-    pub(super) fn storage(&mut self, program: &Program, file: u32, used: &ShaderUse<'_>) -> Option<Vec<usize>> {
-        let mut found = Some(Vec::new());
+    pub(super) fn storage(
+        &mut self,
+        program: &Program,
+        file: u32,
+        values: &[(ValueOf, glsl::Value)],
+        used: &ShaderUse<'_>,
+    ) -> Option<Vec<Option<Bound>>> {
+        let mut found: Option<Vec<Option<Bound>>> = Some(Vec::new());
         for buffer in &program.storage {
-            let index = self.storage_of(buffer, file, used);
-            found = found.zip(index).map(|(mut found, index)| {
-                found.push(index);
+            let bound = self.storage_of(buffer, file, values, used);
+            let twice = |found: &Vec<Option<Bound>>| {
+                let own = bound.flatten().map(|bound| bound.target);
+                own.is_some_and(|own| found.iter().flatten().any(|bound| bound.target == own))
+            };
+            if found.as_ref().is_some_and(twice) {
+                let message = format!("what `{}` stands for is bound a second time in this shader", buffer.name);
+                self.report.error_help(Self::span_in(file, buffer.at), message, || "bind it once".to_owned());
+                return None;
+            }
+            found = found.zip(bound).map(|(mut found, bound)| {
+                found.push(bound);
                 found
             });
         }
         found
     }
 
-    fn storage_of(&mut self, buffer: &glsl::StorageBuffer, file: u32, used: &ShaderUse<'_>) -> Option<usize> {
+    fn storage_of(
+        &mut self,
+        buffer: &glsl::StorageBuffer,
+        file: u32,
+        values: &[(ValueOf, glsl::Value)],
+        used: &ShaderUse<'_>,
+    ) -> Option<Option<Bound>> {
         let at = Self::span_in(file, buffer.at);
-        if !used.quad {
-            let message = format!("`{}` is a buffer in a pass that draws scenes, which is not supported", buffer.name);
-            self.report.error_help(at, message, || "valid: in the shaders of quad passes".to_owned());
+        let bound = match buffer.held {
+            Held::Image => Some(self.image_of(buffer, at, values, used)?),
+            Held::Block | Held::Counters => None,
+        };
+        // Images that hold nothing are harmless anywhere.
+        if let Some(None) = bound {
+            return Some(None);
+        }
+        if used.by == UsedBy::Scenes {
+            let what = if bound.is_some() { "an image" } else { "a buffer" };
+            let message = format!("`{}` is {what} in a pass that draws scenes, which is not supported", buffer.name);
+            self.report.error_help(at, message, || "valid: in the shaders of quad and compute passes".to_owned());
             return None;
         }
-        let fits = |bound: &&BufferBinding| (bound.point, bound.counters) == (buffer.point, buffer.counters);
+        if bound.is_some() {
+            return bound;
+        }
+        let counters = buffer.held == Held::Counters;
+        let fits = |bound: &&BufferBinding| (bound.point, bound.counters) == (buffer.point, counters);
         let Some(bound) = used.material.buffers.iter().rev().find(fits).cloned() else {
-            let kind = if buffer.counters { "ATOMIC_COUNTER" } else { "SHADER_STORAGE" };
+            let kind = if counters { "ATOMIC_COUNTER" } else { "SHADER_STORAGE" };
             let material = &used.material.name;
             let message =
                 format!("material `{material}` binds no {kind} to point {} of `{}`", buffer.point, buffer.name);
@@ -131,7 +165,8 @@ impl Loader {
             Some(library) => self.find_library(library)?,
             None => used.library,
         };
-        self.find_buffer(library, &bound.name.text, &bound.name)
+        let target = self.find_buffer(library, &bound.name.text, &bound.name)?;
+        Some(Some(Bound { target, cleared: false }))
     }
 
     /// The buffer that `Library::name` stands for.

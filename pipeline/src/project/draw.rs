@@ -4,10 +4,11 @@ use super::dom::Element;
 use super::libraries::LibraryMaterial;
 use super::loader::Loader;
 use super::passes::{InjectedShader, MaterialMap, PassContext};
-use super::report::{Span, shown, suggest};
-use super::shaders::ShaderUse;
-use super::{MaterialPattern, QuadPass, QuadSource, RasterPass, ShaderMap, ShaderTexture};
+use super::report::{Found, Span, shown, suggest};
+use super::shaders::{ShaderUse, UsedBy};
+use super::{MaterialPattern, QuadPass, QuadSource, RasterPass, SceneDecl, ShaderMap, ShaderTexture};
 use crate::programs::{QUAD_PROGRAMS, QuadProgram, RASTER_PROGRAMS, RasterProgram, ShaderInfo};
+use crate::scene::{Placement, Shape, ShapeKind};
 use std::rc::Rc;
 
 /// Number of channels that a raster pass writes: colour, position, normal.
@@ -22,6 +23,41 @@ impl Loader {
         self.draw_pass(context, None, &[])
     }
 
+    /// Reads a pass of class `geometryPI`, which a plugin of the engine's descendant adds: it draws a square from -1 to 1 beside the scenes
+    /// that it names, if any.
+    pub fn square_pass(&mut self, context: &mut PassContext<'_>) -> Option<RasterPass> {
+        let square = self.own_square();
+        let names_scenes = context.element.children_named(&["scenes"]).any(|list| !list.children.is_empty());
+        let scenes = if names_scenes { self.scenes_of(context)? } else { Vec::new() };
+        self.draw_scenes(context, (Some([scenes, vec![square]].concat()), None), &[])
+    }
+
+    /// The scene of the square of [`Self::square_pass`].
+    fn own_square(&mut self) -> usize {
+        const NAME: &str = "geometryPI::my_scene";
+        if let Found::Exact(index) = self.scenes.names.find(NAME) {
+            return index;
+        }
+        let shape = Shape {
+            name: "my_plane".to_owned(),
+            material: super::scenes::SHAPE_MATERIAL.to_owned(),
+            kind: ShapeKind::Square,
+            place: Placement::default(),
+        };
+        self.scenes.names.declare_built_in(NAME);
+        self.scenes.items.push(Some(SceneDecl {
+            name: NAME.to_owned(),
+            files: Vec::new(),
+            memory: None,
+            shapes: vec![shape],
+            exact: None,
+            place: Placement::default(),
+            swap_yz: false,
+            unitize: false,
+        }));
+        self.scenes.items.len() - 1
+    }
+
     /// Reads a pass that draws triangles. The camera is the given one, or else the pass's own. `others` are further elements of its
     /// class.
     pub fn draw_pass(
@@ -30,13 +66,24 @@ impl Loader {
         camera: Option<usize>,
         others: &[&str],
     ) -> Option<RasterPass> {
+        let scenes = self.scenes_of(context);
+        self.draw_scenes(context, (scenes, camera), others)
+    }
+
+    /// Reads the rest of a pass that draws these scenes.
+    fn draw_scenes(
+        &mut self,
+        context: &mut PassContext<'_>,
+        (scenes, camera): (Option<Vec<usize>>, Option<usize>),
+        others: &[&str],
+    ) -> Option<RasterPass> {
         const CHILDREN: &[&str] =
             &["scenes", "camera", "viewport", "renderTarget", "lights", "materialMaps", "injectionMaps", "depth"];
         let element = context.element;
         self.expect_children(element, &[CHILDREN, others].concat());
         self.no_parameters(context, "default");
         context.facts.writes_first(RASTER_CHANNELS);
-        let (scenes, instances) = (self.scenes_of(context), self.instances(context));
+        let instances = self.instances(context);
         let camera = camera.or_else(|| self.pass_camera(context));
         let light = self.pass_light(context);
         if let Some(depth) = self.single(element, &["depth"]) {
@@ -48,11 +95,19 @@ impl Loader {
         let injected = self.injection_maps(element, &mut colors);
         let replaced = maps.iter().flatten().filter(|map| map.material.shader.is_some()).map(|map| {
             let MaterialMap { to, library, material, at } = map;
-            ShaderUse { to, library: *library, material, at: *at, replaces: true, injected: &[], quad: false }
+            ShaderUse { to, library: *library, material, at: *at, replaces: true, injected: &[], by: UsedBy::Scenes }
         });
         let injected_shaders = injected.iter().flatten().map(|shader| {
             let InjectedShader { to, library, material, textures, at } = shader;
-            ShaderUse { to, library: *library, material, at: *at, replaces: false, injected: textures, quad: false }
+            ShaderUse {
+                to,
+                library: *library,
+                material,
+                at: *at,
+                replaces: false,
+                injected: textures,
+                by: UsedBy::Scenes,
+            }
         });
         let mut shaders = Some(Vec::new());
         let uses: Vec<ShaderUse<'_>> = replaced.chain(injected_shaders).collect();
@@ -151,13 +206,31 @@ impl Loader {
 
     /// Reads a pass of class `quad`.
     pub fn quad_pass(&mut self, context: &mut PassContext<'_>) -> Option<QuadPass> {
-        const CHILDREN: &[&str] =
-            &["viewport", "renderTarget", "texture", "material", "materialMaps", "camera", "scenes", "lights"];
+        const CHILDREN: &[&str] = &[
+            "viewport",
+            "renderTarget",
+            "texture",
+            "material",
+            "materialMaps",
+            "camera",
+            "scenes",
+            "lights",
+            "color_enable",
+        ];
         let element = context.element;
         self.expect_children(element, CHILDREN);
         self.no_parameters(context, "quad");
-        context.facts.writes_first(1);
+        let writes_color = match element.children_named(&["color_enable"]).find_map(|child| child.attribute("value")) {
+            Some(value) => self.boolean(value)?,
+            None => true,
+        };
+        context.facts.writes_first(usize::from(writes_color));
         let texture = self.single(element, &["texture"]);
+        if !writes_color && texture.is_some() {
+            let message = format!("quad pass `{}` shows a texture without writing colours", shown(&context.name));
+            self.report.error_help(element.span, message, || "valid: COLOR_ENABLE true".to_owned());
+            return None;
+        }
         let material = self.single(element, &["material"]);
         let has_map = element.children_named(&["materialMaps"]).any(|list| !list.children.is_empty());
         let sources = usize::from(texture.is_some()) + usize::from(material.is_some()) + usize::from(has_map);
@@ -195,8 +268,13 @@ impl Loader {
         if self.is_own_shader(library, &material) {
             let light = self.pass_light(context)?.map(|(index, _)| index);
             let to = &MaterialPattern::All;
-            let used = ShaderUse { to, library, material: &material, at, replaces: true, injected: &[], quad: true };
-            let shader = self.own_shader(context, &used, light)?;
+            let (injected, by) = (&[], UsedBy::Quad);
+            let used = ShaderUse { to, library, material: &material, at, replaces: true, injected, by };
+            let shader = self.own_shader(context, &used, light);
+            if shader.is_none() {
+                context.facts.stores_unknown();
+            }
+            let shader = shader?;
             for texture in &shader.textures {
                 if let ShaderTexture::Channel(channel) = texture {
                     Self::reads(context, Some(*channel), at);
@@ -206,7 +284,18 @@ impl Loader {
                 Self::reads(context, Some(channel), at);
             }
             context.facts.stores(shader.buffers_stored());
-            return Some(QuadPass { source: QuadSource::Own, shader: Some(shader) });
+            if !writes_color && shader.buffers_stored().next().is_none() {
+                let message =
+                    format!("quad pass `{}` neither writes colours nor stores anything", shown(&context.name));
+                self.report.error_help(element.span, message, || "valid: COLOR_ENABLE true".to_owned());
+                return None;
+            }
+            return Some(QuadPass { source: QuadSource::Own, shader: Some(shader), writes_color });
+        }
+        if !writes_color {
+            let message = format!("quad pass `{}` neither writes colours nor stores anything", shown(&context.name));
+            self.report.error_help(element.span, message, || "valid: COLOR_ENABLE true".to_owned());
+            return None;
         }
         match self.shader_program(context, library, &material, at, QUAD_PROGRAMS, "quad")? {
             QuadProgram::Combine => {

@@ -81,6 +81,13 @@ impl ValueOf {
     }
 }
 
+/// Whether a value for the uniform `given` is one for the sampler or image `name`: `tex[0]`, or `tex`, is for all elements of `tex`.
+pub(super) fn names(given: &str, name: &str) -> bool {
+    let array = |name: &str| name.split('[').next().unwrap_or_default().to_owned();
+    given == name
+        || name.contains('[') && array(given) == array(name) && (given.ends_with("[0]") || !given.contains('['))
+}
+
 /// The render state in a `<state>`.
 #[derive(Debug, Clone, Copy, Default)]
 pub(super) struct State {
@@ -112,6 +119,17 @@ pub(super) struct BufferBinding {
     pub name: Value,
 }
 
+/// A texture that is bound to an image unit, for shaders that load and store it.
+#[derive(Debug, Clone)]
+pub(super) struct ImageBinding {
+    pub unit: u32,
+    pub name: Value,
+    /// Whether each pass that binds it begins with zeros.
+    pub cleared: bool,
+    /// The mip level, where it is not the first.
+    pub level: Option<Value>,
+}
+
 /// A material of a library.
 #[derive(Debug, Clone)]
 pub(super) struct LibraryMaterial {
@@ -129,6 +147,10 @@ pub(super) struct LibraryMaterial {
     pub textures: Vec<Binding>,
     /// Buffers that are bound.
     pub buffers: Vec<BufferBinding>,
+    /// Images that are bound.
+    pub images: Vec<ImageBinding>,
+    /// The first units of the arrays of textures, and of images, that are bound, in the order of the file.
+    pub arrays: [Vec<u32>; 2],
     /// How it is drawn.
     pub state: State,
 }
@@ -143,6 +165,8 @@ pub(super) struct Shader {
     pub vertex: Option<Value>,
     /// File of its pixel shader.
     pub pixel: Option<Value>,
+    /// File of its compute shader.
+    pub compute: Option<Value>,
     /// Its other stages, as descriptions with the places that name them.
     pub others: Vec<(&'static str, Span)>,
 }
@@ -158,6 +182,8 @@ pub(super) struct Library {
     pub target_indices: Vec<Option<usize>>,
     pub texture_names: Names,
     pub textures: Vec<Texture>,
+    /// Numbers of textures of the arrays of textures, by name: their textures are `name_0`, `name_1` and so on.
+    pub arrays: HashMap<String, u32>,
     /// Names of storage buffers, with their indices into [`Libraries::targets`]; `None` of one whose size is not known.
     pub buffer_names: Names,
     pub buffer_indices: Vec<Option<usize>>,
@@ -178,6 +204,7 @@ impl Library {
             target_indices: Vec::new(),
             texture_names: Names::new("texture"),
             textures: Vec::new(),
+            arrays: HashMap::new(),
             buffer_names: Names::new("buffer"),
             buffer_indices: Vec::new(),
             shader_names: Names::new("shader"),
@@ -205,6 +232,8 @@ impl Library {
                 values: Vec::new(),
                 textures: Vec::new(),
                 buffers: Vec::new(),
+                images: Vec::new(),
+                arrays: Default::default(),
                 state: State::default(),
             })));
         }

@@ -87,10 +87,15 @@ impl Loader {
                 if let Some(name) = self.required(texture, "name") {
                     library.texture_names.declare(&mut self.report, &name.text, name.span);
                     let file = texture.attribute("filename").filter(|_| texture.is(&["texture"]));
-                    library.textures.push(file.map_or(Texture::Other, |file| Texture::File(file.clone())));
+                    let found = match file {
+                        Some(file) => Texture::File(file.clone()),
+                        None => self.image_texture(&library.name, texture, &name.text),
+                    };
+                    library.textures.push(found);
                 }
             }
         }
+        self.texture_arrays(&mut library, &root);
         self.buffers(&mut library, &root);
         for list in root.children_named(&["states"]) {
             list.children_named(&["state"]).for_each(|state| self.state(&mut library, state));
@@ -201,6 +206,11 @@ impl Loader {
 
     fn format(&mut self, color: &Element) -> Option<PixelFormat> {
         let value = self.required(color, "internalFormat")?;
+        self.format_named(value)
+    }
+
+    /// The format of that name.
+    pub fn format_named(&mut self, value: &Value) -> Option<PixelFormat> {
         let found = PixelFormat::named(&value.text);
         if found.is_none() {
             self.report.error_help(value.span, format!("`{}` is not a format", value.shown()), || {
@@ -213,13 +223,12 @@ impl Loader {
     fn shader(&mut self, library: &mut Library, element: &Element) {
         let Some(name) = self.required(element, "name") else { return };
         library.shader_names.declare(&mut self.report, &name.text, name.span);
-        // A compute shader has no pixel shader; only a pass that uses it is in error.
+        // A compute shader has no pixel shader.
         let stem = element.attribute("ps").map_or("", file::stem).to_owned();
-        const OTHERS: [(&str, &str); 5] = [
+        const OTHERS: [(&str, &str); 4] = [
             ("gs", "a geometry shader"),
             ("tc", "a tessellation shader"),
             ("te", "a tessellation shader"),
-            ("cs", "a compute shader"),
             ("ms", "a mesh shader"),
         ];
         let others = OTHERS.iter().filter_map(|(name, what)| Some((*what, element.attribute(name)?.span)));
@@ -228,13 +237,23 @@ impl Loader {
             stem,
             vertex: element.attribute("vs").cloned(),
             pixel: element.attribute("ps").cloned(),
+            compute: element.attribute("cs").cloned(),
             others: others.collect(),
         });
     }
 
     fn library_material(&mut self, library: &mut Library, element: &Element) {
-        const CHILDREN: &[&str] =
-            &["color", "shader", "textures", "state", "imageTextures", "buffers", "arrayOfTextures"];
+        const CHILDREN: &[&str] = &[
+            "color",
+            "shader",
+            "textures",
+            "state",
+            "imageTextures",
+            "buffers",
+            "arrayOfTextures",
+            "arraysOfTextures",
+            "arraysOfImageTexture",
+        ];
         self.expect(element, CHILDREN, &["name"]);
         let Some(name) = self.required(element, "name") else { return };
         library.material_names.declare(&mut self.report, &name.text, name.span);
@@ -283,6 +302,8 @@ impl Loader {
             });
         }
         let buffers = self.bound_buffers(element);
+        let mut images = self.bound_images(element);
+        let arrays = self.bound_arrays(library, element, (&mut textures, &mut images));
         let material = (|| {
             Some(LibraryMaterial {
                 name: name.text.clone(),
@@ -295,6 +316,8 @@ impl Loader {
                 values,
                 textures: textures?,
                 buffers,
+                images: images?,
+                arrays: arrays?,
                 state,
             })
         })();
@@ -314,7 +337,7 @@ impl Loader {
         Some(Binding { unit: unit?, library: Some(library?), name: name?.clone(), compare: compare(element) })
     }
 
-    fn unit_of(&mut self, element: &Element, attribute: &str) -> Option<u32> {
+    pub fn unit_of(&mut self, element: &Element, attribute: &str) -> Option<u32> {
         const UNITS: f32 = 256.0;
         let unit_value = self.required(element, attribute)?;
         let unit = self.number(unit_value)?;

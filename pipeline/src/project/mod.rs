@@ -30,6 +30,7 @@ mod assets;
 mod buffers;
 mod camera_pass;
 mod cameras;
+mod compute;
 mod dom;
 mod draw;
 mod edit;
@@ -37,6 +38,7 @@ mod effect;
 mod file;
 mod from_scene;
 mod handed;
+mod images;
 mod intersection;
 mod libraries;
 mod library;
@@ -377,17 +379,30 @@ pub enum PassKind {
     Quad(QuadPass),
     /// `class="optixPrime"` or `"embree"`.
     Intersection(IntersectionPass),
+    /// `class="compute"`.
+    Compute(ComputePass),
 }
 
 impl PassKind {
-    /// The channels of the storage buffers to which the pass's shader stores; only quad passes do. The hits of an intersection pass
-    /// are its target.
-    pub fn buffers_stored(&self) -> impl Iterator<Item = ChannelRef> + '_ {
-        let quad = match self {
-            Self::Quad(quad) => Some(quad),
+    /// The own shader that fills a quad, or that a compute pass runs.
+    #[must_use]
+    pub fn shader(&self) -> Option<&OwnShader> {
+        match self {
+            Self::Quad(quad) => quad.shader.as_deref(),
+            Self::Compute(compute) => Some(&compute.shader),
             Self::Raster(_) | Self::Ray(_) | Self::Effect(_) | Self::Intersection(_) => None,
-        };
-        quad.into_iter().flat_map(QuadPass::buffers_stored)
+        }
+    }
+
+    /// The channels of the storage buffers and images to which the pass's shader stores; only quad and compute passes do. The hits of
+    /// an intersection pass are its target.
+    pub fn buffers_stored(&self) -> impl Iterator<Item = ChannelRef> + '_ {
+        self.shader().into_iter().flat_map(OwnShader::buffers_stored)
+    }
+
+    /// The channels of the storage buffers and images that the pass's shader reads.
+    pub fn buffers_read(&self) -> impl Iterator<Item = ChannelRef> + '_ {
+        self.shader().into_iter().flat_map(OwnShader::buffers_read)
     }
 
     /// Number of channels of its target that a pass writes, counted from the first.
@@ -395,7 +410,8 @@ impl PassKind {
     pub fn channels_written(&self) -> usize {
         match self {
             Self::Raster(_) => 3,
-            Self::Ray(_) | Self::Effect(_) | Self::Quad(_) | Self::Intersection(_) => 1,
+            Self::Quad(quad) => usize::from(quad.writes_color),
+            Self::Ray(_) | Self::Effect(_) | Self::Intersection(_) | Self::Compute(_) => 1,
         }
     }
 
@@ -413,7 +429,7 @@ impl PassKind {
         match self {
             Self::Ray(ray) => Some(ray.program.info().writes),
             Self::Effect(effect) => Some(effect.program.info().counterpart.info().writes),
-            Self::Raster(_) | Self::Quad(_) | Self::Intersection(_) => None,
+            Self::Raster(_) | Self::Quad(_) | Self::Intersection(_) | Self::Compute(_) => None,
         }
     }
 }
@@ -459,8 +475,8 @@ pub struct OwnShader {
     pub values: Vec<Vec<Option<glsl::Value>>>,
     /// Texture of each sampler.
     pub textures: Vec<ShaderTexture>,
-    /// By buffer of the program: what is bound, an index into [`Project::targets`].
-    pub storage: Vec<usize>,
+    /// By buffer of the program: what is bound. Nothing is bound twice. `None` of an image to which nothing is bound: it holds nothing.
+    pub storage: Vec<Option<Bound>>,
     /// Textures that are bound; `None` where it is the scene's material that binds them.
     pub bound: Option<u32>,
     /// Number of textures bound in addition to those of the scene's material.
@@ -692,6 +708,8 @@ pub struct QuadPass {
     pub source: QuadSource,
     /// The own shader of [`QuadSource::Own`].
     pub shader: Option<Arc<OwnShader>>,
+    /// Whether its colour is written, and not only what its shader stores.
+    pub writes_color: bool,
 }
 
 impl OwnShader {
@@ -707,8 +725,42 @@ impl OwnShader {
 
     fn buffers(&self, used: fn(&glsl::StorageBuffer) -> bool) -> impl Iterator<Item = ChannelRef> + '_ {
         let bound = self.storage.iter().zip(&self.program.storage).filter(move |(_, buffer)| used(buffer));
-        bound.map(|(target, _)| ChannelRef { target: *target, channel: 0 })
+        bound.filter_map(|(bound, _)| Some(ChannelRef { target: bound.as_ref()?.target, channel: 0 }))
     }
+
+    /// Whether it binds the buffer or image that is held in a target.
+    #[must_use]
+    pub fn binds(&self, target: usize) -> bool {
+        self.storage.iter().flatten().any(|bound| bound.target == target)
+    }
+
+    /// The channels of earlier passes that it samples.
+    pub fn sampled(&self) -> impl Iterator<Item = ChannelRef> + '_ {
+        self.textures.iter().filter_map(|texture| match texture {
+            ShaderTexture::Channel(channel) => Some(*channel),
+            ShaderTexture::Material | ShaderTexture::File(_) | ShaderTexture::Nothing => None,
+        })
+    }
+}
+
+/// A storage buffer or an image of a shader: what is bound.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Bound {
+    /// Index into [`Project::targets`]; of a target with several channels it is the first.
+    pub target: usize,
+    /// Whether it is filled with zeros before the pass.
+    pub cleared: bool,
+}
+
+/// Runs a compute shader of the project's own, which stores to images and buffers.
+#[derive(Debug, Clone)]
+pub struct ComputePass {
+    /// The shader.
+    pub shader: Arc<OwnShader>,
+    /// Work groups in each direction, at least 1.
+    pub groups: [u32; 3],
+    /// The first image or buffer that it stores to, an index into [`Project::targets`]: the pass's target.
+    pub stored: usize,
 }
 
 impl QuadPass {
@@ -725,7 +777,7 @@ impl QuadPass {
     /// A pass without a shader of the project's own.
     #[must_use]
     pub fn new(source: QuadSource) -> Self {
-        Self { source, shader: None }
+        Self { source, shader: None, writes_color: true }
     }
 }
 

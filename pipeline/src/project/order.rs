@@ -21,6 +21,8 @@ pub(super) struct Facts {
     depth: Kept,
     /// Storage buffers that it stores to.
     stores: Vec<ChannelRef>,
+    /// Whether it stores to what is not known, since its shader could not be read.
+    stores_unknown: bool,
     /// Whether all that it reads and writes must have one size.
     pub one_size: bool,
 }
@@ -39,7 +41,17 @@ enum Kept {
 impl Facts {
     pub fn new(name: &str, span: Span) -> Self {
         let (name, depth) = (name.to_owned(), Kept::Untouched);
-        Self { name, span, reads: Vec::new(), target: None, writes: 0, depth, stores: Vec::new(), one_size: false }
+        Self {
+            name,
+            span,
+            reads: Vec::new(),
+            target: None,
+            writes: 0,
+            depth,
+            stores: Vec::new(),
+            stores_unknown: false,
+            one_size: false,
+        }
     }
 
     pub fn set_target(&mut self, target: Option<usize>, colors: usize, at: Span) {
@@ -72,6 +84,11 @@ impl Facts {
         self.stores.extend(buffers);
     }
 
+    /// The pass stores to what is not known, for which there is an error.
+    pub fn stores_unknown(&mut self) {
+        self.stores_unknown = true;
+    }
+
     /// The pass writes all channels of its target.
     pub fn writes_all(&mut self) {
         self.writes = usize::MAX;
@@ -87,13 +104,22 @@ impl Facts {
 }
 
 impl Loader {
-    /// Reports reads of channels that no earlier pass writes, passes that read their own target, and sizes that differ.
+    /// Reports reads of channels that no earlier pass writes, passes that read or store to their own target, and sizes that differ.
     pub fn check_order(&mut self, passes: &[Facts]) {
         // The first writer of each channel.
         let mut writers: HashMap<ChannelRef, usize> = HashMap::new();
         for (index, pass) in passes.iter().enumerate() {
             for channel in pass.written() {
                 writers.entry(channel).or_insert(index);
+            }
+        }
+        for pass in passes {
+            let own = |channel: &&ChannelRef| pass.target.is_some_and(|(target, ..)| target == channel.target);
+            if let Some(channel) = pass.stores.iter().find(own) {
+                let name = shown(&self.libraries.channel_name(*channel));
+                let message =
+                    format!("pass `{}` stores to `{name}`, a channel of the target that it writes", shown(&pass.name));
+                self.report.error_help(pass.span, message, || "write into another render target".to_owned());
             }
         }
         for (index, pass) in passes.iter().enumerate() {
@@ -128,6 +154,7 @@ impl Loader {
                             format!("the later pass `{}` of {line}:{column} writes it", shown(later))
                         });
                     }
+                    None if passes[..index].iter().any(|pass| pass.stores_unknown) => {}
                     None => {
                         // A depth without a name is no channel.
                         let targets = &self.libraries.targets;

@@ -12,8 +12,19 @@ use crate::raster_effects::EFFECT_PARAMS;
 use std::rc::Rc;
 
 /// Classes of passes.
-const CLASSES: [&str; 9] =
-    ["default", "optix", "rt", "effect", "quad", "depthmap", "depthmap2", "optixPrime", "embree"];
+const CLASSES: [&str; 11] = [
+    "default",
+    "optix",
+    "rt",
+    "effect",
+    "quad",
+    "depthmap",
+    "depthmap2",
+    "optixPrime",
+    "embree",
+    "compute",
+    "geometryPI",
+];
 
 /// Most often that a pass draws its scenes.
 const MAX_INSTANCES: f32 = 16_777_216.0;
@@ -119,11 +130,13 @@ impl Loader {
         let class = self.required(element, "class")?;
         let kind = match class.text.to_ascii_lowercase().as_str() {
             "default" => self.raster_pass(context).map(PassKind::Raster),
+            "geometrypi" => self.square_pass(context).map(PassKind::Raster),
             "depthmap" | "depthmap2" => self.depth_map_pass(context).map(PassKind::Raster),
             "optix" | "rt" => self.ray_pass(context).map(PassKind::Ray),
             "effect" => self.effect_pass(context).map(PassKind::Effect),
             "quad" => self.quad_pass(context).map(PassKind::Quad),
             "optixprime" | "embree" => self.intersection_pass(context).map(PassKind::Intersection),
+            "compute" => self.compute_pass(context).map(PassKind::Compute),
             _ => {
                 let message = format!("pass `{}` is of class `{}`", shown(&context.name), class.shown());
                 self.report.error_help(class.span, message, || suggest(&class.text, CLASSES));
@@ -151,6 +164,7 @@ impl Loader {
         let place = self.place(element);
         let target = match &kind {
             Some(PassKind::Intersection(intersection)) => Some(Some(intersection.hits)),
+            Some(PassKind::Compute(compute)) => Some(Some(compute.stored)),
             _ => target,
         };
         Some(Pass { name: context.name.clone(), place, viewport: viewport?, target: target?, kind: kind? })
@@ -167,7 +181,7 @@ impl Loader {
             self.libraries.targets[target].channels.iter().filter(|channel| !channel.depth).count()
         });
         // Whether only the depth is drawn is known once the shaders are read.
-        let draws = ["default", "depthmap", "depthmap2"];
+        let draws = ["default", "depthmap", "depthmap2", "geometryPI"];
         let class = context.element.attribute("class");
         let draws = class.is_some_and(|class| draws.iter().any(|name| class.text.eq_ignore_ascii_case(name)));
         if let Some(target) = target.filter(|_| runs && !draws)

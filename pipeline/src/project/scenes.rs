@@ -14,7 +14,7 @@ const PLACE_ATTRIBUTES: &[&str] = &["transX", "transY", "transZ", "scaleX", "sca
 /// Types of primitives.
 const SHAPES: [&str; 5] = ["BOX", "SQUARE", "SPHERE", "GRID", "AXIS"];
 /// The material of primitives that name none.
-const SHAPE_MATERIAL: &str = "__Light Grey";
+pub(super) const SHAPE_MATERIAL: &str = "__Light Grey";
 
 impl Loader {
     /// Reads a `<scene>`.

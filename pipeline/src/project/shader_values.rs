@@ -17,7 +17,7 @@ const LIGHT_DEFAULTS: [(&str, [f32; 4]); 7] = [
     ("QUADRATIC_ATT", [0.0; 4]),
 ];
 
-const MATRICES: [(&str, glsl::Value); 8] = [
+const MATRICES: [(&str, glsl::Value); 9] = [
     ("PROJECTION", glsl::Value::Matrix(Matrix::Projection)),
     ("MODEL", glsl::Value::Matrix(Matrix::Model)),
     ("VIEW", glsl::Value::Matrix(Matrix::View)),
@@ -26,6 +26,8 @@ const MATRICES: [(&str, glsl::Value); 8] = [
     ("PROJECTION_VIEW", glsl::Value::Matrix(Matrix::ProjectionView)),
     ("NORMAL", glsl::Value::NormalMatrix),
     ("TEXTURE_COUNT", glsl::Value::TextureCount),
+    // Passes that run in the first frame alone and those that skip it run in one frame here, which is the second.
+    ("FRAME_COUNT", glsl::Value::Constant([1.0, 0.0, 0.0, 0.0])),
 ];
 
 const OF_CAMERA: [(&str, CameraValue); 12] = [
@@ -52,7 +54,7 @@ const COLORS: [(&str, ColorValue); 5] = [
 ];
 
 /// Kinds of things whose values can be used.
-const KINDS: [&str; 6] = ["RENDERER", "CAMERA", "LIGHT", "COLOR", "TEXTURE_BINDING", "PASS"];
+const KINDS: [&str; 7] = ["RENDERER", "CAMERA", "LIGHT", "COLOR", "TEXTURE_BINDING", "IMAGE_TEXTURE", "PASS"];
 
 fn find<T: Copy>(table: &[(&str, T)], name: &str) -> Option<T> {
     table.iter().find(|(known, _)| known.eq_ignore_ascii_case(name)).map(|(_, value)| *value)
@@ -107,7 +109,10 @@ impl Loader {
             }
             value.clone()
         };
-        let (kind, context) = (part(&given.kind, "type"), part(&given.context, "context"));
+        let kind = part(&given.kind, "type");
+        // As in the engine, what names no context is of the pass.
+        let own = |kind: &Value| Value { text: "CURRENT".to_owned(), joined: None, span: kind.span };
+        let context = given.context.clone().or_else(|| kind.as_ref().map(own));
         let component = part(&given.component, "component");
         let (kind, context, component) = (kind?, context?, component?);
         let current = context.text.eq_ignore_ascii_case("CURRENT");
@@ -154,10 +159,10 @@ impl Loader {
                 let found = find(&COLORS, name).map(glsl::Value::Color);
                 self.found(found, &uniform, "COLOR", &component, COLORS.map(|(name, _)| name).into())
             }
-            "TEXTURE_BINDING" if current => {
+            kind @ ("TEXTURE_BINDING" | "IMAGE_TEXTURE") if current => {
                 let unit = name.eq_ignore_ascii_case("UNIT") && id.fract() == 0.0 && (0.0..256.0).contains(&id);
                 let found = unit.then_some(glsl::Value::Unit(id as u32));
-                self.found(found, &uniform, "TEXTURE_BINDING", &component, vec!["UNIT"])
+                self.found(found, &uniform, kind, &component, vec!["UNIT"])
             }
             "PASS" => {
                 let pass = if current { pass.to_owned() } else { context.text.clone() };

@@ -1,15 +1,15 @@
 //! Own shaders of projects: files, compilation, and the inputs of their uniforms and samplers.
 
 use super::dom::Value;
-use super::libraries::{Binding, LibraryMaterial, Texture, ValueOf};
+use super::libraries::{Binding, LibraryMaterial, Shader, Texture, ValueOf, names};
 use super::loader::Loader;
 use super::passes::PassContext;
 use super::report::{Found, Span, shown, suggest};
-use super::{MaterialPattern, OwnShader, ShaderTexture, file};
+use super::{Bound, MaterialPattern, OwnShader, ShaderTexture, file};
 use crate::diagnostic::Source;
 use crate::glsl::{self, FRAME, Member, Program, SamplerKind, Scalar, Stage};
 use crate::programs::{QUAD_PROGRAMS, RASTER_PROGRAMS};
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::rc::Rc;
 use std::sync::Arc;
 
@@ -23,8 +23,19 @@ pub(super) struct ShaderUse<'a> {
     pub injected: &'a [Binding],
     /// Whether the materials are replaced as a whole, including their textures.
     pub replaces: bool,
-    /// Whether the shader fills a quad, which has no camera.
-    pub quad: bool,
+    /// What runs it.
+    pub by: UsedBy,
+}
+
+/// What runs a shader.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum UsedBy {
+    /// A pass that draws scenes, as a camera sees them.
+    Scenes,
+    /// A quad pass, which has no camera.
+    Quad,
+    /// A compute pass, which has no camera.
+    Compute,
 }
 
 impl Loader {
@@ -33,7 +44,9 @@ impl Loader {
         let known = |stem: &str| {
             RASTER_PROGRAMS.iter().any(|info| info.stem == stem) || QUAD_PROGRAMS.iter().any(|info| info.stem == stem)
         };
-        glsl::AVAILABLE && self.shader_of(library, material).is_some_and(|(_, stem)| !known(&stem))
+        // No shader of ours loads or stores images.
+        let own = |stem: &str| !known(stem) || !material.images.is_empty();
+        glsl::AVAILABLE && self.shader_of(library, material).is_some_and(|(_, stem)| own(&stem))
     }
 
     /// Compiles an own shader and determines its inputs. `light` is the pass's light.
@@ -56,7 +69,8 @@ impl Loader {
             };
             let member = |block: &glsl::Block| block.members.iter().any(|member| member.name == given.uniform.text);
             let read = program.blocks.iter().any(|block| of_block(block) && member(block))
-                || program.samplers.iter().any(|sampler| sampler.name == given.uniform.text);
+                || program.samplers.iter().any(|sampler| names(&given.uniform.text, &sampler.name))
+                || program.images().any(|image| names(&given.uniform.text, &image.name));
             if let Some(fixed) = program.fixed.iter().find(|fixed| fixed.name == given.uniform.text) {
                 let message = format!("the uniform `{}` is an array, to which nothing can be mapped", fixed.name);
                 self.report.error(given.span, message);
@@ -65,8 +79,12 @@ impl Loader {
             if !read {
                 continue;
             }
-            match self.uniform_value(given, &pass, light) {
-                Some(value) if used.quad => match self.of_quad(value, given, used.material) {
+            let value = match self.array_unit(given, used.material) {
+                Some(value) => value,
+                None => self.uniform_value(given, &pass, light),
+            };
+            match value {
+                Some(value) if used.by != UsedBy::Scenes => match self.without_camera(value, given, used) {
                     Some(value) => values.push((given.clone(), value)),
                     None => whole = false,
                 },
@@ -75,20 +93,23 @@ impl Loader {
             }
         }
         let state = used.material.state;
-        let blends = used.quad && state.drawn.blend.is_some();
+        let blends = used.by != UsedBy::Scenes && state.drawn.blend.is_some();
         if let Some(other) = state.other.or(blends.then_some("BLEND")) {
             let message = format!("the state of material `{}` has {other}, which is not done", used.material.name);
             self.report.warning(used.at, message, || Some("its result takes the place of what is there".to_owned()));
         }
+        let storage = self.storage(&program, files[1], &values, used)?;
+        let textures = self.samplers(&program, files, &values, used)?;
+        self.check_sampled(&program, files, &textures, &storage)?;
         let own = OwnShader {
             name: format!("{}::{}", self.libraries.get(used.library).name, used.material.name),
             place: {
                 let (line, column) = self.report.line_column(used.at);
                 format!("{}:{line}:{column}", self.report.source(used.at.file).path.display())
             },
-            values: self.uniforms(&program, files, &values)?,
-            textures: self.samplers(&program, files, &values, used)?,
-            storage: self.storage(&program, files[1], used)?,
+            values: self.uniforms(&program, files, &values, &storage)?,
+            textures,
+            storage,
             bound: used.replaces.then_some(used.material.textures.len() as u32),
             injected: used.injected.iter().filter(|binding| binding.unit > 0).count() as u32,
             drawn: used.material.state.drawn,
@@ -97,9 +118,31 @@ impl Loader {
         whole.then(|| Arc::new(own))
     }
 
-    /// A value as it is in a quad pass: the material's colours are constants, and values that need a camera are an error.
-    fn of_quad(&mut self, value: glsl::Value, given: &ValueOf, material: &LibraryMaterial) -> Option<glsl::Value> {
+    /// Reports samplers of what the shader stores to.
+    fn check_sampled(
+        &mut self,
+        program: &Program,
+        files: [u32; 2],
+        textures: &[ShaderTexture],
+        storage: &[Option<Bound>],
+    ) -> Option<()> {
+        let stored = |texture: &ShaderTexture| match texture {
+            ShaderTexture::Channel(channel) => storage.iter().flatten().any(|bound| bound.target == channel.target),
+            _ => false,
+        };
+        let Some((sampler, _)) = program.samplers.iter().zip(textures).find(|(_, texture)| stored(texture)) else {
+            return Some(());
+        };
+        let at = Self::span_in(files[usize::from(sampler.stage != Stage::Vertex)], sampler.at);
+        let message = format!("`{}` samples what an image or a buffer of this shader stands for", sampler.name);
+        self.report.error_help(at, message, || "valid: imageLoad of the image".to_owned());
+        None
+    }
+
+    /// A value as it is in a pass without a camera: the material's colours are constants, and values that need a camera are an error.
+    fn without_camera(&mut self, value: glsl::Value, given: &ValueOf, used: &ShaderUse<'_>) -> Option<glsl::Value> {
         use glsl::{ColorValue as C, Value as V};
+        let material = used.material;
         let number = |number: f32| [number, 0.0, 0.0, 0.0];
         match value {
             V::Color(color) => Some(V::Constant(match color {
@@ -110,12 +153,12 @@ impl Loader {
                 C::Shininess => number(material.shininess),
             })),
             V::Matrix(_) | V::NormalMatrix | V::Camera(None, _) => {
+                let pass = if used.by == UsedBy::Quad { "a quad" } else { "a compute pass" };
                 let message =
-                    format!("the uniform `{}` is of the pass's camera, and a quad has none", given.uniform.shown());
-                let help = || {
-                    "valid: type=\"CAMERA\" with the camera's name as context; `position` is in clip space".to_owned()
-                };
-                self.report.error_help(given.span, message, help);
+                    format!("the uniform `{}` is of the pass's camera, and {pass} has none", given.uniform.shown());
+                let place = if used.by == UsedBy::Quad { "; `position` is in clip space" } else { "" };
+                let help = format!("valid: type=\"CAMERA\" with the camera's name as context{place}");
+                self.report.error_help(given.span, message, || help);
                 None
             }
             other => Some(other),
@@ -135,6 +178,14 @@ impl Loader {
         if !shader.others.is_empty() {
             return None;
         }
+        if used.by == UsedBy::Compute {
+            return self.compute_program(&pass, &shader, folder, used);
+        }
+        if let Some(compute) = &shader.compute {
+            let message = format!("pass `{pass}`: shader `{name}` is a compute shader");
+            self.report.error_help(compute.span, message, || "valid: in passes of class compute".to_owned());
+            return None;
+        }
         let (Some(vertex), Some(pixel)) = (&shader.vertex, &shader.pixel) else {
             let what = if shader.vertex.is_none() { "vertex shader (vs)" } else { "pixel shader (ps)" };
             self.report.error(used.at, format!("pass `{pass}`: shader `{name}` has no {what}"));
@@ -143,7 +194,7 @@ impl Loader {
         let mut folder = file::Folder::of(&folder);
         let paths = [folder.resolve(&mut self.report, vertex)?, folder.resolve(&mut self.report, pixel)?];
         let depth = context.facts.depth_channel().map(|depth| depth.channel);
-        let depth = depth.filter(|depth| *depth < glsl::MAX_OUTPUTS && !used.quad);
+        let depth = depth.filter(|depth| *depth < glsl::MAX_OUTPUTS && used.by == UsedBy::Scenes);
         let key = (paths, depth);
         let paths = &key.0;
         let failed_before = matches!(self.compiled.get(&key), Some(None));
@@ -160,11 +211,52 @@ impl Loader {
         }
         let texts = files.map(|file| self.report.source(file).text.clone());
         let compiled = glsl::Source { vertex: &texts[0], fragment: &texts[1], depth }.compile();
-        let program = match compiled {
+        let program = self.compiled_or_reported(compiled, files);
+        self.compiled.insert(key, program.clone());
+        program.map(|program| (program, files))
+    }
+
+    /// The compiled compute shader, and twice the index of its file in the report.
+    fn compute_program(
+        &mut self,
+        pass: &str,
+        shader: &Shader,
+        folder: PathBuf,
+        used: &ShaderUse<'_>,
+    ) -> Option<(Arc<Program>, [u32; 2])> {
+        let Some(named) = &shader.compute else {
+            let message = format!("pass `{pass}`: shader `{}` has no compute shader (cs)", shown(&shader.name));
+            self.report.error(used.at, message);
+            return None;
+        };
+        let path = file::Folder::of(&folder).resolve(&mut self.report, named)?;
+        let key = ([path.clone(), PathBuf::new()], None);
+        let known = self.compiled.get(&key).cloned();
+        if matches!(known, Some(None)) {
+            // The problem was reported already.
+            return None;
+        }
+        let file = self.shader_file(&path, named)?;
+        if let Some(Some(program)) = known {
+            return Some((program, [file; 2]));
+        }
+        let text = self.report.source(file).text.clone();
+        let program = self.compiled_or_reported(glsl::ComputeSource { text: &text }.compile(), [file; 2]);
+        self.compiled.insert(key, program.clone());
+        program.map(|program| (program, [file; 2]))
+    }
+
+    /// The program, or `None` after its faults are reported.
+    fn compiled_or_reported(
+        &mut self,
+        compiled: Result<Program, Vec<glsl::Fault>>,
+        files: [u32; 2],
+    ) -> Option<Arc<Program>> {
+        match compiled {
             Ok(program) => Some(Arc::new(program)),
             Err(faults) => {
                 for fault in faults {
-                    let file = files[usize::from(fault.stage == Stage::Fragment)];
+                    let file = files[usize::from(fault.stage != Stage::Vertex)];
                     let at = Self::span_in(file, [fault.start, fault.end]);
                     match fault.help {
                         Some(help) => self.report.error_help(at, fault.message, || help),
@@ -173,9 +265,7 @@ impl Loader {
                 }
                 None
             }
-        };
-        self.compiled.insert(key, program.clone());
-        program.map(|program| (program, files))
+        }
     }
 
     /// Reads a shader file into the report. Invalid UTF-8 is tolerated, since it may be in comments.
@@ -204,6 +294,7 @@ impl Loader {
         program: &Program,
         files: [u32; 2],
         values: &[(ValueOf, glsl::Value)],
+        storage: &[Option<Bound>],
     ) -> Option<Vec<Vec<Option<glsl::Value>>>> {
         let mut whole = true;
         let mut blocks = Vec::new();
@@ -222,6 +313,7 @@ impl Loader {
                             None
                         }
                     },
+                    None if glsl::is_image_size(&member.name).is_some() => self.image_extent(storage, &member.name),
                     None => {
                         if member.default.is_none() && member.name != FRAME {
                             self.tell_unmapped(files, block.stage, &member.name, member.at, "is 0");
@@ -237,7 +329,7 @@ impl Loader {
     }
 
     fn tell_unmapped(&mut self, files: [u32; 2], stage: Stage, name: &str, at: [usize; 2], then: &str) {
-        let at = Self::span_in(files[usize::from(stage == Stage::Fragment)], at);
+        let at = Self::span_in(files[usize::from(stage != Stage::Vertex)], at);
         let message = format!("nothing is mapped to the uniform `{name}`: it {then}, as in OpenGL");
         self.report
             .warning(at, message, || Some(format!("<valueof uniform=\"{name}\" …/> in the material's <shader>")));
@@ -253,10 +345,9 @@ impl Loader {
     ) -> Option<Vec<ShaderTexture>> {
         let mut textures = Some(Vec::new());
         for sampler in &program.samplers {
-            let given = values.iter().rev().find(|(given, _)| given.uniform.text == sampler.name);
-            let unit = match given {
-                Some((_, glsl::Value::Unit(unit))) => *unit,
-                Some((given, _)) => {
+            let unit = match Self::unit_given(values, &sampler.name) {
+                Some(Ok(unit)) => unit,
+                Some(Err(given)) => {
                     let message = format!("the sampler `{}` is given no texture unit", sampler.name);
                     self.report.error_help(given.span, message, || {
                         "valid: type=\"TEXTURE_BINDING\" context=\"CURRENT\" component=\"UNIT\" id=\"0\"".to_owned()

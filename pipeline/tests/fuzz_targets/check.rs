@@ -328,6 +328,10 @@ fn references_of(pass: &Pass, project: &Project) {
             intersection.reads().for_each(|read| channel(&read));
             assert_eq!(pass.target, Some(intersection.hits), "pass {}", pass.name);
         }
+        PassKind::Compute(compute) => {
+            assert_eq!(pass.target, Some(compute.stored), "pass {}", pass.name);
+            assert!(compute.groups.iter().all(|count| *count > 0), "pass {}", pass.name);
+        }
     }
 }
 
@@ -344,7 +348,7 @@ fn plan(plan: &Plan) {
             }
             Work::Quad { viewport } => (None, Some(viewport), None),
             Work::Intersection { scene_set } => (None, None, Some(*scene_set)),
-            Work::Off { .. } => (None, None, None),
+            Work::Off { .. } | Work::Compute => (None, None, None),
         };
         if let Some(rect) = viewport {
             assert!(rect.x + rect.width <= width && rect.y + rect.height <= height, "{}: {rect:?}", declared.name);

@@ -3,7 +3,7 @@
 use crate::support::{RASTER, SHADOWS, bad, errors, good, project, with};
 use curitiba_pipeline::project::{MaterialPattern, PassKind, Project};
 
-const COMPUTE: &str = r#"<pass class="compute" name="sums"></pass>"#;
+const MESH: &str = r#"<pass class="mesh" name="sums"></pass>"#;
 
 /// The project with a second pipeline that has these attributes and passes.
 fn two(attributes: &str, passes: &str) -> String {
@@ -19,18 +19,16 @@ fn warns(project: &Project, what: &str) {
 
 #[test]
 fn a_pipeline_that_does_not_run_may_hold_what_is_refused() {
-    let loaded = good(&two("", &[COMPUTE, RASTER].concat()));
-    warns(&loaded, "pipeline `other` cannot run: pass `sums` is of class `compute`");
+    let loaded = good(&two("", &[MESH, RASTER].concat()));
+    warns(&loaded, "pipeline `other` cannot run: pass `sums` is of class `mesh`");
     assert_eq!(loaded.pipeline(None), Ok(0));
     let said = loaded.pipeline(Some("other")).expect_err("it cannot run");
     assert!(said.contains("pipeline `other` cannot run: ") && said.contains("project.xml:"), "{said}");
     assert_eq!(good(&two("", RASTER)).pipeline(Some("other")), Ok(1), "a whole one can be asked for");
     // If it is the default pipeline, it is an error.
-    for text in
-        [two("default=\"true\"", COMPUTE), with(&two("", COMPUTE), "<pipelines>", "<pipelines default=\"other\">")]
-    {
+    for text in [two("default=\"true\"", MESH), with(&two("", MESH), "<pipelines>", "<pipelines default=\"other\">")] {
         let found = errors(&bad(&text));
-        assert!(found.len() == 1 && found[0].ends_with("pass `sums` is of class `compute`"), "{found:?}");
+        assert!(found.len() == 1 && found[0].ends_with("pass `sums` is of class `mesh`"), "{found:?}");
     }
     let named = good(&with(&two("", RASTER), "<pipelines>", "<pipelines default=\"other\">"));
     assert_eq!(named.pipeline(None), Ok(1));
@@ -40,7 +38,7 @@ fn a_pipeline_that_does_not_run_may_hold_what_is_refused() {
 #[test]
 fn what_pipelines_share_is_not_excused() {
     let lens = "<perspective fov=\"200\" near=\"1\" far=\"2\" /><view x=";
-    let text = with(&two("", COMPUTE), "<view x=", lens);
+    let text = with(&two("", MESH), "<view x=", lens);
     assert!(errors(&bad(&text)).iter().any(|error| error.contains("200 degrees")));
 }
 

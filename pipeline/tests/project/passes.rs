@@ -19,9 +19,9 @@ fn wrong_raster(old: &str, new: &str, message: &str, help: &str) {
 fn classes_must_be_known() {
     wrong_raster(
         "class=\"default\"",
-        "class=\"@compute\"",
-        "pass `gbuffer` is of class `compute`",
-        "default, depthmap, depthmap2, effect, embree, optix, optixPrime, quad, rt",
+        "class=\"@mesh\"",
+        "pass `gbuffer` is of class `mesh`",
+        "compute, default, depthmap, depthmap2, effect, embree, geometryPI, optix, optixPrime, quad, rt",
     );
     wrong_raster(
         "class=\"default\"",
@@ -400,10 +400,10 @@ fn passes_read_what_earlier_ones_wrote() {
 #[test]
 fn the_output_of_a_pass_that_is_not_run_is_not_missed() {
     let unknown = SHOW
-        .replace("class=\"quad\"", "class=\"@compute\"")
+        .replace("class=\"quad\"", "class=\"@mesh\"")
         .replace("<texture", "<renderTarget name=\"rays\" fromLibrary=\"Lib\"/><texture")
         .replace("\"show\"", "\"fill\"");
-    one_error(&project(&[&unknown, SHOW].concat()), "pass `fill` is of class `compute`", "quad");
+    one_error(&project(&[&unknown, SHOW].concat()), "pass `fill` is of class `mesh`", "quad");
 }
 
 #[test]

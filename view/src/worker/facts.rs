@@ -225,6 +225,7 @@ fn pass_facts(plan: &Plan, settings: &Settings, index: usize, pass: &Pass, times
         PassKind::Intersection(_) => {
             ("intersections", None, "traces the rays of a storage buffer for their nearest hits")
         }
+        PassKind::Compute(_) => ("compute", None, "runs a compute shader, which stores to images and buffers"),
     };
     let written = if kind == "raster" { 3 } else { 1 };
     let outputs = match pass.target {
@@ -279,7 +280,7 @@ fn parameters(pass: &Pass, settings: &Settings) -> Vec<Parameter> {
             let read = EFFECT_PARAMS.iter().filter(|info| effect.program.info().params.contains(&info.name));
             read.map(|info| Parameter { info, value: values.get(info.name) }).collect()
         }
-        PassKind::Raster(_) | PassKind::Quad(_) | PassKind::Intersection(_) => Vec::new(),
+        PassKind::Raster(_) | PassKind::Quad(_) | PassKind::Intersection(_) | PassKind::Compute(_) => Vec::new(),
     };
     parameters.extend(backend);
     parameters

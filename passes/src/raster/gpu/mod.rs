@@ -31,8 +31,8 @@ pub use adapter::{AdapterChoice, AdapterKind, AdapterSummary, abilities, adapter
 
 use crate::raster::effects::SceneCache;
 use curitiba_pipeline::backend::{
-    Attachments, BackendError, DrawStats, EffectJob, EffectStats, GBuffer, HandOver, Limits, OwnShaders, QuadJob,
-    RasterJob, Rasteriser, Rect, drawn_part,
+    Attachments, BackendError, ComputeJob, DrawStats, EffectJob, EffectStats, GBuffer, HandOver, Limits, OwnShaders,
+    QuadJob, RasterJob, Rasteriser, Rect, drawn_part,
 };
 use curitiba_pipeline::device_quad::{DeviceQuad, DeviceQuadStats, QuadPlace, Shown};
 use curitiba_pipeline::executor::Progress;
@@ -329,6 +329,14 @@ impl Rasteriser for WgpuRasteriser {
             none => none.insert(Shaders::new(&self.gpu)?),
         };
         shaders.fill(&self.gpu, &mut self.staging, job, (pixels, buffers))
+    }
+
+    fn compute(&mut self, job: &ComputeJob<'_>, buffers: &mut [Vec<[f32; 4]>]) -> Result<(), BackendError> {
+        let shaders = match &mut self.shaders {
+            Some(shaders) => shaders,
+            none => none.insert(Shaders::new(&self.gpu)?),
+        };
+        shaders.compute(&self.gpu, job, buffers)
     }
 
     fn needs_read_back(&self) -> bool {

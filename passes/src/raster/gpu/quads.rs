@@ -62,6 +62,7 @@ fn number(format: PixelFormat) -> u32 {
         PixelFormat::Rgba8Unorm => 2,
         PixelFormat::R8Unorm => 3,
         PixelFormat::R32Float => 4,
+        PixelFormat::Rg32Float => 5,
     }
 }
 

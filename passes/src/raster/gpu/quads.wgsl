@@ -124,6 +124,9 @@ fn stored(pixel: vec4u, format: u32) -> vec4u {
         case 4u: {
             return vec4u(pixel.x, 0u, 0u, ONE);
         }
+        case 5u: {
+            return vec4u(pixel.x, pixel.y, 0u, ONE);
+        }
         default: {
             return pixel;
         }

@@ -92,6 +92,11 @@ impl<'a> Reader<'a> {
             if matches!(kind.text.as_str(), "bool" | "bvec2" | "bvec3" | "bvec4") {
                 return Err(self.fault(kind, truth[0], truth[1]));
             }
+            if kind.text.contains("sampler") || kind.text.contains("image") {
+                let message =
+                    format!("`{}` is of type `{}` in a block, which is not supported", member.token.text, kind.text);
+                return Err(self.fault(kind, message, "bind the textures, and declare a `uniform sampler2D` for each"));
+            }
             self.put(&kind.text, kind);
             self.put(&format!("{}{}", member.token.text, member.array), &member.token);
             self.put(";", &member.token);

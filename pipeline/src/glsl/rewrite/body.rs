@@ -109,7 +109,7 @@ impl Reader<'_> {
         if let Some((_, now)) = SAMPLING.iter().find(|(name, _)| *name == word && called) {
             return self.sampled(now, token);
         }
-        if called && self.counted(token)? {
+        if called && (self.counted(token)? || self.of_image(token)?) {
             return Ok(());
         }
         if let Some(members) = self.instances.get(word)
@@ -160,13 +160,15 @@ impl Reader<'_> {
     fn sampled(&mut self, now: &str, token: &Token) -> Result<(), Fault> {
         let open = self.next()?;
         let Some(first) = self.peek(0) else { return Ok(()) };
-        let alone = self.peek(1).is_some_and(|next| next.is(",") || next.is(")"));
-        let kind = self.sampler_names.get(&first.text).copied().filter(|_| first.kind == Kind::Word && alone);
-        let Some(kind) = kind else {
-            let help = "valid: a `uniform sampler2D` or `sampler2DShadow` of this file, by its name";
+        let named =
+            self.element().filter(|(_, length)| self.peek(*length).is_some_and(|next| next.is(",") || next.is(")")));
+        let known = named.and_then(|(name, length)| Some((self.sampler_names.get(&name).copied()?, name, length)));
+        let Some((kind, name, length)) = known else {
+            let help =
+                "valid: a `uniform sampler2D` or `sampler2DShadow` of this file, by its name, in arrays with a number";
             return Err(self.fault(first, format!("`{}` is not a sampler that is declared above", first.text), help));
         };
-        let (texture, sampler) = (texture_name(&first.text), sampler_name(&first.text));
+        let (texture, sampler) = (texture_name(&name), sampler_name(&name));
         let whole = format!("sampler2D ( {texture} , {sampler} )");
         match (kind, now) {
             (SamplerKind::Color, "shadow2D" | "shadow2DProj") => {
@@ -175,21 +177,21 @@ impl Reader<'_> {
             }
             // The compiler overlooks the offset.
             (SamplerKind::Color, "texelFetchOffset") => {
-                self.at += 2;
-                self.put(&beside_name(&first.text), token);
+                self.at += length + 1;
+                self.put(&beside_name(&name), token);
                 self.put("(", open);
             }
             (SamplerKind::Color, _) | (SamplerKind::Compared, "textureSize") => {
-                self.at += 1;
+                self.at += length;
                 self.put(now, token);
                 self.put("(", open);
                 self.put(&whole, first);
             }
             (SamplerKind::Compared, "texture" | "textureLod" | "textureProj" | "shadow2D" | "shadow2DProj") => {
                 // Behind the sampler and its comma are the coordinates.
-                self.at += 2;
+                self.at += length + 1;
                 let projected = now.ends_with("Proj");
-                let name = if projected { compare_projected_name(&first.text) } else { compare_name(&first.text) };
+                let name = if projected { compare_projected_name(&name) } else { compare_name(&name) };
                 let vector = if now.starts_with("shadow2D") { "_4" } else { "" };
                 self.put(&format!("{name}{vector}"), token);
                 self.put("(", open);

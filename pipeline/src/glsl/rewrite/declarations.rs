@@ -7,6 +7,9 @@ use super::{OURS, Reader, Uniform, Variable};
 /// Longest array that passes from stage to stage.
 const MAX_PARTS: usize = 8;
 
+/// Longest array of samplers or images.
+const MAX_ELEMENTS: usize = 16;
+
 /// Largest number of a binding, and of an offset in bytes.
 const MAX_OFFSET: u32 = 1 << 20;
 
@@ -65,6 +68,7 @@ impl<'a> Reader<'a> {
                 "buffer" => found.storage = Some(Storage::Buffer),
                 "readonly" => found.readonly = true,
                 "coherent" | "volatile" | "restrict" | "writeonly" => {}
+                "shared" if self.stage == Stage::Compute => {}
                 "subroutine" | "shared" | "patch" => {
                     return Err(self.fault(token, format!("`{}` is not supported", token.text), ""));
                 }
@@ -105,6 +109,9 @@ impl<'a> Reader<'a> {
                     *place = Some(number);
                     self.at += 2;
                 }
+                "local_size_x" => self.group_side(0, token)?,
+                "local_size_y" => self.group_side(1, token)?,
+                "local_size_z" => self.group_side(2, token)?,
                 _ => {}
             }
         }
@@ -133,6 +140,7 @@ impl<'a> Reader<'a> {
             }
             match storage {
                 Storage::Uniform if kind.is_word("atomic_uint") => self.counter(qualifiers, &declarator)?,
+                Storage::Uniform if kind.is_word("image2D") => self.image(qualifiers, &declarator)?,
                 Storage::Uniform => self.uniform(kind, declarator)?,
                 Storage::In | Storage::Out | Storage::Buffer => {
                     let variable =
@@ -250,17 +258,16 @@ impl<'a> Reader<'a> {
         }
         let sampled = [("sampler2D", SamplerKind::Color), ("sampler2DShadow", SamplerKind::Compared)];
         if let Some((_, sampler)) = sampled.into_iter().find(|(name, _)| *name == kind.text) {
-            if !array.is_empty() {
-                return Err(self.fault(&token, "an array of samplers, which is not supported", "declare one by one"));
-            }
-            self.sampler_names.insert(token.text.clone(), sampler);
             let at = [token.start, token.end];
-            self.done.samplers.push(Sampler { name: token.text, kind: sampler, stage: self.stage, at });
+            for name in self.elements(&token, &array)? {
+                self.sampler_names.insert(name.clone(), sampler);
+                self.done.samplers.push(Sampler { name, kind: sampler, stage: self.stage, at });
+            }
             return Ok(());
         }
         let why = match kind.text.as_str() {
             name if name.contains("sampler") => Some("samplers of this type are not supported"),
-            name if name.contains("image") => Some("loading from and storing to images is not supported"),
+            name if name.contains("image") => Some("images of this type are not supported"),
             "mat2" | "mat2x2" | "mat3x2" | "mat4x2" => Some("uniforms of matrices with two rows are not supported"),
             name if name.starts_with('d') => Some("numbers of 64 bits are not supported"),
             _ => None,
@@ -268,6 +275,7 @@ impl<'a> Reader<'a> {
         if let Some(why) = why {
             let help = match kind.text.as_str() {
                 name if name.contains("sampler") => "valid: sampler2D, sampler2DShadow",
+                name if name.contains("image") => "valid: image2D",
                 _ => "",
             };
             return Err(self.fault(kind, format!("`{}` is of type `{}`: {why}", token.text, kind.text), help));
@@ -304,6 +312,40 @@ impl<'a> Reader<'a> {
         }
         self.done.uniforms.push(uniform);
         Ok(())
+    }
+
+    /// The names of the elements of an array that are used, as `name[1]`; of what is no array its own name. Each is a sampler or an image of
+    /// its own here, so their numbers must be written out where they are used.
+    pub(super) fn elements(&self, token: &Token, array: &str) -> Result<Vec<String>, Fault> {
+        let name = &token.text;
+        if array.is_empty() {
+            return Ok(vec![name.clone()]);
+        }
+        let length = array.strip_prefix('[').and_then(|rest| rest.strip_suffix(']')?.parse::<usize>().ok());
+        let Some(length) = length.filter(|length| (1..=MAX_ELEMENTS).contains(length)) else {
+            let message = format!("`{name}{array}` is an array of a length that is not supported");
+            return Err(self.fault(token, message, &format!("valid: 1 to {MAX_ELEMENTS}, written as a number")));
+        };
+        let element = |index: usize| format!("{name}[{index}]");
+        let used = |index: &usize| {
+            let number = index.to_string();
+            let is =
+                |four: &[Token]| four[0].is_word(name) && four[1].is("[") && four[2].text == number && four[3].is("]");
+            // The declaration itself has the length in that place.
+            self.tokens.windows(4).any(|four| is(four) && four[0].start != token.start)
+        };
+        Ok((0..length).filter(used).map(element).collect())
+    }
+
+    /// A sampler's or image's name where it is used, and how many tokens it has.
+    pub(super) fn element(&self) -> Option<(String, usize)> {
+        let first = self.peek(0).filter(|first| first.kind == Kind::Word)?;
+        if !self.peek(1).is_some_and(|next| next.is("[")) {
+            return Some((first.text.clone(), 1));
+        }
+        let index: u32 = self.peek(2)?.text.parse().ok()?;
+        self.peek(3).filter(|close| close.is("]"))?;
+        Some((format!("{}[{index}]", first.text), 4))
     }
 
     /// An array with the values that it begins with: a constant, since nothing can be mapped to it.

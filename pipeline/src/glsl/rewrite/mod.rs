@@ -6,8 +6,10 @@
 mod blocks;
 mod body;
 mod declarations;
+mod images;
 mod storage;
 
+pub(super) use images::image;
 pub(super) use storage::{counters, counting_name};
 
 use super::tokens::{Kind, Token};
@@ -111,6 +113,8 @@ pub(super) struct Stated {
     pub depth: bool,
     /// Arrays with the values that they begin with, and where they are declared: constants, since nothing can be mapped to them.
     pub fixed: Vec<Fixed>,
+    /// Of a compute shader: invocations of a work group in each direction.
+    pub group: [u32; 3],
 }
 
 /// Reads a stage whose first block gets the binding after `first_block`.
@@ -128,6 +132,7 @@ pub(super) fn read(stage: Stage, tokens: &[Token], first_block: usize) -> Result
         instances: HashMap::new(),
         sampler_names: HashMap::new(),
         counters: HashMap::new(),
+        images: HashMap::new(),
         next_offset: HashMap::new(),
         functions: Vec::new(),
         faults: Vec::new(),
@@ -144,7 +149,9 @@ pub(super) fn read(stage: Stage, tokens: &[Token], first_block: usize) -> Result
             coordinates: false,
             depth: false,
             fixed: Vec::new(),
+            group: [1; 3],
         },
+        sized: false,
     };
     while reader.at < tokens.len() {
         let before = reader.at;
@@ -159,6 +166,9 @@ pub(super) fn read(stage: Stage, tokens: &[Token], first_block: usize) -> Result
     if !tokens.windows(2).any(|pair| pair[0].is_word("main") && pair[1].is("(")) {
         let message = format!("the {stage} has no main()");
         reader.faults.push(Fault { stage, start: 0, end: 0, message, help: None });
+    }
+    if stage == Stage::Compute && reader.faults.is_empty() {
+        reader.check_group();
     }
     if !reader.faults.is_empty() {
         return Err(reader.faults);
@@ -215,11 +225,15 @@ struct Reader<'a> {
     sampler_names: HashMap<String, SamplerKind>,
     /// Atomic counters by name.
     counters: HashMap<String, storage::Counter>,
+    /// Images by name: their places among the buffers.
+    images: HashMap<String, usize>,
     /// By binding point, where the next counter is that does not say it, bytes.
     next_offset: HashMap<u32, u32>,
     functions: Vec<Function>,
     faults: Vec<Fault>,
     done: Stated,
+    /// Whether the size of work groups is declared.
+    sized: bool,
 }
 
 impl<'a> Reader<'a> {
@@ -303,29 +317,37 @@ impl<'a> Reader<'a> {
     }
 }
 
+/// A sampler's name, that of an element of an array without its brackets: no name of the file begins with a digit.
+fn plain(sampler: &str) -> String {
+    match sampler.strip_suffix(']').and_then(|name| name.split_once('[')) {
+        Some((array, index)) => format!("{index}_of_{array}"),
+        None => sampler.to_owned(),
+    }
+}
+
 /// What a sampler's texture is called in the rewritten text.
 pub(super) fn texture_name(sampler: &str) -> String {
-    format!("{OURS}t_{sampler}")
+    format!("{OURS}t_{}", plain(sampler))
 }
 
 /// What its sampler is called there.
 pub(super) fn sampler_name(sampler: &str) -> String {
-    format!("{OURS}s_{sampler}")
+    format!("{OURS}s_{}", plain(sampler))
 }
 
 /// What the function is called there that compares a depth with its texture.
 pub(super) fn compare_name(sampler: &str) -> String {
-    format!("{OURS}c_{sampler}")
+    format!("{OURS}c_{}", plain(sampler))
 }
 
 /// What the one is called that divides by the last coordinate before.
 pub(super) fn compare_projected_name(sampler: &str) -> String {
-    format!("{OURS}p_{sampler}")
+    format!("{OURS}p_{}", plain(sampler))
 }
 
 /// What the function is called there that reads a texel beside another.
 pub(super) fn beside_name(sampler: &str) -> String {
-    format!("{OURS}b_{sampler}")
+    format!("{OURS}b_{}", plain(sampler))
 }
 
 /// The attribute of that name.

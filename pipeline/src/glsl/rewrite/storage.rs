@@ -1,7 +1,7 @@
 //! Storage buffers and atomic counters: both are buffers that the device holds, of which group and binding are ours.
 
 use super::super::tokens::{Kind, Token};
-use super::super::{Fault, Stage, StorageBuffer};
+use super::super::{Fault, Held, Stage, StorageBuffer};
 use super::declarations::{Declarator, Qualifiers};
 use super::{OURS, Reader};
 
@@ -9,9 +9,16 @@ use super::{OURS, Reader};
 const COUNTING: [(&str, &str); 3] =
     [("atomicCounterIncrement", "up"), ("atomicCounterDecrement", "down"), ("atomicCounter", "count")];
 
-/// Functions that wait for what was stored. Passes end before what they stored is read.
-const WAITING: [&str; 5] =
-    ["memoryBarrier", "memoryBarrierBuffer", "memoryBarrierImage", "memoryBarrierAtomicCounter", "groupMemoryBarrier"];
+/// Functions that wait for what was stored. Passes end before what they stored is read, and `barrier()` waits for what a work group
+/// stored.
+const WAITING: [&str; 6] = [
+    "memoryBarrier",
+    "memoryBarrierBuffer",
+    "memoryBarrierImage",
+    "memoryBarrierAtomicCounter",
+    "memoryBarrierShared",
+    "groupMemoryBarrier",
+];
 
 /// Numbers of 32 bits between two counters that follow each other.
 const COUNTER_BYTES: u32 = 4;
@@ -44,8 +51,8 @@ uint {count}(uint at) {{ return {all}[at]; }}
 
 impl Reader<'_> {
     /// The place among the buffers of what is bound to a binding point: `fresh` for a block, of which only one may be there.
-    fn storage(&mut self, point: u32, counters: bool, token: &Token, fresh: bool) -> Result<usize, Fault> {
-        let known = self.done.storage.iter().position(|buffer| buffer.point == point && buffer.counters == counters);
+    pub(super) fn storage(&mut self, point: u32, held: Held, token: &Token, fresh: bool) -> Result<usize, Fault> {
+        let known = self.done.storage.iter().position(|buffer| buffer.point == point && buffer.held == held);
         match known {
             Some(_) if fresh => {
                 let message = format!("a second buffer of binding point {point}");
@@ -55,19 +62,19 @@ impl Reader<'_> {
             None => {
                 let (name, at) = (token.text.clone(), [token.start, token.end]);
                 let (readonly, read, written) = (false, false, false);
-                self.done.storage.push(StorageBuffer { name, point, counters, readonly, read, written, at });
+                self.done.storage.push(StorageBuffer { name, point, held, readonly, read, written, at });
                 Ok(self.done.storage.len() - 1)
             }
         }
     }
 
-    fn in_pixels(&self, token: &Token) -> Result<(), Fault> {
+    pub(super) fn in_pixels(&self, token: &Token) -> Result<(), Fault> {
         match self.stage {
-            Stage::Fragment => Ok(()),
+            Stage::Fragment | Stage::Compute => Ok(()),
             Stage::Vertex => {
                 let message =
-                    format!("`{}` is a buffer that a vertex shader reads, which is not supported", token.text);
-                Err(self.fault(token, message, "read it in the pixel shader"))
+                    format!("`{}` is a buffer or an image in a vertex shader, which is not supported", token.text);
+                Err(self.fault(token, message, "use it in the pixel shader"))
             }
         }
     }
@@ -85,7 +92,7 @@ impl Reader<'_> {
         }
         self.in_pixels(name)?;
         self.not_reserved(name)?;
-        let index = self.storage(qualifiers.binding.unwrap_or(0), false, name, true)?;
+        let index = self.storage(qualifiers.binding.unwrap_or(0), Held::Block, name, true)?;
         self.done.storage[index].readonly = qualifiers.readonly;
         let rules = if qualifiers.std140 { "std140" } else { "std430" };
         let only = if qualifiers.readonly { "readonly " } else { "" };
@@ -110,7 +117,7 @@ impl Reader<'_> {
             return Err(self.fault(token, format!("a counter at byte {offset}"), "valid: multiples of 4"));
         }
         self.in_pixels(token)?;
-        let buffer = self.storage(point, true, token, false)?;
+        let buffer = self.storage(point, Held::Counters, token, false)?;
         self.counters.insert(token.text.clone(), Counter { buffer, word: offset / COUNTER_BYTES });
         Ok(())
     }

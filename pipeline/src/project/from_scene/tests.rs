@@ -23,6 +23,7 @@ fn programs(project: &Project) -> Vec<&'static str> {
             PassKind::Quad(quad) if matches!(quad.source, QuadSource::Combine { .. }) => "combine",
             PassKind::Quad(_) => "show",
             PassKind::Intersection(_) => "intersections",
+            PassKind::Compute(_) => "compute",
         })
         .collect()
 }

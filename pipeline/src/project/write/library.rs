@@ -60,7 +60,7 @@ pub(super) fn colors(pass: &Pass) -> &[ColorMap] {
         PassKind::Raster(raster) => &raster.colors,
         PassKind::Ray(ray) => &ray.colors,
         PassKind::Effect(effect) => &effect.colors,
-        PassKind::Quad(_) | PassKind::Intersection(_) => &[],
+        PassKind::Quad(_) | PassKind::Intersection(_) | PassKind::Compute(_) => &[],
     }
 }
 

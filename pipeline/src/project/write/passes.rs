@@ -5,8 +5,8 @@ use super::xml::Xml;
 use crate::programs::ProcInfo;
 use crate::project::handed::origin;
 use crate::project::{
-    ChannelRef, EffectPass, IntersectionPass, MaterialPattern, Pass, PassKind, Project, QuadPass, QuadSource,
-    RasterPass, RayPass, RaysTraced,
+    ChannelRef, ComputePass, EffectPass, IntersectionPass, MaterialPattern, Pass, PassKind, Project, QuadPass,
+    QuadSource, RasterPass, RayPass, RaysTraced,
 };
 use std::borrow::Cow;
 
@@ -53,6 +53,7 @@ impl Context<'_> {
             PassKind::Effect(effect) => self.effect(xml, effect),
             PassKind::Quad(quad) => self.quad(xml, quad),
             PassKind::Intersection(intersection) => self.intersection(xml, intersection),
+            PassKind::Compute(compute) => self.compute(xml, compute),
         }
         xml.end();
     }
@@ -79,6 +80,15 @@ impl Context<'_> {
                 xml.empty("rayCount", &[("buffer", &buffer(counts)), ("offset", &offset.to_string())]);
             }
         }
+    }
+
+    /// A compute pass; the library of its material is not written.
+    fn compute(&self, xml: &mut Xml, pass: &ComputePass) {
+        self.begin(xml, "compute", &[]);
+        let groups = pass.groups.map(|count| count.to_string());
+        let [x, y, z] = groups.each_ref().map(String::as_str);
+        let (library, name) = pass.shader.name.split_once("::").unwrap_or(("", &pass.shader.name));
+        xml.empty("material", &[("name", name), ("fromLibrary", library), ("dimX", x), ("dimY", y), ("dimZ", z)]);
     }
 
     fn target_and_viewport(&self, xml: &mut Xml) {

@@ -123,12 +123,13 @@ fn codes(quads: &mut Quads, lending: &Lending, quad: &DeviceQuad, display: Displ
     Codes { width: WIDTH, height: HEIGHT, pixels }
 }
 
-const FORMATS: [PixelFormat; 5] = [
+const FORMATS: [PixelFormat; 6] = [
     PixelFormat::Rgba32Float,
     PixelFormat::Rgba16Float,
     PixelFormat::Rgba8Unorm,
     PixelFormat::R8Unorm,
     PixelFormat::R32Float,
+    PixelFormat::Rg32Float,
 ];
 
 #[test]

@@ -2,6 +2,7 @@
 //!
 //! What a shader does not read of a vertex is not bound; what it does not write of the attachments stays as it was cleared.
 
+mod compute;
 mod pipelines;
 mod quad;
 mod textures;
@@ -10,11 +11,12 @@ use super::device::Gpu;
 use super::faults::{failure, unsupported};
 use super::geometry::{DeviceGeometry, Vertices};
 use super::targets::{Staging, Stored};
-use curitiba_pipeline::backend::{BackendError, OwnShaders, OwnTexture, QuadJob, RasterJob};
+use compute::Kernels;
+use curitiba_pipeline::backend::{BackendError, ComputeJob, OwnShaders, OwnTexture, QuadJob, RasterJob};
 use curitiba_pipeline::glsl::{Attribute, Program, Sampler, SamplerKind, Side};
 use curitiba_pipeline::scene::Geometry;
-use pipelines::{Built, Into, Pipelines};
-use quad::{Filled, Quad, channel_texture};
+use pipelines::{Groups, Into, Pipelines};
+use quad::{Filled, Quad, bind_nothing, channel_texture};
 use std::sync::Arc;
 use textures::{Sampled, Textures};
 
@@ -27,6 +29,8 @@ struct Draw {
     pipeline: wgpu::RenderPipeline,
     uniforms: wgpu::BindGroup,
     textures: wgpu::BindGroup,
+    /// Of images that hold nothing.
+    storage: Option<wgpu::BindGroup>,
     attributes: Vec<Attribute>,
     chunk: usize,
     /// First triangle of the scene.
@@ -51,6 +55,8 @@ pub(super) struct Shaders {
     nothing: wgpu::Buffer,
     /// Once a quad was filled.
     quad: Option<Quad>,
+    /// Of compute passes.
+    kernels: Kernels,
 }
 
 impl Shaders {
@@ -64,6 +70,7 @@ impl Shaders {
             turned: Vec::new(),
             nothing,
             quad: None,
+            kernels: Kernels::default(),
         })
     }
 
@@ -80,6 +87,16 @@ impl Shaders {
             none => none.insert(Quad::new(gpu)?),
         };
         quad.fill(gpu, staging, (&mut self.pipelines, &self.textures, &self.nothing), job, filled)
+    }
+
+    /// Runs a compute shader.
+    pub fn compute(
+        &mut self,
+        gpu: &Gpu,
+        job: &ComputeJob<'_>,
+        buffers: &mut [Vec<[f32; 4]>],
+    ) -> Result<(), BackendError> {
+        self.kernels.run(gpu, &self.textures, job, buffers)
     }
 
     /// What is of another scene.
@@ -158,8 +175,9 @@ impl Shaders {
                 Into::attachments(stored, drawn, culled, own, exact.clone()),
                 &missing,
             )?;
-            let uniforms = uniforms(gpu, built, program, &material.uniforms)?;
-            let textures = self.textures.bind(gpu, built, (material, &exact), job.scene, &channels)?;
+            let uniforms = uniforms(gpu, &built.groups, program, &material.uniforms)?;
+            let textures = self.textures.bind(gpu, &built.groups, (material, &exact), job.scene, &channels)?;
+            let storage = bind_nothing(gpu, &built.groups, program)?;
             let turned = program.flat;
             if turned {
                 turn(gpu, geometry, &job.scene.geometry, &mut self.turned, part.chunk)?;
@@ -168,6 +186,7 @@ impl Shaders {
                 pipeline: built.pipeline.clone(),
                 uniforms,
                 textures,
+                storage,
                 attributes: program.attributes.clone(),
                 chunk: part.chunk,
                 first: part.first,
@@ -189,6 +208,9 @@ impl Shaders {
             pass.set_pipeline(&draw.pipeline);
             pass.set_bind_group(0, &draw.uniforms, &[]);
             pass.set_bind_group(1, &draw.textures, &[]);
+            if let Some(storage) = &draw.storage {
+                pass.set_bind_group(2, storage, &[]);
+            }
             for (slot, attribute) in (0..).zip(&draw.attributes) {
                 pass.set_vertex_buffer(slot, self.buffer(vertices, *attribute).slice(..));
             }
@@ -213,7 +235,7 @@ impl Shaders {
 /// The uniform buffers of a draw.
 fn uniforms(
     gpu: &Gpu,
-    built: &Built,
+    groups: &Groups,
     program: &Arc<Program>,
     blocks: &[Vec<u8>],
 ) -> Result<wgpu::BindGroup, BackendError> {
@@ -230,7 +252,7 @@ fn uniforms(
         .map(|(binding, buffer)| wgpu::BindGroupEntry { binding, resource: buffer.as_entire_binding() })
         .collect();
     let descriptor =
-        wgpu::BindGroupDescriptor { label: Some("own uniforms"), layout: &built.uniforms, entries: &entries };
+        wgpu::BindGroupDescriptor { label: Some("own uniforms"), layout: &groups.uniforms, entries: &entries };
     let group = gpu.device.create_bind_group(&descriptor);
     gpu.check("binding of the uniforms of an own shader")?;
     Ok(group)

@@ -11,6 +11,12 @@ use std::sync::Arc;
 #[derive(Debug)]
 pub(super) struct Built {
     pub pipeline: wgpu::RenderPipeline,
+    pub groups: Groups,
+}
+
+/// The layouts of a program's groups.
+#[derive(Debug)]
+pub(super) struct Groups {
     pub uniforms: wgpu::BindGroupLayout,
     pub textures: wgpu::BindGroupLayout,
     /// Of storage buffers, where there are some.
@@ -90,15 +96,21 @@ impl Pipelines {
     }
 }
 
-fn build(gpu: &Gpu, program: &Program, key: &Key) -> Built {
+/// The layouts of a program's groups, and that of its pipeline. `exact` says by sampler whether it reads a texture unfiltered.
+pub(super) fn groups(gpu: &Gpu, program: &Program, exact: &[bool]) -> (Groups, wgpu::PipelineLayout) {
     let device = &gpu.device;
     let entry = |binding, visibility, ty| wgpu::BindGroupLayoutEntry { binding, visibility, ty, count: None };
+    let (sampling, storing) = match program.compute {
+        Some(_) => (wgpu::ShaderStages::COMPUTE, wgpu::ShaderStages::COMPUTE),
+        None => (wgpu::ShaderStages::VERTEX_FRAGMENT, wgpu::ShaderStages::FRAGMENT),
+    };
     let blocks: Vec<wgpu::BindGroupLayoutEntry> = (0..)
         .zip(&program.blocks)
         .map(|(binding, block)| {
             let visibility = match block.stage {
                 Stage::Vertex => wgpu::ShaderStages::VERTEX,
                 Stage::Fragment => wgpu::ShaderStages::FRAGMENT,
+                Stage::Compute => wgpu::ShaderStages::COMPUTE,
             };
             let ty = wgpu::BindingType::Buffer {
                 ty: wgpu::BufferBindingType::Uniform,
@@ -108,10 +120,9 @@ fn build(gpu: &Gpu, program: &Program, key: &Key) -> Built {
             entry(binding, visibility, ty)
         })
         .collect();
-    let both = wgpu::ShaderStages::VERTEX_FRAGMENT;
     let samplers: Vec<wgpu::BindGroupLayoutEntry> = (0..program.samplers.len() as u32)
         .flat_map(|index| {
-            let exact = key.into.exact.get(index as usize) == Some(&true);
+            let exact = exact.get(index as usize) == Some(&true);
             let texture = wgpu::BindingType::Texture {
                 sample_type: wgpu::TextureSampleType::Float { filterable: !exact },
                 view_dimension: wgpu::TextureViewDimension::D2,
@@ -121,7 +132,7 @@ fn build(gpu: &Gpu, program: &Program, key: &Key) -> Built {
                 true => wgpu::SamplerBindingType::NonFiltering,
                 false => wgpu::SamplerBindingType::Filtering,
             });
-            [entry(2 * index, both, texture), entry(2 * index + 1, both, sampler)]
+            [entry(2 * index, sampling, texture), entry(2 * index + 1, sampling, sampler)]
         })
         .collect();
     let group = |label, entries: &[wgpu::BindGroupLayoutEntry]| {
@@ -133,17 +144,23 @@ fn build(gpu: &Gpu, program: &Program, key: &Key) -> Built {
         .map(|(binding, buffer)| {
             let ty = wgpu::BufferBindingType::Storage { read_only: buffer.readonly };
             let ty = wgpu::BindingType::Buffer { ty, has_dynamic_offset: false, min_binding_size: None };
-            entry(binding, wgpu::ShaderStages::FRAGMENT, ty)
+            entry(binding, storing, ty)
         })
         .collect();
     let storage = (!stored.is_empty()).then(|| group("own buffers", &stored));
-    let mut groups = vec![Some(&uniforms), Some(&textures)];
-    groups.extend(storage.as_ref().map(Some));
+    let mut listed = vec![Some(&uniforms), Some(&textures)];
+    listed.extend(storage.as_ref().map(Some));
     let layout = device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
         label: Some("own shader"),
-        bind_group_layouts: &groups,
+        bind_group_layouts: &listed,
         immediate_size: 0,
     });
+    (Groups { uniforms, textures, storage }, layout)
+}
+
+fn build(gpu: &Gpu, program: &Program, key: &Key) -> Built {
+    let device = &gpu.device;
+    let (groups, layout) = groups(gpu, program, &key.into.exact);
     let module = |label, text: &str| {
         device.create_shader_module(wgpu::ShaderModuleDescriptor {
             label: Some(label),
@@ -219,7 +236,7 @@ fn build(gpu: &Gpu, program: &Program, key: &Key) -> Built {
         multiview_mask: None,
         cache: None,
     });
-    Built { pipeline, uniforms, textures, storage }
+    Built { pipeline, groups }
 }
 
 /// Alpha is added up like the colours.

@@ -3,11 +3,11 @@
 use super::super::device::Gpu;
 use super::super::faults::failure;
 use super::super::targets::Staging;
-use super::pipelines::{Into, Pipelines, QUAD_FORMAT};
+use super::pipelines::{Groups, Into, Pipelines, QUAD_FORMAT};
 use super::textures::{Sampled, Textures, upload};
 use super::uniforms;
 use curitiba_pipeline::backend::{BackendError, QuadJob, QuadTexture};
-use curitiba_pipeline::glsl::{Attribute, Sampler, SamplerKind};
+use curitiba_pipeline::glsl::{Attribute, Program, Sampler, SamplerKind};
 
 /// Corners of two triangles: in clip space, and where they are in a texture.
 const CORNERS: [[f32; 2]; 6] = [[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 0.0], [1.0, 1.0], [0.0, 1.0]];
@@ -43,45 +43,13 @@ impl Quad {
     ) -> Result<(), BackendError> {
         let QuadJob { program, width, height, .. } = *job;
         let filters = gpu.has(wgpu::Features::FLOAT32_FILTERABLE);
-        let exact = |(sampler, texture): (&Sampler, &QuadTexture<'_>)| {
-            sampler.kind == SamplerKind::Compared || !filters && matches!(texture, QuadTexture::Channel { .. })
-        };
-        let exact: Vec<bool> = program.samplers.iter().zip(job.textures).map(exact).collect();
+        let exact = unfiltered(program, job.textures, filters);
         let missing = [Attribute::Normal, Attribute::Tangent];
         let built = pipelines.require(gpu, program, Into::quad(exact.clone()), &missing)?;
-        let blocks = uniforms(gpu, built, program, job.uniforms)?;
-        let mut own = Vec::with_capacity(job.textures.len());
-        for texture in job.textures {
-            own.push(match texture {
-                QuadTexture::Nothing => None,
-                other => Some(channel_texture(gpu, other, filters)?),
-            });
-        }
-        let bound = own.iter().map(|own| own.as_ref().unwrap_or(textures.nothing()));
-        let entries: Vec<wgpu::BindGroupEntry<'_>> = (0..)
-            .zip(bound.zip(&exact))
-            .flat_map(|(index, (Sampled { view, sampler }, exact)): (u32, _)| {
-                let sampler = if *exact { &textures.nearest } else { sampler };
-                let view = wgpu::BindingResource::TextureView(view);
-                let sampler = wgpu::BindingResource::Sampler(sampler);
-                [(2 * index, view), (2 * index + 1, sampler)]
-                    .map(|(binding, resource)| wgpu::BindGroupEntry { binding, resource })
-            })
-            .collect();
-        let sampled = gpu.device.create_bind_group(&wgpu::BindGroupDescriptor {
-            label: Some("textures of a quad"),
-            layout: &built.textures,
-            entries: &entries,
-        });
+        let blocks = uniforms(gpu, &built.groups, program, job.uniforms)?;
+        let sampled = bind_sampled(gpu, &built.groups, textures, job.textures, &exact)?;
         let storage = upload_storage(gpu, buffers)?;
-        let stored = built.storage.as_ref().map(|layout| {
-            let entries: Vec<wgpu::BindGroupEntry<'_>> = (0..)
-                .zip(&storage)
-                .map(|(binding, buffer)| wgpu::BindGroupEntry { binding, resource: buffer.as_entire_binding() })
-                .collect();
-            let label = Some("buffers of a quad");
-            gpu.device.create_bind_group(&wgpu::BindGroupDescriptor { label, layout, entries: &entries })
-        });
+        let stored = bind_storage(gpu, &built.groups, &storage);
         let target = gpu.device.create_texture(&wgpu::TextureDescriptor {
             label: Some("quad"),
             size: wgpu::Extent3d { width, height, depth_or_array_layers: 1 },
@@ -130,16 +98,90 @@ impl Quad {
             pass.draw(0..CORNERS.len() as u32, 0..1);
         }
         gpu.submit_and_wait(Some(encoder.finish()), "filling a quad")?;
-        for ((device, host), of) in storage.iter().zip(buffers).zip(&program.storage) {
-            if of.written {
-                read_storage(gpu, device, host)?;
-            }
-        }
+        read_stored(gpu, program, &storage, buffers)?;
         staging.read(gpu, &target, pixels)
     }
 }
 
-fn upload_storage(gpu: &Gpu, buffers: &[Vec<[f32; 4]>]) -> Result<Vec<wgpu::Buffer>, BackendError> {
+/// By sampler: whether it reads its texture unfiltered.
+pub(super) fn unfiltered(program: &Program, textures: &[QuadTexture<'_>], filters: bool) -> Vec<bool> {
+    let exact = |(sampler, texture): (&Sampler, &QuadTexture<'_>)| {
+        sampler.kind == SamplerKind::Compared || !filters && matches!(texture, QuadTexture::Channel { .. })
+    };
+    program.samplers.iter().zip(textures).map(exact).collect()
+}
+
+/// Uploads what samplers read, and binds it. `exact` says which samplers do not filter.
+pub(super) fn bind_sampled(
+    gpu: &Gpu,
+    groups: &Groups,
+    textures: &Textures,
+    read: &[QuadTexture<'_>],
+    exact: &[bool],
+) -> Result<wgpu::BindGroup, BackendError> {
+    let filters = gpu.has(wgpu::Features::FLOAT32_FILTERABLE);
+    let mut own = Vec::with_capacity(read.len());
+    for texture in read {
+        own.push(match texture {
+            QuadTexture::Nothing => None,
+            other => Some(channel_texture(gpu, other, filters)?),
+        });
+    }
+    let bound = own.iter().map(|own| own.as_ref().unwrap_or(textures.nothing()));
+    let entries: Vec<wgpu::BindGroupEntry<'_>> = (0..)
+        .zip(bound.zip(exact))
+        .flat_map(|(index, (Sampled { view, sampler }, exact)): (u32, _)| {
+            let sampler = if *exact { &textures.nearest } else { sampler };
+            let view = wgpu::BindingResource::TextureView(view);
+            let sampler = wgpu::BindingResource::Sampler(sampler);
+            [(2 * index, view), (2 * index + 1, sampler)]
+                .map(|(binding, resource)| wgpu::BindGroupEntry { binding, resource })
+        })
+        .collect();
+    Ok(gpu.device.create_bind_group(&wgpu::BindGroupDescriptor {
+        label: Some("textures of an own shader"),
+        layout: &groups.textures,
+        entries: &entries,
+    }))
+}
+
+/// Binds storage buffers; `None` where the program has none.
+pub(super) fn bind_storage(gpu: &Gpu, groups: &Groups, storage: &[wgpu::Buffer]) -> Option<wgpu::BindGroup> {
+    let layout = groups.storage.as_ref()?;
+    let entries: Vec<wgpu::BindGroupEntry<'_>> = (0..)
+        .zip(storage)
+        .map(|(binding, buffer)| wgpu::BindGroupEntry { binding, resource: buffer.as_entire_binding() })
+        .collect();
+    let label = Some("buffers of an own shader");
+    Some(gpu.device.create_bind_group(&wgpu::BindGroupDescriptor { label, layout, entries: &entries }))
+}
+
+/// Binds a texel that no shader reaches to each image of a program; `None` where it has none.
+pub(super) fn bind_nothing(
+    gpu: &Gpu,
+    groups: &Groups,
+    program: &Program,
+) -> Result<Option<wgpu::BindGroup>, BackendError> {
+    let nothing = vec![vec![[0.0; 4]]; program.storage.len()];
+    Ok(bind_storage(gpu, groups, &upload_storage(gpu, &nothing)?))
+}
+
+/// Reads back the buffers that a program stored to.
+pub(super) fn read_stored(
+    gpu: &Gpu,
+    program: &Program,
+    storage: &[wgpu::Buffer],
+    buffers: &mut [Vec<[f32; 4]>],
+) -> Result<(), BackendError> {
+    for ((device, host), of) in storage.iter().zip(buffers).zip(&program.storage) {
+        if of.written {
+            read_storage(gpu, device, host)?;
+        }
+    }
+    Ok(())
+}
+
+pub(super) fn upload_storage(gpu: &Gpu, buffers: &[Vec<[f32; 4]>]) -> Result<Vec<wgpu::Buffer>, BackendError> {
     let most = gpu.limits.max_storage_buffer_binding_size.min(gpu.max_buffer_bytes);
     let upload = |buffer: &Vec<[f32; 4]>| {
         let bytes: &[u8] = bytemuck::cast_slice(buffer);

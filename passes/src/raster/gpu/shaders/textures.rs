@@ -3,7 +3,7 @@
 use super::super::device::Gpu;
 use super::super::faults::failure;
 use super::super::pipelines::trilinear;
-use super::pipelines::Built;
+use super::pipelines::Groups;
 use curitiba_pipeline::backend::{BackendError, OwnMaterial, OwnTexture};
 use curitiba_pipeline::scene::RenderScene;
 use curitiba_pipeline::scene::texture::{Level, Texture, Wrap};
@@ -56,7 +56,7 @@ impl Textures {
     pub fn bind(
         &mut self,
         gpu: &Gpu,
-        built: &Built,
+        groups: &Groups,
         (material, exact): (&OwnMaterial, &[bool]),
         scene: &RenderScene,
         channels: &[Sampled],
@@ -82,7 +82,7 @@ impl Textures {
             })
             .collect();
         let descriptor =
-            wgpu::BindGroupDescriptor { label: Some("own textures"), layout: &built.textures, entries: &entries };
+            wgpu::BindGroupDescriptor { label: Some("own textures"), layout: &groups.textures, entries: &entries };
         let group = gpu.device.create_bind_group(&descriptor);
         gpu.check("binding of the textures of an own shader")?;
         Ok(group)

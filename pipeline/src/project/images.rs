@@ -1,0 +1,216 @@
+//! Images that shaders load and store: textures that a library declares by their size, and channels of render targets. Materials bind them to
+//! image units. Such a texture is held as a target of one channel.
+
+use super::dom::{Element, Value};
+use super::libraries::{Binding, ImageBinding, Library, LibraryMaterial, Texture, ValueOf, names};
+use super::loader::Loader;
+use super::report::{Span, shown, suggest};
+use super::shaders::ShaderUse;
+use super::{Bound, Channel, ChannelRef, RenderTarget};
+use crate::glsl::{self, StorageBuffer};
+use glam::Vec4;
+
+/// Most textures of an array.
+const MAX_ARRAY: u32 = 64;
+
+/// The child of that name and its attribute `value`.
+fn value_of<'e>(element: &'e Element, name: &str) -> Option<&'e Value> {
+    element.children.iter().find(|child| child.is(&[name]))?.attribute("value")
+}
+
+impl Loader {
+    /// A texture without a file: `<texture name="…"><WIDTH value="…"/><HEIGHT value="…"/><INTERNAL_FORMAT value="…"/></texture>`. What has
+    /// other contents, other dimensions or mip levels is [`Texture::Other`], and so are all in a build without own shaders.
+    pub(super) fn image_texture(&mut self, library: &str, element: &Element, name: &str) -> Texture {
+        let is_image = glsl::AVAILABLE
+            && element.is(&["texture", "arrayOfTextures"])
+            && value_of(element, "content").is_none()
+            && value_of(element, "depth").is_none();
+        let parts = ["width", "height", "internal_format"].map(|part| value_of(element, part));
+        let ([Some(width), Some(height), Some(format)], true) = (parts, is_image) else { return Texture::Other };
+        let (sides, format) = ([self.side(width), self.side(height)], self.format_named(format));
+        let ([Some(width), Some(height)], Some(format)) = (sides, format) else { return Texture::Channel(None) };
+        let channel = Channel { name: name.to_owned(), format, depth: false };
+        self.libraries.targets.push(RenderTarget {
+            library: library.to_owned(),
+            name: name.to_owned(),
+            size: [width, height],
+            clear_color: Vec4::ZERO,
+            buffer: None,
+            channels: vec![channel],
+        });
+        Texture::Channel(Some(ChannelRef { target: self.libraries.targets.len() - 1, channel: 0 }))
+    }
+
+    /// `<arraysOfTextures>` of a library: `<arrayOfTextures name="…"><TEXTURE_COUNT value="…"/>…`, of which each texture is an image.
+    pub(super) fn texture_arrays(&mut self, library: &mut Library, root: &Element) {
+        let lists = root.children_named(&["arraysOfTextures"]).filter(|_| glsl::AVAILABLE);
+        for array in lists.flat_map(|list| list.children_named(&["arrayOfTextures"])) {
+            let Some(name) = self.required(array, "name") else { continue };
+            let count = value_of(array, "texture_count").and_then(|value| value.text.parse::<u32>().ok());
+            let Some(count) = count.filter(|count| (1..=MAX_ARRAY).contains(count)) else {
+                let message = format!("the number of textures of `{}` cannot be read", name.shown());
+                let help = format!("valid: <TEXTURE_COUNT value=\"2\"/>, 1 to {MAX_ARRAY}");
+                self.report.error_help(array.span, message, || help);
+                continue;
+            };
+            for index in 0..count {
+                let element = format!("{}_{index}", name.text);
+                library.texture_names.declare(&mut self.report, &element, name.span);
+                let texture = self.image_texture(&library.name, array, &element);
+                library.textures.push(texture);
+            }
+            library.arrays.insert(name.text.clone(), count);
+        }
+    }
+
+    /// Binds the arrays of textures and of images of a material, and says which are the first units of each.
+    pub(super) fn bound_arrays(
+        &mut self,
+        library: &Library,
+        material: &Element,
+        (textures, images): (&mut Option<Vec<Binding>>, &mut Option<Vec<ImageBinding>>),
+    ) -> Option<[Vec<u32>; 2]> {
+        const KINDS: [(&str, &str, &str); 2] = [
+            ("arraysOfTextures", "arrayOfTextures", "name"),
+            ("arraysOfImageTexture", "arrayOfImageTexture", "textureArray"),
+        ];
+        let mut found = Some([Vec::new(), Vec::new()]);
+        for (kind, (list, child, attribute)) in KINDS.into_iter().enumerate() {
+            let lists = material.children.iter().filter(|found| glsl::AVAILABLE && found.is(&[list]));
+            for array in lists.flat_map(|list| &list.children).filter(|found| found.is(&[child])) {
+                let (Some(name), Some(first)) = (self.required(array, attribute), self.first_unit(array)) else {
+                    found = None;
+                    continue;
+                };
+                let Some(count) = library.arrays.get(&name.text) else {
+                    let message = format!("there is no array of textures `{}`", name.shown());
+                    self.report.error_help(name.span, message, || {
+                        suggest(&name.text, library.arrays.keys().map(String::as_str))
+                    });
+                    found = None;
+                    continue;
+                };
+                for index in 0..*count {
+                    let (unit, text) = (first + index, format!("{}_{index}", name.text));
+                    let name = Value { text, joined: None, span: name.span };
+                    if kind == 0 {
+                        let binding = Binding { unit, library: None, name, compare: None };
+                        textures.iter_mut().for_each(|textures| textures.push(binding.clone()));
+                    } else {
+                        let binding = ImageBinding { unit, name, cleared: false, level: None };
+                        images.iter_mut().for_each(|images| images.push(binding.clone()));
+                    }
+                }
+                found.iter_mut().for_each(|found| found[kind].push(first));
+            }
+        }
+        found
+    }
+
+    fn first_unit(&mut self, array: &Element) -> Option<u32> {
+        let name = ["firstUnit", "first_unit"].into_iter().find(|name| array.attribute(name).is_some());
+        self.unit_of(array, name.unwrap_or("firstUnit"))
+    }
+
+    /// The first unit of the array that `<valueof uniform="name[0]" type="ARRAY_OF_TEXTURES_BINDING" component="SAMPLER_ARRAY" id="0"/>`
+    /// names, or `ARRAY_OF_IMAGE_TEXTURES`; outer `None` for values of other kinds, inner `None` after an error.
+    pub(super) fn array_unit(&mut self, given: &ValueOf, material: &LibraryMaterial) -> Option<Option<glsl::Value>> {
+        const KINDS: [&str; 2] = ["ARRAY_OF_TEXTURES_BINDING", "ARRAY_OF_IMAGE_TEXTURES"];
+        let of = given.kind.as_ref()?;
+        let kind = KINDS.iter().position(|kind| of.text.eq_ignore_ascii_case(kind))?;
+        let id = given.id.as_ref().map_or(Some(0), |id| id.text.parse::<usize>().ok());
+        let unit = id.and_then(|id| material.arrays[kind].get(id));
+        if unit.is_none() {
+            let (uniform, count) = (given.uniform.shown(), material.arrays[kind].len());
+            let message = format!("the uniform `{uniform}` is of an array that the material does not bind");
+            let help = format!("`{}` binds {count} such arrays: their ids count from 0", material.name);
+            self.report.error_help(given.span, message, || help);
+        }
+        Some(unit.map(|unit| glsl::Value::Unit(*unit)))
+    }
+
+    /// The unit that values give to a sampler or an image; of elements of arrays that of the first is given. `None` where none is given,
+    /// and the value that is none where one is.
+    pub(super) fn unit_given<'v>(values: &'v [(ValueOf, glsl::Value)], name: &str) -> Option<Result<u32, &'v ValueOf>> {
+        let (given, value) = values.iter().rev().find(|(given, _)| names(&given.uniform.text, name))?;
+        let index = |name: &str| name.strip_suffix(']').and_then(|name| name.split_once('[')?.1.parse::<u32>().ok());
+        let beyond = index(name).unwrap_or(0).saturating_sub(index(&given.uniform.text).unwrap_or(0));
+        Some(match value {
+            glsl::Value::Unit(unit) => Ok(unit.saturating_add(beyond)),
+            _ => Err(given),
+        })
+    }
+
+    /// What `<imageTextures>` of a material binds: `<imageTexture UNIT="0" texture="…"><LEVEL value="0"/></imageTexture>`.
+    pub(super) fn bound_images(&mut self, material: &Element) -> Option<Vec<ImageBinding>> {
+        let mut found = Some(Vec::new());
+        let lists = material.children_named(&["imageTextures"]).filter(|_| glsl::AVAILABLE);
+        for image in lists.flat_map(|list| list.children_named(&["imageTexture"])) {
+            let (unit, name) = (self.unit_of(image, "unit"), self.required(image, "texture"));
+            let cleared = match value_of(image, "clear") {
+                Some(value) => self.boolean(value),
+                None => Some(false),
+            };
+            let level = value_of(image, "level").filter(|level| level.text != "0").cloned();
+            let binding = unit.zip(name).zip(cleared);
+            found = found.zip(binding).map(|(mut found, ((unit, name), cleared))| {
+                found.push(ImageBinding { unit, name: name.clone(), cleared, level });
+                found
+            });
+        }
+        found
+    }
+
+    /// What is bound to the unit of an image of a shader; inner `None` for nothing, with a warning.
+    pub(super) fn image_of(
+        &mut self,
+        image: &StorageBuffer,
+        at: Span,
+        values: &[(ValueOf, glsl::Value)],
+        used: &ShaderUse<'_>,
+    ) -> Option<Option<Bound>> {
+        let unit = match Self::unit_given(values, &image.name) {
+            Some(Ok(unit)) => unit,
+            Some(Err(given)) => {
+                let message = format!("the image `{}` is given no image unit", image.name);
+                let help = "valid: type=\"IMAGE_TEXTURE\" context=\"CURRENT\" component=\"UNIT\" id=\"0\"";
+                self.report.error_help(given.span, message, || help.to_owned());
+                return None;
+            }
+            None => image.point,
+        };
+        let Some(binding) = used.material.images.iter().rev().find(|binding| binding.unit == unit) else {
+            let material = &used.material.name;
+            let message = format!(
+                "material `{material}` binds nothing to image unit {unit} of `{}`: what is stored there is lost, as in OpenGL",
+                image.name
+            );
+            let help = format!("<imageTexture unit=\"{unit}\" texture=\"…\"/> in its <imageTextures>");
+            self.report.warning(at, message, || Some(help));
+            return Some(None);
+        };
+        if let Some(level) = &binding.level {
+            let message = format!("`{}` binds level {} of a texture", used.material.name, level.shown());
+            self.report.error_help(level.span, message, || "valid: 0, since such textures have one level".to_owned());
+            return None;
+        }
+        let channel = self.find_texture(&binding.name, Some(used.library))?;
+        if channel.channel > 0 {
+            let name = shown(&self.libraries.channel_name(channel));
+            let message =
+                format!("the image `{}` is `{name}`, which is not the first channel of its target", image.name);
+            let help = || "valid: a texture of its own, or the first channel of a render target".to_owned();
+            self.report.error_help(binding.name.span, message, help);
+            return None;
+        }
+        Some(Some(Bound { target: channel.target, cleared: binding.cleared }))
+    }
+
+    /// The value of a uniform that says how large an image is; `None` for other uniforms.
+    pub(super) fn image_extent(&self, storage: &[Option<Bound>], uniform: &str) -> Option<glsl::Value> {
+        let bound = storage.get(glsl::is_image_size(uniform)?)?;
+        let [width, height] = bound.map_or([0; 2], |bound| self.libraries.targets[bound.target].size);
+        Some(glsl::Value::Constant([width as f32, height as f32, 0.0, 0.0]))
+    }
+}
