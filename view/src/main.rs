@@ -32,8 +32,10 @@ impl eframe::App for Window {
         context.request_repaint();
         let never = self.app.state.activity == curitiba_view::worker::Activity::Failed;
         if never {
-            eprintln!("error: {}", self.app.state.error.as_deref().unwrap_or("there is no picture"));
-            self.failed.store(true, Ordering::Relaxed);
+            let error = self.app.state.error.as_deref().unwrap_or("there is no picture");
+            if !self.failed.swap(true, Ordering::Relaxed) {
+                eprintln!("error: {}", error.strip_prefix("error: ").unwrap_or(error));
+            }
             context.send_viewport_cmd(ViewportCommand::Close);
         } else if self.app.drawn >= frames {
             self.close(context);
