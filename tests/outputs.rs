@@ -55,6 +55,26 @@ fn changed(folder: &Path, change: impl Fn(String) -> String) -> String {
 const SMALL: [&str; 4] = ["--size", "16x16", "--raster", "cpu"];
 
 #[test]
+fn no_exr_file_has_a_channel_that_viewers_take_for_opacity() {
+    let place = tempfile::tempdir().expect("a folder");
+    let folder = place.path();
+    let xml = project("SceneShadows.xml").display().to_string();
+    succeeds(folder, &[&["render", xml.as_str()][..], &SMALL, &["--show", "all", "-o", "out.exr"]].concat());
+    let read = |name: &str| curitiba::pipeline::image::read_image(&folder.join(name)).expect("a picture");
+    for (name, channels) in [
+        ("out.exr", "R G B W"),
+        ("out.color.exr", "R G B W"),
+        ("out.pos.exr", "X Y Z cosine"),
+        ("out.norm.exr", "X Y Z W"),
+    ] {
+        assert_eq!(read(name).channels.join(" "), channels, "{name}");
+    }
+    // The number itself is written as before: here it is the light's cosine, which is neither 0 nor 1 everywhere.
+    let color = read("out.color.exr").image;
+    assert!(color.pixels.iter().any(|pixel| pixel[3] > 0.0 && pixel[3] < 1.0));
+}
+
+#[test]
 fn names_of_outputs_are_safe_and_no_two_are_one_file() {
     let place = tempfile::tempdir().expect("a folder");
     let folder = place.path();

@@ -275,29 +275,33 @@ pub fn trace_pixel_by_rays(tracer: &dyn DynTracer, job: &RayJob<'_>, x: u32, y: 
 
 /// Runs a program on a tracer behind a pointer. In corrected fidelity the programs are compiled with exact spheres and serve every scene;
 /// thesis fidelity has neither spheres nor cut-outs.
-fn run_by_rays<R: Runner>(tracer: &dyn DynTracer, job: &RayJob<'_>, runner: R) -> Result<R::Output, BackendError> {
+fn run_by_rays<'o, R: Runner<'o>>(
+    tracer: &dyn DynTracer,
+    job: &RayJob<'_>,
+    runner: R,
+) -> Result<R::Output, BackendError> {
     in_host(job)?;
     check::scene(NAME, job, tracer.knows_spheres())?;
     Ok(match job.fidelity {
         Fidelity::Corrected => {
             let cut = job.shades.iter().any(|shade| shade.alpha_cutoff.is_some());
             let coverage = cut.then_some(AlphaTested { scene: job.scene, shades: job.shades });
-            run_corrected(&new_pass(job, &Erased::<true>(tracer), coverage)?, runner)
+            run_corrected(&new_pass(job, &Erased::<true>(tracer), coverage, runner.progress())?, runner)
         }
-        Fidelity::Thesis => run_thesis(&new_pass(job, &Erased::<false>(tracer), Opaque)?, runner),
+        Fidelity::Thesis => run_thesis(&new_pass(job, &Erased::<false>(tracer), Opaque, runner.progress())?, runner),
     })
 }
 
-fn run<T: Tracer, R: Runner>(tracer: &T, job: &RayJob<'_>, runner: R) -> Result<R::Output, BackendError> {
+fn run<'o, T: Tracer, R: Runner<'o>>(tracer: &T, job: &RayJob<'_>, runner: R) -> Result<R::Output, BackendError> {
     in_host(job)?;
     check::scene(NAME, job, T::SPHERES)?;
     let cut = job.fidelity == Fidelity::Corrected && job.shades.iter().any(|shade| shade.alpha_cutoff.is_some());
     // Programs with spheres always test cut-outs: each combination is compiled separately, and takes a minute.
     Ok(if T::SPHERES || cut {
         let coverage = AlphaTested { scene: job.scene, shades: job.shades };
-        run_program(&new_pass(job, tracer, coverage)?, runner)
+        run_program(&new_pass(job, tracer, coverage, runner.progress())?, runner)
     } else {
-        run_program(&new_pass(job, tracer, Opaque)?, runner)
+        run_program(&new_pass(job, tracer, Opaque, runner.progress())?, runner)
     })
 }
 
@@ -305,6 +309,7 @@ fn new_pass<'a, T: Tracer, C: Coverage>(
     job: &'a RayJob<'a>,
     tracer: &'a T,
     coverage: C,
+    progress: Option<&'a Progress>,
 ) -> Result<Pass<'a, T, C>, BackendError> {
     let prepared = Preparation::of(job).map_err(|why| check::missing(NAME, job, &why))?;
     let Preparation { sampler, open_share, to_light, disc, light_color } = prepared;
@@ -334,6 +339,7 @@ fn new_pass<'a, T: Tracer, C: Coverage>(
         lenses: Lenses::default(),
         disc,
         eye,
+        progress,
     };
     if !job.dielectrics.is_empty() {
         pass.around_eye = dielectric::around_eye(&pass);
@@ -343,8 +349,13 @@ fn new_pass<'a, T: Tracer, C: Coverage>(
 }
 
 /// The pixels for which a program is run: all, or one.
-trait Runner {
+trait Runner<'o> {
     type Output;
+
+    /// Who may give the pixels up.
+    fn progress(&self) -> Option<&'o Progress> {
+        None
+    }
 
     /// Computes the pixels. Where they are computed in tiles, `tile` is called for each tile before its pixels, with the tile's rows. It
     /// returns true if it has written all of the tile's pixels itself.
@@ -379,8 +390,12 @@ struct Whole<'o> {
     tiles: usize,
 }
 
-impl Runner for Whole<'_> {
+impl<'o> Runner<'o> for Whole<'o> {
     type Output = RayCounts;
+
+    fn progress(&self) -> Option<&'o Progress> {
+        Some(self.progress)
+    }
 
     fn each(
         self,
@@ -394,7 +409,7 @@ impl Runner for Whole<'_> {
 /// One pixel.
 struct One(Pixel);
 
-impl Runner for One {
+impl Runner<'_> for One {
     type Output = [f32; 4];
 
     fn each(
@@ -408,7 +423,7 @@ impl Runner for One {
 
 /// Selects the implementation of the program: for each program and fidelity, the function that computes a pixel and, where pixels of a tile
 /// share work, the function that is called for the tile before.
-fn run_program<T: Tracer, C: Coverage, R: Runner>(pass: &Pass<'_, T, C>, pixels: R) -> R::Output {
+fn run_program<'o, T: Tracer, C: Coverage, R: Runner<'o>>(pass: &Pass<'_, T, C>, pixels: R) -> R::Output {
     match pass.job.fidelity {
         Fidelity::Corrected => run_corrected(pass, pixels),
         Fidelity::Thesis if T::SPHERES => unreachable!("`check::scene` refuses exact spheres in thesis fidelity"),
@@ -416,7 +431,7 @@ fn run_program<T: Tracer, C: Coverage, R: Runner>(pass: &Pass<'_, T, C>, pixels:
     }
 }
 
-fn run_thesis<T: Tracer, C: Coverage, R: Runner>(pass: &Pass<'_, T, C>, pixels: R) -> R::Output {
+fn run_thesis<'o, T: Tracer, C: Coverage, R: Runner<'o>>(pass: &Pass<'_, T, C>, pixels: R) -> R::Output {
     match pass.job.program {
         RayProgram::Dummy => pixels.each(alone, |p, _| pass.job.color[p.index]),
         RayProgram::DeferredShadows => pixels.each(alone, |p, w| deferred_shadows::thesis::pixel(pass, p, w)),
@@ -432,7 +447,7 @@ fn run_thesis<T: Tracer, C: Coverage, R: Runner>(pass: &Pass<'_, T, C>, pixels: 
     }
 }
 
-fn run_corrected<T: Tracer, C: Coverage, R: Runner>(pass: &Pass<'_, T, C>, pixels: R) -> R::Output {
+fn run_corrected<'o, T: Tracer, C: Coverage, R: Runner<'o>>(pass: &Pass<'_, T, C>, pixels: R) -> R::Output {
     // Scenes with bodies have programs of their own, so that the report's panes do not become slower.
     let bodies = !pass.job.dielectrics.is_empty();
     match pass.job.program {
@@ -550,6 +565,10 @@ fn run_of_tiles(
         if !tile(area, &mut rows, work) {
             for (down, row) in rows.iter_mut().enumerate() {
                 for (right, out) in row.iter_mut().enumerate() {
+                    // What the tile's own function left out for this reason would be computed here.
+                    if progress.is_cancelled() {
+                        return work.rays;
+                    }
                     let (x, y) = (left + right, top + down);
                     work.place = down * TILE + right;
                     *out = pixel(Pixel { x: x as u32, y: y as u32, index: y * width + x }, work);

@@ -1,12 +1,12 @@
 //! Progress of long steps, and their cancellation.
 
-use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+use std::sync::{Arc, Mutex, PoisonError};
 
 /// A request to stop, shared between the renderer and whoever may cancel it: all clones are one request.
 ///
-/// It is looked for between passes, between parts of a picture, and on the processor between the tiles of raster, effect and ray passes, between
-/// the rows of quads and between the steps of building a structure. A frame that is
+/// It is looked for between passes, between parts of a picture, and on the processor between the tiles of raster and effect passes, between the
+/// pixels of ray passes, the rows of quads and between the steps of building a structure. A frame that is
 /// given up ends in [`RenderError::Cancelled`](crate::executor::RenderError::Cancelled). The request stands until [`Self::reset`], so that one
 /// that arrives between two frames is not lost.
 #[derive(Debug, Clone, Default)]
@@ -43,10 +43,18 @@ pub struct Progress {
     total: AtomicU64,
     cancellation: Cancellation,
     given_up: Arc<AtomicBool>,
+    followed: Mutex<Option<Followed>>,
+}
+
+/// A step that moves the progress of another one from one share to the next.
+#[derive(Debug)]
+struct Followed {
+    step: Arc<Progress>,
+    shares: [f64; 2],
 }
 
 impl Progress {
-    /// Progress of a step that can be cancelled: engines check [`Self::is_cancelled`] between tiles.
+    /// Progress of a step that can be cancelled: engines check [`Self::is_cancelled`] between tiles or pixels.
     #[must_use]
     pub fn until(cancellation: &Cancellation) -> Self {
         Self { cancellation: cancellation.clone(), ..Self::default() }
@@ -74,6 +82,12 @@ impl Progress {
         self.given_up.load(Ordering::Relaxed)
     }
 
+    /// Moves with another step from now on: from one share of the total to another one, 0 to 1.
+    pub(crate) fn follow(&self, step: &Arc<Self>, shares: [f64; 2]) {
+        *self.followed.lock().unwrap_or_else(PoisonError::into_inner) =
+            Some(Followed { step: Arc::clone(step), shares });
+    }
+
     /// Starts counting to `total`.
     pub fn start(&self, total: u64) {
         self.done.store(0, Ordering::Relaxed);
@@ -88,7 +102,12 @@ impl Progress {
     /// Count and total; the total is 0 if it is not known.
     #[must_use]
     pub fn get(&self) -> (u64, u64) {
-        (self.done.load(Ordering::Relaxed), self.total.load(Ordering::Relaxed))
+        let (done, total) = (self.done.load(Ordering::Relaxed), self.total.load(Ordering::Relaxed));
+        let followed = self.followed.lock().unwrap_or_else(PoisonError::into_inner);
+        let Some(Followed { step, shares: [from, to] }) = &*followed else { return (done, total) };
+        let (part, whole) = step.get();
+        let share = from + (to - from) * part as f64 / whole.max(1) as f64;
+        ((share * total as f64) as u64, total)
     }
 }
 
@@ -108,6 +127,25 @@ mod tests {
         stop.reset();
         assert!(step.is_cancelled() && step.is_given_up());
         assert!(!unaware.is_cancelled() && !unaware.is_given_up());
+    }
+
+    #[test]
+    fn a_step_that_follows_others_goes_from_share_to_share() {
+        let whole = Progress::default();
+        whole.start(1000);
+        let mut last = 0;
+        for shares in [[0.0, 0.25], [0.25, 0.5], [0.5, 1.0]] {
+            let step = Arc::new(Progress::default());
+            whole.follow(&step, shares);
+            assert_eq!(whole.get(), ((shares[0] * 1000.0) as u64, 1000), "before it has counted anything");
+            step.start(4);
+            for _ in 0..4 {
+                step.advance(1);
+                assert!(whole.get().0 > last);
+                last = whole.get().0;
+            }
+            assert_eq!(last, (shares[1] * 1000.0) as u64);
+        }
     }
 
     #[test]

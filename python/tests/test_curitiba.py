@@ -378,7 +378,7 @@ def test_a_long_frame_shows_how_far_it_is_and_ctrl_c_ends_it_and_the_renderer_go
 
 
 def test_the_notebook_runs_and_makes_its_figure(tmp_path, monkeypatch):
-    notebook = json.loads((ROOT / "python" / "examples" / "raster_or_rays.ipynb").read_text())
+    notebook = json.loads((ROOT / "examples" / "raster_or_rays.ipynb").read_text())
     assert notebook["nbformat"] == 4
     monkeypatch.setenv("CURITIBA_PROJECTS", str(PROJECTS))
     monkeypatch.setenv("MPLBACKEND", "Agg")

@@ -176,6 +176,7 @@ impl ProjectArgs {
             crop: self.crop,
             bands: self.bands,
             aa: self.aa,
+            preview: None,
         }
     }
 

@@ -2,11 +2,13 @@
 
 use super::{bits, file, frame, opened, update};
 use curitiba::Choice;
-use curitiba::pipeline::executor::{Goal, Renderer, Silent};
+use curitiba::pipeline::backend::RayJob;
+use curitiba::pipeline::executor::{Goal, Observer, Progress, Renderer, Silent, StepKind};
 use curitiba::pipeline::image::{Image, read_image};
 use curitiba::pipeline::plan::Settings;
 use curitiba::pipeline::programs::Fidelity;
 use std::process::Command;
+use std::sync::Arc;
 use std::time::Duration;
 
 fn settings(name: &str, samples: u32) -> Settings {
@@ -246,4 +248,47 @@ fn an_accumulation_of_the_cpu_equals_that_of_another_number_of_threads() {
         })
     };
     assert!(once(1) == once(3));
+}
+
+/// Notes the steps that begin, and after each batch how far the whole is.
+#[derive(Default)]
+struct Follows {
+    begun: Vec<String>,
+    progress: Option<Arc<Progress>>,
+    shares: Vec<f64>,
+}
+
+impl Observer for Follows {
+    fn begin(&mut self, kind: StepKind, name: &str, progress: &Arc<Progress>) {
+        self.begun.push(format!("{} {name}", kind.name()));
+        self.progress = Some(Arc::clone(progress));
+    }
+    fn end(&mut self) {}
+    fn traced(&mut self, _: &str, _: &RayJob<'_>, _: &Image) {
+        let (done, total) = self.progress.as_ref().expect("a step").get();
+        self.shares.push(done as f64 / total as f64);
+    }
+}
+
+#[test]
+fn progress_is_the_share_of_the_whole_goal() {
+    let mut renderer = renderer("SceneSSAO", 4);
+    let mut follows = Follows::default();
+    renderer.accumulate(Goal::Samples(64), &mut follows).expect("it takes samples");
+    let rays: Vec<&String> = follows.begun.iter().filter(|step| step.contains("pass2")).collect();
+    assert_eq!(rays, ["rays pass2"], "one step for all batches: {:?}", follows.begun);
+    assert_eq!(follows.shares.len(), 16);
+    for (batch, share) in follows.shares.iter().enumerate() {
+        assert!((share - (batch + 1) as f64 / 16.0).abs() < 1e-3, "{:?}", follows.shares);
+    }
+    // Of a time and of an error, what comes is not known, but it does not go back, and is never more than the whole.
+    for goal in [Goal::Time(Duration::from_millis(20)), Goal::Error(0.02)] {
+        let mut follows = Follows::default();
+        renderer.accumulate(goal, &mut follows).expect("it takes samples");
+        let shares = follows.shares;
+        assert!(
+            shares.len() >= 2 && shares.is_sorted() && shares.iter().all(|share| (0.0..=1.0).contains(share)),
+            "{shares:?}"
+        );
+    }
 }

@@ -4,7 +4,7 @@
 use super::{bits, file, frame, opened, ran, settings, update};
 use curitiba::Choice;
 use curitiba::pipeline::executor::{ChangeError, RenderError, Renderer, Silent};
-use curitiba::pipeline::plan::Settings;
+use curitiba::pipeline::plan::{Preview, Settings};
 use curitiba::pipeline::project::Pose;
 use glam::Vec3;
 use std::path::{Path, PathBuf};
@@ -112,6 +112,28 @@ fn the_size_larger_and_smaller_and_back() {
         renderer.set_size([64, 64]).expect("a size");
         update(&mut renderer);
         renderer.set_size([112, 80]).expect("a size");
+        assert!(bits(&update(&mut renderer)) == first, "{name}");
+    }
+}
+
+#[test]
+fn a_preview_is_a_smaller_picture_of_fewer_samples_and_leaves_nothing_behind() {
+    for (name, set) in [("SceneFinal", "pass2.samples=4"), ("SceneShadows", ""), ("raster/SceneGTAO", "")] {
+        let set: Vec<String> = [set].into_iter().filter(|set| !set.is_empty()).map(str::to_owned).collect();
+        // Sides of 112 and 80 pixels, divided by 3 and rounded up.
+        let passes = same_as_fresh(
+            name,
+            |renderer| renderer.set_preview(Some(Preview { divisor: 3, samples: 4 })),
+            |settings| opened(name, Settings { size: Some([38, 27]), set, ..settings }),
+        );
+        assert_eq!(passes, ALL);
+        let mut renderer = opened(name, settings(name));
+        let first = bits(&frame(&mut renderer));
+        renderer.set_preview(Some(Preview { divisor: 2, samples: 1 })).expect("a preview");
+        let small = update(&mut renderer);
+        assert_eq!([small.width, small.height], [56, 40]);
+        assert_eq!((renderer.plan().whole_size(None), renderer.settings().size), ([112, 80], Some([112, 80])));
+        renderer.set_preview(None).expect("no preview");
         assert!(bits(&update(&mut renderer)) == first, "{name}");
     }
 }
@@ -245,6 +267,8 @@ fn wrong_values_are_refused_and_change_nothing() {
         (renderer.set_light("Sun", Vec3::X, Vec3::INFINITY), "no colour"),
         (renderer.set_light("Sun", Vec3::X, Vec3::splat(2e9)), "-1e9 to 1e9"),
         (renderer.set_size([0, 5]), "1 to 65536"),
+        (renderer.set_preview(Some(Preview { divisor: 0, samples: 1 })), "at least 1"),
+        (renderer.set_preview(Some(Preview { divisor: 1, samples: 3 })), "a square number"),
         (renderer.set_parameter("pass2", "sample", "4"), "did you mean `samples`"),
         (renderer.set_parameter("pass2", "radius", "-1"), "above 0"),
         (renderer.set_parameter("pass9", "radius", "1"), "no pass `pass9`"),

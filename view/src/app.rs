@@ -4,10 +4,14 @@ use crate::camera;
 use crate::canvas::Canvas;
 use crate::texture::Slot;
 use crate::theme::style;
-use crate::worker::{Available, Command, Facts, Other, Picture, Source, State, Worker};
+use crate::worker::{Activity, Available, Command, Facts, Other, Picture, State, Worker};
 use curitiba::pipeline::project::Pose;
 use std::path::PathBuf;
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::{Arc, OnceLock};
+use std::time::Duration;
+
+/// How long a notice stays.
+const NOTICE: Duration = Duration::from_secs(3);
 
 /// How two pictures are shown.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -73,7 +77,9 @@ pub struct App {
     pub(crate) shown: Slot,
     pub(crate) against: Slot,
     pub(crate) heat: Slot,
-    available: Arc<Mutex<Option<Available>>>,
+    available: Option<Arc<OnceLock<Available>>>,
+    /// What was just done, and until when that is said, seconds of the window's clock.
+    pub(crate) notice: Option<(String, f64)>,
     /// Drawings with a picture in them.
     pub drawn: u32,
     /// What laying out the window took last, milliseconds: no pass is rendered there.
@@ -81,23 +87,9 @@ pub struct App {
 }
 
 impl App {
-    /// Opens a window on something.
-    ///
-    /// # Errors
-    /// If no thread can be started.
-    pub fn new(context: &egui::Context, source: Source, reference: Option<PathBuf>) -> std::io::Result<Self> {
+    /// A window on what a thread renders, which may have begun before there was a window.
+    pub fn new(context: &egui::Context, worker: Worker, reference: Option<PathBuf>) -> Self {
         style(context);
-        let wake = context.clone();
-        let available = Arc::default();
-        let found: Arc<Mutex<Option<Available>>> = Arc::clone(&available);
-        let worker = Worker::start(source, move || wake.request_repaint())?;
-        let told = context.clone();
-        // Devices are looked for beside the first frame.
-        std::thread::Builder::new().name("devices".to_owned()).spawn(move || {
-            let looked = Available::look();
-            *found.lock().unwrap_or_else(PoisonError::into_inner) = Some(looked);
-            told.request_repaint();
-        })?;
         let mut app = Self {
             worker,
             state: State::default(),
@@ -124,14 +116,15 @@ impl App {
             shown: Slot::default(),
             against: Slot::default(),
             heat: Slot::default(),
-            available,
+            available: None,
+            notice: None,
             drawn: 0,
             drawing_ms: 0.0,
         };
         if let Some(path) = reference {
             app.compare_with(Some(Other::File(path)));
         }
-        Ok(app)
+        app
     }
 
     /// Lets the thread show what is hovered or pinned.
@@ -165,7 +158,46 @@ impl App {
 
     /// Which engines are there, once that is known.
     pub(crate) fn available(&self) -> Option<Available> {
-        self.available.lock().unwrap_or_else(PoisonError::into_inner).clone()
+        self.available.as_ref()?.get().cloned()
+    }
+
+    /// Whether it is known which engines are there.
+    #[must_use]
+    pub fn knows_engines(&self) -> bool {
+        self.available.as_ref().is_some_and(|available| available.get().is_some())
+    }
+
+    /// Looks for engines, once: not before the first picture, which needs the processor's time.
+    pub(crate) fn look_for_engines(&mut self, context: &egui::Context) {
+        if self.available.is_some() || (self.state.picture.is_none() && self.state.activity != Activity::Failed) {
+            return;
+        }
+        let (found, told) = (Arc::new(OnceLock::new()), context.clone());
+        self.available = Some(Arc::clone(&found));
+        let look = move || {
+            // Nobody else sets it.
+            let _ = found.set(Available::look());
+            told.request_repaint();
+        };
+        if let Err(error) = std::thread::Builder::new().name("devices".to_owned()).spawn(look) {
+            self.notify(context, format!("engines are not looked for: no thread can be started ({error})"));
+        }
+    }
+
+    /// Says something for a moment.
+    pub(crate) fn notify(&mut self, context: &egui::Context, text: String) {
+        self.notice = Some((text, context.input(|input| input.time) + NOTICE.as_secs_f64()));
+        context.request_repaint_after(NOTICE);
+    }
+
+    /// Keeps what is shown and compares with it; not while the camera moves, where it may have fewer pixels.
+    pub(crate) fn keep(&mut self, context: &egui::Context) {
+        let Some(picture) = self.state.picture.clone() else { return };
+        if picture.is_reduced() {
+            return self.notify(context, "the picture is not whole: keep it when the camera rests".to_owned());
+        }
+        self.kept = Some(Arc::clone(&picture));
+        self.compare_with(Some(Other::Kept(picture)));
     }
 
     /// Where a picture is saved: a name that is not taken yet.

@@ -7,13 +7,13 @@ use curitiba::pipeline::files;
 use curitiba::pipeline::image::{Image, write_png};
 use curitiba_view::app::App;
 use curitiba_view::args::ViewArgs;
-use curitiba_view::worker::Source;
+use curitiba_view::worker::{Source, Worker};
 use eframe::{NativeOptions, Renderer};
 use egui::{ViewportBuilder, ViewportCommand, vec2};
 use std::path::PathBuf;
 use std::process::ExitCode;
-use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 
 /// The window, and when it closes by itself.
 struct Window {
@@ -32,8 +32,10 @@ impl eframe::App for Window {
         context.request_repaint();
         let never = self.app.state.activity == curitiba_view::worker::Activity::Failed;
         if never {
-            eprintln!("error: {}", self.app.state.error.as_deref().unwrap_or("there is no picture"));
-            self.failed.store(true, Ordering::Relaxed);
+            let error = self.app.state.error.as_deref().unwrap_or("there is no picture");
+            if !self.failed.swap(true, Ordering::Relaxed) {
+                eprintln!("error: {}", error.strip_prefix("error: ").unwrap_or(error));
+            }
             context.send_viewport_cmd(ViewportCommand::Close);
         } else if self.app.drawn >= frames {
             self.close(context);
@@ -94,24 +96,36 @@ fn run(args: ViewArgs) -> Result<ExitCode, String> {
         watch: true,
     };
     let title = format!("{} – curitiba", source.path.display());
+    // The project is read and rendered while the window and its device are made.
+    let awake: Arc<OnceLock<egui::Context>> = Arc::default();
+    let wakes = Arc::clone(&awake);
+    let wake = move || wakes.get().into_iter().for_each(egui::Context::request_repaint);
+    let worker = Worker::start(source, wake).map_err(|error| format!("no thread can be started: {error}"))?;
+    let worker = Arc::new(Mutex::new(Some(worker)));
+    let take = move || worker.lock().unwrap_or_else(PoisonError::into_inner).take();
     let viewport = ViewportBuilder::default()
         .with_title(title)
         .with_app_id("curitiba-view")
         .with_inner_size(vec2(1280.0, 800.0))
         .with_min_inner_size(vec2(760.0, 480.0));
     let options = NativeOptions { viewport, renderer: Renderer::Wgpu, ..NativeOptions::default() };
-    let failed = Arc::new(AtomicBool::new(false));
+    let (failed, taken) = (Arc::new(AtomicBool::new(false)), take.clone());
     let told = Arc::clone(&failed);
     let ViewArgs { reference, quit_after, window_png, .. } = args;
     eframe::run_native(
         "curitiba-view",
         options,
         Box::new(move |context| {
-            let app = App::new(&context.egui_ctx, source, reference)?;
+            let worker = taken().ok_or("the renderer is gone")?;
+            // What it told before is seen by the first drawing.
+            let _ = awake.set(context.egui_ctx.clone());
+            let app = App::new(&context.egui_ctx, worker, reference);
             Ok(Box::new(Window { app, quit_after, window_png, asked: false, failed: told }))
         }),
     )
     .map_err(|error| {
+        // It may still read, and is not waited for.
+        std::mem::forget(take());
         format!(
             "no window can be opened: {error}\n       `curitiba render` needs no window; over ssh, `ssh -X` lends one"
         )

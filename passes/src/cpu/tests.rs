@@ -1,9 +1,10 @@
-use super::CpuRays;
+use super::{CpuRays, Whole, new_pass, run_corrected};
+use crate::effects::Coverage;
 use crate::effects::tests::world::{Shot, World, grid};
 use crate::sampling::hash::{pcg4d, unit};
-use crate::trace::{Bvh, Quality, Ray, SurfacePoint, Tracer};
+use crate::trace::{Bvh, Hit, Quality, Ray, SurfacePoint, Tracer};
 use curitiba_pipeline::backend::{BackendError, RayBackend, RayCounts, RayJob, Shade};
-use curitiba_pipeline::executor::Progress;
+use curitiba_pipeline::executor::{Cancellation, Progress};
 use curitiba_pipeline::image::Image;
 use curitiba_pipeline::programs::Fidelity::{self, Corrected, Thesis};
 use curitiba_pipeline::programs::{RayParams, RayProgram, Sampler};
@@ -106,6 +107,47 @@ fn the_number_of_threads_does_not_change_a_bit() {
         assert_eq!(pictures[0], pictures[1]);
         assert_eq!(pictures[0], pictures[2]);
         assert_eq!(pictures[0], pictures[3]);
+    }
+}
+
+/// Gives the pass up at the first hit that asks for its coverage, if told to.
+struct GivesUp(Option<Cancellation>);
+
+impl Coverage for GivesUp {
+    fn covers(&self, _: &Hit) -> bool {
+        self.0.iter().for_each(Cancellation::cancel);
+        true
+    }
+}
+
+#[test]
+fn a_pass_is_given_up_before_its_next_pixel() {
+    let world = crowd();
+    let shot = look(&world);
+    let (backend, scene) = backend(&world);
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build().expect("a thread");
+    let soft = RayParams { sun: 5.0, ..params() };
+    for (program, params) in [
+        (RayProgram::Ssao, params()),
+        (RayProgram::Final, params()),
+        (RayProgram::DeferredShadows, soft),
+        (RayProgram::Reflection, params()),
+    ] {
+        let job = RayJob { scene: &scene, ..shot.job(program, Corrected, params) };
+        let traced = |gives_up: bool| {
+            let stop = Cancellation::new();
+            let progress = Progress::until(&stop);
+            let mut output = Image::filled(job.width, job.height, [0.0; 4]);
+            let tree = &backend.tracer(&job).expect("a structure").expect("it was built").triangles;
+            let pass =
+                new_pass(&job, tree, GivesUp(gives_up.then_some(stop)), Some(&progress)).expect("a complete job");
+            let whole = Whole { output: &mut output, progress: &progress, tiles: 1 };
+            let rays = pool.install(|| run_corrected(&pass, whole));
+            (progress.is_given_up(), rays.total())
+        };
+        let ((never, all), (given_up, some)) = (traced(false), traced(true));
+        // The picture has 1369 pixels in nine tiles, and the first hit is in one of its first rows.
+        assert!(!never && given_up && 20 * some < all, "{program:?}: {some} of {all} rays");
     }
 }
 

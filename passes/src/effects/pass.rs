@@ -8,6 +8,7 @@ use crate::sampling::cone::ConeSampler;
 use crate::sampling::hash::pixel_key;
 use crate::trace::{Hit, Tracer};
 use curitiba_pipeline::backend::{NO_TRIANGLE, RayJob};
+use curitiba_pipeline::executor::Progress;
 use curitiba_pipeline::glass::Stratum;
 use curitiba_pipeline::scene::TriangleRanges;
 use glam::{Vec3, Vec4};
@@ -48,6 +49,8 @@ pub struct Pass<'a, T, C> {
     pub disc: Option<ConeSampler>,
     /// Where rays start; `None` for programs that read a G-buffer.
     pub eye: Option<Eye>,
+    /// Who may give the pass up; `None` where nobody can.
+    pub progress: Option<&'a Progress>,
 }
 
 /// A pixel of the pass.

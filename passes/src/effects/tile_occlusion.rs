@@ -6,6 +6,7 @@ use super::tile::{Area, TILE};
 use super::tile_surfaces::Known;
 use super::workspace::Workspace;
 use crate::trace::{Hit, Tracer};
+use curitiba_pipeline::executor::Progress;
 use glam::Vec3;
 
 /// Pixels along a side of the smallest square for which triangles are gathered.
@@ -75,6 +76,10 @@ fn each<T: Tracer, C: Coverage>(
     stops: impl Fn(&Hit) -> bool,
 ) {
     for place in places(square) {
+        // With thousands of samples a pixel takes a tenth of a millisecond, and a tile 256 times as long.
+        if pass.progress.is_some_and(Progress::is_cancelled) {
+            return;
+        }
         let Known { surface: Some((surface, _)), origin, .. } = *work.surfaces.at(place) else { continue };
         let (x, y) = (area.x + place % TILE, area.y + place / TILE);
         let key = pass.key(Pixel { x: x as u32, y: y as u32, index: y * area.stride + x });

@@ -270,6 +270,7 @@ mod tests {
             lenses: Lenses::default(),
             disc: None,
             eye: None,
+            progress: None,
         };
         let area = Area { x: 0, y: 0, width: TILE, height: TILE, stride: TILE };
         for simd in [InstructionSet::Avx512, InstructionSet::Avx2, InstructionSet::Portable]

@@ -12,56 +12,13 @@
 //! shares into colours can be accumulated only with `intensity=1`, where colours are linear in the shares; rounding of the batches
 //! then causes errors of a few 2^-24.
 
-use super::{Estimate, Observer, RenderError, Renderer, dirty::spread, rays::Traced};
+use super::goal::{Batch, Goal, MAX_SAMPLES, WholeGoal};
+use super::{Estimate, Observer, RenderError, Renderer, StepKind, dirty::spread, rays::Traced};
 use crate::image::Image;
 use crate::plan::{Access, Plan, PlanError, PlannedPass, Work};
 use crate::programs::{Fidelity, MOST_PATHS, RayParams, RayProgramInfo, Sampler, Writes};
 use crate::project::{PassKind, RayPass};
-use std::time::{Duration, Instant};
-
-/// Most samples a point that can be accumulated.
-pub const MAX_SAMPLES: u32 = 1 << 24;
-
-/// Samples of a batch when their total is not known in advance. At 16 the cost per ray is little above that of larger batches.
-const BATCH: u32 = 16;
-
-/// When accumulation stops.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub enum Goal {
-    /// After this number of samples a point, 1 to [`MAX_SAMPLES`].
-    Samples(u32),
-    /// After the first batch that ends later than this, but not before the second batch.
-    Time(Duration),
-    /// When the root mean square of the pixels' standard errors is at most this in every pass, or after [`MAX_SAMPLES`].
-    Error(f64),
-}
-
-impl std::str::FromStr for Goal {
-    type Err = String;
-
-    /// Parses `64` (samples), `2s` or `500ms` (time), or `0.002` (error).
-    fn from_str(text: &str) -> Result<Self, String> {
-        let wrong = || {
-            format!(
-                "`{text}` is no goal; valid: a number of samples (64, up to {MAX_SAMPLES}), a time (2s, 500ms), or a standard error \
-                 below 1 with a point (0.002)"
-            )
-        };
-        let number = |text: &str| text.parse::<f64>().ok().filter(|value| value.is_finite() && *value > 0.0);
-        if let Some(time) = text
-            .strip_suffix("ms")
-            .map(|ms| number(ms).map(|ms| ms / 1e3))
-            .or_else(|| text.strip_suffix('s').map(number))
-        {
-            let time = time.and_then(|seconds| Duration::try_from_secs_f64(seconds).ok());
-            return time.map(Self::Time).ok_or_else(wrong);
-        }
-        if text.contains('.') || text.contains(['e', 'E']) {
-            return number(text).filter(|error| *error < 1.0).map(Self::Error).ok_or_else(wrong);
-        }
-        text.parse().ok().filter(|samples| (1..=MAX_SAMPLES).contains(samples)).map(Self::Samples).ok_or_else(wrong)
-    }
-}
+use std::time::Instant;
 
 /// A ray pass whose samples are accumulated.
 #[derive(Debug, Clone)]
@@ -244,15 +201,38 @@ impl Renderer {
         self.settle(observer)?;
         self.timeline.begin_parts();
         let mut accumulation = self.accumulation(observer)?;
-        while let Some(samples) = batch(goal, &accumulation, start.elapsed()) {
+        if !accumulation.passes.is_empty() {
+            let names: Vec<&str> = accumulation.passes.iter().map(|pass| pass.name.as_str()).collect();
+            let progress = self.progress();
+            observer.begin(StepKind::Rays, &names.join(", "), &progress);
+            let reached =
+                self.accumulate_batches(goal, start, &mut accumulation, &mut WholeGoal::new(observer, progress));
+            observer.end();
+            reached?;
+        }
+        accumulation.show(self, observer)?;
+        self.timeline.end_parts();
+        Ok(accumulation)
+    }
+
+    /// Adds batch after batch until the goal is reached, to at least one pass; the observer's one step is all of it.
+    fn accumulate_batches(
+        &mut self,
+        goal: Goal,
+        start: Instant,
+        accumulation: &mut Accumulation,
+        observer: &mut WholeGoal<'_>,
+    ) -> Result<(), RenderError> {
+        loop {
+            let done = (accumulation.samples() as u32, accumulation.passes[0].estimate.batches());
+            let next = Batch::next(goal, done, start.elapsed(), || accumulation.error());
+            let Some(Batch { samples, shares }) = next else { return Ok(()) };
+            observer.expect(shares, accumulation.passes.len());
             accumulation.add(self, samples, observer)?;
             if observer.wants_picture() {
                 accumulation.show(self, observer)?;
             }
         }
-        accumulation.show(self, observer)?;
-        self.timeline.end_parts();
-        Ok(accumulation)
     }
 
     /// Fails if an accumulated pass depends on another one, or if a later pass overwrites what it reads.
@@ -350,24 +330,6 @@ impl Renderer {
     }
 }
 
-/// Size of the next batch; `None` when the goal is reached.
-fn batch(goal: Goal, accumulation: &Accumulation, elapsed: Duration) -> Option<u32> {
-    let done = accumulation.samples() as u32;
-    if accumulation.passes.is_empty() || done >= MAX_SAMPLES {
-        return None;
-    }
-    let batches = accumulation.passes[0].estimate.batches();
-    match goal {
-        // Powers of two, so that each batch is well distributed by itself; about sixteen batches, to estimate the scatter.
-        Goal::Samples(samples) if done < samples => {
-            Some((1 << (samples / 16).max(1).ilog2().min(6)).min(samples - done))
-        }
-        Goal::Time(time) if batches < 2 || elapsed < time => Some(BATCH),
-        Goal::Error(error) if batches < 4 || accumulation.error() > error => Some(BATCH),
-        _ => None,
-    }
-}
-
 /// Parameters and program of a pass whose samples are accumulated, by the tables of programs and parameters. `None` if the pass
 /// takes no samples.
 fn accumulates(plan: &Plan, planned: &PlannedPass) -> Result<Option<(RayParams, &'static RayProgramInfo)>, PlanError> {
@@ -403,26 +365,4 @@ fn accumulates(plan: &Plan, planned: &PlannedPass) -> Result<Option<(RayParams, 
         return refused(why, format!("use --set {name}.intensity=1, or all samples at once: --set {name}.samples=N"));
     }
     Ok(Some((*params, info)))
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn goals_are_told_apart_by_how_they_are_written() {
-        for (text, goal) in [
-            ("64", Goal::Samples(64)),
-            ("2s", Goal::Time(Duration::from_secs(2))),
-            ("0.5s", Goal::Time(Duration::from_millis(500))),
-            ("500ms", Goal::Time(Duration::from_millis(500))),
-            ("0.002", Goal::Error(0.002)),
-            ("2e-3", Goal::Error(0.002)),
-        ] {
-            assert_eq!(text.parse(), Ok(goal));
-        }
-        for text in ["", "0", "-1", "1.5", "s", "-2s", "nan", "infs", "1e40s", "0.0", "16777217", "64 samples"] {
-            assert!(text.parse::<Goal>().is_err_and(|error| error.contains("500ms")), "{text}");
-        }
-    }
 }

@@ -7,7 +7,7 @@ use super::{Observer, RenderError, Renderer, prepare};
 use crate::backend::{Attachments, GBuffer, NO_TRIANGLE};
 use crate::memory::Refused;
 use crate::pixel_samples::PixelSamples;
-use crate::plan::{Plan, PlanError, PlannedTarget, Settings, Work};
+use crate::plan::{Plan, PlanError, PlannedTarget, Preview, Settings, Work};
 pub use crate::project::Pose;
 use crate::project::{Project, SourceError, names_scenes};
 use glam::Vec3;
@@ -215,6 +215,15 @@ impl Renderer {
     /// If positions or normals are kept for inspection, which have no meaningful mean, or there is no memory for the sums.
     pub fn set_pixel_samples(&mut self, samples: PixelSamples) -> Result<(), ChangeError> {
         self.set(|settings| settings.aa = samples)
+    }
+
+    /// Renders fewer pixels and samples than the other settings ask for, until it is set to `None`. Cameras stay as they are for the whole
+    /// size, and scene files are not read again.
+    ///
+    /// # Errors
+    /// If the preview is not valid, or has fewer pixels although only a part of the picture is written.
+    pub fn set_preview(&mut self, preview: Option<Preview>) -> Result<(), ChangeError> {
+        self.set(|settings| settings.preview = preview)
     }
 
     /// Sets the seed of random numbers for the following frames.

@@ -15,8 +15,9 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::Instant;
 
-/// Names of the channels of a colour layer.
-const RGBA: [&str; 4] = ["R", "G", "B", "A"];
+/// Names of the channels of a colour layer. The fourth number is no alpha: targets keep the light's cosine there. Viewers would take a
+/// channel `A` for the opacity, and show the picture darker, or their background in it.
+const COLOR: [&str; 4] = ["R", "G", "B", "W"];
 
 /// The error for an EXR file of a picture that a device displayed in 8 bits.
 const NO_FLOATS: &str = "the last frame was rendered for a picture of 8 bits, and an EXR file holds floats: render it again, by \
@@ -81,7 +82,7 @@ impl Renderer {
             let window = self.lend(None)?;
             let result = self.timed(&window_file[0], &mut written, observer, |path| {
                 if exr {
-                    write_exr_of(path, Layer { name: "window", channels: RGBA, image: &window }, Some(display.space))
+                    write_exr_of(path, Layer { name: "window", channels: COLOR, image: &window }, Some(display.space))
                 } else {
                     write_displayed(path, &window, display)
                 }
@@ -106,7 +107,7 @@ impl Renderer {
         let image = self.lend(Some(channel))?;
         let (name, content) = (self.full_name(channel), self.content(channel));
         let channels = match content {
-            Content::Color => RGBA,
+            Content::Color => COLOR,
             Content::Position => ["X", "Y", "Z", "cosine"],
             Content::Normal => ["X", "Y", "Z", "W"],
         };
@@ -192,7 +193,7 @@ impl Renderer {
         let start = Instant::now();
         let mut rows = self.rows(observer);
         let result = if exr {
-            let layer = RowLayer { name: "window", channels: RGBA, rows: &mut rows };
+            let layer = RowLayer { name: "window", channels: COLOR, rows: &mut rows };
             write_exr_rows_of(path, &mut [layer], Some(display.space))
         } else {
             write_png_rows(path, &mut DisplayRows::new(&mut rows, display))

@@ -48,7 +48,7 @@ pub struct Picture {
     /// The pixels. Those of a PNG are display values, 0 to 1; those of an EXR are the stored values, whose meaning [`Self::space`]
     /// gives. Grey pictures have three equal colours; alpha is 1 where the file has none.
     pub image: Image,
-    /// Names of the four channels: `R G B A`, or `X Y Z cosine` for world positions with light cosine.
+    /// Names of the four channels: `R G B A` or `R G B W`, or `X Y Z cosine` for world positions with light cosine.
     pub channels: [String; 4],
     /// The largest stored integer, 255 or 65535, if values were clamped to 0 to 1 and rounded to steps of its inverse; `None` for
     /// floats.
@@ -240,7 +240,8 @@ fn variance_samples(name: &str) -> Result<Option<Option<u32>>, String> {
 }
 
 /// The sets of channels that are read, in the order of a pixel's components; the last channel of each may be missing.
-const CHANNELS: [[&str; 4]; 3] = [["R", "G", "B", "A"], ["X", "Y", "Z", "cosine"], ["X", "Y", "Z", "W"]];
+const CHANNELS: [[&str; 4]; 4] =
+    [["R", "G", "B", "A"], ["R", "G", "B", "W"], ["X", "Y", "Z", "cosine"], ["X", "Y", "Z", "W"]];
 
 /// A picture for a layer's pixels, black and opaque; the names of its components; and for each channel of the layer the components
 /// that it fills.
@@ -251,9 +252,10 @@ fn prepare(layer: &str, header: &Header) -> Result<Prepared, String> {
     // Other programs write `layer.R`, even where the layer has that name already.
     let short = |name: &Text| name.to_string().rsplit('.').next().unwrap_or_default().to_owned();
     let find = |wanted: &str| list.iter().position(|channel| short(&channel.name) == wanted);
-    let colored = CHANNELS.iter().find(|names| names[..3].iter().all(|name| find(name).is_some()));
-    // `X Y Z` are the prefix of two sets; the fourth channel decides.
-    let colored = colored.map(|names| if names[3] == "cosine" && find("W").is_some() { &CHANNELS[2] } else { names });
+    // Two sets begin alike; the fourth channel decides.
+    let has = |names: &[&str]| names.iter().all(|name| find(name).is_some());
+    let whole = CHANNELS.iter().find(|names| has(&names[..]));
+    let colored = whole.or_else(|| CHANNELS.iter().find(|names| has(&names[..3])));
     let names = match (colored, find("Y")) {
         (Some(names), _) => *names,
         (None, Some(_)) => ["Y", "Y", "Y", "A"],
@@ -334,6 +336,26 @@ mod tests {
         assert_eq!(found.image.pixels[4], bright.pixels[4]);
         assert_eq!(found.image.pixels[5][..2], bright.pixels[5][..2]);
         assert!(found.image.pixels[5][2].is_nan() && found.image.pixels[5][3] == 0.25);
+    }
+
+    #[test]
+    fn a_fourth_number_that_is_no_alpha_is_read_again_and_an_alpha_comes_before_it() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let path = folder.path().join("a.exr");
+        let mut image = numbered(4, 3);
+        image.pixels[5] = [0.5, 2.0, 0.25, 1.75];
+        for channels in [["R", "G", "B", "W"], ["R", "G", "B", "A"], ["X", "Y", "Z", "W"]] {
+            write_exr(&path, Layer { name: "window", channels, image: &image }).expect("written");
+            let found = read_image(&path).expect("read");
+            assert!(found.channels == channels && found.image == image, "{:?}", found.channels);
+        }
+        // Without a fourth channel of either name it is 1.
+        write_exr(&path, Layer { name: "window", channels: ["R", "G", "B", "Z"], image: &image }).expect("written");
+        let found = read_image(&path).expect("read");
+        assert_eq!(
+            (found.image.pixels[5], found.channels),
+            ([0.5, 2.0, 0.25, 1.0], ["R", "G", "B", "A"].map(str::to_owned))
+        );
     }
 
     #[test]

@@ -128,7 +128,7 @@ fn complete<T>(pixels: &[T], width: u32, rows: u32) -> io::Result<&[T]> {
 pub struct Layer<'a> {
     /// Name of the layer, such as `Deferred Render Targets::pos`.
     pub name: &'a str,
-    /// Names of the four channels, such as `R G B A` or `X Y Z cosine`.
+    /// Names of the four channels, such as `R G B W` or `X Y Z cosine`.
     pub channels: [&'a str; 4],
     /// The pixels.
     pub image: &'a Image,
@@ -138,7 +138,7 @@ pub struct Layer<'a> {
 pub struct RowLayer<'a> {
     /// Name of the layer, such as `Deferred Render Targets::pos`.
     pub name: &'a str,
-    /// Names of the four channels, such as `R G B A` or `X Y Z cosine`.
+    /// Names of the four channels, such as `R G B W` or `X Y Z cosine`.
     pub channels: [&'a str; 4],
     /// The rows of pixels.
     pub rows: &'a mut dyn Rows,

@@ -10,6 +10,7 @@ mod filter;
 mod liveness;
 mod off;
 mod parts;
+mod preview;
 mod samples;
 mod settings;
 mod shaders;
@@ -21,6 +22,7 @@ pub use device_quad::{QuadInput, ShowingQuad};
 pub use effect::Traced;
 pub use off::Instead;
 pub use parts::{BLOCK, Part, Parts};
+pub use preview::Preview;
 pub use settings::{OWN_BACKEND, PlanError, Settings, may_trace};
 
 use crate::backend::{Attachments, Rect, View};
@@ -35,7 +37,7 @@ use crate::raster_effects::EffectParams;
 use crate::scene::{Material, Needs};
 use glam::camera::rh;
 use glam::{DVec3, Mat4, Vec3, Vec4};
-use settings::{check_size, constants, display, set_formats, shown_channels, widen_colors};
+use settings::{check_preview, check_size, constants, display, set_formats, shown_channels, widen_colors};
 
 /// All work of a frame, in order.
 #[derive(Debug, Clone)]
@@ -174,27 +176,16 @@ impl Plan {
         let declared = project.clone();
         let pipeline = project.pipeline(settings.pipeline.as_deref()).map_err(name_error)?;
         let camera = settings.camera.as_deref().map(|name| project.camera(name)).transpose().map_err(name_error)?;
-        let window = settings.size.unwrap_or(project.window);
-        check_size("the window", window)?;
+        let whole = settings.size.unwrap_or(project.window);
+        check_size("the window", whole)?;
+        check_preview(&settings)?;
+        let window = settings.preview.map_or(whole, |preview| preview.divide(whole));
         project.place_light_cameras(camera, window, rectangle);
         let mut targets = Vec::new();
-        // Shaders that bind buffers and images count on the sizes that the project has.
-        let binds = |pass: &Pass| pass.kind.buffers_read().chain(pass.kind.buffers_stored()).next().is_some();
-        let fixed = project.pipelines[pipeline].passes.iter().any(binds);
-        for target in &project.targets {
-            // Depth maps of lights do not scale with the window.
-            let alone = target.channels.iter().all(|channel| channel.depth);
-            let scaled = |axis: usize| {
-                if alone || fixed || target.buffer.is_some() {
-                    return f64::from(target.size[axis]);
-                }
-                let scale = f64::from(window[axis]) / f64::from(project.window[axis]);
-                (f64::from(target.size[axis]) * scale).round().max(1.0)
-            };
-            let size =
-                [scaled(0), scaled(1)].map(|side| if side > f64::from(MAX_SIDE) { MAX_SIDE + 1 } else { side as u32 });
-            check_size(&format!("render target `{}`", target.name), size)?;
-            targets.push(PlannedTarget { width: size[0], height: size[1], stored: Attachments::default() });
+        for (index, target) in project.targets.iter().enumerate() {
+            let [width, height] = target_size(&project, pipeline, index, window);
+            check_size(&format!("render target `{}`", target.name), [width, height])?;
+            targets.push(PlannedTarget { width, height, stored: Attachments::default() });
         }
         off::check_names(&project, pipeline, &settings.off)?;
         set_formats(&mut project, pipeline, &settings)?;
@@ -277,6 +268,13 @@ impl Plan {
     #[must_use]
     pub fn target_size(&self, target: Option<usize>) -> [u32; 2] {
         target.map_or(self.window, |target| [self.targets[target].width, self.targets[target].height])
+    }
+
+    /// Size that a pass's target has without a [`Preview`].
+    #[must_use]
+    pub fn whole_size(&self, target: Option<usize>) -> [u32; 2] {
+        let window = self.settings.size.unwrap_or(self.project.window);
+        target.map_or(window, |target| target_size(&self.project, self.pipeline, target, window))
     }
 
     /// Adds the decision about the colour space.
@@ -460,6 +458,25 @@ impl Plan {
         }
         Ok(())
     }
+}
+
+/// Size of a target, by index, of a window of this size: as the project says, scaled with the window. A side that is too large is
+/// [`MAX_SIDE`] + 1.
+fn target_size(project: &Project, pipeline: usize, target: usize, window: [u32; 2]) -> [u32; 2] {
+    let target = &project.targets[target];
+    // Shaders that bind buffers and images count on the sizes that the project has.
+    let binds = |pass: &Pass| pass.kind.buffers_read().chain(pass.kind.buffers_stored()).next().is_some();
+    let fixed = project.pipelines[pipeline].passes.iter().any(binds);
+    // Depth maps of lights do not scale with the window.
+    let alone = target.channels.iter().all(|channel| channel.depth);
+    [0, 1].map(|axis| {
+        if alone || fixed || target.buffer.is_some() {
+            return target.size[axis].min(MAX_SIDE + 1);
+        }
+        let scale = f64::from(window[axis]) / f64::from(project.window[axis]);
+        let side = (f64::from(target.size[axis]) * scale).round().max(1.0);
+        if side > f64::from(MAX_SIDE) { MAX_SIDE + 1 } else { side as u32 }
+    })
 }
 
 /// A viewport in pixels of a target. Its edges are rounded, so that neighbouring viewports neither gap nor overlap.

@@ -1,6 +1,6 @@
 //! The user's settings in addition to the project file, and their checks.
 
-use super::{Plan, PlannedPass};
+use super::{Plan, PlannedPass, Preview};
 use crate::backend::Rect;
 use crate::color::{ColorSpace, Display, Tone};
 use crate::diagnostic::valid_names;
@@ -49,6 +49,8 @@ pub struct Settings {
     pub bands: Option<u32>,
     /// Samples of every pixel, over which the picture is averaged. Ray passes take their own number of samples for each of them.
     pub aa: PixelSamples,
+    /// Fewer pixels and samples than the other settings ask for; `None` renders all.
+    pub preview: Option<Preview>,
 }
 
 impl Settings {
@@ -80,6 +82,7 @@ impl Default for Settings {
             crop: None,
             bands: None,
             aa: PixelSamples::ONE,
+            preview: None,
         }
     }
 }
@@ -104,6 +107,20 @@ pub(super) fn check_size(what: &str, size: [u32; 2]) -> Result<(), PlanError> {
     if size.iter().any(|side| !(1..=MAX_SIDE).contains(side)) {
         let message = format!("{what} would be {} x {} pixels", size[0], size[1]);
         return Err(PlanError::new(message, format!("valid: 1 to {MAX_SIDE} a side")));
+    }
+    Ok(())
+}
+
+/// Fails if the settings' preview is not valid.
+pub(super) fn check_preview(settings: &Settings) -> Result<(), PlanError> {
+    let Some(Preview { divisor, samples }) = settings.preview else { return Ok(()) };
+    if divisor == 0 || samples == 0 || samples.isqrt().pow(2) != samples {
+        let message = format!("a preview has its sides divided by {divisor}, and {samples} samples a point");
+        return Err(PlanError::new(message, "valid: a divisor of at least 1, and a square number such as 1 or 4"));
+    }
+    if divisor > 1 && settings.crop.is_some() {
+        let message = "a preview of fewer pixels is of the whole picture, and --crop is a part of one";
+        return Err(PlanError::new(message, "leave --crop out, or use a divisor of 1"));
     }
     Ok(())
 }
@@ -255,6 +272,11 @@ pub(super) fn constants(
             Constants::Effect(params) => params.set(name, value),
         };
         result.map_err(|help| PlanError::new(format!("`{assignment}` is not valid"), help))?;
+    }
+    for constants in &mut constants {
+        if let (Some(preview), Some(Constants::Ray(params))) = (settings.preview, constants) {
+            preview.limit(params);
+        }
     }
     for (pass, constants) in passes.iter().zip(&constants) {
         let (PassKind::Ray(ray), Some(Constants::Ray(params))) = (&pass.kind, constants) else { continue };

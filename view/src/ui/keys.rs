@@ -56,14 +56,14 @@ pub fn read(app: &mut App, ui: &Ui, facts: Option<&Facts>) {
         app.pick(app.pointed);
     }
     if pressed(Key::K) {
-        keep(app);
+        app.keep(&context);
     }
     let Some(facts) = facts else { return };
     if pressed(Key::F) {
         fit(app, facts);
     }
     if pressed(Key::C) {
-        copy_camera(&context, facts);
+        copy_camera(app, &context, facts);
     }
     if pressed(Key::S) {
         app.worker.send(Command::Save(App::new_file(facts)));
@@ -94,19 +94,16 @@ pub fn fit(app: &mut App, facts: &Facts) {
     app.move_camera(Some(facts), |pose, bounds| camera::fit(pose, bounds, aspect, far));
 }
 
-/// Puts the camera into the clipboard.
-pub fn copy_camera(context: &egui::Context, facts: &Facts) {
-    if let Ok(xml) = &facts.camera_xml {
-        context.copy_text(xml.clone());
-    }
-}
-
-/// Keeps what is shown and compares with it.
-pub fn keep(app: &mut App) {
-    app.kept.clone_from(&app.state.picture);
-    if let Some(picture) = app.kept.clone() {
-        app.compare_with(Some(crate::worker::Other::Kept(picture)));
-    }
+/// Puts the camera into the clipboard, and says so.
+pub fn copy_camera(app: &mut App, context: &egui::Context, facts: &Facts) {
+    let notice = match &facts.camera_xml {
+        Ok(xml) => {
+            context.copy_text(xml.clone());
+            format!("Copied camera {} as XML", facts.seen_by)
+        }
+        Err(why) => format!("The camera cannot be copied: {why}"),
+    };
+    app.notify(context, notice);
 }
 
 /// Pins the first output of the next pass, or of the one before.

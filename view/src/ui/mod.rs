@@ -3,6 +3,7 @@
 mod graph;
 mod help;
 mod keys;
+mod notice;
 mod overlay;
 mod parameters;
 mod passes;
@@ -30,6 +31,8 @@ pub fn draw(app: &mut App, ui: &mut Ui) {
     side::draw(app, ui, facts.as_deref());
     picture::draw(app, ui, facts.as_deref());
     help::draw(app, ui);
+    notice::draw(app, ui);
+    app.look_for_engines(ui.ctx());
     if app.hovered != hovered || app.marked != app.was_marked {
         ui.ctx().request_repaint();
     }

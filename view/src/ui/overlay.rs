@@ -9,10 +9,10 @@ use glam::{Mat4, Vec3, Vec4};
 /// Most rays that are drawn.
 const RAYS: usize = 4096;
 
-/// Writes the values into the pixels, where these are large enough.
+/// Writes the values into the pixels, where these are large enough, and the picture has all of them.
 pub fn values(painter: &Painter, canvas: &Canvas, area: Rect, picture: &Picture) {
     let size = [picture.image.width, picture.image.height];
-    if canvas.scale(area, size) < VALUES {
+    if canvas.scale(area, size) < VALUES || picture.is_reduced() {
         return;
     }
     let whole = canvas.rect(area, size).intersect(area);

@@ -6,7 +6,7 @@ use crate::camera;
 use crate::canvas::SQUARES;
 use crate::texture::texture;
 use crate::theme::RED;
-use crate::worker::{Activity, Facts};
+use crate::worker::{Activity, Facts, Picture};
 use egui::{
     Align2, CentralPanel, Color32, CursorIcon, Frame, Key, PointerButton, Pos2, Rect, Response, RichText, Role,
     ScrollArea, Sense, Stroke, TextureId, Ui, WidgetInfo, pos2, vec2,
@@ -54,7 +54,7 @@ fn nothing(app: &App, ui: &mut Ui) {
 /// Draws the pictures and what lies over them; says what is shown.
 fn show(app: &mut App, ui: &Ui, area: Rect, facts: Option<&Facts>) -> String {
     let Some(picture) = app.state.picture.clone() else { return String::new() };
-    let size = [picture.image.width, picture.image.height];
+    let size = picture.whole;
     let (canvas, context) = (app.canvas, ui.ctx().clone());
     let (rect, scale) = (canvas.rect(area, size), canvas.scale(area, size));
     let squares = scale * context.pixels_per_point() >= SQUARES;
@@ -65,10 +65,10 @@ fn show(app: &mut App, ui: &Ui, area: Rect, facts: Option<&Facts>) -> String {
         painter.image(texture, part, Rect::from_min_max(share(part.min), share(part.max)), Color32::WHITE);
     };
     let corner = area.intersect(rect).left_top() + vec2(8.0, 8.0);
-    let other =
-        app.state.other.clone().filter(|other| [other.image.width, other.image.height] == size && app.other.is_some());
+    let other = app.state.other.clone().filter(|other| other.whole == size && app.other.is_some());
     let heat = app.state.compared.clone();
-    let mut shown = picture.name.clone();
+    let name = named(&picture);
+    let mut shown = name.clone();
     match (app.mode, other, heat) {
         (Mode::Difference, Some(_), Some(compared)) => {
             draw(texture(&context, &mut app.heat, &compared.heat, squares).id(), rect);
@@ -81,7 +81,7 @@ fn show(app: &mut App, ui: &Ui, area: Rect, facts: Option<&Facts>) -> String {
             let (id, name) = if second {
                 (texture(&context, &mut app.against, &other, squares).id(), &other.name)
             } else {
-                (own, &picture.name)
+                (own, &name)
             };
             draw(id, rect);
             overlay::name(&painter, corner, Align2::LEFT_TOP, name);
@@ -91,13 +91,13 @@ fn show(app: &mut App, ui: &Ui, area: Rect, facts: Option<&Facts>) -> String {
             draw(own, left);
             draw(texture(&context, &mut app.against, &other, squares).id(), right);
             painter.vline(left.right(), rect.y_range(), Stroke::new(1.5, Color32::WHITE));
-            overlay::name(&painter, corner, Align2::LEFT_TOP, &picture.name);
+            overlay::name(&painter, corner, Align2::LEFT_TOP, &name);
             let other_corner = area.intersect(rect).right_top() + vec2(-8.0, 8.0);
             overlay::name(&painter, other_corner, Align2::RIGHT_TOP, &other.name);
         }
         _ => {
             draw(own, rect);
-            overlay::name(&painter, corner, Align2::LEFT_TOP, &picture.name);
+            overlay::name(&painter, corner, Align2::LEFT_TOP, &name);
         }
     }
     overlay::values(&painter, &canvas, area, &picture);
@@ -108,9 +108,15 @@ fn show(app: &mut App, ui: &Ui, area: Rect, facts: Option<&Facts>) -> String {
     shown
 }
 
+/// The picture's name, and its size where that is not the whole one.
+fn named(picture: &Picture) -> String {
+    let (name, [width, height]) = (&picture.name, [picture.image.width, picture.image.height]);
+    if picture.is_reduced() { format!("{name}, {width} × {height} while the camera moves") } else { name.clone() }
+}
+
 fn mouse(app: &mut App, ui: &Ui, area: Rect, response: &Response, facts: Option<&Facts>) {
     let Some(picture) = &app.state.picture else { return };
-    let size = [picture.image.width, picture.image.height];
+    let size = picture.whole;
     app.pointed = response.hover_pos().and_then(|at| app.canvas.pixel(area, size, at));
     let context = ui.ctx();
     let flies = response.dragged_by(PointerButton::Secondary)

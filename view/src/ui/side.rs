@@ -36,10 +36,8 @@ fn comparison(app: &mut App, ui: &mut Ui, facts: &Facts) {
             chosen = Some(Other::File(app.reference.clone().into()));
         }
         if ui.button("Keep").on_hover_text("K: keep the picture and compare with it").clicked() {
-            app.kept.clone_from(&app.state.picture);
-            if let Some(kept) = app.kept.clone() {
-                chosen = Some(Other::Kept(kept));
-            }
+            app.keep(ui.ctx());
+            chosen.clone_from(&app.other);
         }
     });
     let dropped = ui.input(|input| input.raw.dropped_files.first().map(|file| file.path().to_owned()));

@@ -26,7 +26,7 @@ pub fn draw(app: &mut App, ui: &mut Ui, facts: Option<&Facts>) {
             }
             let copy = ui.add_enabled(facts.camera_xml.is_ok(), egui::Button::new("Copy camera"));
             if copy.on_hover_text("C: the camera as an element of a project, to the bit").clicked() {
-                keys::copy_camera(ui.ctx(), facts);
+                keys::copy_camera(app, ui.ctx(), facts);
             }
             ui.separator();
             if ui.button("Save").on_hover_text("S: PNG, EXR, and JSON that says how to render it").clicked() {

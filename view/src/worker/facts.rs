@@ -18,7 +18,7 @@ pub struct Facts {
     pub source: PathBuf,
     /// The pipeline that runs.
     pub pipeline: String,
-    /// Window, pixels.
+    /// Window at rest, pixels.
     pub window: [u32; 2],
     /// By index of the pipeline.
     pub passes: Vec<PassFacts>,
@@ -162,7 +162,7 @@ impl Facts {
         Self {
             source: plan.project.source.clone(),
             pipeline: pipeline.name.clone(),
-            window: plan.window,
+            window: plan.whole_size(None),
             passes: passes.collect(),
             cameras: project.cameras.iter().map(|camera| camera.name.clone()).collect(),
             camera: renderer.settings().camera.clone(),

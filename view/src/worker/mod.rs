@@ -8,6 +8,7 @@ mod engines;
 mod facts;
 mod history;
 mod inspect;
+mod pace;
 mod picture;
 mod reopen;
 mod save;

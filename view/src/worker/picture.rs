@@ -3,6 +3,7 @@
 use curitiba::pipeline::color::Display;
 use curitiba::pipeline::executor::Renderer;
 use curitiba::pipeline::image::{Content, Image, byte, make_visible};
+use curitiba::pipeline::plan::Plan;
 use curitiba::pipeline::project::ChannelRef;
 use rayon::prelude::*;
 
@@ -13,6 +14,8 @@ pub struct Picture {
     pub name: String,
     /// Its numbers, as passes read them.
     pub image: Image,
+    /// The size as which it is shown: its own, but for one with fewer pixels while the camera moves.
+    pub whole: [u32; 2],
     /// Names of the four numbers of a pixel.
     pub components: [&'static str; 4],
     /// Red, green, blue and 255: the bytes of the PNG file that `render` writes of it.
@@ -20,33 +23,53 @@ pub struct Picture {
 }
 
 impl Picture {
-    /// The window's picture, or one that is to be compared with it.
+    /// A picture that is to be compared with the window's.
     #[must_use]
     pub fn of_window(name: impl Into<String>, image: Image, display: Display) -> Self {
-        let bytes = bytes(&image, display);
-        Self { name: name.into(), image, components: ["R", "G", "B", "A"], bytes }
+        let (bytes, whole) = (bytes(&image, display), [image.width, image.height]);
+        Self { name: name.into(), image, whole, components: ["R", "G", "B", "W"], bytes }
+    }
+
+    /// The window's picture.
+    #[must_use]
+    pub fn of_result(image: Image, plan: &Plan) -> Self {
+        let reduced = plan.settings.preview.is_some_and(|preview| preview.divisor > 1);
+        let own = Self::of_window("result", image, plan.display);
+        Self { whole: if reduced { plan.whole_size(None) } else { own.whole }, ..own }
     }
 
     /// An output as `render --show` writes it: colours as they are displayed, positions and normals made visible.
     #[must_use]
     pub fn of_channel(name: impl Into<String>, renderer: &Renderer, channel: ChannelRef) -> Self {
         let plan = renderer.plan();
-        let [width, height] = plan.target_size(Some(channel.target));
+        let ([width, height], whole) = (plan.target_size(Some(channel.target)), plan.whole_size(Some(channel.target)));
         let image = Image { width, height, pixels: renderer.channel(channel).to_vec() };
         let content = renderer.content(channel);
         let (bytes, components) = match content {
-            Content::Color => (bytes(&image, plan.display), ["R", "G", "B", "A"]),
+            Content::Color => (bytes(&image, plan.display), ["R", "G", "B", "W"]),
             Content::Position => (bytes(&make_visible(&image, content), Display::default()), ["X", "Y", "Z", "cosine"]),
             Content::Normal => (bytes(&make_visible(&image, content), Display::default()), ["X", "Y", "Z", "W"]),
         };
-        Self { name: name.into(), image, components, bytes }
+        Self { name: name.into(), image, whole, components, bytes }
     }
 
-    /// The numbers of a pixel, column and row from the top left; `None` outside.
+    /// Whether it has fewer pixels than it is shown as.
     #[must_use]
-    pub fn pixel(&self, [x, y]: [u32; 2]) -> Option<[f32; 4]> {
-        let inside = x < self.image.width && y < self.image.height;
-        inside.then(|| self.image.pixels[y as usize * self.image.width as usize + x as usize])
+    pub fn is_reduced(&self) -> bool {
+        self.whole != [self.image.width, self.image.height]
+    }
+
+    /// The numbers of a pixel of [`Self::whole`], column and row from the top left; `None` outside.
+    #[must_use]
+    pub fn pixel(&self, at: [u32; 2]) -> Option<[f32; 4]> {
+        let held = [self.image.width, self.image.height];
+        // The pixel that its middle lies in.
+        let [x, y] = [0, 1].map(|axis| {
+            let middle = (2 * u64::from(at[axis]) + 1) * u64::from(held[axis]);
+            (middle / (2 * u64::from(self.whole[axis]))) as usize
+        });
+        let inside = at[0] < self.whole[0] && at[1] < self.whole[1];
+        inside.then(|| self.image.pixels[y * held[0] as usize + x])
     }
 }
 

@@ -3,6 +3,7 @@
 use super::compare::Other;
 use super::facts::{Facts, PassTimes, camera_in_use};
 use super::history::History;
+use super::pace::Pace;
 use super::picture::Picture;
 use super::save::{self, Taken};
 use super::watch::{PERIOD, Watch};
@@ -16,16 +17,6 @@ use std::time::{Duration, Instant};
 
 /// After so long without a move the camera rests.
 const REST: Duration = Duration::from_millis(150);
-
-/// The picture while the camera moves: few samples.
-pub(super) struct Preview {
-    /// When it moved last.
-    pub moved: Instant,
-    /// What the passes took before: pass and samples.
-    pub samples: Vec<(String, String)>,
-    /// Samples that are taken instead.
-    pub fewer: u32,
-}
 
 /// The renderer's thread's own.
 pub(super) struct Session {
@@ -48,7 +39,9 @@ pub(super) struct Session {
     pub samples: u64,
     pub accumulated: bool,
     pub accumulation: Option<Accumulation>,
-    pub preview: Option<Preview>,
+    /// When the camera moved last; `None` once it rests.
+    pub moved: Option<Instant>,
+    pub pace: Pace,
     /// The output that is shown; the result, if `None`.
     pub shown: Option<String>,
     pub pixel: Option<[u32; 2]>,
@@ -84,7 +77,8 @@ impl Session {
             samples: 0,
             accumulated: false,
             accumulation: None,
-            preview: None,
+            moved: None,
+            pace: Pace::default(),
             shown: None,
             pixel: None,
             other: None,
@@ -122,15 +116,15 @@ impl Session {
             return idle;
         }
         let due = [self.frame_due, self.show_due, self.pixel_due, self.other_due, self.compare_due, self.refine_due];
-        if self.pose.is_some() || (self.preview.is_none() && due.contains(&true)) {
+        if self.pose.is_some() || (self.moved.is_none() && due.contains(&true)) {
             return Some(Duration::ZERO);
         }
-        self.preview.as_ref().map(|preview| REST.saturating_sub(preview.moved.elapsed())).or(idle)
+        self.moved.map(|moved| REST.saturating_sub(moved.elapsed())).or(idle)
     }
 
     /// Whether the camera has rested long enough.
     pub fn rested(&self) -> bool {
-        self.preview.as_ref().is_some_and(|preview| preview.moved.elapsed() >= REST)
+        self.moved.is_some_and(|moved| moved.elapsed() >= REST)
     }
 
     /// Takes up a command.
@@ -146,7 +140,7 @@ impl Session {
                 Ok(())
             }
             Command::Engines(choice) => {
-                self.restore_samples();
+                self.stop_moving();
                 self.change_engines(choice)
             }
             Command::Reload => self.reload(),
@@ -177,7 +171,7 @@ impl Session {
 
     /// Sets something of the renderer, which then has to render.
     fn set(&mut self, set: impl FnOnce(&mut Renderer) -> Result<(), ChangeError>) -> Result<(), String> {
-        self.restore_samples();
+        self.stop_moving();
         self.look_away();
         let Some(renderer) = &mut self.renderer else { return Ok(()) };
         set(renderer).map_err(|error| error.to_string())?;
@@ -205,7 +199,7 @@ impl Session {
     }
 
     fn reload(&mut self) -> Result<(), String> {
-        self.restore_samples();
+        self.stop_moving();
         self.watch.remember(&self.source.path);
         let Some(renderer) = &mut self.renderer else {
             self.opening = true;
@@ -220,7 +214,7 @@ impl Session {
 
     fn save(&mut self, path: &std::path::Path) -> Result<(), String> {
         let Some(renderer) = &mut self.renderer else { return Err("there is no picture yet".to_owned()) };
-        if self.frame_due || self.preview.is_some() {
+        if self.frame_due || self.moved.is_some() || self.result.as_ref().is_some_and(|result| result.is_reduced()) {
             return Err("the picture is not finished: save it when the camera rests".to_owned());
         }
         let camera = camera_in_use(renderer);

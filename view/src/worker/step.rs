@@ -3,18 +3,18 @@
 use super::compare::{self, Other};
 use super::facts::{camera_in_use, ray_parameters};
 use super::inspect::{Inspector, PixelRays};
+use super::pace::Lets;
 use super::picture::Picture;
-use super::session::{Preview, Session};
+use super::session::Session;
 use super::{Activity, NO_SAMPLES, Refinement, lock};
 use curitiba::pipeline::executor::{Accumulation, RenderError, Renderer, Silent};
 use curitiba::pipeline::image::Image;
+use curitiba::pipeline::plan::Preview;
 use curitiba::pipeline::project::{PassKind, Pose};
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
-/// A frame while the camera moves should take no longer: else it takes one sample.
-const SMOOTH: Duration = Duration::from_millis(50);
-/// Samples while the camera moves; a square, for strata.
+/// Samples of the first batch.
 const FEW: u32 = 4;
 /// Most samples of a batch: none is long before other things can be shown.
 const BATCH: u64 = 16;
@@ -32,8 +32,8 @@ impl Session {
             self.tell_activity(Activity::Moving);
             self.move_camera(pose);
         } else if self.rested() {
-            self.end_preview();
-        } else if self.preview.is_some() {
+            self.end_moving();
+        } else if self.moved.is_some() {
         } else if self.frame_due {
             self.tell_activity(Activity::Rendering);
             self.frame();
@@ -52,7 +52,7 @@ impl Session {
         } else {
             self.look_at_files();
         }
-        if self.patience() != Some(Duration::ZERO) && self.preview.is_none() {
+        if self.patience() != Some(Duration::ZERO) && self.moved.is_none() {
             self.tell_activity(match (&self.renderer, self.paused) {
                 (None, _) => Activity::Failed,
                 (_, true) => Activity::Paused,
@@ -104,8 +104,8 @@ impl Session {
 
     /// Most samples a point of a pass that takes any; 0 where none does.
     fn samples_of_settings(&self) -> u64 {
-        let samples = |renderer: &Renderer| taking_samples(renderer).iter().map(|(_, samples)| *samples).max();
-        self.renderer.as_ref().and_then(samples).unwrap_or_default().into()
+        let most = |renderer: &Renderer| taking_samples(renderer).map(|[occlusion, _]| occlusion).max();
+        self.renderer.as_ref().and_then(most).unwrap_or_default().into()
     }
 
     /// Keeps what the passes of the last frame took.
@@ -133,7 +133,7 @@ impl Session {
     /// Gives the window a picture of the result, and of the output that is shown.
     fn tell_picture(&mut self, image: Image) {
         let Some(renderer) = &self.renderer else { return };
-        self.result = Some(Arc::new(Picture::of_window("result", image, renderer.plan().display)));
+        self.result = Some(Arc::new(Picture::of_result(image, renderer.plan())));
         self.tell_facts();
         self.show();
     }
@@ -173,83 +173,83 @@ impl Session {
         });
     }
 
-    /// A frame with few samples.
+    /// A frame of the moved camera, with as many samples and pixels as the last frames left time for.
     fn move_camera(&mut self, pose: Pose) {
-        self.begin_preview();
+        let start = Instant::now();
+        self.begin_moving();
+        let preview = self.pace.preview();
         let Some(renderer) = &mut self.renderer else { return };
         let camera = camera_in_use(renderer);
-        if let Err(error) = renderer.set_pose(&camera, pose) {
+        let placed =
+            renderer.set_pose(&camera, pose).and_then(|()| match renderer.settings().preview == Some(preview) {
+                true => Ok(()),
+                false => renderer.set_preview(Some(preview)),
+            });
+        if let Err(error) = placed {
             self.shared.change(|state| state.error = Some(error.to_string()));
             return;
         }
         self.poses.retain(|(name, _)| *name != camera);
         self.poses.push((camera, pose));
         renderer.forget_frames();
-        let start = Instant::now();
-        let result = renderer.update(&mut Silent);
-        let took = start.elapsed();
-        match result {
+        match renderer.update(&mut Silent) {
             Ok(image) => {
                 self.note_times();
                 self.tell_picture(image);
             }
             Err(error) => self.fail(&error),
         }
-        let Some(preview) = &mut self.preview else { return };
-        preview.moved = Instant::now();
-        if took > SMOOTH && preview.fewer > 1 {
-            preview.fewer = 1;
-            self.set_samples(1);
-        }
+        self.pace.note(start.elapsed(), self.lets());
+        self.moved = Some(Instant::now());
     }
 
-    fn begin_preview(&mut self) {
+    /// What may be left out while the camera moves.
+    fn lets(&self) -> Lets {
+        // A crop is a part of the whole size.
+        let size = self.renderer.as_ref().is_some_and(|renderer| renderer.settings().crop.is_none());
+        let samples = self
+            .renderer
+            .as_ref()
+            .is_some_and(|renderer| taking_samples(renderer).flatten().any(|samples| samples > 1));
+        Lets { samples, size }
+    }
+
+    fn begin_moving(&mut self) {
         self.changed();
-        self.frame_due = false;
+        (self.frame_due, self.moved) = (false, Some(Instant::now()));
         self.look_away();
-        let Some(renderer) = &self.renderer else { return };
-        if self.preview.is_none() {
-            let more = taking_samples(renderer).into_iter().filter(|(_, samples)| *samples > FEW);
-            let samples = more.map(|(pass, samples)| (pass, samples.to_string())).collect();
-            self.preview = Some(Preview { moved: Instant::now(), samples, fewer: FEW });
-            self.set_samples(FEW);
-        }
-        self.shared.change(|state| (state.refinement, state.error) = (None, None));
+        // The numbers and the map of a comparison are of the picture before.
+        self.shared.change(|state| (state.refinement, state.error, state.compared) = (None, None, None));
     }
 
-    /// Lets the passes of the preview take so many samples.
-    fn set_samples(&mut self, samples: u32) {
-        let (Some(renderer), Some(preview)) = (&mut self.renderer, &self.preview) else { return };
-        for (pass, _) in &preview.samples {
-            if let Err(error) = renderer.set_parameter(pass, "samples", &samples.to_string()) {
-                self.shared.change(|state| state.error = Some(error.to_string()));
-            }
-        }
-    }
-
-    /// The passes take their own samples again.
-    pub fn restore_samples(&mut self) -> Option<Preview> {
-        let preview = self.preview.take()?;
-        for (pass, samples) in &preview.samples {
-            let renderer = self.renderer.as_mut()?;
-            if let Err(error) = renderer.set_parameter(pass, "samples", samples) {
-                self.shared.change(|state| state.error = Some(error.to_string()));
-            }
+    /// Everything is rendered again from now on. Returns what was left out.
+    pub fn stop_moving(&mut self) -> Option<Preview> {
+        self.moved.take()?;
+        let renderer = self.renderer.as_mut()?;
+        let left_out = renderer.settings().preview;
+        if let Err(error) = renderer.set_preview(None) {
+            self.shared.change(|state| state.error = Some(error.to_string()));
         }
         self.changed();
-        Some(preview)
+        left_out
     }
 
     /// The camera rests: more samples come bit by bit, where that can be; else all of them at once.
-    fn end_preview(&mut self) {
-        let Some(preview) = self.restore_samples() else { return };
-        if preview.samples.is_empty() || !self.refine {
+    fn end_moving(&mut self) {
+        self.may_be_given_up();
+        let Some(preview) = self.stop_moving() else { return };
+        if self.samples_of_settings() <= preview.samples.into() || !self.refine {
             return;
         }
         let begun = self.renderer.as_mut().and_then(|renderer| renderer.accumulation(&mut Silent).ok());
         if let Some(accumulation) = begun.filter(|accumulation| !accumulation.passes().is_empty()) {
-            (self.accumulation, self.frame_due) = (Some(accumulation), false);
-            (self.samples, self.accumulated) = (preview.fewer.into(), false);
+            (self.accumulation, self.frame_due, self.accumulated) = (Some(accumulation), false, false);
+            self.samples = preview.samples.into();
+            if preview.divisor > 1 {
+                // Nothing of the whole size is there yet: its first samples are shown at once.
+                self.samples = 0;
+                self.refine();
+            }
         }
     }
 
@@ -372,6 +372,9 @@ impl Session {
             (state.picture.clone(), state.other.clone())
         };
         let (Some(shown), Some(other)) = (shown, other) else { return };
+        if shown.is_reduced() {
+            return;
+        }
         let compared = compare::compare(&shown, &other, renderer.plan().display);
         self.shared.change(|state| match compared {
             Ok(compared) => state.compared = Some(Arc::new(compared)),
@@ -380,15 +383,14 @@ impl Session {
     }
 }
 
-/// The passes that take samples, with how many each of the next frame takes.
-fn taking_samples(renderer: &Renderer) -> Vec<(String, u32)> {
+/// How many samples of occlusion, and of the light's disc, each ray pass takes at rest.
+fn taking_samples(renderer: &Renderer) -> impl Iterator<Item = [u32; 2]> {
     let (plan, settings) = (renderer.plan(), renderer.settings());
-    let samples = plan.project.pipelines[plan.pipeline].passes.iter().filter_map(|pass| match &pass.kind {
+    plan.project.pipelines[plan.pipeline].passes.iter().filter_map(|pass| match &pass.kind {
         PassKind::Ray(ray) => {
             let values = ray_parameters(&pass.name, ray.params, settings);
-            Some((pass.name.clone(), ray.program.info().samples(&values)))
+            Some([ray.program.info().samples(&values), ray.program.info().sun_samples(&values)])
         }
         _ => None,
-    });
-    samples.filter(|(_, samples)| *samples > 0).collect()
+    })
 }

@@ -3,7 +3,7 @@
 use curitiba::Choice;
 use curitiba::pipeline::plan::Settings;
 use curitiba_view::app::App;
-use curitiba_view::worker::{Activity, PassFacts, Source};
+use curitiba_view::worker::{Activity, PassFacts, Source, Worker};
 use egui_kittest::Harness;
 use egui_kittest::kittest::Queryable as _;
 use std::path::{Path, PathBuf};
@@ -58,7 +58,8 @@ impl Window {
         let builder = Harness::builder().with_size(egui::vec2(1280.0, 800.0)).with_max_steps(64);
         let builder = if draws { builder.wgpu() } else { builder };
         // The thread wakes nobody: the tests draw until what they wait for is there.
-        let app = App::new(&egui::Context::default(), source, None).expect("a thread");
+        let worker = Worker::start(source, || {}).expect("a thread");
+        let app = App::new(&egui::Context::default(), worker, None);
         let harness = builder.build_ui_state(|ui, app: &mut App| curitiba_view::draw(app, ui), app);
         curitiba_view::theme::style(&harness.ctx);
         Self { harness }

@@ -83,6 +83,12 @@ fn all_parts_are_drawn_beside_one_another() {
         window.harness.run_steps(2);
         drawn(&mut window, name);
     }
+    window.harness.state_mut().compare_with(None);
+    window.harness.key_press(egui::Key::C);
+    window.harness.run_steps(2);
+    let notice = window.harness.get_by_label("Copied camera MainCamera as XML").rect();
+    assert!(picture.contains_rect(notice), "{notice}");
+    drawn(&mut window, "copied");
     window.harness.key_press(egui::Key::F1);
     window.harness.run_steps(2);
     drawn(&mut window, "keys");

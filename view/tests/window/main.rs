@@ -199,6 +199,8 @@ fn a_camera_that_was_moved_and_copied_gives_the_same_picture_elsewhere() {
         _ => None,
     });
     let copied = copied.expect("C copies");
+    window.harness.step();
+    window.harness.get_by_label("Copied camera MainCamera as XML");
     let text = std::fs::read_to_string(project("SceneShadows")).expect("the project");
     let start = text.find("<camera name=\"MainCamera\"").expect("the camera");
     let end = start + text[start..].find("</camera>").expect("its end") + "</camera>".len();
@@ -212,6 +214,80 @@ fn a_camera_that_was_moved_and_copied_gives_the_same_picture_elsewhere() {
     let mut renderer = curitiba::open(&path, settings(), Choice::CPU, &mut Silent).expect("it opens");
     let expected = renderer.frame(&mut Silent).expect("it renders");
     assert!(window.app().state.picture.clone().expect("a picture").image == expected, "not the same to the bit");
+}
+
+/// Drags over the picture; `look` sees what is shown after each move.
+fn drag(window: &mut Window, moves: usize, mut look: impl FnMut(&mut Window) -> bool) {
+    window.harness.drag_at(egui::pos2(560.0, 400.0));
+    window.harness.step();
+    for step in 0..moves {
+        window.harness.hover_at(egui::pos2(570.0 + (step % 40) as f32 * 3.0, 400.0 - (step % 40) as f32));
+        window.harness.step();
+        std::thread::sleep(Duration::from_millis(8));
+        if look(window) {
+            break;
+        }
+    }
+    window.harness.drop_at(egui::pos2(690.0, 362.0));
+}
+
+#[test]
+fn a_slow_picture_has_fewer_pixels_while_the_camera_moves_and_all_of_them_at_rest() {
+    // Far above 50 ms for a frame of one sample.
+    let slow = Settings { size: Some([2049, 1537]), set: vec!["pass2.samples=1".to_owned()], ..Settings::default() };
+    let mut window = Window::start(source(project("SceneSSAO"), slow.clone()), false);
+    window.until("a picture", |app| app.state.picture.is_some());
+    window.click("Refine at rest");
+    let area = window.harness.get_by_label("picture of result").rect();
+    let before = window.app().canvas.rect(area, [2049, 1537]);
+    let mut small = None;
+    drag(&mut window, 2000, |window| {
+        let picture = window.app().state.picture.clone().expect("a picture");
+        small = picture.is_reduced().then_some(picture);
+        small.is_some()
+    });
+    let small = small.expect("fewer pixels");
+    let [width, height] = [small.image.width, small.image.height];
+    assert!(small.whole == [2049, 1537] && [[1025, 769], [513, 385]].contains(&[width, height]), "{width} x {height}");
+    // It lies where the whole one does, and says what it is; what is under the pointer is the pixel that is seen there.
+    window.harness.get_by_label(&format!("picture of result, {width} × {height} while the camera moves"));
+    assert_eq!(window.app().canvas.rect(area, small.whole), before);
+    assert_eq!(small.pixel([2048, 1536]), small.image.pixels.last().copied());
+    let middle = (height / 2 * width + width / 2) as usize;
+    assert_eq!(small.pixel([1024, 768]), Some(small.image.pixels[middle]));
+    assert_eq!((small.pixel([2049, 0]), small.pixel([0, 1537])), (None, None));
+    // It is not kept.
+    window.harness.key_press(egui::Key::K);
+    window.harness.step();
+    window.harness.get_by_label("the picture is not whole: keep it when the camera rests");
+    assert!(window.app().other.is_none());
+    // The size and the parameters that are shown are those of the whole.
+    let facts = window.app().state.facts.clone().expect("it is open");
+    assert_eq!((facts.window, &facts.settings.set), ([2049, 1537], &slow.set));
+    window.rest();
+    let facts = window.app().state.facts.clone().expect("it is open");
+    let picture = window.app().state.picture.clone().expect("a picture");
+    assert!(!picture.is_reduced() && facts.settings.preview.is_none());
+    let mut renderer = curitiba::open(project("SceneSSAO"), slow, Choice::CPU, &mut Silent).expect("it opens");
+    renderer.set_pose("MainCamera", facts.pose.expect("a camera")).expect("a pose");
+    assert!(picture.image == renderer.frame(&mut Silent).expect("it renders"), "at rest nothing is left out");
+}
+
+#[test]
+fn a_quick_picture_keeps_its_pixels_while_the_camera_moves_and_refines_at_rest() {
+    let mut window = Window::open(source(project("SceneSSAO"), Settings { size: Some([48, 32]), ..few() }));
+    let before = window.app().state.frames;
+    drag(&mut window, 40, |window| {
+        // Two frames in a row that waited for the other tests are allowed to ask for less.
+        let waited = window.app().state.history.frames().rev().take(4).filter(|frame| frame.iter().sum::<f32>() > 40.0);
+        let waited = waited.count() > 1;
+        assert!(waited || !window.app().state.picture.clone().expect("a picture").is_reduced());
+        waited
+    });
+    assert!(window.app().state.frames > before, "control: it has moved");
+    window.rest();
+    let refinement = window.app().state.refinement.clone().expect("more samples");
+    assert_eq!(refinement.samples, 256);
 }
 
 #[test]
@@ -392,6 +468,8 @@ fn nothing_is_drawn_or_done_while_nothing_changes() {
     assert_eq!(woken.load(std::sync::atomic::Ordering::Relaxed), before);
     // Nor does the window ask to be drawn again by itself.
     let mut window = Window::open(source(project("SceneShadows"), settings()));
+    window.until("which engines there are", curitiba_view::app::App::knows_engines);
+    std::thread::sleep(Duration::from_millis(100));
     window.harness.run_steps(3);
     assert!(!window.harness.ctx.has_requested_repaint());
     let mut times: Vec<f32> = (0..50)
