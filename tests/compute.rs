@@ -5,13 +5,12 @@
 
 #![cfg_attr(not(feature = "glsl"), allow(dead_code, reason = "without the feature there are no pictures to compare"))]
 
+mod own_shaders;
+
 use curitiba::pipeline::executor::{Renderer, Silent};
 use curitiba::pipeline::plan::Settings;
 use curitiba::{Choice, OpenError, RasterChoice};
 use std::path::{Path, PathBuf};
-
-/// Pixels along a side.
-const SIDE: u32 = 64;
 
 const MADE: &str = "#version 430
 layout(local_size_x = 8, local_size_y = 4) in;
@@ -110,19 +109,11 @@ fn a_build_without_the_feature_says_so() {
 
 #[cfg(feature = "glsl")]
 mod run {
+    use super::own_shaders::{assert_near, has_driver};
     use super::*;
     use curitiba::pipeline::image::Image;
     use curitiba::pipeline::plan::Work;
     use curitiba::pipeline::project::ChannelRef;
-
-    /// Whether a driver is there. Says so where none is.
-    fn has_driver() -> bool {
-        let choice = Choice { raster: RasterChoice::Wgpu, ..Choice::CPU };
-        let Err(error) = curitiba::engines::rasteriser(choice) else { return true };
-        assert!(std::env::var_os("CURITIBA_REQUIRE_GPU_TESTS").is_none(), "{error}");
-        println!("skipped: {error}");
-        false
-    }
 
     fn picture(project: &Project) -> Image {
         let mut renderer = project.open().unwrap_or_else(|error| panic!("{}", error.joined()));
@@ -131,17 +122,6 @@ mod run {
         // Every frame begins with zeros.
         assert_eq!(renderer.frame(&mut Silent).expect("it renders").pixels, first.pixels, "a second frame");
         first
-    }
-
-    #[track_caller]
-    fn assert_near(picture: &Image, known: impl Fn(u32, u32) -> [f32; 4], most: f32) {
-        assert_eq!((picture.width, picture.height), (SIDE, SIDE));
-        for (index, pixel) in (0..).zip(&picture.pixels) {
-            let (x, y) = (index % SIDE, index / SIDE);
-            let wanted = known(x, y);
-            let off = pixel.iter().zip(wanted).map(|(a, b)| (a - b).abs()).fold(0.0, f32::max);
-            assert!(off <= most, "pixel {x}, {y}: {pixel:?}, and {wanted:?} is right");
-        }
     }
 
     /// What [`MADE`] stores; rows count upwards.

@@ -5,21 +5,16 @@
 
 #![cfg(feature = "glsl")]
 
+mod own_shaders;
+
 use curitiba::pipeline::executor::{Renderer, Silent};
 use curitiba::pipeline::image::Image;
 use curitiba::pipeline::plan::{Plan, Settings, Work};
 use curitiba::{Choice, OpenError, RasterChoice};
+use own_shaders::has_driver;
 use std::path::{Path, PathBuf};
 
 const CHOICE: Choice = Choice { raster: RasterChoice::Wgpu, ..Choice::CPU };
-
-/// Whether a driver is there. Says so where none is.
-fn has_driver() -> bool {
-    let Err(error) = curitiba::engines::rasteriser(CHOICE) else { return true };
-    assert!(std::env::var_os("CURITIBA_REQUIRE_GPU_TESTS").is_none(), "{error}");
-    println!("skipped: {error}");
-    false
-}
 
 fn shipped() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("xml_projects/shaders/Rays.xml")

@@ -85,9 +85,9 @@ impl Loader {
         let mut found = Vec::new();
         let lists = material.children_named(&["buffers"]).filter(|_| glsl::AVAILABLE);
         for buffer in lists.flat_map(|list| list.children_named(&["buffer"])) {
-            let of = |name: &str| buffer.children.iter().find(|child| child.is(&[name]))?.attribute("value");
-            let point = of("binding_point").and_then(|value| value.text.parse().ok());
-            let counters = of("type").is_some_and(|value| value.text.eq_ignore_ascii_case("ATOMIC_COUNTER"));
+            let point = buffer.child_value("binding_point").and_then(|value| value.text.parse().ok());
+            let counters =
+                buffer.child_value("type").is_some_and(|value| value.text.eq_ignore_ascii_case("ATOMIC_COUNTER"));
             if let (Some(point), Some(name)) = (point, buffer.attribute("name")) {
                 let library = buffer.attribute("fromLibrary").cloned();
                 found.push(BufferBinding { point, counters, library, name: name.clone() });

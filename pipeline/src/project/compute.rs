@@ -5,8 +5,7 @@ use super::dom::Value;
 use super::loader::Loader;
 use super::passes::PassContext;
 use super::report::shown;
-use super::shaders::{ShaderUse, UsedBy};
-use super::{MaterialPattern, ShaderTexture};
+use super::shaders::UsedBy;
 use crate::glsl;
 
 /// Most work groups in one direction: what every device has.
@@ -60,23 +59,7 @@ impl Loader {
         let (name, from) = (self.required(found, "name"), self.required(found, "fromLibrary"));
         let (library, material) = self.find_material(from?, name?)?;
         let at = name?.span;
-        let light = self.pass_light(context)?.map(|(index, _)| index);
-        let (to, injected, by) = (&MaterialPattern::All, &[], UsedBy::Compute);
-        let used = ShaderUse { to, library, material: &material, at, replaces: true, injected, by };
-        let shader = self.own_shader(context, &used, light);
-        if shader.is_none() {
-            context.facts.stores_unknown();
-        }
-        let shader = shader?;
-        for texture in &shader.textures {
-            if let ShaderTexture::Channel(channel) = texture {
-                Self::reads(context, Some(*channel), at);
-            }
-        }
-        for channel in shader.buffers_read().filter(|channel| !shader.buffers_stored().any(|own| own == *channel)) {
-            Self::reads(context, Some(channel), at);
-        }
-        context.facts.stores(shader.buffers_stored());
+        let shader = self.pass_shader(context, (library, &material, at), UsedBy::Compute)?;
         let Some(first) = shader.buffers_stored().next() else {
             let message = format!("the shader of pass `{}` stores to no image and no buffer", shown(&context.name));
             self.report.error_help(at, message, || "imageStore(…) into a `uniform image2D`".to_owned());

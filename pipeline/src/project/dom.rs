@@ -80,6 +80,11 @@ impl Element {
         self.attributes.iter().find(|attribute| attribute.name.eq_ignore_ascii_case(name)).map(|found| &found.value)
     }
 
+    /// The attribute `value` of the first child of that name; case is ignored.
+    pub fn child_value(&self, name: &str) -> Option<&Value> {
+        self.children.iter().find(|child| child.is(&[name]))?.attribute("value")
+    }
+
     /// Children with any of these names; case is ignored.
     pub fn children_named<'e>(&'e self, names: &'e [&'e str]) -> impl Iterator<Item = &'e Element> {
         self.children.iter().filter(move |child| child.is(names))

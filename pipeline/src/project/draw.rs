@@ -265,37 +265,18 @@ impl Loader {
             }
             None => self.quad_map(context)?,
         };
-        if self.is_own_shader(library, &material) {
-            let light = self.pass_light(context)?.map(|(index, _)| index);
-            let to = &MaterialPattern::All;
-            let (injected, by) = (&[], UsedBy::Quad);
-            let used = ShaderUse { to, library, material: &material, at, replaces: true, injected, by };
-            let shader = self.own_shader(context, &used, light);
-            if shader.is_none() {
-                context.facts.stores_unknown();
-            }
-            let shader = shader?;
-            for texture in &shader.textures {
-                if let ShaderTexture::Channel(channel) = texture {
-                    Self::reads(context, Some(*channel), at);
-                }
-            }
-            for channel in shader.buffers_read().filter(|channel| !shader.buffers_stored().any(|own| own == *channel)) {
-                Self::reads(context, Some(channel), at);
-            }
-            context.facts.stores(shader.buffers_stored());
-            if !writes_color && shader.buffers_stored().next().is_none() {
-                let message =
-                    format!("quad pass `{}` neither writes colours nor stores anything", shown(&context.name));
-                self.report.error_help(element.span, message, || "valid: COLOR_ENABLE true".to_owned());
-                return None;
-            }
-            return Some(QuadPass { source: QuadSource::Own, shader: Some(shader), writes_color });
-        }
-        if !writes_color {
+        let own = match self.is_own_shader(library, &material) {
+            true => Some(self.pass_shader(context, (library, &material, at), UsedBy::Quad)?),
+            false => None,
+        };
+        let stores = own.iter().any(|shader| shader.buffers_stored().next().is_some());
+        if !writes_color && !stores {
             let message = format!("quad pass `{}` neither writes colours nor stores anything", shown(&context.name));
             self.report.error_help(element.span, message, || "valid: COLOR_ENABLE true".to_owned());
             return None;
+        }
+        if own.is_some() {
+            return Some(QuadPass { source: QuadSource::Own, shader: own, writes_color });
         }
         match self.shader_program(context, library, &material, at, QUAD_PROGRAMS, "quad")? {
             QuadProgram::Combine => {

@@ -13,20 +13,15 @@ use glam::Vec4;
 /// Most textures of an array.
 const MAX_ARRAY: u32 = 64;
 
-/// The child of that name and its attribute `value`.
-fn value_of<'e>(element: &'e Element, name: &str) -> Option<&'e Value> {
-    element.children.iter().find(|child| child.is(&[name]))?.attribute("value")
-}
-
 impl Loader {
     /// A texture without a file: `<texture name="…"><WIDTH value="…"/><HEIGHT value="…"/><INTERNAL_FORMAT value="…"/></texture>`. What has
     /// other contents, other dimensions or mip levels is [`Texture::Other`], and so are all in a build without own shaders.
     pub(super) fn image_texture(&mut self, library: &str, element: &Element, name: &str) -> Texture {
         let is_image = glsl::AVAILABLE
             && element.is(&["texture", "arrayOfTextures"])
-            && value_of(element, "content").is_none()
-            && value_of(element, "depth").is_none();
-        let parts = ["width", "height", "internal_format"].map(|part| value_of(element, part));
+            && element.child_value("content").is_none()
+            && element.child_value("depth").is_none();
+        let parts = ["width", "height", "internal_format"].map(|part| element.child_value(part));
         let ([Some(width), Some(height), Some(format)], true) = (parts, is_image) else { return Texture::Other };
         let (sides, format) = ([self.side(width), self.side(height)], self.format_named(format));
         let ([Some(width), Some(height)], Some(format)) = (sides, format) else { return Texture::Channel(None) };
@@ -47,7 +42,7 @@ impl Loader {
         let lists = root.children_named(&["arraysOfTextures"]).filter(|_| glsl::AVAILABLE);
         for array in lists.flat_map(|list| list.children_named(&["arrayOfTextures"])) {
             let Some(name) = self.required(array, "name") else { continue };
-            let count = value_of(array, "texture_count").and_then(|value| value.text.parse::<u32>().ok());
+            let count = array.child_value("texture_count").and_then(|value| value.text.parse::<u32>().ok());
             let Some(count) = count.filter(|count| (1..=MAX_ARRAY).contains(count)) else {
                 let message = format!("the number of textures of `{}` cannot be read", name.shown());
                 let help = format!("valid: <TEXTURE_COUNT value=\"2\"/>, 1 to {MAX_ARRAY}");
@@ -148,11 +143,11 @@ impl Loader {
         let lists = material.children_named(&["imageTextures"]).filter(|_| glsl::AVAILABLE);
         for image in lists.flat_map(|list| list.children_named(&["imageTexture"])) {
             let (unit, name) = (self.unit_of(image, "unit"), self.required(image, "texture"));
-            let cleared = match value_of(image, "clear") {
+            let cleared = match image.child_value("clear") {
                 Some(value) => self.boolean(value),
                 None => Some(false),
             };
-            let level = value_of(image, "level").filter(|level| level.text != "0").cloned();
+            let level = image.child_value("level").filter(|level| level.text != "0").cloned();
             let binding = unit.zip(name).zip(cleared);
             found = found.zip(binding).map(|(mut found, ((unit, name), cleared))| {
                 found.push(ImageBinding { unit, name: name.clone(), cleared, level });

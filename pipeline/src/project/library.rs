@@ -18,7 +18,7 @@ const MAX_CHANNELS: usize = 32;
 
 /// `<COMPARE_FUNC value="…"/>` of a bound texture.
 fn compare(texture: &Element) -> Option<Value> {
-    texture.children.iter().find(|child| child.is(&["compare_func"]))?.attribute("value").cloned()
+    texture.child_value("compare_func").cloned()
 }
 
 impl Loader {
@@ -352,7 +352,7 @@ impl Loader {
     /// Reads a render state: `CULL_TYPE` applies unless `CULL_FACE` is off.
     fn state(&mut self, library: &mut Library, element: &Element) {
         let Some(name) = self.required(element, "name") else { return };
-        let value = |name: &str| element.children.iter().find(|child| child.is(&[name]))?.attribute("value");
+        let value = |name: &str| element.child_value(name);
         let on = value("cull_face").is_none_or(|value| self.boolean(value) != Some(false));
         let side = match value("cull_type").map(|value| value.text.to_ascii_uppercase()).as_deref() {
             Some("FRONT") => Some(Side::Front),

@@ -764,16 +764,6 @@ pub struct ComputePass {
 }
 
 impl QuadPass {
-    /// The channels of the storage buffers that its shader reads.
-    pub fn buffers_read(&self) -> impl Iterator<Item = ChannelRef> + '_ {
-        self.shader.iter().flat_map(|shader| shader.buffers_read())
-    }
-
-    /// The channels of the storage buffers that its shader stores to.
-    pub fn buffers_stored(&self) -> impl Iterator<Item = ChannelRef> + '_ {
-        self.shader.iter().flat_map(|shader| shader.buffers_stored())
-    }
-
     /// A pass without a shader of the project's own.
     #[must_use]
     pub fn new(source: QuadSource) -> Self {

@@ -49,6 +49,30 @@ impl Loader {
         glsl::AVAILABLE && self.shader_of(library, material).is_some_and(|(_, stem)| own(&stem))
     }
 
+    /// Compiles the own shader of a quad or compute pass, and takes down what the pass reads and stores by it. `at` is where the pass names
+    /// the material.
+    pub fn pass_shader(
+        &mut self,
+        context: &mut PassContext<'_>,
+        (library, material, at): (usize, &Rc<LibraryMaterial>, Span),
+        by: UsedBy,
+    ) -> Option<Arc<OwnShader>> {
+        let light = self.pass_light(context)?.map(|(index, _)| index);
+        let (to, injected) = (&MaterialPattern::All, &[]);
+        let used = ShaderUse { to, library, material, at, replaces: true, injected, by };
+        let shader = self.own_shader(context, &used, light);
+        if shader.is_none() {
+            context.facts.stores_unknown();
+        }
+        let shader = shader?;
+        let loaded = shader.buffers_read().filter(|channel| !shader.buffers_stored().any(|own| own == *channel));
+        for channel in shader.sampled().chain(loaded) {
+            Self::reads(context, Some(channel), at);
+        }
+        context.facts.stores(shader.buffers_stored());
+        Some(shader)
+    }
+
     /// Compiles an own shader and determines its inputs. `light` is the pass's light.
     pub fn own_shader(
         &mut self,
