@@ -418,7 +418,7 @@ fn the_window_is_started_with_the_same_arguments_and_its_absence_says_how_to_bui
     let absent = start(&["view", "p.xml"]);
     let printed = text(&absent.stderr);
     assert_eq!(absent.status.code(), Some(1), "{printed}");
-    assert!(printed.contains("curitiba-view") && printed.contains("--manifest-path view/Cargo.toml"), "{printed}");
+    assert!(printed.contains("curitiba-view") && printed.contains("--package curitiba-view"), "{printed}");
     let script = folder.path().join("script");
     std::fs::write(&script, "#!/bin/sh\nfor word; do printf '<%s>' \"$word\"; done\nexit 7\n").expect("written");
     std::fs::set_permissions(&script, std::fs::Permissions::from_mode(0o755)).expect("made executable");

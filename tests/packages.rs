@@ -78,7 +78,7 @@ fn outside(source: &Path, text: &str, files: &BTreeSet<PathBuf>) -> Vec<String> 
 fn every_package_says_what_it_is() {
     let packages = published();
     let names: Vec<&str> = packages.iter().map(name).collect();
-    assert_eq!(names, ["curitiba-pipeline", "curitiba-passes", "curitiba-cuda", "curitiba"]);
+    assert_eq!(names, ["curitiba-pipeline", "curitiba-passes", "curitiba-cuda", "curitiba", "curitiba-view"]);
     for package in &packages {
         let name = name(package);
         for field in ["description", "license", "readme", "rust_version"] {
@@ -94,7 +94,7 @@ fn every_package_says_what_it_is() {
             "{name}: {keywords:?}"
         );
         let categories = words("categories");
-        let known = ["rendering", "graphics", "command-line-utilities"];
+        let known = ["rendering", "graphics", "command-line-utilities", "visualization"];
         assert!(!categories.is_empty() && categories.iter().all(|word| known.contains(word)), "{name}: {categories:?}");
         for dependency in package["dependencies"].as_array().expect("a list") {
             let of_ours = dependency["path"].is_string();

@@ -171,7 +171,7 @@ Examples:
   curitiba view xml_projects/SceneFinal.xml
   curitiba view --help
 
-It is built by: cargo build --release --manifest-path view/Cargo.toml --target-dir target"
+It is built by: cargo build --release --package curitiba-view"
     )]
     View {
         /// What is shown, with options as of `render`.

@@ -22,8 +22,7 @@ pub fn run(confine: Option<&Path>, arguments: &[OsString]) -> Result<(), Failure
         Ok(status) => std::process::exit(status.code().unwrap_or(1)),
         Err(error) if error.kind() == ErrorKind::NotFound => Err(Failure::Work(format!(
             "the window is a program of its own, `{PROGRAM}`, which is neither beside this one nor on PATH\n       \
-             build it where curitiba was built (Rust 1.95 or newer): \
-             cargo build --release --manifest-path view/Cargo.toml --target-dir target"
+             build it where curitiba was built: cargo build --release --package curitiba-view"
         ))),
         Err(error) => Err(Failure::Work(format!("{}: {error}", program.display()))),
     }
