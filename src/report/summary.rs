@@ -149,20 +149,16 @@ fn in_time(data: &ReportData, verdicts: &[Verdict]) -> Option<String> {
     let (yes, limit, no) = (of(Fit::Yes), of(Fit::AtTheLimit), of(Fit::No));
     let base = data.base("").map(|row| row.frame.median).filter(|median| *median > FRAME_60_MS);
     let mut parts = Vec::new();
-    if !yes.is_empty() {
-        parts.push(format!("{} {} in time", list(&yes), if yes.len() == 1 { "is" } else { "are" }));
-    }
-    if !limit.is_empty() {
-        parts.push(format!("{} at the limit, sometimes over it", list(&limit)));
-    }
-    if !no.is_empty() {
-        parts.push(format!("{} {} too slow", list(&no), if no.len() == 1 { "is" } else { "are" }));
+    for (said, which) in [("in time", yes), ("at the limit, sometimes over it", limit), ("too slow", no)] {
+        if !which.is_empty() {
+            parts.push(format!("{said}: {}", list(&which)));
+        }
     }
     if let Some(base) = base {
         parts.push(format!("the frame without any effect takes {} already", milliseconds(base)));
     }
     let ms = milliseconds(FRAME_60_MS);
-    (!parts.is_empty()).then(|| format!("At 60 frames a second ({ms} a frame), each alone: {}.", parts.join("; ")))
+    (!parts.is_empty()).then(|| format!("At 60 frames a second ({ms} a frame) each alone is {}.", parts.join("; ")))
 }
 
 /// Whether what was chosen fits together: the frame without effects and what each adds to it.

@@ -243,9 +243,14 @@ fn where_no_setting_is_within_the_error_the_nearest_is_named() {
 
 #[test]
 fn whether_a_frame_is_in_time_is_told_by_the_interval_of_its_median() {
-    for (ms, said) in [(12.0, "shadows is in time"), (16.6, "shadows at the limit"), (30.0, "shadows is too slow")] {
+    for (ms, said) in
+        [(12.0, "in time: shadows"), (16.6, "at the limit, sometimes over it: shadows"), (30.0, "too slow: shadows")]
+    {
         let text = in_short(&report(2.0, (ms, against(0.001)), (90.0, against(0.001)))).join(" ");
-        assert!(text.contains(&format!("At 60 frames a second (16.7 ms a frame), each alone: {said}")), "{ms}: {text}");
+        assert!(
+            text.contains(&format!("At 60 frames a second (16.7 ms a frame) each alone is {said}")),
+            "{ms}: {text}"
+        );
     }
     let text = in_short(&report(71.0, (260.0, against(0.001)), (130.0, against(0.002)))).join(" ");
     assert!(text.contains("the frame without any effect takes 71.0 ms already"), "{text}");
