@@ -220,6 +220,9 @@ pub struct OwnMaterial {
     pub uniforms: Vec<Vec<u8>>,
     /// Texture of each sampler of the program.
     pub textures: Vec<OwnTexture>,
+    /// By storage buffer of the program: the index of what is bound, into the buffers of [`Rasteriser::draw_with`]; `None` of an image that
+    /// holds nothing.
+    pub storage: Vec<Option<usize>>,
     /// How its triangles are drawn.
     pub drawn: Drawn,
 }
@@ -231,6 +234,8 @@ pub enum OwnTexture {
     Nothing,
     /// Index into [`RenderScene::textures`].
     Scene(u32),
+    /// Indices into [`RenderScene::textures`] of a cube map's images, square and of one size: +x, -x, +y, -y, +z, -z.
+    Cube([u32; 6]),
     /// Index into [`OwnShaders::channels`].
     Channel(usize),
 }
@@ -266,6 +271,8 @@ pub enum QuadTexture<'a> {
     Nothing,
     /// An image file.
     Image(&'a Texture),
+    /// The images of a cube map, square and of one size: +x, -x, +y, -y, +z, -z.
+    Cube([&'a Texture; 6]),
     /// A channel that an earlier pass wrote.
     Channel {
         /// Pixels a row.
@@ -398,7 +405,8 @@ pub trait Rasteriser {
     fn draws_shaders(&self) -> bool {
         false
     }
-    /// [`Rasteriser::draw`], with own shaders for some materials. Their fragments write no triangle ids.
+    /// [`Rasteriser::draw`], with own shaders for some materials. Their fragments write no triangle ids. `buffers` are the storage buffers
+    /// and images of the pass, 16 bytes each; what is stored is there afterwards. Every fragment of every triangle stores, hidden or not.
     ///
     /// # Errors
     /// If the device fails, or the rasteriser cannot draw with own shaders.
@@ -407,6 +415,7 @@ pub trait Rasteriser {
         job: &RasterJob<'_>,
         shaders: &OwnShaders<'_>,
         target: &mut GBuffer,
+        _buffers: &mut [Vec<[f32; 4]>],
     ) -> Result<DrawStats, BackendError> {
         if shaders.materials.iter().all(Option::is_none) {
             return self.draw(job, target);

@@ -1,6 +1,6 @@
 //! Compute passes: a compute shader of the project's own runs on the rasteriser's device, and stores to images and buffers.
 
-use super::shaders::sampled;
+use super::textures::sampled;
 use super::{Observer, Renderer, StepKind};
 use crate::backend::{BackendError, ComputeJob};
 use crate::plan::PlannedPass;

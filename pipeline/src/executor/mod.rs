@@ -23,6 +23,8 @@ mod samples;
 mod save;
 mod shaders;
 mod show;
+mod storage;
+mod textures;
 mod timeline;
 
 pub use crate::progress::{Cancellation, Progress};
@@ -405,6 +407,9 @@ impl Renderer {
         self.sample = sample;
         if part == 0 {
             self.passes_run.clear();
+        }
+        if run.contains(&true) {
+            self.fill_textures();
         }
         let mut index = 0;
         while index < self.plan.passes.len() {

@@ -1,5 +1,6 @@
 //! Raster passes.
 
+use super::storage::give;
 use super::{Observer, PassMaterials, Renderer, StepKind, channel_of, parts, shaders};
 use crate::backend::{Attachments, BackendError, OwnShaders, QuadTexture, RasterJob};
 use crate::plan::{PlannedPass, Work};
@@ -23,11 +24,13 @@ impl Renderer {
         let PassKind::Raster(raster) = &pass.kind else { return Ok(()) };
         let (program, target) = (raster.program, pass.target);
         let (sampled, instances) = (shaders::own_channels(raster), raster.instances);
+        let bound = shaders::own_bound(pass);
         let clamped = self.plan.project.is_of_light(raster.camera);
         let sun = raster.light.and_then(|light| self.sun(light));
         self.upload(scene_set, observer)?;
         let mut buffer = std::mem::take(self.buffer(target));
         let scene = Arc::clone(&self.scenes[scene_set].scene);
+        let mut buffers: Vec<_> = bound.iter().map(|bound| self.take_bound(*bound, planned.pass)).collect();
         let PassMaterials { shades, culled, .. } = &self.materials[index];
         let (shared, half) = (self.in_shared_memory(target, traced), self.half_floats(target));
         let blocks = self.blocks(view, viewport, &buffer);
@@ -67,6 +70,7 @@ impl Renderer {
             let drawn = parts::draw_blocks(raster.as_mut(), &job, &blocks, host, &mut buffer, &progress);
             let elapsed = start.elapsed();
             observer.end();
+            bound.iter().zip(buffers).for_each(|(bound, bytes)| give(&mut self.targets, *bound, bytes));
             self.given_up |= progress.is_given_up();
             *self.buffer(target) = buffer;
             self.round_to_formats(target);
@@ -81,10 +85,11 @@ impl Renderer {
         let start = Instant::now();
         let drawn = match own_materials.is_empty() {
             true => self.engines.raster.draw_until(&job, &mut buffer, &progress),
-            false => self.engines.raster.draw_with(&job, &own, &mut buffer),
+            false => self.engines.raster.draw_with(&job, &own, &mut buffer, &mut buffers),
         };
         let elapsed = start.elapsed();
         observer.end();
+        bound.iter().zip(buffers).for_each(|(bound, bytes)| give(&mut self.targets, *bound, bytes));
         self.given_up |= progress.is_given_up();
         let handed = drawn.as_ref().ok().and_then(|stats| stats.shared);
         let mut result = drawn.map(|stats| {
@@ -104,6 +109,7 @@ impl Renderer {
         }
         *self.buffer(target) = buffer;
         self.round_to_formats(target);
+        self.round_stored(planned);
         result
     }
 }

@@ -1,13 +1,13 @@
 //! Own shaders of projects: the values of their uniforms, and their textures.
 
-use super::{RenderError, Renderer, Surface, channel_of};
+use super::textures::sampled;
+use super::{Renderer, Surface};
 use crate::backend::{BackendError, GBuffer, OwnMaterial, OwnTexture, QuadJob, QuadTexture, Rect, Shade, View};
 use crate::glsl::{CameraValue, ColorValue, FRAME, LightValue, Matrix, Member, Program, Scalar, Value};
 use crate::memory;
 use crate::plan::{PlannedPass, Work};
-use crate::project::{Camera, ChannelRef, ColorMap, OwnShader, PassKind, RasterPass, ShaderTexture};
-use crate::scene::texture::Texture;
-use crate::scene::{Material, RenderScene, image_file};
+use crate::project::{Bound, Camera, ChannelRef, ColorMap, OwnShader, Pass, PassKind, RasterPass, ShaderTexture};
+use crate::scene::Material;
 use glam::camera::rh;
 use glam::{DMat4, DVec3, Mat4, Vec3, Vec4};
 use std::path::PathBuf;
@@ -58,25 +58,9 @@ pub(super) fn own_channels(raster: &RasterPass) -> Vec<ChannelRef> {
     channels
 }
 
-/// What the samplers of a quad's or compute pass's shader read.
-pub(super) fn sampled<'a>(
-    shader: &OwnShader,
-    targets: &'a [GBuffer],
-    images: &'a [(PathBuf, Texture)],
-) -> Vec<QuadTexture<'a>> {
-    let read = |texture: &ShaderTexture| match texture {
-        ShaderTexture::Channel(channel) => {
-            let read = &targets[channel.target];
-            let texels = channel_of(read, channel.channel);
-            QuadTexture::Channel { width: read.width, height: read.height, texels }
-        }
-        ShaderTexture::File(path) => {
-            let image = images.iter().find(|(file, _)| file == path);
-            image.map_or(QuadTexture::Nothing, |(_, image)| QuadTexture::Image(image))
-        }
-        ShaderTexture::Material | ShaderTexture::Nothing => QuadTexture::Nothing,
-    };
-    shader.textures.iter().map(read).collect()
+/// The buffers and images that the own shaders of a raster pass bind, each listed once. What it draws into is none of them.
+pub(super) fn own_bound(pass: &Pass) -> Vec<Bound> {
+    pass.kind.bound().into_iter().filter(|bound| pass.target != Some(bound.target)).collect()
 }
 
 /// Inputs that all uniforms of a pass share.
@@ -96,32 +80,6 @@ struct Seen<'a> {
 }
 
 impl Renderer {
-    /// Loads image files that the own shaders of a scene set's passes read, and adds them to the scene's textures.
-    pub(super) fn load_images(&self, set: usize, scene: &mut RenderScene) -> Result<Vec<(PathBuf, u32)>, RenderError> {
-        let mut images: Vec<(PathBuf, u32)> = Vec::new();
-        let mut left = self.plan.settings.max_memory.saturating_sub(self.plan.target_bytes());
-        for planned in &self.plan.passes {
-            let PassKind::Raster(raster) = &self.plan.pass(planned).kind else { continue };
-            if !matches!(planned.work, Work::Raster { scene_set, .. } if scene_set == set) {
-                continue;
-            }
-            for map in &raster.shaders {
-                for texture in &map.shader.textures {
-                    let ShaderTexture::File(path) = texture else { continue };
-                    if images.iter().any(|(loaded, _)| loaded == path) {
-                        continue;
-                    }
-                    let place = map.shader.place.clone();
-                    let image = image_file(path, left).map_err(|error| RenderError::Scene { place, error })?;
-                    left = left.saturating_sub(image.levels.iter().map(|level| 4 * level.texels.len() as u64).sum());
-                    images.push((path.clone(), scene.textures.len() as u32));
-                    scene.textures.push(image);
-                }
-            }
-        }
-        Ok(images)
-    }
-
     /// The programs of a raster pass, and by material the inputs of its own shader; both empty for a pass without own shaders.
     pub(super) fn own_shaders(
         &self,
@@ -144,13 +102,20 @@ impl Renderer {
         };
         let images = &self.scenes[*scene_set].images;
         let channels = own_channels(raster);
+        let bound = own_bound(self.plan.pass(planned));
+        let stored = |of: &Bound| bound.iter().position(|bound| bound.target == of.target);
         let made = |surface: &Surface| {
             let shader = &raster.shaders[surface.shader].shader;
+            let image = |path: &PathBuf| images.iter().find(|(file, _)| file == path).map(|(_, index)| *index);
             let texture = |texture: &ShaderTexture| match texture {
                 ShaderTexture::Material => surface.texture.map(OwnTexture::Scene),
-                ShaderTexture::File(path) => {
-                    images.iter().find(|(file, _)| file == path).map(|(_, index)| OwnTexture::Scene(*index))
-                }
+                ShaderTexture::File(path) => image(path).map(OwnTexture::Scene),
+                ShaderTexture::Cube(paths) => match paths.each_ref().map(image) {
+                    [Some(a), Some(b), Some(c), Some(d), Some(e), Some(f)] => {
+                        Some(OwnTexture::Cube([a, b, c, d, e, f]))
+                    }
+                    _ => None,
+                },
                 ShaderTexture::Channel(channel) => {
                     channels.iter().position(|other| other == channel).map(OwnTexture::Channel)
                 }
@@ -160,6 +125,7 @@ impl Renderer {
                 program: surface.shader,
                 uniforms: self.uniforms(shader, surface, &scope),
                 textures: shader.textures.iter().map(|of| texture(of).unwrap_or(OwnTexture::Nothing)).collect(),
+                storage: shader.storage.iter().map(|of| stored(of.as_ref()?)).collect(),
                 drawn: shader.drawn,
             }
         };
@@ -178,67 +144,6 @@ impl Renderer {
         let filled = self.fill_with((shader, writes_color), &mut buffers, viewport, buffer);
         self.give_buffers(shader, buffers);
         filled
-    }
-
-    /// The buffers and images that a shader binds. A frame begins with zeros in all, unless another pass drew an image.
-    pub(super) fn take_buffers(&mut self, shader: &OwnShader, pass: usize) -> Vec<Vec<[f32; 4]>> {
-        let mut taken = Vec::new();
-        for bound in &shader.storage {
-            // What holds nothing has a texel that no shader reaches.
-            let Some(bound) = bound else {
-                taken.push(vec![[0.0; 4]]);
-                continue;
-            };
-            let mut bytes = std::mem::take(&mut self.targets[bound.target].color);
-            if bound.cleared || self.is_first_to_bind(bound.target, pass) {
-                bytes.fill([0.0; 4]);
-            }
-            taken.push(bytes);
-        }
-        taken
-    }
-
-    /// Puts back what [`Self::take_buffers`] took.
-    pub(super) fn give_buffers(&mut self, shader: &OwnShader, buffers: Vec<Vec<[f32; 4]>>) {
-        for (bound, bytes) in shader.storage.iter().zip(buffers) {
-            if let Some(bound) = bound {
-                self.targets[bound.target].color = bytes;
-            }
-        }
-    }
-
-    /// Rounds what the shader of a pass stored to the formats of the images.
-    pub(super) fn round_stored(&mut self, planned: &PlannedPass) {
-        let stored: Vec<usize> = self.plan.pass(planned).kind.buffers_stored().map(|channel| channel.target).collect();
-        stored.into_iter().for_each(|target| self.round_to_formats(Some(target)));
-    }
-
-    /// Whether no pass that runs before the one at an index of the pipeline binds a buffer or image, or draws into it.
-    pub(super) fn is_first_to_bind(&self, target: usize, pass: usize) -> bool {
-        let binds = |planned: &&PlannedPass| {
-            let pass = self.plan.pass(planned);
-            match &pass.kind {
-                PassKind::Intersection(intersection) => intersection.binds(target),
-                kind => pass.target == Some(target) || kind.shader().is_some_and(|shader| shader.binds(target)),
-            }
-        };
-        self.plan.passes.iter().find(binds).is_some_and(|first| first.pass == pass)
-    }
-
-    /// Loads the image files that the shader of a quad or compute pass samples, unless they are there.
-    pub(super) fn load_sampled(&mut self, shader: &OwnShader) -> Result<(), BackendError> {
-        for texture in &shader.textures {
-            let ShaderTexture::File(path) = texture else { continue };
-            if !self.quad_images.iter().any(|(loaded, _)| loaded == path) {
-                let most = self.plan.settings.max_memory.saturating_sub(self.plan.target_bytes());
-                let image = image_file(path, most).map_err(|error| BackendError::Device {
-                    backend: self.engines.raster.name(),
-                    message: format!("{}: {error}", shader.place),
-                })?;
-                self.quad_images.push((path.clone(), image));
-            }
-        }
-        Ok(())
     }
 
     fn fill_with(

@@ -62,6 +62,7 @@ fn compile_compute(text: &str) -> Result<Program, Vec<Fault>> {
         outputs: [false; MAX_OUTPUTS],
         flat: false,
         storage,
+        early: None,
         fixed: stated.fixed,
     })
 }
@@ -102,6 +103,7 @@ fn compile(source: Source<'_>) -> Result<Program, Vec<Fault>> {
         outputs: linked.outputs,
         flat: linked.flat,
         storage,
+        early: fragment.early,
         fixed: [vertex.fixed, fragment.fixed].concat(),
     })
 }

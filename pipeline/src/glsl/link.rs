@@ -44,8 +44,20 @@ pub(super) fn link(vertex: &Stated, fragment: &Stated, depth: Option<usize>) -> 
     let mut faults = Vec::new();
     let mut samplers = vertex.samplers.clone();
     for sampler in &fragment.samplers {
-        if !samplers.iter().any(|other| other.name == sampler.name) {
-            samplers.push(sampler.clone());
+        match samplers.iter().find(|other| other.name == sampler.name) {
+            None => samplers.push(sampler.clone()),
+            Some(other) if (other.kind == SamplerKind::Cube) != (sampler.kind == SamplerKind::Cube) => {
+                let message = format!("`{}` is a sampler of another type in the vertex shader", sampler.name);
+                let (stage, [start, end]) = (Stage::Fragment, sampler.at);
+                faults.push(Fault {
+                    stage,
+                    start,
+                    end,
+                    message,
+                    help: Some("valid: the same type in both".to_owned()),
+                });
+            }
+            Some(_) => {}
         }
     }
     let attributes = attributes(vertex, &mut faults);
@@ -145,7 +157,8 @@ fn begin(stated: &Stated, samplers: &[Sampler], binding: usize) -> String {
     for (index, sampler) in samplers.iter().enumerate() {
         if stated.samplers.iter().any(|own| own.name == sampler.name) {
             let (texture, own) = (texture_name(&sampler.name), sampler_name(&sampler.name));
-            let _ = writeln!(text, "layout(set = 1, binding = {}) uniform texture2D {texture};", 2 * index);
+            let kind = if sampler.kind == SamplerKind::Cube { "textureCube" } else { "texture2D" };
+            let _ = writeln!(text, "layout(set = 1, binding = {}) uniform {kind} {texture};", 2 * index);
             let _ = writeln!(text, "layout(set = 1, binding = {}) uniform sampler {own};", 2 * index + 1);
         }
     }
@@ -161,7 +174,7 @@ fn begin(stated: &Stated, samplers: &[Sampler], binding: usize) -> String {
         match own.kind {
             SamplerKind::Compared => text += &compare(own),
             SamplerKind::Color if stated.text.contains(&beside_name(&own.name)) => text += &beside(own),
-            SamplerKind::Color => {}
+            SamplerKind::Color | SamplerKind::Cube => {}
         }
     }
     text

@@ -227,6 +227,8 @@ pub enum SamplerKind {
     Color,
     /// `sampler2DShadow`: it compares a depth with those of the texture, which is read unfiltered.
     Compared,
+    /// `samplerCube`: a direction is looked up in six images.
+    Cube,
 }
 
 /// A texture of the project, sampled.
@@ -330,6 +332,8 @@ pub struct Program {
     pub flat: bool,
     /// Buffers that the fragment or compute shader reads and stores to.
     pub storage: Vec<StorageBuffer>,
+    /// Where the fragment shader says that hidden pixels store nothing (`early_fragment_tests`), bytes of its file.
+    pub early: Option<[usize; 2]>,
     /// Uniforms that keep the values that they begin with.
     pub fixed: Vec<Fixed>,
 }

@@ -52,7 +52,9 @@ impl Plan {
             (Work::Effect { reads_triangle, .. }, PassKind::Effect(pass)) => {
                 effect::inputs(pass).map(slot).chain(ids(*reads_triangle, pass.position)).collect()
             }
-            (Work::Raster { .. }, PassKind::Raster(raster)) => liveness::sampled(raster).map(slot).collect(),
+            (Work::Raster { .. }, PassKind::Raster(raster)) => {
+                liveness::sampled(raster).chain(pass.kind.buffers_read()).map(slot).collect()
+            }
             (Work::Off { instead: Instead::Copy(channel) }, _) => vec![slot(*channel)],
             (Work::Quad { .. }, PassKind::Quad(quad)) => liveness::sources(quad).into_iter().map(slot).collect(),
             (Work::Intersection { .. }, PassKind::Intersection(intersection)) => {
@@ -79,7 +81,9 @@ impl Plan {
         let mut written: Vec<Slot> = Vec::new();
         for planned in &self.passes {
             let access = self.access(planned);
-            let missing = access.reads.iter().find(|slot| !written.contains(slot));
+            let filled =
+                |(target, _): &Slot| target.is_some_and(|target| self.project.targets[target].contents.is_some());
+            let missing = access.reads.iter().find(|slot| !written.contains(slot) && !filled(slot));
             if let Some((Some(target), channel)) = missing {
                 let target = &self.project.targets[*target];
                 let what = target.channels.get(*channel).map_or("the triangle ids", |channel| &channel.name);

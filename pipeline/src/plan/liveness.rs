@@ -84,7 +84,10 @@ impl Plan {
                 PassKind::Raster(raster) => {
                     self.explain_attachments(pass, live);
                     self.check_shaders(pass, raster, live)?;
-                    wanted.read_in_host(sampled(raster).collect());
+                    wanted.read_in_host(sampled(raster).chain(pass.kind.buffers_read()).collect());
+                    // What it stores to a part of, it leaves in the rest.
+                    wanted.read_in_host(pass.kind.buffers_stored().collect());
+                    self.hold_buffers(pass);
                     Work::Raster {
                         scene_set: self.scene_set(&raster.scenes),
                         view: view(&self.project.cameras[self.seen_from(camera, raster.camera)], rect, self.origin),
@@ -141,9 +144,19 @@ impl Plan {
             }
             self.passes.push(PlannedPass { pass: index, work });
         }
+        self.hold_filled();
         self.passes.reverse();
         self.decisions.reverse();
         Ok(())
+    }
+
+    /// Keeps the textures that hold random numbers where a pass reads them: no pass need write them.
+    fn hold_filled(&mut self) {
+        let read = self.passes.iter().flat_map(|planned| self.access(planned).reads);
+        let read: Vec<usize> = read.filter_map(|(target, _)| target).collect();
+        for target in read.into_iter().filter(|target| self.project.targets[*target].contents.is_some()) {
+            self.targets[target].stored.color = true;
+        }
     }
 
     /// Keeps the buffers and images that a pass reads and stores to.

@@ -470,7 +470,7 @@ fn target_size(project: &Project, pipeline: usize, target: usize, window: [u32; 
     // Depth maps of lights do not scale with the window.
     let alone = target.channels.iter().all(|channel| channel.depth);
     [0, 1].map(|axis| {
-        if alone || fixed || target.buffer.is_some() {
+        if alone || fixed || target.buffer.is_some() || target.contents.is_some() {
             return target.size[axis].min(MAX_SIDE + 1);
         }
         let scale = f64::from(window[axis]) / f64::from(project.window[axis]);

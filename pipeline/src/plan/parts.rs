@@ -12,7 +12,7 @@ use super::{Plan, PlanError, Work};
 use crate::backend::{Attachments, Limits, Rect};
 use crate::gbuffer::ALIGNMENT;
 use crate::memory::mebibytes;
-use crate::project::PassKind;
+use crate::project::{ChannelRef, PassKind, QuadPass};
 
 /// Side of the blocks in which a rasteriser draws pictures beyond its limits, one after another. Each block has its own projection.
 pub const BLOCK: u32 = 4096;
@@ -111,6 +111,10 @@ impl Plan {
                         pass.name
                     ))
                 }
+                (Work::Raster { .. }, kind) if !kind.bound().is_empty() => Some(format!(
+                    "pass `{}` draws by an own shader that stores, whatever part of the picture is asked for",
+                    pass.name
+                )),
                 (Work::Compute, _) => Some(format!(
                     "pass `{}` runs a compute shader, which may read and store all of an image",
                     pass.name
@@ -119,6 +123,9 @@ impl Plan {
                     "pass `{}` fills its target by an own shader, which may read all of a texture",
                     pass.name
                 )),
+                (Work::Quad { .. }, PassKind::Quad(quad)) if self.shows_random(quad) => {
+                    Some(format!("pass `{}` shows a texture of random numbers, which has its own size", pass.name))
+                }
                 (Work::Rays { .. }, _) if self.filter_levels(planned) > 0 => Some(format!(
                     "pass `{}` filters what it writes, so its pixels depend on others of the picture",
                     pass.name
@@ -131,6 +138,11 @@ impl Plan {
                 _ => None,
             }
         })
+    }
+
+    fn shows_random(&self, quad: &QuadPass) -> bool {
+        let random = |channel: &ChannelRef| self.project.targets[channel.target].contents.is_some();
+        super::liveness::sources(quad).iter().any(random)
     }
 
     /// Chooses the parts: the requested ones, or bands if the whole would not fit into memory.

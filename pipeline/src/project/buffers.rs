@@ -4,7 +4,7 @@ use super::dom::{Element, Value};
 use super::libraries::{BufferBinding, Library, ValueOf};
 use super::loader::Loader;
 use super::report::Found;
-use super::shaders::{ShaderUse, UsedBy};
+use super::shaders::ShaderUse;
 use super::{Bound, Channel, RenderTarget};
 use crate::glsl::{self, Held, Program};
 use crate::image::PixelFormat;
@@ -53,6 +53,7 @@ impl Loader {
                     size: [width as u32, pixels.div_ceil(width) as u32],
                     clear_color: Vec4::ZERO,
                     buffer: Some(bytes),
+                    contents: None,
                     channels: vec![channel],
                 });
                 self.libraries.targets.len() - 1
@@ -136,29 +137,21 @@ impl Loader {
             Held::Image => Some(self.image_of(buffer, at, values, used)?),
             Held::Block | Held::Counters => None,
         };
-        // Images that hold nothing are harmless anywhere.
-        if let Some(None) = bound {
-            return Some(None);
-        }
-        if used.by == UsedBy::Scenes {
-            let what = if bound.is_some() { "an image" } else { "a buffer" };
-            let message = format!("`{}` is {what} in a pass that draws scenes, which is not supported", buffer.name);
-            self.report.error_help(at, message, || "valid: in the shaders of quad and compute passes".to_owned());
-            return None;
-        }
         if bound.is_some() {
             return bound;
         }
         let counters = buffer.held == Held::Counters;
         let fits = |bound: &&BufferBinding| (bound.point, bound.counters) == (buffer.point, counters);
-        let Some(bound) = used.material.buffers.iter().rev().find(fits).cloned() else {
+        let Some(bound) = used.buffers().iter().rev().find(fits).cloned() else {
             let kind = if counters { "ATOMIC_COUNTER" } else { "SHADER_STORAGE" };
             let material = &used.material.name;
-            let message =
-                format!("material `{material}` binds no {kind} to point {} of `{}`", buffer.point, buffer.name);
-            let help =
-                "valid: <buffer name=\"…\"><TYPE value=\"…\"/><BINDING_POINT value=\"…\"/></buffer> in its <buffers>";
-            self.report.error_help(at, message, || help.to_owned());
+            let (binder, list) = match used.replaces {
+                true => (format!("material `{material}`"), "its <buffers>"),
+                false => (format!("the injection of `{material}`"), "the <buffers> of the <map>"),
+            };
+            let message = format!("{binder} binds no {kind} to point {} of `{}`", buffer.point, buffer.name);
+            let help = "valid: <buffer name=\"…\"><TYPE value=\"…\"/><BINDING_POINT value=\"…\"/></buffer> in";
+            self.report.error_help(at, message, || format!("{help} {list}"));
             return None;
         };
         let library = match &bound.library {

@@ -46,7 +46,7 @@ impl Value {
 }
 
 /// An attribute.
-#[derive(Debug)]
+#[derive(Debug, Clone)]
 pub(super) struct Attribute {
     pub name: String,
     pub name_span: Span,
@@ -70,6 +70,12 @@ pub(super) struct Element {
 }
 
 impl Element {
+    /// Its start tag alone.
+    pub fn tag(&self) -> Self {
+        let (name, attributes) = (self.name.clone(), self.attributes.clone());
+        Self { name, attributes, children: Vec::new(), text: None, ..*self }
+    }
+
     /// Whether the element has one of these names; case is ignored.
     pub fn is(&self, names: &[&str]) -> bool {
         names.iter().any(|name| self.name.eq_ignore_ascii_case(name))

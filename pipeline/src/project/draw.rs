@@ -1,12 +1,12 @@
 //! Reading raster and quad passes.
 
 use super::dom::Element;
-use super::libraries::LibraryMaterial;
+use super::libraries::{Injected, LibraryMaterial};
 use super::loader::Loader;
 use super::passes::{InjectedShader, MaterialMap, PassContext};
 use super::report::{Found, Span, shown, suggest};
 use super::shaders::{ShaderUse, UsedBy};
-use super::{MaterialPattern, QuadPass, QuadSource, RasterPass, SceneDecl, ShaderMap, ShaderTexture};
+use super::{MaterialPattern, QuadPass, QuadSource, RasterPass, SceneDecl, ShaderMap};
 use crate::programs::{QUAD_PROGRAMS, QuadProgram, RASTER_PROGRAMS, RasterProgram, ShaderInfo};
 use crate::scene::{Placement, Shape, ShapeKind};
 use std::rc::Rc;
@@ -93,21 +93,16 @@ impl Loader {
         let maps = self.material_maps(element);
         self.mapped_colors(maps.as_deref().unwrap_or_default(), &mut colors);
         let injected = self.injection_maps(element, &mut colors);
+        let nothing = Injected::NONE;
         let replaced = maps.iter().flatten().filter(|map| map.material.shader.is_some()).map(|map| {
             let MaterialMap { to, library, material, at } = map;
-            ShaderUse { to, library: *library, material, at: *at, replaces: true, injected: &[], by: UsedBy::Scenes }
+            let by = UsedBy::Scenes;
+            ShaderUse { to, library: *library, material, at: *at, replaces: true, injected: &nothing, by }
         });
         let injected_shaders = injected.iter().flatten().map(|shader| {
-            let InjectedShader { to, library, material, textures, at } = shader;
-            ShaderUse {
-                to,
-                library: *library,
-                material,
-                at: *at,
-                replaces: false,
-                injected: textures,
-                by: UsedBy::Scenes,
-            }
+            let InjectedShader { to, library, material, bound, at } = shader;
+            let by = UsedBy::Scenes;
+            ShaderUse { to, library: *library, material, at: *at, replaces: false, injected: bound, by }
         });
         let mut shaders = Some(Vec::new());
         let uses: Vec<ShaderUse<'_>> = replaced.chain(injected_shaders).collect();
@@ -118,11 +113,7 @@ impl Loader {
         for used in uses {
             if self.is_own_shader(used.library, used.material) {
                 let own = self.own_shader(context, &used, light.flatten().map(|(index, _)| index));
-                for texture in own.iter().flat_map(|own| &own.textures) {
-                    if let ShaderTexture::Channel(channel) = texture {
-                        Self::reads(context, Some(*channel), used.at);
-                    }
-                }
+                Self::takes_down(context, own.as_deref(), used.at);
                 shaders = shaders.zip(own).map(|(mut shaders, own)| {
                     shaders.push(ShaderMap { to: used.to.clone(), shader: own });
                     shaders

@@ -1,6 +1,7 @@
 //! Images that shaders load and store: textures that a library declares by their size, and channels of render targets. Materials bind them to
 //! image units. Such a texture is held as a target of one channel.
 
+use super::contents::{Contents, Distribution};
 use super::dom::{Element, Value};
 use super::libraries::{Binding, ImageBinding, Library, LibraryMaterial, Texture, ValueOf, names};
 use super::loader::Loader;
@@ -8,22 +9,34 @@ use super::report::{Span, shown, suggest};
 use super::shaders::ShaderUse;
 use super::{Bound, Channel, ChannelRef, RenderTarget};
 use crate::glsl::{self, StorageBuffer};
+use crate::image::PixelFormat;
 use glam::Vec4;
 
 /// Most textures of an array.
 const MAX_ARRAY: u32 = 64;
 
 impl Loader {
-    /// A texture without a file: `<texture name="…"><WIDTH value="…"/><HEIGHT value="…"/><INTERNAL_FORMAT value="…"/></texture>`. What has
-    /// other contents, other dimensions or mip levels is [`Texture::Other`], and so are all in a build without own shaders.
+    /// A texture without a file: `<texture name="…"><WIDTH value="…"/><HEIGHT value="…"/><INTERNAL_FORMAT value="…"/></texture>`, with
+    /// zeros or, by `<CONTENT value="…"/>` and `<SEED value="…"/>`, random numbers. What has other dimensions or mip levels is
+    /// [`Texture::Other`], and so are all in a build without own shaders.
     pub(super) fn image_texture(&mut self, library: &str, element: &Element, name: &str) -> Texture {
-        let is_image = glsl::AVAILABLE
-            && element.is(&["texture", "arrayOfTextures"])
-            && element.child_value("content").is_none()
-            && element.child_value("depth").is_none();
-        let parts = ["width", "height", "internal_format"].map(|part| element.child_value(part));
-        let ([Some(width), Some(height), Some(format)], true) = (parts, is_image) else { return Texture::Other };
-        let (sides, format) = ([self.side(width), self.side(height)], self.format_named(format));
+        let is_image =
+            glsl::AVAILABLE && element.is(&["texture", "arrayOfTextures"]) && element.child_value("depth").is_none();
+        let [Some(width), Some(height)] = ["width", "height"].map(|part| element.child_value(part)) else {
+            return Texture::Other;
+        };
+        if !is_image {
+            return Texture::Other;
+        }
+        let Some(contents) = self.contents(element) else { return Texture::Channel(None) };
+        let format = match (element.child_value("internal_format"), contents) {
+            (Some(format), _) => self.format_named(format),
+            // The engine's own choice is in bytes.
+            (None, Some(_)) => Some(PixelFormat::Rgba8Unorm),
+            (None, None) => return Texture::Other,
+        };
+        let format = format.map(|format| contents.map_or(format, |_| Contents::format(format)));
+        let sides = [self.side(width), self.side(height)];
         let ([Some(width), Some(height)], Some(format)) = (sides, format) else { return Texture::Channel(None) };
         let channel = Channel { name: name.to_owned(), format, depth: false };
         self.libraries.targets.push(RenderTarget {
@@ -32,9 +45,43 @@ impl Loader {
             size: [width, height],
             clear_color: Vec4::ZERO,
             buffer: None,
+            contents,
             channels: vec![channel],
         });
         Texture::Channel(Some(ChannelRef { target: self.libraries.targets.len() - 1, channel: 0 }))
+    }
+
+    /// The files of a cube map, +x, -x, +y, -y, +z, -z: `<cubeMap name="…" filePosX="…" fileNegX="…" … fileNegZ="…"/>`. One that names
+    /// fewer is an error, where a shader samples it.
+    pub(super) fn cube_files(&mut self, element: &Element) -> Option<[Value; 6]> {
+        const FACES: [&str; 6] = ["filePosX", "fileNegX", "filePosY", "fileNegY", "filePosZ", "fileNegZ"];
+        match FACES.map(|face| self.required(element, face).cloned()) {
+            [Some(a), Some(b), Some(c), Some(d), Some(e), Some(f)] => Some([a, b, c, d, e, f]),
+            _ => None,
+        }
+    }
+
+    /// The random numbers of a texture; inner `None` for zeros, outer `None` after an error.
+    fn contents(&mut self, element: &Element) -> Option<Option<Contents>> {
+        let seed = match element.child_value("seed") {
+            None => 0,
+            Some(value) => match value.text.parse::<u64>() {
+                Ok(seed) => seed,
+                Err(_) => {
+                    let message = format!("`{}` is no seed", value.shown());
+                    self.report.error_help(value.span, message, || format!("valid: 0..={}", u64::MAX));
+                    return None;
+                }
+            },
+        };
+        let Some(value) = element.child_value("content") else { return Some(None) };
+        let named = Distribution::NAMED;
+        let found = named.into_iter().find(|(name, _)| value.text.eq_ignore_ascii_case(name));
+        if found.is_none() {
+            let message = format!("a texture is filled with `{}`", value.shown());
+            self.report.error_help(value.span, message, || suggest(&value.text, named.map(|(name, _)| name)));
+        }
+        found.map(|(_, distribution)| distribution.map(|distribution| Contents { distribution, seed }))
     }
 
     /// `<arraysOfTextures>` of a library: `<arrayOfTextures name="…"><TEXTURE_COUNT value="…"/>…`, of which each texture is an image.
@@ -175,7 +222,7 @@ impl Loader {
             }
             None => image.point,
         };
-        let Some(binding) = used.material.images.iter().rev().find(|binding| binding.unit == unit) else {
+        let Some(binding) = used.images().iter().rev().find(|binding| binding.unit == unit) else {
             let material = &used.material.name;
             let message = format!(
                 "material `{material}` binds nothing to image unit {unit} of `{}`: what is stored there is lost, as in OpenGL",

@@ -48,6 +48,8 @@ pub(super) enum Texture {
     Depth,
     /// An image file: its path as written, relative to the folder of the library's file.
     File(Value),
+    /// A cube map: its `<cubeMap>`, which names six image files.
+    Cube(Rc<Element>),
     /// Data that no pass reads here.
     Other,
 }
@@ -275,4 +277,17 @@ impl Libraries {
         let target = &self.targets[channel.target];
         format!("{}::{}", target.library, target.channels[channel.channel].name)
     }
+}
+
+/// What an injection binds beside a shader.
+#[derive(Debug, Default)]
+pub(super) struct Injected {
+    pub textures: Vec<Binding>,
+    pub buffers: Vec<BufferBinding>,
+    pub images: Vec<ImageBinding>,
+}
+
+impl Injected {
+    /// Nothing.
+    pub const NONE: Self = Self { textures: Vec::new(), buffers: Vec::new(), images: Vec::new() };
 }

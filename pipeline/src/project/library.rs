@@ -89,6 +89,7 @@ impl Loader {
                     let file = texture.attribute("filename").filter(|_| texture.is(&["texture"]));
                     let found = match file {
                         Some(file) => Texture::File(file.clone()),
+                        None if texture.is(&["cubeMap"]) => Texture::Cube(Rc::new(texture.tag())),
                         None => self.image_texture(&library.name, texture, &name.text),
                     };
                     library.textures.push(found);
@@ -179,6 +180,7 @@ impl Loader {
                 size: [width, height],
                 clear_color,
                 buffer: None,
+                contents: None,
                 channels,
             }),
             _ => None,
@@ -429,7 +431,9 @@ impl Loader {
         let why = match &library.textures[index] {
             Texture::Channel(channel) => return *channel,
             Texture::Depth => "is a depth buffer: only colour channels can be read",
-            Texture::File(_) | Texture::Other => "is not a channel of a render target: only those can be read",
+            Texture::File(_) | Texture::Cube(_) | Texture::Other => {
+                "is not a channel of a render target: only those can be read"
+            }
         };
         self.report.error_help(value.span, format!("`{}` {why}", shown(name)), || {
             let channels = library.texture_names.iter().zip(&library.textures);

@@ -31,6 +31,7 @@ mod buffers;
 mod camera_pass;
 mod cameras;
 mod compute;
+mod contents;
 mod dom;
 mod draw;
 mod edit;
@@ -56,6 +57,7 @@ mod source;
 mod values;
 mod write;
 
+pub use contents::{Contents, Distribution};
 pub use edit::Pose;
 pub use from_scene::{Effects, FromSceneError, SceneOptions, SceneProjects, Up};
 pub use source::{SCENE_EXTENSIONS, SourceError, names_scenes, open, open_scenes, scene_files};
@@ -305,6 +307,8 @@ pub struct RenderTarget {
     pub clear_color: Vec4,
     /// Of a storage buffer its bytes: its only channel holds them, 16 a pixel. `None` of what passes draw into.
     pub buffer: Option<u64>,
+    /// What a texture without a file holds when a frame begins, in place of zeros.
+    pub contents: Option<Contents>,
     /// Colour channels, in order; behind them the depth, where it has a name and no more than two colours are before it.
     pub channels: Vec<Channel>,
 }
@@ -394,15 +398,37 @@ impl PassKind {
         }
     }
 
-    /// The channels of the storage buffers and images to which the pass's shader stores; only quad and compute passes do. The hits of
-    /// an intersection pass are its target.
-    pub fn buffers_stored(&self) -> impl Iterator<Item = ChannelRef> + '_ {
-        self.shader().into_iter().flat_map(OwnShader::buffers_stored)
+    /// The own shaders of a pass that draws scenes, fills a quad or computes.
+    pub fn shaders(&self) -> impl Iterator<Item = &OwnShader> + '_ {
+        let drawing = match self {
+            Self::Raster(raster) => &raster.shaders[..],
+            _ => &[],
+        };
+        drawing.iter().map(|map| &*map.shader).chain(self.shader())
     }
 
-    /// The channels of the storage buffers and images that the pass's shader reads.
+    /// The channels of the storage buffers and images to which the pass's shaders store. Several shaders may store to one. The hits of an
+    /// intersection pass are its target.
+    pub fn buffers_stored(&self) -> impl Iterator<Item = ChannelRef> + '_ {
+        self.shaders().flat_map(OwnShader::buffers_stored)
+    }
+
+    /// The channels of the storage buffers and images that the pass's shaders read.
     pub fn buffers_read(&self) -> impl Iterator<Item = ChannelRef> + '_ {
-        self.shader().into_iter().flat_map(OwnShader::buffers_read)
+        self.shaders().flat_map(OwnShader::buffers_read)
+    }
+
+    /// What the pass's shaders bind, each buffer and image once.
+    #[must_use]
+    pub fn bound(&self) -> Vec<Bound> {
+        let mut found: Vec<Bound> = Vec::new();
+        for bound in self.shaders().flat_map(|shader| &shader.storage).flatten() {
+            match found.iter_mut().find(|known| known.target == bound.target) {
+                Some(known) => known.cleared |= bound.cleared,
+                None => found.push(*bound),
+            }
+        }
+        found
     }
 
     /// Number of channels of its target that a pass writes, counted from the first.
@@ -506,10 +532,24 @@ pub enum ShaderTexture {
     Material,
     /// An image file.
     File(PathBuf),
-    /// A channel that an earlier pass wrote; for samplers in quad passes.
+    /// Six image files of a cube map, by direction: +x, -x, +y, -y, +z, -z.
+    Cube([PathBuf; 6]),
+    /// A channel that an earlier pass wrote, or a texture of random numbers.
     Channel(ChannelRef),
     /// No texture: reads opaque black, as in OpenGL.
     Nothing,
+}
+
+impl ShaderTexture {
+    /// The image files that it is made of.
+    #[must_use]
+    pub fn files(&self) -> &[PathBuf] {
+        match self {
+            Self::File(path) => std::slice::from_ref(path),
+            Self::Cube(paths) => paths,
+            Self::Material | Self::Channel(_) | Self::Nothing => &[],
+        }
+    }
 }
 
 /// What the engine calls the material of OBJ triangles that name none, and what it is called here.
@@ -738,7 +778,7 @@ impl OwnShader {
     pub fn sampled(&self) -> impl Iterator<Item = ChannelRef> + '_ {
         self.textures.iter().filter_map(|texture| match texture {
             ShaderTexture::Channel(channel) => Some(*channel),
-            ShaderTexture::Material | ShaderTexture::File(_) | ShaderTexture::Nothing => None,
+            ShaderTexture::Material | ShaderTexture::File(_) | ShaderTexture::Cube(_) | ShaderTexture::Nothing => None,
         })
     }
 }

@@ -13,6 +13,8 @@ pub(super) struct Facts {
     pub span: Span,
     /// Channels that it reads, each with the place in the file that says so.
     pub reads: Vec<(ChannelRef, Span)>,
+    /// Buffers and images that its shaders load, each with the place in the file that says so.
+    pub loads: Vec<(ChannelRef, Span)>,
     /// Its render target, the target's number of colour channels, and the place in the file that names it.
     target: Option<(usize, usize, Span)>,
     /// Number of the target's colours that it writes, counted from the first.
@@ -45,6 +47,7 @@ impl Facts {
             name,
             span,
             reads: Vec::new(),
+            loads: Vec::new(),
             target: None,
             writes: 0,
             depth,
@@ -94,6 +97,12 @@ impl Facts {
         self.writes = usize::MAX;
     }
 
+    /// What earlier passes must write: what it samples, and what it loads and does not store to itself.
+    fn needs(&self) -> impl Iterator<Item = &(ChannelRef, Span)> {
+        let loaded = self.loads.iter().filter(|(channel, _)| !self.stores.contains(channel));
+        self.reads.iter().chain(loaded)
+    }
+
     fn written(&self) -> impl Iterator<Item = ChannelRef> {
         let (target, channels) = self.target.map_or((0, 0), |(target, channels, _)| (target, channels));
         let colors = (0..channels.min(self.writes)).map(move |channel| ChannelRef { target, channel });
@@ -122,8 +131,16 @@ impl Loader {
                 self.report.error_help(pass.span, message, || "write into another render target".to_owned());
             }
         }
+        for pass in passes {
+            let stored = |channel: &ChannelRef| pass.stores.iter().any(|own| own.target == channel.target);
+            for (channel, at) in pass.reads.iter().filter(|(channel, _)| stored(channel)) {
+                let name = shown(&self.libraries.channel_name(*channel));
+                let message = format!("pass `{}` samples `{name}`, to which it stores", shown(&pass.name));
+                self.report.error_help(*at, message, || "valid: imageLoad of the image".to_owned());
+            }
+        }
         for (index, pass) in passes.iter().enumerate() {
-            for (channel, at) in &pass.reads {
+            for (channel, at) in pass.needs() {
                 let name = self.libraries.channel_name(*channel);
                 let reader = format!("pass `{}` reads `{}`", shown(&pass.name), shown(&name));
                 if pass.target.is_some_and(|(target, ..)| target == channel.target) {
@@ -146,6 +163,7 @@ impl Loader {
                 }
                 match writers.get(channel) {
                     Some(writer) if *writer < index => {}
+                    Some(_) if self.libraries.targets[channel.target].contents.is_some() => {}
                     Some(writer) => {
                         let (later, at_writer) = (&passes[*writer].name, passes[*writer].span);
                         let source = self.report.source(at_writer.file).clone();
@@ -155,6 +173,7 @@ impl Loader {
                         });
                     }
                     None if passes[..index].iter().any(|pass| pass.stores_unknown) => {}
+                    None if self.libraries.targets[channel.target].contents.is_some() => {}
                     None => {
                         // A depth without a name is no channel.
                         let targets = &self.libraries.targets;

@@ -1,7 +1,7 @@
 //! Pipelines, and the common parts of passes of every class: scenes, camera, lights, viewport, render target, material maps.
 
 use super::dom::{Element, Value};
-use super::libraries::{Binding, LibraryMaterial};
+use super::libraries::{Binding, Injected, LibraryMaterial};
 use super::loader::Loader;
 use super::order::Facts;
 use super::report::{Found, Names, Span, shown, suggest};
@@ -53,8 +53,8 @@ pub(super) struct InjectedShader {
     pub library: usize,
     /// The library material that provides the shader and its values.
     pub material: Rc<LibraryMaterial>,
-    /// Textures bound in addition to the scene's texture.
-    pub textures: Vec<Binding>,
+    /// What is bound in addition to the scene's texture.
+    pub bound: Injected,
     /// Place in the file.
     pub at: Span,
 }
@@ -400,9 +400,9 @@ impl Loader {
                 self.expect(map, &[&["shader", "color"], UNREAD].concat(), &["toMaterial"]);
                 let pattern = self.required(map, "toMaterial").and_then(|value| self.material_pattern(value));
                 let has_shader = glsl::AVAILABLE && map.children.iter().any(|child| child.is(&["shader"]));
-                let (read, textures): (&[&str], _) = match has_shader {
-                    true => (&["textures"], self.injected_textures(map)),
-                    false => (&[], Some(Vec::new())),
+                let (read, bound): (&[&str], _) = match has_shader {
+                    true => (&["textures", "imageTextures", "buffers"], self.injected_bindings(map)),
+                    false => (&[], Some(Injected::NONE)),
                 };
                 if let Some(unread) = map.children.iter().find(|child| child.is(UNREAD) && !child.is(read)) {
                     let message = format!("no program reads what <{}> injects", unread.name);
@@ -412,9 +412,9 @@ impl Loader {
                     self.expect(shader, &["values"], &["fromMaterial", "fromLibrary"]);
                     let at = Self::span_or(shader.attribute("fromMaterial"), shader);
                     let found = self.source_material(shader);
-                    let found = found.zip(pattern.clone()).zip(textures);
-                    shaders = shaders.zip(found).map(|(mut shaders, (((library, material), to), textures))| {
-                        shaders.push(InjectedShader { to, library, material, textures, at });
+                    let found = found.zip(pattern.clone()).zip(bound);
+                    shaders = shaders.zip(found).map(|(mut shaders, (((library, material), to), bound))| {
+                        shaders.push(InjectedShader { to, library, material, bound, at });
                         shaders
                     });
                 }
@@ -431,6 +431,12 @@ impl Loader {
             }
         }
         shaders
+    }
+
+    /// What an injection binds in addition to the scene's texture: `<textures>`, `<imageTextures>`, `<buffers>`.
+    fn injected_bindings(&mut self, map: &Element) -> Option<Injected> {
+        let (textures, images) = (self.injected_textures(map), self.bound_images(map));
+        Some(Injected { textures: textures?, buffers: self.bound_buffers(map), images: images? })
     }
 
     /// The textures that the `<textures>` of an injection bind in addition to the scene's texture.

@@ -1,7 +1,9 @@
 //! Own shaders of projects: files, compilation, and the inputs of their uniforms and samplers.
 
 use super::dom::Value;
-use super::libraries::{Binding, LibraryMaterial, Shader, Texture, ValueOf, names};
+use super::libraries::{
+    Binding, BufferBinding, ImageBinding, Injected, LibraryMaterial, Shader, Texture, ValueOf, names,
+};
 use super::loader::Loader;
 use super::passes::PassContext;
 use super::report::{Found, Span, shown, suggest};
@@ -19,12 +21,29 @@ pub(super) struct ShaderUse<'a> {
     pub library: usize,
     pub material: &'a Rc<LibraryMaterial>,
     pub at: Span,
-    /// Textures bound in addition to the scene's texture.
-    pub injected: &'a [Binding],
+    /// What is bound in addition to the scene's texture.
+    pub injected: &'a Injected,
     /// Whether the materials are replaced as a whole, including their textures.
     pub replaces: bool,
     /// What runs it.
     pub by: UsedBy,
+}
+
+impl ShaderUse<'_> {
+    /// The textures that are bound: where the scene's material stays, those beside its own.
+    pub fn textures(&self) -> &[Binding] {
+        if self.replaces { &self.material.textures } else { &self.injected.textures }
+    }
+
+    /// The buffers that are bound.
+    pub fn buffers(&self) -> &[BufferBinding] {
+        if self.replaces { &self.material.buffers } else { &self.injected.buffers }
+    }
+
+    /// The images that are bound.
+    pub fn images(&self) -> &[ImageBinding] {
+        if self.replaces { &self.material.images } else { &self.injected.images }
+    }
 }
 
 /// What runs a shader.
@@ -58,19 +77,21 @@ impl Loader {
         by: UsedBy,
     ) -> Option<Arc<OwnShader>> {
         let light = self.pass_light(context)?.map(|(index, _)| index);
-        let (to, injected) = (&MaterialPattern::All, &[]);
-        let used = ShaderUse { to, library, material, at, replaces: true, injected, by };
+        let (to, nothing) = (&MaterialPattern::All, Injected::NONE);
+        let used = ShaderUse { to, library, material, at, replaces: true, injected: &nothing, by };
         let shader = self.own_shader(context, &used, light);
-        if shader.is_none() {
-            context.facts.stores_unknown();
-        }
-        let shader = shader?;
-        let loaded = shader.buffers_read().filter(|channel| !shader.buffers_stored().any(|own| own == *channel));
-        for channel in shader.sampled().chain(loaded) {
+        Self::takes_down(context, shader.as_deref(), at);
+        shader
+    }
+
+    /// Takes down what a pass reads and stores by an own shader, which is `None` where it could not be read.
+    pub fn takes_down(context: &mut PassContext<'_>, shader: Option<&OwnShader>, at: Span) {
+        let Some(shader) = shader else { return context.facts.stores_unknown() };
+        for channel in shader.sampled() {
             Self::reads(context, Some(channel), at);
         }
+        context.facts.loads.extend(shader.buffers_read().map(|channel| (channel, at)));
         context.facts.stores(shader.buffers_stored());
-        Some(shader)
     }
 
     /// Compiles an own shader and determines its inputs. `light` is the pass's light.
@@ -122,6 +143,7 @@ impl Loader {
             let message = format!("the state of material `{}` has {other}, which is not done", used.material.name);
             self.report.warning(used.at, message, || Some("its result takes the place of what is there".to_owned()));
         }
+        self.check_early(&program, files, used)?;
         let storage = self.storage(&program, files[1], &values, used)?;
         let textures = self.samplers(&program, files, &values, used)?;
         self.check_sampled(&program, files, &textures, &storage)?;
@@ -135,11 +157,22 @@ impl Loader {
             textures,
             storage,
             bound: used.replaces.then_some(used.material.textures.len() as u32),
-            injected: used.injected.iter().filter(|binding| binding.unit > 0).count() as u32,
+            injected: used.injected.textures.iter().filter(|binding| binding.unit > 0).count() as u32,
             drawn: used.material.state.drawn,
             program,
         };
         whole.then(|| Arc::new(own))
+    }
+
+    /// Reports a shader that stores only what is seen: hidden pixels store as well, here as in OpenGL unless a shader asks otherwise.
+    fn check_early(&mut self, program: &Program, files: [u32; 2], used: &ShaderUse<'_>) -> Option<()> {
+        let stores = used.by == UsedBy::Scenes && program.storage.iter().any(|buffer| buffer.written);
+        let Some(early) = program.early.filter(|_| stores) else { return Some(()) };
+        let message =
+            "this shader stores, and asks that hidden pixels store nothing, which is not supported".to_owned();
+        let help = "without `early_fragment_tests` all pixels of all triangles store";
+        self.report.error_help(Self::span_in(files[1], early), message, || help.to_owned());
+        None
     }
 
     /// Reports samplers of what the shader stores to.
@@ -395,8 +428,7 @@ impl Loader {
 
     /// The texture that is bound to a texture unit.
     fn bound(&mut self, used: &ShaderUse<'_>, unit: u32, kind: SamplerKind) -> Option<ShaderTexture> {
-        let bindings = if used.replaces { &used.material.textures[..] } else { used.injected };
-        let Some(binding) = bindings.iter().rev().find(|binding| binding.unit == unit) else {
+        let Some(binding) = used.textures().iter().rev().find(|binding| binding.unit == unit) else {
             if !used.replaces && unit == 0 {
                 return Some(ShaderTexture::Material);
             }
@@ -428,16 +460,25 @@ impl Loader {
                 return None;
             }
         };
-        let path = library.path.clone();
-        match library.textures[index].clone() {
-            Texture::File(value) => {
-                let file = file::Folder::of(&path).resolve(&mut self.report, &value)?;
-                if !file.exists() {
-                    let message = format!("cannot read {}: there is no such file", file.display());
-                    self.report.error_help(value.span, message, || crate::paths::nearest_help(&file));
-                    return None;
+        let (path, texture) = (library.path.clone(), library.textures[index].clone());
+        let cube = matches!(texture, Texture::Cube(_));
+        if cube != (kind == SamplerKind::Cube) && !matches!(texture, Texture::Channel(None)) {
+            let (message, help) = match cube {
+                true => ("is a cube map, which a samplerCube samples", "valid: uniform samplerCube"),
+                false => ("is no cube map, as a samplerCube samples", "valid: <cubeMap name=\"…\" filePosX=\"…\" …/>"),
+            };
+            self.report.error_help(name.span, format!("`{}` {message}", name.shown()), || help.to_owned());
+            return None;
+        }
+        match texture {
+            Texture::File(value) => self.texture_file(&path, &value).map(ShaderTexture::File),
+            Texture::Cube(element) => {
+                match self.cube_files(&element)?.each_ref().map(|value| self.texture_file(&path, value)) {
+                    [Some(a), Some(b), Some(c), Some(d), Some(e), Some(f)] => {
+                        Some(ShaderTexture::Cube([a, b, c, d, e, f]))
+                    }
+                    _ => None,
                 }
-                Some(ShaderTexture::File(file))
             }
             Texture::Channel(channel) => channel.map(ShaderTexture::Channel),
             Texture::Depth => {
@@ -447,12 +488,24 @@ impl Loader {
                 None
             }
             Texture::Other => {
-                let message =
-                    format!("the texture `{}` has no file: what the engine fills itself is not there", name.shown());
+                let message = format!("the texture `{}` has no file, and no size and format of an image", name.shown());
                 self.report.error_help(name.span, message, || "valid: <texture name=\"…\" filename=\"…\"/>".to_owned());
                 None
             }
         }
+    }
+}
+
+impl Loader {
+    /// The image file that a library at `library` names; a file that is not there is an error.
+    fn texture_file(&mut self, library: &Path, value: &Value) -> Option<PathBuf> {
+        let file = file::Folder::of(library).resolve(&mut self.report, value)?;
+        if file.exists() {
+            return Some(file);
+        }
+        let message = format!("cannot read {}: there is no such file", file.display());
+        self.report.error_help(value.span, message, || crate::paths::nearest_help(&file));
+        None
     }
 }
 

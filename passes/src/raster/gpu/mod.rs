@@ -223,7 +223,7 @@ impl Rasteriser for WgpuRasteriser {
     }
 
     fn draw(&mut self, job: &RasterJob<'_>, target: &mut GBuffer) -> Result<DrawStats, BackendError> {
-        self.draw_with(job, &OwnShaders::NONE, target)
+        self.draw_with(job, &OwnShaders::NONE, target, &mut [])
     }
 
     fn draws_shaders(&self) -> bool {
@@ -235,6 +235,7 @@ impl Rasteriser for WgpuRasteriser {
         job: &RasterJob<'_>,
         own: &OwnShaders<'_>,
         target: &mut GBuffer,
+        buffers: &mut [Vec<[f32; 4]>],
     ) -> Result<DrawStats, BackendError> {
         self.drawn = None;
         job::check_target(job, target)?;
@@ -263,7 +264,7 @@ impl Rasteriser for WgpuRasteriser {
                     Some(shaders) => shaders,
                     none => none.insert(Shaders::new(&self.gpu)?),
                 };
-                shaders.prepare(&self.gpu, geometry, job, own)?;
+                shaders.prepare(&self.gpu, geometry, job, own, buffers)?;
                 Some(&*shaders)
             }
             false => None,
@@ -311,6 +312,9 @@ impl Rasteriser for WgpuRasteriser {
                 None
             }
         };
+        if let Some(shaders) = shaders {
+            shaders.read_stored(&self.gpu, buffers)?;
+        }
         if let Some(lending) = lent {
             shared = Some(HandOver { value: lending.lend(targets), ..HandOver::default() });
         }

@@ -7,7 +7,7 @@ use super::{
 };
 
 /// Functions whose first argument is a sampler, and what they are called today.
-const SAMPLING: [(&str, &str); 19] = [
+const SAMPLING: [(&str, &str); 21] = [
     ("texture", "texture"),
     ("textureLod", "textureLod"),
     ("textureGrad", "textureGrad"),
@@ -25,6 +25,8 @@ const SAMPLING: [(&str, &str); 19] = [
     ("texture2DProj", "textureProj"),
     ("texture2DProjLod", "textureProjLod"),
     ("textureQueryLod", "textureQueryLod"),
+    ("textureCube", "textureCube"),
+    ("textureCubeLod", "textureCubeLod"),
     ("shadow2D", "shadow2D"),
     ("shadow2DProj", "shadow2DProj"),
 ];
@@ -164,13 +166,32 @@ impl Reader<'_> {
             self.element().filter(|(_, length)| self.peek(*length).is_some_and(|next| next.is(",") || next.is(")")));
         let known = named.and_then(|(name, length)| Some((self.sampler_names.get(&name).copied()?, name, length)));
         let Some((kind, name, length)) = known else {
-            let help =
-                "valid: a `uniform sampler2D` or `sampler2DShadow` of this file, by its name, in arrays with a number";
+            let help = "valid: a `uniform sampler2D`, `sampler2DShadow` or `samplerCube` of this file, by its name, in arrays with a number";
             return Err(self.fault(first, format!("`{}` is not a sampler that is declared above", first.text), help));
         };
         let (texture, sampler) = (texture_name(&name), sampler_name(&name));
-        let whole = format!("sampler2D ( {texture} , {sampler} )");
+        let whole = match kind {
+            SamplerKind::Cube => format!("samplerCube ( {texture} , {sampler} )"),
+            SamplerKind::Color | SamplerKind::Compared => format!("sampler2D ( {texture} , {sampler} )"),
+        };
         match (kind, now) {
+            (SamplerKind::Color | SamplerKind::Compared, "textureCube" | "textureCubeLod") => {
+                let message = format!("`{now}` looks up a direction, and `{}` is no samplerCube", first.text);
+                return Err(self.fault(first, message, "declare it as samplerCube"));
+            }
+            (
+                SamplerKind::Cube,
+                "texture" | "textureCube" | "textureLod" | "textureCubeLod" | "textureGrad" | "textureSize",
+            ) => {
+                self.at += length;
+                self.put(&now.replace("Cube", ""), token);
+                self.put("(", open);
+                self.put(&whole, first);
+            }
+            (SamplerKind::Cube, _) => {
+                let message = format!("`{}` of a samplerCube is not supported", token.text);
+                return Err(self.fault(token, message, "valid: texture, textureLod, textureGrad, textureSize"));
+            }
             (SamplerKind::Color, "shadow2D" | "shadow2DProj") => {
                 let message = format!("`{now}` compares depths, and `{}` is a sampler2D", first.text);
                 return Err(self.fault(first, message, "declare it as sampler2DShadow"));

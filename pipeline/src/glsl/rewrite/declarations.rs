@@ -109,6 +109,7 @@ impl<'a> Reader<'a> {
                     *place = Some(number);
                     self.at += 2;
                 }
+                "early_fragment_tests" => self.done.early = Some([token.start, token.end]),
                 "local_size_x" => self.group_side(0, token)?,
                 "local_size_y" => self.group_side(1, token)?,
                 "local_size_z" => self.group_side(2, token)?,
@@ -256,7 +257,11 @@ impl<'a> Reader<'a> {
         if self.uses(&token.text) < 2 {
             return Ok(());
         }
-        let sampled = [("sampler2D", SamplerKind::Color), ("sampler2DShadow", SamplerKind::Compared)];
+        let sampled = [
+            ("sampler2D", SamplerKind::Color),
+            ("sampler2DShadow", SamplerKind::Compared),
+            ("samplerCube", SamplerKind::Cube),
+        ];
         if let Some((_, sampler)) = sampled.into_iter().find(|(name, _)| *name == kind.text) {
             let at = [token.start, token.end];
             for name in self.elements(&token, &array)? {
@@ -274,7 +279,7 @@ impl<'a> Reader<'a> {
         };
         if let Some(why) = why {
             let help = match kind.text.as_str() {
-                name if name.contains("sampler") => "valid: sampler2D, sampler2DShadow",
+                name if name.contains("sampler") => "valid: sampler2D, sampler2DShadow, samplerCube",
                 name if name.contains("image") => "valid: image2D",
                 _ => "",
             };

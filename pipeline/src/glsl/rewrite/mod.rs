@@ -111,6 +111,8 @@ pub(super) struct Stated {
     pub coordinates: bool,
     /// Whether it writes `gl_FragDepth`.
     pub depth: bool,
+    /// Where it says `early_fragment_tests`.
+    pub early: Option<[usize; 2]>,
     /// Arrays with the values that they begin with, and where they are declared: constants, since nothing can be mapped to them.
     pub fixed: Vec<Fixed>,
     /// Of a compute shader: invocations of a work group in each direction.
@@ -148,6 +150,7 @@ pub(super) fn read(stage: Stage, tokens: &[Token], first_block: usize) -> Result
             storage: Vec::new(),
             coordinates: false,
             depth: false,
+            early: None,
             fixed: Vec::new(),
             group: [1; 3],
         },

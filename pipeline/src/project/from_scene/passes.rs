@@ -83,6 +83,7 @@ impl Common<'_> {
         let channel = |name: &str| Channel { name: name.to_owned(), format: PixelFormat::Rgba32Float, depth: false };
         let target = |name: &str, channels: Vec<Channel>| RenderTarget {
             buffer: None,
+            contents: None,
             library: LIBRARY.to_owned(),
             name: name.to_owned(),
             size: self.window,

@@ -41,7 +41,7 @@ impl Kernels {
         let exact = unfiltered(job.program, job.textures, gpu.has(wgpu::Features::FLOAT32_FILTERABLE));
         let kernel = self.require(gpu, job.program, &exact)?;
         let blocks = uniforms(gpu, &kernel.groups, job.program, job.uniforms)?;
-        let sampled = bind_sampled(gpu, &kernel.groups, textures, job.textures, &exact)?;
+        let sampled = bind_sampled(gpu, (&kernel.groups, job.program), textures, job.textures, &exact)?;
         let storage = upload_storage(gpu, buffers)?;
         let stored = bind_storage(gpu, &kernel.groups, &storage);
         gpu.check("binding of what a compute shader reads")?;
@@ -68,7 +68,7 @@ impl Kernels {
             Some(index) => index,
             None => {
                 let Some(compute) = &program.compute else { return Err(failure("this is no compute shader")) };
-                let (groups, layout) = groups(gpu, program, exact);
+                let (groups, layout) = groups(gpu, program, exact, false);
                 let module = gpu.device.create_shader_module(wgpu::ShaderModuleDescriptor {
                     label: Some("own compute shader"),
                     source: wgpu::ShaderSource::Wgsl(compute.text.as_str().into()),

@@ -12,11 +12,11 @@ use super::faults::{failure, unsupported};
 use super::geometry::{DeviceGeometry, Vertices};
 use super::targets::{Staging, Stored};
 use compute::Kernels;
-use curitiba_pipeline::backend::{BackendError, ComputeJob, OwnShaders, OwnTexture, QuadJob, RasterJob};
+use curitiba_pipeline::backend::{BackendError, ComputeJob, OwnMaterial, OwnShaders, OwnTexture, QuadJob, RasterJob};
 use curitiba_pipeline::glsl::{Attribute, Program, Sampler, SamplerKind, Side};
 use curitiba_pipeline::scene::Geometry;
 use pipelines::{Groups, Into, Pipelines};
-use quad::{Filled, Quad, bind_nothing, channel_texture};
+use quad::{Filled, Quad, bind_storage, channel_texture, read_storage, upload_storage};
 use std::sync::Arc;
 use textures::{Sampled, Textures};
 
@@ -29,7 +29,7 @@ struct Draw {
     pipeline: wgpu::RenderPipeline,
     uniforms: wgpu::BindGroup,
     textures: wgpu::BindGroup,
-    /// Of images that hold nothing.
+    /// Of storage buffers and images.
     storage: Option<wgpu::BindGroup>,
     attributes: Vec<Attribute>,
     chunk: usize,
@@ -47,6 +47,8 @@ pub(super) struct Shaders {
     pipelines: Pipelines,
     textures: Textures,
     draws: Vec<Draw>,
+    /// The storage buffers and images of the pass, and whether a draw stores to them.
+    storage: Vec<(wgpu::Buffer, bool)>,
     /// How often each is drawn.
     instances: u32,
     /// By chunk of the scene: its triangles with the last corner first, once a shader has asked for them.
@@ -66,6 +68,7 @@ impl Shaders {
             pipelines: Pipelines::default(),
             textures: Textures::new(gpu)?,
             draws: Vec::new(),
+            storage: Vec::new(),
             instances: 1,
             turned: Vec::new(),
             nothing,
@@ -104,6 +107,7 @@ impl Shaders {
         self.textures.forget();
         self.turned.clear();
         self.draws.clear();
+        self.storage.clear();
     }
 
     /// Bytes of device memory that textures take.
@@ -116,15 +120,17 @@ impl Shaders {
         self.draws.iter().map(|draw| u64::from(draw.count) * u64::from(self.instances)).sum()
     }
 
-    /// Lists the draws of the materials that own shaders draw, and hands over what they read.
+    /// Lists the draws of the materials that own shaders draw, and hands over what they read; `buffers` are what they bind.
     pub fn prepare(
         &mut self,
         gpu: &Gpu,
         geometry: &DeviceGeometry,
         job: &RasterJob<'_>,
         own: &OwnShaders<'_>,
+        buffers: &[Vec<[f32; 4]>],
     ) -> Result<(), BackendError> {
         self.draws.clear();
+        self.storage = upload_storage(gpu, buffers)?.into_iter().map(|buffer| (buffer, false)).collect();
         let stored = Stored::of(job);
         if stored.attachments.triangle {
             return Err(unsupported("triangle ids of own shaders", "they write none;"));
@@ -176,8 +182,8 @@ impl Shaders {
                 &missing,
             )?;
             let uniforms = uniforms(gpu, &built.groups, program, &material.uniforms)?;
-            let textures = self.textures.bind(gpu, &built.groups, (material, &exact), job.scene, &channels)?;
-            let storage = bind_nothing(gpu, &built.groups, program)?;
+            let textures = self.textures.bind(gpu, &built.groups, (program, material, &exact), job.scene, &channels)?;
+            let storage = bind_stored(gpu, &built.groups, (program, material), &mut self.storage)?;
             let turned = program.flat;
             if turned {
                 turn(gpu, geometry, &job.scene.geometry, &mut self.turned, part.chunk)?;
@@ -197,6 +203,16 @@ impl Shaders {
         }
         // What blends is seen before what does not.
         self.draws.sort_by_key(|draw| draw.blends);
+        Ok(())
+    }
+
+    /// Reads back what the draws stored.
+    pub fn read_stored(&self, gpu: &Gpu, buffers: &mut [Vec<[f32; 4]>]) -> Result<(), BackendError> {
+        for ((device, written), host) in self.storage.iter().zip(buffers) {
+            if *written {
+                read_storage(gpu, device, host)?;
+            }
+        }
         Ok(())
     }
 
@@ -230,6 +246,34 @@ impl Shaders {
             Attribute::Tangent => vertices.tangents.as_ref().unwrap_or(&self.nothing),
         }
     }
+}
+
+/// Binds the storage buffers and images of a draw, of those of the pass, and notes to which it stores.
+fn bind_stored(
+    gpu: &Gpu,
+    groups: &Groups,
+    (program, material): (&Program, &OwnMaterial),
+    buffers: &mut [(wgpu::Buffer, bool)],
+) -> Result<Option<wgpu::BindGroup>, BackendError> {
+    if material.storage.len() != program.storage.len() {
+        return Err(failure("a material binds other buffers than its shader has"));
+    }
+    // What holds nothing has a texel that no shader reaches.
+    let nothing = upload_storage(gpu, &vec![vec![[0.0; 4]]; program.storage.len()])?;
+    let mut bound = Vec::with_capacity(program.storage.len());
+    for ((index, of), nothing) in material.storage.iter().zip(&program.storage).zip(nothing) {
+        bound.push(match index.map(|index| buffers.get_mut(index)) {
+            None => nothing,
+            Some(Some((buffer, written))) => {
+                *written |= of.written;
+                buffer.clone()
+            }
+            Some(None) => return Err(failure("a material binds a buffer that its pass has not")),
+        });
+    }
+    let group = bind_storage(gpu, groups, &bound);
+    gpu.check("binding of the buffers of an own shader")?;
+    Ok(group)
 }
 
 /// The uniform buffers of a draw.

@@ -3,7 +3,7 @@
 use super::super::device::Gpu;
 use super::super::targets::{DEPTH_FORMAT, Stored};
 use curitiba_pipeline::backend::{BackendError, OwnShaders};
-use curitiba_pipeline::glsl::{Attribute, Blend, BlendFactor, Drawn, Program, Stage};
+use curitiba_pipeline::glsl::{Attribute, Blend, BlendFactor, Drawn, Program, SamplerKind, Stage};
 use std::num::NonZeroU64;
 use std::sync::Arc;
 
@@ -36,6 +36,9 @@ pub(super) struct Into {
     clamped: bool,
     /// By sampler: whether it reads a texture unfiltered.
     exact: Vec<bool>,
+    /// Whether other programs of the pass bind storage buffers as well. A pass has one use of a buffer, so those that are read are then bound
+    /// as those that are stored to.
+    shares_storage: bool,
 }
 
 impl Into {
@@ -48,13 +51,15 @@ impl Into {
         exact: Vec<bool>,
     ) -> Self {
         let (formats, kept, clamped) = (stored.formats().to_vec(), own.depth, own.clamped);
-        Self { formats, depth: true, culled, drawn, kept, clamped, exact }
+        let shares_storage = own.programs.iter().filter(|program| !program.storage.is_empty()).count() > 1;
+        Self { formats, depth: true, culled, drawn, kept, clamped, exact, shares_storage }
     }
 
     /// A texture of full precision, without depth.
     pub fn quad(exact: Vec<bool>) -> Self {
         let (formats, drawn) = (vec![Some(QUAD_FORMAT)], Drawn::default());
-        Self { formats, depth: false, culled: None, drawn, kept: None, clamped: false, exact }
+        let (culled, kept, clamped, shares_storage) = (None, None, false, false);
+        Self { formats, depth: false, culled, drawn, kept, clamped, exact, shares_storage }
     }
 }
 
@@ -97,7 +102,13 @@ impl Pipelines {
 }
 
 /// The layouts of a program's groups, and that of its pipeline. `exact` says by sampler whether it reads a texture unfiltered.
-pub(super) fn groups(gpu: &Gpu, program: &Program, exact: &[bool]) -> (Groups, wgpu::PipelineLayout) {
+/// With `shares_storage` no buffer is bound for reading alone.
+pub(super) fn groups(
+    gpu: &Gpu,
+    program: &Program,
+    exact: &[bool],
+    shares_storage: bool,
+) -> (Groups, wgpu::PipelineLayout) {
     let device = &gpu.device;
     let entry = |binding, visibility, ty| wgpu::BindGroupLayoutEntry { binding, visibility, ty, count: None };
     let (sampling, storing) = match program.compute {
@@ -120,12 +131,16 @@ pub(super) fn groups(gpu: &Gpu, program: &Program, exact: &[bool]) -> (Groups, w
             entry(binding, visibility, ty)
         })
         .collect();
-    let samplers: Vec<wgpu::BindGroupLayoutEntry> = (0..program.samplers.len() as u32)
-        .flat_map(|index| {
+    let samplers: Vec<wgpu::BindGroupLayoutEntry> = (0..)
+        .zip(&program.samplers)
+        .flat_map(|(index, sampler): (u32, _)| {
             let exact = exact.get(index as usize) == Some(&true);
             let texture = wgpu::BindingType::Texture {
                 sample_type: wgpu::TextureSampleType::Float { filterable: !exact },
-                view_dimension: wgpu::TextureViewDimension::D2,
+                view_dimension: match sampler.kind {
+                    SamplerKind::Cube => wgpu::TextureViewDimension::Cube,
+                    SamplerKind::Color | SamplerKind::Compared => wgpu::TextureViewDimension::D2,
+                },
                 multisampled: false,
             };
             let sampler = wgpu::BindingType::Sampler(match exact {
@@ -142,7 +157,7 @@ pub(super) fn groups(gpu: &Gpu, program: &Program, exact: &[bool]) -> (Groups, w
     let stored: Vec<wgpu::BindGroupLayoutEntry> = (0..)
         .zip(&program.storage)
         .map(|(binding, buffer)| {
-            let ty = wgpu::BufferBindingType::Storage { read_only: buffer.readonly };
+            let ty = wgpu::BufferBindingType::Storage { read_only: buffer.readonly && !shares_storage };
             let ty = wgpu::BindingType::Buffer { ty, has_dynamic_offset: false, min_binding_size: None };
             entry(binding, storing, ty)
         })
@@ -160,11 +175,16 @@ pub(super) fn groups(gpu: &Gpu, program: &Program, exact: &[bool]) -> (Groups, w
 
 fn build(gpu: &Gpu, program: &Program, key: &Key) -> Built {
     let device = &gpu.device;
-    let (groups, layout) = groups(gpu, program, &key.into.exact);
+    let (groups, layout) = groups(gpu, program, &key.into.exact, key.into.shares_storage);
     let module = |label, text: &str| {
+        // `var<storage>` is read alone, and the layout must say the same.
+        let text = match key.into.shares_storage {
+            true => text.replace("var<storage>", "var<storage, read_write>").into(),
+            false => text.into(),
+        };
         device.create_shader_module(wgpu::ShaderModuleDescriptor {
             label: Some(label),
-            source: wgpu::ShaderSource::Wgsl(text.into()),
+            source: wgpu::ShaderSource::Wgsl(text),
         })
     };
     let (vertex, fragment) =

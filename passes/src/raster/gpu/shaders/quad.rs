@@ -4,7 +4,7 @@ use super::super::device::Gpu;
 use super::super::faults::failure;
 use super::super::targets::Staging;
 use super::pipelines::{Groups, Into, Pipelines, QUAD_FORMAT};
-use super::textures::{Sampled, Textures, upload};
+use super::textures::{Sampled, Textures, upload, upload_cube};
 use super::uniforms;
 use curitiba_pipeline::backend::{BackendError, QuadJob, QuadTexture};
 use curitiba_pipeline::glsl::{Attribute, Program, Sampler, SamplerKind};
@@ -47,7 +47,7 @@ impl Quad {
         let missing = [Attribute::Normal, Attribute::Tangent];
         let built = pipelines.require(gpu, program, Into::quad(exact.clone()), &missing)?;
         let blocks = uniforms(gpu, &built.groups, program, job.uniforms)?;
-        let sampled = bind_sampled(gpu, &built.groups, textures, job.textures, &exact)?;
+        let sampled = bind_sampled(gpu, (&built.groups, program), textures, job.textures, &exact)?;
         let storage = upload_storage(gpu, buffers)?;
         let stored = bind_storage(gpu, &built.groups, &storage);
         let target = gpu.device.create_texture(&wgpu::TextureDescriptor {
@@ -114,7 +114,7 @@ pub(super) fn unfiltered(program: &Program, textures: &[QuadTexture<'_>], filter
 /// Uploads what samplers read, and binds it. `exact` says which samplers do not filter.
 pub(super) fn bind_sampled(
     gpu: &Gpu,
-    groups: &Groups,
+    (groups, program): (&Groups, &Program),
     textures: &Textures,
     read: &[QuadTexture<'_>],
     exact: &[bool],
@@ -127,7 +127,10 @@ pub(super) fn bind_sampled(
             other => Some(channel_texture(gpu, other, filters)?),
         });
     }
-    let bound = own.iter().map(|own| own.as_ref().unwrap_or(textures.nothing()));
+    let bound = own
+        .iter()
+        .zip(&program.samplers)
+        .map(|(own, declared)| own.as_ref().unwrap_or(textures.nothing(declared.kind)));
     let entries: Vec<wgpu::BindGroupEntry<'_>> = (0..)
         .zip(bound.zip(exact))
         .flat_map(|(index, (Sampled { view, sampler }, exact)): (u32, _)| {
@@ -145,8 +148,12 @@ pub(super) fn bind_sampled(
     }))
 }
 
-/// Binds storage buffers; `None` where the program has none.
-pub(super) fn bind_storage(gpu: &Gpu, groups: &Groups, storage: &[wgpu::Buffer]) -> Option<wgpu::BindGroup> {
+/// Binds storage buffers, by the places of the program; `None` where it has none.
+pub(super) fn bind_storage<'a>(
+    gpu: &Gpu,
+    groups: &Groups,
+    storage: impl IntoIterator<Item = &'a wgpu::Buffer>,
+) -> Option<wgpu::BindGroup> {
     let layout = groups.storage.as_ref()?;
     let entries: Vec<wgpu::BindGroupEntry<'_>> = (0..)
         .zip(storage)
@@ -154,16 +161,6 @@ pub(super) fn bind_storage(gpu: &Gpu, groups: &Groups, storage: &[wgpu::Buffer])
         .collect();
     let label = Some("buffers of an own shader");
     Some(gpu.device.create_bind_group(&wgpu::BindGroupDescriptor { label, layout, entries: &entries }))
-}
-
-/// Binds a texel that no shader reaches to each image of a program; `None` where it has none.
-pub(super) fn bind_nothing(
-    gpu: &Gpu,
-    groups: &Groups,
-    program: &Program,
-) -> Result<Option<wgpu::BindGroup>, BackendError> {
-    let nothing = vec![vec![[0.0; 4]]; program.storage.len()];
-    Ok(bind_storage(gpu, groups, &upload_storage(gpu, &nothing)?))
 }
 
 /// Reads back the buffers that a program stored to.
@@ -195,7 +192,7 @@ pub(super) fn upload_storage(gpu: &Gpu, buffers: &[Vec<[f32; 4]>]) -> Result<Vec
     buffers.iter().map(upload).collect()
 }
 
-fn read_storage(gpu: &Gpu, device: &wgpu::Buffer, host: &mut [[f32; 4]]) -> Result<(), BackendError> {
+pub(super) fn read_storage(gpu: &Gpu, device: &wgpu::Buffer, host: &mut [[f32; 4]]) -> Result<(), BackendError> {
     let usage = wgpu::BufferUsages::MAP_READ | wgpu::BufferUsages::COPY_DST;
     let read = gpu.buffer("read-back of a storage buffer", usage, device.size())?;
     let mut encoder = gpu.device.create_command_encoder(&wgpu::CommandEncoderDescriptor { label: Some("read back") });
@@ -210,7 +207,8 @@ fn read_storage(gpu: &Gpu, device: &wgpu::Buffer, host: &mut [[f32; 4]]) -> Resu
 pub(super) fn channel_texture(gpu: &Gpu, texture: &QuadTexture<'_>, filters: bool) -> Result<Sampled, BackendError> {
     match texture {
         QuadTexture::Nothing => channel(gpu, [1, 1], &[[0.0, 0.0, 0.0, 1.0]], filters),
-        QuadTexture::Image(image) => upload(gpu, &image.name, &image.levels, image.wrap),
+        QuadTexture::Image(image) => upload(gpu, &image.name, &[&image.levels], image.wrap),
+        QuadTexture::Cube(images) => upload_cube(gpu, *images),
         QuadTexture::Channel { width, height, texels } => channel(gpu, [*width, *height], texels, filters),
     }
 }

@@ -5,6 +5,7 @@ use super::super::faults::failure;
 use super::super::pipelines::trilinear;
 use super::pipelines::Groups;
 use curitiba_pipeline::backend::{BackendError, OwnMaterial, OwnTexture};
+use curitiba_pipeline::glsl::{Program, SamplerKind};
 use curitiba_pipeline::scene::RenderScene;
 use curitiba_pipeline::scene::texture::{Level, Texture, Wrap};
 
@@ -19,8 +20,10 @@ pub(super) struct Sampled {
 #[derive(Debug)]
 pub(super) struct Textures {
     sampled: Vec<Option<Sampled>>,
-    /// What is read where nothing is bound: black and opaque.
-    nothing: Sampled,
+    /// Its cube maps, by the indices of their images.
+    cubes: Vec<([u32; 6], Sampled)>,
+    /// What is read where nothing is bound: black and opaque, as an image and as a cube map.
+    nothing: [Sampled; 2],
     /// What reads textures unfiltered.
     pub nearest: wgpu::Sampler,
     /// Bytes of device memory.
@@ -30,7 +33,9 @@ pub(super) struct Textures {
 impl Textures {
     pub fn new(gpu: &Gpu) -> Result<Self, BackendError> {
         let level = Level { width: 1, height: 1, texels: vec![[0, 0, 0, 255]] };
-        let nothing = upload(gpu, "nothing", &[level], [Wrap::Repeat; 2])?;
+        let levels = &[level][..];
+        let nothing =
+            [upload(gpu, "nothing", &[levels], [Wrap::Repeat; 2])?, upload(gpu, "nothing", &[levels; 6], CUBE_WRAP)?];
         let nearest = gpu.device.create_sampler(&wgpu::SamplerDescriptor {
             label: Some("unfiltered"),
             address_mode_u: wgpu::AddressMode::Repeat,
@@ -38,17 +43,18 @@ impl Textures {
             ..Default::default()
         });
         gpu.check("creation of a sampler")?;
-        Ok(Self { sampled: Vec::new(), nothing, nearest, bytes: 0 })
+        Ok(Self { sampled: Vec::new(), cubes: Vec::new(), nothing, nearest, bytes: 0 })
     }
 
-    /// What is read where nothing is bound.
-    pub fn nothing(&self) -> &Sampled {
-        &self.nothing
+    /// What a sampler reads where nothing is bound.
+    pub fn nothing(&self, kind: SamplerKind) -> &Sampled {
+        &self.nothing[usize::from(kind == SamplerKind::Cube)]
     }
 
     /// Forgets the textures of a scene.
     pub fn forget(&mut self) {
         self.sampled.clear();
+        self.cubes.clear();
         self.bytes = 0;
     }
 
@@ -57,24 +63,27 @@ impl Textures {
         &mut self,
         gpu: &Gpu,
         groups: &Groups,
-        (material, exact): (&OwnMaterial, &[bool]),
+        (program, material, exact): (&Program, &OwnMaterial, &[bool]),
         scene: &RenderScene,
         channels: &[Sampled],
     ) -> Result<wgpu::BindGroup, BackendError> {
         for texture in &material.textures {
-            if let OwnTexture::Scene(index) = texture {
-                self.require(gpu, scene, *index)?;
+            match texture {
+                OwnTexture::Scene(index) => self.require(gpu, scene, *index)?,
+                OwnTexture::Cube(faces) => self.require_cube(gpu, scene, *faces)?,
+                OwnTexture::Nothing | OwnTexture::Channel(_) => {}
             }
         }
         let bound = |texture: &OwnTexture| match *texture {
             OwnTexture::Nothing => None,
             OwnTexture::Scene(index) => self.sampled[index as usize].as_ref(),
+            OwnTexture::Cube(faces) => self.cubes.iter().find(|(of, _)| *of == faces).map(|(_, cube)| cube),
             OwnTexture::Channel(index) => channels.get(index),
         };
         let entries: Vec<wgpu::BindGroupEntry<'_>> = (0..)
-            .zip(material.textures.iter().zip(exact))
-            .flat_map(|(sampler, (texture, exact)): (u32, _)| {
-                let Sampled { view, sampler: own } = bound(texture).unwrap_or(&self.nothing);
+            .zip(material.textures.iter().zip(exact).zip(&program.samplers))
+            .flat_map(|(sampler, ((texture, exact), declared)): (u32, _)| {
+                let Sampled { view, sampler: own } = bound(texture).unwrap_or(self.nothing(declared.kind));
                 let (own, first) = (if *exact { &self.nearest } else { own }, 2 * sampler);
                 let view = wgpu::BindingResource::TextureView(view);
                 let own = wgpu::BindingResource::Sampler(own);
@@ -97,15 +106,53 @@ impl Textures {
         }
         if self.sampled[index as usize].is_none() {
             let Texture { name, levels, wrap, .. } = texture;
-            self.sampled[index as usize] = Some(upload(gpu, name, levels, *wrap)?);
-            self.bytes += levels.iter().map(|level| 4 * level.texels.len() as u64).sum::<u64>();
+            self.sampled[index as usize] = Some(upload(gpu, name, &[levels], *wrap)?);
+            self.bytes += bytes_of(levels);
         }
+        Ok(())
+    }
+
+    fn require_cube(&mut self, gpu: &Gpu, scene: &RenderScene, faces: [u32; 6]) -> Result<(), BackendError> {
+        if self.cubes.iter().any(|(of, _)| *of == faces) {
+            return Ok(());
+        }
+        let Some(images) = texture_of(faces, |index| scene.textures.get(index as usize)) else {
+            return Err(failure(&format!("the scene has no textures {faces:?}")));
+        };
+        self.cubes.push((faces, upload_cube(gpu, images)?));
+        self.bytes += images.iter().map(|image| bytes_of(&image.levels)).sum::<u64>();
         Ok(())
     }
 }
 
-pub(super) fn upload(gpu: &Gpu, name: &str, levels: &[Level], wrap: [Wrap; 2]) -> Result<Sampled, BackendError> {
+/// How cube maps are sampled at the edges of their images: across them, whatever is asked for.
+const CUBE_WRAP: [Wrap; 2] = [Wrap::Clamp; 2];
+
+fn bytes_of(levels: &[Level]) -> u64 {
+    levels.iter().map(|level| 4 * level.texels.len() as u64).sum()
+}
+
+/// The images of a cube map, if all are there.
+fn texture_of<'a>(faces: [u32; 6], image: impl Fn(u32) -> Option<&'a Texture>) -> Option<[&'a Texture; 6]> {
+    match faces.map(image) {
+        [Some(a), Some(b), Some(c), Some(d), Some(e), Some(f)] => Some([a, b, c, d, e, f]),
+        _ => None,
+    }
+}
+
+/// Uploads the images of a cube map: +x, -x, +y, -y, +z, -z, square and of one size.
+pub(super) fn upload_cube(gpu: &Gpu, images: [&Texture; 6]) -> Result<Sampled, BackendError> {
+    upload(gpu, &images[0].name, &images.map(|image| &image.levels[..]), CUBE_WRAP)
+}
+
+/// Uploads an image, or the six of a cube map, with their mip levels.
+pub(super) fn upload(gpu: &Gpu, name: &str, layers: &[&[Level]], wrap: [Wrap; 2]) -> Result<Sampled, BackendError> {
+    let levels = layers.first().copied().unwrap_or_default();
     let (width, height) = levels.first().map_or((1, 1), |level| (level.width, level.height));
+    let sizes = |levels: &[Level]| levels.iter().map(|level| [level.width, level.height]).collect::<Vec<_>>();
+    if layers.iter().any(|other| sizes(other) != sizes(levels)) {
+        return Err(failure(&format!("the images of the cube map {name} differ in size")));
+    }
     let largest = gpu.limits.max_texture_dimension_2d;
     if width.max(height) > largest {
         return Err(failure(&format!(
@@ -116,7 +163,7 @@ pub(super) fn upload(gpu: &Gpu, name: &str, levels: &[Level], wrap: [Wrap; 2]) -
     let doing = format!("upload of texture {name}");
     let texture = gpu.device.create_texture(&wgpu::TextureDescriptor {
         label: Some(name),
-        size: wgpu::Extent3d { width, height, depth_or_array_layers: 1 },
+        size: wgpu::Extent3d { width, height, depth_or_array_layers: layers.len() as u32 },
         mip_level_count: levels.len() as u32,
         sample_count: 1,
         dimension: wgpu::TextureDimension::D2,
@@ -125,13 +172,15 @@ pub(super) fn upload(gpu: &Gpu, name: &str, levels: &[Level], wrap: [Wrap; 2]) -
         view_formats: &[],
     });
     gpu.check(&doing)?;
-    for (mip_level, level) in (0..).zip(levels) {
+    let all =
+        (0..).zip(layers).flat_map(|(layer, levels)| (0..).zip(*levels).map(move |(mip, level)| (layer, mip, level)));
+    for (layer, mip_level, level) in all {
         let rows: Vec<[u8; 4]> = level.texels.chunks_exact(level.width as usize).rev().flatten().copied().collect();
         gpu.queue.write_texture(
             wgpu::TexelCopyTextureInfo {
                 texture: &texture,
                 mip_level,
-                origin: wgpu::Origin3d::ZERO,
+                origin: wgpu::Origin3d { x: 0, y: 0, z: layer },
                 aspect: wgpu::TextureAspect::All,
             },
             bytemuck::cast_slice(&rows),
@@ -140,7 +189,11 @@ pub(super) fn upload(gpu: &Gpu, name: &str, levels: &[Level], wrap: [Wrap; 2]) -
         );
     }
     gpu.submit_and_wait(None, &doing)?;
-    let view = texture.create_view(&wgpu::TextureViewDescriptor::default());
+    let dimension = if layers.len() == 6 { wgpu::TextureViewDimension::Cube } else { wgpu::TextureViewDimension::D2 };
+    let view = texture.create_view(&wgpu::TextureViewDescriptor {
+        dimension: Some(dimension),
+        ..wgpu::TextureViewDescriptor::default()
+    });
     let sampler = trilinear(&gpu.device, wrap);
     gpu.check(&doing)?;
     Ok(Sampled { view, sampler })

@@ -1,0 +1,100 @@
+//! What the samplers of own shaders read: image files, and channels.
+
+use super::{RenderError, Renderer, channel_of};
+use crate::backend::{BackendError, GBuffer, QuadTexture};
+use crate::plan::Work;
+use crate::project::{OwnShader, PassKind, ShaderTexture};
+use crate::scene::texture::Texture;
+use crate::scene::{RenderScene, SceneError, image_file};
+use std::path::{Path, PathBuf};
+
+/// What the samplers of a quad's or compute pass's shader read.
+pub(super) fn sampled<'a>(
+    shader: &OwnShader,
+    targets: &'a [GBuffer],
+    images: &'a [(PathBuf, Texture)],
+) -> Vec<QuadTexture<'a>> {
+    let read = |texture: &ShaderTexture| match texture {
+        ShaderTexture::Channel(channel) => {
+            let read = &targets[channel.target];
+            let texels = channel_of(read, channel.channel);
+            QuadTexture::Channel { width: read.width, height: read.height, texels }
+        }
+        ShaderTexture::File(path) => image_of(images, path).map_or(QuadTexture::Nothing, QuadTexture::Image),
+        ShaderTexture::Cube(paths) => match paths.each_ref().map(|path| image_of(images, path)) {
+            [Some(a), Some(b), Some(c), Some(d), Some(e), Some(f)] => QuadTexture::Cube([a, b, c, d, e, f]),
+            _ => QuadTexture::Nothing,
+        },
+        ShaderTexture::Material | ShaderTexture::Nothing => QuadTexture::Nothing,
+    };
+    shader.textures.iter().map(read).collect()
+}
+
+/// The image of a file among those that are loaded.
+fn image_of<'a>(images: &'a [(PathBuf, Texture)], path: &Path) -> Option<&'a Texture> {
+    images.iter().find(|(file, _)| file == path).map(|(_, image)| image)
+}
+
+/// Fails unless the images of every cube map of a shader are square and of one size.
+fn check_cubes<'a>(shader: &OwnShader, image: impl Fn(&PathBuf) -> Option<&'a Texture>) -> Result<(), SceneError> {
+    let size =
+        |path: &PathBuf| image(path).and_then(|image| image.levels.first()).map(|level| [level.width, level.height]);
+    for texture in &shader.textures {
+        let ShaderTexture::Cube(paths) = texture else { continue };
+        let Some([side, _]) = size(&paths[0]) else { continue };
+        for path in paths {
+            if let Some([width, height]) = size(path).filter(|size| *size != [side; 2]) {
+                let what = format!("an image of a cube map has {width} x {height} texels");
+                return Err(SceneError::file(path, what).help(format!("valid: {side} x {side}, as its first, square")));
+            }
+        }
+    }
+    Ok(())
+}
+
+impl Renderer {
+    /// Loads image files that the own shaders of a scene set's passes read, and adds them to the scene's textures.
+    pub(super) fn load_images(&self, set: usize, scene: &mut RenderScene) -> Result<Vec<(PathBuf, u32)>, RenderError> {
+        let mut images: Vec<(PathBuf, u32)> = Vec::new();
+        let mut left = self.plan.settings.max_memory.saturating_sub(self.plan.target_bytes());
+        for planned in &self.plan.passes {
+            let PassKind::Raster(raster) = &self.plan.pass(planned).kind else { continue };
+            if !matches!(planned.work, Work::Raster { scene_set, .. } if scene_set == set) {
+                continue;
+            }
+            for map in &raster.shaders {
+                let failed = |error| RenderError::Scene { place: map.shader.place.clone(), error };
+                for path in map.shader.textures.iter().flat_map(ShaderTexture::files) {
+                    if images.iter().any(|(loaded, _)| loaded == path) {
+                        continue;
+                    }
+                    let image = image_file(path, left).map_err(failed)?;
+                    left = left.saturating_sub(image.levels.iter().map(|level| 4 * level.texels.len() as u64).sum());
+                    images.push((path.clone(), scene.textures.len() as u32));
+                    scene.textures.push(image);
+                }
+                let image = |path: &PathBuf| {
+                    let found = images.iter().find(|(loaded, _)| loaded == path);
+                    found.map(|(_, index)| &scene.textures[*index as usize])
+                };
+                check_cubes(&map.shader, image).map_err(failed)?;
+            }
+        }
+        Ok(images)
+    }
+
+    /// Loads the image files that the shader of a quad or compute pass samples, unless they are there.
+    pub(super) fn load_sampled(&mut self, shader: &OwnShader) -> Result<(), BackendError> {
+        let backend = self.engines.raster.name();
+        let failed =
+            |error: SceneError| BackendError::Device { backend, message: format!("{}: {error}", shader.place) };
+        for path in shader.textures.iter().flat_map(ShaderTexture::files) {
+            if !self.quad_images.iter().any(|(loaded, _)| loaded == path) {
+                let most = self.plan.settings.max_memory.saturating_sub(self.plan.target_bytes());
+                let image = image_file(path, most).map_err(failed)?;
+                self.quad_images.push((path.clone(), image));
+            }
+        }
+        check_cubes(shader, |path| image_of(&self.quad_images, path)).map_err(failed)
+    }
+}
