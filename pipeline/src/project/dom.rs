@@ -159,17 +159,19 @@ impl Parser<'_> {
 
     /// Parses to the end of the file; `false` if it had to stop earlier.
     fn read(&mut self) -> bool {
-        let mut reader = quick_xml::Reader::from_str(self.text);
+        // The reader does not count a byte order mark; here it is one that follows the file's own.
+        let skipped = self.text.len() - self.text.trim_start_matches('\u{feff}').len();
+        let mut reader = quick_xml::Reader::from_str(&self.text[skipped..]);
         let config = reader.config_mut();
         config.check_end_names = false;
         config.allow_unmatched_ends = true;
         config.allow_dangling_amp = true;
         loop {
-            let start = reader.buffer_position() as usize;
+            let start = skipped + reader.buffer_position() as usize;
             let event = match guard::call("quick-xml", || reader.read_event()) {
                 Ok(Ok(event)) => event,
                 Ok(Err(error)) => {
-                    let start = (reader.error_position() as usize).min(self.text.len());
+                    let start = (skipped + reader.error_position() as usize).min(self.text.len());
                     self.report.error(self.rest_of_line(start), error.to_string());
                     return false;
                 }
@@ -178,7 +180,7 @@ impl Parser<'_> {
                     return false;
                 }
             };
-            let end = reader.buffer_position() as usize;
+            let end = skipped + reader.buffer_position() as usize;
             let goes_on = match event {
                 Event::Eof => return true,
                 Event::Start(_) => self.start(start, end, false),
