@@ -39,6 +39,28 @@ fn a_passing_test_that_says_skipped_is_counted_as_skipped_once() {
 }
 
 #[test]
+fn the_test_programs_with_a_skipped_test_are_run_again() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let log = folder.path().join("log.txt");
+    let skipped = "---- a stdout ----\nskipped: no GPU\n\n";
+    let part = |program: &str, shown: &str| {
+        format!("     Running {program}\n\nsuccesses:\n\n{shown}successes:\n    a\n\ntest result: ok. 1 passed\n\n")
+    };
+    let parts = [
+        part("unittests src/lib.rs (target/debug/deps/some_passes-0a1b)", skipped),
+        part("tests/deep.rs (target/debug/deps/deep-2c3d)", "---- a stdout ----\nnot skipped: 1\n\n"),
+        part("tests/own_rays/main.rs (/else where/target/debug/deps/own_rays-4e5f)", &skipped.repeat(2)),
+        part("unittests src/lib.rs (target/debug/deps/other-6a7b)", skipped),
+    ];
+    std::fs::write(&log, parts.concat()).expect("written");
+    let again = bash(&root(".ci/count"), &["--again", log.to_str().expect("a path in UTF-8")]);
+    let again = text(&again.stdout);
+    let arguments: Vec<&str> = again.lines().collect();
+    let names = |wanted: &[&str]| arguments.windows(wanted.len()).any(|found| found == wanted);
+    assert!(arguments.len() == 3 && names(&["--lib"]) && names(&["--test", "own_rays"]), "{arguments:?}");
+}
+
+#[test]
 fn every_command_of_the_readme_is_run_or_said_not_to_be() {
     let listed = bash(&root(".ci/readme"), &["--list"]);
     assert!(listed.status.success(), "{}", text(&listed.stderr));

@@ -1,10 +1,11 @@
 //! What the window takes, for the targets of `docs/viewer.md`: on an idle machine, in release mode, with
-//! `cargo test --release … --test window -- --ignored --nocapture --test-threads 1`.
+//! `cargo test --release … --test window -- --ignored --nocapture --test-threads 1`. `CURITIBA_ENGINES=wgpu,cuda` measures with that
+//! rasteriser and that ray backend; without it with both on the processor.
 
 use super::common::{Window, project, source};
-use curitiba::Choice;
 use curitiba::pipeline::plan::Settings;
 use curitiba::pipeline::project::SceneOptions;
+use curitiba::{BackendChoice, Choice, RasterChoice};
 use curitiba_view::camera;
 use curitiba_view::worker::{Activity, Command, Source, State, Worker};
 use std::path::PathBuf;
@@ -35,6 +36,15 @@ fn wait(worker: &Worker, what: &str, holds: impl Fn(&State) -> bool) -> State {
     }
 }
 
+/// The engines that are measured.
+fn engines() -> Choice {
+    let Ok(names) = std::env::var("CURITIBA_ENGINES") else { return Choice::CPU };
+    let (raster, backend) = names.split_once(',').expect("CURITIBA_ENGINES is RASTERISER,BACKEND");
+    let raster = RasterChoice::NAMES.into_iter().find(|(name, _)| *name == raster).expect("a rasteriser").1;
+    let backend = BackendChoice::NAMES.into_iter().find(|(name, _)| *name == backend).expect("a ray backend").1;
+    Choice { raster, backend, ..Choice::CPU }
+}
+
 fn large(set: &[&str], effects: Option<&str>) -> Settings {
     let set = set.iter().map(|set| (*set).to_owned()).collect();
     let effects = effects.map(|effects| effects.parse().expect("effects"));
@@ -52,7 +62,7 @@ fn frames_a_second_while_the_camera_is_dragged() {
     ];
     for (name, path, settings) in inputs {
         let worker =
-            Worker::start(Source { path, settings, choice: Choice::CPU, watch: false }, || {}).expect("a thread");
+            Worker::start(Source { path, settings, choice: engines(), watch: false }, || {}).expect("a thread");
         let state = wait(&worker, "a picture", |state| state.picture.is_some());
         let facts = state.facts.expect("it is open");
         let (start, bounds) = (facts.pose.expect("a camera"), facts.bounds.expect("a scene"));
@@ -77,7 +87,8 @@ fn frames_a_second_while_the_camera_is_dragged() {
         }
         let load = std::fs::read_to_string("/proc/loadavg").unwrap_or_default();
         println!(
-            "{name}: {:.1} frames/s, {:.1} ms of processor time a frame, passes {:.1} ms (medians of 5 times 3 s), {} threads, load {}",
+            "{name}, {}: {:.1} frames/s, {:.1} ms of processor time a frame, passes {:.1} ms (medians of 5 times 3 s), {} threads, load {}",
+            std::env::var("CURITIBA_ENGINES").unwrap_or_else(|_| "cpu,cpu".to_owned()),
             median(seconds),
             median(processors),
             median(passes),
