@@ -203,6 +203,7 @@ impl<T: DeviceTracer> RayBackend for DeviceRays<T> {
             check::scene(T::NAME, job, false)?;
             check::sun(T::NAME, job)?;
             check::filter(T::NAME, job)?;
+            check::adaptive(T::NAME, job)?;
             check_glass(T::NAME, false, &job.params, job.dielectrics)?;
         }
         if output.pixels.is_empty() {

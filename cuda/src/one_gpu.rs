@@ -556,7 +556,7 @@ impl<T: DeviceTracer> OneGpu<T> {
         let read_back = Some(start.elapsed());
         let rays = self.read_counts(job)?;
         let held_bytes = self.images.bytes() + self.tracer.held_bytes();
-        Ok(RayStats { rays, upload, read_back, device_time: Some(device_time), held_bytes })
+        Ok(RayStats { rays, adaptive: None, upload, read_back, device_time: Some(device_time), held_bytes })
     }
 }
 

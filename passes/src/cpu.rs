@@ -1,5 +1,6 @@
 //! Ray programs on the processor: tiles of pixels over rayon's global pool.
 
+mod adaptive;
 pub mod check;
 mod filter;
 mod intersections;
@@ -85,6 +86,10 @@ impl RayBackend for CpuRays {
     }
 
     fn filters_shares(&self) -> bool {
+        true
+    }
+
+    fn samples_adaptively(&self) -> bool {
         true
     }
 
@@ -212,6 +217,9 @@ fn trace_with<T: Tracer>(
     (filter, progress): (&mut Filter, &Progress),
 ) -> Result<RayStats, BackendError> {
     check::images(NAME, job, output)?;
+    if let Some(error) = adaptive::asked(job) {
+        return adaptive::trace(tracer, job, error, output, progress);
+    }
     let tiles = tiles_at_a_time(job);
     let rays = filter::filtered((filter, progress), job, output, |job, output| {
         run(tracer, job, Whole { output, progress, tiles })
@@ -222,7 +230,7 @@ fn trace_with<T: Tracer>(
 /// [`trace`] ray by ray, on a tracer behind a pointer: the programs are compiled once for all tracers. The same picture, but slower.
 ///
 /// # Errors
-/// As [`trace`].
+/// As [`trace`], or if glass is to be sampled to an error.
 pub fn trace_by_rays(
     tracer: &dyn DynTracer,
     job: &RayJob<'_>,
@@ -230,6 +238,7 @@ pub fn trace_by_rays(
     progress: &Progress,
 ) -> Result<RayStats, BackendError> {
     check::images(NAME, job, output)?;
+    check::adaptive(NAME, job)?;
     let tiles = tiles_at_a_time(job);
     let trace = |job: &RayJob<'_>, output: &mut Image| run_by_rays(tracer, job, Whole { output, progress, tiles });
     let rays = filter::filtered((&mut Filter::default(), progress), job, output, trace)?;
@@ -248,6 +257,7 @@ pub(crate) fn trace_pixels(
 ) -> Result<RayCounts, BackendError> {
     check::images(NAME, job, output)?;
     check::filter(NAME, job)?;
+    check::adaptive(NAME, job)?;
     in_host(job)?;
     check::scene(NAME, job, false)?;
     let tiles = tiles_at_a_time(job);
@@ -258,18 +268,20 @@ pub(crate) fn trace_pixels(
 /// share before it.
 ///
 /// # Errors
-/// As [`trace`].
+/// As [`trace`], or if glass is to be sampled to an error, which takes all of the picture.
 pub fn trace_pixel<T: Tracer>(tracer: &T, job: &RayJob<'_>, x: u32, y: u32) -> Result<[f32; 4], BackendError> {
     check::buffers(NAME, job)?;
+    check::adaptive(NAME, job)?;
     run(tracer, job, One(Pixel { x, y, index: y as usize * job.width as usize + x as usize }))
 }
 
 /// [`trace_pixel`] on a tracer behind a pointer; see [`trace_by_rays`].
 ///
 /// # Errors
-/// As [`trace`].
+/// As [`trace_pixel`].
 pub fn trace_pixel_by_rays(tracer: &dyn DynTracer, job: &RayJob<'_>, x: u32, y: u32) -> Result<[f32; 4], BackendError> {
     check::buffers(NAME, job)?;
+    check::adaptive(NAME, job)?;
     run_by_rays(tracer, job, One(Pixel { x, y, index: y as usize * job.width as usize + x as usize }))
 }
 

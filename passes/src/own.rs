@@ -80,6 +80,10 @@ impl<F: Fn(At<'_>) -> [f32; 4] + Sync> RayBackend for OwnProgram<F> {
         self.rays.filters_shares()
     }
 
+    fn samples_adaptively(&self) -> bool {
+        self.rays.samples_adaptively()
+    }
+
     fn build(&mut self, scene: &Arc<RenderScene>, filtered: &[bool]) -> Result<BuildStats, BackendError> {
         self.rays.build(scene, filtered)
     }

@@ -134,6 +134,7 @@ fn step(row: &Row) -> Option<BenchStep> {
         rays: row.rays,
         mrays_per_second: row.mrays_per_second(),
         answers: row.answers,
+        adaptive: row.adaptive,
         note: row.note.clone(),
     })
 }

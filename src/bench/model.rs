@@ -1,7 +1,7 @@
 //! The data of a benchmark file: rows with all their samples, and the machine.
 
 use crate::environment::Environment;
-use crate::pipeline::backend::{Answers, RayCounts};
+use crate::pipeline::backend::{Answers, PathsSpent, RayCounts};
 use crate::pipeline::executor::{StepKind, median};
 use crate::pipeline::metrics::Comparison;
 use serde::{Deserialize, Serialize};
@@ -241,6 +241,9 @@ pub struct BenchStep {
     /// What answered the glass pixels of one frame; only of effects that march rays through screen space.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub answers: Option<Answers>,
+    /// What adaptive sampling of stochastic glass spent in one frame; only of ray passes with `error`.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub adaptive: Option<PathsSpent>,
     /// Further details.
     pub note: String,
 }

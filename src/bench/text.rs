@@ -325,6 +325,20 @@ fn steps(text: &mut String, rows: &[BenchRow]) {
             );
         }
     }
+    let spent: Vec<_> = rows.iter().flat_map(spent).collect();
+    if !spent.is_empty() {
+        let _ = write!(
+            text,
+            "\nAdaptive sampling:\n\n{}",
+            spent.iter().map(|line| format!("- {line}\n")).collect::<String>()
+        );
+    }
+}
+
+/// What adaptive sampling of glass spent in the passes of a row, a line for each that has it.
+pub(crate) fn spent(row: &BenchRow) -> impl Iterator<Item = String> {
+    let steps = row.steps.iter().filter_map(|step| Some((&step.name, step.adaptive?)));
+    steps.map(|(pass, spent)| format!("{}, {}, pass `{pass}`: {spent}", row.label, row.view))
 }
 
 #[cfg(test)]

@@ -142,6 +142,8 @@ fn at_its_best(pass: &mut Pass, set: &[String]) -> Result<(), String> {
         ray.params.samples = ray.params.samples.min(1);
         ray.params.sun_samples = 1;
         ray.params.filter = 0;
+        // All `paths` at every pixel.
+        ray.params.error = 0.0;
     }
     Ok(())
 }

@@ -12,7 +12,7 @@ use crate::bench::model::{
 };
 use crate::bench::text;
 use crate::environment::Environment;
-use crate::pipeline::backend::RayCounts;
+use crate::pipeline::backend::{PathsSpent, RayCounts};
 use crate::pipeline::executor::StepKind;
 use crate::pipeline::metrics::Comparison;
 
@@ -49,6 +49,7 @@ fn row(key: &str, effect: &str, technique: Technique, ms: f64, error: RowError) 
         rays: rays.map(|shadow| RayCounts { shadow, ..RayCounts::default() }),
         mrays_per_second: None,
         answers: None,
+        adaptive: None,
         note: String::new(),
     };
     let engine = EngineName { name: "cpu".to_owned(), device: "2 threads".to_owned() };
@@ -451,6 +452,27 @@ fn the_devices_own_time_of_ray_passes_has_a_column_where_it_is_known_for_some_ro
     let column = csv.lines().next().and_then(|line| line.split(',').position(|name| name == "ray_device_ms"));
     assert_eq!(csv.lines().nth(2).and_then(|line| line.split(',').nth(column?)), Some("1.25"));
     assert!(text::markdown(&data.bench).contains("| 1.25 |"));
+}
+
+#[test]
+fn what_adaptive_sampling_spent_is_said() {
+    let mut data = report(5.0, (9.0, against(0.01)), (7.0, against(0.02)));
+    assert!([page::build(&data).html, text::markdown(&data.bench)].iter().all(|page| !page.contains("Adaptive")));
+    let step = data.bench.rows[1].steps.iter_mut().find(|step| step.kind == StepKind::Rays).expect("it traces");
+    let spent =
+        PathsSpent { asked: 0.01, error: 0.0098, met: true, pixels: 12_000, paths: 446_400, most: 512, exhausted: 0 };
+    step.adaptive = Some(spent);
+    let said = "error 9.80e-3 for 0.01 asked, 37.2 paths a pixel at 12000 pixels of stochastic glass, at most 512";
+    let html = page::build(&data).html;
+    assert!(html.contains("Adaptive sampling:") && html.contains(said), "{html}");
+    assert_well_formed(&html);
+    assert!(text::markdown(&data.bench).contains(said));
+    let [none, missed] =
+        [PathsSpent { pixels: 0, paths: 0, ..spent }, PathsSpent { met: false, exhausted: 3, ..spent }];
+    assert!(none.to_string().contains("no stochastic glass is seen") && none.mean() == 0.0);
+    assert!(missed.to_string().starts_with("ERROR NOT MET, paths ran out at 3 pixels: error"), "{missed}");
+    let both = spent.together(PathsSpent { error: 0.02, most: 8, ..missed });
+    assert!(both.error == 0.02 && !both.met && both.most == 512 && both.exhausted == 3 && both.mean() == spent.mean());
 }
 
 #[test]

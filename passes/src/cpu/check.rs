@@ -55,6 +55,22 @@ pub fn filter(backend: &'static str, job: &RayJob<'_>) -> Result<(), BackendErro
     }
 }
 
+/// Refuses adaptive sampling of stochastic glass, for a backend that has none.
+///
+/// # Errors
+/// [`BackendError::Unsupported`] of that backend.
+pub fn adaptive(backend: &'static str, job: &RayJob<'_>) -> Result<(), BackendError> {
+    match job.program.sampled_to(&job.params).filter(|_| job.fidelity == Fidelity::Corrected) {
+        None => Ok(()),
+        Some(error) => {
+            let why = format!(
+                "error={error} asks for as many paths as each pixel needs, and it gives all the same number: set error=0"
+            );
+            Err(missing(backend, job, &why))
+        }
+    }
+}
+
 /// Checks the sizes of the images that the program reads and of the one that it writes.
 ///
 /// # Errors

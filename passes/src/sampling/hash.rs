@@ -15,6 +15,15 @@ pub const PATHS: u32 = u32::MAX - 3;
 /// Counter of [`dimensions`] for random decisions on paths in glass (Russian roulette).
 pub const ROULETTE: u32 = 1 << 31;
 
+/// Counter of [`dimensions`] for the part of the spectrum that a way in glass has.
+pub const SPECTRUM: u32 = ROULETTE + 1;
+
+/// Counter of [`dimensions`] for the order of the points that choose microfacets.
+pub const FACET_ORDER: u32 = ROULETTE + 2;
+
+/// Branch of [`path_key`] for the second half of a pixel's sample.
+pub const HALF: u32 = 1 << 30;
+
 /// Last word of the input of [`pixel_key`]. Each purpose has its own last word, so no input is hashed for two purposes.
 pub const PIXEL: u32 = 0;
 /// Last word of the input of [`path_key`].

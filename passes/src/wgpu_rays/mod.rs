@@ -224,7 +224,7 @@ impl WgpuRays {
             None => None,
         };
         let held_bytes = self.images.bytes() + words.size() + self.points.size() + COUNTS_BUFFER_BYTES;
-        Ok(RayStats { rays: self.read_counts()?, upload, read_back, device_time, held_bytes })
+        Ok(RayStats { rays: self.read_counts()?, adaptive: None, upload, read_back, device_time, held_bytes })
     }
 
     /// The attachments that the rasteriser lent, if they are those of the job.
@@ -277,6 +277,7 @@ impl WgpuRays {
         check::scene(NAME, job, false)?;
         check::sun(NAME, job)?;
         check::filter(NAME, job)?;
+        check::adaptive(NAME, job)?;
         check_glass(NAME, true, &job.params, job.dielectrics)?;
         Images::check_size(&self.gpu, job)
     }

@@ -352,6 +352,10 @@ fn accumulates(plan: &Plan, planned: &PlannedPass) -> Result<Option<(RayParams, 
             "use --fidelity corrected".to_owned(),
         );
     }
+    if let Some(error) = ray.program.sampled_to(params) {
+        let help = format!("use --set {}.error=0, and `--accumulate` for an error of all of the picture", pass.name);
+        return refused(format!("its glass is sampled to an error of its own, error={error}"), help);
+    }
     if of_occlusion && params.sampler == Sampler::Strata {
         let help = format!("use --set {}.sampler=sobol", pass.name);
         return refused("they lie in strata, which are no sequence".to_owned(), help);

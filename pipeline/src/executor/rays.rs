@@ -168,6 +168,13 @@ impl Renderer {
         row.rays = Some(rays);
         row.bytes = stats.held_bytes;
         row.note = format!("{what}{}", by_kind(rays));
+        row.adaptive = match (stats.adaptive, row.adaptive.filter(|_| sums)) {
+            (Some(spent), Some(before)) => Some(before.together(spent)),
+            (spent, before) => spent.or(before),
+        };
+        if let Some(spent) = row.adaptive {
+            row.note += &format!("; {spent}");
+        }
         // The row contains times of two backends: note which ran until when.
         for fallback in &self.engines.fallbacks {
             if let Some(frame) = fallback.frame.filter(|frame| *frame > 1) {

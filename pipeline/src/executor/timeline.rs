@@ -1,6 +1,6 @@
 //! Definition of measured times: every step's host time with synchronisation, and the device's own clock if it has one.
 
-use crate::backend::{Answers, RayCounts};
+use crate::backend::{Answers, PathsSpent, RayCounts};
 use serde::{Deserialize, Serialize};
 use std::time::{Duration, Instant};
 
@@ -74,6 +74,9 @@ pub struct Row {
     /// What answered the glass pixels of one run; only of effects that march rays through screen space.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub answers: Option<Answers>,
+    /// What adaptive sampling of stochastic glass spent in one run; only of ray passes with `error`.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub adaptive: Option<PathsSpent>,
     /// Bytes of memory held by the step's result: an acceleration structure, maps, or the lists of a ray pass.
     pub bytes: u64,
     /// Further details, such as numbers of triangles or bytes.
@@ -146,6 +149,7 @@ impl Timeline {
                 device_ms: Vec::new(),
                 rays: None,
                 answers: None,
+                adaptive: None,
                 bytes: 0,
                 note: String::new(),
                 spans: Vec::new(),

@@ -193,8 +193,10 @@ impl Plan {
         leave_out(ray.program.asks_of_glass(&params), "thesis fidelity has the report's panes");
         leave_out(ray.program.asks_of_sun(&params), "in thesis fidelity the light is a point");
         leave_out(ray.program.asks_of_filter(&params), "the report's programs filter nothing");
+        let asked = ray.program.sampled_to(&params).map(|error| format!("error={error}"));
+        leave_out(asked, "the report's panes leave nothing to chance");
         let (glass, background, shadow) = (GlassRule::Pane, Background::Black, GlassShadow::Report);
-        RayParams { glass, background, shadow, sun: 0.0, filter: 0, ..params }
+        RayParams { glass, background, shadow, error: 0.0, sun: 0.0, filter: 0, ..params }
     }
 
     /// Adds the decision which program runs for a pass whose rays start at the camera; fails for a camera that no program supports.

@@ -4,6 +4,7 @@
 //! [`Plan::decisions`] holds every decision with its reason; `curitiba plan` prints them.
 
 mod access;
+mod adaptive;
 mod device_quad;
 mod effect;
 mod filter;
@@ -224,6 +225,7 @@ impl Plan {
         plan.choose_parts()?;
         plan.explain_samples()?;
         plan.explain_filters();
+        plan.explain_adaptive_sampling();
         plan.warn_of_rounded_positions();
         plan.check_memory()?;
         Ok(plan)
@@ -444,7 +446,12 @@ impl Plan {
             return Err(PlanError::new(
                 format!(
                     "the render targets{} take {}, and {} is allowed",
-                    if self.filter_bytes() > 0 { " and filters" } else { "" },
+                    match (self.filter_bytes() > 0, self.adaptive_bytes() > 0) {
+                        (false, false) => "",
+                        (true, false) => " and filters",
+                        (false, true) => " and adaptive sampling",
+                        (true, true) => ", filters and adaptive sampling",
+                    },
                     mebibytes(needed),
                     mebibytes(allowed)
                 ),

@@ -130,6 +130,10 @@ impl Plan {
                     "pass `{}` filters what it writes, so its pixels depend on others of the picture",
                     pass.name
                 )),
+                (Work::Rays { .. }, _) if self.sampled_to(planned).is_some() => Some(format!(
+                    "pass `{}` gives each pixel as many paths as the error of all of its picture takes",
+                    pass.name
+                )),
                 (Work::Effect { .. }, PassKind::Effect(effect)) => Some(format!(
                     "pass `{}` computes `{}`, whose pixels depend on others of the picture",
                     pass.name,
@@ -215,7 +219,7 @@ impl Plan {
         }
     }
 
-    /// Bytes of the targets, the window, the sums of samples and the filters, for the largest part.
+    /// Bytes of the targets, the window, the sums of samples, the filters and adaptive sampling, for the largest part.
     #[must_use]
     pub fn target_bytes(&self) -> u64 {
         let bytes = |target: &super::PlannedTarget| {
@@ -223,7 +227,8 @@ impl Plan {
             let pixel = 16 * (u64::from(color) + u64::from(position) + u64::from(normal)) + 4 * u64::from(triangle);
             pixel * self.held_pixels([target.width, target.height])
         };
-        16 * self.parts.pixels() + self.targets.iter().map(bytes).sum::<u64>() + self.sum_bytes() + self.filter_bytes()
+        let targets = 16 * self.parts.pixels() + self.targets.iter().map(bytes).sum::<u64>();
+        targets + self.sum_bytes() + self.filter_bytes() + self.adaptive_bytes()
     }
 
     /// Number of pixels held for a target or window of this size: those of the largest part if it is rendered in parts.

@@ -13,11 +13,12 @@ pub struct Preview {
 }
 
 impl Preview {
-    /// The parameters with at most [`Self::samples`] of each kind.
+    /// The parameters with at most [`Self::samples`] of each kind, and no error to reach.
     pub(super) fn limit(&self, params: &mut RayParams) {
         for samples in [&mut params.samples, &mut params.sun_samples, &mut params.paths] {
             *samples = self.samples.min(*samples);
         }
+        params.error = 0.0;
     }
 
     /// The size with its sides divided.

@@ -7,7 +7,7 @@ use crate::diagnostic::valid_names;
 use crate::image::MAX_SIDE;
 use crate::image::PixelFormat;
 use crate::pixel_samples::PixelSamples;
-use crate::programs::{Fidelity, Fresnel, ParamInfo, RayParams, Sampler, Values};
+use crate::programs::{Fidelity, Fresnel, LEAST_ADAPTIVE_PATHS, ParamInfo, RayParams, Sampler, Values};
 use crate::project::{self, ChannelRef, Pass, PassKind, Project, SceneOptions, SourceError};
 use crate::raster_effects::EffectParams;
 use std::path::Path;
@@ -285,6 +285,12 @@ pub(super) fn constants(
             return Err(PlanError::new(
                 format!("{}: pass `{}` sets fresnel={}", pass.place, pass.name, params.fresnel.name()),
                 "thesis fidelity has the report's own weight: leave `fresnel` out, or use --fidelity corrected",
+            ));
+        }
+        if let Some(error) = ray.program.sampled_to(params).filter(|_| params.paths < LEAST_ADAPTIVE_PATHS) {
+            return Err(PlanError::new(
+                format!("{}: pass `{}` sets error={error} with paths={}", pass.place, pass.name, params.paths),
+                format!("valid: paths={LEAST_ADAPTIVE_PATHS} or more; 4096 leaves the error room"),
             ));
         }
         let strata = params.sampler == Sampler::Strata || settings.fidelity == Fidelity::Thesis;

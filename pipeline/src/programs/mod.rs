@@ -8,8 +8,8 @@ mod table;
 pub(crate) mod tests;
 
 pub use params::{
-    FILTER_BYTES, LARGEST_SUN, MAX_FILTER_LEVELS, MOST_PATHS, MOST_SAMPLES, MOST_SUN_SAMPLES, PARAMS, ParamInfo,
-    RayParams, Values,
+    ADAPTIVE_BYTES, FILTER_BYTES, LARGEST_SUN, LEAST_ADAPTIVE_PATHS, MAX_FILTER_LEVELS, MOST_PATHS, MOST_SAMPLES,
+    MOST_SUN_SAMPLES, PARAMS, ParamInfo, RayParams, Values,
 };
 pub use table::{PROCS, ProcInfo, RAY_PROGRAMS, RayProgram, RayProgramInfo, Traces, Writes, procs_of_kind};
 

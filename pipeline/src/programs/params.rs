@@ -31,6 +31,10 @@ pub struct RayParams {
     pub wavelengths: u32,
     /// Number of paths that continue from the first rough glass surface of a path.
     pub paths: u32,
+    /// Error that adaptive sampling of stochastic glass aims at: the root mean square over the pixels that show such glass and their
+    /// red, green and blue, in the units of the colour, up to 1. 0 follows [`Self::paths`] at every pixel; above 0, `paths` is the most
+    /// of a pixel.
+    pub error: f32,
     /// Limits for following light in glass.
     pub limits: PathLimits,
     /// Angular diameter of the light's disc, in degrees; 0 for a light without a disc, whose shadows are hard. Corrected fidelity
@@ -68,6 +72,7 @@ impl Default for RayParams {
             shadow: GlassShadow::Report,
             wavelengths: 16,
             paths: 16,
+            error: 0.0,
             limits: PathLimits::DEFAULT,
             sun: 0.0,
             sun_samples: 16,
@@ -84,6 +89,10 @@ impl Default for RayParams {
 pub const MOST_SAMPLES: u32 = 65_536;
 /// Largest value of [`RayParams::paths`].
 pub const MOST_PATHS: u32 = 4096;
+/// Least value of [`RayParams::paths`] with an [`RayParams::error`]: two for each of the halves that the error is found by.
+pub const LEAST_ADAPTIVE_PATHS: u32 = 4;
+/// Bytes a pixel that adaptive sampling takes at most on the processor.
+pub const ADAPTIVE_BYTES: u64 = 88;
 /// Largest angular diameter of the light's disc, in degrees; the sun's is 0.53.
 pub const LARGEST_SUN: f32 = 90.0;
 /// Largest value of [`RayParams::sun_samples`].
@@ -196,6 +205,13 @@ pub const PARAMS: &[ParamInfo] = &[
                 their noise falls as their number grows",
         valid: "1..=4096",
         values: Values::Integer(1, 4096),
+    },
+    ParamInfo {
+        name: "error",
+        about: "with glass=auto, the root mean square error that pixels of rough or dispersing glass, or of roulette, may have: each is given \
+                as many paths as that takes, at most paths; 0 gives each pixel all paths",
+        valid: "0..=1, above 0 with paths=4 or more",
+        values: Values::Number(0.0, 1.0),
     },
     ParamInfo {
         name: "cutoff",
@@ -332,6 +348,7 @@ impl RayParams {
                 let valid = |count: &u32| (1..=MOST_PATHS).contains(count);
                 self.paths = value.parse().ok().filter(valid).ok_or_else(wrong)?;
             }
+            "error" => self.error = float(|v| (0.0..=1.0).contains(&v))?,
             "sun" => self.sun = float(|v| (0.0..=LARGEST_SUN).contains(&v))?,
             "sunsamples" => {
                 let valid = |count: &u32| (1..=MOST_SUN_SAMPLES).contains(count);
@@ -372,6 +389,7 @@ impl RayParams {
             "shadow" => self.shadow.name().to_owned(),
             "wavelengths" => self.wavelengths.to_string(),
             "paths" => self.paths.to_string(),
+            "error" => self.error.to_string(),
             "sun" => self.sun.to_string(),
             "sunsamples" => self.sun_samples.to_string(),
             "filter" => self.filter.to_string(),

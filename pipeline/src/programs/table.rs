@@ -1,7 +1,7 @@
 //! The table of ray programs.
 
 use super::RayParams;
-use crate::glass::{Background, GlassRule, GlassShadow};
+use crate::glass::{Background, Dielectric, GlassRule, GlassShadow, Roulette};
 
 /// Program of a ray pass, run per pixel. The file stem of its program file names it.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
@@ -202,6 +202,7 @@ pub const RAY_PROGRAMS: &[RayProgramInfo] = &[
             "background",
             "wavelengths",
             "paths",
+            "error",
             "cutoff",
             "cutoffcolor",
             "roulette",
@@ -257,6 +258,7 @@ pub const RAY_PROGRAMS: &[RayProgramInfo] = &[
             "shadow",
             "wavelengths",
             "paths",
+            "error",
             "cutoff",
             "cutoffcolor",
             "roulette",
@@ -400,6 +402,25 @@ impl RayProgram {
     #[must_use]
     pub fn asks_of_filter(self, params: &RayParams) -> Option<String> {
         (self.info().filter_levels(params) > 0).then(|| format!("filter={}", params.filter))
+    }
+
+    /// The error that adaptive sampling of glass aims at with these parameters; `None` where every pixel has the same number of paths.
+    #[must_use]
+    pub fn sampled_to(self, params: &RayParams) -> Option<f32> {
+        let asks = params.error > 0.0 && self.info().reads("error") && params.glass == GlassRule::Auto;
+        asks.then_some(params.error)
+    }
+
+    /// Whether a pixel's colour depends on chance with these parameters and materials ([`RayJob::dielectrics`]): rough glass, glass that
+    /// bends colours apart, or Russian roulette.
+    ///
+    /// [`RayJob::dielectrics`]: crate::backend::RayJob::dielectrics
+    #[must_use]
+    pub fn has_stochastic_glass(self, params: &RayParams, dielectrics: &[Dielectric]) -> bool {
+        let roulette = params.limits.cutoff > 0.0 && params.limits.roulette == Roulette::On;
+        let stochastic =
+            |glass: &Dielectric| glass.alpha > 0.0 || glass.spread > 0.0 && params.wavelengths > 1 || roulette;
+        self.info().reads("paths") && dielectrics.iter().any(stochastic)
     }
 
     /// Whether the program traces rays with these parameters, in a scene with everything that it looks for.

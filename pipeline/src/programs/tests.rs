@@ -1,6 +1,6 @@
 use super::*;
 use crate::camera_programs::CameraParams;
-use crate::glass::{Background, CutoffColor, GlassRule, GlassShadow, PathLimits, Roulette};
+use crate::glass::{Background, CutoffColor, Dielectric, GlassRule, GlassShadow, PathLimits, Roulette};
 
 #[test]
 fn what_a_program_calls_is_in_its_file() {
@@ -29,6 +29,7 @@ fn every_parameter_is_settable_by_its_name() {
         ("shadow", "straight"),
         ("wavelengths", "24"),
         ("paths", "48"),
+        ("error", "0.02"),
         ("cutoff", "0.01"),
         ("cutoffcolor", "background"),
         ("roulette", "on"),
@@ -62,6 +63,7 @@ fn every_parameter_is_settable_by_its_name() {
         shadow: GlassShadow::Straight,
         wavelengths: 24,
         paths: 48,
+        error: 0.02,
         limits: PathLimits {
             cutoff: 0.01,
             cutoff_color: CutoffColor::Background,
@@ -87,7 +89,25 @@ fn every_parameter_is_settable_by_its_name() {
         },
     };
     assert_eq!(params, expected);
-    assert_eq!(PARAMS.len(), 28, "this test sets every parameter");
+    assert_eq!(PARAMS.len(), 29, "this test sets every parameter");
+}
+
+#[test]
+fn glass_is_sampled_to_an_error_only_where_materials_say_what_glass_is() {
+    let asked = RayParams { error: 0.01, ..RayParams::default() };
+    let auto = RayParams { glass: GlassRule::Auto, ..asked };
+    assert_eq!(RayProgram::Final.sampled_to(&auto), Some(0.01));
+    assert_eq!([RayProgram::Final.sampled_to(&asked), RayProgram::Reflection.sampled_to(&auto)], [None, None]);
+    assert_eq!([RayParams::default().get("error"), auto.get("error")], ["0", "0.01"]);
+    assert_eq!(RayProgram::Final.sampled_to(&RayParams { error: 0.0, ..auto }), None);
+    let clear = Dielectric::default();
+    let stochastic = |params: &RayParams, glass| RayProgram::Refraction.has_stochastic_glass(params, &[clear, glass]);
+    let flint = Dielectric { spread: 0.02, ..clear };
+    assert!(!stochastic(&auto, clear) && stochastic(&auto, Dielectric { alpha: 0.1, ..clear }));
+    assert!(stochastic(&auto, flint) && !stochastic(&RayParams { wavelengths: 1, ..auto }, flint));
+    let limits = PathLimits { cutoff: 0.1, ..PathLimits::DEFAULT };
+    assert!(!stochastic(&RayParams { limits, ..auto }, clear));
+    assert!(stochastic(&RayParams { limits: PathLimits { roulette: Roulette::On, ..limits }, ..auto }, clear));
 }
 
 #[test]
@@ -127,6 +147,9 @@ fn wrong_parameters_say_what_is_valid() {
     assert!(params.set("depth", "17").unwrap_err().contains("0..=16"));
     assert!(["0", "257", "-1", "16.0"].iter().all(|count| params.set("wavelengths", count).is_err()));
     assert!(["0", "4097", "-1"].iter().all(|count| params.set("paths", count).is_err()));
+    for error in ["1.1", "-0.1", "NaN", "inf", "off", ""] {
+        assert!(params.set("error", error).is_err_and(|help| help.contains("0..=1")), "{error}");
+    }
     assert!(["-0.1", "1.1", "NaN"].iter().all(|share| params.set("cutoff", share).is_err()));
     assert!(["129", "-1"].iter().all(|count| params.set("reflections", count).is_err()));
     assert!(["-0.1", "90.1", "NaN", "inf"].iter().all(|angle| params.set("sun", angle).is_err()));

@@ -114,7 +114,12 @@ fn ray_support(rays: &dyn RayBackend) {
             verdict(Fidelity::Thesis)
         );
     }
-    for (asked, does) in [("sun above 0", rays.traces_sun_discs()), ("filter above 0", rays.filters_shares())] {
+    let more = [
+        ("sun above 0", rays.traces_sun_discs()),
+        ("filter above 0", rays.filters_shares()),
+        ("error above 0", rays.samples_adaptively()),
+    ];
+    for (asked, does) in more {
         crate::say!("    {asked:14}  {}", if does { "yes" } else { "no: use --backend cpu" });
     }
 }

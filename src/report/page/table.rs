@@ -3,7 +3,7 @@
 use super::tag;
 use crate::bench::Interval;
 use crate::bench::model::{BenchRow, RowError, Stats};
-use crate::bench::text::{of_pictures, ray_device_ms};
+use crate::bench::text::{of_pictures, ray_device_ms, spent};
 use crate::pipeline::metrics::Comparison;
 use crate::report::model::{Against, ReportData, Scaling};
 use crate::report::number::{bytes, error, grouped, significant};
@@ -91,6 +91,18 @@ pub fn rows(data: &ReportData, rows: &[&BenchRow], caption: &str) -> Markup {
         p.note.on-paper { "More columns are on the screen and in data.csv." }
         (references.list())
         (pictures_list(rows))
+        (spent_list(rows))
+    }
+}
+
+/// What adaptive sampling of glass spent.
+fn spent_list(rows: &[&BenchRow]) -> Markup {
+    let lines: Vec<String> = rows.iter().flat_map(|row| spent(row)).collect();
+    html! {
+        @if !lines.is_empty() {
+            p.note { "Adaptive sampling:" }
+            ul.references.note { @for line in &lines { li { (line) } } }
+        }
     }
 }
 

@@ -1,7 +1,7 @@
 //! The program where each material says what kind of glass it is (`glass=auto`).
 
 use super::corrected;
-use crate::effects::dielectric::{Lit, Media, Walk};
+use crate::effects::dielectric::{AllWays, Lit, Media, Sample, Walk, Ways};
 use crate::effects::light::SHADOWED;
 use crate::effects::surface::Surface;
 use crate::effects::tile_surfaces::Known;
@@ -12,12 +12,32 @@ use glam::{Vec3, Vec4};
 
 /// As [`corrected::pixel`], with this glass.
 pub fn pixel<T: Tracer, C: Coverage>(pass: &Pass<'_, T, C>, pixel: Pixel, work: &mut Workspace) -> [f32; 4] {
+    pixel_of(pass, pixel, AllWays, work)
+}
+
+/// One sample of [`pixel`], whose mean over all ways is its colour. Where the sample notes nothing stochastic it is that colour, to the
+/// bit.
+pub fn sample<T: Tracer, C: Coverage>(
+    pass: &Pass<'_, T, C>,
+    pixel: Pixel,
+    sample: Sample<'_>,
+    work: &mut Workspace,
+) -> [f32; 4] {
+    pixel_of(pass, pixel, sample, work)
+}
+
+fn pixel_of<T: Tracer, C: Coverage>(
+    pass: &Pass<'_, T, C>,
+    pixel: Pixel,
+    ways: impl Ways,
+    work: &mut Workspace,
+) -> [f32; 4] {
     let color = pass.job.color[pixel.index];
     let Some(triangle) = pass.triangle(pixel) else { return color };
     let stored_normal = pass.normal(pixel);
     let known = work.surfaces.known(work.place);
     let seen @ (surface, _) = known.surface.unwrap_or_else(|| pass.surface_at(pixel, triangle, stored_normal));
-    let key = pass.key(pixel);
+    let key = ways.key(pass.key(pixel));
     if pass.is_glass(triangle) {
         let shade = |hit: &Hit, surface: &Surface, _: Media, key: u32, work: &mut Workspace| {
             let color = pass.lit_color(hit, surface.normal);
@@ -25,7 +45,7 @@ pub fn pixel<T: Tracer, C: Coverage>(pass: &Pass<'_, T, C>, pixel: Pixel, work: 
             let lit = || Lit { normal, cosine: pass.light_cosine(hit, normal), tint: pass.tint(hit.triangle) };
             visible(pass, (color, lit), (surface, (surface.facing, hit.triangle)), Known::NOTHING, key, work)
         };
-        return opaque(Walk { pass, shade }.pixel(pixel, triangle, seen, key, work));
+        return opaque(Walk { pass, shade, ways }.pixel(pixel, triangle, seen, key, work));
     }
     let side = (corrected::lit_side(&surface, stored_normal), triangle);
     let lit = || {

@@ -3,6 +3,7 @@
 use super::branch::Branch;
 use super::media::Media;
 use super::walk::{Path, Walk};
+use super::ways::{Met, Ways};
 use crate::effects::surface::Surface;
 use crate::effects::{Coverage, Workspace};
 use crate::sampling::hash::{ROULETTE, dimensions, path_key, unit};
@@ -10,7 +11,13 @@ use crate::trace::{Hit, Purpose, Tracer};
 use curitiba_pipeline::glass::{CutoffColor, Roulette};
 use glam::Vec3;
 
-impl<T: Tracer, C: Coverage, F: Fn(&Hit, &Surface, Media, u32, &mut Workspace) -> Vec3> Walk<'_, '_, T, C, F> {
+impl<T, C, F, W> Walk<'_, '_, T, C, F, W>
+where
+    T: Tracer,
+    C: Coverage,
+    F: Fn(&Hit, &Surface, Media, u32, &mut Workspace) -> Vec3,
+    W: Ways,
+{
     /// By what a branch that is followed, as `path`, counts: 1, or more where it was followed by chance. `None` where it is not followed.
     #[inline(always)]
     pub(super) fn kept(&self, branch: &Branch, path: &mut Path) -> Option<f32> {
@@ -39,6 +46,7 @@ impl<T: Tracer, C: Coverage, F: Fn(&Hit, &Surface, Media, u32, &mut Workspace) -
         match limits.roulette {
             Roulette::Off => None,
             Roulette::On => {
+                self.ways.note(Met::CHANCE);
                 let chance = path.importance / limits.cutoff;
                 let chosen = self.chance(path) < chance;
                 path.importance = limits.cutoff;
@@ -53,7 +61,7 @@ impl<T: Tracer, C: Coverage, F: Fn(&Hit, &Surface, Media, u32, &mut Workspace) -
         let params = &self.pass.job.params;
         let wavelength = path.wavelength.map_or(0, f32::to_bits);
         let sample = params.first ^ params.first_path.rotate_left(16);
-        unit(dimensions(path_key(path_key(path.own_key(), wavelength), sample), ROULETTE)[0])
+        unit(dimensions(path_key(path_key(self.own_key(path), wavelength), sample), ROULETTE)[0])
     }
 
     /// What stands for a branch that is not followed.

@@ -2,7 +2,7 @@
 //!
 //! From the ground up: `media` knows in which bodies a point of a path lies, `eye` in which the camera is,
 //! `slab` what a wall with two faces does, `filter` what a surface takes beside Fresnel's share, `shadow` what is
-//! left of light that falls straight through, `ball` what a sphere does with parallel light, `lenses` which spheres focus it, `caustic` what that adds to surfaces, `variant` says what device programs know, `branch` is a way on from a surface, `limits` where it is not followed, `facets` are those of a rough one, `walk` follows paths, and
+//! left of light that falls straight through, `ball` what a sphere does with parallel light, `lenses` which spheres focus it, `caustic` what that adds to surfaces, `variant` says what device programs know, `ways` which ways are followed, `branch` is a way on from a surface, `limits` where it is not followed, `facets` are those of a rough one, `walk` follows paths, and
 //! `solid` is the surface of a body. May use: what is about one point, beside this folder.
 //!
 //! Radiance is not scaled by the square of the index inside a body, as basic radiance would be: it cancels where light leaves again,
@@ -22,6 +22,7 @@ mod slab;
 mod solid;
 mod variant;
 mod walk;
+mod ways;
 
 pub(super) use caustic::Lit;
 pub(crate) use eye::{around_eye, lenses};
@@ -31,6 +32,8 @@ pub use slab::{Slab, slab};
 pub use variant::{Variant, check_glass};
 pub use walk::MOST_SURFACES;
 pub(super) use walk::Walk;
+pub(super) use ways::{AllWays, Ways};
+pub use ways::{Met, Sample};
 
 use crate::sampling::owen_sobol::reversed_sobol;
 use curitiba_pipeline::backend::RayJob;

@@ -4,6 +4,7 @@ use super::branch::Branch;
 use super::facets::Facet;
 use super::media::{Border, Crossing, Media};
 use super::walk::{Met, Path, Walk};
+use super::ways::{Met as Noted, Ways};
 use crate::effects::optics::{interface_of, reflect};
 use crate::effects::surface::Surface;
 use crate::effects::{Coverage, Workspace};
@@ -11,9 +12,12 @@ use crate::trace::{Hit, Purpose, Tracer};
 use curitiba_pipeline::glass::{Dielectric, Stratum};
 use glam::Vec3;
 
+/// The wavelength of an index that is given without one, nanometres.
+const REFERENCE: f32 = 587.6;
+
 /// Both ways on from a surface, for light of one wavelength.
 #[derive(Clone, Copy)]
-struct Ways {
+struct Onward {
     /// Share of the light that is reflected; the rest enters.
     reflectance: f32,
     /// Where what is reflected goes.
@@ -24,7 +28,13 @@ struct Ways {
     kept: [f32; 2],
 }
 
-impl<T: Tracer, C: Coverage, F: Fn(&Hit, &Surface, Media, u32, &mut Workspace) -> Vec3> Walk<'_, '_, T, C, F> {
+impl<T, C, F, W> Walk<'_, '_, T, C, F, W>
+where
+    T: Tracer,
+    C: Coverage,
+    F: Fn(&Hit, &Surface, Media, u32, &mut Workspace) -> Vec3,
+    W: Ways,
+{
     /// What the surface of a body shows.
     pub(super) fn solid(
         &self,
@@ -48,6 +58,9 @@ impl<T: Tracer, C: Coverage, F: Fn(&Hit, &Surface, Media, u32, &mut Workspace) -
             return through + self.veil(met, dielectric, Vec3::ONE, path, work);
         }
         let ways = |path: Path, work: &mut Workspace| {
+            if disperses && W::SAMPLED {
+                return self.sampled_spectrum(met, dielectric, (&border, ratio, filter), path, work);
+            }
             if disperses {
                 return self.dispersed(met, dielectric, (&border, filter), path, work);
             }
@@ -62,11 +75,11 @@ impl<T: Tracer, C: Coverage, F: Fn(&Hit, &Surface, Media, u32, &mut Workspace) -
         &self,
         met: Met<'_>,
         dielectric: &Dielectric,
-        (ways, filter): (&Ways, Vec3),
+        (ways, filter): (&Onward, Vec3),
         (after, path): (Media, Path),
         work: &mut Workspace,
     ) -> Vec3 {
-        let Ways { reflectance, mirrored, refracted, kept } = *ways;
+        let Onward { reflectance, mirrored, refracted, kept } = *ways;
         let reflected = Branch {
             purpose: Purpose::Reflected,
             direction: mirrored,
@@ -84,7 +97,7 @@ impl<T: Tracer, C: Coverage, F: Fn(&Hit, &Surface, Media, u32, &mut Workspace) -
     }
 
     /// Where a surface sends light; `ratio` is the index behind it over that before.
-    fn ways(&self, met: Met<'_>, dielectric: &Dielectric, ratio: f32, path: Path) -> Ways {
+    fn ways(&self, met: Met<'_>, dielectric: &Dielectric, ratio: f32, path: Path) -> Onward {
         match self.facet(met, dielectric, path) {
             Some(facet) => self.rough_ways(met, dielectric, &facet, ratio),
             None => self.smooth_ways(met, dielectric, ratio),
@@ -98,7 +111,7 @@ impl<T: Tracer, C: Coverage, F: Fn(&Hit, &Surface, Media, u32, &mut Workspace) -
         dielectric: &Dielectric,
         facet: &Facet,
         ratio: f32,
-    ) -> Ways {
+    ) -> Onward {
         let interface = interface_of(dielectric, self.pass.job.params.fresnel, -facet.normal.dot(view), ratio);
         let side = |direction: Vec3| {
             let [whole, flat] = [surface.interface_normal(view), surface.facing].map(|normal| direction.dot(normal));
@@ -108,11 +121,11 @@ impl<T: Tracer, C: Coverage, F: Fn(&Hit, &Surface, Media, u32, &mut Workspace) -
         let refracted = interface.refract(view, facet.normal, ratio).filter(|direction| side(*direction) < 0.0);
         let back = if side(mirrored) > 0.0 { facet.passes(mirrored) } else { 0.0 };
         let kept = [back, refracted.map_or(0.0, |direction| facet.passes(direction))];
-        Ways { reflectance: interface.reflectance, mirrored, refracted, kept }
+        Onward { reflectance: interface.reflectance, mirrored, refracted, kept }
     }
 
     /// Those of a smooth surface.
-    fn smooth_ways(&self, Met { surface, view, .. }: Met<'_>, dielectric: &Dielectric, ratio: f32) -> Ways {
+    fn smooth_ways(&self, Met { surface, view, .. }: Met<'_>, dielectric: &Dielectric, ratio: f32) -> Onward {
         let bend = |normal: Vec3| {
             let interface = interface_of(dielectric, self.pass.job.params.fresnel, -normal.dot(view), ratio);
             (normal, interface, interface.refract(view, normal, ratio))
@@ -121,7 +134,7 @@ impl<T: Tracer, C: Coverage, F: Fn(&Hit, &Surface, Media, u32, &mut Workspace) -
         // Refracted back to the viewer's side, which a bent normal can do: the flat surface serves.
         let returns = bent.2.is_some_and(|direction| direction.dot(surface.facing) >= 0.0);
         let (normal, interface, refracted) = if returns { bend(surface.facing) } else { bent };
-        Ways { reflectance: interface.reflectance, mirrored: reflect(view, normal), refracted, kept: [1.0; 2] }
+        Onward { reflectance: interface.reflectance, mirrored: reflect(view, normal), refracted, kept: [1.0; 2] }
     }
 
     /// The surface of a body that bends colours apart, to light of all of them: what enters goes on by wavelength, what is reflected
@@ -140,7 +153,7 @@ impl<T: Tracer, C: Coverage, F: Fn(&Hit, &Surface, Media, u32, &mut Workspace) -
         let (mut color, mut entering, mut split) = (Vec3::ZERO, Vec3::ZERO, false);
         for Stratum { wavelength, weight } in &self.pass.spectrum {
             let ratio = border.ratio_at(self.pass.job.dielectrics, *wavelength);
-            let Ways { reflectance, mirrored, refracted, kept } = self.ways(met, dielectric, ratio, path);
+            let Onward { reflectance, mirrored, refracted, kept } = self.ways(met, dielectric, ratio, path);
             entering += *weight * (1.0 - reflectance);
             let mut back = *weight * (reflectance * kept[0]) * dielectric.mirrors();
             let mut through = *weight * ((1.0 - reflectance) * kept[1]) * filter;
@@ -165,6 +178,76 @@ impl<T: Tracer, C: Coverage, F: Fn(&Hit, &Surface, Media, u32, &mut Workspace) -
         }
         if let Some(branch) = together.filter(|branch| branch.weight != Vec3::ZERO) {
             color += self.follow(met.surface, &branch, path, u32::from(split), work);
+        }
+        color + self.veil(met, dielectric, entering, path, work)
+    }
+
+    /// [`Self::dispersed`], for the parts of the spectrum that the ways of a sample have.
+    ///
+    /// Light of [`REFERENCE`] stands for all of it, and each way adds by how much its own wavelength differs: of what has one colour
+    /// at all wavelengths the mean has no noise, although the weights of few wavelengths do not add up to 1.
+    #[inline(never)]
+    fn sampled_spectrum(
+        &self,
+        met: Met<'_>,
+        dielectric: &Dielectric,
+        (border, ratio, filter): (&Border, f32, Vec3),
+        path: Path,
+        work: &mut Workspace,
+    ) -> Vec3 {
+        self.ways.note(Noted::DIVIDED);
+        let spectrum = &self.pass.spectrum;
+        let splits = self.splits(path);
+        let numbers = path.sample.map_or_else(|| self.ways.numbers(self.pass.job.params.paths), |way| way..way + 1);
+        let scale = spectrum.len() as f32 / numbers.len() as f32;
+        let reference = self.ways(met, dielectric, ratio, path);
+        let mut together = Branch {
+            purpose: Purpose::Reflected,
+            direction: reference.mirrored,
+            weight: Vec3::ZERO,
+            media: path.media,
+        };
+        let (mut color, mut entering, mut split, mut rest) = (Vec3::ZERO, Vec3::ZERO, false, Vec3::ONE);
+        let mut add = |ways: &Onward, weight: Vec3, own: Path, work: &mut Workspace| {
+            let Onward { reflectance, mirrored, refracted, kept } = *ways;
+            entering += weight * (1.0 - reflectance);
+            let mut back = weight * (reflectance * kept[0]) * dielectric.mirrors();
+            let mut through = weight * ((1.0 - reflectance) * kept[1]) * filter;
+            if refracted.is_some() && !splits {
+                // Beyond the depth light goes through, with the weight of both.
+                (back, through) = (Vec3::ZERO, back + through);
+            }
+            // What depends on a way is its share of the pixel: how few stand for the whole spectrum does not decide what is cut off.
+            let own = Path { importance: own.importance / weight.abs().max_element(), ..own };
+            if mirrored == together.direction {
+                together.weight += back;
+            } else {
+                // By another normal, which few surfaces have.
+                let branch = Branch { direction: mirrored, weight: back, ..together };
+                color += self.split(met.surface, Some(branch), None, own, work);
+            }
+            if let Some(direction) = refracted {
+                split |= back != Vec3::ZERO;
+                let branch = Branch { purpose: Purpose::Refracted, direction, weight: through, media: border.after };
+                color += self.follow(met.surface, &branch, own, u32::from(splits), work);
+            }
+        };
+        for way in numbers {
+            let part = self.ways.part_of_spectrum(way, path.key, spectrum.len());
+            let Stratum { wavelength, weight } = spectrum[part];
+            let weight = weight * scale;
+            rest -= weight;
+            let own = Path { wavelength: Some(wavelength), sample: Some(way), ..path };
+            let ways = self.ways(met, dielectric, border.ratio_at(self.pass.job.dielectrics, wavelength), own);
+            if weight != Vec3::ZERO {
+                add(&ways, weight, own, work);
+            }
+        }
+        if rest != Vec3::ZERO {
+            add(&reference, rest, Path { wavelength: Some(REFERENCE), ..path }, work);
+        }
+        if together.weight != Vec3::ZERO {
+            color += self.follow(met.surface, &together, path, u32::from(split), work);
         }
         color + self.veil(met, dielectric, entering, path, work)
     }

@@ -4,16 +4,16 @@ use super::branch::Branch;
 use super::facets::Facet;
 use super::media::Media;
 use super::slab::{kept_across, slab};
+use super::ways::{Met as Noted, Ways};
 use crate::effects::interpolate::locate;
-use crate::effects::optics::{Interface, REFLECTED, REFRACTED, SCATTERED, interface, interface_of, reflect};
+use crate::effects::optics::{Interface, REFLECTED, REFRACTED, interface, interface_of, reflect};
 use crate::effects::surface::Surface;
 use crate::effects::thesis::BOUNCE;
 use crate::effects::{Coverage, Pass, Pixel, Workspace};
-use crate::sampling::hash::{FACETS, dimensions, path_key, unit};
-use crate::sampling::owen_sobol::scramble_reversed;
+use crate::sampling::hash::path_key;
 use crate::trace::{Announcement, Hit, Purpose, Tracer};
 use curitiba_pipeline::glass::{Dielectric, Shape, transmittance};
-use glam::{Vec2, Vec3};
+use glam::Vec3;
 
 /// Surfaces of glass that a path meets, at most: beyond, it is lost. Light that is mirrored in a body of many faces may take long.
 pub const MOST_SURFACES: u32 = 128;
@@ -38,14 +38,6 @@ pub(super) struct Path {
     pub(super) bounces: [u32; 2],
 }
 
-impl Path {
-    /// The key of what the path meets. The ways on from rough glass share the keys of their surfaces, so that their points fill each
-    /// other's gaps; what is sampled where they end is each one's own.
-    pub(super) fn own_key(&self) -> u32 {
-        self.sample.map_or(self.key, |sample| path_key(self.key, SCATTERED + sample))
-    }
-}
-
 /// Where a path has come to, and from where.
 #[derive(Clone, Copy)]
 pub(super) struct Met<'h> {
@@ -59,12 +51,20 @@ pub(super) struct Met<'h> {
 ///
 /// Down to the depth of the pass both ways on are followed. Beyond it light goes on through the surface where it can, with the weight of
 /// both: none is lost there, and a path of many surfaces costs no more than its length.
-pub(in crate::effects) struct Walk<'p, 'a, T, C, F> {
+pub(in crate::effects) struct Walk<'p, 'a, T, C, F, W> {
     pub pass: &'p Pass<'a, T, C>,
     pub shade: F,
+    /// Which ways are followed.
+    pub ways: W,
 }
 
-impl<T: Tracer, C: Coverage, F: Fn(&Hit, &Surface, Media, u32, &mut Workspace) -> Vec3> Walk<'_, '_, T, C, F> {
+impl<T, C, F, W> Walk<'_, '_, T, C, F, W>
+where
+    T: Tracer,
+    C: Coverage,
+    F: Fn(&Hit, &Surface, Media, u32, &mut Workspace) -> Vec3,
+    W: Ways,
+{
     /// What a pixel of glass shows.
     pub fn pixel(&self, pixel: Pixel, triangle: u32, seen: (Surface, Vec3), key: u32, work: &mut Workspace) -> Vec3 {
         let (surface, view) = seen;
@@ -119,7 +119,7 @@ impl<T: Tracer, C: Coverage, F: Fn(&Hit, &Surface, Media, u32, &mut Workspace) -
         if dielectric.veil <= 0.0 {
             return Vec3::ZERO;
         }
-        dielectric.veil * entering * (self.shade)(met.hit, met.surface, path.media, path.own_key(), work)
+        dielectric.veil * entering * (self.shade)(met.hit, met.surface, path.media, self.own_key(&path), work)
     }
 
     /// A wall with two faces.
@@ -191,22 +191,29 @@ impl<T: Tracer, C: Coverage, F: Fn(&Hit, &Surface, Media, u32, &mut Workspace) -
         work: &mut Workspace,
         each: impl Fn(Path, &mut Workspace) -> Vec3,
     ) -> Vec3 {
-        let count = self.pass.facets.len() as u32;
-        let importance = path.importance / count as f32;
-        let sum: Vec3 = (0..count).map(|sample| each(Path { sample: Some(sample), importance, ..path }, work)).sum();
+        self.ways.note(Noted::DIVIDED);
+        let numbers = self.ways.numbers(self.pass.facets.len() as u32);
+        let count = numbers.len() as u32;
+        // Of a sample, each way stands for the whole path: how many there are in all does not decide what is cut off.
+        let importance = if W::SAMPLED { path.importance } else { path.importance / count as f32 };
+        let sum: Vec3 = numbers.map(|sample| each(Path { sample: Some(sample), importance, ..path }, work)).sum();
         sum / count as f32
     }
 
     /// The microfacet that a path meets; `None` where the surface is smooth.
     pub(super) fn facet(&self, met: Met<'_>, dielectric: &Dielectric, path: Path) -> Option<Facet> {
-        let point = self.pass.facets.get(path.sample? as usize).filter(|_| dielectric.alpha > 0.0)?;
+        let way = path.sample.filter(|_| dielectric.alpha > 0.0)?;
         let alpha = self.pass.alpha(met.hit, dielectric);
         if alpha <= 0.0 {
             return None;
         }
-        let seeds = dimensions(path.key, FACETS);
-        let [x, y] = [0, 1].map(|axis| unit(scramble_reversed(point[axis], seeds[axis])));
-        Some(Facet::seen(alpha, met.surface.interface_normal(met.view), met.view, Vec2::new(x, y)))
+        let point = self.ways.facet(&self.pass.facets, way, path.key)?;
+        Some(Facet::seen(alpha, met.surface.interface_normal(met.view), met.view, point))
+    }
+
+    /// The key of what is sampled where a path ends.
+    pub(super) fn own_key(&self, path: &Path) -> u32 {
+        self.ways.own_key(path.key, path.sample)
     }
 
     /// Both ways on, or beyond the depth the one through the surface, where there is one. A way that brings nothing is not taken.
@@ -281,7 +288,7 @@ impl<T: Tracer, C: Coverage, F: Fn(&Hit, &Surface, Media, u32, &mut Workspace) -
             let path = Path { importance: path.importance * kept.max_element(), ..path };
             self.glass(Met { hit: &hit, surface: &surface, view: direction }, path, work)
         } else {
-            (self.shade)(&hit, &surface, path.media, path.own_key(), work)
+            (self.shade)(&hit, &surface, path.media, self.own_key(&path), work)
         }
     }
 }

@@ -1,7 +1,7 @@
 //! The program with Fresnel weights, and both colours blended at every bounce. Weights are exact unless the pass asks
 //! for Schlick's. `final` shares this glass.
 
-use crate::effects::dielectric::{Media, Walk};
+use crate::effects::dielectric::{AllWays, Media, Sample, Walk, Ways};
 use crate::effects::optics::{REFLECTED, REFRACTED, interface, reflect};
 use crate::effects::surface::Surface;
 use crate::effects::thesis::BOUNCE;
@@ -22,12 +22,32 @@ pub fn pixel<T: Tracer, C: Coverage>(pass: &Pass<'_, T, C>, pixel: Pixel, work: 
 
 /// As [`pixel`], where each material says what kind of glass it is.
 pub fn pixel_of_bodies<T: Tracer, C: Coverage>(pass: &Pass<'_, T, C>, pixel: Pixel, work: &mut Workspace) -> [f32; 4] {
+    of_bodies(pass, pixel, AllWays, work)
+}
+
+/// One sample of [`pixel_of_bodies`], whose mean over all ways is its colour. Where the sample notes nothing stochastic it is that
+/// colour, to the bit.
+pub fn sample<T: Tracer, C: Coverage>(
+    pass: &Pass<'_, T, C>,
+    pixel: Pixel,
+    sample: Sample<'_>,
+    work: &mut Workspace,
+) -> [f32; 4] {
+    of_bodies(pass, pixel, sample, work)
+}
+
+fn of_bodies<T: Tracer, C: Coverage>(
+    pass: &Pass<'_, T, C>,
+    pixel: Pixel,
+    ways: impl Ways,
+    work: &mut Workspace,
+) -> [f32; 4] {
     let Some(triangle) = pass.triangle(pixel).filter(|triangle| pass.is_glass(*triangle)) else {
         return pass.job.color[pixel.index];
     };
     let seen = pass.surface_at(pixel, triangle, pass.normal(pixel));
     let shade = |hit: &Hit, surface: &Surface, _: Media, _: u32, _: &mut Workspace| pass.lit_color(hit, surface.normal);
-    opaque(Walk { pass, shade }.pixel(pixel, triangle, seen, pass.key(pixel), work))
+    opaque(Walk { pass, shade, ways }.pixel(pixel, triangle, seen, ways.key(pass.key(pixel)), work))
 }
 
 /// The recursion over glass. `shade` computes the colour of other surfaces, with the key of the path.

@@ -22,6 +22,7 @@ const DEFAULTS: RayParams = RayParams {
     shadow: GlassShadow::Report,
     wavelengths: 16,
     paths: 16,
+    error: 0.0,
     limits: PathLimits::DEFAULT,
     first: 0,
     first_path: 0,

@@ -10,6 +10,7 @@ use crate::wgpu_rays::WgpuRays;
 use crate::wgpu_rays::split::Split;
 use curitiba_pipeline::backend::{BackendError, RayBackend, RayJob};
 use curitiba_pipeline::executor::{Engines, Fallback, Observer, Progress, Renderer, Silent, Spare, StepKind};
+use curitiba_pipeline::glass::GlassRule;
 use curitiba_pipeline::image::Image;
 use curitiba_pipeline::plan::{Plan, Settings};
 use curitiba_pipeline::programs::{Fidelity, RayParams, RayProgram};
@@ -131,6 +132,16 @@ fn a_filter_is_refused() {
         let params = RayParams { filter: 1, ..job.params };
         let message = failure(rays, &RayJob { program: RayProgram::Ssao, params, ..*job }).to_string();
         assert!(message.contains("is to be filtered (filter=1)") && !rays.filters_shares(), "{message}");
+    });
+}
+
+#[test]
+fn sampling_to_an_error_is_refused() {
+    with_job(|rays, scene, job| {
+        rays.build(scene, &[]).expect("it fits");
+        let params = RayParams { error: 0.01, glass: GlassRule::Auto, ..job.params };
+        let message = failure(rays, &RayJob { program: RayProgram::Refraction, params, ..*job }).to_string();
+        assert!(message.contains("error=0.01 asks for") && !rays.samples_adaptively(), "{message}");
     });
 }
 

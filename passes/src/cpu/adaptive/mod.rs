@@ -1,0 +1,187 @@
+//! Adaptive sampling of stochastic glass: as many paths a pixel as an error of the picture takes.
+//!
+//! All pixels are followed once, tile by tile. Where nothing was left to chance that is their colour, to the bit. The others are sampled in
+//! rounds until the error is what was asked for, or no pixel may have more paths. What is decided between two rounds depends on sums in the
+//! order of the pixels: the picture is the same for any number of threads.
+
+mod allocation;
+#[cfg(test)]
+mod tests;
+
+use super::{NAME, Rows, WORKSPACE, Whole, alone, before, check, each_tile, in_host, new_pass};
+use crate::effects::dielectric::{Met, Sample};
+use crate::effects::{AlphaTested, Area, Pass, Pixel, Workspace, combined, opaque, refraction};
+use crate::trace::Tracer;
+use allocation::{Sampled, doubled, error, first_count, most_of_half};
+use curitiba_pipeline::backend::{BackendError, PathsSpent, RayCounts, RayJob, RayStats};
+use curitiba_pipeline::executor::Progress;
+use curitiba_pipeline::image::Image;
+use curitiba_pipeline::memory::{Refused, with_capacity, zeroed};
+use curitiba_pipeline::programs::{Fidelity, RayProgram};
+use glam::{DVec3, Vec4};
+use rayon::prelude::*;
+use std::cell::Cell;
+use std::sync::atomic::{AtomicU8, Ordering};
+
+/// Most ways into which the first surface that divides a path does so at once. What lies before it is followed again for the next ones.
+const WAYS: u32 = 4;
+
+/// Parts in which the way to the error is counted.
+const PARTS: u64 = 1000;
+
+/// Pixels that a thread takes at a time.
+const PIXELS: usize = 16;
+
+/// The error that a job asks for, where glass of its scene is stochastic.
+pub(super) fn asked(job: &RayJob<'_>) -> Option<f32> {
+    let error = job.program.sampled_to(&job.params).filter(|_| job.fidelity == Fidelity::Corrected)?;
+    job.program.has_stochastic_glass(&job.params, job.dielectrics).then_some(error)
+}
+
+/// Runs a job whose glass is sampled to this error.
+///
+/// # Errors
+/// [`BackendError::Unsupported`] if the job lacks something that its program reads; if there is not enough memory.
+pub(super) fn trace<T: Tracer>(
+    tracer: &T,
+    job: &RayJob<'_>,
+    asked: f32,
+    output: &mut Image,
+    progress: &Progress,
+) -> Result<RayStats, BackendError> {
+    in_host(job)?;
+    check::scene(NAME, job, T::SPHERES)?;
+    let coverage = AlphaTested { scene: job.scene, shades: job.shades };
+    let pass = &new_pass(job, tracer, coverage, Some(progress))?;
+    match job.program {
+        RayProgram::Final => {
+            let prepare = |area: Area, work: &mut Workspace| combined::bodies::prepare(pass, area, work);
+            sample(pass, asked, output, before(prepare), |pixel, sample, work| {
+                combined::bodies::sample(pass, pixel, sample, work)
+            })
+        }
+        _ => sample(pass, asked, output, alone, |pixel, sample, work| {
+            refraction::corrected::sample(pass, pixel, sample, work)
+        }),
+    }
+}
+
+/// Samples all pixels by `shown`, the mean colour of the paths of a sample.
+fn sample<T: Tracer, C: Sync>(
+    pass: &Pass<'_, T, C>,
+    error_asked: f32,
+    output: &mut Image,
+    tile: impl Fn(Area, &mut Rows<'_>, &mut Workspace) -> bool + Sync,
+    shown: impl Fn(Pixel, Sample<'_>, &mut Workspace) -> [f32; 4] + Sync,
+) -> Result<RayStats, BackendError> {
+    let job = pass.job;
+    let asked = f64::from(error_asked);
+    let nobody = Progress::default();
+    let progress = pass.progress.unwrap_or(&nobody);
+    let refused = |refused: Refused| check::missing(NAME, job, &refused.to_string());
+    let offset = job.params.first_path;
+    let follow = |pixel, half, first, ways, work: &mut Workspace| {
+        let met = Cell::new(Met::default());
+        let color = shown(pixel, Sample { half, first, ways, offset, met: &met }, work);
+        (color, met.get())
+    };
+    let marks: Vec<u8> = zeroed(output.pixels.len()).map_err(refused)?;
+    let marks: Vec<AtomicU8> = marks.into_iter().map(AtomicU8::new).collect();
+    let mut rays = each_tile(Whole { output: &mut *output, progress, tiles: 1 }, tile, |pixel, work| {
+        let (color, met) = follow(pixel, 0, 0, 1, work);
+        marks[pixel.index].store(u8::from(met.stochastic()) | u8::from(met.divided) << 1, Ordering::Relaxed);
+        color
+    });
+    let mut pixels = marked(&marks, output).map_err(refused)?;
+    drop(marks);
+    let width = output.width;
+    // Gives pixels, by their place in the list, so many paths.
+    let sample_to = |pixels: &mut [Sampled], count: &(dyn Fn(usize, &Sampled) -> u32 + Sync)| {
+        let each = |(place, pixel): (usize, &mut Sampled)| {
+            let count = count(place, pixel);
+            if count <= pixel.count || progress.is_cancelled() {
+                return RayCounts::default();
+            }
+            let at = place_of(pixel.index, width);
+            WORKSPACE.with_borrow_mut(|work| {
+                work.begin();
+                fill(pixel, count, |half, first, ways| follow(at, half, first, ways, work));
+                work.rays
+            })
+        };
+        let traced = pixels.par_iter_mut().enumerate().with_min_len(PIXELS).with_max_len(PIXELS).map(each);
+        traced.reduce(RayCounts::default, |mut sum, rays| {
+            sum += rays;
+            sum
+        })
+    };
+    let most = most_of_half(job.params.paths);
+    let first = first_count(pixels.len(), most);
+    rays += sample_to(&mut pixels, &|_, _| first);
+    progress.start(PARTS);
+    let mut shown_parts = 0;
+    let met = loop {
+        let reached = error(&pixels);
+        let parts = (PARTS as f64 * (asked / reached.bound).powi(2).min(1.0)) as u64;
+        progress.advance(parts.saturating_sub(shown_parts));
+        shown_parts = shown_parts.max(parts);
+        let full = pixels.iter().all(|pixel| pixel.count >= most);
+        if reached.bound <= asked || full || progress.is_cancelled() {
+            break reached.bound <= asked;
+        }
+        let doubled = doubled(&pixels, width, most, reached.bound / asked);
+        rays += sample_to(&mut pixels, &|place, pixel| if doubled[place] { 2 * pixel.count } else { 0 });
+    };
+    for pixel in &pixels {
+        output.pixels[pixel.index as usize] = opaque(pixel.color().as_vec3());
+    }
+    let counts = || pixels.iter().map(Sampled::paths);
+    let spent = PathsSpent {
+        asked: error_asked,
+        error: error(&pixels).estimate,
+        met,
+        pixels: pixels.len() as u64,
+        paths: counts().map(u64::from).sum(),
+        most: counts().max().unwrap_or(0),
+        exhausted: pixels.iter().filter(|pixel| pixel.count >= most).count() as u64,
+    };
+    Ok(RayStats { rays, adaptive: Some(spent), ..RayStats::default() })
+}
+
+/// Follows paths until both halves of a pixel have so many. `follow` returns the mean of some ways of a half, from the first one on, and what
+/// they met.
+fn fill(pixel: &mut Sampled, count: u32, mut follow: impl FnMut(u32, u32, u32) -> ([f32; 4], Met)) {
+    for half in [0, 1] {
+        // The first path of the first half was followed with all pixels.
+        let mut first = if half == 0 { pixel.count } else { pixel.count & !1 };
+        while first < count {
+            let ways = if pixel.divided { WAYS.min(count - first).min(first.max(1)) } else { 1 };
+            let (mean, met) = follow(half, first, ways);
+            pixel.divided |= met.divided;
+            pixel.sums[half as usize] += color_of(mean) * f64::from(ways);
+            first += ways;
+        }
+    }
+    pixel.count = count;
+}
+
+fn color_of(color: [f32; 4]) -> DVec3 {
+    Vec4::from_array(color).truncate().as_dvec3()
+}
+
+/// The pixels whose marks say that they are stochastic, with their first path.
+fn marked(marks: &[AtomicU8], output: &Image) -> Result<Vec<Sampled>, Refused> {
+    let marks = || marks.iter().map(|mark| mark.load(Ordering::Relaxed)).enumerate().filter(|(_, mark)| *mark != 0);
+    let first = |(index, mark): (usize, u8)| {
+        let sums = [color_of(output.pixels[index]), DVec3::ZERO];
+        Sampled { index: index as u32, divided: mark & 2 != 0, sums, count: 1 }
+    };
+    let mut pixels = with_capacity(marks().count())?;
+    pixels.extend(marks().map(first));
+    Ok(pixels)
+}
+
+/// Where the pixel of this index is.
+fn place_of(index: u32, width: u32) -> Pixel {
+    Pixel { x: index % width, y: index / width, index: index as usize }
+}
