@@ -350,8 +350,8 @@ pub struct Pipeline {
     pub camera: Option<usize>,
     /// Passes, in order.
     pub passes: Vec<Pass>,
-    /// Why the pipeline cannot run: the error of its first pass that could not be read, which is missing in the list. Always `None`
-    /// for the default pipeline.
+    /// Why the pipeline cannot run: the error of its first pass that could not be read, which is missing in the list, as all may be.
+    /// Always `None` for the default pipeline.
     pub broken: Option<String>,
 }
 
