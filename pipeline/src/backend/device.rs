@@ -1,0 +1,24 @@
+//! What an engine says of itself and its device.
+
+/// The largest pictures that an engine can make.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Limits {
+    /// Most pixels along a side.
+    pub side: u32,
+    /// Whether a picture can be made in parts: whether each part equals that region of the whole picture.
+    pub parts: bool,
+}
+
+impl Limits {
+    /// No limit but memory; parts are possible.
+    pub const NONE: Self = Self { side: u32::MAX, parts: true };
+}
+
+/// Description of a graphics device.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Gpu {
+    /// Name and capabilities, in words.
+    pub name: String,
+    /// The driver, in words.
+    pub driver: String,
+}

@@ -1,0 +1,30 @@
+//! The interface between the executor and its engines: rasterisers ([`Rasteriser`]) and ray tracers ([`RayBackend`]).
+//!
+//! The traits have a file each. The others hold what goes through them: jobs (`*_job`, `own_shaders`) with their cameras, lights
+//! and materials (`view`, `shade`), what was done (`ray_stats`, or beside the job), devices and errors. Engines implement the
+//! traits and the executor calls them. May use scenes, images, G-buffers and tables of programs; not projects, plans, engines.
+
+mod device;
+mod effect_job;
+mod error;
+mod own_shaders;
+mod raster_job;
+mod rasteriser;
+mod ray_backend;
+mod ray_job;
+mod ray_stats;
+mod shade;
+mod view;
+
+pub use crate::gbuffer::{Attachments, GBuffer, NO_TRIANGLE, Rect, drawn_part};
+pub use device::{Gpu, Limits};
+pub use effect_job::{Answers, EffectJob, EffectStats, Part};
+pub use error::BackendError;
+pub use own_shaders::{ComputeJob, OwnMaterial, OwnShaders, OwnTexture, QuadJob, QuadTexture};
+pub use raster_job::{DrawStats, HandOver, RasterJob};
+pub use rasteriser::Rasteriser;
+pub use ray_backend::RayBackend;
+pub use ray_job::{FromCamera, IntersectionJob, NO_HIT, RayJob};
+pub use ray_stats::{BuildStats, PathsSpent, RayCounts, RayStats};
+pub use shade::{Glow, NormalMap, Shade};
+pub use view::{Lamp, Sun, View};

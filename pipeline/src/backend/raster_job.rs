@@ -1,0 +1,66 @@
+//! Raster passes: what is drawn, and what a draw did.
+
+use super::shade::Shade;
+use super::view::{Sun, View};
+use crate::gbuffer::{Attachments, Rect};
+use crate::programs::RasterProgram;
+use crate::scene::RenderScene;
+use glam::Vec4;
+use std::time::Duration;
+
+/// One raster pass.
+#[derive(Debug, Clone, Copy)]
+pub struct RasterJob<'a> {
+    /// The scene to draw.
+    pub scene: &'a RenderScene,
+    /// The program that runs per fragment.
+    pub program: RasterProgram,
+    /// The camera.
+    pub view: View,
+    /// The light. Without a light the cosine that shading multiplies with is 0.
+    pub sun: Option<Sun>,
+    /// Colours of the materials, by material index.
+    pub shades: &'a [Shade],
+    /// Whether back faces (corners clockwise on the screen) are culled, by material index. Empty: nothing is culled.
+    pub culled: &'a [bool],
+    /// The part of the picture that [`Self::view`] covers. It is cleared and drawn as far as the target holds it. A target that
+    /// cuts the viewport must do so at multiples of [`ALIGNMENT`](crate::gbuffer::ALIGNMENT) pixels from the viewport's corner.
+    pub viewport: Rect,
+    /// Clear value of the colour. The other attachments are cleared to 0 and the triangle id to
+    /// [`NO_TRIANGLE`](crate::gbuffer::NO_TRIANGLE).
+    pub clear_color: Vec4,
+    /// The attachments to write.
+    pub attachments: Attachments,
+    /// Those of [`Self::attachments`] that are also written into the memory made by
+    /// [`Rasteriser::share`](super::Rasteriser::share), which has the viewport's size.
+    pub shared: Attachments,
+    /// Those of [`Self::attachments`] that are declared as 16-bit floats. A rasteriser with attachments of its own stores them so,
+    /// and effects read the rounded values; in host memory the executor rounds them. The rounding mode of a device is its own
+    /// choice.
+    pub half: Attachments,
+    /// Whether depth is interpolated between corners snapped to the subpixel grid (thesis fidelity), or between the exact corners.
+    /// Only the processor's rasteriser obeys this; devices have their own rule.
+    pub snapped_depth: bool,
+}
+
+/// The copy of attachments into shared memory.
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
+pub struct HandOver {
+    /// Value of the shared memory's semaphore once the copy is complete.
+    pub value: u64,
+    /// Host time with synchronisation; not part of the draw's time.
+    pub host: Duration,
+    /// Time on the device's own clock, if it has one; not part of the draw's time.
+    pub device: Option<Duration>,
+}
+
+/// What a draw did.
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
+pub struct DrawStats {
+    /// Time on the device's own clock, if it has one.
+    pub device_time: Option<Duration>,
+    /// The copy into shared memory, if the job asked for one.
+    pub shared: Option<HandOver>,
+    /// Triangles submitted.
+    pub triangles: u64,
+}

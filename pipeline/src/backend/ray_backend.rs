@@ -1,0 +1,145 @@
+//! The trait of ray tracers.
+
+use super::device::{Gpu, Limits};
+use super::error::{BackendError, not_in_place};
+use super::ray_job::{IntersectionJob, RayJob};
+use super::ray_stats::{BuildStats, RayStats};
+use crate::glass::Dielectric;
+use crate::image::Image;
+use crate::programs::{Fidelity, RayParams, RayProgram};
+use crate::progress::Progress;
+use crate::scene::RenderScene;
+use crate::shared::{DeviceUuid, InPlace, SharedGBuffer};
+use std::sync::Arc;
+
+/// Runs ray programs.
+pub trait RayBackend {
+    /// Short name, such as `cpu`, `wgpu`, `cuda` or `optix`.
+    fn name(&self) -> &'static str;
+    /// The largest job that it runs.
+    fn limits(&self) -> Limits {
+        Limits::NONE
+    }
+    /// Whether the backend can continue sample sequences where another job ended: [`RayParams::first`] above 0.
+    fn continues_sequences(&self) -> bool {
+        true
+    }
+    /// Description of the device and its driver.
+    fn device(&self) -> String;
+    /// The graphics devices that the backend uses; empty for the processor.
+    fn gpus(&self) -> Vec<Gpu> {
+        Vec::new()
+    }
+    /// Whether the backend can run a program.
+    ///
+    /// # Errors
+    /// [`BackendError::Unsupported`] with the reason.
+    fn supports(&self, program: RayProgram, fidelity: Fidelity) -> Result<(), BackendError>;
+    /// Whether the backend can run a program with the glass features that these parameters and materials ([`RayJob::dielectrics`])
+    /// ask for. Applies to corrected fidelity and scenes with glass. By default a backend supports only the thin panes of the
+    /// report.
+    ///
+    /// # Errors
+    /// [`BackendError::Unsupported`] with the reason and a remedy.
+    fn supports_glass(
+        &self,
+        program: RayProgram,
+        params: &RayParams,
+        _dielectrics: &[Dielectric],
+    ) -> Result<(), BackendError> {
+        let Some(asked) = program.asks_of_glass(params) else { return Ok(()) };
+        let why = "its programs know the report's panes only; use --backend cpu, or allow it with --fallback cpu, or set \
+                   glass=pane, background=black and shadow=report on the pass";
+        let what = format!("{} with {asked}", program.info().stem);
+        Err(BackendError::Unsupported { backend: self.name(), what, why: why.to_owned() })
+    }
+    /// Whether the backend traces exact spheres ([`Geometry::spheres`](crate::scene::Geometry::spheres)), in corrected fidelity.
+    fn traces_spheres(&self) -> bool {
+        false
+    }
+    /// Whether the backend traces the rays of a storage buffer.
+    ///
+    /// # Errors
+    /// [`BackendError::Unsupported`] with a remedy.
+    fn supports_intersections(&self) -> Result<(), BackendError> {
+        let why = "its programs start their rays themselves; use --backend cpu, or allow it with --fallback cpu";
+        let what = "the rays of a storage buffer".to_owned();
+        Err(BackendError::Unsupported { backend: self.name(), what, why: why.to_owned() })
+    }
+    /// Whether the backend traces soft shadows: lights with a disc ([`RayParams::sun`] above 0).
+    fn traces_sun_discs(&self) -> bool {
+        false
+    }
+    /// Whether it filters the share that a program writes ([`RayParams::filter`] above 0).
+    fn filters_shares(&self) -> bool {
+        false
+    }
+    /// Whether it samples stochastic glass until an error is reached ([`RayParams::error`]).
+    fn samples_adaptively(&self) -> bool {
+        false
+    }
+    /// Builds the acceleration structure; the executor times this step. `filtered` says by material index whether rays of any pass
+    /// may pass through it (alpha-cut textures, glass that shadow rays pass), so that hits need an any-hit test.
+    ///
+    /// # Errors
+    /// If the device cannot hold it.
+    fn build(&mut self, scene: &Arc<RenderScene>, filtered: &[bool]) -> Result<BuildStats, BackendError>;
+    /// [`RayBackend::build`] that may be given up between parts of the work when [`Progress::is_cancelled`] says so: it returns early
+    /// then, and nothing is built. A backend whose work has no parts builds to the end.
+    ///
+    /// # Errors
+    /// As [`RayBackend::build`].
+    fn build_until(
+        &mut self,
+        scene: &Arc<RenderScene>,
+        filtered: &[bool],
+        _progress: &Progress,
+    ) -> Result<BuildStats, BackendError> {
+        self.build(scene, filtered)
+    }
+    /// About how many bytes a triangle takes in the structure and while it is built.
+    fn bytes_per_triangle(&self) -> u64;
+    /// Accepts a rasteriser's handle to attachments in place. Returns whether the backend can read them; if so, later jobs with
+    /// [`RayJob::shared`] read there.
+    fn reads(&mut self, _lent: &InPlace) -> bool {
+        false
+    }
+    /// Whether the backend can read G-buffers in shared memory of that device.
+    fn joins(&self, _device: DeviceUuid) -> bool {
+        false
+    }
+    /// Opens a shared G-buffer and closes the previous one. Jobs with [`RayJob::shared`] read it.
+    ///
+    /// # Errors
+    /// If the device refuses it.
+    fn join(&mut self, _shared: SharedGBuffer) -> Result<(), BackendError> {
+        let (what, why) = ("a shared G-buffer".to_owned(), "it reads host memory".to_owned());
+        Err(BackendError::Unsupported { backend: self.name(), what, why })
+    }
+    /// Runs one pass into `output`, which has the job's size. Advances `progress` meanwhile.
+    ///
+    /// # Errors
+    /// If the device fails or the job lacks what the program reads.
+    fn run(&mut self, job: &RayJob<'_>, output: &mut Image, progress: &Progress) -> Result<RayStats, BackendError>;
+    /// Traces rays of a storage buffer into `hits`, which is as long: the distance, the triangle's id as the bits of an integer, and
+    /// the barycentric coordinates of corners 1 and 2, or [`NO_HIT`](super::NO_HIT). Advances `progress` meanwhile.
+    ///
+    /// # Errors
+    /// If [`RayBackend::supports_intersections`] says so, or the structure was not built.
+    fn intersect(
+        &mut self,
+        _: &IntersectionJob<'_>,
+        _hits: &mut [[f32; 4]],
+        _: &Progress,
+    ) -> Result<RayStats, BackendError> {
+        self.supports_intersections().map(|()| RayStats::default())
+    }
+    /// Runs one pass and keeps its picture under the given number on the device of the rasteriser whose handle
+    /// [`RayBackend::reads`] accepted.
+    ///
+    /// # Errors
+    /// As [`RayBackend::run`], or if no handle was accepted.
+    fn run_in_place(&mut self, _: &RayJob<'_>, _: usize, _: &Progress) -> Result<RayStats, BackendError> {
+        Err(not_in_place(self.name()))
+    }
+}

@@ -1,0 +1,137 @@
+//! What a ray pass did, and how large a structure is.
+
+use std::time::Duration;
+
+/// Number of rays traced, by kind.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
+pub struct RayCounts {
+    /// Shadow rays towards the light.
+    pub shadow: u64,
+    /// Ambient occlusion rays.
+    pub occlusion: u64,
+    /// Reflected rays.
+    pub reflected: u64,
+    /// Refracted rays.
+    pub refracted: u64,
+    /// Camera rays.
+    #[serde(default)]
+    pub camera: u64,
+    /// Rays of a storage buffer.
+    #[serde(default)]
+    pub buffer: u64,
+    /// Occlusion rays that were skipped because they certainly miss. Not part of the total.
+    pub certain: u64,
+    /// Paths in glass with a wrong colour: paths given up as black after too many surfaces, and paths inside more nested bodies
+    /// than are tracked. Not part of the total.
+    #[serde(default)]
+    pub lost: u64,
+}
+
+impl RayCounts {
+    /// Number of all rays traced.
+    #[must_use]
+    pub fn total(self) -> u64 {
+        self.shadow + self.occlusion + self.reflected + self.refracted + self.camera + self.buffer
+    }
+}
+
+impl std::ops::AddAssign for RayCounts {
+    fn add_assign(&mut self, other: Self) {
+        self.shadow += other.shadow;
+        self.occlusion += other.occlusion;
+        self.reflected += other.reflected;
+        self.refracted += other.refracted;
+        self.camera += other.camera;
+        self.buffer += other.buffer;
+        self.certain += other.certain;
+        self.lost += other.lost;
+    }
+}
+
+/// What adaptive sampling of stochastic glass spent, and the error that it came to.
+#[derive(Debug, Clone, Copy, Default, PartialEq, serde::Serialize, serde::Deserialize)]
+pub struct PathsSpent {
+    /// The error that was asked for.
+    pub asked: f32,
+    /// The error reached, as it is estimated from two independent halves of the paths: the root mean square over [`Self::pixels`] and their
+    /// red, green and blue.
+    pub error: f64,
+    /// Whether the error is with a probability of 95 % at most what was asked for. If not, the most paths of a pixel ran out before.
+    pub met: bool,
+    /// Pixels whose glass is stochastic.
+    pub pixels: u64,
+    /// Paths of all of these pixels.
+    pub paths: u64,
+    /// Most paths of one of them.
+    pub most: u32,
+    /// Pixels with the most paths that the pass allows.
+    pub exhausted: u64,
+}
+
+impl PathsSpent {
+    /// Mean number of paths of a pixel whose glass is stochastic; 0 without such pixels.
+    #[must_use]
+    pub fn mean(&self) -> f64 {
+        self.paths as f64 / self.pixels.max(1) as f64
+    }
+
+    /// Of several pictures together: sums, the largest error, and whether all met theirs.
+    #[must_use]
+    pub fn together(self, other: Self) -> Self {
+        Self {
+            asked: self.asked.max(other.asked),
+            error: self.error.max(other.error),
+            met: self.met && other.met,
+            pixels: self.pixels + other.pixels,
+            paths: self.paths + other.paths,
+            most: self.most.max(other.most),
+            exhausted: self.exhausted + other.exhausted,
+        }
+    }
+}
+
+impl std::fmt::Display for PathsSpent {
+    /// Such as `error 0.0098 for 0.01 asked, 37.2 paths a pixel at 12000 pixels of stochastic glass, at most 512`.
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        let Self { asked, error, met, pixels, most, exhausted, .. } = self;
+        if *pixels == 0 {
+            return write!(f, "no stochastic glass is seen: nothing was sampled to the error of {asked}");
+        }
+        if !met {
+            write!(f, "ERROR NOT MET, paths ran out at {exhausted} pixels: ")?;
+        }
+        let mean = self.mean();
+        write!(
+            f,
+            "error {error:.2e} for {asked} asked, {mean:.1} paths a pixel at {pixels} pixels of stochastic glass, at most {most}"
+        )
+    }
+}
+
+/// What a ray pass did.
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
+pub struct RayStats {
+    /// Rays traced.
+    pub rays: RayCounts,
+    /// What adaptive sampling spent; `None` where every pixel has the same number of paths.
+    pub adaptive: Option<PathsSpent>,
+    /// Time to copy the G-buffer to the device: host time, or the clock of the drawing device for a copy between two devices.
+    /// `None` if nothing was copied.
+    pub upload: Option<Duration>,
+    /// Time to copy the picture back, on the host; `None` in host memory.
+    pub read_back: Option<Duration>,
+    /// Time on the device's own clock, if it has one.
+    pub device_time: Option<Duration>,
+    /// Device memory that the backend keeps between passes, in bytes: pictures, tables, lists. The acceleration structure is not
+    /// included. 0 for the processor.
+    pub held_bytes: u64,
+}
+
+/// Size of an acceleration structure.
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
+pub struct BuildStats {
+    /// Bytes of the structure.
+    pub bytes: u64,
+    /// Number of nodes.
+    pub nodes: u64,
+}
