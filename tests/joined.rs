@@ -54,6 +54,7 @@ fn only(wanted: Attachments, from: &GBuffer) -> GBuffer {
         position: channel(wanted.position, &from.position),
         normal: channel(wanted.normal, &from.normal),
         triangle: if wanted.triangle { from.triangle.clone() } else { Vec::new() },
+        depth: Vec::new(),
     }
 }
 

@@ -6,7 +6,9 @@
 use curitiba::Choice;
 use curitiba::passes::raster::cpu::CpuRasteriser;
 use curitiba::passes::raster::gpu::{AdapterChoice, WgpuRasteriser};
-use curitiba::pipeline::backend::{Attachments, GBuffer, NO_TRIANGLE, RasterJob, Rasteriser, Shade, Sun, View};
+use curitiba::pipeline::backend::{
+    Attachments, GBuffer, LoadStore, NO_TRIANGLE, RasterJob, Rasteriser, Shade, Sun, View,
+};
 use curitiba::pipeline::executor::{Renderer, Silent};
 use curitiba::pipeline::plan::{Settings, Work};
 use curitiba::pipeline::scene::RenderScene;
@@ -65,6 +67,7 @@ fn draw(rasteriser: &mut dyn Rasteriser, renderer: &Renderer, shift: f32) -> GBu
         shared: Attachments::default(),
         half: Attachments::default(),
         snapped_depth: false,
+        load_store: LoadStore::default(),
     };
     let mut buffer = GBuffer::new(SIDE, SIDE, attachments);
     rasteriser.upload(&scene).expect("the scene fits");

@@ -209,6 +209,60 @@ mod drawn {
         assert_near(&scene.picture().expect("a driver"), |_, _| [0.125, 0.5, 0.75, 0.625], 1e-6);
     }
 
+    /// Own shaders and `deferred` draw over what the other left, by colour and depth: half of the ball stands out of the square.
+    #[test]
+    fn own_shaders_start_from_what_earlier_passes_left() {
+        let fragment = "#version 330\nout vec4 color;\nvoid main() { color = vec4(0.125, 0.75, 0.25, 1); }\n";
+        let own = r#"<scenes><scene name="Ball"/></scenes><materialMaps><map fromMaterial="*" toLibrary="Own" toMaterial="own"/></materialMaps>"#;
+        let square = r#"<scenes><scene name="Square"/></scenes>"#;
+        let picture = |passes: &[(&str, &str, &str)]| {
+            let pass = |(name, drawn, kept): &(&str, &str, &str)| {
+                format!(
+                    r#"<pass class="default" name="{name}">{drawn}<lights><light name="Sun"/></lights>{kept}</pass>"#
+                )
+            };
+            let passes: String = passes.iter().map(pass).collect();
+            let scene = Scene::with_passes(&Shader { fragment, ..Shader::default() }, &passes);
+            let opened = has_driver().then(|| scene.open(RasterChoice::Wgpu))?;
+            let mut renderer = opened.unwrap_or_else(|error| panic!("{}", error.joined()));
+            Some(renderer.frame(&mut Silent).expect("it renders"))
+        };
+        let (color, depth) = (r#"<COLOR_CLEAR value="false"/>"#, r#"<DEPTH_CLEAR value="false"/>"#);
+        let both = [color, depth].concat();
+        let Some(flat) = picture(&[("square", square, "")]) else { return };
+        let behind = flat.pixels[0];
+        let known = |x: u32, y: u32| {
+            let [x, y] = [x, y].map(|at| (at as f32 + 0.5) / (SIDE as f32 / 2.0) - 1.0);
+            // The ball has flat faces: nothing is known at its edge.
+            match x.hypot(y) {
+                from if from < 0.95 => Some([0.125, 0.75, 0.25, 1.0]),
+                from if from > 1.0 => Some(behind),
+                _ => None,
+            }
+        };
+        for (passes, what) in [
+            ([("ball", own, ""), ("square", square, &*both)], "deferred over own"),
+            ([("square", square, ""), ("ball", own, &*both)], "own over deferred"),
+        ] {
+            let drawn = picture(&passes).expect("a driver");
+            let known = |x, y| known(x, y).unwrap_or(drawn.pixels[(y * SIDE + x) as usize]);
+            assert_near(&drawn, known, 1e-6);
+            assert_ne!(drawn, flat, "{what}");
+        }
+        // Controls: without the depth the square covers the ball, and without the colour the ball stands alone.
+        assert_eq!(picture(&[("ball", own, ""), ("square", square, color)]).expect("a driver"), flat);
+        let alone = picture(&[("square", square, ""), ("ball", own, depth)]).expect("a driver");
+        assert_near(
+            &alone,
+            |x, y| match known(x, y) {
+                Some(pixel) if pixel == behind => [0.0, 0.0, 0.0, 1.0],
+                Some(pixel) => pixel,
+                None => alone.pixels[(y * SIDE + x) as usize],
+            },
+            1e-6,
+        );
+    }
+
     /// Rows count upwards in `gl_FragCoord`, in clip space, in derivatives and in textures.
     #[test]
     fn the_picture_is_the_right_way_up() {

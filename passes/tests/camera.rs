@@ -4,8 +4,8 @@
 use curitiba_passes::cpu::CpuRays;
 use curitiba_passes::raster::cpu::CpuRasteriser;
 use curitiba_pipeline::backend::{
-    Attachments, FromCamera, GBuffer, Glow, Lamp, NO_TRIANGLE, RasterJob, Rasteriser as _, RayBackend as _, RayJob,
-    Rect, Shade, Sun, View,
+    Attachments, FromCamera, GBuffer, Glow, Lamp, LoadStore, NO_TRIANGLE, RasterJob, Rasteriser as _, RayBackend as _,
+    RayJob, Rect, Shade, Sun, View,
 };
 use curitiba_pipeline::camera_programs::{CameraParams, SurfaceKind};
 use curitiba_pipeline::executor::Progress;
@@ -154,6 +154,7 @@ impl World {
             shared: Attachments::default(),
             half: Attachments::default(),
             snapped_depth: false,
+            load_store: LoadStore::default(),
         };
         let mut target = GBuffer::try_new(SIDE, SIDE, ALL).expect("memory");
         CpuRasteriser::new().draw(&job, &mut target).expect("a whole job");

@@ -11,7 +11,7 @@ mod world;
 
 use curitiba_passes::raster::gpu::WgpuRasteriser;
 use curitiba_pipeline::backend::{
-    Answers, Attachments, BackendError, EffectJob, EffectStats, GBuffer, RasterJob, Rasteriser, Rect, View,
+    Answers, Attachments, BackendError, EffectJob, EffectStats, GBuffer, LoadStore, RasterJob, Rasteriser, Rect, View,
 };
 use curitiba_pipeline::executor::Progress;
 use curitiba_pipeline::image::{Image, write_png};
@@ -330,6 +330,7 @@ fn raster_job(shot: &Shot, attachments: Attachments) -> RasterJob<'_> {
         shared: Attachments::default(),
         half: Attachments::default(),
         snapped_depth: false,
+        load_store: LoadStore::default(),
     }
 }
 

@@ -58,6 +58,7 @@ fn attachments_not_asked_for_are_neither_created_nor_change_the_others() {
             position: if position { full.position.clone() } else { Vec::new() },
             normal: if normal { full.normal.clone() } else { Vec::new() },
             triangle: if triangle { full.triangle.clone() } else { Vec::new() },
+            depth: Vec::new(),
             ..*full
         };
         assert!(target == expected, "{attachments:?} differs from the full set");

@@ -4,7 +4,7 @@
 use curitiba_passes::cpu::CpuRays;
 use curitiba_passes::raster::cpu::CpuRasteriser;
 use curitiba_pipeline::backend::{
-    Attachments, GBuffer, NO_TRIANGLE, RasterJob, Rasteriser, RayBackend, RayJob, Rect, Shade, Sun, View,
+    Attachments, GBuffer, LoadStore, NO_TRIANGLE, RasterJob, Rasteriser, RayBackend, RayJob, Rect, Shade, Sun, View,
 };
 use curitiba_pipeline::executor::Progress;
 use curitiba_pipeline::glass::{Dielectric, GlassRule, Shape};
@@ -168,6 +168,7 @@ fn every_pixel_shows_what_its_line_of_sight_meets() {
             shared: Attachments::default(),
             half: Attachments::default(),
             snapped_depth: false,
+            load_store: LoadStore::default(),
         };
         let mut target = GBuffer::try_new(width, height, ALL).expect("memory");
         CpuRasteriser::new().draw(&job, &mut target).expect("a whole job");
@@ -287,6 +288,7 @@ fn a_sphere_is_nearer_to_the_closed_form_than_a_mesh_of_twenty_thousand_facets()
             shared: Attachments::default(),
             half: Attachments::default(),
             snapped_depth: false,
+            load_store: LoadStore::default(),
         };
         let mut target = GBuffer::try_new(160, 160, ALL).expect("memory");
         CpuRasteriser::new().draw(&job, &mut target).expect("a whole job");

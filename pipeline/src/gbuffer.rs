@@ -92,6 +92,8 @@ pub struct GBuffer {
     pub normal: Vec<[f32; 4]>,
     /// Triangle id or [`NO_TRIANGLE`].
     pub triangle: Vec<u32>,
+    /// Depth for a pass that starts from it: 1 at the near plane, 0 at the far plane and where nothing is drawn. Empty if no pass does.
+    pub depth: Vec<f32>,
 }
 
 impl GBuffer {
@@ -125,6 +127,7 @@ impl GBuffer {
             position: channel(attachments.position)?,
             normal: channel(attachments.normal)?,
             triangle: if attachments.triangle { memory::filled(NO_TRIANGLE, pixels)? } else { Vec::new() },
+            depth: Vec::new(),
         })
     }
 }

@@ -2,7 +2,7 @@
 
 use super::model::PassGraph;
 use crate::bench::Case;
-use crate::pipeline::plan::{Plan, Slot, TRIANGLES, Work};
+use crate::pipeline::plan::{DEPTH, Plan, Slot, TRIANGLES, Work};
 use crate::pipeline::project::PassKind;
 
 /// The passes of a case that run, as its plan has them; `None` where the project can no longer be read.
@@ -41,6 +41,7 @@ pub(super) fn of(case: &Case, row: &str, label: &str) -> Option<PassGraph> {
 fn attachment(plan: &Plan, (target, channel): Slot) -> String {
     match target {
         _ if channel == TRIANGLES => "triangle ids".to_owned(),
+        _ if channel == DEPTH => "depth".to_owned(),
         Some(target) => plan.project.targets[target].channels[channel].name.clone(),
         None => "the window".to_owned(),
     }

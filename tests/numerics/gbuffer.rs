@@ -5,7 +5,7 @@ use curitiba_passes::cpu::trace;
 use curitiba_passes::raster::cpu::CpuRasteriser;
 use curitiba_passes::trace::{Bvh, Double, Quality, Ray, Tracer};
 use curitiba_pipeline::backend::{
-    Attachments, GBuffer, NO_TRIANGLE, RasterJob, Rasteriser, RayJob, Rect, Shade, Sun, View,
+    Attachments, GBuffer, LoadStore, NO_TRIANGLE, RasterJob, Rasteriser, RayJob, Rect, Shade, Sun, View,
 };
 use curitiba_pipeline::executor::Progress;
 use curitiba_pipeline::image::{Image, PixelFormat};
@@ -62,6 +62,7 @@ fn setting(offset: Vec3) -> Setting {
         shared: Attachments::default(),
         half: Attachments::default(),
         snapped_depth: false,
+        load_store: LoadStore::default(),
     };
     rasteriser.draw(&job, &mut buffer).expect("drawn");
     let tree = Bvh::build(&scene.geometry, &vec![false; scene.materials.len()], Quality::Balanced);
@@ -266,6 +267,7 @@ fn the_rule_for_depth_changes_the_square_only_where_surfaces_lie_in_one_plane() 
             shared: Attachments::default(),
             half: Attachments::default(),
             snapped_depth,
+            load_store: LoadStore::default(),
         };
         rasteriser.draw(&job, &mut buffer).expect("drawn");
         buffer.triangle

@@ -7,7 +7,7 @@
 use curitiba::passes::cpu::CpuRays;
 use curitiba::passes::raster::cpu::CpuRasteriser;
 use curitiba::pipeline::backend::{
-    Attachments, GBuffer, NO_TRIANGLE, RasterJob, Rasteriser, RayBackend, RayJob, Rect, Shade, Sun, View,
+    Attachments, GBuffer, LoadStore, NO_TRIANGLE, RasterJob, Rasteriser, RayBackend, RayJob, Rect, Shade, Sun, View,
 };
 use curitiba::pipeline::executor::Progress;
 use curitiba::pipeline::image::Image;
@@ -185,6 +185,7 @@ fn render_from(stored: &Stored, moved: Vec3, change: impl Fn(&mut RayParams)) ->
         shared: Attachments::default(),
         half: Attachments::default(),
         snapped_depth: false,
+        load_store: LoadStore::default(),
     };
     rasteriser.draw(&job, &mut buffer).expect("drawn");
     let program = match stored.program.as_str() {

@@ -1,7 +1,7 @@
 //! The rays of a storage buffer.
 
 use crate::trace::{Hit, Ray, Tracer};
-use curitiba_pipeline::backend::{IntersectionJob, NO_HIT};
+use curitiba_pipeline::backend::{IntersectionJob, NO_HIT, Query};
 use curitiba_pipeline::executor::Progress;
 use glam::DVec3;
 use rayon::prelude::*;
@@ -27,7 +27,13 @@ pub(super) fn trace<T: Tracer>(
         for (ray, written) in rays.iter().zip(hits) {
             let prepared = prepare(*ray, job.scene.origin);
             traced += u64::from(prepared.is_some());
-            let hit = prepared.and_then(|(ray, length)| Some(record(tracer.closest(&ray, |_| true)?, length)));
+            let hit = prepared.and_then(|(ray, length)| {
+                let hit = match job.query {
+                    Query::Closest => tracer.closest(&ray, |_| true)?,
+                    Query::Any => tracer.any(&ray, |_| true)?,
+                };
+                Some(record(hit, length))
+            });
             *written = hit.unwrap_or(NO_HIT);
         }
         progress.advance(rays.len() as u64);
@@ -83,7 +89,7 @@ mod tests {
         let mut backend = CpuRays::new();
         backend.build(scene, &[]).expect("it is built");
         let mut hits = vec![[7.0; 4]; rays.len()];
-        let job = IntersectionJob { scene, rays };
+        let job = IntersectionJob { scene, rays, query: Query::Closest };
         let stats = backend.intersect(&job, &mut hits, &Progress::default()).expect("it traces");
         (hits, stats.rays.buffer)
     }
@@ -155,7 +161,7 @@ mod tests {
     fn it_is_given_up_between_pieces_and_needs_a_structure() {
         let scene = scene(DVec3::ZERO);
         let rays = vec![[[0.25, 0.5, 3.0, 0.0], [0.0, 0.0, -1.0, 10.0]]; 4 * PIECE];
-        let job = IntersectionJob { scene: &scene, rays: &rays };
+        let job = IntersectionJob { scene: &scene, rays: &rays, query: Query::Any };
         let mut hits = vec![[7.0; 4]; rays.len()];
         let mut backend = CpuRays::new();
         assert!(backend.intersect(&job, &mut hits, &Progress::default()).is_err(), "nothing is built");
@@ -168,6 +174,84 @@ mod tests {
         let progress = Progress::default();
         backend.intersect(&job, &mut hits, &progress).expect("it traces");
         assert_eq!(progress.get(), (4 * PIECE as u64, 4 * PIECE as u64));
-        assert!(hits.iter().all(|hit| hit[0] == 2.0));
+        assert!(hits.iter().all(|hit| hit[0] == 2.0 || hit[0] == 3.0));
+    }
+
+    /// Triangles all over a cube, and rays between points of it: any hit is one of those that an `f64` search of all triangles finds, and is
+    /// there where and only where that finds one; the nearest is its nearest.
+    #[test]
+    fn any_hit_is_one_of_all_and_the_same_on_any_number_of_threads() {
+        let mut state = 1_u32;
+        let mut number = || {
+            state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+            (state >> 8) as f32 / (1 << 24) as f32
+        };
+        let mut point = || Vec3::new(number(), number(), number());
+        let (mut positions, mut triangles) = (Vec::new(), Vec::new());
+        for index in 0..400 {
+            let center = point();
+            positions.extend([(); 3].map(|()| center + (point() - 0.5) * 0.2));
+            triangles.push([3 * index, 3 * index + 1, 3 * index + 2]);
+        }
+        let rays: Vec<[[f32; 4]; 2]> = (0..3000)
+            .map(|_| {
+                let (from, to) = (point(), point());
+                [from.extend(0.0).to_array(), (to - from).extend(1.0).to_array()]
+            })
+            .collect();
+        let hits_of = |[from, along]: [[f32; 4]; 2]| {
+            let [from, along] = [from, along].map(|ray| DVec3::new(ray[0].into(), ray[1].into(), ray[2].into()));
+            let hit = |triangle: &[u32; 3]| {
+                let [a, b, c] = triangle.map(|corner| positions[corner as usize].as_dvec3());
+                let (right, up, across) = (b - a, c - a, along.cross(c - a));
+                let determinant = right.dot(across);
+                let (offset, turned) = (from - a, (from - a).cross(right));
+                let (u, v, t) = (offset.dot(across), along.dot(turned), up.dot(turned));
+                let [u, v, t] = [u, v, t].map(|value| value / determinant);
+                // How far inside of the triangle and of the interval.
+                let inside = u.min(v).min(1.0 - u - v).min(t).min(1.0 - t);
+                (inside, [t, u, v])
+            };
+            triangles.iter().map(hit).collect::<Vec<_>>()
+        };
+        let geometry = Geometry { positions: positions.clone(), triangles: triangles.clone(), ..Geometry::default() };
+        let scene = Arc::new(RenderScene { geometry, ..RenderScene::default() });
+        let mut backend = CpuRays::new();
+        backend.build(&scene, &[]).expect("it is built");
+        let mut traced = |query, threads: usize| {
+            let mut hits = vec![[7.0; 4]; rays.len()];
+            let job = IntersectionJob { scene: &scene, rays: &rays, query };
+            let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().expect("threads");
+            pool.install(|| backend.intersect(&job, &mut hits, &Progress::default())).expect("it traces");
+            hits
+        };
+        let (any, closest) = (traced(Query::Any, 1), traced(Query::Closest, 1));
+        assert_eq!(any.as_flattened().iter().map(|v| v.to_bits()).collect::<Vec<_>>(), {
+            let again = traced(Query::Any, 3);
+            again.as_flattened().iter().map(|v| v.to_bits()).collect::<Vec<_>>()
+        });
+        let (mut hit, mut farther) = (0, 0);
+        for ((ray, any), closest) in rays.iter().zip(&any).zip(&closest) {
+            let all = hits_of(*ray);
+            let sure = all.iter().any(|(inside, _)| *inside > 1e-5);
+            let possible = all.iter().any(|(inside, _)| *inside > -1e-5);
+            let is_hit = any[1].to_bits() != u32::MAX;
+            assert!(
+                is_hit == (closest[1].to_bits() != u32::MAX) && (is_hit || !sure) && (possible || !is_hit),
+                "{ray:?}"
+            );
+            if is_hit {
+                let (inside, place) = all[any[1].to_bits() as usize];
+                let off = [any[0], any[2], any[3]].into_iter().zip(place).map(|(a, b)| (f64::from(a) - b).abs());
+                assert!(inside > -1e-5 && off.fold(0.0, f64::max) < 1e-3, "{any:?} {place:?}");
+                let nearest =
+                    all.iter().filter(|(inside, _)| *inside > 1e-5).map(|(_, [t, ..])| *t).fold(1.0, f64::min);
+                assert!(f64::from(closest[0]) < nearest + 1e-5, "{closest:?} {nearest}");
+                hit += 1;
+                farther += usize::from(any[0] > closest[0]);
+            }
+        }
+        // Control: many rays hit several triangles, and the search ended before the nearest.
+        assert!(hit > 500 && farther > 100, "{hit} rays hit, {farther} not the nearest");
     }
 }

@@ -6,7 +6,7 @@ use super::packet;
 use super::parallel::{self, Decided, Estimates};
 use super::ray::{Fan, Hit, PACKET, Packet, PacketHits, Ray, Recent, TOGETHER};
 use super::simd::{Detected, InstructionSet, Kernel, Simd};
-use super::single::{BlockedBy, Closest, Occluded};
+use super::single::{AnyHit, BlockedBy, Closest, Occluded};
 use super::tracer::Tracer;
 use super::tree::{Leaf, Plane, WideTree};
 use curitiba_pipeline::progress::Progress;
@@ -101,6 +101,10 @@ impl Bvh {
         self.instruction_set.run(Occluded { tree: &self.tree, ray, accept })
     }
 
+    fn find_any_hit(&self, ray: &Ray, accept: &mut dyn FnMut(&Hit) -> bool) -> Option<Hit> {
+        self.instruction_set.run(AnyHit { tree: &self.tree, ray, accept })
+    }
+
     fn find_blocked(&self, rays: &[Ray], recent: &mut Recent, blocks: &mut dyn FnMut(u32) -> bool) -> u64 {
         self.instruction_set.run(BlockedBy { tree: &self.tree, rays, recent, blocks })
     }
@@ -135,6 +139,10 @@ impl Tracer for Bvh {
 
     fn occluded(&self, ray: &Ray, mut accept: impl FnMut(&Hit) -> bool) -> bool {
         self.find_any(ray, &mut accept)
+    }
+
+    fn any(&self, ray: &Ray, mut accept: impl FnMut(&Hit) -> bool) -> Option<Hit> {
+        self.find_any_hit(ray, &mut accept)
     }
 
     fn blocked_by(&self, rays: &[Ray], recent: &mut Recent, mut blocks: impl FnMut(u32) -> bool) -> u64 {

@@ -62,6 +62,12 @@ pub trait Tracer: Sync {
     /// Whether any accepted hit exists; the order of the search is free.
     fn occluded(&self, ray: &Ray, accept: impl FnMut(&Hit) -> bool) -> bool;
 
+    /// Some accepted hit, where [`Self::occluded`] says that there is one; which of several is the tracer's choice, and always the same. By
+    /// default the nearest.
+    fn any(&self, ray: &Ray, accept: impl FnMut(&Hit) -> bool) -> Option<Hit> {
+        self.closest(ray, accept)
+    }
+
     /// Which of up to 64 rays are stopped by a triangle whose id `blocks` accepts: one bit a ray, the first ray in the lowest bit. All
     /// triangles must be transparent. `recent` is a cache that successive calls with similar rays share.
     ///

@@ -37,6 +37,10 @@ impl<T: Tracer> Tracer for WithSpheres<'_, T> {
         self.spheres.occluded(ray, &mut accept) || self.triangles.occluded(ray, &mut accept)
     }
 
+    fn any(&self, ray: &Ray, mut accept: impl FnMut(&Hit) -> bool) -> Option<Hit> {
+        self.spheres.closest(ray, &mut accept).or_else(|| self.triangles.any(ray, &mut accept))
+    }
+
     fn announce(&self, rays: Announcement) {
         self.triangles.announce(rays);
     }

@@ -4,7 +4,7 @@
 
 pub mod reference;
 
-use curitiba_pipeline::backend::{Attachments, RasterJob, Rect, Shade, Sun, View};
+use curitiba_pipeline::backend::{Attachments, LoadStore, RasterJob, Rect, Shade, Sun, View};
 use curitiba_pipeline::programs::RasterProgram;
 use curitiba_pipeline::scene::{Batch, Geometry, Material, RenderScene};
 use glam::{Mat4, Vec2, Vec3, Vec4};
@@ -115,6 +115,7 @@ pub fn job<'a>(
         shared: Attachments::default(),
         half: Attachments::default(),
         snapped_depth: false,
+        load_store: LoadStore::default(),
     }
 }
 

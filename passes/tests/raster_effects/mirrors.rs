@@ -4,7 +4,7 @@ use crate::world::{BACKGROUND, Shot, World, mean};
 use curitiba_passes::raster::effects::bounds::Bounds;
 use curitiba_passes::raster::effects::mirrors::{Mirrors, Survey};
 use curitiba_passes::raster::effects::planes::Glazing;
-use curitiba_pipeline::backend::{Attachments, GBuffer, NO_TRIANGLE, RasterJob, Rasteriser, Rect, View};
+use curitiba_pipeline::backend::{Attachments, GBuffer, LoadStore, NO_TRIANGLE, RasterJob, Rasteriser, Rect, View};
 use curitiba_pipeline::programs::{RasterProgram, RayParams};
 use curitiba_pipeline::raster_effects::{EffectParams, EffectProgram::CubeReflection, EffectProgram::PlanarReflection};
 use glam::camera::rh;
@@ -234,6 +234,7 @@ fn drawn(shot: &mut Shot, view: View, culled: bool) -> Vec<[f32; 4]> {
         shared: Attachments::default(),
         half: Attachments::default(),
         snapped_depth: false,
+        load_store: LoadStore::default(),
     };
     raster.draw(&job, &mut target).expect("drawn");
     shot.raster = raster;

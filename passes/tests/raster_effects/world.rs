@@ -3,7 +3,8 @@
 use curitiba_passes::cpu::CpuRays;
 use curitiba_passes::raster::cpu::CpuRasteriser;
 use curitiba_pipeline::backend::{
-    Attachments, EffectJob, EffectStats, GBuffer, RasterJob, Rasteriser, RayBackend, RayJob, Rect, Shade, Sun, View,
+    Attachments, EffectJob, EffectStats, GBuffer, LoadStore, RasterJob, Rasteriser, RayBackend, RayJob, Rect, Shade,
+    Sun, View,
 };
 use curitiba_pipeline::executor::Progress;
 use curitiba_pipeline::image::Image;
@@ -114,6 +115,7 @@ impl World {
             shared: Attachments::default(),
             half: Attachments::default(),
             snapped_depth: false,
+            load_store: LoadStore::default(),
         };
         let mut raster = CpuRasteriser::new();
         let mut buffer = GBuffer::new(width, height, attachments);

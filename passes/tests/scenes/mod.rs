@@ -2,7 +2,7 @@
 #![allow(dead_code, reason = "each test uses a part")]
 
 use crate::common::perspective;
-use curitiba_pipeline::backend::{Attachments, GBuffer, Glow, NormalMap, RasterJob, Rect, Shade, Sun, View};
+use curitiba_pipeline::backend::{Attachments, GBuffer, Glow, LoadStore, NormalMap, RasterJob, Rect, Shade, Sun, View};
 use curitiba_pipeline::programs::RasterProgram;
 use curitiba_pipeline::scene::texture::{Texture, Wrap};
 use curitiba_pipeline::scene::{Batch, Geometry, RenderScene};
@@ -44,6 +44,7 @@ impl Setup {
             shared: Attachments::default(),
             half: Attachments::default(),
             snapped_depth: false,
+            load_store: LoadStore::default(),
         }
     }
 }

@@ -17,11 +17,12 @@ mod shade;
 mod view;
 
 pub use crate::gbuffer::{Attachments, GBuffer, NO_TRIANGLE, Rect, drawn_part};
+pub use crate::programs::Query;
 pub use device::{Gpu, Limits};
 pub use effect_job::{Answers, EffectJob, EffectStats, Part};
 pub use error::BackendError;
 pub use own_shaders::{ComputeJob, OwnMaterial, OwnShaders, OwnTexture, QuadJob, QuadTexture};
-pub use raster_job::{DrawStats, HandOver, RasterJob};
+pub use raster_job::{DrawStats, HandOver, LoadStore, RasterJob};
 pub use rasteriser::Rasteriser;
 pub use ray_backend::RayBackend;
 pub use ray_job::{FromCamera, IntersectionJob, NO_HIT, RayJob};

@@ -8,6 +8,21 @@ use crate::scene::RenderScene;
 use glam::Vec4;
 use std::time::Duration;
 
+/// What a raster pass loads of its target, and whether it stores its depth for a later pass. By default everything is cleared and the
+/// depth is not stored.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Hash)]
+pub struct LoadStore {
+    /// Starts from the attachments that the target holds in host memory, instead of clearing them. Pixels in which nothing is drawn keep
+    /// them.
+    pub load_color: bool,
+    /// Starts from [`GBuffer::depth`](crate::gbuffer::GBuffer::depth) instead of the far plane. The depth that own shaders write to an attachment
+    /// ([`OwnShaders::depth`](super::OwnShaders::depth)) is loaded with it.
+    pub load_depth: bool,
+    /// Writes [`GBuffer::depth`](crate::gbuffer::GBuffer::depth), which is allocated: directly in host memory, or in
+    /// [`Rasteriser::read_back`](super::Rasteriser::read_back).
+    pub store_depth: bool,
+}
+
 /// One raster pass.
 #[derive(Debug, Clone, Copy)]
 pub struct RasterJob<'a> {
@@ -41,6 +56,8 @@ pub struct RasterJob<'a> {
     /// Whether depth is interpolated between corners snapped to the subpixel grid (thesis fidelity), or between the exact corners.
     /// Only the processor's rasteriser obeys this; devices have their own rule.
     pub snapped_depth: bool,
+    /// What is loaded instead of being cleared, and whether the depth is stored.
+    pub load_store: LoadStore,
 }
 
 /// The copy of attachments into shared memory.

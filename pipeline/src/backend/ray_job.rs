@@ -4,7 +4,7 @@ use super::shade::Shade;
 use super::view::{Lamp, Sun, View};
 use crate::camera_programs::SurfaceKind;
 use crate::glass::Dielectric;
-use crate::programs::{Fidelity, RayParams, RayProgram};
+use crate::programs::{Fidelity, Query, RayParams, RayProgram};
 use crate::scene::RenderScene;
 use glam::Vec3;
 
@@ -71,7 +71,7 @@ pub struct RayJob<'a> {
     pub from_camera: Option<FromCamera<'a>>,
 }
 
-/// Rays in host memory that are traced for their nearest hits. Every surface stops them, cut-outs and glass as well.
+/// Rays in host memory that are traced for a hit each. Every surface stops them, cut-outs and glass as well.
 #[derive(Debug, Clone, Copy)]
 pub struct IntersectionJob<'a> {
     /// The scene, for which a structure was built.
@@ -79,6 +79,8 @@ pub struct IntersectionJob<'a> {
     /// Origin in the world and least distance; direction and greatest distance. Distances are multiples of the direction's length,
     /// which is not 0. A ray with a number that is not finite (but for the greatest distance) meets nothing.
     pub rays: &'a [[[f32; 4]; 2]],
+    /// Which of a ray's hits is asked for.
+    pub query: Query,
 }
 
 /// What [`RayBackend::intersect`](super::RayBackend::intersect) writes for a ray that meets nothing: the distance -1, and the

@@ -134,7 +134,7 @@ impl Renderer {
 }
 
 /// Extends the set of passes to run by all passes that must run with them: those that read or overwrite what they write, and those
-/// that wrote what they read, if it was overwritten since.
+/// that wrote what they read, if it was overwritten since or they overwrite it themselves.
 pub(super) fn spread(passes: &[Access], run: &mut [bool]) {
     let touches = |slots: &[_], slot: &_| slots.contains(slot);
     loop {
@@ -149,7 +149,7 @@ pub(super) fn spread(passes: &[Access], run: &mut [bool]) {
                     pass.writes.iter().any(|slot| touches(&access.writes, slot) || touches(&access.reads, slot));
             }
             for slot in &pass.reads {
-                if passes[index + 1..].iter().any(|later| touches(&later.writes, slot)) {
+                if passes[index..].iter().any(|later| touches(&later.writes, slot)) {
                     for (earlier, access) in passes.iter().enumerate().take(index) {
                         run[earlier] |= touches(&access.writes, slot);
                     }
@@ -203,6 +203,9 @@ mod tests {
         ];
         assert_eq!(closed(&passes, 1), [0, 1, 2, 3]);
         assert_eq!(closed(&passes, 2), [2, 3]);
+        // A pass that draws over what another left starts from that again.
+        let over = [access(&[], &[WINDOW]), access(&[WINDOW], &[WINDOW])];
+        assert_eq!(closed(&over, 1), [0, 1]);
         // Without a reader: if two passes write the same slot, the first makes the second run, but not the reverse.
         let twice = [access(&[], &[WINDOW]), access(&[], &[WINDOW]), access(&[], &[SHARE])];
         assert_eq!(closed(&twice, 0), [0, 1]);

@@ -40,7 +40,7 @@ impl Renderer {
         let scene = Arc::clone(&self.scenes[scene_set].scene);
         let rays = self.targets[pass.rays].color.as_chunks().0;
         let count = count.min(rays.len()).min(hits.len());
-        let job = IntersectionJob { scene: &scene, rays: &rays[..count] };
+        let job = IntersectionJob { scene: &scene, rays: &rays[..count], query: pass.query };
         let progress = self.progress();
         observer.begin(StepKind::Rays, name, &progress);
         let start = Instant::now();

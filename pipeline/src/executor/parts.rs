@@ -27,6 +27,9 @@ impl GBuffer {
         if !self.triangle.is_empty() {
             memory::resize(&mut self.triangle, pixels, NO_TRIANGLE)?;
         }
+        if !self.depth.is_empty() {
+            memory::resize(&mut self.depth, pixels, 0.0)?;
+        }
         (self.origin, self.width, self.height) = ([part.x, part.y], part.width, part.height);
         Ok(())
     }
@@ -143,7 +146,7 @@ pub(super) fn draw_blocks(
         }
         let job = RasterJob { view: *view, viewport: *viewport, ..*job };
         triangles += raster.draw_until(&job, target, progress)?.triangles;
-        if raster.needs_read_back() && host != Attachments::default() {
+        if raster.needs_read_back() && (host != Attachments::default() || job.load_store.store_depth) {
             raster.read_back(&job, host, target)?;
         }
     }

@@ -3,6 +3,7 @@
 use super::storage::give;
 use super::{Observer, PassMaterials, Renderer, StepKind, channel_of, parts, shaders};
 use crate::backend::{Attachments, BackendError, OwnShaders, QuadTexture, RasterJob};
+use crate::memory;
 use crate::plan::{PlannedPass, Work};
 use crate::programs::Fidelity;
 use crate::project::PassKind;
@@ -17,7 +18,9 @@ impl Renderer {
         name: &str,
         observer: &mut dyn Observer,
     ) -> Result<(), BackendError> {
-        let Work::Raster { scene_set, view, viewport, clear_color, attachments, host, traced } = planned.work else {
+        let Work::Raster { scene_set, view, viewport, clear_color, attachments, host, traced, load_store } =
+            planned.work
+        else {
             return Ok(());
         };
         let pass = self.plan.pass(planned);
@@ -61,7 +64,16 @@ impl Renderer {
             shared,
             half,
             snapped_depth: self.plan.settings.fidelity == Fidelity::Thesis,
+            load_store,
         };
+        if load_store.store_depth || load_store.load_depth {
+            let pixels = buffer.width as usize * buffer.height as usize;
+            if let Err(refused) = memory::resize(&mut buffer.depth, pixels, 0.0) {
+                bound.iter().zip(buffers).for_each(|(bound, bytes)| give(&mut self.targets, *bound, bytes));
+                *self.buffer(target) = buffer;
+                return Err(BackendError::Device { backend: self.engines.raster.name(), message: refused.to_string() });
+            }
+        }
         if self.plan.block.is_some() {
             let progress = self.progress();
             let (host, raster) = (self.in_host(target, host, traced), &mut self.engines.raster);
@@ -99,7 +111,10 @@ impl Renderer {
             row.note = format!("{} triangles on {}", stats.triangles, self.engines.raster.name());
         });
         let host = self.in_host(target, host, traced);
-        if result.is_ok() && self.engines.raster.needs_read_back() && host != Attachments::default() {
+        if result.is_ok()
+            && self.engines.raster.needs_read_back()
+            && (host != Attachments::default() || load_store.store_depth)
+        {
             let start = Instant::now();
             result = self.engines.raster.read_back(&job, host, &mut buffer);
             self.timeline.record(StepKind::ReadBack, name, start.elapsed());

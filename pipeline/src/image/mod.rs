@@ -108,6 +108,12 @@ pub fn widen(bytes: &[u8], pixels: &mut [[f32; 4]]) {
     }
 }
 
+/// Converts values to 16-bit floats, the nearest ones, in native byte order: 2 bytes for each. [`widen`] reads them.
+#[must_use]
+pub fn narrow(values: &[f32]) -> Vec<u8> {
+    values.iter().flat_map(|value| f16::from_f32(*value).to_ne_bytes()).collect()
+}
+
 /// An RGBA picture of 32-bit floats, top row first.
 ///
 /// Pixels of narrower formats are rounded when a pass stores them, so later passes read values of that precision.

@@ -1,14 +1,18 @@
 //! Reads and writes of passes: their dependencies.
 
 use super::{Instead, Plan, PlanError, PlannedPass, Work, effect, liveness};
+use crate::backend::LoadStore;
 use crate::project::{ChannelRef, PassKind};
 
-/// A place that passes read and write: a render target (`None` for the window) and its channel, or [`TRIANGLES`] for the triangle
-/// ids.
+/// A place that passes read and write: a render target (`None` for the window) and its channel, [`TRIANGLES`] for the triangle
+/// ids, or [`DEPTH`].
 pub type Slot = (Option<usize>, usize);
 
 /// Channel number of the triangle ids in a [`Slot`].
 pub const TRIANGLES: usize = 3;
+
+/// Channel number, in a [`Slot`], of the depth that a later pass starts from.
+pub const DEPTH: usize = 4;
 
 /// The slots that a planned pass reads and writes.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
@@ -65,11 +69,33 @@ impl Plan {
             }
             _ => Vec::new(),
         };
+        let kept = match &planned.work {
+            Work::Raster { load_store, .. } => *load_store,
+            _ => LoadStore::default(),
+        };
+        let mut reads = reads;
+        let written_before = || {
+            let earlier = self.passes.iter().filter(|other| other.pass < planned.pass);
+            earlier.map(|other| self.pass(other)).any(|other| other.target == pass.target)
+        };
+        if matches!(planned.work, Work::Quad { .. }) && !liveness::Wanted::starts_over(pass) && written_before() {
+            reads.push((pass.target, 0));
+        }
+        if kept.load_color {
+            let channels = if pass.target.is_some() { TRIANGLES + 1 } else { 1 };
+            reads.extend((0..channels).map(|channel| (pass.target, channel)));
+        }
+        if kept.load_depth {
+            reads.push((pass.target, DEPTH));
+        }
         let stored: Vec<Slot> = pass.kind.buffers_stored().map(slot).collect();
         let mut writes: Vec<Slot> = match (&planned.work, pass.target) {
             (Work::Raster { .. }, Some(_)) => (0..=TRIANGLES).map(|channel| (pass.target, channel)).collect(),
             _ => vec![(pass.target, 0)],
         };
+        if kept.store_depth {
+            writes.push((pass.target, DEPTH));
+        }
         // What a pass both reads and stores to is its own.
         let reads = reads.into_iter().filter(|slot| !stored.contains(slot)).collect();
         writes.extend(stored);

@@ -4,7 +4,7 @@
 use super::off::instead;
 use super::settings::Constants;
 use super::{Instead, Plan, PlanError, PlannedPass, Work, rectangle, view};
-use crate::backend::{Attachments, Rect};
+use crate::backend::{Attachments, LoadStore, Rect};
 use crate::camera_programs::BLUE;
 use crate::diagnostic::Decision;
 use crate::glass::{Background, GlassRule, GlassShadow};
@@ -26,9 +26,11 @@ pub(super) struct Wanted {
     /// The subset whose ids are read in host memory.
     pub host_triangles: BTreeSet<usize>,
     /// Channels that ray passes may read in place.
-    traced: BTreeSet<ChannelRef>,
+    pub traced: BTreeSet<ChannelRef>,
     /// Targets whose triangle ids ray passes may read in place.
-    traced_triangles: BTreeSet<usize>,
+    pub traced_triangles: BTreeSet<usize>,
+    /// Targets (`None` for the window) whose depth a later pass starts from.
+    pub depth: BTreeSet<Option<usize>>,
     /// Whether a later pass fills the whole window.
     window_filled: bool,
 }
@@ -57,7 +59,9 @@ impl Plan {
             let written = self.channels_written(pass);
             let mut live = attachments(pass, written, &wanted.channels, &wanted.triangles);
             let stores = pass.kind.buffers_stored().any(|channel| wanted.channels.contains(&channel));
-            live.color |= stores;
+            // A pass that leaves a depth draws at least the first channel.
+            let store_depth = matches!(pass.kind, PassKind::Raster(_)) && wanted.depth.contains(&pass.target);
+            live.color |= stores || store_depth;
             let host = attachments(pass, written, &wanted.host, &wanted.host_triangles);
             let traced = attachments(pass, written, &wanted.traced, &wanted.traced_triangles);
             let colorless = matches!(&pass.kind, PassKind::Quad(quad) if !quad.writes_color);
@@ -76,9 +80,13 @@ impl Plan {
                 PassKind::Quad(quad) if !quad.writes_color => false,
                 _ => rect == Rect { x: 0, y: 0, width: size[0], height: size[1] },
             };
-            if fills || matches!(pass.kind, PassKind::Ray(_) | PassKind::Effect(_)) {
+            if Wanted::starts_over(pass) && (fills || matches!(pass.kind, PassKind::Ray(_) | PassKind::Effect(_))) {
                 wanted.satisfied_by(pass, written);
+            } else if !Wanted::starts_over(pass) {
+                wanted.kept_by(pass, written);
             }
+            wanted.depth_before(pass, fills);
+            self.want_depth_channel(pass, live, &mut wanted);
             let work = match &pass.kind {
                 PassKind::Ray(_) | PassKind::Effect(_) if off => self.off_work(pass, &mut wanted),
                 PassKind::Raster(raster) => {
@@ -96,6 +104,11 @@ impl Plan {
                         attachments: live,
                         host,
                         traced: if pass.target.is_some() { traced } else { Attachments::default() },
+                        load_store: LoadStore {
+                            load_color: !pass.clears.color,
+                            load_depth: !pass.clears.depth,
+                            store_depth,
+                        },
                     }
                 }
                 PassKind::Ray(ray) => {
@@ -147,7 +160,7 @@ impl Plan {
         self.hold_filled();
         self.passes.reverse();
         self.decisions.reverse();
-        Ok(())
+        self.choose_kept()
     }
 
     /// Keeps the textures that hold random numbers where a pass reads them: no pass need write them.
@@ -354,7 +367,7 @@ impl Plan {
 
 impl Wanted {
     /// Adds channels that a pass reads in host memory.
-    fn read_in_host(&mut self, channels: Vec<ChannelRef>) {
+    pub fn read_in_host(&mut self, channels: Vec<ChannelRef>) {
         self.channels.extend(channels.iter().copied());
         self.host.extend(channels);
     }
@@ -398,7 +411,9 @@ fn attachments(
 /// Why a pass need not run; `None` if it must run.
 fn dead(pass: &Pass, live: Attachments, wanted: &Wanted) -> Option<&'static str> {
     if pass.target.is_none() {
-        return wanted.window_filled.then_some("a later pass fills the whole window");
+        let leaves_depth = matches!(pass.kind, PassKind::Raster(_)) && wanted.depth.contains(&None);
+        let unseen = wanted.window_filled && !leaves_depth;
+        return unseen.then_some("a later pass fills the whole window");
     }
     (live == Attachments::default()).then_some("nothing reads what it writes")
 }

@@ -8,6 +8,7 @@ mod adaptive;
 mod device_quad;
 mod effect;
 mod filter;
+mod kept;
 mod liveness;
 mod off;
 mod parts;
@@ -18,7 +19,7 @@ mod shaders;
 mod spheres;
 mod sun;
 
-pub use access::{Access, Slot, TRIANGLES};
+pub use access::{Access, DEPTH, Slot, TRIANGLES};
 pub use device_quad::{QuadInput, ShowingQuad};
 pub use effect::Traced;
 pub use off::Instead;
@@ -26,7 +27,7 @@ pub use parts::{BLOCK, Part, Parts};
 pub use preview::Preview;
 pub use settings::{OWN_BACKEND, PlanError, Settings, may_trace};
 
-use crate::backend::{Attachments, Rect, View};
+use crate::backend::{Attachments, LoadStore, Rect, View};
 use crate::color::{ColorSpace, Display, Tone};
 use crate::diagnostic::{Decision, Warnings};
 use crate::glass::{GlassRule, TRANSPARENT};
@@ -119,6 +120,8 @@ pub enum Work {
         /// The attachments that ray passes may read in place ([`Work::Rays`]'s `resident`); if they cannot, these are read in host
         /// memory too.
         traced: Attachments,
+        /// What it starts from instead of clearing it, and whether it leaves its depth for a later pass.
+        load_store: LoadStore,
     },
     /// Traces rays.
     Rays {

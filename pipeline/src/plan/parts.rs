@@ -219,7 +219,7 @@ impl Plan {
         }
     }
 
-    /// Bytes of the targets, the window, the sums of samples, the filters and adaptive sampling, for the largest part.
+    /// Bytes of the targets, the window, the depths that passes leave, the sums of samples, the filters and adaptive sampling, for the largest part.
     #[must_use]
     pub fn target_bytes(&self) -> u64 {
         let bytes = |target: &super::PlannedTarget| {
@@ -227,8 +227,17 @@ impl Plan {
             let pixel = 16 * (u64::from(color) + u64::from(position) + u64::from(normal)) + 4 * u64::from(triangle);
             pixel * self.held_pixels([target.width, target.height])
         };
+        let mut left: Vec<Option<usize>> = Vec::new();
+        for planned in &self.passes {
+            let target = self.pass(planned).target;
+            let leaves = matches!(&planned.work, Work::Raster { load_store, .. } if load_store.store_depth);
+            if leaves && !left.contains(&target) {
+                left.push(target);
+            }
+        }
+        let depths = left.into_iter().map(|target| 4 * self.held_pixels(self.target_size(target))).sum::<u64>();
         let targets = 16 * self.parts.pixels() + self.targets.iter().map(bytes).sum::<u64>();
-        targets + self.sum_bytes() + self.filter_bytes() + self.adaptive_bytes()
+        targets + depths + self.sum_bytes() + self.filter_bytes() + self.adaptive_bytes()
     }
 
     /// Number of pixels held for a target or window of this size: those of the largest part if it is rendered in parts.

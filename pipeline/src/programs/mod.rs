@@ -3,6 +3,7 @@
 //! Help, XML validation, `curitiba list`, docs, benchmark ids and conformance tests are derived from these tables.
 
 mod params;
+mod query;
 mod table;
 #[cfg(test)]
 pub(crate) mod tests;
@@ -11,6 +12,7 @@ pub use params::{
     ADAPTIVE_BYTES, FILTER_BYTES, LARGEST_SUN, LEAST_ADAPTIVE_PATHS, MAX_FILTER_LEVELS, MOST_PATHS, MOST_SAMPLES,
     MOST_SUN_SAMPLES, PARAMS, ParamInfo, RayParams, Values,
 };
+pub use query::Query;
 pub use table::{PROCS, ProcInfo, RAY_PROGRAMS, RayProgram, RayProgramInfo, Traces, Writes, procs_of_kind};
 
 /// Program of a raster pass, run per fragment.

@@ -6,7 +6,7 @@ use super::loader::Loader;
 use super::passes::{InjectedShader, MaterialMap, PassContext};
 use super::report::{Found, Span, shown, suggest};
 use super::shaders::{ShaderUse, UsedBy};
-use super::{MaterialPattern, QuadPass, QuadSource, RasterPass, SceneDecl, ShaderMap};
+use super::{Clears, MaterialPattern, QuadPass, QuadSource, RasterPass, SceneDecl, ShaderMap};
 use crate::programs::{QUAD_PROGRAMS, QuadProgram, RASTER_PROGRAMS, RasterProgram, ShaderInfo};
 use crate::scene::{Placement, Shape, ShapeKind};
 use std::rc::Rc;
@@ -77,8 +77,18 @@ impl Loader {
         (scenes, camera): (Option<Vec<usize>>, Option<usize>),
         others: &[&str],
     ) -> Option<RasterPass> {
-        const CHILDREN: &[&str] =
-            &["scenes", "camera", "viewport", "renderTarget", "lights", "materialMaps", "injectionMaps", "depth"];
+        const CHILDREN: &[&str] = &[
+            "scenes",
+            "camera",
+            "viewport",
+            "renderTarget",
+            "lights",
+            "materialMaps",
+            "injectionMaps",
+            "depth",
+            "color_clear",
+            "depth_clear",
+        ];
         let element = context.element;
         self.expect_children(element, &[CHILDREN, others].concat());
         self.no_parameters(context, "default");
@@ -137,6 +147,24 @@ impl Loader {
         }
         let light = light.map(|(index, _)| index);
         Some(RasterPass { scenes: scenes?, instances: instances?, camera: camera?, light, program, colors, shaders })
+    }
+
+    /// What a pass clears: `COLOR_CLEAR`, `DEPTH_CLEAR`, and the `clear` of `<depth>`.
+    pub fn clears(&mut self, element: &Element) -> Option<Clears> {
+        let mut clears = Some(Clears::default());
+        for child in element.children.iter().filter(|child| child.is(&["color_clear", "depth_clear", "depth"])) {
+            let value = match (child.is(&["depth"]), child.attribute("clear")) {
+                (true, None) => continue,
+                (true, Some(value)) => Some(value),
+                (false, _) => self.required(child, "value"),
+            };
+            let on = value.and_then(|value| self.boolean(value));
+            clears = clears.zip(on).map(|(clears, on)| match child.is(&["color_clear"]) {
+                true => Clears { color: clears.color && on, ..clears },
+                false => Clears { depth: clears.depth && on, ..clears },
+            });
+        }
+        clears
     }
 
     /// Reports a target without colours, unless own shaders draw everything: they write the depth.
@@ -207,6 +235,8 @@ impl Loader {
             "scenes",
             "lights",
             "color_enable",
+            "color_clear",
+            "depth_clear",
         ];
         let element = context.element;
         self.expect_children(element, CHILDREN);

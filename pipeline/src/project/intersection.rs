@@ -6,9 +6,10 @@ use super::passes::PassContext;
 use super::report::{Span, shown};
 use super::{ChannelRef, IntersectionPass, RaysTraced};
 use crate::glsl;
+use crate::programs::Query;
 
-/// What the file may ask of each ray. The nearest hit answers both.
-const QUERIES: [&str; 2] = ["CLOSEST", "ANY"];
+/// What the file may ask of each ray.
+const QUERIES: [(&str, Query); 2] = [("CLOSEST", Query::Closest), ("ANY", Query::Any)];
 
 impl Loader {
     /// Reads a pass of class `optixPrime` or `embree`.
@@ -31,20 +32,20 @@ impl Loader {
             context.facts.set_target(Some(hits), 1, at_hits);
         }
         let asked = self.single(element, &["rays"]).and_then(|rays| self.required(rays, "queryType"));
-        if let Some(asked) = asked
-            && !QUERIES.iter().any(|query| asked.text.eq_ignore_ascii_case(query))
-        {
+        let query = asked.map(|asked| QUERIES.iter().find(|(name, _)| asked.text.eq_ignore_ascii_case(name)));
+        if let (Some(asked), Some(None)) = (asked, query) {
             let message = format!("queryType `{}` is not known", asked.shown());
             self.report.error_help(asked.span, message, || "valid: CLOSEST, ANY".to_owned());
             return None;
         }
+        let query = query.flatten().map_or(Query::Closest, |(_, query)| *query);
         let ((rays, at_rays), (hits, at_hits)) = (rays?, hits?);
         Self::reads(context, Some(ChannelRef { target: rays, channel: 0 }), at_rays);
         let rays_held = self.held(context, rays, IntersectionPass::RAY, at_rays);
         let hits_held = self.held(context, hits, IntersectionPass::HIT, at_hits);
         let (rays_held, hits_held) = (rays_held?, hits_held?);
         let count = self.rays_traced(context, (rays, rays_held, at_rays), (hits, hits_held))?;
-        Some(IntersectionPass { scenes: scenes?, rays, hits, count })
+        Some(IntersectionPass { scenes: scenes?, rays, hits, count, query })
     }
 
     /// The scenes, in `<scene name="…"/>` of the pass itself or in its `<scenes>`.

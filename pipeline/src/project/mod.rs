@@ -68,7 +68,7 @@ use crate::color::ColorSpace;
 use crate::diagnostic::Problems;
 use crate::glsl;
 use crate::image::PixelFormat;
-use crate::programs::{RasterProgram, RayParams, RayProgram, Writes};
+use crate::programs::{Query, RasterProgram, RayParams, RayProgram, Writes};
 use crate::raster_effects::{EffectParams, EffectProgram};
 use crate::scene::{self, BuildOptions, LoadOptions, LoadProgress, Placement, Scene, SceneError, Shape, shapes};
 use glam::{DVec3, Vec3, Vec4};
@@ -366,6 +366,8 @@ pub struct Pass {
     pub viewport: Option<usize>,
     /// Index of the render target; `None` is the window.
     pub target: Option<usize>,
+    /// What it clears before it draws.
+    pub clears: Clears,
     /// Kind and details.
     pub kind: PassKind,
 }
@@ -457,6 +459,23 @@ impl PassKind {
             Self::Effect(effect) => Some(effect.program.info().counterpart.info().writes),
             Self::Raster(_) | Self::Quad(_) | Self::Intersection(_) | Self::Compute(_) => None,
         }
+    }
+}
+
+/// What of its target a pass that draws scenes or a quad clears before it draws: `COLOR_CLEAR` and `DEPTH_CLEAR`. What is not cleared is as
+/// earlier passes left it. Other passes clear nothing.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Clears {
+    /// All channels of colours, and the triangle ids.
+    pub color: bool,
+    /// The depth.
+    pub depth: bool,
+}
+
+impl Default for Clears {
+    /// Everything.
+    fn default() -> Self {
+        Self { color: true, depth: true }
     }
 }
 
@@ -685,6 +704,8 @@ pub struct IntersectionPass {
     pub hits: usize,
     /// How many rays of the buffer are traced, from the first on.
     pub count: RaysTraced,
+    /// Which hit of each ray is written.
+    pub query: Query,
 }
 
 impl IntersectionPass {

@@ -5,7 +5,7 @@ use super::libraries::{Binding, Injected, LibraryMaterial};
 use super::loader::Loader;
 use super::order::Facts;
 use super::report::{Found, Names, Span, shown, suggest};
-use super::{ChannelRef, ColorMap, MaterialPattern, Pass, PassKind, PhongMap, Pipeline};
+use super::{ChannelRef, Clears, ColorMap, MaterialPattern, Pass, PassKind, PhongMap, Pipeline};
 use crate::glsl;
 use crate::programs::PARAMS;
 use crate::raster_effects::EFFECT_PARAMS;
@@ -167,7 +167,12 @@ impl Loader {
             Some(PassKind::Compute(compute)) => Some(Some(compute.stored)),
             _ => target,
         };
-        Some(Pass { name: context.name.clone(), place, viewport: viewport?, target: target?, kind: kind? })
+        let clears = match kind {
+            Some(PassKind::Raster(_) | PassKind::Quad(_)) => self.clears(element)?,
+            _ => Clears::default(),
+        };
+        let name = context.name.clone();
+        Some(Pass { name, place, viewport: viewport?, target: target?, clears, kind: kind? })
     }
 
     /// The render target of a pass.

@@ -328,6 +328,7 @@ fn a_raster_target_of_the_right_shape_is_what_jobs_read() {
         normal: shot.normal.clone(),
         triangle: shot.triangle.clone(),
         color: Vec::new(),
+        depth: Vec::new(),
     };
     let job = RayJob {
         position: &buffer.position,

@@ -19,6 +19,8 @@ pub(super) fn target(job: &RasterJob<'_>, target: &GBuffer) -> Result<(), Backen
         ("normal", asked.normal, target.normal.len()),
         ("triangle", asked.triangle, target.triangle.len()),
     ];
+    let depth = job.load_store.load_depth || job.load_store.store_depth || !target.depth.is_empty();
+    let sizes = sizes.into_iter().chain([("depth", depth, target.depth.len())]);
     if let Some((name, ..)) = sizes.into_iter().find(|(_, asked, len)| *asked && *len != pixels) {
         return refuse("this target", format!("its attachment `{name}` is not allocated"));
     }

@@ -353,6 +353,13 @@ impl Kernel for DrawTile<'_> {
     fn run(mut self) {
         if self.first {
             self.tile.clear();
+            if self.frame.job.load_store.load_depth {
+                for row in 0..self.surface.height {
+                    if let Some(depths) = self.surface.left(row) {
+                        self.tile.load_depths(row, depths);
+                    }
+                }
+            }
         }
         for bins in self.bins {
             self.tile.draw_bins(self.frame, bins, self.index, &self.surface);
@@ -360,8 +367,11 @@ impl Kernel for DrawTile<'_> {
         if let Some((screen, shown)) = &mut self.spheres {
             screen.draw(self.tile, &self.surface, shown);
         }
+        if self.last && self.frame.job.load_store.store_depth {
+            store_depths(self.tile, &mut self.surface, TileSurface::left);
+        }
         if self.last && self.surface.is_depth() {
-            store_depths(self.tile, &mut self.surface);
+            store_depths(self.tile, &mut self.surface, TileSurface::depth);
         } else if self.last {
             shade::shade(self.frame, self.tile, self.rows, &mut self.surface);
             if let Some((screen, shown)) = &self.spheres {
@@ -371,11 +381,15 @@ impl Kernel for DrawTile<'_> {
     }
 }
 
-/// Copies the depths of a tile to a depth map.
+/// Copies the depths of a tile to a plane of its surface.
 #[inline(always)]
-fn store_depths(tile: &Tile, surface: &mut TileSurface<'_>) {
+fn store_depths<'a>(
+    tile: &Tile,
+    surface: &mut TileSurface<'a>,
+    plane: for<'s> fn(&'s mut TileSurface<'a>, usize) -> Option<&'s mut [f32]>,
+) {
     for row in 0..surface.height {
-        let Some(pixels) = surface.depth(row) else { return };
+        let Some(pixels) = plane(surface, row) else { return };
         match tile.depths(row) {
             Some(bits) => pixels.iter_mut().zip(bits).for_each(|(pixel, bits)| *pixel = f32::from_bits(*bits as u32)),
             None => pixels.fill(0.0),

@@ -166,6 +166,9 @@ pub(super) fn shade(frame: &Frame<'_>, tile: &Tile, rows: &mut Rows, surface: &m
 }
 
 fn clear(frame: &Frame<'_>, row: usize, surface: &mut TileSurface<'_>) {
+    if frame.job.load_store.load_color {
+        return;
+    }
     if let Some(pixels) = surface.color(row) {
         pixels.fill(frame.job.clear_color.to_array());
     }
@@ -220,21 +223,27 @@ impl Rows {
         if wanted.bent {
             self.take_bent(wanted, surface.width);
         }
+        let over = frame.job.load_store.load_color;
         if let Some(pixels) = surface.color(row) {
             self.color(frame, wanted);
             let [r, g, b, a] = &self.unlit;
-            store(pixels, &self.triangle, [r, g, b, a], frame.job.clear_color.to_array());
+            store(pixels, &self.triangle, [r, g, b, a], frame.job.clear_color.to_array(), over);
         }
         if let Some(pixels) = surface.position(row) {
             let [x, y, z] = &self.position[0];
-            store(pixels, &self.triangle, [x, y, z, &self.light], [0.0; 4]);
+            store(pixels, &self.triangle, [x, y, z, &self.light], [0.0; 4], over);
         }
         if let Some(pixels) = surface.normal(row) {
             let [x, y, z] = &self.normal[0];
-            store(pixels, &self.triangle, [x, y, z, &[0.0; ROW]], [0.0; 4]);
+            store(pixels, &self.triangle, [x, y, z, &[0.0; ROW]], [0.0; 4], over);
         }
         if let Some(pixels) = surface.triangle(row) {
-            pixels.copy_from_slice(&self.triangle[..pixels.len()]);
+            if over {
+                let drawn = pixels.iter_mut().zip(&self.triangle).filter(|(_, id)| **id != NO_TRIANGLE);
+                drawn.for_each(|(pixel, id)| *pixel = *id);
+            } else {
+                pixels.copy_from_slice(&self.triangle[..pixels.len()]);
+            }
         }
     }
 
@@ -582,9 +591,16 @@ fn blend<const N: usize>([first, second, third]: &mut [[Row; N]; 3], u: &Row, v:
     }
 }
 
-/// Writes a row; pixels without a triangle get the background.
+/// Writes a row; pixels without a triangle get the background, or stay as they are if it is drawn `over` what is there.
 #[inline(always)]
-fn store(pixels: &mut [[f32; 4]], triangles: &[u32; ROW], components: [&Row; 4], background: [f32; 4]) {
+fn store(pixels: &mut [[f32; 4]], triangles: &[u32; ROW], components: [&Row; 4], background: [f32; 4], over: bool) {
+    if over {
+        let [x, y, z, w] = components;
+        for (column, pixel) in pixels.iter_mut().enumerate().filter(|(column, _)| triangles[*column] != NO_TRIANGLE) {
+            *pixel = [x[column], y[column], z[column], w[column]];
+        }
+        return;
+    }
     let mut output = [[0u32; TILE]; 4];
     for component in 0..4 {
         let (input, background) = (components[component], background[component].to_bits());

@@ -62,6 +62,7 @@ pub(super) struct TileSurface<'a> {
     normal: Option<Plane<'a, [f32; 4]>>,
     triangle: Option<Plane<'a, u32>>,
     depth: Option<Plane<'a, f32>>,
+    left: Option<Plane<'a, f32>>,
 }
 
 /// The output of a draw.
@@ -118,9 +119,9 @@ macro_rules! row_accessors {
 }
 
 impl TileSurface<'_> {
-    row_accessors!(color: [f32; 4], position: [f32; 4], normal: [f32; 4], triangle: u32, depth: f32);
+    row_accessors!(color: [f32; 4], position: [f32; 4], normal: [f32; 4], triangle: u32, depth: f32, left: f32);
 
-    /// Whether the target is a depth map.
+    /// Whether the target is a depth map, whose texels are [`Self::depth`]; [`Self::left`] is the depth beside attachments.
     #[inline(always)]
     pub fn is_depth(&self) -> bool {
         self.depth.is_some()
@@ -196,8 +197,12 @@ pub(super) fn for_each_tile(target: &mut Target<'_>, grid: &Grid, draw: impl Fn(
             Shared::new(&mut target.normal, size, attachments.normal),
             Shared::new(&mut target.triangle, size, attachments.triangle),
             None,
+            {
+                let held = !target.depth.is_empty();
+                Shared::new(&mut target.depth, size, held)
+            },
         ),
-        Target::Depth(map) => (None, None, None, None, Shared::new(&mut map.depths, size, true)),
+        Target::Depth(map) => (None, None, None, None, Shared::new(&mut map.depths, size, true), None),
     };
     let all = &all;
     (0..grid.drawn()).into_par_iter().with_max_len(1).for_each(|number| {
@@ -217,6 +222,7 @@ pub(super) fn for_each_tile(target: &mut Target<'_>, grid: &Grid, draw: impl Fn(
                 normal: all.2.as_ref().map(|plane| plane.tile(from_left, from_top)),
                 triangle: all.3.as_ref().map(|plane| plane.tile(from_left, from_top)),
                 depth: all.4.as_ref().map(|plane| plane.tile(from_left, from_top)),
+                left: all.5.as_ref().map(|plane| plane.tile(from_left, from_top)),
             }
         };
         draw(number, row * grid.columns + column, surface);

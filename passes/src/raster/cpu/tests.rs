@@ -1,6 +1,7 @@
 //! Tests of internals: rounds.
 
 use super::*;
+use curitiba_pipeline::backend::LoadStore;
 use curitiba_pipeline::backend::{Attachments, Rect, Shade, View};
 use curitiba_pipeline::programs::RasterProgram;
 use curitiba_pipeline::scene::{Batch, Geometry};
@@ -46,6 +47,7 @@ fn the_number_of_rounds_does_not_show() {
         shared: Attachments::default(),
         half: Attachments::default(),
         snapped_depth: false,
+        load_store: LoadStore::default(),
     };
     let mut pictures = Vec::new();
     let mut rasteriser = CpuRasteriser::new();

@@ -176,6 +176,14 @@ impl Tile {
         }
     }
 
+    /// Starts a cleared tile from the depths of a row, from the left; what is there is of no part.
+    pub fn load_depths(&mut self, row: usize, depths: &[f32]) {
+        for (stored, depth) in self.depth[row * STRIDE..].iter_mut().zip(depths) {
+            *stored = depth.to_bits() as i32;
+        }
+        self.empty = false;
+    }
+
     /// Puts something else in front at a pixel if it is nearer than what is there; returns whether it was.
     pub fn cover(&mut self, column: usize, row: usize, depth: f32) -> bool {
         let (at, bits) = (row * STRIDE + column, depth.to_bits() as i32);

@@ -21,6 +21,7 @@ pub(super) fn check_target(job: &RasterJob<'_>, target: &GBuffer) -> Result<(), 
         ("position", position, target.position.len()),
         ("normal", normal, target.normal.len()),
         ("triangle", triangle, target.triangle.len()),
+        ("depth", job.load_store.load_depth || job.load_store.store_depth, target.depth.len()),
     ];
     match channels.into_iter().find(|(_, wanted, length)| *wanted && *length != pixels) {
         Some((name, _, length)) => {

@@ -14,6 +14,7 @@ mod effects;
 pub(crate) mod faults;
 mod geometry;
 mod job;
+mod kept;
 pub(crate) mod lend;
 mod pipelines;
 mod quads;
@@ -31,8 +32,8 @@ pub use adapter::{AdapterChoice, AdapterKind, AdapterSummary, abilities, adapter
 
 use crate::raster::effects::SceneCache;
 use curitiba_pipeline::backend::{
-    Attachments, BackendError, ComputeJob, DrawStats, EffectJob, EffectStats, GBuffer, HandOver, Limits, OwnShaders,
-    QuadJob, RasterJob, Rasteriser, Rect, drawn_part,
+    Attachments, BackendError, ComputeJob, DrawStats, EffectJob, EffectStats, GBuffer, HandOver, Limits, LoadStore,
+    OwnShaders, QuadJob, RasterJob, Rasteriser, Rect, drawn_part,
 };
 use curitiba_pipeline::device_quad::{DeviceQuad, DeviceQuadStats, QuadPlace, Shown};
 use curitiba_pipeline::executor::Progress;
@@ -66,6 +67,8 @@ pub struct WgpuRasteriser {
     scene: Option<Uploaded>,
     targets: TargetCache,
     staging: Staging,
+    /// Set when the first pass starts from a depth.
+    depth_loader: Option<kept::DepthLoader>,
     /// Viewport and format of what the attachments hold.
     drawn: Option<(Rect, Stored)>,
     /// Set when the first effect runs.
@@ -159,6 +162,7 @@ impl WgpuRasteriser {
             scene: None,
             targets: TargetCache::default(),
             staging: Staging::default(),
+            depth_loader: None,
             drawn: None,
             effects: None,
         })
@@ -269,13 +273,27 @@ impl Rasteriser for WgpuRasteriser {
             }
             false => None,
         };
+        let LoadStore { load_color, load_depth, store_depth } = job.load_store;
+        // An attachment that holds depths is loaded with the depth.
+        let loaded = std::array::from_fn(|channel| if own.depth == Some(channel) { load_depth } else { load_color });
+        if let Some(part) = drawn_part(job.viewport, target.held()) {
+            let rects = (job.viewport, part);
+            kept::load_colors(&self.gpu, targets, rects, target, loaded)?;
+            if load_depth {
+                let loader = match &mut self.depth_loader {
+                    Some(loader) => loader,
+                    none => none.insert(kept::DepthLoader::new(&self.gpu)?),
+                };
+                loader.load(&self.gpu, targets, rects, target)?;
+            }
+        }
         let descriptor = wgpu::CommandEncoderDescriptor { label: Some("draw") };
         let mut encoder = self.gpu.device.create_command_encoder(&descriptor);
         {
             let mut pass = encoder.begin_render_pass(&wgpu::RenderPassDescriptor {
                 label: Some("gbuffer"),
-                color_attachments: &targets.color_attachments(job.clear_color, own.depth),
-                depth_stencil_attachment: Some(targets.depth_attachment()),
+                color_attachments: &targets.color_attachments(job.clear_color, own.depth, loaded),
+                depth_stencil_attachment: Some(targets.depth_attachment(load_depth, store_depth)),
                 timestamp_writes: self.timer.as_ref().map(Timer::writes),
                 occlusion_query_set: None,
                 multiview_mask: None,
@@ -359,7 +377,11 @@ impl Rasteriser for WgpuRasteriser {
         }
         match (self.targets.last(), drawn_part(job.viewport, target.held())) {
             (Some(targets), Some(part)) if !job::is_empty(job) => {
-                targets.read_back(&self.gpu, &mut self.staging, (job.viewport, part), wanted, target)
+                targets.read_back(&self.gpu, &mut self.staging, (job.viewport, part), wanted, target)?;
+                match job.load_store.store_depth {
+                    true => kept::read_depth(&self.gpu, targets, (job.viewport, part), target),
+                    false => Ok(()),
+                }
             }
             _ => Ok(()),
         }

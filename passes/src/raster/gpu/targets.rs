@@ -88,7 +88,7 @@ pub(super) struct Targets {
     height: u32,
     stored: Stored,
     channels: [Option<Channel>; 4],
-    depth: wgpu::TextureView,
+    depth: Channel,
     /// Bytes of device memory, including the depth buffer.
     bytes: u64,
     /// The bind group by which effects read the attachments; set on first use.
@@ -129,22 +129,25 @@ impl Targets {
         for (index, label) in CHANNELS.into_iter().enumerate() {
             if let Some(format) = formats[index] {
                 // Effects read the attachments in place.
-                let usage = wgpu::TextureUsages::COPY_SRC | wgpu::TextureUsages::TEXTURE_BINDING;
+                let usage = wgpu::TextureUsages::COPY_SRC
+                    | wgpu::TextureUsages::COPY_DST
+                    | wgpu::TextureUsages::TEXTURE_BINDING;
                 channels[index] = Some(create(label, format, usage)?);
             }
         }
-        let depth = create("depth", DEPTH_FORMAT, wgpu::TextureUsages::empty())?.view;
+        let depth = create("depth", DEPTH_FORMAT, wgpu::TextureUsages::COPY_SRC)?;
         let bytes = u64::from(width) * u64::from(height) * u64::from(pixel_bytes + 4);
         gpu.check("creation of the attachments")?;
         Ok(Self { width, height, stored, channels, depth, bytes, group: OnceLock::new() })
     }
 
-    /// The attachments of the render pass, which it clears first: triangle ids to 0, which means "none" until
+    /// The attachments of the render pass, which it clears first unless `loaded`: triangle ids to 0, which means "none" until
     /// [`Self::read_back`]; the attachment `depth`, which holds depths, to the far plane.
     pub fn color_attachments(
         &self,
         clear_color: Vec4,
         depth: Option<usize>,
+        loaded: [bool; 4],
     ) -> [Option<wgpu::RenderPassColorAttachment<'_>>; 4] {
         let [r, g, b, a] = clear_color.as_dvec4().to_array();
         let mut clears =
@@ -157,16 +160,22 @@ impl Targets {
                 view: &channel.view,
                 depth_slice: None,
                 resolve_target: None,
-                ops: wgpu::Operations { load: wgpu::LoadOp::Clear(clears[index]), store: wgpu::StoreOp::Store },
+                ops: wgpu::Operations {
+                    load: if loaded[index] { wgpu::LoadOp::Load } else { wgpu::LoadOp::Clear(clears[index]) },
+                    store: wgpu::StoreOp::Store,
+                },
             })
         })
     }
 
-    /// The depth buffer, cleared to the far plane and not kept.
-    pub fn depth_attachment(&self) -> wgpu::RenderPassDepthStencilAttachment<'_> {
+    /// The depth buffer, cleared to the far plane unless it is `loaded`, and kept if it is `stored`.
+    pub fn depth_attachment(&self, loaded: bool, stored: bool) -> wgpu::RenderPassDepthStencilAttachment<'_> {
         wgpu::RenderPassDepthStencilAttachment {
-            view: &self.depth,
-            depth_ops: Some(wgpu::Operations { load: wgpu::LoadOp::Clear(0.0), store: wgpu::StoreOp::Discard }),
+            view: &self.depth.view,
+            depth_ops: Some(wgpu::Operations {
+                load: if loaded { wgpu::LoadOp::Load } else { wgpu::LoadOp::Clear(0.0) },
+                store: if stored { wgpu::StoreOp::Store } else { wgpu::StoreOp::Discard },
+            }),
             stencil_ops: None,
         }
     }
@@ -184,6 +193,16 @@ impl Targets {
     /// Pixels in a row, and number of rows.
     pub fn size(&self) -> (u32, u32) {
         (self.width, self.height)
+    }
+
+    /// The texture of a channel; `None` where the attachment does not exist.
+    pub fn texture(&self, channel: usize) -> Option<&wgpu::Texture> {
+        self.channels.get(channel)?.as_ref().map(|channel| &channel.texture)
+    }
+
+    /// The texture of the depth buffer.
+    pub fn depth_texture(&self) -> &wgpu::Texture {
+        &self.depth.texture
     }
 
     /// Views for shaders: colour, position, normal and triangle id (plus 1); `None` where the attachment does not

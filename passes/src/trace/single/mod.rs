@@ -10,4 +10,4 @@ mod traverse;
 #[cfg(test)]
 pub(crate) use leaf_test::decide;
 pub(crate) use ray_queue::{FEW, QueuedRays, RayQueue, Waiting};
-pub(crate) use traverse::{BlockedBy, Closest, Occluded, approach, blocked, closest, occluded};
+pub(crate) use traverse::{AnyHit, BlockedBy, Closest, Occluded, approach, blocked, closest, occluded};

@@ -155,6 +155,51 @@ pub(crate) fn occluded<S: Simd>(
     }
 }
 
+/// See [`Tracer::any`](crate::trace::Tracer::any).
+pub(crate) struct AnyHit<'a, A> {
+    pub(crate) tree: &'a WideTree,
+    pub(crate) ray: &'a Ray,
+    pub(crate) accept: A,
+}
+
+impl<A: FnMut(&Hit) -> bool> Kernel<Option<Hit>> for AnyHit<'_, A> {
+    #[inline(always)]
+    fn run<S: Simd>(mut self, simd: S) -> Option<Hit> {
+        let ray = PreparedRay::new(self.ray, &self.tree.bounds)?;
+        any_hit(simd, self.tree, &ray, &mut self.accept)
+    }
+}
+
+/// The first accepted hit of a prepared ray that the traversal finds.
+#[inline(always)]
+fn any_hit<S: Simd>(simd: S, tree: &WideTree, ray: &PreparedRay, accept: &mut impl FnMut(&Hit) -> bool) -> Option<Hit> {
+    let t_max = ray.line.t_max;
+    let mut found = None;
+    let mut stack = Stack::new();
+    let mut current = tree.root;
+    if current == Child::NONE {
+        return None;
+    }
+    loop {
+        if current.is_leaf() {
+            let stopped = tree.leaves[current.index()].intersect(simd, ray, &mut { t_max }, |hit, transparent, _| {
+                let accepted = hit.t < t_max && (!transparent || accept(&hit));
+                if accepted {
+                    found = Some(hit);
+                }
+                accepted
+            });
+            if stopped {
+                return found;
+            }
+        } else if let Some(next) = visit(simd, &tree.nodes[current.index()], ray, &mut stack) {
+            current = next;
+            continue;
+        }
+        current = Child(stack.pop()? as u32);
+    }
+}
+
 /// Whether a triangle of the leaf stops the ray.
 #[inline(always)]
 pub(crate) fn blocked<S: Simd>(simd: S, leaf: &Leaf, ray: &PreparedRay, accept: &mut impl FnMut(&Hit) -> bool) -> bool {

@@ -5,7 +5,7 @@ use crate::glass::{Background, GlassRule, GlassShadow};
 use crate::image::PixelFormat;
 use crate::programs::{RasterProgram, RayParams, RayProgram, Writes};
 use crate::project::{
-    Channel, ChannelRef, ColorMap, EffectPass, MaterialPattern, Pass, PassKind, PhongMap, Pipeline, QuadPass,
+    Channel, ChannelRef, Clears, ColorMap, EffectPass, MaterialPattern, Pass, PassKind, PhongMap, Pipeline, QuadPass,
     QuadSource, RasterPass, RayPass, RenderTarget,
 };
 use crate::raster_effects::{EffectParams, EffectProgram};
@@ -93,7 +93,7 @@ impl Common<'_> {
         let mut targets = vec![target("deferred", ["color", "pos", "norm"].map(channel).into())];
         let pass = |name: String, target: Option<usize>, kind: PassKind| {
             let place = format!("pass `{name}` of a project made from scene files");
-            Pass { name, place, viewport: Some(0), target, kind }
+            Pass { name, place, viewport: Some(0), target, clears: Clears::default(), kind }
         };
         let drawn = RasterPass {
             scenes: vec![0],

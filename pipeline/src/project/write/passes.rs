@@ -2,10 +2,10 @@
 
 use super::library::{self, DRAWS, Library, colored, joining, texture};
 use super::xml::Xml;
-use crate::programs::ProcInfo;
+use crate::programs::{ProcInfo, Query};
 use crate::project::handed::origin;
 use crate::project::{
-    ChannelRef, ComputePass, EffectPass, IntersectionPass, MaterialPattern, Pass, PassKind, Project, QuadPass,
+    ChannelRef, Clears, ComputePass, EffectPass, IntersectionPass, MaterialPattern, Pass, PassKind, Project, QuadPass,
     QuadSource, RasterPass, RayPass, RaysTraced,
 };
 use std::borrow::Cow;
@@ -55,6 +55,11 @@ impl Context<'_> {
             PassKind::Intersection(intersection) => self.intersection(xml, intersection),
             PassKind::Compute(compute) => self.compute(xml, compute),
         }
+        if matches!(self.pass.kind, PassKind::Raster(_) | PassKind::Quad(_)) {
+            let Clears { color, depth } = self.pass.clears;
+            let kept = [("COLOR_CLEAR", color), ("DEPTH_CLEAR", depth)].into_iter().filter(|(_, cleared)| !cleared);
+            kept.for_each(|(name, _)| xml.empty(name, &[("value", "false")]));
+        }
         xml.end();
     }
 
@@ -72,7 +77,11 @@ impl Context<'_> {
             format!("{}::{}", target.library, target.name)
         };
         pass.scenes.iter().for_each(|scene| xml.empty("scene", &[("name", &self.project.scenes[*scene].name)]));
-        xml.empty("rays", &[("buffer", &buffer(pass.rays)), ("queryType", "CLOSEST")]);
+        let query = match pass.query {
+            Query::Closest => "CLOSEST",
+            Query::Any => "ANY",
+        };
+        xml.empty("rays", &[("buffer", &buffer(pass.rays)), ("queryType", query)]);
         xml.empty("hits", &[("buffer", &buffer(pass.hits))]);
         match pass.count {
             RaysTraced::Fixed(count) => xml.empty("rayCount", &[("value", &count.to_string())]),

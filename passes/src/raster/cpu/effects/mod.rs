@@ -15,7 +15,7 @@ use crate::raster::effects::proxy::{self, Proxy};
 use crate::raster::effects::screen::pyramid::Pyramid;
 use crate::raster::effects::{self, SceneCache, cube};
 use curitiba_pipeline::backend::{
-    Attachments, BackendError, EffectJob, EffectStats, GBuffer, Part, RasterJob, Rasteriser, Rect, Sun, View,
+    Attachments, BackendError, EffectJob, EffectStats, GBuffer, LoadStore, Part, RasterJob, Rasteriser, Rect, Sun, View,
 };
 use curitiba_pipeline::executor::Progress;
 use curitiba_pipeline::gbuffer::ALIGNMENT;
@@ -443,6 +443,7 @@ fn map_job<'a>(
         shared: Attachments::default(),
         half: Attachments::default(),
         snapped_depth: true,
+        load_store: LoadStore::default(),
     }
 }
 

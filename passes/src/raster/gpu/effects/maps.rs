@@ -7,7 +7,7 @@ use crate::raster::gpu::faults::unsupported;
 use crate::raster::gpu::job::check_scene;
 use crate::raster::gpu::targets::{CHANNEL_FORMATS, DEPTH_FORMAT};
 use crate::raster::gpu::timer::Timer;
-use curitiba_pipeline::backend::{Attachments, BackendError, EffectJob, Part, RasterJob, Rect, View};
+use curitiba_pipeline::backend::{Attachments, BackendError, EffectJob, LoadStore, Part, RasterJob, Rect, View};
 use curitiba_pipeline::executor::Progress;
 use curitiba_pipeline::programs::RasterProgram;
 use glam::Vec4;
@@ -213,6 +213,7 @@ pub fn draw(
         shared: Attachments::default(),
         half: Attachments::default(),
         snapped_depth: true,
+        load_store: LoadStore::default(),
     };
     check_scene(&raster)?;
     let Context { gpu, layouts, pipelines, timer, geometry, textures, .. } = context;

@@ -15,7 +15,7 @@ use crate::raster::gpu::faults::{failure, unsupported};
 use crate::raster::gpu::job::check_scene;
 use crate::raster::gpu::targets::{Stored, Targets};
 use crate::raster::gpu::timer::Timer;
-use curitiba_pipeline::backend::{Attachments, BackendError, EffectJob, Part, RasterJob, Rect};
+use curitiba_pipeline::backend::{Attachments, BackendError, EffectJob, LoadStore, Part, RasterJob, Rect};
 use curitiba_pipeline::programs::RasterProgram;
 use glam::Vec4;
 use std::num::NonZeroU64;
@@ -202,6 +202,7 @@ impl Marching {
             shared: Attachments::default(),
             half: Attachments::default(),
             snapped_depth: false,
+            load_store: LoadStore::default(),
         };
         check_scene(&raster)?;
         let Context { gpu, layouts, pipelines, timer, geometry, textures, .. } = context;
@@ -212,8 +213,8 @@ impl Marching {
         {
             let mut pass = encoder.begin_render_pass(&wgpu::RenderPassDescriptor {
                 label: Some("behind glass"),
-                color_attachments: &targets.color_attachments(raster.clear_color, None),
-                depth_stencil_attachment: Some(targets.depth_attachment()),
+                color_attachments: &targets.color_attachments(raster.clear_color, None, [false; 4]),
+                depth_stencil_attachment: Some(targets.depth_attachment(false, false)),
                 timestamp_writes: timer.map(Timer::writes),
                 occlusion_query_set: None,
                 multiview_mask: None,
