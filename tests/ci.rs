@@ -38,26 +38,61 @@ fn a_passing_test_that_says_skipped_is_counted_as_skipped_once() {
     assert_eq!(lines, ["4  ignored", "2  skipped: no GPU"]);
 }
 
+/// What `cargo test` prints of a program whose test `a` passed and printed `shown`.
+fn part(program: &str, shown: &str) -> String {
+    let printed = if shown.is_empty() { String::new() } else { format!("---- a stdout ----\n{shown}\n") };
+    format!(
+        "     Running {program}\n\nrunning 1 test\ntest a ... ok\n\nsuccesses:\n\n{printed}successes:\n    a\n\n\
+         test result: ok. 1 passed; 0 failed; 0 ignored\n\n"
+    )
+}
+
 #[test]
 fn the_test_programs_with_a_skipped_test_are_run_again() {
     let folder = tempfile::tempdir().expect("a folder");
     let log = folder.path().join("log.txt");
-    let skipped = "---- a stdout ----\nskipped: no GPU\n\n";
-    let part = |program: &str, shown: &str| {
-        format!("     Running {program}\n\nsuccesses:\n\n{shown}successes:\n    a\n\ntest result: ok. 1 passed\n\n")
-    };
+    let skipped = "skipped: no GPU\n";
     let parts = [
         part("unittests src/lib.rs (target/debug/deps/some_passes-0a1b)", skipped),
-        part("tests/deep.rs (target/debug/deps/deep-2c3d)", "---- a stdout ----\nnot skipped: 1\n\n"),
+        part("tests/deep.rs (target/debug/deps/deep-2c3d)", "not skipped: 1\n"),
         part("tests/own_rays/main.rs (/else where/target/debug/deps/own_rays-4e5f)", &skipped.repeat(2)),
-        part("unittests src/lib.rs (target/debug/deps/other-6a7b)", skipped),
+        part("unittests src/lib.rs (target/debug/deps/other-6a7b)", "")
+            .replace("test a ", "test parts::b ")
+            .replace("successes:\n\n", &format!("successes:\n\n---- parts::b stdout ----\n{skipped}\n")),
+        part("unittests src/lib.rs (target/debug/deps/another-6a7b)", "").replace("test a ", "test c "),
     ];
     std::fs::write(&log, parts.concat()).expect("written");
-    let again = bash(&root(".ci/count"), &["--again", log.to_str().expect("a path in UTF-8")]);
-    let again = text(&again.stdout);
-    let arguments: Vec<&str> = again.lines().collect();
-    let names = |wanted: &[&str]| arguments.windows(wanted.len()).any(|found| found == wanted);
-    assert!(arguments.len() == 3 && names(&["--lib"]) && names(&["--test", "own_rays"]), "{arguments:?}");
+    let lines = |option: &str| {
+        let output = bash(&root(".ci/count"), &[option, log.to_str().expect("a path in UTF-8")]);
+        text(&output.stdout).lines().map(str::to_owned).collect::<Vec<_>>()
+    };
+    assert_eq!(lines("--again"), ["--test", "own_rays"]);
+    let mut units = lines("--units");
+    units.sort_unstable();
+    assert_eq!(units, ["a", "parts::b"]);
+}
+
+#[test]
+fn a_test_that_is_run_again_counts_once() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let logs = ["first.txt", "second.txt"].map(|name| folder.path().join(name));
+    let skipped = "skipped: no GPU\n";
+    let rays = "tests/rays.rs (target/debug/deps/rays-2c3d)";
+    let other = "tests/other.rs (target/debug/deps/other-2c3d)";
+    let counted = |first: String, second: String| {
+        std::fs::write(&logs[0], first).expect("written");
+        std::fs::write(&logs[1], second).expect("written");
+        let paths = [&logs[0], &logs[1]].map(|path| path.to_str().expect("a path in UTF-8"));
+        text(&bash(&root(".ci/count"), &paths).stdout)
+    };
+    // Skipped, then run; another one that has the same name in its program is not meant.
+    assert_eq!(counted(part(rays, skipped) + &part(other, skipped), part(rays, "")), "1 passed, 0 failed, 1 skipped\n");
+    assert_eq!(counted(part(rays, skipped), part(rays, skipped)), "0 passed, 0 failed, 1 skipped\n");
+    assert_eq!(counted(part(rays, ""), part(rays, "")), "1 passed, 0 failed, 0 skipped\n");
+    assert_eq!(
+        counted(part(rays, ""), "test result: FAILED. 0 passed; 1 failed\n".to_owned()),
+        "1 passed, 1 failed, 0 skipped\n"
+    );
 }
 
 #[test]

@@ -234,14 +234,13 @@ fn the_list_names_every_program_and_its_snippets_load() {
         assert!(all.contains(program), "{all}");
         let described = succeeds(folder.path(), &["list", program]);
         let snippet = &described[described.find("<pass").expect("a snippet")..];
-        let file = project(&format!("../target/snippet-{program}-{}.xml", std::process::id()));
-        let text = format!("{}{snippet}{}", &whole[..start], &whole[end..]);
-        let text = text
-            .replace("3dsmodels\\", "..\\xml_projects\\3dsmodels\\")
-            .replace("mlibs\\", "..\\xml_projects\\mlibs\\");
+        let file = folder.path().join(format!("{program}.xml"));
+        let mut text = format!("{}{snippet}{}", &whole[..start], &whole[end..]);
+        for inside in ["3dsmodels", "mlibs"] {
+            text = text.replace(&format!("{inside}\\"), &format!("{}/", path(&project(inside))));
+        }
         std::fs::write(&file, text).expect("written");
         let output = curitiba(folder.path(), &["check", path(&file)]);
-        std::fs::remove_file(&file).expect("removed");
         assert!(output.status.success(), "{program}:\n{}", text_of_both(&output));
     }
     let wrong = fails_with(2, folder.path(), &["list", "sao"]);

@@ -1,9 +1,9 @@
 //! Compute passes and images: pictures with known pixels, and errors with their places in the files.
 //!
-//! Pictures need the feature `glsl` and a Vulkan, Metal or DirectX 12 driver (a software driver will do). Without a driver, the tests print
+//! Needs the feature `glsl`. Pictures need a Vulkan, Metal or DirectX 12 driver (a software driver will do). Without one, tests print
 //! `skipped`, or fail with `CURITIBA_REQUIRE_GPU_TESTS=1`.
 
-#![cfg_attr(not(feature = "glsl"), allow(dead_code, reason = "without the feature there are no pictures to compare"))]
+#![cfg(feature = "glsl")]
 
 mod own_shaders;
 
@@ -98,16 +98,6 @@ const ALL: &str = r#"dimX="8" dimY="16" dimZ="1""#;
 const SHOW_MADE: &str = r#"<pass class="quad" name="show"><texture name="made" fromLibrary="L"/></pass>"#;
 const SHOW_OTHER: &str = r#"<pass class="quad" name="show"><texture name="other" fromLibrary="L"/></pass>"#;
 
-#[cfg(not(feature = "glsl"))]
-#[test]
-fn a_build_without_the_feature_says_so() {
-    let said = Project::new(MADE, "RGBA32F", ALL, SHOW_MADE).refused();
-    let place = "p.xml:4:1";
-    assert!(said.contains(place) && said.contains("pass `make` runs a compute shader"), "{said}");
-    assert!(said.contains("cargo build --features glsl"), "{said}");
-}
-
-#[cfg(feature = "glsl")]
 mod run {
     use super::own_shaders::{assert_near, has_driver};
     use super::*;

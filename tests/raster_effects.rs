@@ -4,11 +4,11 @@
 //! with `CURITIBA_REQUIRE_GPU_TESTS=1`. `CURITIBA_PICTURES=DIR` writes the pictures.
 
 use curitiba::pipeline::backend::Answers;
-use curitiba::pipeline::executor::{Renderer, Silent, StepKind};
+use curitiba::pipeline::executor::{Engines, Renderer, Silent, StepKind};
 use curitiba::pipeline::image::{Image, write_png};
-use curitiba::pipeline::plan::Settings;
+use curitiba::pipeline::plan::{Plan, Settings};
 use curitiba::pipeline::programs::Fidelity;
-use curitiba::{BackendChoice, Choice, OpenError, RasterChoice};
+use curitiba::{BackendChoice, Choice, RasterChoice};
 use std::path::Path;
 
 const SIDE: u32 = 192;
@@ -32,11 +32,36 @@ const PROJECTS: [(&str, usize, f64); 8] = [
     ("GTAO", 0, 0.003),
 ];
 
-fn open(name: &str, camera: Option<&str>, raster: RasterChoice, set: &[&str]) -> Result<Renderer, OpenError> {
-    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join(format!("xml_projects/raster/Scene{name}.xml"));
-    let (camera, set) = (camera.map(str::to_owned), set.iter().map(|text| (*text).to_owned()).collect());
-    let settings = Settings { size: Some([SIDE, SIDE]), camera, set, ..Settings::default() };
-    curitiba::open(path, settings, Choice { raster, ..Choice::CPU }, &mut Silent)
+/// The engines of a choice, taken back from every renderer: a device is opened, and its shaders are compiled, once.
+struct Shared(Option<Engines>);
+
+impl Shared {
+    fn of(choice: Choice) -> Self {
+        Self(Some(curitiba::engines::choose(choice).expect("the engines are there")))
+    }
+
+    /// What `look` finds in a renderer of a file in `xml_projects`.
+    fn with<T>(&mut self, file: &str, settings: Settings, look: impl FnOnce(&mut Renderer) -> T) -> T {
+        let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("xml_projects").join(file);
+        let project = settings.open(&path).unwrap_or_else(|error| panic!("{file}: {error}"));
+        let plan = Plan::new(project, settings).unwrap_or_else(|error| panic!("{file}: {error}"));
+        let engines = self.0.take().expect("the engines came back");
+        let mut renderer = Renderer::new(plan, engines, &mut Silent).unwrap_or_else(|error| panic!("{file}: {error}"));
+        let found = look(&mut renderer);
+        self.0 = Some(renderer.into_engines());
+        found
+    }
+}
+
+fn settings(camera: Option<&str>, set: &[&str], off: &[&str]) -> Settings {
+    let list = |texts: &[&str]| texts.iter().map(|text| (*text).to_owned()).collect();
+    Settings {
+        size: Some([SIDE, SIDE]),
+        camera: camera.map(str::to_owned),
+        set: list(set),
+        off: list(off),
+        ..Settings::default()
+    }
 }
 
 /// The share of pixels with a component that differs by more than [`ROUNDING`].
@@ -60,6 +85,8 @@ fn both_rasterisers_compute_the_same_effects_on_the_square() {
         println!("skipped: {error}");
         return;
     }
+    let mut cpu = Shared::of(Choice::CPU);
+    let mut wgpu = Shared::of(Choice { raster: RasterChoice::Wgpu, ..Choice::CPU });
     let mut failed = Vec::new();
     for (name, maps, allowed) in PROJECTS {
         let set: &[&str] = match name {
@@ -68,20 +95,21 @@ fn both_rasterisers_compute_the_same_effects_on_the_square() {
             _ => &["pass2.steps=6"],
         };
         for camera in [None, Some("Vidro")] {
-            let render = |raster, set: &[&str]| {
-                let mut renderer = open(name, camera, raster, set).expect("the project opens");
-                let image = renderer.frame(&mut Silent).expect("the frame renders");
-                let rows = &renderer.timeline().rows;
-                let drawn = rows.iter().filter(|row| row.kind == StepKind::Maps).count();
-                let effects = rows.iter().filter(|row| row.kind == StepKind::Effect).count();
-                (image, drawn, effects)
+            let render = |engines: &mut Shared| {
+                engines.with(&format!("raster/Scene{name}.xml"), settings(camera, set, &[]), |renderer| {
+                    let image = renderer.frame(&mut Silent).expect("the frame renders");
+                    let rows = &renderer.timeline().rows;
+                    let drawn = rows.iter().filter(|row| row.kind == StepKind::Maps).count();
+                    let effects = rows.iter().filter(|row| row.kind == StepKind::Effect).count();
+                    (image, drawn, effects)
+                })
             };
-            let (cpu, cpu_maps, effects) = render(RasterChoice::Cpu, set);
-            let (gpu, gpu_maps, _) = render(RasterChoice::Wgpu, set);
-            let share = outliers(&cpu, &gpu);
+            let (of_cpu, cpu_maps, effects) = render(&mut cpu);
+            let (of_gpu, gpu_maps, _) = render(&mut wgpu);
+            let share = outliers(&of_cpu, &of_gpu);
             println!("{name}, camera {camera:?}: {share:.5} of the pixels differ");
-            keep_picture(&format!("square {name} {} cpu", camera.unwrap_or("Fonte")), &cpu);
-            keep_picture(&format!("square {name} {} gpu", camera.unwrap_or("Fonte")), &gpu);
+            keep_picture(&format!("square {name} {} cpu", camera.unwrap_or("Fonte")), &of_cpu);
+            keep_picture(&format!("square {name} {} gpu", camera.unwrap_or("Fonte")), &of_gpu);
             assert_eq!((cpu_maps, effects), (maps, 1), "{name}, camera {camera:?}");
             assert_eq!(gpu_maps, maps, "{name}, camera {camera:?}");
             if share > allowed {
@@ -94,6 +122,7 @@ fn both_rasterisers_compute_the_same_effects_on_the_square() {
 
 #[test]
 fn another_parameter_is_found_out() {
+    let mut engines = Shared::of(Choice::CPU);
     // Both pictures are rendered on the processor, because this tests the comparison.
     for (name, camera, a, b) in [
         ("ShadowMap", None, "pass2.mapsize=1024", "pass2.mapsize=16"),
@@ -103,9 +132,10 @@ fn another_parameter_is_found_out() {
         ("ScreenReflect", Some("Vidro"), "pass2.missing=cube", "pass2.missing=none"),
         ("ScreenRefract", Some("Vidro"), "pass2.missing=cube", "pass2.missing=none"),
     ] {
-        let render = |set: &str| {
-            let mut renderer = open(name, camera, RasterChoice::Cpu, &[set]).expect("the project opens");
-            renderer.frame(&mut Silent).expect("the frame renders")
+        let mut render = |set: &str| {
+            engines.with(&format!("raster/Scene{name}.xml"), settings(camera, &[set], &[]), |renderer| {
+                renderer.frame(&mut Silent).expect("the frame renders")
+            })
         };
         let share = outliers(&render(a), &render(b));
         let allowed = PROJECTS.iter().find(|project| project.0 == name).expect("in the list").2;
@@ -114,21 +144,11 @@ fn another_parameter_is_found_out() {
 }
 
 /// The picture of one of the shipped square's projects, and the statistics of what answered its glass pixels.
-fn rendered(file: &str, camera: Option<&str>, choice: Choice, set: &[&str], off: &[&str]) -> (Image, Option<Answers>) {
-    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("xml_projects").join(file);
-    let list = |texts: &[&str]| texts.iter().map(|text| (*text).to_owned()).collect();
-    let settings = Settings {
-        size: Some([SIDE, SIDE]),
-        camera: camera.map(str::to_owned),
-        set: list(set),
-        off: list(off),
-        ..Settings::default()
-    };
-    let mut renderer =
-        curitiba::open(path, settings, choice, &mut Silent).unwrap_or_else(|error| panic!("{file}: {error}"));
-    let image = renderer.frame(&mut Silent).expect("the frame renders");
-    let answers = renderer.timeline().rows.iter().find_map(|row| row.answers);
-    (image, answers)
+fn rendered(engines: &mut Shared, file: &str, settings: Settings) -> (Image, Option<Answers>) {
+    engines.with(file, settings, |renderer| {
+        let image = renderer.frame(&mut Silent).expect("the frame renders");
+        (image, renderer.timeline().rows.iter().find_map(|row| row.answers))
+    })
 }
 
 #[test]
@@ -137,7 +157,7 @@ fn what_the_screen_leaves_to_rays_is_bit_for_bit_what_the_ray_pass_writes() {
     let (cpu, wgpu) = ((RasterChoice::Cpu, BackendChoice::Cpu), (RasterChoice::Wgpu, BackendChoice::Wgpu));
     let all = [cpu, (RasterChoice::Wgpu, BackendChoice::Cpu), (RasterChoice::Cpu, BackendChoice::Wgpu), wgpu];
     for (raster, backend) in all.into_iter().filter(|engines| gpu || *engines == cpu) {
-        let choice = Choice { raster, backend, ..Choice::CPU };
+        let mut engines = Shared::of(Choice { raster, backend, ..Choice::CPU });
         for (screen, rays) in [("ScreenReflect", "SceneReflect.xml"), ("ScreenRefract", "SceneRefract.xml")] {
             let screen = format!("raster/Scene{screen}.xml");
             // Rays on a software driver take minutes in the view where most pixels are glass.
@@ -145,10 +165,10 @@ fn what_the_screen_leaves_to_rays_is_bit_for_bit_what_the_ray_pass_writes() {
                 if backend == BackendChoice::Wgpu { &[None] } else { &[None, Some("Vidro")] };
             for camera in cameras.iter().copied() {
                 let what = format!("{screen}, camera {camera:?}, {raster:?} and {backend:?}");
-                let (own, _) = rendered(&screen, camera, choice, &[], &["pass2"]);
-                let (marched, kept) = rendered(&screen, camera, choice, &["pass2.missing=none"], &[]);
-                let (mixed, left) = rendered(&screen, camera, choice, &["pass2.missing=rays"], &[]);
-                let (traced, _) = rendered(rays, camera, choice, &[], &[]);
+                let (own, _) = rendered(&mut engines, &screen, settings(camera, &[], &["pass2"]));
+                let (marched, kept) = rendered(&mut engines, &screen, settings(camera, &["pass2.missing=none"], &[]));
+                let (mixed, left) = rendered(&mut engines, &screen, settings(camera, &["pass2.missing=rays"], &[]));
+                let (traced, _) = rendered(&mut engines, rays, settings(camera, &[], &[]));
                 let (kept, left) = (kept.expect("counted"), left.expect("counted"));
                 assert_eq!((kept.screen, kept.kept, kept.cube), (left.screen, left.rays, 0), "{what}");
                 assert!(left.screen > 0 && left.rays > 0 && left.kept == 0, "{what}: {left:?}");

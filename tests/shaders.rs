@@ -1,12 +1,9 @@
 //! Own shaders of projects: pictures with known pixels, and errors with their places in the source.
 //!
-//! Pictures need the feature `glsl` and a Vulkan, Metal or DirectX 12 driver (a software driver will do). Without a
-//! driver, the tests print `skipped`, or fail with `CURITIBA_REQUIRE_GPU_TESTS=1`.
+//! Needs the feature `glsl`. Pictures need a Vulkan, Metal or DirectX 12 driver (a software driver will do). Without one,
+//! tests print `skipped`, or fail with `CURITIBA_REQUIRE_GPU_TESTS=1`.
 
-#![cfg_attr(
-    not(feature = "glsl"),
-    allow(dead_code, unused_imports, reason = "without the feature there are no pictures to compare")
-)]
+#![cfg(feature = "glsl")]
 
 mod own_shaders;
 
@@ -167,22 +164,6 @@ impl Scene {
     }
 }
 
-#[cfg(not(feature = "glsl"))]
-#[test]
-fn a_build_without_the_feature_says_so() {
-    let scene = Scene::square(&Shader { vertex: VERTEX, fragment: "", values: "", ..Shader::default() });
-    assert!(scene.picture_is_refused(), "{}", scene.refused(RasterChoice::Cpu));
-}
-
-#[cfg(not(feature = "glsl"))]
-impl Scene {
-    fn picture_is_refused(&self) -> bool {
-        let said = self.refused(RasterChoice::Cpu);
-        said.contains("shader `own` is not a raster program") && said.contains("cargo build --features glsl")
-    }
-}
-
-#[cfg(feature = "glsl")]
 mod drawn {
     use super::*;
 

@@ -299,6 +299,12 @@ impl Renderer {
         &self.engines
     }
 
+    /// The rasteriser and the ray backends, for the next renderer: it then opens no device anew.
+    #[must_use]
+    pub fn into_engines(self) -> Engines {
+        self.engines
+    }
+
     /// The scenes that passes use, one for each of [`Plan::scene_sets`].
     pub fn scenes(&self) -> impl Iterator<Item = &Arc<RenderScene>> {
         self.scenes.iter().map(|loaded| &loaded.scene)
