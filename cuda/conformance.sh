@@ -3,7 +3,7 @@
 # Usage: cuda/conformance.sh BINARIES OUTPUT [PROJECTS…], where BINARIES is a folder with `curitiba` and `conformance`, built by
 #   cargo build --release --features cuda && cargo build --release --features cuda --example conformance
 # and, to run the tests as well, the files `cuda-…` and `faults-…` that this command names:
-#   cargo test --workspace --features cuda --no-run
+#   cargo test --workspace --no-run
 # (anywhere: no toolkit, no GPU), and OUTPUT is the folder for the JSON files. Run it in the repository, whose projects it
 # renders, and those in the folders PROJECTS (times only). Nothing is compiled here: the driver alone is needed.
 set -euo pipefail

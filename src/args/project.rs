@@ -66,7 +66,8 @@ pub struct ProjectArgs {
     /// Set a parameter of a ray pass; `curitiba list` names them
     #[arg(long, value_name = "PASS.NAME=VALUE")]
     pub set: Vec<String>,
-    /// Switch a pass off: its colour input is shown through, or of a share of light 1; raster and quad passes do nothing
+    /// Switch a pass off. A ray or effect pass then hands on the colour that it reads, or full light where it writes a share of light;
+    /// a raster or quad pass draws nothing
     #[arg(long, value_name = "PASS")]
     pub off: Vec<String>,
     /// Render only these pixels of the window, the same as in the whole picture: column and row from the top left, and size

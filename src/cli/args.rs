@@ -105,9 +105,8 @@ Examples:
   curitiba bench --table2 --reference-samples 4096 --list
   curitiba bench --table2 --reference-samples 4096 --shard auto --parts parts
 
-A row's error is of its window picture, in linear values, against a reference that this program renders itself:
-in f64 where there is no noise, else with as many samples as it takes for an error of its own that is ten times
-below the row's. References are kept and used again.")]
+A row's error is that of its window picture, in linear values, against a reference that this program renders: in f64 where there is no \
+noise, else with so many samples that the reference's own error is a tenth of the row's. References are kept and used again.")]
     Bench(Box<BenchArgs>),
     /// Render the picture that `bench` and `report` judge rows by as a whole, from the camera in f64, and keep it.
     #[command(after_help = "\
@@ -124,7 +123,7 @@ Examples:
   curitiba merge both.json first/parts second/parts
   curitiba merge both.json here.json there.json
 
-Parts of other commands, builds, projects, scenes or references are refused. Nothing is averaged: what one machine measured
+Parts of other commands, builds, projects, scenes or references are refused. Nothing is averaged: what one machine measured \
 twice is there twice. Rows that are missing are listed, and the exit code is then 1: docs/cluster.md")]
     Merge(MergeArgs),
     /// Measure every effect by raster and by rays on this machine, and write a page about it.
@@ -147,8 +146,8 @@ Examples:
   curitiba tune xml_projects/SceneShadows.xml --error 0.01 -o shadows.xml
   curitiba tune model.glb --size 640x360 --time 33ms --metric flip
 
-Each candidate is a row: `*` is chosen, `+` are the two next best. What is written is rendered again; the exit code is 1 where that does
-not keep the goal, or where nothing does.")]
+Each candidate is a row: `*` is chosen, `+` are the two next best. What is written is rendered again; the exit code is 1 where that misses \
+the goal, or where nothing meets it.")]
     Tune(Box<TuneArgs>),
     /// How much triangles see of each other, and form factors, for lists of pairs of any length.
     #[command(after_help = "\
@@ -158,7 +157,7 @@ Examples:
   curitiba visibility xml_projects/SceneFinal.xml --pairs near:0.001 --error 0.02 -o square.csv
   curitiba visibility model.obj --pairs list.csv --facing zero -o seen.csv --resume
 
-A pair is exact where it faces away, where nothing is between, or where a surface closes it; else it is sampled, with a
+A pair is exact where it faces away, where nothing is between, or where a surface closes it; else it is sampled, with a \
 standard error. Columns, policies and limits: docs/visibility.md")]
     Visibility(VisibilityArgs),
     /// Show a project or scene in a window: what each pass writes and takes, and what its settings change.

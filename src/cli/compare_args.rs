@@ -108,10 +108,10 @@ Metrics, of A (t) against B (r), over the colours of all pixels; alpha is not co
 {formulas}  {Z_TEST:10} (c - 1) sqrt(n / 2), c = mean over n tiles of 8 x 8 pixels of z^2, z = sum(t - r) / sqrt(sum(vt + vr)), vt \
 and vr the variances of the means; z of estimated variances is mapped from Student's t (Welch) to the normal value \
 of the same probability. Above 4 the difference is more than noise.
-  Values are compared as stored where no side is linear radiance (a project or scene with color=linear, and its .exr). Where one is, the
-  other's are decoded from sRGB if they are display values (.png; color=report), and the result says so.
-  SSIM and FLIP are of displayed values: values cut to 0 to 1, and of linear radiance encoded in sRGB, as the .png of `render` holds
-  them without exposure or tone curve.
+  Values are compared as stored where no side is linear radiance (a project or scene with color=linear, and its .exr). Where one is, the \
+other's are decoded from sRGB if they are display values (.png; color=report), and the result says so.
+  SSIM and FLIP are of displayed values: values cut to 0 to 1, and of linear radiance encoded in sRGB, as the .png of `render` holds \
+them without exposure or tone curve.
   Positions and normals (.exr of --show) are compared as if they were colours.
 
 Examples:

@@ -2,7 +2,8 @@
 
 use super::inputs::Inputs;
 use super::question::{Question, Words};
-use super::shader::{self, AskUniform, GROUP};
+use super::shader::{self, GROUP};
+use super::uniforms::AskUniform;
 use crate::raster::gpu::device::Gpu;
 use curitiba_pipeline::backend::BackendError;
 

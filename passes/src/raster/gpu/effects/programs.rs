@@ -11,7 +11,8 @@ use curitiba_pipeline::executor::Progress;
 use curitiba_pipeline::raster_effects::EffectProgram;
 use std::time::Instant;
 
-use super::shader::{self, FrameUniform, GROUP, Variant};
+use super::shader::{self, GROUP, Variant};
+use super::uniforms::{self, FrameUniform};
 
 /// The output's format.
 pub const OUTPUT_FORMAT: wgpu::TextureFormat = wgpu::TextureFormat::Rgba32Float;
@@ -90,7 +91,7 @@ impl Program {
             format: OUTPUT_FORMAT,
             view_dimension: wgpu::TextureViewDimension::D2,
         };
-        let params_bytes = shader::params_bytes(variant);
+        let params_bytes = uniforms::params_bytes(variant);
         let types = [uniform(size_of::<FrameUniform>()), uniform(params_bytes), output];
         let label = program.info().name;
         let layout = layout(&gpu.device, label, types.into_iter().chain(resources(variant)));

@@ -2,8 +2,9 @@
 
 use super::inputs::{Inputs, Ready};
 use super::question::{Question, Words};
-use super::shader::{self, GROUP, SEGMENT, SurveyUniform};
+use super::shader::{self, GROUP, SEGMENT};
 use super::table::Table;
+use super::uniforms::SurveyUniform;
 use crate::raster::effects::mirrors::{Seen, Survey};
 use crate::raster::effects::planes::{GlassPlane, Glazing};
 use crate::raster::gpu::device::Gpu;
