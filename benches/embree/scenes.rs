@@ -4,7 +4,9 @@ use crate::rng::Numbers;
 use crate::shapes;
 use curitiba::engines;
 use curitiba::passes::trace::{Bvh, Quality, Ray, Tracer};
-use curitiba::pipeline::backend::{BackendError, BuildStats, NO_TRIANGLE, RayBackend, RayJob, RayStats, Shade, Sun};
+use curitiba::pipeline::backend::{
+    BackendError, BuildStats, NO_TRIANGLE, PixelCone, RayBackend, RayJob, RayStats, Shade, Sun,
+};
 use curitiba::pipeline::executor::{Engines, Progress, Renderer, Silent};
 use curitiba::pipeline::image::Image;
 use curitiba::pipeline::plan::{Plan, Settings};
@@ -113,6 +115,7 @@ impl OwnedJob {
             fidelity: Fidelity::Corrected,
             seed: 0,
             eye: self.eye,
+            cone: PixelCone::default(),
             sun: self.sun,
             width: self.width,
             height: self.height,

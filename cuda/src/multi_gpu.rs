@@ -204,6 +204,7 @@ impl<T: DeviceTracer> RayBackend for DeviceRays<T> {
             check::sun(T::NAME, job)?;
             check::filter(T::NAME, job)?;
             check::adaptive(T::NAME, job)?;
+            check::cones(T::NAME, job)?;
             check_glass(T::NAME, false, &job.params, job.dielectrics)?;
         }
         if output.pixels.is_empty() {

@@ -6,8 +6,8 @@ mod filter;
 mod intersections;
 
 use crate::effects::{
-    AlphaTested, Area, Coverage, Opaque, Pass, Pixel, Preparation, TILE, Workspace, camera, combined, deferred_shadows,
-    dielectric,
+    AlphaTested, Area, ByCones, Coverage, Opaque, Pass, Pixel, Preparation, TILE, Workspace, camera, combined,
+    deferred_shadows, dielectric,
     dielectric::{Lenses, Media},
     reflection, refraction, ssao,
 };
@@ -90,6 +90,10 @@ impl RayBackend for CpuRays {
     }
 
     fn samples_adaptively(&self) -> bool {
+        true
+    }
+
+    fn traces_cones(&self) -> bool {
         true
     }
 
@@ -295,6 +299,10 @@ fn run_by_rays<'o, R: Runner<'o>>(
     in_host(job)?;
     check::scene(NAME, job, tracer.knows_spheres())?;
     Ok(match job.fidelity {
+        Fidelity::Corrected if asks_of_cones(job) => {
+            let coverage = ByCones(AlphaTested { scene: job.scene, shades: job.shades });
+            run_with_cones(&new_pass(job, &Erased::<true>(tracer), coverage, runner.progress())?, runner)
+        }
         Fidelity::Corrected => {
             let cut = job.shades.iter().any(|shade| shade.alpha_cutoff.is_some());
             let coverage = cut.then_some(AlphaTested { scene: job.scene, shades: job.shades });
@@ -307,14 +315,22 @@ fn run_by_rays<'o, R: Runner<'o>>(
 fn run<'o, T: Tracer, R: Runner<'o>>(tracer: &T, job: &RayJob<'_>, runner: R) -> Result<R::Output, BackendError> {
     in_host(job)?;
     check::scene(NAME, job, T::SPHERES)?;
+    let coverage = AlphaTested { scene: job.scene, shades: job.shades };
+    if asks_of_cones(job) {
+        return Ok(run_with_cones(&new_pass(job, tracer, ByCones(coverage), runner.progress())?, runner));
+    }
     let cut = job.fidelity == Fidelity::Corrected && job.shades.iter().any(|shade| shade.alpha_cutoff.is_some());
     // Programs with spheres always test cut-outs: each combination is compiled separately, and takes a minute.
     Ok(if T::SPHERES || cut {
-        let coverage = AlphaTested { scene: job.scene, shades: job.shades };
         run_program(&new_pass(job, tracer, coverage, runner.progress())?, runner)
     } else {
         run_program(&new_pass(job, tracer, Opaque, runner.progress())?, runner)
     })
+}
+
+/// Whether a job's texture lookups at hits are filtered by ray cones.
+fn asks_of_cones(job: &RayJob<'_>) -> bool {
+    job.fidelity == Fidelity::Corrected && job.program.asks_of_cones(&job.params).is_some()
 }
 
 fn new_pass<'a, T: Tracer, C: Coverage>(
@@ -496,6 +512,34 @@ fn run_corrected<'o, T: Tracer, C: Coverage, R: Runner<'o>>(pass: &Pass<'_, T, C
         | RayProgram::Whitted
         | RayProgram::CameraOcclusion
         | RayProgram::PathTracing => pixels.each(alone, |p, w| camera::pixel(pass, p, w)),
+    }
+}
+
+/// As [`run_corrected`], for the programs that may ask for ray cones.
+fn run_with_cones<'o, T: Tracer, C: Coverage, R: Runner<'o>>(pass: &Pass<'_, T, C>, pixels: R) -> R::Output {
+    let bodies = !pass.job.dielectrics.is_empty();
+    match pass.job.program {
+        RayProgram::Reflection => pixels.each(alone, |p, w| reflection::corrected::pixel(pass, p, w)),
+        RayProgram::Refraction if bodies => {
+            pixels.each(alone, |p, w| refraction::corrected::pixel_of_bodies(pass, p, w))
+        }
+        RayProgram::Refraction => pixels.each(alone, |p, w| refraction::corrected::pixel(pass, p, w)),
+        RayProgram::Final if bodies => {
+            let prepare = |area, work: &mut Workspace| combined::bodies::prepare(pass, area, work);
+            pixels.each(before(prepare), |p, w| combined::bodies::pixel(pass, p, w))
+        }
+        RayProgram::Final => {
+            let prepare = |area, work: &mut Workspace| combined::corrected::prepare(pass, area, work);
+            pixels.each(before(prepare), |p, w| combined::corrected::pixel(pass, p, w))
+        }
+        RayProgram::Albedo
+        | RayProgram::Lambert
+        | RayProgram::Whitted
+        | RayProgram::CameraOcclusion
+        | RayProgram::PathTracing => pixels.each(alone, |p, w| camera::pixel(pass, p, w)),
+        RayProgram::Dummy | RayProgram::DeferredShadows | RayProgram::Ssao => {
+            unreachable!("they have no parameter `texturelod`")
+        }
     }
 }
 

@@ -84,6 +84,10 @@ impl<F: Fn(At<'_>) -> [f32; 4] + Sync> RayBackend for OwnProgram<F> {
         self.rays.samples_adaptively()
     }
 
+    fn traces_cones(&self) -> bool {
+        self.rays.traces_cones()
+    }
+
     fn build(&mut self, scene: &Arc<RenderScene>, filtered: &[bool]) -> Result<BuildStats, BackendError> {
         self.rays.build(scene, filtered)
     }

@@ -4,8 +4,8 @@
 use curitiba_passes::cpu::CpuRays;
 use curitiba_passes::raster::cpu::CpuRasteriser;
 use curitiba_pipeline::backend::{
-    Attachments, FromCamera, GBuffer, Glow, Lamp, LoadStore, NO_TRIANGLE, RasterJob, Rasteriser as _, RayBackend as _,
-    RayJob, Rect, Shade, Sun, View,
+    Attachments, FromCamera, GBuffer, Glow, Lamp, LoadStore, NO_TRIANGLE, PixelCone, RasterJob, Rasteriser as _,
+    RayBackend as _, RayJob, Rect, Shade, Sun, View,
 };
 use curitiba_pipeline::camera_programs::{CameraParams, SurfaceKind};
 use curitiba_pipeline::executor::Progress;
@@ -105,6 +105,7 @@ impl World {
             fidelity: Fidelity::Corrected,
             seed: 0,
             eye: self.eye,
+            cone: PixelCone::default(),
             sun: self.sun,
             origin: [0; 2],
             width: SIDE,

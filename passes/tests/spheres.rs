@@ -4,7 +4,8 @@
 use curitiba_passes::cpu::CpuRays;
 use curitiba_passes::raster::cpu::CpuRasteriser;
 use curitiba_pipeline::backend::{
-    Attachments, GBuffer, LoadStore, NO_TRIANGLE, RasterJob, Rasteriser, RayBackend, RayJob, Rect, Shade, Sun, View,
+    Attachments, GBuffer, LoadStore, NO_TRIANGLE, PixelCone, RasterJob, Rasteriser, RayBackend, RayJob, Rect, Shade,
+    Sun, View,
 };
 use curitiba_pipeline::executor::Progress;
 use curitiba_pipeline::glass::{Dielectric, GlassRule, Shape};
@@ -301,6 +302,7 @@ fn a_sphere_is_nearer_to_the_closed_form_than_a_mesh_of_twenty_thousand_facets()
             fidelity: Fidelity::Corrected,
             seed: 0,
             eye: eye.at,
+            cone: PixelCone::default(),
             sun: Some(Sun { direction: Vec3::NEG_Y, color: Vec3::ONE }),
             origin: [0; 2],
             width: 160,

@@ -5,7 +5,7 @@ use curitiba_passes::cpu::trace;
 use curitiba_passes::raster::cpu::CpuRasteriser;
 use curitiba_passes::trace::{Bvh, Double, Quality, Ray, Tracer};
 use curitiba_pipeline::backend::{
-    Attachments, GBuffer, LoadStore, NO_TRIANGLE, RasterJob, Rasteriser, RayJob, Rect, Shade, Sun, View,
+    Attachments, GBuffer, LoadStore, NO_TRIANGLE, PixelCone, RasterJob, Rasteriser, RayJob, Rect, Shade, Sun, View,
 };
 use curitiba_pipeline::executor::Progress;
 use curitiba_pipeline::image::{Image, PixelFormat};
@@ -82,6 +82,7 @@ impl Setting {
             fidelity,
             seed: 0,
             eye: self.view.eye,
+            cone: PixelCone::default(),
             sun: Some(self.sun),
             width: SIDE,
             height: SIDE,

@@ -7,7 +7,8 @@
 use curitiba::passes::cpu::CpuRays;
 use curitiba::passes::raster::cpu::CpuRasteriser;
 use curitiba::pipeline::backend::{
-    Attachments, GBuffer, LoadStore, NO_TRIANGLE, RasterJob, Rasteriser, RayBackend, RayJob, Rect, Shade, Sun, View,
+    Attachments, GBuffer, LoadStore, NO_TRIANGLE, PixelCone, RasterJob, Rasteriser, RayBackend, RayJob, Rect, Shade,
+    Sun, View,
 };
 use curitiba::pipeline::executor::Progress;
 use curitiba::pipeline::image::Image;
@@ -212,6 +213,7 @@ fn render_from(stored: &Stored, moved: Vec3, change: impl Fn(&mut RayParams)) ->
         fidelity: Fidelity::Corrected,
         seed: 3,
         eye,
+        cone: PixelCone::default(),
         sun: Some(sun),
         width,
         height,

@@ -125,7 +125,7 @@ mod tests {
     use super::*;
     use crate::programs::on_optix;
     use curitiba_passes::effects::dielectric::Variant;
-    use curitiba_pipeline::backend::Shade;
+    use curitiba_pipeline::backend::{PixelCone, Shade};
     use curitiba_pipeline::programs::{RAY_PROGRAMS, RayParams, RayProgram};
     use curitiba_pipeline::scene::RenderScene;
     use glam::{Vec3, Vec4};
@@ -208,6 +208,7 @@ mod tests {
             fidelity: Fidelity::Corrected,
             seed: 0,
             eye: Vec3::ZERO,
+            cone: PixelCone::default(),
             sun: None,
             width: 1,
             height: 1,

@@ -4,7 +4,7 @@
 use super::{compiled_with, run, words};
 use curitiba_passes::cpu;
 use curitiba_passes::trace::{Bvh, Hit, Quality, Ray, Tracer};
-use curitiba_pipeline::backend::{NO_TRIANGLE, RayJob, Shade, Sun};
+use curitiba_pipeline::backend::{NO_TRIANGLE, PixelCone, RayJob, Shade, Sun};
 use curitiba_pipeline::executor::Progress;
 use curitiba_pipeline::glass::{Dielectric, GlassRule, GlassShadow, Shape};
 use curitiba_pipeline::image::Image;
@@ -216,6 +216,7 @@ fn differences(program: &Path, scene: &Scene, asked: Asked) -> (f32, usize, usiz
         fidelity: Fidelity::Corrected,
         seed: 0,
         eye: scene.eye,
+        cone: PixelCone::default(),
         sun: Some(sun),
         width: SIZE,
         height: SIZE,

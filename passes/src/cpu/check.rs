@@ -71,6 +71,21 @@ pub fn adaptive(backend: &'static str, job: &RayJob<'_>) -> Result<(), BackendEr
     }
 }
 
+/// Refuses texture lookups that are filtered by ray cones, for a backend that has none.
+///
+/// # Errors
+/// [`BackendError::Unsupported`] of that backend.
+pub fn cones(backend: &'static str, job: &RayJob<'_>) -> Result<(), BackendError> {
+    match job.program.asks_of_cones(&job.params).filter(|_| job.fidelity == Fidelity::Corrected) {
+        None => Ok(()),
+        Some(asked) => Err(missing(
+            backend,
+            job,
+            &format!("{asked} asks for mip levels at hits, and it reads level 0; the cpu reads both"),
+        )),
+    }
+}
+
 /// Checks the sizes of the images that the program reads and of the one that it writes.
 ///
 /// # Errors

@@ -1,6 +1,6 @@
 use super::{CpuRays, Whole, new_pass, run_corrected};
-use crate::effects::Coverage;
 use crate::effects::tests::world::{Shot, World, grid};
+use crate::effects::{Coverage, LevelZero};
 use crate::sampling::hash::{pcg4d, unit};
 use crate::trace::{Bvh, Hit, Quality, Ray, SurfacePoint, Tracer};
 use curitiba_pipeline::backend::{BackendError, RayBackend, RayCounts, RayJob, Shade};
@@ -114,6 +114,8 @@ fn the_number_of_threads_does_not_change_a_bit() {
 struct GivesUp(Option<Cancellation>);
 
 impl Coverage for GivesUp {
+    type Cone = LevelZero;
+
     fn covers(&self, _: &Hit) -> bool {
         self.0.iter().for_each(Cancellation::cancel);
         true

@@ -1,12 +1,17 @@
-//! Alpha testing: where surfaces are cut out.
+//! How textures are read at hits: where surfaces are cut out, and at which level their colours are read.
 
 use super::interpolate::{interpolate, texture_coordinates};
+use super::ray_cone::{Cone, LevelZero, RayCone};
 use crate::trace::Hit;
 use curitiba_pipeline::backend::Shade;
 use curitiba_pipeline::scene::RenderScene;
 
-/// Decides where a triangle has a surface.
+/// Decides where a triangle has a surface. Its type also decides at which level other lookups are made, so that programs are compiled for
+/// either.
 pub trait Coverage: Sync {
+    /// What paths carry to find the level; see [`ByCones`].
+    type Cone: Cone;
+
     /// Whether there is a surface at this point of the triangle.
     fn covers(&self, hit: &Hit) -> bool;
 }
@@ -16,6 +21,8 @@ pub trait Coverage: Sync {
 pub struct Opaque;
 
 impl Coverage for Opaque {
+    type Cone = LevelZero;
+
     fn covers(&self, _: &Hit) -> bool {
         true
     }
@@ -23,6 +30,8 @@ impl Coverage for Opaque {
 
 /// `None` leaves every triangle whole.
 impl<C: Coverage> Coverage for Option<C> {
+    type Cone = C::Cone;
+
     fn covers(&self, hit: &Hit) -> bool {
         self.as_ref().is_none_or(|coverage| coverage.covers(hit))
     }
@@ -38,6 +47,8 @@ pub struct AlphaTested<'a> {
 }
 
 impl Coverage for AlphaTested<'_> {
+    type Cone = LevelZero;
+
     fn covers(&self, hit: &Hit) -> bool {
         let shade = &self.shades[self.scene.geometry.material_of(hit.triangle) as usize];
         let Some(cutoff) = shade.alpha_cutoff.filter(|_| shade.is_cut()) else { return true };
@@ -47,5 +58,17 @@ impl Coverage for AlphaTested<'_> {
         });
         let vertices = if shade.vertex_colors { interpolate(geometry, &geometry.colors, hit).w } else { 1.0 };
         alpha * vertices >= cutoff
+    }
+}
+
+/// Triangles have a surface where the inner coverage says so; colours and normals are read at the level of a ray cone.
+#[derive(Debug, Clone, Copy)]
+pub struct ByCones<C>(pub C);
+
+impl<C: Coverage> Coverage for ByCones<C> {
+    type Cone = RayCone;
+
+    fn covers(&self, hit: &Hit) -> bool {
+        self.0.covers(hit)
     }
 }

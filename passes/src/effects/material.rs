@@ -1,10 +1,12 @@
 //! The colours and normals of materials at a hit.
 
+use super::coverage::Coverage;
 use super::interpolate::{interpolate, texture_coordinates};
 use super::pass::Pass;
+use super::ray_cone::Footprint;
 use crate::trace::{Hit, Tracer};
 use curitiba_pipeline::scene::normal_map;
-use glam::Vec3;
+use glam::{Vec3, Vec4};
 
 /// As in the rasteriser: normals whose squared length is at most this have cancelled.
 pub const LEAST_SQUARE: f32 = 1e-30;
@@ -12,11 +14,11 @@ pub const LEAST_SQUARE: f32 = 1e-30;
 /// The report's ambient light.
 pub const AMBIENT: f32 = 0.3;
 
-impl<T: Tracer, C> Pass<'_, T, C> {
-    /// The colour of the report's `closest_hit` for this unit normal: diffuse and ambient light times texture (level
-    /// 0), times vertex colour, plus the light that the surface emits. Spheres have neither texture coordinates nor
-    /// vertex colours.
-    pub(super) fn lit_color(&self, hit: &Hit, normal: Vec3) -> Vec3 {
+impl<T: Tracer, C: Coverage> Pass<'_, T, C> {
+    /// The colour of the report's `closest_hit` for this unit normal: diffuse and ambient light times texture, times
+    /// vertex colour, plus the light that the surface emits. Textures are read at the level of the footprint. Spheres have
+    /// neither texture coordinates nor vertex colours.
+    pub(super) fn lit_color(&self, hit: &Hit, footprint: impl Footprint, normal: Vec3) -> Vec3 {
         let scene = self.job.scene;
         let shade = &self.job.shades[self.material_of(hit.triangle) as usize];
         let diffuse = shade.diffuse.truncate();
@@ -25,7 +27,7 @@ impl<T: Tracer, C> Pass<'_, T, C> {
         let reflected = match shade.texture.filter(|_| flat) {
             None => lit + AMBIENT * diffuse,
             Some(texture) => {
-                let texel = scene.textures[texture as usize].sample(texture_coordinates(&scene.geometry, hit), 0.0);
+                let texel = self.texel(texture, hit, footprint);
                 (lit + AMBIENT) * texel.truncate()
             }
         };
@@ -34,7 +36,7 @@ impl<T: Tracer, C> Pass<'_, T, C> {
         } else {
             reflected
         };
-        if shade.glow.is_some() { reflected + self.glow(hit) } else { reflected }
+        if shade.glow.is_some() { reflected + self.glow(hit, footprint) } else { reflected }
     }
 
     /// The cosine of the light on a surface with this unit normal; 0 where the surface is turned away.
@@ -52,19 +54,23 @@ impl<T: Tracer, C> Pass<'_, T, C> {
         if textured { shade.diffuse.truncate() } else { Vec3::ONE }
     }
 
+    /// What a texture has at a hit, at the level of the footprint.
+    pub(super) fn texel(&self, texture: u32, hit: &Hit, footprint: impl Footprint) -> Vec4 {
+        let texture = &self.job.scene.textures[texture as usize];
+        texture.sample(texture_coordinates(&self.job.scene.geometry, hit), footprint.level(texture))
+    }
+
     /// The light that a surface emits at a hit.
-    pub(super) fn glow(&self, hit: &Hit) -> Vec3 {
-        let scene = self.job.scene;
+    pub(super) fn glow(&self, hit: &Hit, footprint: impl Footprint) -> Vec3 {
         let flat = self.sphere(hit.triangle).is_none();
         let Some(glow) = self.job.shades[self.material_of(hit.triangle) as usize].glow else { return Vec3::ZERO };
-        let shining = glow.texture.filter(|_| flat).map_or(Vec3::ONE, |texture| {
-            scene.textures[texture as usize].sample(texture_coordinates(&scene.geometry, hit), 0.0).truncate()
-        });
+        let shining =
+            glow.texture.filter(|_| flat).map_or(Vec3::ONE, |texture| self.texel(texture, hit, footprint).truncate());
         glow.color * shining
     }
 
-    /// The diffuse reflectance at a hit: diffuse colour times texture (level 0) times vertex colour.
-    pub(super) fn base_color(&self, hit: &Hit) -> Vec3 {
+    /// The diffuse reflectance at a hit: diffuse colour times texture times vertex colour.
+    pub(super) fn base_color(&self, hit: &Hit, footprint: impl Footprint) -> Vec3 {
         let scene = self.job.scene;
         let shade = &self.job.shades[self.material_of(hit.triangle) as usize];
         let mut color = shade.diffuse.truncate();
@@ -72,8 +78,7 @@ impl<T: Tracer, C> Pass<'_, T, C> {
             return color;
         }
         if let Some(texture) = shade.texture {
-            let at = texture_coordinates(&scene.geometry, hit);
-            color *= scene.textures[texture as usize].sample(at, 0.0).truncate();
+            color *= self.texel(texture, hit, footprint).truncate();
         }
         if shade.vertex_colors {
             color *= interpolate(&scene.geometry, &scene.geometry.colors, hit).truncate();
@@ -81,16 +86,15 @@ impl<T: Tracer, C> Pass<'_, T, C> {
         color
     }
 
-    /// The normal at a hit, bent by the normal map (level 0); `None` where the material has none. `vertex` is the
+    /// The normal at a hit, bent by the normal map; `None` where the material has none. `vertex` is the
     /// interpolated vertex normal, and `flat` the triangle's normal.
-    pub(super) fn bent_normal(&self, hit: &Hit, vertex: Vec3, flat: Vec3) -> Option<Vec3> {
-        let scene = self.job.scene;
-        let geometry = &scene.geometry;
+    pub(super) fn bent_normal(&self, hit: &Hit, footprint: impl Footprint, [vertex, flat]: [Vec3; 2]) -> Option<Vec3> {
+        let geometry = &self.job.scene.geometry;
         if geometry.tangents.is_empty() || vertex.length_squared() <= LEAST_SQUARE {
             return None;
         }
         let map = self.job.shades[geometry.material_of(hit.triangle) as usize].normal_map?;
-        let texel = scene.textures[map.texture as usize].sample(texture_coordinates(geometry, hit), 0.0);
+        let texel = self.texel(map.texture, hit, footprint);
         let tangent = interpolate(geometry, &geometry.tangents, hit);
         Some(normal_map::bent(texel.truncate(), map.scale, vertex, tangent, flat))
     }

@@ -32,7 +32,7 @@
 //! - `ssao` divides by 0 for 0 samples; here they switch it off, as in `final`.
 
 //!
-//! From the ground up: `interpolate`, `coverage`, `pass`, `tile`. Then the modules about one point: `spheres`, `light`,
+//! From the ground up: `interpolate`, `ray_cone`, `coverage`, `pass`, `tile`. Then the modules about one point: `spheres`, `light`,
 //! `material`, `surface`, `optics`, `terminator`, `sun` and `thesis`. Then those about a tile, `visible_pixels` and
 //! `tile_surfaces`; `workspace`; `occlusion` and `tile_occlusion`; and `dielectric`, glass as each material says. Above
 //! them are the programs, one folder each, and `camera`. May use: `trace`, `sampling`.
@@ -50,6 +50,7 @@ mod occlusion;
 mod optics;
 mod pass;
 mod preparation;
+mod ray_cone;
 pub mod reflection;
 pub mod refraction;
 mod spheres;
@@ -64,13 +65,14 @@ mod tile_surfaces;
 mod visible_pixels;
 mod workspace;
 
-pub use coverage::{AlphaTested, Coverage, Opaque};
+pub use coverage::{AlphaTested, ByCones, Coverage, Opaque};
 pub use light::SHADOWED;
 pub use occlusion::open_shares;
 pub use optics::{Interface, fresnel, interface, interface_of, reflect, schlick};
 pub(crate) use pass::opaque;
 pub use pass::{Pass, Pixel};
 pub use preparation::Preparation;
+pub use ray_cone::{Cone, Footprint, LevelZero, RayCone, TextureArea, curvature};
 pub use terminator::way_onto_round;
 pub use tile::{Area, TILE};
 pub use tile_surfaces::TileSurfaces;

@@ -5,6 +5,7 @@ use super::coverage::Coverage;
 use super::interpolate::interpolate;
 use super::optics::reflect;
 use super::pass::{Pass, Pixel};
+use super::ray_cone::{Cone, Footprint, curvature};
 use crate::trace::{F16, Hit, LANES, Ray, SurfacePoint, SurfacePoints, Tracer, vector_at};
 use glam::Vec3;
 
@@ -126,6 +127,9 @@ impl Surfaces {
     }
 }
 
+/// What the cones of a pass cover of textures.
+pub(super) type FootprintOf<C> = <<C as Coverage>::Cone as Cone>::Footprint;
+
 impl<T: Tracer, C: Coverage> Pass<'_, T, C> {
     /// The surface at the point of `triangle` that a pixel shows, and the unit direction in which it is seen. `normal`
     /// is the stored one.
@@ -151,8 +155,8 @@ impl<T: Tracer, C: Coverage> Pass<'_, T, C> {
         }
     }
 
-    /// The surface at the point where a ray hits.
-    pub(super) fn surface_hit(&self, ray: &Ray, hit: &Hit) -> Surface {
+    /// The surface at the point where a ray hits; its bumps are read at the level of the footprint.
+    pub(super) fn surface_hit(&self, ray: &Ray, hit: &Hit, footprint: impl Footprint) -> Surface {
         if let Some(sphere) = self.sphere(hit.triangle) {
             let point = SurfacePoint::on_sphere_by(sphere, ray, hit.t);
             return Surface::new(point, point.normal, ray.direction);
@@ -160,8 +164,35 @@ impl<T: Tracer, C: Coverage> Pass<'_, T, C> {
         let geometry = &self.job.scene.geometry;
         let point = SurfacePoint::from_hit(geometry, hit);
         let vertex = interpolate(geometry, &geometry.normals, hit);
-        let normal = self.bent_normal(hit, vertex, point.normal).unwrap_or(vertex);
+        let normal = self.bent_normal(hit, footprint, [vertex, point.normal]).unwrap_or(vertex);
         Surface::new(point, normal, ray.direction)
+    }
+
+    /// The cone of a pixel at the surface that it shows.
+    pub(super) fn cone_at(&self, surface: &Surface) -> C::Cone {
+        C::Cone::of_pixel(self.job.cone, surface.position().distance(self.job.eye))
+    }
+
+    /// What a cone covers of the surface that it hits in a unit direction. Spheres have no texture coordinates.
+    pub(super) fn footprint(&self, cone: C::Cone, hit: &Hit, direction: Vec3) -> FootprintOf<C> {
+        match self.sphere(hit.triangle) {
+            Some(_) => Footprint::NONE,
+            None => cone.footprint(&self.job.scene.geometry, hit.triangle, direction),
+        }
+    }
+
+    /// The curvature of a triangle or sphere at a point of its surface, as seen from the viewer's side: above 0 where it is
+    /// convex, in 1 / scene units. Bumps do not count.
+    pub(super) fn curvature(&self, id: u32, surface: &Surface) -> f32 {
+        if let Some(sphere) = self.sphere(id) {
+            let outward = surface.position() - sphere.center;
+            return sphere.radius.recip().copysign(outward.dot(surface.facing));
+        }
+        let geometry = &self.job.scene.geometry;
+        let normals = geometry.triangles[id as usize].map(|vertex| geometry.normals[vertex as usize]);
+        let curvature = curvature(geometry.corners(id), normals);
+        let side = (normals[0] + normals[1] + normals[2]).dot(surface.facing);
+        if side < 0.0 { -curvature } else { curvature }
     }
 
     /// The ray from an origin that is off its surface, and its nearest hit.

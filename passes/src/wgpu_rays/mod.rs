@@ -278,6 +278,7 @@ impl WgpuRays {
         check::sun(NAME, job)?;
         check::filter(NAME, job)?;
         check::adaptive(NAME, job)?;
+        check::cones(NAME, job)?;
         check_glass(NAME, true, &job.params, job.dielectrics)?;
         Images::check_size(&self.gpu, job)
     }

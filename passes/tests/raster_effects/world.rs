@@ -3,8 +3,8 @@
 use curitiba_passes::cpu::CpuRays;
 use curitiba_passes::raster::cpu::CpuRasteriser;
 use curitiba_pipeline::backend::{
-    Attachments, EffectJob, EffectStats, GBuffer, LoadStore, RasterJob, Rasteriser, RayBackend, RayJob, Rect, Shade,
-    Sun, View,
+    Attachments, EffectJob, EffectStats, GBuffer, LoadStore, PixelCone, RasterJob, Rasteriser, RayBackend, RayJob,
+    Rect, Shade, Sun, View,
 };
 use curitiba_pipeline::executor::Progress;
 use curitiba_pipeline::image::Image;
@@ -180,6 +180,7 @@ impl Shot {
             fidelity: Fidelity::Corrected,
             seed: 0,
             eye: self.view.eye,
+            cone: PixelCone::default(),
             sun: self.sun,
             width: self.buffer.width,
             height: self.buffer.height,

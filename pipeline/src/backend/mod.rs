@@ -28,4 +28,4 @@ pub use ray_backend::RayBackend;
 pub use ray_job::{FromCamera, IntersectionJob, NO_HIT, RayJob};
 pub use ray_stats::{BuildStats, PathsSpent, RayCounts, RayStats};
 pub use shade::{Glow, NormalMap, Shade};
-pub use view::{Lamp, Sun, View};
+pub use view::{Lamp, PixelCone, Sun, View};

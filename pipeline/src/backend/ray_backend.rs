@@ -78,6 +78,10 @@ pub trait RayBackend {
     fn samples_adaptively(&self) -> bool {
         false
     }
+    /// Whether it filters texture lookups at hits by ray cones ([`RayParams::texture_lod`]).
+    fn traces_cones(&self) -> bool {
+        false
+    }
     /// Builds the acceleration structure; the executor times this step. `filtered` says by material index whether rays of any pass
     /// may pass through it (alpha-cut textures, glass that shadow rays pass), so that hits need an any-hit test.
     ///

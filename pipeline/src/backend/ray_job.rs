@@ -1,7 +1,7 @@
 //! Ray passes: what they read.
 
 use super::shade::Shade;
-use super::view::{Lamp, Sun, View};
+use super::view::{Lamp, PixelCone, Sun, View};
 use crate::camera_programs::SurfaceKind;
 use crate::glass::Dielectric;
 use crate::programs::{Fidelity, Query, RayParams, RayProgram};
@@ -36,6 +36,8 @@ pub struct RayJob<'a> {
     pub seed: u32,
     /// Camera position in world space.
     pub eye: Vec3,
+    /// What of the scene a pixel covers, for texture lookups that are filtered by ray cones.
+    pub cone: PixelCone,
     /// The light, for programs that read it.
     pub sun: Option<Sun>,
     /// Column and row of the job's top left pixel in the whole picture. Random numbers depend on a pixel's place in the whole

@@ -53,6 +53,34 @@ impl View {
     }
 }
 
+/// The cone of rays through a pixel, in the middle of the picture: at the distance t from the eye, in scene units, it is
+/// `width + spread * t` wide, across the ray. A pixel at an angle a off the middle is narrower: by cos² a towards the middle, and by cos a
+/// across that.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct PixelCone {
+    /// Width at the eye: 0 with perspective.
+    pub width: f32,
+    /// By how much it grows for each scene unit: 0 without perspective.
+    pub spread: f32,
+}
+
+impl PixelCone {
+    /// The cone of a view's pixels, for a viewport of this width and height in pixels. The longer side of a pixel counts, as in
+    /// rasterisers, times [`View::footprint`].
+    #[must_use]
+    pub fn of(view: &View, [width, height]: [u32; 2]) -> Self {
+        let matrix = view.clip_from_eye.unwrap_or(view.clip_from_world).as_dmat4();
+        let [right, up, forward] = [0, 1, 3].map(|row| matrix.row(row).truncate());
+        // Clip space is 2 wide and 2 high. Where its fourth coordinate is 1, the distance along the axis is 1 / |forward|.
+        let side = |row: DVec3, count: u32| {
+            let across = if forward == DVec3::ZERO { row } else { row.reject_from(forward) / forward.length() };
+            2.0 / (across.length() * f64::from(count.max(1)))
+        };
+        let side = (side(right, width).max(side(up, height)) * f64::from(view.footprint)) as f32;
+        if forward == DVec3::ZERO { Self { width: side, spread: 0.0 } } else { Self { width: 0.0, spread: side } }
+    }
+}
+
 /// The directional light of a pass.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Sun {
@@ -69,4 +97,47 @@ pub struct Lamp {
     pub position: Vec3,
     /// Colour of the light.
     pub color: Vec3,
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use glam::camera::rh;
+
+    /// The sides of the pixel in the middle, from where its edges are in the scene, in `f64`.
+    fn measured(view: &View, [width, height]: [u32; 2], depth: f64) -> [f64; 2] {
+        let inverse = view.clip_from_world.as_dmat4().inverse();
+        let at = |x: f64, y: f64| inverse.project_point3(DVec3::new(x, y, depth));
+        let [half_x, half_y] = [width, height].map(|count| 1.0 / f64::from(count));
+        [at(-half_x, 0.0).distance(at(half_x, 0.0)), at(0.0, -half_y).distance(at(0.0, half_y))]
+    }
+
+    #[test]
+    fn a_pixels_cone_is_as_wide_as_the_pixel() {
+        let (eye, direction) = (Vec3::new(3.0, 2.0, -5.0), Vec3::new(0.3, -0.4, 0.8).normalize());
+        let look = rh::view::look_to_mat4(eye, direction, Vec3::Y);
+        let size = [640, 480];
+        for aspect in [4.0 / 3.0, 2.0] {
+            let projection = rh::proj::directx::perspective(0.9, aspect, 100.0, 0.1);
+            let view = View::new(projection * look, eye);
+            let PixelCone { width, spread } = PixelCone::of(&view, size);
+            assert_eq!(width, 0.0);
+            let depth = 0.02;
+            let middle = view.clip_from_world.as_dmat4().inverse().project_point3(DVec3::new(0.0, 0.0, depth));
+            let sides = measured(&view, size, depth);
+            let found = f64::from(spread) * middle.distance(eye.as_dvec3());
+            assert!((found / sides[0].max(sides[1]) - 1.0).abs() < 1e-4, "{aspect}: {found} {sides:?}");
+            assert!(aspect < 1.5 || sides[0] > 1.4 * sides[1], "the longer of unlike sides: {sides:?}");
+            let four = PixelSamples::new(4).expect("it is a number of samples");
+            let sample = view.of_sample(Rect { x: 0, y: 0, width: 640, height: 480 }, four, 3);
+            assert!((PixelCone::of(&sample, size).spread / spread - 0.5).abs() < 1e-6, "samples share a pixel");
+            let turned = projection * rh::view::look_to_mat4(Vec3::ZERO, direction, Vec3::Y);
+            let far = View { clip_from_eye: Some(turned), ..View::new(Mat4::ZERO, eye) };
+            assert!((PixelCone::of(&far, size).spread / spread - 1.0).abs() < 1e-6, "far from the origin");
+        }
+        let flat = View::new(rh::proj::directx::orthographic(-8.0, 8.0, -3.0, 3.0, 50.0, 0.0) * look, eye);
+        let PixelCone { width, spread } = PixelCone::of(&flat, size);
+        let sides = measured(&flat, size, 0.5);
+        assert!((f64::from(width) / sides[0].max(sides[1]) - 1.0).abs() < 1e-4 && spread == 0.0, "{width} {sides:?}");
+    }
 }

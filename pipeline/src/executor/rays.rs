@@ -1,7 +1,7 @@
 //! Ray passes: building their acceleration structure, and running them.
 
 use super::{Estimate, Observer, RenderError, Renderer, Row, StepKind, channel_of};
-use crate::backend::{BackendError, FromCamera, GBuffer, RayCounts, RayJob, RayStats};
+use crate::backend::{BackendError, FromCamera, GBuffer, PixelCone, RayCounts, RayJob, RayStats, View};
 use crate::image::Image;
 use crate::plan::{PlannedPass, Work};
 use crate::project::{ChannelRef, PassKind};
@@ -66,7 +66,7 @@ impl Renderer {
         batch: &mut Batch<'_>,
         observer: &mut dyn Observer,
     ) -> Result<(), BackendError> {
-        let Work::Rays { scene_set, view, params, beyond, reads_triangle, resident } = planned.work else {
+        let Work::Rays { scene_set, view, viewport, params, beyond, reads_triangle, resident } = planned.work else {
             return Ok(());
         };
         let pass = self.plan.pass(planned);
@@ -97,6 +97,7 @@ impl Renderer {
             fidelity: self.plan.settings.fidelity,
             seed,
             eye: view.eye,
+            cone: self.pixel_cone(&view, [viewport.width, viewport.height]),
             sun: ray.light.filter(|_| !is_lamp).and_then(|light| self.sun(light)),
             origin: buffer.origin,
             width: output.width,
@@ -154,6 +155,11 @@ impl Renderer {
 }
 
 impl Renderer {
+    /// The cone of a pixel of a viewport of this size, of which several samples have a part each.
+    fn pixel_cone(&self, view: &View, size: [u32; 2]) -> PixelCone {
+        PixelCone::of(&View { footprint: self.samples().side(), ..*view }, size)
+    }
+
     /// Records rays and their copy to the host as separate steps. `what` names program and backend; with `sums` the rays are added to those
     /// of earlier runs in this frame.
     pub(super) fn record_rays(&mut self, name: &str, elapsed: Duration, stats: RayStats, what: &str, sums: bool) {

@@ -9,7 +9,7 @@ use crate::camera_programs::BLUE;
 use crate::diagnostic::Decision;
 use crate::glass::{Background, GlassRule, GlassShadow};
 use crate::image::PixelFormat;
-use crate::programs::{Fidelity, RayParams, Traces};
+use crate::programs::{Fidelity, RayParams, TextureLod, Traces};
 use crate::project::{ChannelRef, ComputePass, Pass, PassKind, QuadPass, QuadSource, RasterPass, RayPass, Viewport};
 use glam::{Vec3, Vec4};
 use std::collections::BTreeSet;
@@ -208,8 +208,10 @@ impl Plan {
         leave_out(ray.program.asks_of_filter(&params), "the report's programs filter nothing");
         let asked = ray.program.sampled_to(&params).map(|error| format!("error={error}"));
         leave_out(asked, "the report's panes leave nothing to chance");
+        leave_out(ray.program.asks_of_cones(&params), "the report's programs read textures at level 0");
+        let texture_lod = TextureLod::Zero;
         let (glass, background, shadow) = (GlassRule::Pane, Background::Black, GlassShadow::Report);
-        RayParams { glass, background, shadow, error: 0.0, sun: 0.0, filter: 0, ..params }
+        RayParams { glass, background, shadow, error: 0.0, sun: 0.0, filter: 0, texture_lod, ..params }
     }
 
     /// Adds the decision which program runs for a pass whose rays start at the camera; fails for a camera that no program supports.
@@ -276,6 +278,7 @@ impl Plan {
         Work::Rays {
             scene_set: self.scene_set(&ray.scenes),
             view: view(&self.project.cameras[camera.unwrap_or(ray.camera)], rect, self.origin),
+            viewport: rect,
             params,
             beyond,
             reads_triangle,

@@ -5,6 +5,7 @@
 
 mod access;
 mod adaptive;
+mod cones;
 mod device_quad;
 mod effect;
 mod filter;
@@ -129,6 +130,8 @@ pub enum Work {
         scene_set: usize,
         /// The camera; rays use its position.
         view: View,
+        /// Rectangle of the target that the camera fills.
+        viewport: Rect,
         /// Constants of the program, after `--set`.
         params: RayParams,
         /// Colour of rays that miss the scene.
@@ -229,6 +232,7 @@ impl Plan {
         plan.explain_samples()?;
         plan.explain_filters();
         plan.explain_adaptive_sampling();
+        plan.explain_cones();
         plan.warn_of_rounded_positions();
         plan.check_memory()?;
         Ok(plan)

@@ -81,6 +81,36 @@ impl Fresnel {
     }
 }
 
+/// At which mip level ray programs read textures at hits, in `corrected` fidelity. Alpha tests read level 0 in any case.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default)]
+pub enum TextureLod {
+    /// At level 0: as sharp as the texture is, so that minified textures glitter.
+    #[default]
+    Zero,
+    /// At the level of the ray's cone, which is as wide as the pixel's part of the surface.
+    Cones,
+}
+
+impl TextureLod {
+    /// All variants with their names in parameters.
+    pub const NAMED: [(&'static str, Self); 2] = [("zero", Self::Zero), ("cones", Self::Cones)];
+
+    /// The name as a parameter's value.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Zero => "zero",
+            Self::Cones => "cones",
+        }
+    }
+
+    /// The variant with a name; `None` for an unknown name.
+    #[must_use]
+    pub fn named(name: &str) -> Option<Self> {
+        Self::NAMED.iter().find(|(known, _)| *known == name).map(|(_, lod)| *lod)
+    }
+}
+
 /// A raster or quad program. The file stem of a shader's pixel-shader file selects it.
 #[derive(Debug, Clone, Copy)]
 pub struct ShaderInfo<P> {

@@ -1,6 +1,6 @@
 //! The parameters of ray programs, in one table for XML attributes, `--set`, help and documents.
 
-use super::{Fresnel, Sampler};
+use super::{Fresnel, Sampler, TextureLod};
 use crate::camera_programs::{CameraParams, LONGEST, MOST_GLOSS};
 use crate::glass::{Background, GlassRule, GlassShadow, MOST_BOUNCES, MOST_STRATA, PathLimits};
 
@@ -44,6 +44,8 @@ pub struct RayParams {
     pub sun_samples: u32,
     /// Levels of the edge-avoiding filter over the share of light that is written; 0 filters nothing. Corrected fidelity only.
     pub filter: u32,
+    /// At which mip level textures are read at hits. Corrected fidelity only.
+    pub texture_lod: TextureLod,
     /// Position in the sample sequence of the first of the [`Self::samples`]. It is 0, except for accumulated pictures and for all
     /// but the first of several samples a pixel. Projects cannot set it.
     pub first: u32,
@@ -77,6 +79,7 @@ impl Default for RayParams {
             sun: 0.0,
             sun_samples: 16,
             filter: 0,
+            texture_lod: TextureLod::Zero,
             first: 0,
             first_path: 0,
             first_sun: 0,
@@ -263,6 +266,12 @@ pub const PARAMS: &[ParamInfo] = &[
         values: Values::Integer(0, MAX_FILTER_LEVELS),
     },
     ParamInfo {
+        name: "texturelod",
+        about: "at which mip level textures are read at hits: at level 0, or at that of a ray cone, as wide as the pixel's part of the surface",
+        valid: "zero, cones (thesis fidelity: zero)",
+        values: Values::Names(&["zero", "cones"]),
+    },
+    ParamInfo {
         name: "lightwidth",
         about: "side along x of a rectangular light that looks down, around the light's position, in scene units",
         valid: "0..=1e5; with lightdepth=0 as well the light is a point",
@@ -357,6 +366,7 @@ impl RayParams {
             "filter" => {
                 self.filter = value.parse().ok().filter(|levels| *levels <= MAX_FILTER_LEVELS).ok_or_else(wrong)?;
             }
+            "texturelod" => self.texture_lod = TextureLod::named(value).ok_or_else(wrong)?,
             _ => {
                 let known = self.limits.set(name, value) || self.camera.set(name, value);
                 return if known { Ok(()) } else { Err(wrong()) };
@@ -393,6 +403,7 @@ impl RayParams {
             "sun" => self.sun.to_string(),
             "sunsamples" => self.sun_samples.to_string(),
             "filter" => self.filter.to_string(),
+            "texturelod" => self.texture_lod.name().to_owned(),
             _ => self
                 .limits
                 .get(name)

@@ -1,6 +1,6 @@
 //! The table of ray programs.
 
-use super::RayParams;
+use super::{RayParams, TextureLod};
 use crate::glass::{Background, Dielectric, GlassRule, GlassShadow, Roulette};
 
 /// Program of a ray pass, run per pixel. The file stem of its program file names it.
@@ -175,7 +175,7 @@ pub const RAY_PROGRAMS: &[RayProgramInfo] = &[
             required("Miss", "Phong", "miss"),
             optional("Closest_Hit", "Phong", "closest_hit_glass"),
         ],
-        params: &["depth", "background"],
+        params: &["depth", "background", "texturelod"],
     },
     RayProgramInfo {
         program: RayProgram::Refraction,
@@ -208,6 +208,7 @@ pub const RAY_PROGRAMS: &[RayProgramInfo] = &[
             "roulette",
             "reflections",
             "refractions",
+            "texturelod",
         ],
     },
     RayProgramInfo {
@@ -266,6 +267,7 @@ pub const RAY_PROGRAMS: &[RayProgramInfo] = &[
             "refractions",
             "sun",
             "sunsamples",
+            "texturelod",
         ],
     },
     RayProgramInfo {
@@ -281,7 +283,7 @@ pub const RAY_PROGRAMS: &[RayProgramInfo] = &[
         material_attributes: &["diffuse", "texCount"],
         globals: &[],
         procs: &[],
-        params: &["samples", "aperture", "focus", "background", "gamma"],
+        params: &["samples", "aperture", "focus", "background", "gamma", "texturelod"],
     },
     RayProgramInfo {
         program: RayProgram::Lambert,
@@ -296,7 +298,7 @@ pub const RAY_PROGRAMS: &[RayProgramInfo] = &[
         material_attributes: &["diffuse", "texCount"],
         globals: &[],
         procs: &[],
-        params: &["samples", "aperture", "focus", "background", "gamma", "ambient"],
+        params: &["samples", "aperture", "focus", "background", "gamma", "texturelod", "ambient"],
     },
     RayProgramInfo {
         program: RayProgram::Whitted,
@@ -317,6 +319,7 @@ pub const RAY_PROGRAMS: &[RayProgramInfo] = &[
             "focus",
             "background",
             "gamma",
+            "texturelod",
             "ambient",
             "depth",
             "index",
@@ -339,7 +342,7 @@ pub const RAY_PROGRAMS: &[RayProgramInfo] = &[
         material_attributes: &["diffuse", "texCount"],
         globals: &[],
         procs: &[],
-        params: &["samples", "aperture", "focus", "background", "gamma", "radius"],
+        params: &["samples", "aperture", "focus", "background", "gamma", "texturelod", "radius"],
     },
     RayProgramInfo {
         program: RayProgram::PathTracing,
@@ -360,6 +363,7 @@ pub const RAY_PROGRAMS: &[RayProgramInfo] = &[
             "focus",
             "background",
             "gamma",
+            "texturelod",
             "depth",
             "index",
             "fresnel",
@@ -402,6 +406,13 @@ impl RayProgram {
     #[must_use]
     pub fn asks_of_filter(self, params: &RayParams) -> Option<String> {
         (self.info().filter_levels(params) > 0).then(|| format!("filter={}", params.filter))
+    }
+
+    /// What these parameters ask of texture lookups at hits, in words; `None` where they are made at level 0.
+    #[must_use]
+    pub fn asks_of_cones(self, params: &RayParams) -> Option<String> {
+        let asks = self.info().reads("texturelod") && params.texture_lod != TextureLod::Zero;
+        asks.then(|| format!("texturelod={}", params.texture_lod.name()))
     }
 
     /// The error that adaptive sampling of glass aims at with these parameters; `None` where every pixel has the same number of paths.

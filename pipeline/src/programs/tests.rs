@@ -38,6 +38,7 @@ fn every_parameter_is_settable_by_its_name() {
         ("sun", "0.53"),
         ("sunsamples", "32"),
         ("filter", "2"),
+        ("texturelod", "cones"),
         ("lightwidth", "0.4"),
         ("lightdepth", "0.3"),
         ("radiance", "5"),
@@ -74,6 +75,7 @@ fn every_parameter_is_settable_by_its_name() {
         sun: 0.53,
         sun_samples: 32,
         filter: 2,
+        texture_lod: TextureLod::Cones,
         first: 0,
         first_path: 0,
         first_sun: 0,
@@ -89,7 +91,18 @@ fn every_parameter_is_settable_by_its_name() {
         },
     };
     assert_eq!(params, expected);
-    assert_eq!(PARAMS.len(), 29, "this test sets every parameter");
+    assert_eq!(PARAMS.len(), 30, "this test sets every parameter");
+}
+
+#[test]
+fn cones_are_asked_of_programs_that_read_textures_at_hits() {
+    let cones = RayParams { texture_lod: TextureLod::Cones, ..RayParams::default() };
+    for info in RAY_PROGRAMS {
+        let reads = info.material_attributes.contains(&"texCount");
+        let asked = info.program.asks_of_cones(&cones);
+        assert_eq!(asked, reads.then(|| "texturelod=cones".to_owned()), "{}", info.stem);
+        assert_eq!(info.program.asks_of_cones(&RayParams::default()), None);
+    }
 }
 
 #[test]
@@ -144,6 +157,7 @@ fn wrong_parameters_say_what_is_valid() {
     assert!(params.set("sampels", "4").unwrap_err().contains("did you mean `samples`?"));
     assert!(params.set("radius", "NaN").unwrap_err().contains("above 0"));
     assert!(params.set("fresnel", "Schlick").unwrap_err().contains("exact, schlick"));
+    assert!(params.set("texturelod", "2").unwrap_err().contains("zero, cones"));
     assert!(params.set("depth", "17").unwrap_err().contains("0..=16"));
     assert!(["0", "257", "-1", "16.0"].iter().all(|count| params.set("wavelengths", count).is_err()));
     assert!(["0", "4097", "-1"].iter().all(|count| params.set("paths", count).is_err()));

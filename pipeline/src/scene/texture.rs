@@ -289,6 +289,14 @@ pub fn lod(size: Vec2, duv_dx: Vec2, duv_dy: Vec2) -> f32 {
     if footprint > 1.0 { 0.5 * log2(footprint) } else { 0.0 }
 }
 
+/// Level of detail for a lookup that covers this area, in texels of level 0: `log2` of the side of a square of that area. Level 0 where the
+/// area is not a number.
+#[must_use]
+#[inline(always)]
+pub fn lod_of_area(area: f32) -> f32 {
+    if area > 1.0 { 0.5 * log2(area) } else { 0.0 }
+}
+
 fn chain(base: Level, mean: impl Fn([[u8; 4]; 4]) -> [u8; 4] + Sync) -> Vec<Level> {
     let mut levels = vec![base];
     while let Some(last) = levels.last().filter(|level| level.width > 1 || level.height > 1) {

@@ -118,6 +118,7 @@ fn ray_support(rays: &dyn RayBackend) {
         ("sun above 0", rays.traces_sun_discs()),
         ("filter above 0", rays.filters_shares()),
         ("error above 0", rays.samples_adaptively()),
+        ("texturelod", rays.traces_cones()),
     ];
     for (asked, does) in more {
         crate::say!("    {asked:14}  {}", if does { "yes" } else { "no: use --backend cpu" });

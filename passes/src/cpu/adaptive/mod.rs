@@ -8,9 +8,9 @@ mod allocation;
 #[cfg(test)]
 mod tests;
 
-use super::{NAME, Rows, WORKSPACE, Whole, alone, before, check, each_tile, in_host, new_pass};
+use super::{NAME, Rows, WORKSPACE, Whole, alone, asks_of_cones, before, check, each_tile, in_host, new_pass};
 use crate::effects::dielectric::{Met, Sample};
-use crate::effects::{AlphaTested, Area, Pass, Pixel, Workspace, combined, opaque, refraction};
+use crate::effects::{AlphaTested, Area, ByCones, Coverage, Pass, Pixel, Workspace, combined, opaque, refraction};
 use crate::trace::Tracer;
 use allocation::{Sampled, doubled, error, first_count, most_of_half};
 use curitiba_pipeline::backend::{BackendError, PathsSpent, RayCounts, RayJob, RayStats};
@@ -52,8 +52,18 @@ pub(super) fn trace<T: Tracer>(
     in_host(job)?;
     check::scene(NAME, job, T::SPHERES)?;
     let coverage = AlphaTested { scene: job.scene, shades: job.shades };
-    let pass = &new_pass(job, tracer, coverage, Some(progress))?;
-    match job.program {
+    match asks_of_cones(job) {
+        true => trace_pass(&new_pass(job, tracer, ByCones(coverage), Some(progress))?, asked, output),
+        false => trace_pass(&new_pass(job, tracer, coverage, Some(progress))?, asked, output),
+    }
+}
+
+fn trace_pass<T: Tracer, C: Coverage>(
+    pass: &Pass<'_, T, C>,
+    asked: f32,
+    output: &mut Image,
+) -> Result<RayStats, BackendError> {
+    match pass.job.program {
         RayProgram::Final => {
             let prepare = |area: Area, work: &mut Workspace| combined::bodies::prepare(pass, area, work);
             sample(pass, asked, output, before(prepare), |pixel, sample, work| {

@@ -11,6 +11,8 @@ use glam::{Vec2, Vec3};
 /// How a glass surface splits a ray.
 pub(super) struct Split {
     pub interface: Interface,
+    /// The normal by which it does, and the index of the far side over that of the near side.
+    pub bends: (Vec3, f32),
     pub reflected: Vec3,
     pub refracted: Option<Vec3>,
 }
@@ -52,6 +54,6 @@ impl<T: Tracer, C: Coverage> Walk<'_, '_, T, C> {
         // A bent normal can refract the ray back to the viewer's side; then the geometric normal is used.
         let returns = bent.2.is_some_and(|direction| direction.dot(surface.facing) >= 0.0);
         let (normal, interface, refracted) = if returns { by(surface.facing) } else { bent };
-        Split { interface, reflected: reflect(view, normal), refracted }
+        Split { interface, bends: (normal, index), reflected: reflect(view, normal), refracted }
     }
 }

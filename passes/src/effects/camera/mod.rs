@@ -18,11 +18,13 @@ pub use eye::Eye;
 
 use super::coverage::Coverage;
 use super::pass::{Pass, Pixel, opaque};
+use super::ray_cone::{Cone, Footprint};
+use super::surface::FootprintOf;
 use super::workspace::Workspace;
 use crate::sampling::hemisphere::{Basis, cosine, mirrored};
 use crate::sampling::paths::{Place, Points};
 use crate::trace::{Announcement, Hit, Purpose, Ray, Tracer};
-use curitiba_pipeline::backend::FromCamera;
+use curitiba_pipeline::backend::{FromCamera, PixelCone};
 use curitiba_pipeline::camera_programs::SurfaceKind;
 use curitiba_pipeline::programs::{RayParams, RayProgram};
 use glam::{DVec3, Vec2, Vec3};
@@ -41,6 +43,8 @@ struct Walk<'p, 'a, T, C> {
     params: &'p RayParams,
     /// Whether shadow rays end at glass, because paths that glass refracts find the light behind it.
     glass_stops: bool,
+    /// What a ray covers of its pixel.
+    cone: PixelCone,
 }
 
 /// The mean of a pixel's rays, alpha 1.
@@ -51,8 +55,11 @@ pub fn pixel<T: Tracer, C: Coverage>(pass: &Pass<'_, T, C>, pixel: Pixel, work: 
     let (Some(camera), Some(eye)) = (pass.job.from_camera, &pass.eye) else { unreachable!("the job was checked") };
     let params = &pass.job.params;
     let glass_stops = pass.job.program == RayProgram::PathTracing && camera.surfaces.contains(&SurfaceKind::Light);
-    let walk = Walk { pass, camera, params, glass_stops };
     let (key, rays) = (pass.key(pixel), params.samples.max(1));
+    // Each of several rays covers a part of the pixel, as each of several samples does.
+    let side = (rays as f32).sqrt().recip();
+    let cone = PixelCone { width: pass.job.cone.width * side, spread: pass.job.cone.spread * side };
+    let walk = Walk { pass, camera, params, glass_stops, cone };
     let mut sum = DVec3::ZERO;
     for ray in 0..rays {
         let points = Points::new(key, params.first.wrapping_add(ray));
@@ -75,12 +82,19 @@ impl<T: Tracer, C: Coverage> Walk<'_, '_, T, C> {
             return self.path(origin, direction, points, work);
         }
         let (ray, Some(hit)) = self.pass.closest(origin, direction) else { return self.pass.job.beyond };
+        let cone = self.at_eye().along(hit.t);
+        let footprint = self.pass.footprint(cone, &hit, direction);
         match self.pass.job.program {
-            RayProgram::Albedo => self.pass.base_color(&hit),
-            RayProgram::Lambert => self.lit(&ray, &hit),
-            RayProgram::CameraOcclusion => self.open(&ray, &hit, points, work),
-            _ => self.whitted((ray, hit), 0, points, work),
+            RayProgram::Albedo => self.pass.base_color(&hit, footprint),
+            RayProgram::Lambert => self.lit(&ray, &hit, footprint),
+            RayProgram::CameraOcclusion => self.open((&ray, &hit), footprint, points, work),
+            _ => self.whitted((ray, hit), cone, 0, points, work),
         }
+    }
+
+    /// The cone of a ray at the eye.
+    fn at_eye(&self) -> C::Cone {
+        C::Cone::of_pixel(self.cone, 0.0)
     }
 
     fn kind(&self, hit: &Hit) -> SurfaceKind {
@@ -88,17 +102,17 @@ impl<T: Tracer, C: Coverage> Walk<'_, '_, T, C> {
     }
 
     /// The Lambert colour: the light without shadows, plus ambient light.
-    fn lit(&self, ray: &Ray, hit: &Hit) -> Vec3 {
-        let surface = self.pass.surface_hit(ray, hit);
+    fn lit(&self, ray: &Ray, hit: &Hit, footprint: FootprintOf<C>) -> Vec3 {
+        let surface = self.pass.surface_hit(ray, hit, footprint);
         let (to_light, color) = self.towards(surface.position());
         let cosine = surface.normal.dot(to_light).max(0.0);
         let share = (color * cosine + self.params.camera.ambient).min(Vec3::ONE);
-        self.pass.base_color(hit) * share + self.pass.glow(hit)
+        self.pass.base_color(hit, footprint) * share + self.pass.glow(hit, footprint)
     }
 
     /// 1 where one direction of the hemisphere is open up to the radius, else 0.
-    fn open(&self, ray: &Ray, hit: &Hit, points: &Points, work: &mut Workspace) -> Vec3 {
-        let surface = self.pass.surface_hit(ray, hit);
+    fn open(&self, (ray, hit): (&Ray, &Hit), footprint: impl Footprint, points: &Points, work: &mut Workspace) -> Vec3 {
+        let surface = self.pass.surface_hit(ray, hit, footprint);
         let way = Basis::around(surface.normal).to_world(cosine(points.at(Place::Bounce(0))));
         let direction = mirrored(way, surface.facing);
         work.rays.occlusion += 1;

@@ -8,6 +8,7 @@
 
 use super::{CLEAR, Walk};
 use crate::effects::coverage::Coverage;
+use crate::effects::ray_cone::Cone;
 use crate::effects::workspace::Workspace;
 use crate::sampling::hemisphere::{Basis, cosine, mirrored};
 use crate::sampling::paths::{Place, Points};
@@ -20,6 +21,7 @@ impl<T: Tracer, C: Coverage> Walk<'_, '_, T, C> {
     pub(super) fn path(&self, origin: Vec3, direction: Vec3, points: &Points, work: &mut Workspace) -> Vec3 {
         let lit = self.camera.lamp.is_some() || self.pass.job.sun.is_some();
         let (mut origin, mut direction) = (origin, direction);
+        let mut cone = self.at_eye();
         let (mut sum, mut weight, mut counts) = (Vec3::ZERO, Vec3::ONE, true);
         for bounce in 0..=self.params.depth {
             let (ray, Some(hit)) = self.pass.closest(origin, direction) else {
@@ -30,14 +32,17 @@ impl<T: Tracer, C: Coverage> Walk<'_, '_, T, C> {
                 let shines = if counts || !lit { self.params.camera.radiance } else { 0.0 };
                 return sum + weight * shines;
             }
-            let surface = self.pass.surface_hit(&ray, &hit);
+            cone = cone.along(hit.t);
+            let footprint = self.pass.footprint(cone, &hit, direction);
+            let surface = self.pass.surface_hit(&ray, &hit, footprint);
+            let curvature = || self.pass.curvature(hit.triangle, &surface);
             let mut purpose = Purpose::Reflected;
             match kind {
                 SurfaceKind::Light | SurfaceKind::Painted | SurfaceKind::CutOut => {
                     if counts || !lit {
-                        sum += weight * self.pass.glow(&hit);
+                        sum += weight * self.pass.glow(&hit, footprint);
                     }
-                    weight *= self.pass.base_color(&hit);
+                    weight *= self.pass.base_color(&hit, footprint);
                     if weight == Vec3::ZERO {
                         return sum;
                     }
@@ -50,6 +55,7 @@ impl<T: Tracer, C: Coverage> Walk<'_, '_, T, C> {
                     counts = false;
                 }
                 SurfaceKind::Metal => {
+                    cone = cone.mirrored(curvature, -surface.interface_normal(direction).dot(direction));
                     let (way, share) = self.mirror(&surface, direction, || points.at(Place::Bounce(bounce)));
                     (direction, weight, counts) = (way, weight * share, true);
                 }
@@ -59,10 +65,15 @@ impl<T: Tracer, C: Coverage> Walk<'_, '_, T, C> {
                 }
                 SurfaceKind::Glass => {
                     let split = self.split(&surface, direction);
+                    let (normal, index) = split.bends;
+                    let cos = -normal.dot(direction);
                     let goes_on = points.at(Place::Bounce(bounce)).x >= split.interface.reflectance;
-                    (direction, purpose) = match split.refracted.filter(|_| goes_on) {
-                        Some(refracted) => (refracted, Purpose::Refracted),
-                        None => (split.reflected, Purpose::Reflected),
+                    (direction, purpose, cone) = match split.refracted.filter(|_| goes_on) {
+                        Some(refracted) => {
+                            let cos = [cos, split.interface.cos_refracted];
+                            (refracted, Purpose::Refracted, cone.refracted(curvature, cos, index))
+                        }
+                        None => (split.reflected, Purpose::Reflected, cone.mirrored(curvature, cos)),
                     };
                     counts = true;
                 }

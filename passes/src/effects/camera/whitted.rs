@@ -3,6 +3,7 @@
 
 use super::{CLEAR, Walk};
 use crate::effects::coverage::Coverage;
+use crate::effects::ray_cone::Cone;
 use crate::effects::surface::Surface;
 use crate::effects::workspace::Workspace;
 use crate::sampling::paths::{Place, Points};
@@ -12,49 +13,63 @@ use glam::Vec3;
 
 impl<T: Tracer, C: Coverage> Walk<'_, '_, T, C> {
     /// The colour of the surface that a ray hits after so many bounces.
-    pub(super) fn whitted(&self, (ray, hit): (Ray, Hit), bounces: u32, points: &Points, work: &mut Workspace) -> Vec3 {
+    /// `cone` is the ray's at the surface.
+    pub(super) fn whitted(
+        &self,
+        (ray, hit): (Ray, Hit),
+        cone: C::Cone,
+        bounces: u32,
+        points: &Points,
+        work: &mut Workspace,
+    ) -> Vec3 {
         let kind = self.kind(&hit);
         if kind == SurfaceKind::Light {
             return Vec3::ONE;
         }
-        let surface = self.pass.surface_hit(&ray, &hit);
         let view = ray.direction;
+        let footprint = self.pass.footprint(cone, &hit, view);
+        let surface = self.pass.surface_hit(&ray, &hit, footprint);
+        let curvature = || self.pass.curvature(hit.triangle, &surface);
         match kind {
             SurfaceKind::Light | SurfaceKind::Painted | SurfaceKind::CutOut => {
                 let arriving = self.arriving(&hit, &surface, || points.at(Place::Light(bounces)), work);
                 let share = (arriving + self.params.camera.ambient).min(Vec3::ONE);
-                self.pass.base_color(&hit) * share + self.pass.glow(&hit)
+                self.pass.base_color(&hit, footprint) * share + self.pass.glow(&hit, footprint)
             }
             SurfaceKind::Clear => {
-                CLEAR * self.after(&surface, view, (Purpose::Refracted, CLEAR), bounces, points, work)
+                CLEAR * self.after(&surface, (view, cone), (Purpose::Refracted, CLEAR), bounces, points, work)
             }
             SurfaceKind::Metal => {
                 let (direction, share) = self.mirror(&surface, view, || points.at(Place::Bounce(bounces)));
-                share * self.after(&surface, direction, (Purpose::Reflected, share), bounces, points, work)
+                let cone = cone.mirrored(curvature, -surface.interface_normal(view).dot(view));
+                share * self.after(&surface, (direction, cone), (Purpose::Reflected, share), bounces, points, work)
             }
             SurfaceKind::Glass => {
                 let split = self.split(&surface, view);
                 let reflectance = split.interface.reflectance;
+                let (normal, index) = split.bends;
+                let cos = -normal.dot(view);
                 let mut color = Vec3::ZERO;
                 if reflectance > 0.0 {
                     let way = (Purpose::Reflected, reflectance);
-                    color += reflectance * self.after(&surface, split.reflected, way, bounces, points, work);
+                    let onward = (split.reflected, cone.mirrored(curvature, cos));
+                    color += reflectance * self.after(&surface, onward, way, bounces, points, work);
                 }
                 if let Some(direction) = split.refracted {
                     let share = 1.0 - reflectance;
-                    color +=
-                        share * self.after(&surface, direction, (Purpose::Refracted, share), bounces, points, work);
+                    let onward = (direction, cone.refracted(curvature, [cos, split.interface.cos_refracted], index));
+                    color += share * self.after(&surface, onward, (Purpose::Refracted, share), bounces, points, work);
                 }
                 color
             }
         }
     }
 
-    /// The colour that a ray in this direction finds, from a surface; black after the last bounce.
+    /// The colour that a ray in this direction finds, from a surface that it leaves with this cone; black after the last bounce.
     fn after(
         &self,
         from: &Surface,
-        direction: Vec3,
+        (direction, cone): (Vec3, C::Cone),
         (purpose, weight): (Purpose, f32),
         bounces: u32,
         points: &Points,
@@ -69,7 +84,7 @@ impl<T: Tracer, C: Coverage> Walk<'_, '_, T, C> {
         }
         self.pass.tracer.announce(Announcement { purpose, bounce: bounces, weight });
         match self.pass.closest(from.origin(direction), direction) {
-            (ray, Some(hit)) => self.whitted((ray, hit), bounces + 1, points, work),
+            (ray, Some(hit)) => self.whitted((ray, hit), cone.along(hit.t), bounces + 1, points, work),
             _ => self.pass.job.beyond,
         }
     }

@@ -3,7 +3,7 @@
 use super::corrected;
 use crate::effects::dielectric::{AllWays, Lit, Media, Sample, Walk, Ways};
 use crate::effects::light::SHADOWED;
-use crate::effects::surface::Surface;
+use crate::effects::surface::{FootprintOf, Surface};
 use crate::effects::tile_surfaces::Known;
 use crate::effects::{Area, Coverage, Pass, Pixel, Workspace, opaque};
 use crate::trace::{Hit, Tracer};
@@ -39,12 +39,13 @@ fn pixel_of<T: Tracer, C: Coverage>(
     let seen @ (surface, _) = known.surface.unwrap_or_else(|| pass.surface_at(pixel, triangle, stored_normal));
     let key = ways.key(pass.key(pixel));
     if pass.is_glass(triangle) {
-        let shade = |hit: &Hit, surface: &Surface, _: Media, key: u32, work: &mut Workspace| {
-            let color = pass.lit_color(hit, surface.normal);
-            let normal = surface.normal;
-            let lit = || Lit { normal, cosine: pass.light_cosine(hit, normal), tint: pass.tint(hit.triangle) };
-            visible(pass, (color, lit), (surface, (surface.facing, hit.triangle)), Known::NOTHING, key, work)
-        };
+        let shade =
+            |hit: &Hit, footprint: FootprintOf<C>, surface: &Surface, _: Media, key: u32, work: &mut Workspace| {
+                let color = pass.lit_color(hit, footprint, surface.normal);
+                let normal = surface.normal;
+                let lit = || Lit { normal, cosine: pass.light_cosine(hit, normal), tint: pass.tint(hit.triangle) };
+                visible(pass, (color, lit), (surface, (surface.facing, hit.triangle)), Known::NOTHING, key, work)
+            };
         return opaque(Walk { pass, shade, ways }.pixel(pixel, triangle, seen, key, work));
     }
     let side = (corrected::lit_side(&surface, stored_normal), triangle);

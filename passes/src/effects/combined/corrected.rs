@@ -1,8 +1,8 @@
 //! The program with every numbered difference mended.
 
 use crate::effects::light::SHADOWED;
-use crate::effects::refraction::corrected::Glass;
-use crate::effects::surface::Surface;
+use crate::effects::refraction::corrected::{Glass, Seen};
+use crate::effects::surface::{FootprintOf, Surface};
 use crate::effects::tile_surfaces::{Known, prepare_light};
 use crate::effects::{Area, Coverage, Pass, Pixel, Workspace, opaque, tile_occlusion};
 use crate::trace::{Hit, Tracer};
@@ -17,11 +17,12 @@ pub fn pixel<T: Tracer, C: Coverage>(pass: &Pass<'_, T, C>, pixel: Pixel, work: 
     let (surface, view) = known.surface.unwrap_or_else(|| pass.surface_at(pixel, triangle, stored_normal));
     let key = pass.key(pixel);
     if pass.is_glass(triangle) {
-        let shade = |hit: &Hit, surface: &Surface, key: u32, work: &mut Workspace| {
-            let color = pass.lit_color(hit, surface.normal);
+        let shade = |hit: &Hit, footprint: FootprintOf<C>, surface: &Surface, key: u32, work: &mut Workspace| {
+            let color = pass.lit_color(hit, footprint, surface.normal);
             visible(pass, color, surface, ((surface.facing, hit.triangle), Known::NOTHING), key, work)
         };
-        return opaque(Glass { pass, shade }.blend(&surface, view, 0, key, work));
+        let seen = Seen { triangle, surface: &surface, view, cone: pass.cone_at(&surface) };
+        return opaque(Glass { pass, shade }.blend(seen, 0, key, work));
     }
     let lit_side = (lit_side(&surface, stored_normal), triangle);
     opaque(visible(pass, Vec4::from_array(color).truncate(), &surface, (lit_side, known), key, work))

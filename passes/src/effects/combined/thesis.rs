@@ -3,7 +3,7 @@
 use crate::effects::light::SHADOWED;
 use crate::effects::refraction::thesis::glass_pixel;
 use crate::effects::thesis::{self, face_forward};
-use crate::effects::{Coverage, Pass, Pixel, Workspace, opaque};
+use crate::effects::{Coverage, LevelZero, Pass, Pixel, Workspace, opaque};
 use crate::trace::{Hit, Ray, Tracer};
 use glam::{Vec3, Vec4};
 
@@ -32,6 +32,6 @@ fn shade<T: Tracer, C: Coverage>(pass: &Pass<'_, T, C>, ray: &Ray, hit: &Hit, wo
     let (geometric, shading) = pass.thesis_normals(hit);
     let normal = face_forward(shading, ray.direction, geometric);
     let position = thesis::position(ray, hit);
-    let color = pass.lit_color(hit, normal) * light_share(pass, position, work);
+    let color = pass.lit_color(hit, LevelZero, normal) * light_share(pass, position, work);
     color * pass.thesis_occlusion(position, normal, work, |hit| !pass.passes_light(hit))
 }

@@ -6,10 +6,12 @@ use glam::Vec3;
 
 /// One of the two ways on from a surface.
 #[derive(Clone, Copy)]
-pub(super) struct Branch {
+pub(super) struct Branch<K> {
     pub(super) purpose: Purpose,
     pub(super) direction: Vec3,
     /// What its radiance counts, by colour.
     pub(super) weight: Vec3,
     pub(super) media: Media,
+    /// The cone that leaves the surface.
+    pub(super) cone: K,
 }

@@ -2,7 +2,7 @@
 
 use super::lenses::Lenses;
 use super::media::{Crossing, Media};
-use crate::effects::{Coverage, Pass};
+use crate::effects::{Coverage, LevelZero, Pass};
 use crate::trace::Tracer;
 use curitiba_pipeline::glass::{GlassShadow, Shape};
 use glam::Vec3;
@@ -28,7 +28,7 @@ fn around<T: Tracer, C: Coverage>(pass: &Pass<'_, T, C>, point: Vec3) -> Media {
     let mut crossings = Vec::new();
     for _ in 0..MOST {
         let (ray, Some(hit)) = pass.closest(origin, direction) else { break };
-        let surface = pass.surface_hit(&ray, &hit);
+        let surface = pass.surface_hit(&ray, &hit, LevelZero);
         let material = pass.material_of(hit.triangle);
         if solid(material) {
             crossings.push(Crossing { material, enters: surface.is_front() });

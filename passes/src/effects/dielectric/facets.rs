@@ -54,7 +54,12 @@ impl Facet {
 impl Facet {
     /// Both ways on from a wall's facet: what is mirrored, as far as it stays on the viewer's side, whose unit geometric normal is
     /// `facing`; and what passes, which goes as what is mirrored would behind the wall (glTF `KHR_materials_transmission`).
-    pub(super) fn of_wall(&self, facing: Vec3, mirrored: Branch, through: Branch) -> (Option<Branch>, Option<Branch>) {
+    pub(super) fn of_wall<K>(
+        &self,
+        facing: Vec3,
+        mirrored: Branch<K>,
+        through: Branch<K>,
+    ) -> (Option<Branch<K>>, Option<Branch<K>>) {
         let kept = self.passes(mirrored.direction);
         let above = mirrored.direction.dot(self.surface) > 0.0;
         let behind = reflect(mirrored.direction, self.surface);

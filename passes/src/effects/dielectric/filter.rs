@@ -1,7 +1,7 @@
 //! What a surface of glass takes beside Fresnel's share.
 
-use crate::effects::interpolate::{interpolate, texture_coordinates};
-use crate::effects::{Coverage, Pass};
+use crate::effects::interpolate::interpolate;
+use crate::effects::{Coverage, Footprint, Pass};
 use crate::trace::{Hit, Tracer};
 use curitiba_pipeline::color::{ColorSpace, decode};
 use curitiba_pipeline::glass::Dielectric;
@@ -9,14 +9,13 @@ use glam::Vec3;
 
 impl<T: Tracer, C: Coverage> Pass<'_, T, C> {
     /// The share of the light that passes, by colour, of that which is not reflected.
-    pub(in crate::effects) fn filter(&self, hit: &Hit, dielectric: &Dielectric) -> Vec3 {
+    pub(in crate::effects) fn filter(&self, hit: &Hit, footprint: impl Footprint, dielectric: &Dielectric) -> Vec3 {
         let scene = self.job.scene;
         let flat = self.sphere(hit.triangle).is_none();
         let texel = dielectric.filter_texture.filter(|_| flat).map_or(Vec3::ONE, |texture| {
-            let texture = &scene.textures[texture as usize];
-            let texel = texture.sample(texture_coordinates(&scene.geometry, hit), 0.0).truncate();
+            let texel = self.texel(texture, hit, footprint).truncate();
             // A share of light is linear whatever the colours of the pass are.
-            if texture.space == ColorSpace::Linear { texel } else { texel.map(decode) }
+            if scene.textures[texture as usize].space == ColorSpace::Linear { texel } else { texel.map(decode) }
         });
         let vertices = if flat && dielectric.filter_vertex_colors && !scene.geometry.colors.is_empty() {
             let color = interpolate(&scene.geometry, &scene.geometry.colors, hit).truncate();
@@ -27,14 +26,12 @@ impl<T: Tracer, C: Coverage> Pass<'_, T, C> {
         (1.0 - dielectric.veil) * dielectric.filter * texel * vertices
     }
 
-    /// The width of the distribution of microfacets at a hit; 0 where the surface is smooth. The texture is read at level 0.
-    pub(in crate::effects) fn alpha(&self, hit: &Hit, dielectric: &Dielectric) -> f32 {
+    /// The width of the distribution of microfacets at a hit; 0 where the surface is smooth.
+    pub(in crate::effects) fn alpha(&self, hit: &Hit, footprint: impl Footprint, dielectric: &Dielectric) -> f32 {
         let Some(texture) = dielectric.roughness_texture.filter(|_| self.sphere(hit.triangle).is_none()) else {
             return dielectric.alpha;
         };
-        let scene = self.job.scene;
-        let at = texture_coordinates(&scene.geometry, hit);
-        let roughness = scene.textures[texture as usize].sample(at, 0.0).y;
+        let roughness = self.texel(texture, hit, footprint).y;
         let alpha = dielectric.alpha * roughness * roughness;
         if alpha < Dielectric::SMOOTH { 0.0 } else { alpha }
     }

@@ -4,7 +4,7 @@ use super::branch::Branch;
 use super::media::Media;
 use super::walk::{Path, Walk};
 use super::ways::{Met, Ways};
-use crate::effects::surface::Surface;
+use crate::effects::surface::{FootprintOf, Surface};
 use crate::effects::{Coverage, Workspace};
 use crate::sampling::hash::{ROULETTE, dimensions, path_key, unit};
 use crate::trace::{Hit, Purpose, Tracer};
@@ -15,12 +15,12 @@ impl<T, C, F, W> Walk<'_, '_, T, C, F, W>
 where
     T: Tracer,
     C: Coverage,
-    F: Fn(&Hit, &Surface, Media, u32, &mut Workspace) -> Vec3,
+    F: Fn(&Hit, FootprintOf<C>, &Surface, Media, u32, &mut Workspace) -> Vec3,
     W: Ways,
 {
     /// By what a branch that is followed, as `path`, counts: 1, or more where it was followed by chance. `None` where it is not followed.
     #[inline(always)]
-    pub(super) fn kept(&self, branch: &Branch, path: &mut Path) -> Option<f32> {
+    pub(super) fn kept(&self, branch: &Branch<C::Cone>, path: &mut Path<C::Cone>) -> Option<f32> {
         if !self.pass.job.params.limits.cut() {
             return Some(1.0);
         }
@@ -28,7 +28,7 @@ where
     }
 
     #[inline(never)]
-    fn kept_within_limits(&self, branch: &Branch, path: &mut Path) -> Option<f32> {
+    fn kept_within_limits(&self, branch: &Branch<C::Cone>, path: &mut Path<C::Cone>) -> Option<f32> {
         let limits = &self.pass.job.params.limits;
         let (kind, most) = match branch.purpose {
             Purpose::Reflected => (0, limits.reflections),
@@ -57,7 +57,7 @@ where
     }
 
     /// A random number from 0 to 1 that belongs to a path: to its wavelength and sample too, and to the samples of the pixel.
-    fn chance(&self, path: &Path) -> f32 {
+    fn chance(&self, path: &Path<C::Cone>) -> f32 {
         let params = &self.pass.job.params;
         let wavelength = path.wavelength.map_or(0, f32::to_bits);
         let sample = params.first ^ params.first_path.rotate_left(16);
@@ -65,7 +65,7 @@ where
     }
 
     /// What stands for a branch that is not followed.
-    pub(super) fn cut_off(&self, branch: &Branch) -> Vec3 {
+    pub(super) fn cut_off(&self, branch: &Branch<C::Cone>) -> Vec3 {
         match self.pass.job.params.limits.cutoff_color {
             CutoffColor::Black => Vec3::ZERO,
             CutoffColor::Background => branch.weight * self.pass.job.beyond,

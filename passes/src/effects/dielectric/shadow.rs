@@ -7,7 +7,7 @@ use crate::effects::light::{SHADOWED, THROUGH_GLASS};
 use crate::effects::optics::interface_of;
 use crate::effects::sun::LitSide;
 use crate::effects::surface::Surface;
-use crate::effects::{Coverage, Pass, Workspace};
+use crate::effects::{Coverage, LevelZero, Pass, Workspace};
 use crate::trace::{Hit, Purpose, Ray, Tracer};
 use curitiba_pipeline::glass::Shape;
 use glam::Vec3;
@@ -100,14 +100,14 @@ impl<T: Tracer, C: Coverage> Pass<'_, T, C> {
                     work.rays.lost += u64::from(overflows);
                     media = after;
                     ratio.map_or(Vec3::ONE, |ratio| {
-                        (1.0 - share(ratio.max(1.0 / ratio)).reflectance) * self.filter(hit, dielectric)
+                        (1.0 - share(ratio.max(1.0 / ratio)).reflectance) * self.filter(hit, LevelZero, dielectric)
                     })
                 }
                 Shape::Thin => {
                     let ratio = dielectric.index / media.index(dielectrics);
                     let face = share(ratio.max(1.0 / ratio));
                     slab(face.reflectance, kept_across(dielectric, face.cos_refracted)).transmitted
-                        * self.filter(hit, dielectric)
+                        * self.filter(hit, LevelZero, dielectric)
                 }
                 Shape::Pane | Shape::Opaque => Vec3::splat(THROUGH_GLASS),
             };

@@ -5,9 +5,9 @@ use super::facets::Facet;
 use super::media::{Border, Crossing, Media};
 use super::walk::{Met, Path, Walk};
 use super::ways::{Met as Noted, Ways};
-use crate::effects::optics::{interface_of, reflect};
-use crate::effects::surface::Surface;
-use crate::effects::{Coverage, Workspace};
+use crate::effects::optics::{Interface, interface_of, reflect};
+use crate::effects::surface::{FootprintOf, Surface};
+use crate::effects::{Cone, Coverage, Workspace};
 use crate::trace::{Hit, Purpose, Tracer};
 use curitiba_pipeline::glass::{Dielectric, Stratum};
 use glam::Vec3;
@@ -17,7 +17,7 @@ const REFERENCE: f32 = 587.6;
 
 /// Both ways on from a surface, for light of one wavelength.
 #[derive(Clone, Copy)]
-struct Onward {
+struct Onward<K> {
     /// Share of the light that is reflected; the rest enters.
     reflectance: f32,
     /// Where what is reflected goes.
@@ -26,38 +26,46 @@ struct Onward {
     refracted: Option<Vec3>,
     /// What other facets of a rough surface leave of both; 1 where it is smooth.
     kept: [f32; 2],
+    /// The cones of what is reflected and of what enters.
+    cones: [K; 2],
 }
 
 impl<T, C, F, W> Walk<'_, '_, T, C, F, W>
 where
     T: Tracer,
     C: Coverage,
-    F: Fn(&Hit, &Surface, Media, u32, &mut Workspace) -> Vec3,
+    F: Fn(&Hit, FootprintOf<C>, &Surface, Media, u32, &mut Workspace) -> Vec3,
     W: Ways,
 {
     /// What the surface of a body shows.
     pub(super) fn solid(
         &self,
-        met: Met<'_>,
+        met: Met<'_, FootprintOf<C>>,
         (material, dielectric): (u32, &Dielectric),
-        path: Path,
+        path: Path<C::Cone>,
         work: &mut Workspace,
     ) -> Vec3 {
         let dielectrics = self.pass.job.dielectrics;
-        let Met { hit, surface, view } = met;
+        let Met { hit, surface, view, footprint } = met;
         let crossing = Crossing { material, enters: surface.is_front() };
         let border = path.media.cross(crossing, dielectrics);
         work.rays.lost += u64::from(border.overflows);
-        let straight = |weight| Branch { purpose: Purpose::Refracted, direction: view, weight, media: border.after };
+        let straight = |weight| Branch {
+            purpose: Purpose::Refracted,
+            direction: view,
+            weight,
+            media: border.after,
+            cone: path.cone,
+        };
         let Some(ratio) = border.ratio else { return self.follow(surface, &straight(Vec3::ONE), path, 0, work) };
-        let filter = self.pass.filter(hit, dielectric);
+        let filter = self.pass.filter(hit, footprint, dielectric);
         let disperses = path.wavelength.is_none() && !self.pass.spectrum.is_empty() && border.disperses(dielectrics);
         let ratio = path.wavelength.map_or(ratio, |wavelength| border.ratio_at(dielectrics, wavelength));
         if ratio == 1.0 && !disperses {
             let through = self.follow(surface, &straight(filter), path, 0, work);
             return through + self.veil(met, dielectric, Vec3::ONE, path, work);
         }
-        let ways = |path: Path, work: &mut Workspace| {
+        let ways = |path: Path<C::Cone>, work: &mut Workspace| {
             if disperses && W::SAMPLED {
                 return self.sampled_spectrum(met, dielectric, (&border, ratio, filter), path, work);
             }
@@ -73,45 +81,54 @@ where
     /// What the surface of a body shows to light of one wavelength, or of all where it bends none apart.
     fn follow_ways(
         &self,
-        met: Met<'_>,
+        met: Met<'_, FootprintOf<C>>,
         dielectric: &Dielectric,
-        (ways, filter): (&Onward, Vec3),
-        (after, path): (Media, Path),
+        (ways, filter): (&Onward<C::Cone>, Vec3),
+        (after, path): (Media, Path<C::Cone>),
         work: &mut Workspace,
     ) -> Vec3 {
-        let Onward { reflectance, mirrored, refracted, kept } = *ways;
+        let Onward { reflectance, mirrored, refracted, kept, cones: [back, onward] } = *ways;
         let reflected = Branch {
             purpose: Purpose::Reflected,
             direction: mirrored,
             weight: reflectance * kept[0] * dielectric.mirrors(),
             media: path.media,
+            cone: back,
         };
         let through = refracted.map(|direction| Branch {
             purpose: Purpose::Refracted,
             direction,
             weight: (1.0 - reflectance) * kept[1] * filter,
             media: after,
+            cone: onward,
         });
         let color = self.split(met.surface, Some(reflected), through, path, work);
         color + self.veil(met, dielectric, Vec3::splat(1.0 - reflectance), path, work)
     }
 
     /// Where a surface sends light; `ratio` is the index behind it over that before.
-    fn ways(&self, met: Met<'_>, dielectric: &Dielectric, ratio: f32, path: Path) -> Onward {
+    fn ways(
+        &self,
+        met: Met<'_, FootprintOf<C>>,
+        dielectric: &Dielectric,
+        ratio: f32,
+        path: Path<C::Cone>,
+    ) -> Onward<C::Cone> {
         match self.facet(met, dielectric, path) {
-            Some(facet) => self.rough_ways(met, dielectric, &facet, ratio),
-            None => self.smooth_ways(met, dielectric, ratio),
+            Some(facet) => self.rough_ways(met, dielectric, (&facet, ratio), path.cone),
+            None => self.smooth_ways(met, dielectric, ratio, path.cone),
         }
     }
 
     /// Those of a microfacet. What it would send to the wrong side of the surface, as a whole or of the triangle, is lost.
     fn rough_ways(
         &self,
-        Met { surface, view, .. }: Met<'_>,
+        met: Met<'_, FootprintOf<C>>,
         dielectric: &Dielectric,
-        facet: &Facet,
-        ratio: f32,
-    ) -> Onward {
+        (facet, ratio): (&Facet, f32),
+        cone: C::Cone,
+    ) -> Onward<C::Cone> {
+        let Met { surface, view, .. } = met;
         let interface = interface_of(dielectric, self.pass.job.params.fresnel, -facet.normal.dot(view), ratio);
         let side = |direction: Vec3| {
             let [whole, flat] = [surface.interface_normal(view), surface.facing].map(|normal| direction.dot(normal));
@@ -121,11 +138,19 @@ where
         let refracted = interface.refract(view, facet.normal, ratio).filter(|direction| side(*direction) < 0.0);
         let back = if side(mirrored) > 0.0 { facet.passes(mirrored) } else { 0.0 };
         let kept = [back, refracted.map_or(0.0, |direction| facet.passes(direction))];
-        Onward { reflectance: interface.reflectance, mirrored, refracted, kept }
+        let cones = self.cones(met, (facet.normal, &interface), ratio, cone);
+        Onward { reflectance: interface.reflectance, mirrored, refracted, kept, cones }
     }
 
     /// Those of a smooth surface.
-    fn smooth_ways(&self, Met { surface, view, .. }: Met<'_>, dielectric: &Dielectric, ratio: f32) -> Onward {
+    fn smooth_ways(
+        &self,
+        met: Met<'_, FootprintOf<C>>,
+        dielectric: &Dielectric,
+        ratio: f32,
+        cone: C::Cone,
+    ) -> Onward<C::Cone> {
+        let Met { surface, view, .. } = met;
         let bend = |normal: Vec3| {
             let interface = interface_of(dielectric, self.pass.job.params.fresnel, -normal.dot(view), ratio);
             (normal, interface, interface.refract(view, normal, ratio))
@@ -134,7 +159,21 @@ where
         // Refracted back to the viewer's side, which a bent normal can do: the flat surface serves.
         let returns = bent.2.is_some_and(|direction| direction.dot(surface.facing) >= 0.0);
         let (normal, interface, refracted) = if returns { bend(surface.facing) } else { bent };
-        Onward { reflectance: interface.reflectance, mirrored: reflect(view, normal), refracted, kept: [1.0; 2] }
+        let cones = self.cones(met, (normal, &interface), ratio, cone);
+        let mirrored = reflect(view, normal);
+        Onward { reflectance: interface.reflectance, mirrored, refracted, kept: [1.0; 2], cones }
+    }
+
+    /// The cones of what is reflected by this normal and of what enters.
+    fn cones(
+        &self,
+        Met { hit, surface, view, .. }: Met<'_, FootprintOf<C>>,
+        (normal, interface): (Vec3, &Interface),
+        ratio: f32,
+        cone: C::Cone,
+    ) -> [C::Cone; 2] {
+        let (curvature, cos) = (|| self.pass.curvature(hit.triangle, surface), -normal.dot(view));
+        [cone.mirrored(curvature, cos), cone.refracted(curvature, [cos, interface.cos_refracted], ratio)]
     }
 
     /// The surface of a body that bends colours apart, to light of all of them: what enters goes on by wavelength, what is reflected
@@ -142,18 +181,18 @@ where
     #[inline(never)]
     fn dispersed(
         &self,
-        met: Met<'_>,
+        met: Met<'_, FootprintOf<C>>,
         dielectric: &Dielectric,
         (border, filter): (&Border, Vec3),
-        path: Path,
+        path: Path<C::Cone>,
         work: &mut Workspace,
     ) -> Vec3 {
         let splits = self.splits(path);
-        let mut together: Option<Branch> = None;
+        let mut together: Option<Branch<C::Cone>> = None;
         let (mut color, mut entering, mut split) = (Vec3::ZERO, Vec3::ZERO, false);
         for Stratum { wavelength, weight } in &self.pass.spectrum {
             let ratio = border.ratio_at(self.pass.job.dielectrics, *wavelength);
-            let Onward { reflectance, mirrored, refracted, kept } = self.ways(met, dielectric, ratio, path);
+            let Onward { reflectance, mirrored, refracted, kept, cones } = self.ways(met, dielectric, ratio, path);
             entering += *weight * (1.0 - reflectance);
             let mut back = *weight * (reflectance * kept[0]) * dielectric.mirrors();
             let mut through = *weight * ((1.0 - reflectance) * kept[1]) * filter;
@@ -162,7 +201,13 @@ where
                 (back, through) = (Vec3::ZERO, back + through);
             }
             let own = Path { wavelength: Some(*wavelength), ..path };
-            let branch = Branch { purpose: Purpose::Reflected, direction: mirrored, weight: back, media: path.media };
+            let branch = Branch {
+                purpose: Purpose::Reflected,
+                direction: mirrored,
+                weight: back,
+                media: path.media,
+                cone: cones[0],
+            };
             match &mut together {
                 None => together = Some(branch),
                 Some(first) if first.direction == mirrored => first.weight += back,
@@ -172,7 +217,7 @@ where
             if let Some(direction) = refracted {
                 split |= back != Vec3::ZERO;
                 let purpose = Purpose::Refracted;
-                let branch = Branch { purpose, direction, weight: through, media: border.after };
+                let branch = Branch { purpose, direction, weight: through, media: border.after, cone: cones[1] };
                 color += self.follow(met.surface, &branch, own, u32::from(splits), work);
             }
         }
@@ -189,10 +234,10 @@ where
     #[inline(never)]
     fn sampled_spectrum(
         &self,
-        met: Met<'_>,
+        met: Met<'_, FootprintOf<C>>,
         dielectric: &Dielectric,
         (border, ratio, filter): (&Border, f32, Vec3),
-        path: Path,
+        path: Path<C::Cone>,
         work: &mut Workspace,
     ) -> Vec3 {
         self.ways.note(Noted::DIVIDED);
@@ -206,10 +251,11 @@ where
             direction: reference.mirrored,
             weight: Vec3::ZERO,
             media: path.media,
+            cone: reference.cones[0],
         };
         let (mut color, mut entering, mut split, mut rest) = (Vec3::ZERO, Vec3::ZERO, false, Vec3::ONE);
-        let mut add = |ways: &Onward, weight: Vec3, own: Path, work: &mut Workspace| {
-            let Onward { reflectance, mirrored, refracted, kept } = *ways;
+        let mut add = |ways: &Onward<C::Cone>, weight: Vec3, own: Path<C::Cone>, work: &mut Workspace| {
+            let Onward { reflectance, mirrored, refracted, kept, cones } = *ways;
             entering += weight * (1.0 - reflectance);
             let mut back = weight * (reflectance * kept[0]) * dielectric.mirrors();
             let mut through = weight * ((1.0 - reflectance) * kept[1]) * filter;
@@ -223,12 +269,18 @@ where
                 together.weight += back;
             } else {
                 // By another normal, which few surfaces have.
-                let branch = Branch { direction: mirrored, weight: back, ..together };
+                let branch = Branch { direction: mirrored, weight: back, cone: cones[0], ..together };
                 color += self.split(met.surface, Some(branch), None, own, work);
             }
             if let Some(direction) = refracted {
                 split |= back != Vec3::ZERO;
-                let branch = Branch { purpose: Purpose::Refracted, direction, weight: through, media: border.after };
+                let branch = Branch {
+                    purpose: Purpose::Refracted,
+                    direction,
+                    weight: through,
+                    media: border.after,
+                    cone: cones[1],
+                };
                 color += self.follow(met.surface, &branch, own, u32::from(splits), work);
             }
         };

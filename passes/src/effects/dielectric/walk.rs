@@ -7,9 +7,9 @@ use super::slab::{kept_across, slab};
 use super::ways::{Met as Noted, Ways};
 use crate::effects::interpolate::locate;
 use crate::effects::optics::{Interface, REFLECTED, REFRACTED, interface, interface_of, reflect};
-use crate::effects::surface::Surface;
+use crate::effects::surface::{FootprintOf, Surface};
 use crate::effects::thesis::BOUNCE;
-use crate::effects::{Coverage, Pass, Pixel, Workspace};
+use crate::effects::{Cone, Coverage, Pass, Pixel, Workspace};
 use crate::sampling::hash::path_key;
 use crate::trace::{Announcement, Hit, Purpose, Tracer};
 use curitiba_pipeline::glass::{Dielectric, Shape, transmittance};
@@ -20,7 +20,7 @@ pub const MOST_SURFACES: u32 = 128;
 
 /// A path that has come to a surface.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Path {
+pub(super) struct Path<K> {
     /// The bodies before the surface.
     pub(super) media: Media,
     /// Surfaces of glass met before.
@@ -36,15 +36,19 @@ pub(super) struct Path {
     pub(super) importance: f32,
     /// Reflections and refractions before.
     pub(super) bounces: [u32; 2],
+    /// Its cone at the surface.
+    pub(super) cone: K,
 }
 
 /// Where a path has come to, and from where.
 #[derive(Clone, Copy)]
-pub(super) struct Met<'h> {
+pub(super) struct Met<'h, F> {
     pub(super) hit: &'h Hit,
     pub(super) surface: &'h Surface,
     /// Unit direction in which the surface is seen.
     pub(super) view: Vec3,
+    /// What the path covers of the surface's textures.
+    pub(super) footprint: F,
 }
 
 /// Follows paths; `shade` gives the colour of everything that is not glass, given the key of the path.
@@ -62,7 +66,7 @@ impl<T, C, F, W> Walk<'_, '_, T, C, F, W>
 where
     T: Tracer,
     C: Coverage,
-    F: Fn(&Hit, &Surface, Media, u32, &mut Workspace) -> Vec3,
+    F: Fn(&Hit, FootprintOf<C>, &Surface, Media, u32, &mut Workspace) -> Vec3,
     W: Ways,
 {
     /// What a pixel of glass shows.
@@ -82,10 +86,12 @@ where
             sample: None,
             importance: 1.0,
             bounces: [0; 2],
+            cone: self.pass.cone_at(&surface),
         };
+        let footprint = self.pass.footprint(path.cone, &hit, view);
         let length = stored.distance(self.pass.job.eye);
         transmittance(self.extinction(path.media), length)
-            * self.glass(Met { hit: &hit, surface: &surface, view }, path, work)
+            * self.glass(Met { hit: &hit, surface: &surface, view, footprint }, path, work)
     }
 
     fn extinction(&self, media: Media) -> Vec3 {
@@ -93,7 +99,7 @@ where
     }
 
     /// What glass shows to a ray that meets it.
-    fn glass(&self, met: Met<'_>, path: Path, work: &mut Workspace) -> Vec3 {
+    fn glass(&self, met: Met<'_, FootprintOf<C>>, path: Path<C::Cone>, work: &mut Workspace) -> Vec3 {
         if path.surfaces >= MOST_SURFACES {
             work.rays.lost += 1;
             return Vec3::ZERO;
@@ -110,24 +116,32 @@ where
     /// What a surface scatters back of the light that enters, of which it takes the share `entering`.
     pub(super) fn veil(
         &self,
-        met: Met<'_>,
+        met: Met<'_, FootprintOf<C>>,
         dielectric: &Dielectric,
         entering: Vec3,
-        path: Path,
+        path: Path<C::Cone>,
         work: &mut Workspace,
     ) -> Vec3 {
         if dielectric.veil <= 0.0 {
             return Vec3::ZERO;
         }
-        dielectric.veil * entering * (self.shade)(met.hit, met.surface, path.media, self.own_key(&path), work)
+        dielectric.veil
+            * entering
+            * (self.shade)(met.hit, met.footprint, met.surface, path.media, self.own_key(&path), work)
     }
 
     /// A wall with two faces.
-    fn thin(&self, met: Met<'_>, dielectric: &Dielectric, path: Path, work: &mut Workspace) -> Vec3 {
+    fn thin(
+        &self,
+        met: Met<'_, FootprintOf<C>>,
+        dielectric: &Dielectric,
+        path: Path<C::Cone>,
+        work: &mut Workspace,
+    ) -> Vec3 {
         if self.scatters(met, dielectric, path) {
             return self.scattered(path, work, |path, work| self.thin(met, dielectric, path, work));
         }
-        let Met { hit, surface, view } = met;
+        let Met { hit, surface, view, footprint } = met;
         let facet = self.facet(met, dielectric, path);
         let normal = facet.map_or(surface.interface_normal(view), |facet| facet.normal);
         let ratio = dielectric.index / path.media.index_at(self.pass.job.dielectrics, path.wavelength);
@@ -139,12 +153,15 @@ where
             direction: reflect(view, normal),
             weight: wall.reflected * dielectric.mirrors(),
             media: path.media,
+            cone: path.cone.mirrored(|| self.pass.curvature(hit.triangle, surface), -normal.dot(view)),
         };
         let through = Branch {
             purpose: Purpose::Refracted,
             direction: view,
-            weight: wall.transmitted * self.pass.filter(hit, dielectric),
+            weight: wall.transmitted * self.pass.filter(hit, footprint, dielectric),
             media: path.media,
+            // Its two faces undo each other's bending.
+            cone: path.cone,
         };
         let (mirrored, through) = match facet {
             Some(facet) => facet.of_wall(surface.facing, mirrored, through),
@@ -155,41 +172,46 @@ where
     }
 
     /// The report's pane: light enters it at every bounce, and those after the first dim it.
-    fn pane(&self, met: Met<'_>, path: Path, work: &mut Workspace) -> Vec3 {
-        let Met { surface, view, .. } = met;
+    fn pane(&self, met: Met<'_, FootprintOf<C>>, path: Path<C::Cone>, work: &mut Workspace) -> Vec3 {
+        let Met { hit, surface, view, .. } = met;
         let (index, weights) = (self.pass.job.params.index, self.pass.job.params.fresnel);
         let bend = |normal: Vec3| {
             let interface = interface(weights, -normal.dot(view), index);
-            (normal, interface.reflectance, interface.refract(view, normal, index))
+            (normal, interface, interface.refract(view, normal, index))
         };
         let bent = bend(surface.interface_normal(view));
         let returns = bent.2.is_some_and(|direction| direction.dot(surface.facing) >= 0.0);
-        let (normal, reflectance, refracted) = if returns { bend(surface.facing) } else { bent };
+        let (normal, interface, refracted) = if returns { bend(surface.facing) } else { bent };
+        let Interface { reflectance, cos_refracted } = interface;
         let kept = if path.surfaces > 0 { BOUNCE } else { 1.0 };
-        let branch = |purpose, direction, share: f32| Branch {
+        let branch = |purpose, direction, share: f32, cone| Branch {
             purpose,
             direction,
             weight: Vec3::splat(kept * share),
             media: path.media,
+            cone,
         };
-        let mirrored = branch(Purpose::Reflected, reflect(view, normal), reflectance);
-        let through = refracted.map(|direction| branch(Purpose::Refracted, direction, 1.0 - reflectance));
+        let (curvature, cos) = (|| self.pass.curvature(hit.triangle, surface), -normal.dot(view));
+        let cone = path.cone.mirrored(curvature, cos);
+        let mirrored = branch(Purpose::Reflected, reflect(view, normal), reflectance, cone);
+        let cone = || path.cone.refracted(curvature, [cos, cos_refracted], index);
+        let through = refracted.map(|direction| branch(Purpose::Refracted, direction, 1.0 - reflectance, cone()));
         self.split(surface, Some(mirrored), through, path, work)
     }
 
     /// Whether a surface is rough, and the path has not been divided by one.
-    pub(super) fn scatters(&self, met: Met<'_>, dielectric: &Dielectric, path: Path) -> bool {
+    pub(super) fn scatters(&self, met: Met<'_, FootprintOf<C>>, dielectric: &Dielectric, path: Path<C::Cone>) -> bool {
         let may = dielectric.alpha > 0.0 && path.sample.is_none() && !self.pass.facets.is_empty();
-        may && self.pass.alpha(met.hit, dielectric) > 0.0
+        may && self.pass.alpha(met.hit, met.footprint, dielectric) > 0.0
     }
 
     /// The mean of the ways on from rough glass.
     #[inline(never)]
     pub(super) fn scattered(
         &self,
-        path: Path,
+        path: Path<C::Cone>,
         work: &mut Workspace,
-        each: impl Fn(Path, &mut Workspace) -> Vec3,
+        each: impl Fn(Path<C::Cone>, &mut Workspace) -> Vec3,
     ) -> Vec3 {
         self.ways.note(Noted::DIVIDED);
         let numbers = self.ways.numbers(self.pass.facets.len() as u32);
@@ -201,9 +223,14 @@ where
     }
 
     /// The microfacet that a path meets; `None` where the surface is smooth.
-    pub(super) fn facet(&self, met: Met<'_>, dielectric: &Dielectric, path: Path) -> Option<Facet> {
+    pub(super) fn facet(
+        &self,
+        met: Met<'_, FootprintOf<C>>,
+        dielectric: &Dielectric,
+        path: Path<C::Cone>,
+    ) -> Option<Facet> {
         let way = path.sample.filter(|_| dielectric.alpha > 0.0)?;
-        let alpha = self.pass.alpha(met.hit, dielectric);
+        let alpha = self.pass.alpha(met.hit, met.footprint, dielectric);
         if alpha <= 0.0 {
             return None;
         }
@@ -212,7 +239,7 @@ where
     }
 
     /// The key of what is sampled where a path ends.
-    pub(super) fn own_key(&self, path: &Path) -> u32 {
+    pub(super) fn own_key(&self, path: &Path<C::Cone>) -> u32 {
         self.ways.own_key(path.key, path.sample)
     }
 
@@ -220,12 +247,12 @@ where
     pub(super) fn split(
         &self,
         surface: &Surface,
-        reflected: Option<Branch>,
-        through: Option<Branch>,
-        path: Path,
+        reflected: Option<Branch<C::Cone>>,
+        through: Option<Branch<C::Cone>>,
+        path: Path<C::Cone>,
         work: &mut Workspace,
     ) -> Vec3 {
-        let counts = |branch: &Branch| branch.weight != Vec3::ZERO;
+        let counts = |branch: &Branch<C::Cone>| branch.weight != Vec3::ZERO;
         match (reflected.filter(counts), through.filter(counts)) {
             (None, None) => Vec3::ZERO,
             (Some(branch), None) | (None, Some(branch)) => self.follow(surface, &branch, path, 0, work),
@@ -240,7 +267,7 @@ where
     }
 
     /// Whether both ways on are followed.
-    pub(super) fn splits(&self, path: Path) -> bool {
+    pub(super) fn splits(&self, path: Path<C::Cone>) -> bool {
         path.splits < self.pass.job.params.depth
     }
 
@@ -248,14 +275,15 @@ where
     pub(super) fn follow(
         &self,
         surface: &Surface,
-        branch: &Branch,
-        path: Path,
+        branch: &Branch<C::Cone>,
+        path: Path<C::Cone>,
         splits: u32,
         work: &mut Workspace,
     ) -> Vec3 {
         let reflected = branch.purpose == Purpose::Reflected;
         let mut path = Path {
             media: branch.media,
+            cone: branch.cone,
             surfaces: path.surfaces + 1,
             splits: path.splits + splits,
             key: path_key(path.key, if reflected { REFLECTED } else { REFRACTED }),
@@ -275,20 +303,22 @@ where
     }
 
     /// What arrives at a surface from a direction.
-    fn radiance(&self, at: &Surface, direction: Vec3, path: Path, work: &mut Workspace) -> Vec3 {
+    fn radiance(&self, at: &Surface, direction: Vec3, path: Path<C::Cone>, work: &mut Workspace) -> Vec3 {
         let extinction = self.extinction(path.media);
         let (ray, Some(hit)) = self.pass.closest(at.origin(direction), direction) else {
             return transmittance(extinction, f32::INFINITY) * self.pass.job.beyond;
         };
-        let surface = self.pass.surface_hit(&ray, &hit);
+        let cone = path.cone.along(hit.t);
+        let footprint = self.pass.footprint(cone, &hit, direction);
+        let surface = self.pass.surface_hit(&ray, &hit, footprint);
         // From surface to surface: the ray starts a little off its own.
         let length = (surface.position() - at.position()).dot(direction).max(0.0);
         let kept = transmittance(extinction, length);
         kept * if self.pass.is_glass(hit.triangle) {
-            let path = Path { importance: path.importance * kept.max_element(), ..path };
-            self.glass(Met { hit: &hit, surface: &surface, view: direction }, path, work)
+            let path = Path { importance: path.importance * kept.max_element(), cone, ..path };
+            self.glass(Met { hit: &hit, surface: &surface, view: direction, footprint }, path, work)
         } else {
-            (self.shade)(&hit, &surface, path.media, self.own_key(&path), work)
+            (self.shade)(&hit, footprint, &surface, path.media, self.own_key(&path), work)
         }
     }
 }

@@ -2,7 +2,7 @@
 
 use crate::effects::optics::reflect;
 use crate::effects::thesis::{self, face_forward};
-use crate::effects::{Coverage, Pass, Pixel, Workspace, opaque};
+use crate::effects::{Coverage, LevelZero, Pass, Pixel, Workspace, opaque};
 use crate::trace::{Announcement, Purpose, Tracer};
 use glam::Vec3;
 
@@ -29,7 +29,7 @@ fn chain<T: Tracer, C: Coverage>(
         let (geometric, shading) = pass.thesis_normals(&hit);
         let normal = face_forward(shading, -ray.direction, geometric);
         if !pass.is_glass(hit.triangle) {
-            return pass.lit_color(&hit, normal);
+            return pass.lit_color(&hit, LevelZero, normal);
         }
         origin = thesis::position(&ray, &hit);
         direction = reflect(ray.direction, normal);

@@ -3,9 +3,9 @@
 
 use crate::effects::dielectric::{AllWays, Media, Sample, Walk, Ways};
 use crate::effects::optics::{REFLECTED, REFRACTED, interface, reflect};
-use crate::effects::surface::Surface;
+use crate::effects::surface::{FootprintOf, Surface};
 use crate::effects::thesis::BOUNCE;
-use crate::effects::{Coverage, Pass, Pixel, Workspace, opaque};
+use crate::effects::{Cone, Coverage, Pass, Pixel, Workspace, opaque};
 use crate::sampling::hash::path_key;
 use crate::trace::{Announcement, Hit, Purpose, Tracer};
 use glam::Vec3;
@@ -16,8 +16,11 @@ pub fn pixel<T: Tracer, C: Coverage>(pass: &Pass<'_, T, C>, pixel: Pixel, work: 
         return pass.job.color[pixel.index];
     };
     let (surface, view) = pass.surface_at(pixel, triangle, pass.normal(pixel));
-    let shade = |hit: &Hit, surface: &Surface, _: u32, _: &mut Workspace| pass.lit_color(hit, surface.normal);
-    opaque(Glass { pass, shade }.blend(&surface, view, 0, 0, work))
+    let shade = |hit: &Hit, footprint: FootprintOf<C>, surface: &Surface, _: u32, _: &mut Workspace| {
+        pass.lit_color(hit, footprint, surface.normal)
+    };
+    let seen = Seen { triangle, surface: &surface, view, cone: pass.cone_at(&surface) };
+    opaque(Glass { pass, shade }.blend(seen, 0, 0, work))
 }
 
 /// As [`pixel`], where each material says what kind of glass it is.
@@ -46,7 +49,9 @@ fn of_bodies<T: Tracer, C: Coverage>(
         return pass.job.color[pixel.index];
     };
     let seen = pass.surface_at(pixel, triangle, pass.normal(pixel));
-    let shade = |hit: &Hit, surface: &Surface, _: Media, _: u32, _: &mut Workspace| pass.lit_color(hit, surface.normal);
+    let shade = |hit: &Hit, footprint: FootprintOf<C>, surface: &Surface, _: Media, _: u32, _: &mut Workspace| {
+        pass.lit_color(hit, footprint, surface.normal)
+    };
     opaque(Walk { pass, shade, ways }.pixel(pixel, triangle, seen, ways.key(pass.key(pixel)), work))
 }
 
@@ -56,11 +61,27 @@ pub(in crate::effects) struct Glass<'p, 'a, T, C, F> {
     pub shade: F,
 }
 
-impl<T: Tracer, C: Coverage, F: Fn(&Hit, &Surface, u32, &mut Workspace) -> Vec3> Glass<'_, '_, T, C, F> {
-    /// The colour that glass shows in direction `view` after `bounces` glass hits: reflected and refracted colours by
-    /// their Fresnel
-    /// weights. A branch of weight 0 is not traced.
-    pub fn blend(&self, surface: &Surface, view: Vec3, bounces: u32, key: u32, work: &mut Workspace) -> Vec3 {
+/// A surface of glass that a path has come to.
+#[derive(Clone, Copy)]
+pub(in crate::effects) struct Seen<'s, K> {
+    pub triangle: u32,
+    pub surface: &'s Surface,
+    /// Unit direction in which the surface is seen.
+    pub view: Vec3,
+    /// The path's cone at the surface.
+    pub cone: K,
+}
+
+impl<T, C, F> Glass<'_, '_, T, C, F>
+where
+    T: Tracer,
+    C: Coverage,
+    F: Fn(&Hit, FootprintOf<C>, &Surface, u32, &mut Workspace) -> Vec3,
+{
+    /// The colour that glass shows after `bounces` glass hits: reflected and refracted colours by their Fresnel weights.
+    /// A branch of weight 0 is not traced.
+    pub fn blend(&self, seen: Seen<'_, C::Cone>, bounces: u32, key: u32, work: &mut Workspace) -> Vec3 {
+        let Seen { triangle, surface, view, cone } = seen;
         let (index, weights) = (self.pass.job.params.index, self.pass.job.params.fresnel);
         let split = |normal: Vec3| {
             let interface = interface(weights, -normal.dot(view), index);
@@ -71,18 +92,21 @@ impl<T: Tracer, C: Coverage, F: Fn(&Hit, &Surface, u32, &mut Workspace) -> Vec3>
         // is used.
         let returns = bent.2.is_some_and(|direction| direction.dot(surface.facing) >= 0.0);
         let (normal, interface, refracted) = if returns { split(surface.facing) } else { bent };
+        let (curvature, cos) = (|| self.pass.curvature(triangle, surface), -normal.dot(view));
         let mut color = Vec3::ZERO;
         if interface.reflectance > 0.0 {
             work.rays.reflected += 1;
             self.announce(Purpose::Reflected, bounces, interface.reflectance);
             let direction = reflect(view, normal);
-            let radiance = self.radiance(surface, direction, bounces, path_key(key, REFLECTED), work);
+            let onward = (direction, cone.mirrored(curvature, cos));
+            let radiance = self.radiance(surface, onward, bounces, path_key(key, REFLECTED), work);
             color += interface.reflectance * radiance;
         }
         if let Some(direction) = refracted {
             work.rays.refracted += 1;
             self.announce(Purpose::Refracted, bounces, 1.0 - interface.reflectance);
-            let radiance = self.radiance(surface, direction, bounces, path_key(key, REFRACTED), work);
+            let onward = (direction, cone.refracted(curvature, [cos, interface.cos_refracted], index));
+            let radiance = self.radiance(surface, onward, bounces, path_key(key, REFRACTED), work);
             color += (1.0 - interface.reflectance) * radiance;
         }
         color
@@ -93,7 +117,15 @@ impl<T: Tracer, C: Coverage, F: Fn(&Hit, &Surface, u32, &mut Workspace) -> Vec3>
         self.pass.tracer.announce(Announcement { purpose, bounce, weight });
     }
 
-    fn radiance(&self, from: &Surface, direction: Vec3, bounces: u32, key: u32, work: &mut Workspace) -> Vec3 {
+    /// What arrives at a surface from a direction, with the cone that leaves it.
+    fn radiance(
+        &self,
+        from: &Surface,
+        (direction, cone): (Vec3, C::Cone),
+        bounces: u32,
+        key: u32,
+        work: &mut Workspace,
+    ) -> Vec3 {
         let (ray, Some(hit)) = self.pass.closest(from.origin(direction), direction) else {
             return self.pass.job.beyond;
         };
@@ -101,11 +133,14 @@ impl<T: Tracer, C: Coverage, F: Fn(&Hit, &Surface, u32, &mut Workspace) -> Vec3>
         if glass && bounces >= self.pass.job.params.depth {
             return Vec3::ZERO;
         }
-        let surface = self.pass.surface_hit(&ray, &hit);
+        let cone = cone.along(hit.t);
+        let footprint = self.pass.footprint(cone, &hit, direction);
+        let surface = self.pass.surface_hit(&ray, &hit, footprint);
         if glass {
-            BOUNCE * self.blend(&surface, direction, bounces + 1, key, work)
+            let seen = Seen { triangle: hit.triangle, surface: &surface, view: direction, cone };
+            BOUNCE * self.blend(seen, bounces + 1, key, work)
         } else {
-            (self.shade)(&hit, &surface, key, work)
+            (self.shade)(&hit, footprint, &surface, key, work)
         }
     }
 }

@@ -2,7 +2,7 @@
 
 use crate::effects::optics::reflect;
 use crate::effects::thesis::{self, face_forward};
-use crate::effects::{Coverage, Pass, Pixel, Workspace, opaque};
+use crate::effects::{Coverage, LevelZero, Pass, Pixel, Workspace, opaque};
 use crate::trace::{Announcement, Hit, Purpose, Ray, Tracer};
 use glam::Vec3;
 
@@ -15,7 +15,7 @@ pub fn pixel<T: Tracer, C: Coverage>(pass: &Pass<'_, T, C>, pixel: Pixel, work: 
 /// The report's `closest_hit`.
 fn shade<T: Tracer, C: Coverage>(pass: &Pass<'_, T, C>, ray: &Ray, hit: &Hit, _: &mut Workspace) -> Vec3 {
     let (geometric, shading) = pass.thesis_normals(hit);
-    pass.lit_color(hit, face_forward(shading, -ray.direction, geometric))
+    pass.lit_color(hit, LevelZero, face_forward(shading, -ray.direction, geometric))
 }
 
 /// The glass branch of `buffer_camera`; `shade` is `closest_hit`.

@@ -4,7 +4,7 @@ use curitiba_pipeline::backend::{GBuffer, RayCounts, RayJob};
 use curitiba_pipeline::camera_programs::CameraParams;
 use curitiba_pipeline::glass::{Background, GlassRule, GlassShadow, PathLimits};
 use curitiba_pipeline::programs::Fidelity::{self, Corrected, Thesis};
-use curitiba_pipeline::programs::{Fresnel, RayParams, RayProgram, Sampler};
+use curitiba_pipeline::programs::{Fresnel, RayParams, RayProgram, Sampler, TextureLod};
 use glam::{Mat3, Vec3};
 use std::f32::consts::PI;
 
@@ -29,6 +29,7 @@ const DEFAULTS: RayParams = RayParams {
     sun: 0.0,
     sun_samples: 16,
     filter: 0,
+    texture_lod: TextureLod::Zero,
     first_sun: 0,
     camera: CameraParams::DEFAULT,
 };

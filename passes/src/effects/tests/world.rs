@@ -2,7 +2,7 @@
 
 use crate::cpu;
 use crate::trace::{BruteForce, Bvh, Quality, Ray, SphereTree, Tracer};
-use curitiba_pipeline::backend::{NO_TRIANGLE, NormalMap, RayCounts, RayJob, Shade, Sun};
+use curitiba_pipeline::backend::{NO_TRIANGLE, NormalMap, PixelCone, RayCounts, RayJob, Shade, Sun};
 use curitiba_pipeline::executor::Progress;
 use curitiba_pipeline::glass::{Dielectric, Shape};
 use curitiba_pipeline::image::Image;
@@ -212,6 +212,8 @@ pub const BACKGROUND: [f32; 4] = [0.1, 0.2, 0.4, 0.25];
 pub struct Shot<'w> {
     world: &'w World,
     eye: Vec3,
+    /// The cone of its pixels; of width 0 without a choice.
+    pub cone: PixelCone,
     width: u32,
     pub position: Vec<[f32; 4]>,
     pub normal: Vec<[f32; 4]>,
@@ -225,6 +227,7 @@ impl<'w> Shot<'w> {
         let mut shot = Self {
             world,
             eye,
+            cone: PixelCone::default(),
             width: 0,
             position: Vec::new(),
             normal: Vec::new(),
@@ -302,6 +305,7 @@ impl<'w> Shot<'w> {
             fidelity,
             seed: 0,
             eye: self.eye,
+            cone: self.cone,
             sun: self.world.sun,
             width: self.width,
             height: (self.position.len() as u32).checked_div(self.width).unwrap_or(0),

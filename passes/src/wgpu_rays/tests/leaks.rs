@@ -4,7 +4,7 @@ use super::texts::ROUNDINGS;
 use super::{bits, picture, rays};
 use crate::cpu::CpuRays;
 use crate::wgpu_rays::WgpuRays;
-use curitiba_pipeline::backend::{RayBackend, RayJob, Shade, Sun};
+use curitiba_pipeline::backend::{PixelCone, RayBackend, RayJob, Shade, Sun};
 use curitiba_pipeline::programs::{Fidelity, RayParams, RayProgram};
 use curitiba_pipeline::scene::{Batch, Geometry, Material, RenderScene};
 use glam::Vec3;
@@ -86,6 +86,7 @@ fn job<'a>(scene: &'a RenderScene, position: &'a [[f32; 4]], direction: Vec3) ->
         fidelity: Fidelity::Thesis,
         seed: 0,
         eye: Vec3::ZERO,
+        cone: PixelCone::default(),
         sun: Some(Sun { direction: -direction, color: Vec3::ONE }),
         origin: [0; 2],
         width,

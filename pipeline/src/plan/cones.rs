@@ -1,0 +1,42 @@
+//! Texture lookups that are filtered by ray cones: which passes ask for it, and which backends do it.
+
+use super::{Plan, PlannedPass, Work};
+use crate::backend::{BackendError, RayBackend};
+use crate::project::PassKind;
+
+impl Plan {
+    /// What a ray pass asks of texture lookups at hits, for messages; `None` where they are made at level 0.
+    #[must_use]
+    pub fn asks_of_cones(&self, planned: &PlannedPass) -> Option<String> {
+        match (&planned.work, &self.pass(planned).kind) {
+            (Work::Rays { params, .. }, PassKind::Ray(ray)) => ray.program.asks_of_cones(params),
+            _ => None,
+        }
+    }
+
+    /// The first ray pass that asks for ray cones of a ray backend, by the pass's name, that has none; with what to do.
+    #[must_use]
+    pub fn without_cones<'a>(&self, rays_of: impl Fn(&str) -> &'a dyn RayBackend) -> Option<(String, BackendError)> {
+        self.first_refused(|planned| {
+            let pass = self.pass(planned);
+            let PassKind::Ray(ray) = &pass.kind else { return None };
+            let rays = rays_of(&pass.name);
+            let asked = self.asks_of_cones(planned).filter(|_| !rays.traces_cones())?;
+            let why = "at hits it reads textures at level 0; use --backend cpu, or allow it with --fallback cpu, or set texturelod=zero on \
+                       the pass";
+            let what = format!("{} with {asked}", ray.program.info().stem);
+            Some(BackendError::Unsupported { backend: rays.name(), what, why: why.to_owned() })
+        })
+    }
+
+    /// Says which passes filter texture lookups by ray cones.
+    pub(super) fn explain_cones(&mut self) {
+        let asks = |planned: &&PlannedPass| self.asks_of_cones(planned).is_some();
+        let names: Vec<String> =
+            self.passes.iter().filter(asks).map(|planned| self.pass(planned).name.clone()).collect();
+        for name in names {
+            let why = "texturelod=cones: at hits textures are read at the mip level of the pixel's part of the surface";
+            self.decide(format!("ray cones of pass `{name}`"), true, why.to_owned());
+        }
+    }
+}
