@@ -18,7 +18,7 @@ use curitiba_pipeline::backend::{BackendError, BuildStats, IntersectionJob, RayB
 use curitiba_pipeline::executor::Progress;
 use curitiba_pipeline::glass::Dielectric;
 use curitiba_pipeline::image::Image;
-use curitiba_pipeline::programs::{Fidelity, RayParams, RayProgram};
+use curitiba_pipeline::programs::{Fidelity, RayParams, RayProgram, TextureLod};
 use curitiba_pipeline::scene::{Geometry, RenderScene, TriangleRanges};
 use rayon::prelude::*;
 use std::cell::RefCell;
@@ -262,6 +262,7 @@ pub(crate) fn trace_pixels(
     check::images(NAME, job, output)?;
     check::filter(NAME, job)?;
     check::adaptive(NAME, job)?;
+    check::cones(NAME, job)?;
     in_host(job)?;
     check::scene(NAME, job, false)?;
     let tiles = tiles_at_a_time(job);
@@ -299,7 +300,7 @@ fn run_by_rays<'o, R: Runner<'o>>(
     in_host(job)?;
     check::scene(NAME, job, tracer.knows_spheres())?;
     Ok(match job.fidelity {
-        Fidelity::Corrected if asks_of_cones(job) => {
+        Fidelity::Corrected if job.texture_lod() == TextureLod::Cones => {
             let coverage = ByCones(AlphaTested { scene: job.scene, shades: job.shades });
             run_with_cones(&new_pass(job, &Erased::<true>(tracer), coverage, runner.progress())?, runner)
         }
@@ -316,7 +317,7 @@ fn run<'o, T: Tracer, R: Runner<'o>>(tracer: &T, job: &RayJob<'_>, runner: R) ->
     in_host(job)?;
     check::scene(NAME, job, T::SPHERES)?;
     let coverage = AlphaTested { scene: job.scene, shades: job.shades };
-    if asks_of_cones(job) {
+    if job.texture_lod() == TextureLod::Cones {
         return Ok(run_with_cones(&new_pass(job, tracer, ByCones(coverage), runner.progress())?, runner));
     }
     let cut = job.fidelity == Fidelity::Corrected && job.shades.iter().any(|shade| shade.alpha_cutoff.is_some());
@@ -326,11 +327,6 @@ fn run<'o, T: Tracer, R: Runner<'o>>(tracer: &T, job: &RayJob<'_>, runner: R) ->
     } else {
         run_program(&new_pass(job, tracer, Opaque, runner.progress())?, runner)
     })
-}
-
-/// Whether a job's texture lookups at hits are filtered by ray cones.
-fn asks_of_cones(job: &RayJob<'_>) -> bool {
-    job.fidelity == Fidelity::Corrected && job.program.asks_of_cones(&job.params).is_some()
 }
 
 fn new_pass<'a, T: Tracer, C: Coverage>(

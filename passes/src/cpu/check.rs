@@ -3,7 +3,7 @@
 use crate::trace::{Detected, Kernel, Simd};
 use curitiba_pipeline::backend::{BackendError, NO_TRIANGLE, RayJob};
 use curitiba_pipeline::image::Image;
-use curitiba_pipeline::programs::{Fidelity, RayProgram, Traces};
+use curitiba_pipeline::programs::{Fidelity, RayProgram, TextureLod, Traces};
 use rayon::prelude::*;
 
 /// Pixels whose triangle ids a thread checks at a time.
@@ -76,12 +76,12 @@ pub fn adaptive(backend: &'static str, job: &RayJob<'_>) -> Result<(), BackendEr
 /// # Errors
 /// [`BackendError::Unsupported`] of that backend.
 pub fn cones(backend: &'static str, job: &RayJob<'_>) -> Result<(), BackendError> {
-    match job.program.asks_of_cones(&job.params).filter(|_| job.fidelity == Fidelity::Corrected) {
+    match job.program.asks_of_cones(&job.params).filter(|_| job.texture_lod() != TextureLod::Zero) {
         None => Ok(()),
         Some(asked) => Err(missing(
             backend,
             job,
-            &format!("{asked} asks for mip levels at hits, and it reads level 0; the cpu reads both"),
+            &format!("{asked} asks for mip levels at hits, and it reads level 0: set texturelod=zero"),
         )),
     }
 }

@@ -6,7 +6,7 @@ use super::split::Split;
 use crate::effects::dielectric::Variant;
 use crate::raster::gpu::device::Gpu;
 use curitiba_pipeline::backend::{BackendError, RayJob};
-use curitiba_pipeline::programs::RayProgram;
+use curitiba_pipeline::programs::{RayProgram, TextureLod};
 use std::collections::HashMap;
 
 /// The layouts, and the programs compiled so far.
@@ -17,7 +17,7 @@ pub struct Kernels {
     /// How the scene's arrays are spread over bindings.
     pub split: Split,
     layout: wgpu::PipelineLayout,
-    compiled: HashMap<(RayProgram, Variant, Stage, Arithmetic), wgpu::ComputePipeline>,
+    compiled: HashMap<(RayProgram, Variant, Stage, (Arithmetic, TextureLod)), wgpu::ComputePipeline>,
 }
 
 fn entry(binding: u32, ty: wgpu::BindingType) -> wgpu::BindGroupLayoutEntry {
@@ -76,12 +76,13 @@ impl Kernels {
         arithmetic: Arithmetic,
     ) -> Result<Vec<(Stage, &wgpu::ComputePipeline)>, BackendError> {
         let variant = Variant::of(job);
-        let key = |stage: Stage| (job.program, variant, stage, arithmetic);
+        let lod = job.texture_lod();
+        let key = |stage: Stage| (job.program, variant, stage, (arithmetic, lod));
         for &stage in stages {
             if self.compiled.contains_key(&key(stage)) {
                 continue;
             }
-            let source = programs::source(job.program, variant, stage, arithmetic, self.split);
+            let source = programs::source(job.program, variant, stage, (arithmetic, lod), self.split);
             let source = source.ok_or_else(|| programs::not_written(super::NAME, job.program))?;
             let doing = format!("compiling `{}` ({stage:?})", job.program.info().stem);
             let pipeline = compile(gpu, Some(&self.layout), &source, &doing)?;

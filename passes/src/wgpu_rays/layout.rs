@@ -126,7 +126,9 @@ pub struct Params {
     pub beyond: [f32; 3],
     pub bodies_at: u32,
     pub tangents_at: u32,
-    pub padding: [u32; 3],
+    pub cone_width: f32,
+    pub cone_spread: f32,
+    pub padding: u32,
 }
 
 /// The constants of the programs, as WGSL.

@@ -35,7 +35,7 @@ use curitiba_pipeline::backend::{
 use curitiba_pipeline::executor::Progress;
 use curitiba_pipeline::glass::{Dielectric, Shape};
 use curitiba_pipeline::image::Image;
-use curitiba_pipeline::programs::{Fidelity, RayParams, RayProgram, Traces};
+use curitiba_pipeline::programs::{Fidelity, RayParams, RayProgram, TextureLod, Traces};
 use curitiba_pipeline::scene::RenderScene;
 use curitiba_pipeline::shared::InPlace;
 use images::{Images, Views};
@@ -167,7 +167,8 @@ impl WgpuRays {
             Some(value) => (self.in_place(job, value)?, None),
             None => (self.images.upload(&gpu, job)?, Some(start.elapsed())),
         };
-        let tables = Tables::of(job).map_err(|why| check::missing(NAME, job, &why))?;
+        let has_levels = self.require_levels(job)?;
+        let tables = Tables::of(job, has_levels).map_err(|why| check::missing(NAME, job, &why))?;
         let variant = Variant::of(job);
         let mut stages = programs::stages(job.program, variant, tables.params.samples).to_vec();
         if variant.knows_bodies() && job.dielectrics.iter().any(|dielectric| dielectric.shape == Shape::Solid) {
@@ -227,6 +228,21 @@ impl WgpuRays {
         Ok(RayStats { rays: self.read_counts()?, adaptive: None, upload, read_back, device_time, held_bytes })
     }
 
+    /// Copies the mip levels of the scene's textures to the device for the first job that asks for them. Returns whether they are there.
+    fn require_levels(&mut self, job: &RayJob<'_>) -> Result<bool, BackendError> {
+        let Some((_, buffers)) = self.built.as_mut().filter(|(scene, _)| std::ptr::eq(&raw const **scene, job.scene))
+        else {
+            return Ok(false);
+        };
+        if job.texture_lod() == TextureLod::Cones
+            && let Err(error) = buffers.require_levels(&self.gpu, job.scene)
+        {
+            self.built = None;
+            return Err(error);
+        }
+        Ok(self.built.as_ref().is_some_and(|(_, buffers)| buffers.has_levels))
+    }
+
     /// The attachments that the rasteriser lent, if they are those of the job.
     fn in_place(&self, job: &RayJob<'_>, value: u64) -> Result<Views, BackendError> {
         let info = job.program.info();
@@ -278,7 +294,6 @@ impl WgpuRays {
         check::sun(NAME, job)?;
         check::filter(NAME, job)?;
         check::adaptive(NAME, job)?;
-        check::cones(NAME, job)?;
         check_glass(NAME, true, &job.params, job.dielectrics)?;
         Images::check_size(&self.gpu, job)
     }
@@ -360,6 +375,10 @@ impl RayBackend for WgpuRays {
             return Err(BackendError::Unsupported { backend: NAME, what, why });
         }
         Ok(())
+    }
+
+    fn traces_cones(&self) -> bool {
+        true
     }
 
     fn build(&mut self, scene: &Arc<RenderScene>, filtered: &[bool]) -> Result<BuildStats, BackendError> {

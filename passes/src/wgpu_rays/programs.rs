@@ -4,7 +4,7 @@ use super::layout;
 use super::split::Split;
 use crate::effects::dielectric::Variant;
 use curitiba_pipeline::backend::BackendError;
-use curitiba_pipeline::programs::{Fidelity, RayProgram};
+use curitiba_pipeline::programs::{Fidelity, RayProgram, TextureLod};
 
 /// How the products of the triangle test are rounded. No variant leaks rays between triangles.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default)]
@@ -167,8 +167,19 @@ fn of_panes(program: RayProgram, stage: Stage, subgroups: bool) -> Option<Vec<Te
     })
 }
 
-/// The functions that programs use, without a program.
-pub fn functions(arithmetic: Arithmetic, variant: Variant, split: Split) -> String {
+/// A source with its parts between ⟨ and ⟩ where textures are read by ray cones, and without them where they are read at level 0.
+fn of_levels(source: &str, lod: TextureLod) -> String {
+    let mut text = String::with_capacity(source.len());
+    for (index, part) in source.split(['⟨', '⟩']).enumerate() {
+        if index % 2 == 0 || lod == TextureLod::Cones {
+            text.push_str(part);
+        }
+    }
+    text
+}
+
+/// The functions that programs use, without a program, and with the marks of [`of_levels`].
+fn functions(arithmetic: Arithmetic, variant: Variant, split: Split, lod: TextureLod) -> String {
     let rounding = match arithmetic.rounding {
         Rounding::Fma => text!("rounding_fma"),
         Rounding::Separate => text!("rounding_separate"),
@@ -179,6 +190,9 @@ pub fn functions(arithmetic: Arithmetic, variant: Variant, split: Split) -> Stri
     let mut source = layout::constants() + &split.text();
     let crossings = if variant.knows_bodies() { text!("crossings_hits") } else { text!("crossings") };
     COMMON.into_iter().chain([crossings, rounding, product]).for_each(|text| source.push_str(text));
+    if lod == TextureLod::Cones {
+        source.push_str(text!("ray_cones"));
+    }
     source
 }
 
@@ -187,12 +201,12 @@ pub fn source(
     program: RayProgram,
     variant: Variant,
     stage: Stage,
-    arithmetic: Arithmetic,
+    (arithmetic, lod): (Arithmetic, TextureLod),
     split: Split,
 ) -> Option<String> {
     let texts = texts(program, variant, stage, arithmetic.subgroups)?;
     let function = if variant == Variant::Panes(Fidelity::Thesis) { "thesis" } else { "corrected" };
-    let mut source = functions(arithmetic, variant, split);
+    let mut source = functions(arithmetic, variant, split, lod);
     source.push_str(text!("pass"));
     texts.into_iter().for_each(|text| source.push_str(text));
     match stage {
@@ -206,12 +220,14 @@ pub fn source(
         }
         _ => {}
     }
-    Some(source)
+    Some(of_levels(&source, lod))
 }
 
 /// The program that traces segments between triangles.
 pub fn segments(arithmetic: Arithmetic) -> String {
-    functions(arithmetic, Variant::Panes(Fidelity::Corrected), Split::default()) + text!("segments")
+    let lod = TextureLod::Zero;
+    let functions = functions(arithmetic, Variant::Panes(Fidelity::Corrected), Split::default(), lod);
+    of_levels(&functions, lod) + text!("segments")
 }
 
 /// Whether the program is written for this backend.

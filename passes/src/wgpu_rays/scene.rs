@@ -7,6 +7,7 @@ use crate::raster::gpu::device::Gpu;
 use crate::trace::Quality;
 use crate::trace::gpu_binary::{BinaryTree, MOST_TRIANGLES};
 use curitiba_pipeline::backend::BackendError;
+use curitiba_pipeline::scene::texture::Texture;
 use curitiba_pipeline::scene::{Geometry, RenderScene};
 use glam::Vec3;
 
@@ -16,6 +17,10 @@ pub struct SceneBuffers {
     buffers: Vec<wgpu::Buffer>,
     /// Which of the buffers hold parts of the same array.
     pub split: Split,
+    /// Sizes of the arrays in bytes.
+    sizes: [u64; 5],
+    /// Whether the textures have all of their mip levels, and not only level 0.
+    pub has_levels: bool,
     /// Parameters that describe the buffers.
     params: Params,
     /// Size in bytes of device memory.
@@ -35,6 +40,29 @@ pub fn too_large(gpu: &Gpu, what: &str, bytes: u64, most: u64) -> BackendError {
 
 /// Storage buffers that programs bind in addition to the scene: counts, points and tables.
 const OTHER_BUFFERS: u32 = 3;
+
+/// The arrays of a scene, in the order of their bindings; [`Split`] has the same.
+const ARRAYS: [&str; 5] = ["the nodes", "the triangles of the tree", "the vertices", "the triangles", "the textures"];
+/// Which of them is that of the textures, the last.
+const TEXELS: usize = 4;
+
+/// The texels of a scene's textures, texture by texture, of level 0 or of all levels.
+fn texels(scene: &RenderScene, has_levels: bool) -> Vec<[u8; 4]> {
+    let levels = |texture: &'_ Texture| if has_levels { texture.levels.len() } else { 1 };
+    let levels = scene.textures.iter().flat_map(|texture| &texture.levels[..levels(texture)]);
+    levels.flat_map(|level| &level.texels).copied().collect()
+}
+
+/// How arrays of these sizes in bytes are spread over the bindings of a device.
+fn split_of(gpu: &Gpu, sizes: [u64; 5]) -> Result<Split, BackendError> {
+    let most = gpu.limits.max_storage_buffer_binding_size.min(gpu.max_buffer_bytes);
+    let split = Split::new(sizes, most);
+    let bindings = gpu.limits.max_storage_buffers_per_shader_stage.saturating_sub(OTHER_BUFFERS);
+    if split.count() > bindings {
+        return Err(too_many(gpu, std::array::from_fn(|array| (ARRAYS[array], sizes[array])), most, bindings));
+    }
+    Ok(split)
+}
 
 /// The error for a scene whose arrays need more bindings than a device has.
 fn too_many(gpu: &Gpu, parts: [(&str, u64); 5], most: u64, bindings: u32) -> BackendError {
@@ -115,7 +143,6 @@ impl SceneBuffers {
         let numbers = geometry.positions.len() as u64 * 3 + geometry.normals.len() as u64 * 3;
         let wide = geometry.colors.len() + geometry.tangents.len();
         let numbers = numbers + geometry.texcoords.len() as u64 * 2 + wide as u64 * 4;
-        let most = gpu.limits.max_storage_buffer_binding_size.min(gpu.max_buffer_bytes);
         // Offsets are 32-bit numbers.
         if numbers > u64::from(u32::MAX) {
             return Err(too_large(gpu, "the vertices", 4 * numbers, 4 * u64::from(u32::MAX)));
@@ -132,28 +159,44 @@ impl SceneBuffers {
         let mut mesh: Vec<u32> = geometry.triangles.as_flattened().to_vec();
         params.materials_at = mesh.len() as u32;
         mesh.extend(geometry.materials());
-        let texels: Vec<[u8; 4]> =
-            scene.textures.iter().flat_map(|texture| &texture.levels[0].texels).copied().collect();
-        let parts: [(&str, &[u8]); 5] = [
-            ("the nodes", bytemuck::cast_slice(&tree.nodes)),
-            ("the triangles of the tree", bytemuck::cast_slice(&tree.triangles)),
-            ("the vertices", bytemuck::cast_slice(&vertices)),
-            ("the triangles", bytemuck::cast_slice(&mesh)),
-            ("the textures", texels.as_flattened()),
+        let texels = texels(scene, false);
+        let parts: [&[u8]; 5] = [
+            bytemuck::cast_slice(&tree.nodes),
+            bytemuck::cast_slice(&tree.triangles),
+            bytemuck::cast_slice(&vertices),
+            bytemuck::cast_slice(&mesh),
+            texels.as_flattened(),
         ];
-        let split = Split::new(parts.map(|(_, part)| part.len() as u64), most);
-        let bindings = gpu.limits.max_storage_buffers_per_shader_stage.saturating_sub(OTHER_BUFFERS);
-        if split.count() > bindings {
-            return Err(too_many(gpu, parts.map(|(what, part)| (what, part.len() as u64)), most, bindings));
-        }
+        let sizes = parts.map(|part| part.len() as u64);
+        let split = split_of(gpu, sizes)?;
         let mut buffers = Vec::with_capacity(split.count() as usize);
-        for (array, (label, part)) in parts.into_iter().enumerate() {
+        for (array, part) in parts.into_iter().enumerate() {
             for part in split.parts(array, part) {
-                buffers.push(super::buffers::upload(gpu, label, part)?);
+                buffers.push(super::buffers::upload(gpu, ARRAYS[array], part)?);
             }
         }
         let bytes = buffers.iter().map(wgpu::Buffer::size).sum();
-        Ok(Self { buffers, split, params, bytes, nodes: tree.nodes.len() as u64 })
+        Ok(Self { buffers, split, sizes, has_levels: false, params, bytes, nodes: tree.nodes.len() as u64 })
+    }
+
+    /// Copies all mip levels of the scene's textures in the place of level 0, unless they are there. After an error the buffers cannot
+    /// be used.
+    pub fn require_levels(&mut self, gpu: &Gpu, scene: &RenderScene) -> Result<(), BackendError> {
+        if self.has_levels {
+            return Ok(());
+        }
+        let texels = texels(scene, true);
+        let bytes = texels.as_flattened();
+        self.sizes[TEXELS] = bytes.len() as u64;
+        let split = split_of(gpu, self.sizes)?;
+        // Level 0 is released first: memory may not hold both.
+        self.buffers.truncate((self.split.count() - self.split.bindings[TEXELS]) as usize);
+        for part in split.parts(TEXELS, bytes) {
+            self.buffers.push(super::buffers::upload(gpu, ARRAYS[TEXELS], part)?);
+        }
+        (self.split, self.has_levels) = (split, true);
+        self.bytes = self.buffers.iter().map(wgpu::Buffer::size).sum();
+        Ok(())
     }
 
     /// Writes the parameters that describe the buffers into those of a launch.

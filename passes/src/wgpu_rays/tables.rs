@@ -23,11 +23,11 @@ pub struct Tables {
 }
 
 impl Tables {
-    /// The tables of a job.
+    /// The tables of a job. `has_levels` says whether the textures lie in memory with all of their mip levels.
     ///
     /// # Errors
     /// If the number of samples is not valid; the message says why.
-    pub fn of(job: &RayJob<'_>) -> Result<Self, String> {
+    pub fn of(job: &RayJob<'_>, has_levels: bool) -> Result<Self, String> {
         let Preparation { sampler, open_share, to_light, light_color, disc: _ } = Preparation::of(job)?;
         let (strata, points) = match sampler {
             None => (0, Vec::new()),
@@ -40,7 +40,7 @@ impl Tables {
             words.extend(more);
             place
         };
-        let textures_at = part(textures(job));
+        let textures_at = part(textures(job, has_levels));
         let points_at = part(points.into_flattened());
         let bits = |number: f32| number.to_bits();
         // Never at 0, where the materials are, so 0 can mean that texels are not decoded.
@@ -78,6 +78,8 @@ impl Tables {
             index: job.params.index,
             beyond: job.beyond.to_array(),
             bodies_at,
+            cone_width: job.cone.width,
+            cone_spread: job.cone.spread,
             ..Params::default()
         };
         Ok(Self { words, params })
@@ -85,12 +87,13 @@ impl Tables {
 }
 
 /// For each texture: index of its first texel, width, height, and wrapping along u and v.
-fn textures(job: &RayJob<'_>) -> Vec<u32> {
+fn textures(job: &RayJob<'_>, has_levels: bool) -> Vec<u32> {
     let mut first = 0;
     let size = |texture: &Texture| -> [u32; TEXTURE_WORDS as usize] {
         let level = &texture.levels[0];
         let place = first;
-        first += level.texels.len() as u32;
+        let levels = if has_levels { &texture.levels[..] } else { &texture.levels[..1] };
+        first += levels.iter().map(|level| level.texels.len() as u32).sum::<u32>();
         let [u, v] = texture.wrap.map(|wrap| match wrap {
             Wrap::Repeat => WRAP_REPEAT,
             Wrap::Mirror => WRAP_MIRROR,

@@ -4,7 +4,7 @@ use super::shade::Shade;
 use super::view::{Lamp, PixelCone, Sun, View};
 use crate::camera_programs::SurfaceKind;
 use crate::glass::Dielectric;
-use crate::programs::{Fidelity, Query, RayParams, RayProgram};
+use crate::programs::{Fidelity, Query, RayParams, RayProgram, TextureLod};
 use crate::scene::RenderScene;
 use glam::Vec3;
 
@@ -71,6 +71,16 @@ pub struct RayJob<'a> {
     pub shadow_glass: &'a [bool],
     /// Inputs of a program whose rays start at the camera; `None` for programs that start from a G-buffer.
     pub from_camera: Option<FromCamera<'a>>,
+}
+
+impl RayJob<'_> {
+    /// At which mip level the job reads textures at hits: level 0 unless its program knows ray cones, its parameters ask for them, and
+    /// its fidelity is corrected.
+    #[must_use]
+    pub fn texture_lod(&self) -> TextureLod {
+        let asks = self.fidelity == Fidelity::Corrected && self.program.asks_of_cones(&self.params).is_some();
+        if asks { self.params.texture_lod } else { TextureLod::Zero }
+    }
 }
 
 /// Rays in host memory that are traced for a hit each. Every surface stops them, cut-outs and glass as well.

@@ -8,7 +8,7 @@ mod allocation;
 #[cfg(test)]
 mod tests;
 
-use super::{NAME, Rows, WORKSPACE, Whole, alone, asks_of_cones, before, check, each_tile, in_host, new_pass};
+use super::{NAME, Rows, WORKSPACE, Whole, alone, before, check, each_tile, in_host, new_pass};
 use crate::effects::dielectric::{Met, Sample};
 use crate::effects::{AlphaTested, Area, ByCones, Coverage, Pass, Pixel, Workspace, combined, opaque, refraction};
 use crate::trace::Tracer;
@@ -17,7 +17,7 @@ use curitiba_pipeline::backend::{BackendError, PathsSpent, RayCounts, RayJob, Ra
 use curitiba_pipeline::executor::Progress;
 use curitiba_pipeline::image::Image;
 use curitiba_pipeline::memory::{Refused, with_capacity, zeroed};
-use curitiba_pipeline::programs::{Fidelity, RayProgram};
+use curitiba_pipeline::programs::{Fidelity, RayProgram, TextureLod};
 use glam::{DVec3, Vec4};
 use rayon::prelude::*;
 use std::cell::Cell;
@@ -52,9 +52,9 @@ pub(super) fn trace<T: Tracer>(
     in_host(job)?;
     check::scene(NAME, job, T::SPHERES)?;
     let coverage = AlphaTested { scene: job.scene, shades: job.shades };
-    match asks_of_cones(job) {
-        true => trace_pass(&new_pass(job, tracer, ByCones(coverage), Some(progress))?, asked, output),
-        false => trace_pass(&new_pass(job, tracer, coverage, Some(progress))?, asked, output),
+    match job.texture_lod() {
+        TextureLod::Cones => trace_pass(&new_pass(job, tracer, ByCones(coverage), Some(progress))?, asked, output),
+        TextureLod::Zero => trace_pass(&new_pass(job, tracer, coverage, Some(progress))?, asked, output),
     }
 }
 

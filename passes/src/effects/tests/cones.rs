@@ -3,14 +3,14 @@
 use super::world::{SUN_COLOR, Shot, World};
 use crate::cpu;
 use crate::trace::WithSpheres;
-use curitiba_pipeline::backend::{PixelCone, RayCounts};
+use curitiba_pipeline::backend::{Glow, PixelCone, RayCounts};
 use curitiba_pipeline::color::decode;
 use curitiba_pipeline::executor::Progress;
 use curitiba_pipeline::glass::{Dielectric, GlassRule, Shape};
 use curitiba_pipeline::image::Image;
 use curitiba_pipeline::programs::Fidelity::Corrected;
 use curitiba_pipeline::programs::{RayParams, RayProgram, TextureLod};
-use curitiba_pipeline::scene::texture::{Texture, lod};
+use curitiba_pipeline::scene::texture::{Texture, Wrap, lod};
 use glam::{DMat2, DVec2, DVec3, Vec2, Vec3};
 
 /// With depth 0 light goes through bodies, and they mirror nothing.
@@ -252,13 +252,59 @@ fn with_ball(dielectric: Dielectric, height: f32, repeat: f32) -> (World, (DVec3
     (world, (DVec3::Y * f64::from(height), 1.0))
 }
 
+/// The front of a ball of radius 1, of triangles with the normals of a sphere.
+fn ball_of_triangles(world: &mut World, material: u32, center: Vec3, steps: u32) {
+    let on_ball = |i: u32, j: u32| {
+        let [across, up] = [i, j].map(|step| (step as f32 / steps as f32 - 0.5) * 3.0);
+        Vec3::new(across.sin() * up.cos(), up.sin(), across.cos() * up.cos())
+    };
+    for (i, j) in (0..steps * steps).map(|cell| (cell % steps, cell / steps)) {
+        let corners = [on_ball(i, j), on_ball(i + 1, j), on_ball(i + 1, j + 1), on_ball(i, j + 1)];
+        for normals in [[corners[0], corners[1], corners[2]], [corners[2], corners[3], corners[0]]] {
+            world.triangle(material, normals.map(|normal| center + normal), normals);
+        }
+    }
+}
+
+/// Paving with a half ball and a wall of glass on it, and behind the camera a wall with bumps that sends out light, by textures that do not
+/// repeat and whose sides are no powers of two. Texture 0 is a roughness and texture 1 a filter.
+pub(crate) fn court([ball, wall]: [Dielectric; 2], bodies: bool) -> World {
+    let mut world = World { beyond: Vec3::new(0.2, 0.4, 0.7), ..World::lit_along(Vec3::new(0.3, -1.0, -0.4)) };
+    let [ball, wall] = [ball, wall].map(|dielectric| world.dielectric(dielectric));
+    let of_places = |name: &str, width: u32, height: u32| {
+        let texels =
+            (0..width * height).map(|i| [31 * i, 97 * i, 59 * i, 255].map(|code| (code % 256) as u8)).collect();
+        Texture::new(name.to_owned(), width, height, texels)
+    };
+    world.scene.textures.extend([of_places("roughness", 37, 50), of_places("filter", 64, 3)]);
+    floor(&mut world, paving(), 0.7);
+    ball_of_triangles(&mut world, ball, Vec3::new(-1.1, 1.2, 0.0), 12);
+    world.quad(wall, Vec3::new(1.2, 1.2, -0.4), Vec3::new(0.9, 0.0, -0.3), Vec3::Y * 1.1);
+    let back = world.picture([[0; 4]; 2], None);
+    *world.scene.textures.last_mut().expect("it was added") =
+        of_places("back", 41, 29).wrapped([Wrap::Clamp, Wrap::Mirror]);
+    let texture = world.shades[back as usize].texture;
+    world.shades[back as usize].glow = Some(Glow { color: Vec3::new(0.1, 0.3, 0.2), texture });
+    world.quad(back, Vec3::new(0.0, 3.0, 9.0), Vec3::NEG_X * 6.0, Vec3::Y * 3.0);
+    world.bump(back, [[90, 150, 230, 255], [170, 110, 220, 255]], 1.0);
+    let last = world.scene.textures.len() - 1;
+    world.scene.textures[last] = of_places("bumps", 33, 64);
+    world.bodies = bodies;
+    world
+}
+
+/// Looks at the court.
+pub(crate) fn at_court(world: &World) -> Shot<'_> {
+    Camera { eye: Vec3::new(0.2, 1.8, 5.0), towards: Vec3::Y, count: 64, pixel: 0.012, ..AT_MIRROR }.shot(world)
+}
+
 fn run(world: &World, camera: Camera, program: RayProgram) -> Vec<[f32; 4]> {
     let (triangles, spheres) = (&world.tree(), &world.spheres());
     let shot = camera.shot(world);
     shot.run_on(&WithSpheres { triangles, spheres }, &shot.job(program, Corrected, params(TextureLod::Cones))).0
 }
 
-fn solid(index: f32) -> Dielectric {
+pub(crate) fn solid(index: f32) -> Dielectric {
     Dielectric { shape: Shape::Solid, index, filter: Vec3::ONE, ..Dielectric::default() }
 }
 
@@ -287,19 +333,9 @@ fn a_ball_spreads_what_it_mirrors() {
         (f64::from(camera.pixel) * way / cos * f64::from(SIDE) * f64::from(repeat)).log2()
     });
     assert!(largest(&pixels, flat).0 > 1.5);
-    // A ball of triangles with the normals of a sphere, of which the front is there.
     let mut world = World::lit_along(Vec3::Y);
     let glass = world.glass();
-    let on_ball = |i: u32, j: u32| {
-        let [across, up] = [i, j].map(|step| (step as f32 / 64.0 - 0.5) * 3.0);
-        Vec3::new(across.sin() * up.cos(), up.sin(), across.cos() * up.cos())
-    };
-    for (i, j) in (0..64 * 64).map(|cell| (cell % 64, cell / 64)) {
-        let corners = [on_ball(i, j), on_ball(i + 1, j), on_ball(i + 1, j + 1), on_ball(i, j + 1)];
-        for normals in [[corners[0], corners[1], corners[2]], [corners[2], corners[3], corners[0]]] {
-            world.triangle(glass, normals.map(|normal| ball.0.as_vec3() + normal), normals);
-        }
-    }
+    ball_of_triangles(&mut world, glass, ball.0.as_vec3(), 64);
     floor(&mut world, graded(), repeat);
     let shot = camera.shot(&world);
     let job = shot.job(RayProgram::Reflection, Corrected, params(TextureLod::Cones));
@@ -409,7 +445,7 @@ fn bumps_and_glow_in_a_mirror_are_read_at_the_level_of_the_cone() {
     world.bump(wall, [[0; 4]; 2], 1.0);
     world.scene.textures[0] = first_and_rest([[255, 128, 192, 255], [128, 128, 255, 255]]);
     world.scene.textures.push(graded());
-    world.shades[wall as usize].glow = Some(curitiba_pipeline::backend::Glow { color: Vec3::X, texture: Some(1) });
+    world.shades[wall as usize].glow = Some(Glow { color: Vec3::X, texture: Some(1) });
     let draw = |lod| camera.shot(&world).run(RayProgram::Reflection, Corrected, params(lod)).0;
     // 3 units along the cone, and 512 texels over 8.
     let level = (3.0 * 0.01 * 64.0_f32).log2();

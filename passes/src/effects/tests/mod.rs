@@ -1,7 +1,7 @@
 //! Tests of all programs together, and the scenes for the tests of single programs.
 
 mod agreement;
-mod cones;
+pub(crate) mod cones;
 mod spheres;
 mod sun;
 pub mod terminator;

@@ -29,9 +29,9 @@ fn passes_facets(facet: Facet, direction: vec3f) -> f32 {
 }
 
 // The width of the distribution at a hit; 0 where the surface is smooth.
-fn alpha_at(body: Body, hit: Hit) -> f32 {
+fn alpha_at(body: Body, hit: Hit⟨, footprint: f32⟩) -> f32 {
     if body.roughness_texture == NO_TEXTURE || body.alpha <= 0.0 { return body.alpha; }
-    let roughness = sample_numbers(body.roughness_texture, texture_coordinates(hit)).y;
+    let roughness = sample_numbers(body.roughness_texture, texture_coordinates(hit)⟨, footprint⟩).y;
     let alpha = body.alpha * roughness * roughness;
     return select(alpha, 0.0, alpha < SMOOTH_ALPHA);
 }

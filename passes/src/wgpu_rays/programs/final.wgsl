@@ -6,8 +6,8 @@ fn visible(color: vec3f, surface: Surface, lit_side: vec3f, triangle: u32, key: 
     let light = light_share(surface, lit_side, triangle);
     return sep3(color * light) * occlusion(ACCEPT_STOPS, surface, key);
 }
-fn seen_through(hit: Hit, surface: Surface, key: u32, weight: Weight) -> vec3f {
-    return weight * visible(lit_color(hit, surface.normal), surface, surface.facing, hit.triangle, key);
+fn seen_through(hit: Hit, surface: Surface, key: u32, weight: Weight⟨, footprint: f32⟩) -> vec3f {
+    return weight * visible(lit_color(hit, surface.normal⟨, footprint⟩), surface, surface.facing, hit.triangle, key);
 }
 
 fn thesis_light_share(position: vec3f) -> f32 {
@@ -18,7 +18,7 @@ fn thesis_light_share(position: vec3f) -> f32 {
 fn thesis_seen(position: vec3f, direction: vec3f, hit: Hit) -> vec3f {
     let normals = thesis_normals(hit);
     let normal = face_forward(normals.shading, direction, normals.geometric);
-    let color = lit_color(hit, normal) * thesis_light_share(position);
+    let color = lit_color(hit, normal⟨, NO_FOOTPRINT⟩) * thesis_light_share(position);
     return color * thesis_occlusion(ACCEPT_OPAQUE, position, normal);
 }
 

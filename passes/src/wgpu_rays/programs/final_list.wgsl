@@ -4,8 +4,8 @@
 var<private> head: u32 = NONE;
 var<private> last: u32 = NONE;
 // Called for each end of the tree of rays (`glass.wgsl`); the point's colour is added to the pixel by a later kernel.
-fn seen_through(hit: Hit, surface: Surface, key: u32, weight: Weight) -> vec3f {
-    let color = weighed_color(weight, lit_color(hit, surface.normal));
+fn seen_through(hit: Hit, surface: Surface, key: u32, weight: Weight⟨, footprint: f32⟩) -> vec3f {
+    let color = weighed_color(weight, lit_color(hit, surface.normal⟨, footprint⟩));
     // Black stays black, without tracing a ray.
     if head == NO_ROOM || all(color == vec3f(0.0)) { return vec3f(0.0); }
     let place = atomicAdd(&ray_counts[FOUND], 1u);

@@ -5,7 +5,7 @@
 // The sum is the same up to the order of its roundings.
 
 // A ray that is still to be traced. While one branch is followed, at most one a bounce waits.
-struct Branch { origin: vec3f, direction: vec3f, weight: f32, key: u32, bounces: u32 }
+struct Branch { origin: vec3f, direction: vec3f, weight: f32, key: u32, bounces: u32⟨, cone: Cone⟩ }
 
 // The colour of the glass that a pixel shows.
 fn glass_color(pixel: Pixel, triangle: u32, first: Surface, first_view: vec3f, first_key: u32) -> vec3f {
@@ -18,7 +18,9 @@ fn glass_color(pixel: Pixel, triangle: u32, first: Surface, first_view: vec3f, f
     var bounces = 0u;
     var splits = true;
     var sum = vec3f(0.0);
-    loop {
+⟨    var cone = cone_at(first);
+    var glass_met = triangle;
+⟩    loop {
         var next: Branch;
         var follows = false;
         if splits {
@@ -33,10 +35,13 @@ fn glass_color(pixel: Pixel, triangle: u32, first: Surface, first_view: vec3f, f
                 meeting = interface_at(-dot3(normal, view), params.index);
                 inside = refracts(meeting, view, normal, params.index, &refracted);
             }
-            if inside {
+⟨            let curvature = curvature_of(glass_met, surface.facing);
+            let cosine = -dot3(normal, view);
+⟩            if inside {
                 count(REFRACTED);
                 next = Branch(spawn(surface.point, refracted), refracted, weight * (1.0 - meeting.reflectance),
-                              path_key(key, BRANCH_REFRACTED), bounces);
+                              path_key(key, BRANCH_REFRACTED), bounces⟨,
+                              cone_refracted(cone, curvature, cosine, meeting.cos_refracted, params.index)⟩);
                 follows = true;
             }
             if meeting.reflectance > 0.0 {
@@ -47,7 +52,7 @@ fn glass_color(pixel: Pixel, triangle: u32, first: Surface, first_view: vec3f, f
                 }
                 let direction = mirrored(view, normal);
                 next = Branch(spawn(surface.point, direction), direction, weight * meeting.reflectance,
-                              path_key(key, BRANCH_REFLECTED), bounces);
+                              path_key(key, BRANCH_REFLECTED), bounces⟨, cone_mirrored(cone, curvature, cosine)⟩);
                 follows = true;
             }
         }
@@ -60,9 +65,12 @@ fn glass_color(pixel: Pixel, triangle: u32, first: Surface, first_view: vec3f, f
         if !closest_surface(next.origin, next.direction, &hit) { continue; }
         let glass = is_glass(hit.triangle);
         if glass && next.bounces >= params.depth { continue; }
-        let met = surface_hit(next.direction, hit);
+⟨        cone = cone_along(next.cone, hit.t);
+        let footprint = footprint_of(cone, hit.triangle, next.direction);
+        glass_met = hit.triangle;
+⟩        let met = surface_hit(next.direction, hit⟨, footprint⟩);
         if !glass {
-            sum += seen_through(hit, met, next.key, next.weight);
+            sum += seen_through(hit, met, next.key, next.weight⟨, footprint⟩);
             continue;
         }
         surface = met;

@@ -41,11 +41,11 @@ fn straight_through() -> vec3f {
             let ratio = cross_border(&media, material, entered[i]);
             if ratio == 0.0 { continue; }
             let face = face_of(body, cosine, max(ratio, 1.0 / ratio));
-            passes *= (1.0 - face.reflectance) * filter_of(body, hit);
+            passes *= (1.0 - face.reflectance) * filter_of(body, hit⟨, NO_FOOTPRINT⟩);
         } else if body.shape == SHAPE_THIN {
             let ratio = body.index / index_in(media);
             let face = face_of(body, cosine, max(ratio, 1.0 / ratio));
-            passes *= wall_of(face.reflectance, kept_across(body, face.cos_refracted)).transmitted * filter_of(body, hit);
+            passes *= wall_of(face.reflectance, kept_across(body, face.cos_refracted)).transmitted * filter_of(body, hit⟨, NO_FOOTPRINT⟩);
         } else {
             passes *= THROUGH_GLASS;
         }

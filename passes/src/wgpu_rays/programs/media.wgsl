@@ -136,10 +136,10 @@ fn decoded(encoded: vec3f) -> vec3f {
     return select(curve, encoded / 12.92, encoded <= vec3f(0.04045));
 }
 // The share of the light that passes, by colour, of that which is not reflected.
-fn filter_of(body: Body, hit: Hit) -> vec3f {
+fn filter_of(body: Body, hit: Hit⟨, footprint: f32⟩) -> vec3f {
     var colors = vec3f(1.0);
     if body.filter_texture != NO_TEXTURE {
-        colors = sample_texture(body.filter_texture, texture_coordinates(hit)).xyz;
+        colors = sample_texture(body.filter_texture, texture_coordinates(hit)⟨, footprint⟩).xyz;
         // A share of light is linear whatever the colours of the pass are.
         if params.decoded_at == 0u { colors = decoded(colors); }
     }

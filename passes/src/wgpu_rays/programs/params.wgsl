@@ -49,6 +49,9 @@ struct Params {
     bodies_at: u32,
     // Offset of the tangents in `vertices`; 0 where there are none.
     tangents_at: u32,
+    // The cone of a pixel: its width at the eye, and by how much it grows for each scene unit.
+    cone_width: f32,
+    cone_spread: f32,
 }
 
 @group(0) @binding(0) var<uniform> params: Params;

@@ -6,13 +6,19 @@ fn corrected(pixel: Pixel) -> vec4f {
     let point = snap(triangle, stored_position(pixel).xyz);
     var view = normalize_or(point.position - params.eye, -point.normal);
     var surface = surface_of(point, stored_normal(pixel), view);
-    for (var bounce = 0u; bounce <= params.depth; bounce += 1u) {
+⟨    var cone = cone_at(surface);
+    var mirror = triangle;
+⟩    for (var bounce = 0u; bounce <= params.depth; bounce += 1u) {
         let direction = mirrored(view, interface_normal(surface, view));
-        count(REFLECTED);
+⟨        cone = cone_mirrored(cone, curvature_of(mirror, surface.facing), -dot3(interface_normal(surface, view), view));
+⟩        count(REFLECTED);
         var hit: Hit;
         if !closest_surface(spawn(surface.point, direction), direction, &hit) { return opaque(params.beyond); }
-        surface = surface_hit(direction, hit);
-        if !is_glass(hit.triangle) { return opaque(lit_color(hit, surface.normal)); }
+⟨        cone = cone_along(cone, hit.t);
+        let footprint = footprint_of(cone, hit.triangle, direction);
+        mirror = hit.triangle;
+⟩        surface = surface_hit(direction, hit⟨, footprint⟩);
+        if !is_glass(hit.triangle) { return opaque(lit_color(hit, surface.normal⟨, footprint⟩)); }
         view = direction;
     }
     return opaque(vec3f(0.0));
@@ -29,7 +35,7 @@ fn thesis(pixel: Pixel) -> vec4f {
         if !thesis_closest(origin, direction, THESIS_EPSILON, &hit) { break; }
         let normals = thesis_normals(hit);
         let normal = face_forward(normals.shading, -direction, normals.geometric);
-        if !is_glass(hit.triangle) { return opaque(lit_color(hit, normal)); }
+        if !is_glass(hit.triangle) { return opaque(lit_color(hit, normal⟨, NO_FOOTPRINT⟩)); }
         origin = origin + sep3(hit.t * direction);
         direction = mirrored(direction, normal);
     }

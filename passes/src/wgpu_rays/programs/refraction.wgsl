@@ -1,9 +1,11 @@
 // `refraction`: glass that reflects and refracts. Other pixels keep their colour.
 
-fn seen_through(hit: Hit, surface: Surface, key: u32, weight: Weight) -> vec3f { return weight * lit_color(hit, surface.normal); }
+fn seen_through(hit: Hit, surface: Surface, key: u32, weight: Weight⟨, footprint: f32⟩) -> vec3f {
+    return weight * lit_color(hit, surface.normal⟨, footprint⟩);
+}
 fn thesis_seen(position: vec3f, direction: vec3f, hit: Hit) -> vec3f {
     let normals = thesis_normals(hit);
-    return lit_color(hit, face_forward(normals.shading, -direction, normals.geometric));
+    return lit_color(hit, face_forward(normals.shading, -direction, normals.geometric)⟨, NO_FOOTPRINT⟩);
 }
 
 fn corrected(pixel: Pixel) -> vec4f {

@@ -1,4 +1,6 @@
 // What rays hit: rays, hits, vertex attributes, textures, materials, and cut-outs.
+//
+// What stands between ⟨ and ⟩, here and in other texts, is there for ray cones only (`ray_cones.wgsl`).
 
 // Hits have t_min < t < t_max.
 struct Ray { origin: vec3f, direction: vec3f, t_min: f32, t_max: f32 }
@@ -42,7 +44,7 @@ fn four_between(first: u32, hit: Hit) -> vec4f {
 }
 fn vertex_color(hit: Hit) -> vec4f { return four_between(params.colors_at, hit); }
 
-// Level 0 of a texture, the only one that rays read.
+// Level 0 of a texture; where there are others, they follow it.
 struct Texture { first: u32, width: u32, height: u32, wrap_u: u32, wrap_v: u32, decoded_at: u32 }
 fn texture_of(index: u32) -> Texture {
     let place = params.textures_at + TEXTURE_WORDS * index;
@@ -75,15 +77,18 @@ fn texel(image: Texture, column: i32, row: i32) -> vec4f {
 fn sep4(x: vec4f) -> vec4f { return bitcast<vec4f>(bitcast<vec4u>(x) ^ vec4u(params.zero)); }
 fn between(a: vec4f, b: vec4f, s: f32) -> vec4f { return sep4(a * (1.0 - s)) + sep4(b * s); }
 // Bilinear filtering; `v = 0` is the bottom row.
-fn sample_texture(index: u32, uv: vec2f) -> vec4f { return sample_image(texture_of(index), uv); }
+fn sample_texture(index: u32, uv: vec2f⟨, footprint: f32⟩) -> vec4f { return sample_image(texture_of(index), uv⟨, footprint⟩); }
 // As `sample_texture`, for textures that do not hold colours.
-fn sample_numbers(index: u32, uv: vec2f) -> vec4f {
+fn sample_numbers(index: u32, uv: vec2f⟨, footprint: f32⟩) -> vec4f {
     var image = texture_of(index);
     image.decoded_at = 0u;
-    return sample_image(image, uv);
+    return sample_image(image, uv⟨, footprint⟩);
 }
-fn sample_image(image: Texture, uv: vec2f) -> vec4f {
-    if !(is_finite(uv.x) && is_finite(uv.y)) { return texel(image, 0, 0); }
+fn sample_image(image: Texture, uv: vec2f⟨, footprint: f32⟩) -> vec4f {
+⟨    return sample_levels(image, uv, footprint);
+}
+fn sample_level(image: Texture, uv: vec2f) -> vec4f {
+⟩    if !(is_finite(uv.x) && is_finite(uv.y)) { return texel(image, 0, 0); }
     let x = sep(share_of_side(uv.x, image.wrap_u) * f32(image.width)) - 0.5;
     let y = sep((1.0 - sep(share_of_side(uv.y, image.wrap_v))) * f32(image.height)) - 0.5;
     let left = floor(x); let top = floor(y);
@@ -111,7 +116,7 @@ fn covers(hit: Hit) -> bool {
     if (shade.flags & SHADE_CUT) == 0u { return true; }
     let colored = (shade.flags & SHADE_VERTEX_COLORS) != 0u;
     if shade.texture == NO_TEXTURE { return !colored || vertex_color(hit).w >= shade.cutoff; }
-    var alpha = sample_texture(shade.texture, texture_coordinates(hit)).w;
+    var alpha = sample_texture(shade.texture, texture_coordinates(hit)⟨, NO_FOOTPRINT⟩).w;
     if colored { alpha = alpha * vertex_color(hit).w; }
     return alpha >= shade.cutoff;
 }
@@ -132,11 +137,11 @@ fn bent(texel: vec3f, scale: f32, normal: vec3f, tangent: vec4f, flat_normal: ve
     return turned;
 }
 // The normal at a hit, bent by the material's normal map if it has one; `vertex_normal` is the interpolated normal.
-fn bent_normal(hit: Hit, vertex_normal: vec3f, flat_normal: vec3f) -> vec3f {
+fn bent_normal(hit: Hit, vertex_normal: vec3f, flat_normal: vec3f⟨, footprint: f32⟩) -> vec3f {
     if params.tangents_at == 0u || !(dot3(vertex_normal, vertex_normal) > LEAST_SQUARE) { return vertex_normal; }
     let place = SHADE_WORDS * mesh_at(params.materials_at + hit.triangle);
     if (tables[place + 3u] & SHADE_NORMAL_MAP) == 0u { return vertex_normal; }
-    let texel = sample_numbers(tables[place + 10u], texture_coordinates(hit)).xyz;
+    let texel = sample_numbers(tables[place + 10u], texture_coordinates(hit)⟨, footprint⟩).xyz;
     return bent(texel, table_number(place + 11u), vertex_normal, four_between(params.tangents_at, hit), flat_normal);
 }
 // Whether the interpolated normal faces the light, when turned to the side of the triangle that the bent normal is on.
@@ -150,27 +155,27 @@ fn vertices_face_light(hit: Hit, bent: vec3f) -> bool {
 }
 
 // Diffuse and ambient light times texture and vertex colour, with this unit normal.
-fn reflected_color(hit: Hit, normal: vec3f) -> vec3f {
+fn reflected_color(hit: Hit, normal: vec3f⟨, footprint: f32⟩) -> vec3f {
     let shade = shade_of(hit.triangle);
     var cosine = max(dot3(params.to_light, normal), 0.0);
     if (shade.flags & SHADE_NORMAL_MAP) != 0u && !vertices_face_light(hit, normal) { cosine = 0.0; }
     let lit = sep3(shade.diffuse * (params.light_color * cosine));
     var reflected = lit + sep3(AMBIENT * shade.diffuse);
     if shade.texture != NO_TEXTURE {
-        reflected = (lit + vec3f(AMBIENT)) * sample_texture(shade.texture, texture_coordinates(hit)).xyz;
+        reflected = (lit + vec3f(AMBIENT)) * sample_texture(shade.texture, texture_coordinates(hit)⟨, footprint⟩).xyz;
     }
     if (shade.flags & SHADE_VERTEX_COLORS) != 0u { reflected = reflected * vertex_color(hit).xyz; }
     return reflected;
 }
 // The reflected colour plus the light that the surface emits.
-fn lit_color(hit: Hit, normal: vec3f) -> vec3f {
-    let reflected = reflected_color(hit, normal);
+fn lit_color(hit: Hit, normal: vec3f⟨, footprint: f32⟩) -> vec3f {
+    let reflected = reflected_color(hit, normal⟨, footprint⟩);
     if (flags_of(hit.triangle) & SHADE_GLOW) == 0u { return reflected; }
     let place = SHADE_WORDS * mesh_at(params.materials_at + hit.triangle) + 6u;
     let glow = vec3f(table_number(place), table_number(place + 1u), table_number(place + 2u));
     let image = tables[place + 3u];
     if image == NO_TEXTURE { return reflected + glow; }
-    return reflected + sep3(glow * sample_texture(image, texture_coordinates(hit)).xyz);
+    return reflected + sep3(glow * sample_texture(image, texture_coordinates(hit)⟨, footprint⟩).xyz);
 }
 
 // Which candidate hits on transparent materials count for a ray.

@@ -15,7 +15,8 @@ struct Branch {
     key: u32,
     surfaces: u32,
     splits: u32,
-}
+⟨    cone: Cone,
+⟩}
 
 // What the walk of a pixel has still to do.
 var<private> waiting: array<Branch, MAX_DEPTH + 1u>;
@@ -26,16 +27,17 @@ var<private> follows: bool;
 var<private> missed: vec3f;
 
 // The path that has come to the glass which is looked at.
-struct Path { weight: vec3f, media: Media, key: u32, surfaces: u32, splits: u32 }
-fn follow(surface: Surface, path: Path, direction: vec3f, weight: vec3f, media: Media, kind: u32, deeper: u32) {
+struct Path { weight: vec3f, media: Media, key: u32, surfaces: u32, splits: u32⟨, cone: Cone⟩ }
+fn follow(surface: Surface, path: Path, direction: vec3f, weight: vec3f, media: Media, kind: u32, deeper: u32⟨, cone: Cone⟩) {
     count(kind);
     let branch = select(BRANCH_REFRACTED, BRANCH_REFLECTED, kind == REFLECTED);
     next = Branch(spawn(surface.point, direction), direction, surface.point.position, path.weight * weight, media,
-                  path_key(path.key, branch), path.surfaces + 1u, path.splits + deeper);
+                  path_key(path.key, branch), path.surfaces + 1u, path.splits + deeper⟨, cone⟩);
     follows = true;
 }
 // Both ways on, or beyond the depth the one through the surface, where there is one. A way that brings nothing is not taken.
-fn split(surface: Surface, path: Path, back: vec3f, back_weight: vec3f, enters: bool, on: vec3f, on_weight: vec3f, after: Media) {
+fn split(surface: Surface, path: Path, back: vec3f, back_weight: vec3f, enters: bool, on: vec3f, on_weight: vec3f, after: Media⟨,
+         back_cone: Cone, on_cone: Cone⟩) {
     var weight = on_weight;
     var mirrors = !is_black(back_weight);
     let through = enters && !is_black(on_weight);
@@ -47,17 +49,17 @@ fn split(surface: Surface, path: Path, back: vec3f, back_weight: vec3f, enters: 
         weight = back_weight + weight;
         mirrors = false;
     }
-    if through { follow(surface, path, on, weight, after, REFRACTED, deeper); }
+    if through { follow(surface, path, on, weight, after, REFRACTED, deeper⟨, on_cone⟩); }
     if !mirrors { return; }
     if follows {
         waiting[stored] = next;
         stored += 1u;
     }
-    follow(surface, path, back, back_weight, path.media, REFLECTED, deeper);
+    follow(surface, path, back, back_weight, path.media, REFLECTED, deeper⟨, back_cone⟩);
 }
 
 // What glass does with a ray that meets it; returns the weight of what it scatters back.
-fn meet(hit: Hit, surface: Surface, view: vec3f, path: Path) -> vec3f {
+fn meet(hit: Hit, surface: Surface, view: vec3f, path: Path⟨, footprint: f32⟩) -> vec3f {
     follows = false;
     if path.surfaces >= MOST_SURFACES {
         count(LOST);
@@ -80,12 +82,17 @@ fn meet(hit: Hit, surface: Surface, view: vec3f, path: Path) -> vec3f {
     var back_weight = vec3f(0.0);
     var on_weight = vec3f(1.0);
     var veil = vec3f(0.0);
-    if shape == SHAPE_THIN {
+⟨    // A thin wall's two faces undo each other's bending.
+    var back_cone = path.cone;
+    var on_cone = path.cone;
+    let curvature = curvature_of(hit.triangle, surface.facing);
+⟩    if shape == SHAPE_THIN {
         let normal = interface_normal(surface, view);
         let meeting = face_of(body, -dot3(normal, view), body.index / index_in(path.media));
         let wall = wall_of(meeting.reflectance, kept_across(body, meeting.cos_refracted));
         back = mirrored(view, normal);
-        back_weight = wall.reflected;
+⟨        back_cone = cone_mirrored(path.cone, curvature, -dot3(normal, view));
+⟩        back_weight = wall.reflected;
         on_weight = wall.transmitted;
         veil = on_weight;
     } else if ratio != 0.0 && (shape != SHAPE_SOLID || ratio != 1.0) {
@@ -93,7 +100,9 @@ fn meet(hit: Hit, surface: Surface, view: vec3f, path: Path) -> vec3f {
         // Of the report's panes those after the first dim light.
         let kept = select(1.0, GLASS_BOUNCE, shape != SHAPE_SOLID && path.surfaces > 0u);
         back = mirrored(view, bent.normal);
-        back_weight = vec3f(kept * bent.meeting.reflectance);
+⟨        back_cone = cone_mirrored(path.cone, curvature, -dot3(bent.normal, view));
+        on_cone = cone_refracted(path.cone, curvature, -dot3(bent.normal, view), bent.meeting.cos_refracted, ratio);
+⟩        back_weight = vec3f(kept * bent.meeting.reflectance);
         on = bent.refracted;
         enters = bent.enters;
         on_weight = vec3f(kept * (1.0 - bent.meeting.reflectance));
@@ -103,8 +112,8 @@ fn meet(hit: Hit, surface: Surface, view: vec3f, path: Path) -> vec3f {
     }
     // Where there is no surface, and at panes, nothing is filtered or scattered.
     let filters = shape == SHAPE_THIN || (shape == SHAPE_SOLID && ratio != 0.0);
-    if filters { on_weight *= filter_of(body, hit); }
-    split(surface, path, back, back_weight, enters, on, on_weight, after);
+    if filters { on_weight *= filter_of(body, hit⟨, footprint⟩); }
+    split(surface, path, back, back_weight, enters, on, on_weight, after⟨, back_cone, on_cone⟩);
     return select(vec3f(0.0), body.veil * veil, filters);
 }
 
@@ -114,19 +123,20 @@ fn glass_color(pixel: Pixel, triangle: u32, first: Surface, first_view: vec3f, k
     missed = vec3f(0.0);
     let position = stored_position(pixel).xyz;
     let to = position - params.eye;
-    var path = Path(vec3f(1.0), around_eye(), key, 0u, 0u);
+    var path = Path(vec3f(1.0), around_eye(), key, 0u, 0u⟨, cone_at(first)⟩);
     path.weight = transmittance(extinction_in(path.media), sqrt(dot3(to, to)));
     var hit = located(triangle, position);
     var surface = first;
     var view = first_view;
     var meets = true;
-    var sum = vec3f(0.0);
+⟨    var footprint = footprint_of(path.cone, triangle, first_view);
+⟩    var sum = vec3f(0.0);
     loop {
         var weight = vec3f(0.0);
         var end_key = path.key;
         if meets {
             meets = false;
-            weight = path.weight * meet(hit, surface, view, path);
+            weight = path.weight * meet(hit, surface, view, path⟨, footprint⟩);
         }
         if is_black(weight) {
             if !follows {
@@ -142,18 +152,20 @@ fn glass_color(pixel: Pixel, triangle: u32, first: Surface, first_view: vec3f, k
             }
             let glass = is_glass(hit.triangle);
             if glass && params.bodies_at == 0u && next.splits > params.depth { continue; }
-            surface = surface_hit(next.direction, hit);
+⟨            let cone = cone_along(next.cone, hit.t);
+            footprint = footprint_of(cone, hit.triangle, next.direction);
+⟩            surface = surface_hit(next.direction, hit⟨, footprint⟩);
             let length = max(dot3(surface.point.position - next.start, next.direction), 0.0);
             weight = next.weight * transmittance(extinction, length);
             if glass {
                 view = next.direction;
-                path = Path(weight, next.media, next.key, next.surfaces, next.splits);
+                path = Path(weight, next.media, next.key, next.surfaces, next.splits⟨, cone⟩);
                 meets = true;
                 continue;
             }
             end_key = next.key;
         }
-        sum += seen_through(hit, surface, end_key, weight);
+        sum += seen_through(hit, surface, end_key, weight⟨, footprint⟩);
     }
     return sum;
 }

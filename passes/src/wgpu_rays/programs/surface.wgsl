@@ -136,7 +136,7 @@ fn surface_of(point: SurfacePoint, stored: vec3f, view: vec3f) -> Surface {
     return Surface(point, facing, select(normal, -normal, dot3(normal, facing) < 0.0));
 }
 // The surface at a ray's hit.
-fn surface_hit(direction: vec3f, hit: Hit) -> Surface {
+fn surface_hit(direction: vec3f, hit: Hit⟨, footprint: f32⟩) -> Surface {
     let point = point_on(positions_of(hit.triangle), wide(hit.u), wide(hit.v));
-    return surface_of(point, bent_normal(hit, normal_at(hit), point.normal), direction);
+    return surface_of(point, bent_normal(hit, normal_at(hit), point.normal⟨, footprint⟩), direction);
 }

@@ -18,11 +18,12 @@ struct Path {
     importance: f32,
     reflections: u32,
     refractions: u32,
-}
+⟨    cone: Cone,
+⟩}
 // A ray that is still to be traced; `start` is the point of the surface that it leaves, off which it starts.
 struct Branch { origin: vec3f, direction: vec3f, start: vec3f, weight: vec3f, path: Path }
 // A path that has come to a surface.
-struct Meeting { hit: Hit, surface: Surface, view: vec3f, weight: vec3f, path: Path }
+struct Meeting { hit: Hit, surface: Surface, view: vec3f, weight: vec3f, path: Path⟨, footprint: f32⟩ }
 // How a path meets a surface: for the first time, or as one way of those into which it is divided there.
 const WHOLE: u32 = 0u;
 const BY_FACET: u32 = 1u;
@@ -82,9 +83,10 @@ fn kept_of(weight: vec3f, kind: u32, path: ptr<function, Path>) -> f32 {
     return 0.0;
 }
 // The next way on; the one before waits.
-fn follow(direction: vec3f, weight: vec3f, media: Media, kind: u32, deeper: u32) {
+fn follow(direction: vec3f, weight: vec3f, media: Media, kind: u32, deeper: u32⟨, cone: Cone⟩) {
     var path = now.path;
-    path.media = media;
+⟨    path.cone = cone;
+⟩    path.media = media;
     path.surfaces += 1u;
     path.splits += deeper;
     path.key = path_key(path.key, select(BRANCH_REFRACTED, BRANCH_REFLECTED, kind == REFLECTED));
@@ -107,7 +109,7 @@ fn wait_for_it() {
     follows = false;
 }
 // Both ways on, or beyond the depth the one through the surface, where there is one. A way that brings nothing is not taken.
-fn split(back: vec3f, back_weight: vec3f, enters: bool, on: vec3f, on_weight: vec3f, after: Media) {
+fn split(back: vec3f, back_weight: vec3f, enters: bool, on: vec3f, on_weight: vec3f, after: Media⟨, back_cone: Cone, on_cone: Cone⟩) {
     var weight = on_weight;
     var mirrors = !is_black(back_weight);
     let through = enters && !is_black(on_weight);
@@ -117,8 +119,8 @@ fn split(back: vec3f, back_weight: vec3f, enters: bool, on: vec3f, on_weight: ve
         weight = back_weight + weight;
         mirrors = false;
     }
-    if through { follow(on, weight, after, REFRACTED, deeper); }
-    if mirrors { follow(back, back_weight, now.path.media, REFLECTED, deeper); }
+    if through { follow(on, weight, after, REFRACTED, deeper⟨, on_cone⟩); }
+    if mirrors { follow(back, back_weight, now.path.media, REFLECTED, deeper⟨, back_cone⟩); }
 }
 // Keeps the meeting, whose path is divided.
 fn divide(part: u32, is_flat: bool, ways: u32) {
@@ -129,7 +131,7 @@ fn divide(part: u32, is_flat: bool, ways: u32) {
 // Whether the path meets a microfacet; then it is `facet`.
 fn meets_facet(body: Body, facet: ptr<function, Facet>) -> bool {
     if now.path.sample == NONE || body.alpha <= 0.0 { return false; }
-    let alpha = alpha_at(body, now.hit);
+    let alpha = alpha_at(body, now.hit⟨, now.footprint⟩);
     if alpha <= 0.0 { return false; }
     let place = asked(HEAD_FACETS) + 2u * now.path.sample;
     let seeds = dimensions(now.path.key, HASH_FACETS);
@@ -140,20 +142,28 @@ fn meets_facet(body: Body, facet: ptr<function, Facet>) -> bool {
 
 // Both ways on from the surface of a body: the share reflected, where both go, what other facets leave of them, and whether the flat
 // surface served.
-struct Ways { reflectance: f32, mirrored: vec3f, enters: bool, refracted: vec3f, kept: vec2f, is_flat: bool }
+struct Ways { reflectance: f32, mirrored: vec3f, enters: bool, refracted: vec3f, kept: vec2f, is_flat: bool⟨, back_cone: Cone, on_cone: Cone⟩ }
 // On which side of the surface a direction goes, as a whole and of the triangle; 0 where they differ.
 fn side_of(direction: vec3f) -> f32 {
     let flat_side = dot3(direction, now.surface.facing);
     if dot3(direction, interface_normal(now.surface, now.view)) * flat_side > 0.0 { return with_sign(1.0, flat_side); }
     return 0.0;
 }
-fn ways_of(body: Body, ratio: f32) -> Ways {
+⟨// The cone after a mirror of this normal, and after an interface.
+fn mirrored_cone(normal: vec3f) -> Cone {
+    return cone_mirrored(now.path.cone, curvature_of(now.hit.triangle, now.surface.facing), -dot3(normal, now.view));
+}
+fn refracted_cone(bent: Bend, ratio: f32) -> Cone {
+    let curvature = curvature_of(now.hit.triangle, now.surface.facing);
+    return cone_refracted(now.path.cone, curvature, -dot3(bent.normal, now.view), bent.meeting.cos_refracted, ratio);
+}
+⟩fn ways_of(body: Body, ratio: f32) -> Ways {
     var facet: Facet;
     if !meets_facet(body, &facet) {
         let normal = interface_normal(now.surface, now.view);
         let bent = bend(body, now.surface, now.view, ratio);
         return Ways(bent.meeting.reflectance, mirrored(now.view, bent.normal), bent.enters, bent.refracted, vec2f(1.0),
-                    any(bent.normal != normal));
+                    any(bent.normal != normal)⟨, mirrored_cone(bent.normal), refracted_cone(bent, ratio)⟩);
     }
     let bent = bent_by(body, facet.normal, now.view, ratio);
     let back = mirrored(now.view, facet.normal);
@@ -161,7 +171,7 @@ fn ways_of(body: Body, ratio: f32) -> Ways {
     var kept = vec2f(0.0);
     if side_of(back) > 0.0 { kept.x = passes_facets(facet, back); }
     if enters { kept.y = passes_facets(facet, bent.refracted); }
-    return Ways(bent.meeting.reflectance, back, enters, bent.refracted, kept, false);
+    return Ways(bent.meeting.reflectance, back, enters, bent.refracted, kept, false⟨, mirrored_cone(facet.normal), refracted_cone(bent, ratio)⟩);
 }
 
 // What light of one stratum does at the surface of a body that bends colours apart, and what it counts there: beyond the depth light goes
@@ -182,7 +192,8 @@ fn disperse(body: Body, border: Border) -> vec3f {
     var together = vec3f(0.0);
     var entering = vec3f(0.0);
     var deeper = 0u;
-    let strata = asked(HEAD_STRATUM_COUNT);
+⟨    var cone: Cone;
+⟩    let strata = asked(HEAD_STRATUM_COUNT);
     for (var i = 0u; i < strata; i += 1u) {
         let stratum = stratum_of(body, border, i);
         entering += stratum.share * (1.0 - stratum.ways.reflectance);
@@ -191,10 +202,11 @@ fn disperse(body: Body, border: Border) -> vec3f {
         if i == 0u {
             direction = stratum.ways.mirrored;
             is_flat = stratum.ways.is_flat;
-        }
+⟨            cone = stratum.ways.back_cone;
+⟩        }
         if stratum.ways.is_flat == is_flat && !goes_on { together += stratum.back; }
     }
-    if !is_black(together) { follow(direction, together, now.path.media, REFLECTED, deeper); }
+    if !is_black(together) { follow(direction, together, now.path.media, REFLECTED, deeper⟨, cone⟩); }
     wait_for_it();
     divide(BY_COLOR, is_flat, strata);
     return entering;
@@ -206,10 +218,10 @@ fn follow_stratum(body: Body, border: Border, filter_: vec3f, after: Media, is_f
     let ways = stratum.ways;
     var through = stratum.through * filter_;
     if ways.enters && !splits { through += stratum.back; }
-    if ways.enters { follow(ways.refracted, through, after, REFRACTED, select(0u, 1u, splits)); }
+    if ways.enters { follow(ways.refracted, through, after, REFRACTED, select(0u, 1u, splits)⟨, ways.on_cone⟩); }
     // By another normal, which few surfaces have.
     let apart = ways.is_flat != is_flat && !(ways.enters && !splits);
-    if apart && !is_black(stratum.back) { follow(ways.mirrored, stratum.back, now.path.media, REFLECTED, 0u); }
+    if apart && !is_black(stratum.back) { follow(ways.mirrored, stratum.back, now.path.media, REFLECTED, 0u⟨, ways.back_cone⟩); }
 }
 
 // A material of which nothing is said.
@@ -226,7 +238,7 @@ fn meet_flat(body: Body) -> vec3f {
         // Panes after the first surface dim light.
         let kept = select(1.0, GLASS_BOUNCE, now.path.surfaces > 0u);
         split(mirrored(view, bent.normal), vec3f(kept * bent.meeting.reflectance), bent.enters, bent.refracted,
-              vec3f(kept * (1.0 - bent.meeting.reflectance)), now.path.media);
+              vec3f(kept * (1.0 - bent.meeting.reflectance)), now.path.media⟨, mirrored_cone(bent.normal), refracted_cone(bent, params.index)⟩);
         return vec3f(0.0);
     }
     var facet: Facet;
@@ -237,7 +249,7 @@ fn meet_flat(body: Body) -> vec3f {
     let back = mirrored(view, normal);
     var back_weight = wall.reflected * body.mirrors;
     var on = view;
-    var on_weight = wall.transmitted * filter_of(body, now.hit);
+    var on_weight = wall.transmitted * filter_of(body, now.hit⟨, now.footprint⟩);
     if is_rough {
         // What is mirrored, as far as it stays on the viewer's side, and behind the wall what would be mirrored there.
         let kept = passes_facets(facet, back);
@@ -246,7 +258,7 @@ fn meet_flat(body: Body) -> vec3f {
         back_weight *= select(0.0, kept, is_above && dot3(back, now.surface.facing) > 0.0);
         on_weight *= select(0.0, kept, is_above && dot3(on, now.surface.facing) < 0.0);
     }
-    split(back, back_weight, true, on, on_weight, now.path.media);
+    split(back, back_weight, true, on, on_weight, now.path.media⟨, mirrored_cone(normal), now.path.cone⟩);
     return body.veil * wall.transmitted;
 }
 
@@ -261,7 +273,7 @@ fn meet(part: u32, is_flat: bool) -> vec3f {
     let body = body_of(material);
     let divides = now.path.sample == NONE && asked(HEAD_FACET_COUNT) > 0u && body.alpha > 0.0;
     if body.shape != SHAPE_SOLID {
-        if body.shape == SHAPE_THIN && divides && alpha_at(body, now.hit) > 0.0 {
+        if body.shape == SHAPE_THIN && divides && alpha_at(body, now.hit⟨, now.footprint⟩) > 0.0 {
             divide(BY_FACET, false, asked(HEAD_FACET_COUNT));
             return vec3f(0.0);
         }
@@ -273,10 +285,10 @@ fn meet(part: u32, is_flat: bool) -> vec3f {
     // Who comes again is not lost again.
     if part != WHOLE { rays[LOST] = lost; }
     if !border.is_there {
-        follow(now.view, vec3f(1.0), after, REFRACTED, 0u);
+        follow(now.view, vec3f(1.0), after, REFRACTED, 0u⟨, now.path.cone⟩);
         return vec3f(0.0);
     }
-    let filter_ = filter_of(body, now.hit);
+    let filter_ = filter_of(body, now.hit⟨, now.footprint⟩);
     if part == BY_COLOR {
         follow_stratum(body, border, filter_, after, is_flat);
         return vec3f(0.0);
@@ -285,17 +297,17 @@ fn meet(part: u32, is_flat: bool) -> vec3f {
     let disperses = now.path.stratum == NONE && strata > 0u && (bends_apart(border.before) || bends_apart(border.after));
     let ratio = index_for(border.after, now.path.stratum) / index_for(border.before, now.path.stratum);
     if ratio == 1.0 && !disperses {
-        follow(now.view, filter_, after, REFRACTED, 0u);
+        follow(now.view, filter_, after, REFRACTED, 0u⟨, now.path.cone⟩);
         return vec3f(body.veil);
     }
-    if divides && alpha_at(body, now.hit) > 0.0 {
+    if divides && alpha_at(body, now.hit⟨, now.footprint⟩) > 0.0 {
         divide(BY_FACET, false, asked(HEAD_FACET_COUNT));
         return vec3f(0.0);
     }
     if disperses { return body.veil * disperse(body, border); }
     let ways = ways_of(body, ratio);
     split(ways.mirrored, ways.reflectance * ways.kept.x * body.mirrors, ways.enters, ways.refracted,
-          (1.0 - ways.reflectance) * ways.kept.y * filter_, after);
+          (1.0 - ways.reflectance) * ways.kept.y * filter_, after⟨, ways.back_cone, ways.on_cone⟩);
     return vec3f(body.veil * (1.0 - ways.reflectance));
 }
 
@@ -308,8 +320,9 @@ fn glass_color(pixel: Pixel, triangle: u32, first: Surface, first_view: vec3f, k
     let position = stored_position(pixel).xyz;
     let to = position - params.eye;
     let around = around_eye();
-    let path = Path(around, key, 0u, 0u, NONE, NONE, 1.0, 0u, 0u);
-    now = Meeting(located(triangle, position), first, first_view, transmittance(extinction_in(around), sqrt(dot3(to, to))), path);
+    let path = Path(around, key, 0u, 0u, NONE, NONE, 1.0, 0u, 0u⟨, cone_at(first)⟩);
+    now = Meeting(located(triangle, position), first, first_view, transmittance(extinction_in(around), sqrt(dot3(to, to))), path⟨,
+                  footprint_of(path.cone, triangle, first_view)⟩);
     var part = WHOLE;
     var is_flat = false;
     var meets = true;
@@ -357,9 +370,11 @@ fn glass_color(pixel: Pixel, triangle: u32, first: Surface, first_view: vec3f, k
                 missed += next.weight * transmittance(extinction, HUGE) * params.beyond;
                 continue;
             }
-            let surface = surface_hit(next.direction, hit);
+⟨            next.path.cone = cone_along(next.path.cone, hit.t);
+            let footprint = footprint_of(next.path.cone, hit.triangle, next.direction);
+⟩            let surface = surface_hit(next.direction, hit⟨, footprint⟩);
             let kept = transmittance(extinction, max(dot3(surface.point.position - next.start, next.direction), 0.0));
-            now = Meeting(hit, surface, next.direction, next.weight * kept, next.path);
+            now = Meeting(hit, surface, next.direction, next.weight * kept, next.path⟨, footprint⟩);
             if is_glass(hit.triangle) {
                 now.path.importance *= most3(kept);
                 meets = true;
@@ -367,7 +382,7 @@ fn glass_color(pixel: Pixel, triangle: u32, first: Surface, first_view: vec3f, k
             }
             weight = now.weight;
         }
-        sum += seen_through(now.hit, now.surface, own_key(now.path), weight);
+        sum += seen_through(now.hit, now.surface, own_key(now.path), weight⟨, now.footprint⟩);
     }
     return sum;
 }

@@ -10,7 +10,7 @@ use crate::trace::SurfacePoint;
 use crate::wgpu_rays::layout::Params;
 use crate::wgpu_rays::programs::{Arithmetic, Stage, source};
 use crate::wgpu_rays::split::Split;
-use curitiba_pipeline::programs::{Fidelity, RayProgram};
+use curitiba_pipeline::programs::{Fidelity, RayProgram, TextureLod};
 use curitiba_pipeline::scene::Geometry;
 use glam::{Vec2, Vec3};
 
@@ -94,10 +94,15 @@ fn cases() -> (Vec<[f32; GIVEN]>, Geometry) {
 
 /// The device's output for each case.
 fn run(gpu: &Gpu, arithmetic: Arithmetic, cases: &[[f32; GIVEN]], geometry: &Geometry) -> Vec<[u32; WORDS]> {
-    let text =
-        source(RayProgram::Final, Variant::Panes(Fidelity::Corrected), Stage::Whole, arithmetic, Split::default())
-            .expect("written")
-            + ENTRY;
+    let text = source(
+        RayProgram::Final,
+        Variant::Panes(Fidelity::Corrected),
+        Stage::Whole,
+        (arithmetic, TextureLod::Zero),
+        Split::default(),
+    )
+    .expect("written")
+        + ENTRY;
     let module = gpu.device.create_shader_module(wgpu::ShaderModuleDescriptor {
         label: Some("functions"),
         source: wgpu::ShaderSource::Wgsl(text.into()),

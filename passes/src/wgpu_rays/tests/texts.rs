@@ -4,7 +4,7 @@ use crate::effects::dielectric::Variant;
 use crate::wgpu_rays::layout::Params;
 use crate::wgpu_rays::programs::{Arithmetic, Rounding, Stage, is_written, source, stages};
 use crate::wgpu_rays::split::Split;
-use curitiba_pipeline::programs::{Fidelity, RAY_PROGRAMS, RayProgram};
+use curitiba_pipeline::programs::{Fidelity, RAY_PROGRAMS, RayProgram, TextureLod};
 use wgpu::naga;
 
 pub const ROUNDINGS: [Rounding; 4] = [Rounding::Fma, Rounding::Separate, Rounding::Driver, Rounding::Fused];
@@ -33,19 +33,16 @@ fn every_text_is_valid_wgsl_that_needs_no_extension() {
                 .chain([&Stage::Whole])
                 .chain(eye);
             let kernels = kernels.flat_map(|stage| ROUNDINGS.map(|rounding| (*stage, rounding)));
+            let cones = info.reads("texturelod") && variant != Variant::Panes(Fidelity::Thesis);
             for ((stage, rounding), fused) in kernels.flat_map(|kernel| [(kernel, false), (kernel, true)]) {
-                let text = source(
-                    info.program,
-                    variant,
-                    stage,
-                    Arithmetic { rounding, fused, subgroups: false },
-                    Split::default(),
-                )
-                .expect("written");
-                if let Err(error) = validate(&text) {
-                    panic!("{} {variant:?} {stage:?} {rounding:?}: {error}", info.stem);
+                let arithmetic = Arithmetic { rounding, fused, subgroups: false };
+                for lod in [TextureLod::Zero, TextureLod::Cones].into_iter().take(1 + usize::from(cones)) {
+                    let text = source(info.program, variant, stage, (arithmetic, lod), Split::default());
+                    if let Err(error) = validate(&text.expect("written")) {
+                        panic!("{} {variant:?} {stage:?} {rounding:?} {lod:?}: {error}", info.stem);
+                    }
+                    written += 1;
                 }
-                written += 1;
             }
         }
     }
@@ -54,7 +51,8 @@ fn every_text_is_valid_wgsl_that_needs_no_extension() {
     for program in [RayProgram::Ssao, RayProgram::Final] {
         let variant = Variant::Panes(Fidelity::Corrected);
         for stage in stages(program, variant, 100) {
-            let text = source(program, variant, *stage, Arithmetic::default(), split).expect("written");
+            let text =
+                source(program, variant, *stage, (Arithmetic::default(), TextureLod::Zero), split).expect("written");
             validate(&text).unwrap_or_else(|error| panic!("{program:?} {stage:?}: {error}"));
         }
     }
@@ -69,7 +67,7 @@ fn parameters_lie_where_the_host_writes_them() {
         info.program,
         Variant::Panes(Fidelity::Corrected),
         Stage::Whole,
-        Arithmetic::default(),
+        (Arithmetic::default(), TextureLod::Zero),
         Split::default(),
     )
     .expect("it is written");
@@ -91,6 +89,30 @@ fn parameters_lie_where_the_host_writes_them() {
     same!("origin_x" origin;
         eye zero to_light seed light_color samples scene_low strata scene_high depth width height first_tile end_tile tiles_across
         capacity root materials_at normals_at texcoords_at textures_at points_at open_share_at through_glass_at cut schlick
-        has_normals id_base radius index decoded_at colors_at beyond bodies_at tangents_at);
+        has_normals id_base radius index decoded_at colors_at beyond bodies_at tangents_at cone_width cone_spread);
     assert_eq!((*span as usize, seen), (size_of::<Params>(), members.len() - 1));
+}
+
+#[test]
+fn programs_that_read_level_0_have_no_word_of_cones() {
+    for info in RAY_PROGRAMS.iter().filter(|info| is_written(info.program)) {
+        for variant in [Variant::Panes(Fidelity::Corrected), Variant::Ways] {
+            let knows = Variant::OF_BODIES.contains(&info.program);
+            if variant == Variant::Ways && !knows {
+                continue;
+            }
+            let text = |lod| {
+                let text = source(info.program, variant, Stage::Whole, (Arithmetic::default(), lod), Split::default())
+                    .expect("written");
+                // Without the parameters, which all share, and what is only said.
+                let code = text.lines().map(|line| line.split("//").next().unwrap_or_default());
+                code.filter(|line| !line.contains("    cone_")).collect::<Vec<_>>().join("\n")
+            };
+            let [zero, cones] = [TextureLod::Zero, TextureLod::Cones].map(text);
+            for word in ["Cone", "cone", "footprint", "FOOTPRINT", "curvature", "⟨", "⟩"] {
+                assert!(!zero.contains(word), "{}: {word}", info.stem);
+            }
+            assert!(cones.contains("fn footprint_of") && !cones.contains(['⟨', '⟩']), "control");
+        }
+    }
 }
