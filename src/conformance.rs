@@ -264,6 +264,10 @@ impl RayBackend for Beside {
         self.others.iter().all(|other| other.traces_sun_discs())
     }
 
+    fn traces_cones(&self) -> bool {
+        self.others.iter().all(|other| other.traces_cones())
+    }
+
     fn continues_sequences(&self) -> bool {
         self.others.iter().all(|other| other.continues_sequences())
     }

@@ -105,10 +105,10 @@ DEVICE float decoded(float encoded) {
     return (float)(value <= 0.04045 ? value / 12.92 : pow((value + 0.055) / 1.055, 2.4));
 }
 // The share of the light that passes, by colour, of that which is not reflected.
-DEVICE float3 filter_of(const Params &params, const Body &body, const Hit &hit) {
+DEVICE float3 filter_of(const Params &params, const Body &body, const Hit &hit, float footprint) {
     float3 texel = splat(1.0f);
     if (body.filter_texture != NO_TEXTURE) {
-        texel = xyz(sample_texture(params, body.filter_texture, texture_coordinates(params, hit)));
+        texel = xyz(sample_texture(params, body.filter_texture, texture_coordinates(params, hit), footprint));
         // A share of light is linear whatever the colours of the pass are.
         if (params.decoded == nullptr) texel = vec3(decoded(texel.x), decoded(texel.y), decoded(texel.z));
     }
@@ -143,6 +143,7 @@ struct BodyBranch {
     float3 weight;
     Media media;
     unsigned key, surfaces, splits;
+    Cone cone;
 };
 
 // Where a ray through glass ends, and what its colour weighs.
@@ -151,6 +152,7 @@ struct BodyEnd {
     Surface surface;
     float3 weight;
     unsigned key;
+    float footprint;
 };
 
 // The tree of rays of one pixel, walked from end to end.
@@ -170,11 +172,13 @@ struct BodyWalk {
         float3 weight;
         Media media;
         unsigned key, surfaces, splits;
+        Cone cone;
     };
     struct Met {
         const Hit &hit;
         const Surface &surface;
         float3 view;
+        float footprint;
     };
 
     // Starts at a pixel that shows glass.
@@ -183,10 +187,10 @@ struct BodyWalk {
         const Params &params = pass.params;
         float3 stored = xyz(pass.position());
         Hit hit = located(params, triangle, stored);
-        Path path = {splat(1.0f), params.around_eye ? *(const Media *)params.around_eye : no_media(), key, 0, 0};
+        Path path = {splat(1.0f), params.around_eye ? *(const Media *)params.around_eye : no_media(), key, 0, 0, pass.cone_at(surface)};
         float3 to = stored - pass.eye();
         path.weight = transmittance(extinction_in(params, path.media), sqrtf(dot(to, to)));
-        enter(pass, {hit, surface, view}, path);
+        enter(pass, {hit, surface, view, footprint_of(params, path.cone, triangle, view)}, path);
     }
 
     // What glass does with a ray that meets it.
@@ -211,12 +215,12 @@ struct BodyWalk {
         Border border = cross_border(params, path.media, material, is_front(met.surface));
         pass.rays.lost += border.overflows;
         if (!border.is_surface) {
-            follow_refracted(pass, met.surface, path, met.view, splat(1.0f), border.after, 0);
+            follow_refracted(pass, met.surface, path, met.view, splat(1.0f), border.after, 0, path.cone);
             return;
         }
-        float3 filter = filter_of(params, body, met.hit);
+        float3 filter = filter_of(params, body, met.hit, met.footprint);
         if (border.ratio == 1.0f) {
-            follow_refracted(pass, met.surface, path, met.view, filter, border.after, 0);
+            follow_refracted(pass, met.surface, path, met.view, filter, border.after, 0, path.cone);
             scatter_back(met, body, splat(1.0f), path);
             return;
         }
@@ -224,7 +228,7 @@ struct BodyWalk {
         Interface interface;
         bool enters = bend(params, met, border.ratio, normal, interface, refracted);
         split(pass, met.surface, path, reflect(met.view, normal), splat(interface.reflectance), enters, refracted,
-              (1.0f - interface.reflectance) * filter, border.after);
+              (1.0f - interface.reflectance) * filter, border.after, cones_of(params, met, path, normal, interface, border.ratio));
         scatter_back(met, body, splat(1.0f - interface.reflectance), path);
     }
 
@@ -234,7 +238,9 @@ struct BodyWalk {
         Interface interface = interface_at(params, -dot(normal, met.view), body.index / index_in(params, path.media));
         Wall wall = wall_of(interface.reflectance, kept_across(body, interface.cos_refracted));
         split(pass, met.surface, path, reflect(met.view, normal), wall.reflected, true, met.view,
-              wall.transmitted * filter_of(params, body, met.hit), path.media);
+              wall.transmitted * filter_of(params, body, met.hit, met.footprint), path.media,
+              // Its two faces undo each other's bending.
+              {cones_of(params, met, path, normal, interface, 1.0f).mirrored, path.cone});
         scatter_back(met, body, wall.transmitted, path);
     }
 
@@ -245,7 +251,17 @@ struct BodyWalk {
         bool enters = bend(pass.params, met, pass.params.index, normal, interface, refracted);
         float kept = path.surfaces > 0 ? GLASS_BOUNCE : 1.0f;
         split(pass, met.surface, path, reflect(met.view, normal), splat(kept * interface.reflectance), enters, refracted,
-              splat(kept * (1.0f - interface.reflectance)), path.media);
+              splat(kept * (1.0f - interface.reflectance)), path.media,
+              cones_of(pass.params, met, path, normal, interface, pass.params.index));
+    }
+
+    // The cones of what a surface mirrors by this normal, and of what it lets through.
+    struct Cones {
+        Cone mirrored, refracted;
+    };
+    DEVICE_MEMBER Cones cones_of(const Params &params, const Met &met, const Path &path, float3 normal, const Interface &interface, float ratio) {
+        float curvature = curvature_of(params, met.hit.triangle, met.surface.facing), cosine = -dot(normal, met.view);
+        return {cone_mirrored(path.cone, curvature, cosine), cone_refracted(path.cone, curvature, cosine, interface.cos_refracted, ratio)};
     }
 
     // By the normal that bends light, or the flat surface's where that would send refracted light back to the viewer's side.
@@ -262,14 +278,14 @@ struct BodyWalk {
     // What a surface scatters back of the light of which it takes the share `entering`.
     DEVICE_MEMBER void scatter_back(const Met &met, const Body &body, float3 entering, const Path &path) {
         if (body.veil <= 0.0f) return;
-        veil = {met.hit, met.surface, path.weight * (body.veil * entering), path.key};
+        veil = {met.hit, met.surface, path.weight * (body.veil * entering), path.key, met.footprint};
         veiled = true;
     }
 
     // Both ways on, or beyond the depth the one through the surface, where there is one. A way that brings nothing is not taken.
     template <class Tracer>
     DEVICE_MEMBER void split(Pass<Tracer> &pass, const Surface &surface, const Path &path, float3 mirrored, float3 mirrored_weight,
-                             bool enters, float3 refracted, float3 refracted_weight, const Media &after) {
+                             bool enters, float3 refracted, float3 refracted_weight, const Media &after, const Cones &cones) {
         bool back = !is_black(mirrored_weight), through = enters && !is_black(refracted_weight);
         // Where all glass is panes, what lies deeper is black, as in the report.
         bool panes = pass.params.bodies == nullptr, splits = panes || path.splits < pass.params.depth;
@@ -278,21 +294,21 @@ struct BodyWalk {
             refracted_weight = mirrored_weight + refracted_weight;
             back = false;
         }
-        if (through) follow_refracted(pass, surface, path, refracted, refracted_weight, after, deeper);
+        if (through) follow_refracted(pass, surface, path, refracted, refracted_weight, after, deeper, cones.refracted);
         if (!back) return;
         if (follows) waiting[count++] = next;
         pass.rays.reflected += 1;
         next = {spawn(surface.point, mirrored), mirrored, surface.point.position, path.weight * mirrored_weight, path.media,
-                path_key(path.key, BRANCH_REFLECTED), path.surfaces + 1, path.splits + deeper};
+                path_key(path.key, BRANCH_REFLECTED), path.surfaces + 1, path.splits + deeper, cones.mirrored};
         follows = true;
     }
 
     template <class Tracer>
     DEVICE_MEMBER void follow_refracted(Pass<Tracer> &pass, const Surface &surface, const Path &path, float3 direction, float3 weight,
-                                        const Media &after, unsigned deeper) {
+                                        const Media &after, unsigned deeper, Cone cone) {
         pass.rays.refracted += 1;
         next = {spawn(surface.point, direction), direction, surface.point.position, path.weight * weight, after,
-                path_key(path.key, BRANCH_REFRACTED), path.surfaces + 1, path.splits + deeper};
+                path_key(path.key, BRANCH_REFRACTED), path.surfaces + 1, path.splits + deeper, cone};
         follows = true;
     }
 
@@ -318,15 +334,17 @@ struct BodyWalk {
             }
             bool glass = is_glass(params, hit.triangle);
             if (glass && params.bodies == nullptr && next.splits > params.depth) continue;
-            Surface met = surface_hit(params, next.direction, hit);
+            Cone cone = cone_along(next.cone, hit.t);
+            float footprint = footprint_of(params, cone, hit.triangle, next.direction);
+            Surface met = surface_hit(params, next.direction, hit, footprint);
             float length = fmaxf(dot(met.point.position - next.from, next.direction), 0.0f);
             float3 weight = next.weight * transmittance(extinction, length);
             if (!glass) {
-                end = {hit, met, weight, next.key};
+                end = {hit, met, weight, next.key, footprint};
                 return true;
             }
-            Path path = {weight, next.media, next.key, next.surfaces, next.splits};
-            enter(pass, {hit, met, next.direction}, path);
+            Path path = {weight, next.media, next.key, next.surfaces, next.splits, cone};
+            enter(pass, {hit, met, next.direction, footprint}, path);
         }
     }
 };
@@ -371,7 +389,7 @@ template <class Tracer> DEVICE void find_bodies_around_eye(Pass<Tracer> &pass) {
     for (unsigned step = 0; step < MOST_STEPS; ++step) {
         Hit hit;
         if (!pass.closest(origin, direction, hit)) break;
-        Surface surface = surface_hit(params, direction, hit);
+        Surface surface = surface_hit(params, direction, hit, NO_FOOTPRINT);
         if (is_solid(params, hit.triangle)) {
             unsigned material = __ldg(params.materials + hit.triangle);
             bool enters = is_front(surface);
@@ -426,12 +444,12 @@ template <class Tracer> static __device__ OUTLINED float3 straight_through(Pass<
             media = border.after;
             if (border.is_surface) {
                 Interface face = interface_at(params, cosine, fmaxf(border.ratio, 1.0f / border.ratio));
-                passes = passes * ((1.0f - face.reflectance) * filter_of(params, body, hit));
+                passes = passes * ((1.0f - face.reflectance) * filter_of(params, body, hit, NO_FOOTPRINT));
             }
         } else if (body.shape == SHAPE_THIN) {
             float ratio = body.index / index_in(params, media);
             Interface face = interface_at(params, cosine, fmaxf(ratio, 1.0f / ratio));
-            passes = passes * (wall_of(face.reflectance, kept_across(body, face.cos_refracted)).transmitted * filter_of(params, body, hit));
+            passes = passes * (wall_of(face.reflectance, kept_across(body, face.cos_refracted)).transmitted * filter_of(params, body, hit, NO_FOOTPRINT));
         } else {
             passes = passes * THROUGH_GLASS;
         }

@@ -74,7 +74,7 @@ struct VisibleSurface {
             ThesisNormals normals = thesis_normals(pass.params, hit);
             normal = face_forward(normals.shading, ray.direction, normals.geometric);
             position = hit_position(ray, hit);
-            color = lit_color(pass.params, hit, normal) * thesis_light_share(pass, position);
+            color = lit_color(pass.params, hit, NO_FOOTPRINT, normal) * thesis_light_share(pass, position);
         }
         return color * pass.template thesis_occlusion<ACCEPT_OPAQUE>(here, position, normal);
     }
@@ -111,7 +111,7 @@ struct PixelSurfaces {
         if (!glass || here) return;
         here = walk.advance(pass, end);
         if (!here) return;
-        color = lit_color(pass.params, end.hit, end.surface.normal);
+        color = lit_color(pass.params, end.hit, end.footprint, end.surface.normal);
         lit_side = end.surface.facing;
         triangle = end.hit.triangle;
     }

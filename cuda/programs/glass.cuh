@@ -12,6 +12,7 @@ struct Branch {
     float3 origin, direction;
     float weight;
     unsigned key, bounces;
+    Cone cone;
 };
 
 // Where a ray through glass ends, and what its colour weighs.
@@ -20,6 +21,7 @@ struct GlassEnd {
     Surface surface;
     float weight;
     unsigned key;
+    float footprint;
 };
 
 // The tree of rays of one pixel, walked from end to end.
@@ -32,16 +34,19 @@ struct GlassWalk {
     Surface surface;
     float3 view;
     float weight;
-    unsigned key, bounces;
+    unsigned key, bounces, triangle;
+    Cone cone;
 
     // Starts at a pixel that shows glass.
     template <class Tracer>
-    DEVICE_MEMBER void enter_pixel(Pass<Tracer> &, unsigned, const Surface &at, float3 direction, unsigned path) {
-        enter(at, direction, path, 1.0f, 0);
+    DEVICE_MEMBER void enter_pixel(Pass<Tracer> &pass, unsigned shown, const Surface &at, float3 direction, unsigned path) {
+        enter(shown, at, direction, pass.cone_at(at), path, 1.0f, 0);
     }
     // Starts at glass that is seen in a direction.
-    DEVICE_MEMBER void enter(const Surface &at, float3 direction, unsigned path, float share, unsigned bounce) {
+    DEVICE_MEMBER void enter(unsigned met, const Surface &at, float3 direction, Cone by, unsigned path, float share, unsigned bounce) {
+        triangle = met;
         surface = at;
+        cone = by;
         view = direction;
         key = path;
         weight = share;
@@ -61,11 +66,13 @@ struct GlassWalk {
             interface = interface_of(params, -dot(normal, view));
             enters = refract(interface, view, normal, params.index, refracted);
         }
+        float curvature = curvature_of(params, triangle, surface.facing), cosine = -dot(normal, view);
         follows = false;
         if (enters) {
             pass.rays.refracted += 1;
             next = {spawn(surface.point, refracted), refracted, weight * (1.0f - interface.reflectance),
-                    path_key(key, BRANCH_REFRACTED), bounces};
+                    path_key(key, BRANCH_REFRACTED), bounces,
+                    cone_refracted(cone, curvature, cosine, interface.cos_refracted, params.index)};
             follows = true;
         }
         if (interface.reflectance > 0.0f) {
@@ -73,7 +80,7 @@ struct GlassWalk {
             if (follows) waiting[count++] = next;
             float3 direction = reflect(view, normal);
             next = {spawn(surface.point, direction), direction, weight * interface.reflectance,
-                    path_key(key, BRANCH_REFLECTED), bounces};
+                    path_key(key, BRANCH_REFLECTED), bounces, cone_mirrored(cone, curvature, cosine)};
             follows = true;
         }
         splits = false;
@@ -93,12 +100,14 @@ struct GlassWalk {
             if (!pass.closest(next.origin, next.direction, hit)) continue;
             bool glass = is_glass(params, hit.triangle);
             if (glass && next.bounces >= params.depth) continue;
-            Surface met = surface_hit(params, next.direction, hit);
+            Cone there = cone_along(next.cone, hit.t);
+            float footprint = footprint_of(params, there, hit.triangle, next.direction);
+            Surface met = surface_hit(params, next.direction, hit, footprint);
             if (!glass) {
-                end = {hit, met, next.weight, next.key};
+                end = {hit, met, next.weight, next.key, footprint};
                 return true;
             }
-            enter(met, next.direction, next.key, GLASS_BOUNCE * next.weight, next.bounces + 1);
+            enter(hit.triangle, met, next.direction, there, next.key, GLASS_BOUNCE * next.weight, next.bounces + 1);
         }
     }
 };

@@ -64,6 +64,11 @@ template <class Tracer> struct Pass {
         view = normalize_or(point.position - eye(), -point.normal);
         return surface_of(point, normal, view);
     }
+    // The cone of the pixel at the surface that it shows.
+    __device__ __forceinline__ Cone cone_at(const Surface &surface) const {
+        float3 to = surface.point.position - eye();
+        return cone_of_pixel(params, sqrtf(dot(to, to)));
+    }
     // The nearest surface from an origin that lies off its own.
     __device__ __forceinline__ bool closest(float3 origin, float3 direction, Hit &hit) const {
         return tracer.template closest<ACCEPT_COVERED>({origin, direction, 0.0f, INFINITY}, hit);

@@ -11,14 +11,19 @@ template <class Tracer> DEVICE float4 corrected(Pass<Tracer> &pass) {
     if (triangle == NO_TRIANGLE || !is_glass(params, triangle)) return pass.color();
     float3 view;
     Surface surface = pass.surface_at(triangle, pass.normal(), view);
+    Cone cone = pass.cone_at(surface);
     for (unsigned bounce = 0; bounce <= params.depth; ++bounce) {
-        float3 direction = reflect(view, interface_normal(surface, view));
+        float3 normal = interface_normal(surface, view), direction = reflect(view, normal);
+        cone = cone_mirrored(cone, curvature_of(params, triangle, surface.facing), -dot(normal, view));
         pass.rays.reflected += 1;
         Hit hit;
         if (!pass.closest(spawn(surface.point, direction), direction, hit)) return opaque(vector_of(params.beyond));
-        surface = surface_hit(params, direction, hit);
-        if (!is_glass(params, hit.triangle)) return opaque(lit_color(params, hit, surface.normal));
+        cone = cone_along(cone, hit.t);
+        float footprint = footprint_of(params, cone, hit.triangle, direction);
+        surface = surface_hit(params, direction, hit, footprint);
+        if (!is_glass(params, hit.triangle)) return opaque(lit_color(params, hit, footprint, surface.normal));
         view = direction;
+        triangle = hit.triangle;
     }
     return opaque(splat(0.0f));
 }
@@ -35,7 +40,7 @@ template <class Tracer> DEVICE float4 thesis(Pass<Tracer> &pass) {
         if (!pass.thesis_closest(origin, direction, THESIS_EPSILON, hit)) break;
         ThesisNormals normals = thesis_normals(params, hit);
         float3 normal = face_forward(normals.shading, -direction, normals.geometric);
-        if (!is_glass(params, hit.triangle)) return opaque(lit_color(params, hit, normal));
+        if (!is_glass(params, hit.triangle)) return opaque(lit_color(params, hit, NO_FOOTPRINT, normal));
         origin = hit_position({origin, direction, 0.0f, INFINITY}, hit);
         direction = reflect(direction, normal);
     }

@@ -9,7 +9,7 @@ struct LitSurface {
     template <class Tracer> DEVICE float3 thesis(Pass<Tracer> &pass, bool here, const Ray &ray, const Hit &hit) {
         if (!here) return splat(0.0f);
         ThesisNormals normals = thesis_normals(pass.params, hit);
-        return lit_color(pass.params, hit, face_forward(normals.shading, -ray.direction, normals.geometric));
+        return lit_color(pass.params, hit, NO_FOOTPRINT, face_forward(normals.shading, -ray.direction, normals.geometric));
     }
 };
 
@@ -22,7 +22,7 @@ template <class Tracer> DEVICE float4 corrected(Pass<Tracer> &pass) {
     walk.enter_pixel(pass, triangle, surface, view, 0u);
     GlassEnd end;
     float3 color = splat(0.0f);
-    while (walk.advance(pass, end)) color = color + end.weight * lit_color(pass.params, end.hit, end.surface.normal);
+    while (walk.advance(pass, end)) color = color + end.weight * lit_color(pass.params, end.hit, end.footprint, end.surface.normal);
     return opaque(color);
 }
 
@@ -39,7 +39,7 @@ template <class Tracer> DEVICE float4 bodies(Pass<Tracer> &pass) {
     walk.enter_pixel(pass, triangle, surface, view, 0u);
     BodyEnd end;
     float3 color = splat(0.0f);
-    while (walk.advance(pass, end)) color = color + end.weight * lit_color(pass.params, end.hit, end.surface.normal);
+    while (walk.advance(pass, end)) color = color + end.weight * lit_color(pass.params, end.hit, end.footprint, end.surface.normal);
     return opaque(color + walk.missed);
 }
 #endif

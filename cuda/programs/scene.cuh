@@ -78,9 +78,8 @@ DEVICE float4 texel(const Params &params, const TextureInfo &info, const float *
     }
     return make_float4((float)t.x / 255.0f, (float)t.y / 255.0f, (float)t.z / 255.0f, (float)t.w / 255.0f);
 }
-// Bilinear filtering of level 0; `v = 0` is the bottom row.
-DEVICE float4 sample_numbers(const Params &params, unsigned texture, float2 uv, const float *decoded = nullptr) {
-    TextureInfo info = params.textures[texture];
+// Bilinear filtering of a level; `v = 0` is the bottom row.
+DEVICE float4 sample_level(const Params &params, const TextureInfo &info, float2 uv, const float *decoded) {
     if (!(isfinite(uv.x) && isfinite(uv.y))) return texel(params, info, decoded, 0, 0);
     float x = share_of_side(uv.x, info.wrap_u) * (float)info.width - 0.5f;
     float y = (1.0f - share_of_side(uv.y, info.wrap_v)) * (float)info.height - 0.5f;
@@ -91,9 +90,60 @@ DEVICE float4 sample_numbers(const Params &params, unsigned texture, float2 uv, 
     float4 lower = lerp(texel(params, info, decoded, l, t + 1), texel(params, info, decoded, l + 1, t + 1), fx);
     return lerp(upper, lower, fy);
 }
+
+// The logarithm of `texture.rs`, of a positive, normal number.
+DEVICE float log2_of(float value) {
+    constexpr unsigned ROOT_OF_HALF = 0x3f3504f3u;
+    int exponent = (int)(__float_as_uint(value) - ROOT_OF_HALF) >> 23;
+    double m = (double)__uint_as_float(__float_as_uint(value) - ((unsigned)exponent << 23));
+    double t = (m - 1.0) / (m + 1.0), square = t * t, sum = 1.0 / 15.0;
+    sum = sum * square + 1.0 / 13.0;
+    sum = sum * square + 1.0 / 11.0;
+    sum = sum * square + 1.0 / 9.0;
+    sum = sum * square + 1.0 / 7.0;
+    sum = sum * square + 1.0 / 5.0;
+    sum = sum * square + 1.0 / 3.0;
+    sum = sum * square + 1.0;
+    return (float)((double)exponent + 2.0 * 1.4426950408889634 * t * sum);
+}
+// The level of detail of a lookup that covers this area in texture coordinates.
+DEVICE float level_of(const TextureInfo &info, float footprint) {
+    float area = footprint * ((float)info.width * (float)info.height);
+    if (!(area > 1.0f)) return 0.0f;
+    float last = (float)(31 - __clz(info.width > info.height ? info.width : info.height));
+    return fminf(0.5f * log2_of(area), last);
+}
+// The next smaller level, which follows in memory.
+DEVICE TextureInfo next_level(TextureInfo info) {
+    info.first += (unsigned long long)info.width * info.height;
+    info.width = info.width > 1 ? info.width / 2 : 1;
+    info.height = info.height > 1 ? info.height / 2 : 1;
+    return info;
+}
+// Trilinear filtering; a footprint of 0 reads level 0.
+DEVICE float4 sample_numbers(const Params &params, unsigned texture, float2 uv, float footprint, const float *decoded = nullptr) {
+    TextureInfo info = params.textures[texture];
+    float blend = 0.0f;
+    if (footprint > 0.0f) {
+        float lod = level_of(info, footprint);
+        unsigned fine = (unsigned)lod;
+        blend = lod - (float)fine;
+        for (unsigned level = 0; level < fine; ++level) info = next_level(info);
+    }
+    // One text for both levels, which is long.
+    float4 first = make_float4(0.0f, 0.0f, 0.0f, 0.0f);
+#pragma unroll 1
+    for (bool again = false;; again = true) {
+        float4 color = sample_level(params, info, uv, decoded);
+        if (again) return lerp(first, color, blend);
+        if (blend == 0.0f) return color;
+        first = color;
+        info = next_level(info);
+    }
+}
 // The same of colours.
-DEVICE float4 sample_texture(const Params &params, unsigned texture, float2 uv) {
-    return sample_numbers(params, texture, uv, params.decoded);
+DEVICE float4 sample_texture(const Params &params, unsigned texture, float2 uv, float footprint) {
+    return sample_numbers(params, texture, uv, footprint, params.decoded);
 }
 
 DEVICE const Shade &shade_of(const Params &params, unsigned triangle) {
@@ -103,6 +153,8 @@ DEVICE bool is_glass(const Params &params, unsigned triangle) { return shade_of(
 DEVICE bool passes_light(const Params &params, unsigned triangle) {
     return shade_of(params, triangle).flags & SHADE_SHADOW_GLASS;
 }
+// A lookup that reads level 0.
+constexpr float NO_FOOTPRINT = 0.0f;
 // Whether there is a surface at this point of the triangle.
 DEVICE bool covers(const Params &params, const Hit &hit) {
     if (!params.cut) return true;
@@ -110,7 +162,7 @@ DEVICE bool covers(const Params &params, const Hit &hit) {
     if (!(shade.flags & SHADE_CUT)) return true;
     bool colored = shade.flags & SHADE_VERTEX_COLORS;
     if (shade.texture == NO_TEXTURE) return !colored || vertex_color(params, hit).w >= shade.cutoff;
-    float alpha = sample_texture(params, shade.texture, texture_coordinates(params, hit)).w;
+    float alpha = sample_texture(params, shade.texture, texture_coordinates(params, hit), NO_FOOTPRINT).w;
     if (colored) alpha = alpha * vertex_color(params, hit).w;
     return alpha >= shade.cutoff;
 }
@@ -130,10 +182,10 @@ DEVICE float3 bent(float3 texel, float scale, float3 normal, float4 tangent, flo
     return raised;
 }
 // The normal at a hit, bent by the normal map of its material if it has one; `vertices` is the one between the corners.
-DEVICE float3 bent_normal(const Params &params, const Hit &hit, float3 vertices, float3 flat) {
+DEVICE float3 bent_normal(const Params &params, const Hit &hit, float3 vertices, float3 flat, float footprint) {
     const Shade &shade = shade_of(params, hit.triangle);
     if (!(shade.flags & SHADE_NORMAL_MAP) || !(dot(vertices, vertices) > LEAST_SQUARE)) return vertices;
-    float3 texel = xyz(sample_numbers(params, shade.normal_texture, texture_coordinates(params, hit)));
+    float3 texel = xyz(sample_numbers(params, shade.normal_texture, texture_coordinates(params, hit), footprint));
     return bent(texel, shade.normal_scale, vertices, four_between(params, params.tangents, hit), flat);
 }
 // Whether the normal between the corners faces the light, on the side of the triangle on which a bent normal is.
@@ -145,8 +197,8 @@ DEVICE bool vertices_face_light(const Params &params, const Hit &hit, float3 ben
     return (turned ? -cosine : cosine) > 0.0f;
 }
 
-// Diffuse light, ambient light and texture, with this unit normal, times the vertex colour, and the light that the surface sends out.
-DEVICE float3 lit_color(const Params &params, const Hit &hit, float3 normal) {
+// Diffuse light, ambient light and texture, read at the level of the footprint, with this unit normal, times the vertex colour, and the light that the surface sends out.
+DEVICE float3 lit_color(const Params &params, const Hit &hit, float footprint, float3 normal) {
     const Shade &shade = shade_of(params, hit.triangle);
     float3 diffuse = vec3(shade.diffuse[0], shade.diffuse[1], shade.diffuse[2]);
     float3 to_light = vec3(params.to_light[0], params.to_light[1], params.to_light[2]);
@@ -156,13 +208,13 @@ DEVICE float3 lit_color(const Params &params, const Hit &hit, float3 normal) {
     float3 lit = diffuse * (light * cosine);
     float3 reflected = lit + AMBIENT * diffuse;
     if (shade.texture != NO_TEXTURE) {
-        reflected = (lit + splat(AMBIENT)) * xyz(sample_texture(params, shade.texture, texture_coordinates(params, hit)));
+        reflected = (lit + splat(AMBIENT)) * xyz(sample_texture(params, shade.texture, texture_coordinates(params, hit), footprint));
     }
     if (shade.flags & SHADE_VERTEX_COLORS) reflected = reflected * xyz(vertex_color(params, hit));
     if (!(shade.flags & SHADE_GLOW)) return reflected;
     float3 glow = vec3(shade.glow[0], shade.glow[1], shade.glow[2]);
     if (shade.glow_texture == NO_TEXTURE) return reflected + glow;
-    return reflected + glow * xyz(sample_texture(params, shade.glow_texture, texture_coordinates(params, hit)));
+    return reflected + glow * xyz(sample_texture(params, shade.glow_texture, texture_coordinates(params, hit), footprint));
 }
 
 // Which candidate hits on transparent materials count, as the ray asks; in OptiX the materials' any-hit programs decide the

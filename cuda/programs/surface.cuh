@@ -1,7 +1,7 @@
 // Points on surfaces, origins of the rays that leave them, and smooth interfaces (`trace/origin/surface_point.rs`, `effects/surface.rs`,
 // `effects/optics.rs`).
 #pragma once
-#include "scene.cuh"
+#include "ray_cone.cuh"
 
 // A point of a triangle, with what is known of its error along the normal. Rays start off `start`.
 struct SurfacePoint {
@@ -129,10 +129,10 @@ DEVICE float3 interface_normal(const Surface &surface, float3 view) {
     return usable ? surface.normal : surface.facing;
 }
 
-// The point that a ray meets.
-DEVICE Surface surface_hit(const Params &params, float3 direction, const Hit &hit) {
+// The point that a ray meets; its bumps are read at the level of the footprint.
+DEVICE Surface surface_hit(const Params &params, float3 direction, const Hit &hit, float footprint) {
     SurfacePoint point = point_on(positions_of(params, hit.triangle), (double)hit.u, (double)hit.v);
-    return surface_of(point, bent_normal(params, hit, normal_at(params, hit), point.normal), direction);
+    return surface_of(point, bent_normal(params, hit, normal_at(params, hit), point.normal, footprint), direction);
 }
 
 struct Interface {

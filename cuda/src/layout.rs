@@ -92,7 +92,7 @@ shared_structs! {
         priority: u32 = "unsigned",
     }
 
-    /// Level 0 of a texture.
+    /// Level 0 of a texture; where there are other levels, they follow it.
     struct TextureInfo {
         /// Index of the texture's first texel in [`Params::texels`].
         first: u64 = "unsigned long long",
@@ -216,6 +216,10 @@ shared_structs! {
         schlick: u32 = "unsigned",
         /// Greatest length of a list of nearby triangles, for each part of the radius; at most [`LISTED`].
         listed: [u32; REACHES as usize - 1] = "unsigned[2]",
+        /// Width of a pixel's cone at the eye, in scene units; 0 with the next one where textures are read at level 0.
+        cone_width: f32 = "float",
+        /// By how much it grows for each scene unit.
+        cone_spread: f32 = "float",
         /// Segments between triangles, two vectors each: (start, length), (direction, pair).
         segments: Address = "const float4 *",
         /// For each pair: the two triangles that do not block its segments.

@@ -164,6 +164,10 @@ impl<T: DeviceTracer> RayBackend for DeviceRays<T> {
         check_glass(T::NAME, false, params, dielectrics)
     }
 
+    fn traces_cones(&self) -> bool {
+        true
+    }
+
     fn build(&mut self, scene: &Arc<RenderScene>, filtered: &[bool]) -> Result<BuildStats, BackendError> {
         self.gpus.iter_mut().for_each(OneGpu::clear);
         let prepared = T::prepare(scene, filtered);
@@ -204,7 +208,6 @@ impl<T: DeviceTracer> RayBackend for DeviceRays<T> {
             check::sun(T::NAME, job)?;
             check::filter(T::NAME, job)?;
             check::adaptive(T::NAME, job)?;
-            check::cones(T::NAME, job)?;
             check_glass(T::NAME, false, &job.params, job.dielectrics)?;
         }
         if output.pixels.is_empty() {

@@ -17,10 +17,10 @@ use curitiba_passes::effects::Preparation;
 use curitiba_passes::effects::constants::THROUGH_GLASS;
 use curitiba_passes::effects::dielectric::Variant;
 use curitiba_passes::sampling::HemisphereSampler;
-use curitiba_pipeline::backend::{BackendError, BuildStats, RayCounts, RayJob, RayStats};
+use curitiba_pipeline::backend::{BackendError, BuildStats, PixelCone, RayCounts, RayJob, RayStats};
 use curitiba_pipeline::executor::Progress;
 use curitiba_pipeline::glass::{GlassShadow, Shape};
-use curitiba_pipeline::programs::{Fidelity, Fresnel, RayProgram};
+use curitiba_pipeline::programs::{Fidelity, Fresnel, RayProgram, TextureLod};
 use curitiba_pipeline::scene::RenderScene;
 use curitiba_pipeline::shared::SharedGBuffer;
 use std::collections::VecDeque;
@@ -362,6 +362,7 @@ impl<T: DeviceTracer> OneGpu<T> {
         if has_bodies {
             device.clear("what the camera is in", &mut images.around_eye, MEDIA_BYTES as usize / size_of::<u32>())?;
         }
+        let cone = if job.texture_lod() == TextureLod::Cones { job.cone } else { PixelCone::default() };
         device.clear("the ray counts", &mut images.counts, EXCEPTION_SLOT as usize + 1)?;
         Ok(Params {
             position,
@@ -419,6 +420,8 @@ impl<T: DeviceTracer> OneGpu<T> {
             asks: if falls_straight { ASKS_STRAIGHT } else { 0 },
             schlick: u32::from(job.params.fresnel == Fresnel::Schlick),
             listed: [0; REACHES as usize - 1],
+            cone_width: cone.width,
+            cone_spread: cone.spread,
             segments: 0,
             own: 0,
             blocked: 0,
@@ -524,6 +527,14 @@ impl<T: DeviceTracer> OneGpu<T> {
         let borrowed = lent.map(|lent| self.borrow(job, lent, stripes)).transpose()?;
         let copied = upload.is_some() || borrowed.is_some();
         let mut params = self.describe(job, copied)?;
+        let is_built = |scene: &Arc<RenderScene>| std::ptr::eq(&raw const **scene, job.scene);
+        if job.texture_lod() == TextureLod::Cones
+            && let Some((_, buffers)) = self.built.as_mut().filter(|(scene, _)| is_built(scene))
+            && let Err(error) = buffers.require_levels(&self.device, job.scene)
+        {
+            self.clear();
+            return Err(error);
+        }
         // Kept alive until the kernels are done.
         let unbuilt;
         match &self.built {

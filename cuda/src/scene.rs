@@ -27,6 +27,8 @@ pub struct SceneBuffers {
     materials: Buffer<u32>,
     textures: Buffer<TextureInfo>,
     texels: Buffer<u8>,
+    /// Whether the textures have all of their mip levels, and not only level 0.
+    has_levels: bool,
     /// Linear values of the sRGB codes; empty where texels are read as stored.
     decoded: Buffer<f32>,
 }
@@ -35,8 +37,9 @@ impl SceneBuffers {
     /// Copies a scene to the device.
     pub fn new(device: &Device, scene: &RenderScene) -> Result<Self, BackendError> {
         let geometry = &scene.geometry;
-        let (textures, texels) = textures(scene);
+        let (textures, texels) = textures(scene, false);
         Ok(Self {
+            has_levels: false,
             positions: device.upload("vertex positions", bytemuck::cast_slice(&geometry.positions))?,
             normals: device.upload("vertex normals", bytemuck::cast_slice(&geometry.normals))?,
             texcoords: device.upload("texture coordinates", bytemuck::cast_slice(&geometry.texcoords))?,
@@ -48,6 +51,19 @@ impl SceneBuffers {
             texels: device.upload("textures", &texels)?,
             decoded: device.upload("the codes of sRGB", if scene.decodes_texels() { &DECODED[..] } else { &[] })?,
         })
+    }
+
+    /// Copies all mip levels of the scene's textures in the place of level 0, unless they are there. After an error the buffers cannot
+    /// be used.
+    pub fn require_levels(&mut self, device: &Device, scene: &RenderScene) -> Result<(), BackendError> {
+        if self.has_levels {
+            return Ok(());
+        }
+        let (textures, texels) = textures(scene, true);
+        device.replace("texture sizes", &mut self.textures, &textures)?;
+        device.replace("textures", &mut self.texels, &texels)?;
+        self.has_levels = true;
+        Ok(())
     }
 
     /// Writes the addresses into the parameters of a launch.
@@ -84,8 +100,8 @@ impl SceneBuffers {
     }
 }
 
-/// Level 0 of every texture: the only one that rays read.
-fn textures(scene: &RenderScene) -> (Vec<TextureInfo>, Vec<u8>) {
+/// Sizes and texels of every texture, of level 0 or, one after the other, of all levels.
+fn textures(scene: &RenderScene, has_levels: bool) -> (Vec<TextureInfo>, Vec<u8>) {
     let (mut infos, mut texels) = (Vec::with_capacity(scene.textures.len()), Vec::new());
     for texture in &scene.textures {
         let level = &texture.levels[0];
@@ -96,7 +112,8 @@ fn textures(scene: &RenderScene) -> (Vec<TextureInfo>, Vec<u8>) {
         });
         let (width, height) = (level.width, level.height);
         infos.push(TextureInfo { first: texels.len() as u64 / 4, width, height, wrap_u, wrap_v });
-        texels.extend_from_slice(level.texels.as_flattened());
+        let levels = if has_levels { &texture.levels[..] } else { &texture.levels[..1] };
+        levels.iter().for_each(|level| texels.extend_from_slice(level.texels.as_flattened()));
     }
     (infos, texels)
 }
@@ -167,8 +184,11 @@ mod tests {
         assert_eq!(geometry.materials().collect::<Vec<_>>(), [3, 3, 1]);
         let texture = |width: u32, value: u8| Texture::new(String::new(), width, 1, vec![[value; 4]; width as usize]);
         let scene = RenderScene { textures: vec![texture(2, 7), texture(1, 9)], ..RenderScene::default() };
-        let (infos, texels) = textures(&scene);
+        let (infos, texels) = textures(&scene, false);
         assert_eq!((infos[1].first, infos[1].width, infos[1].height), (2, 1, 1));
         assert_eq!(texels, [7, 7, 7, 7, 7, 7, 7, 7, 9, 9, 9, 9]);
+        let (infos, texels) = textures(&scene, true);
+        assert_eq!((infos[0].first, infos[0].width, infos[1].first, infos[1].width), (0, 2, 3, 1));
+        assert_eq!(texels, [7, 7, 7, 7, 7, 7, 7, 7, 7, 7, 7, 7, 9, 9, 9, 9]);
     }
 }

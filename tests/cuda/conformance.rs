@@ -137,6 +137,47 @@ fn glass_as_each_material_says_on_optix_is_the_processors() {
     glass(BackendChoice::Optix);
 }
 
+/// Texture lookups by ray cones, in the square and behind glass as each material says.
+fn cones(backend: BackendChoice) {
+    if there(Choice::CPU.traced_by(backend)).is_none() {
+        return;
+    }
+    let found = Arc::new(Mutex::new(Found::default()));
+    let views = ["MainCamera", "Vidro"];
+    let mirrors = ["SceneReflect", "SceneRefract"].into_iter().flat_map(|name| views.map(|view| (name, view, None)));
+    let lit = views.map(|view| ("SceneFinal", view)).into_iter();
+    let lit = lit.chain(["glass/balls", "glass/filled", "glass/panes"].map(|name| (name, "MainCamera")));
+    let lit = lit.flat_map(|(name, view)| ["pass2.samples=0", "pass2.samples=9"].map(|set| (name, view, Some(set))));
+    for (name, camera, samples) in mirrors.chain(lit) {
+        let set = ["pass2.texturelod=cones"].into_iter().chain(samples).map(str::to_owned).collect();
+        // In linear light mip levels are decoded.
+        let color = (name == "SceneReflect").then_some(ColorSpace::Linear);
+        record(backend, name, camera, (Fidelity::Corrected, set), color, &found);
+    }
+    let found = found.lock().expect("no panic while it was held");
+    assert_eq!(found.records.len(), 4 + 10, "a pass did not run");
+    for record in &found.records {
+        let words = record.in_words();
+        println!("{words}");
+        assert!(record.within_limits, "farther off than it may be: {words}");
+        let cpu = record.cpu_rays.expect("the processor ran");
+        if record.backend == "cuda" {
+            let others = |rays: curitiba::pipeline::backend::RayCounts| [rays.reflected, rays.refracted, rays.lost];
+            assert_eq!(others(record.rays), others(cpu), "{words}");
+        }
+    }
+}
+
+#[test]
+fn ray_cones_on_our_own_tracer_are_the_processors() {
+    cones(BackendChoice::Cuda);
+}
+
+#[test]
+fn ray_cones_on_optix_are_the_processors() {
+    cones(BackendChoice::Optix);
+}
+
 /// Few and many rays from a point, of any length, take different paths through the kernels.
 #[test]
 fn occlusion_on_our_own_tracer_is_the_processors_whatever_the_rays() {

@@ -74,6 +74,10 @@ impl RayBackend for Lent {
         self.0.borrow().supports_glass(program, params, dielectrics)
     }
 
+    fn traces_cones(&self) -> bool {
+        self.0.borrow().traces_cones()
+    }
+
     fn build(&mut self, scene: &Arc<RenderScene>, filtered: &[bool]) -> Result<BuildStats, BackendError> {
         self.0.borrow_mut().build(scene, filtered)
     }
@@ -182,8 +186,11 @@ fn every_corrected_program_computes_what_the_processor_does() {
         let linear = Some(ColorSpace::Linear);
         record_in(linear, lent, "SceneReflect", camera, Fidelity::Corrected, &[], &found);
         record_in(linear, lent, "SceneFinal", camera, Fidelity::Corrected, OCCLUSION, &found);
+        let cones = &["texturelod=cones"];
+        record_in(linear, lent, "SceneReflect", camera, Fidelity::Corrected, cones, &found);
+        record(lent, "SceneRefract", camera, Fidelity::Corrected, cones, &found);
     }
-    check_all(&found, 2 * (6 + 2 + 2));
+    check_all(&found, 2 * (6 + 2 + 2 + 2));
 }
 
 #[test]

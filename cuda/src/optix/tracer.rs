@@ -273,7 +273,7 @@ mod tests {
 
     #[test]
     fn launch_parameters_have_no_padding() {
-        let (addresses, words) = (34 * 8, 12 * 4 + 2 * 4 + 6 * 12 + 4 * 4);
+        let (addresses, words) = (34 * 8, 12 * 4 + 2 * 4 + 6 * 12 + 4 * 4 + 2 * 4);
         assert_eq!(size_of::<Params>(), addresses + words);
     }
 }

@@ -90,6 +90,40 @@ static void samples() {
     }
 }
 
+// Cones of rays: a step along, after a mirror and after an interface; the curvature of a triangle, what of its texture is covered, and the
+// level of that.
+static void ray_cones() {
+    Scene scene(word());
+    scene.read_normals();
+    std::vector<float2> texcoords(3 * scene.count());
+    for (float2 &texcoord : texcoords) {
+        texcoord.x = number();
+        texcoord.y = number();
+    }
+    scene.params.texcoords = texcoords.data();
+    scene.params.cone_spread = 1.0f;
+    while (place < input.size()) {
+        unsigned triangle = word();
+        float3 direction = vector(), facing = vector();
+        Cone cone;
+        cone.width = number();
+        cone.spread = number();
+        float distance = number(), cosine = number(), cos_refracted = number(), index = number();
+        TextureInfo info = {0, word(), word(), WRAP_REPEAT, WRAP_REPEAT};
+        float curvature = curvature_of(scene.params, triangle, facing);
+        Cone along = cone_along(cone, distance), back = cone_mirrored(cone, curvature, cosine);
+        Cone on = cone_refracted(cone, curvature, cosine, cos_refracted, index);
+        for (Cone found : {along, back, on}) {
+            put(found.width);
+            put(found.spread);
+        }
+        float footprint = footprint_of(scene.params, cone, triangle, direction);
+        put(curvature);
+        put(footprint);
+        put(level_of(info, footprint));
+    }
+}
+
 // What the cone test of a triangle says of rays from an origin (1: stopped, 2: not), and what the watertight test does (4: stopped).
 static void cones() {
     Scene scene(word());
@@ -121,6 +155,7 @@ int main(int count, char **arguments) {
     else if (what == "bumps") bumps();
     else if (what == "samples") samples();
     else if (what == "cones") cones();
+    else if (what == "ray_cones") ray_cones();
     else return 1;
     return write_all();
 }

@@ -60,8 +60,22 @@ int main() {
     Params &params = scene.params;
     std::vector<float> normals(9 * scene.count());
     numbers(normals);
+    std::vector<float2> texcoords(3 * scene.count());
+    for (float2 &texcoord : texcoords) {
+        texcoord.x = number();
+        texcoord.y = number();
+    }
     std::vector<unsigned> materials(scene.count());
     for (unsigned &material : materials) material = word();
+    TextureInfo info = {0, word(), word(), WRAP_REPEAT, WRAP_REPEAT};
+    std::vector<uchar4> texels(word());
+    for (uchar4 &texel : texels) {
+        unsigned codes = word();
+        std::memcpy(&texel, &codes, sizeof codes);
+    }
+    params.texcoords = texcoords.data();
+    params.textures = &info;
+    params.texels = texels.data();
     std::vector<Body> bodies(word());
     std::vector<Shade> shades(bodies.size());
     for (size_t i = 0; i < bodies.size(); ++i) {
@@ -76,6 +90,7 @@ int main() {
         shades[i] = {};
         shades[i].texture = shades[i].glow_texture = NO_TEXTURE;
         numbers(shades[i].diffuse);
+        if (bodies[i].shape == SHAPE_OPAQUE) shades[i].texture = 0;
         shades[i].flags = bodies[i].shape != SHAPE_OPAQUE ? SHADE_GLASS | SHADE_SHADOW_GLASS : 0;
     }
     params.normals = normals.data();
@@ -86,6 +101,8 @@ int main() {
     params.depth = word();
     params.schlick = word();
     params.asks = word();
+    params.cone_width = number();
+    params.cone_spread = number();
     numbers(params.beyond);
     numbers(params.eye);
     numbers(params.to_light);

@@ -8,9 +8,10 @@ use curitiba_pipeline::backend::{NO_TRIANGLE, PixelCone, RayJob, Shade, Sun};
 use curitiba_pipeline::executor::Progress;
 use curitiba_pipeline::glass::{Dielectric, GlassRule, GlassShadow, Shape};
 use curitiba_pipeline::image::Image;
-use curitiba_pipeline::programs::{Fidelity, Fresnel, RayParams, RayProgram};
+use curitiba_pipeline::programs::{Fidelity, Fresnel, RayParams, RayProgram, TextureLod};
+use curitiba_pipeline::scene::texture::Texture;
 use curitiba_pipeline::scene::{Batch, Geometry, Material, RenderScene};
-use glam::{Vec3, Vec4};
+use glam::{Vec2, Vec3, Vec4};
 use std::path::Path;
 
 const SIZE: u32 = 40;
@@ -27,7 +28,12 @@ struct Scene {
 
 impl Scene {
     fn new(eye: Vec3, target: Vec3) -> Self {
-        Self { scene: RenderScene::default(), dielectrics: Vec::new(), diffuse: Vec::new(), eye, target }
+        // Texels at random: no level of this texture is like another.
+        let texels =
+            (0..64 * 48_u32).map(|i| [i, i * i, i * 7, 0].map(|code| (code.wrapping_mul(0x9e37_79b9) >> 24) as u8));
+        let texture = Texture::new("random".to_owned(), 64, 48, texels.collect());
+        let scene = RenderScene { textures: vec![texture], ..RenderScene::default() };
+        Self { scene, dielectrics: Vec::new(), diffuse: Vec::new(), eye, target }
     }
 
     /// Adds triangles with a new material and their own vertices; `normal` gives the normal of a corner from its position and the flat
@@ -40,6 +46,9 @@ impl Scene {
             let vertex = geometry.positions.len() as u32;
             geometry.positions.extend(corners);
             geometry.normals.extend(corners.map(|corner| normal(corner, flat)));
+            geometry
+                .texcoords
+                .extend(corners.map(|corner| Vec2::new(corner.x + 0.3 * corner.y, corner.z - 0.2 * corner.y)));
             geometry.triangles.push([vertex, vertex + 1, vertex + 2]);
         }
         geometry.batches.push(Batch { material, first, count: triangles.len() as u32 });
@@ -187,6 +196,7 @@ struct Asked {
     fresnel: Fresnel,
     shadow: GlassShadow,
     depth: u32,
+    lod: TextureLod,
 }
 
 /// The largest difference of a colour, the number of ray kinds whose counts differ, and the number of pixels that show glass.
@@ -194,8 +204,11 @@ fn differences(program: &Path, scene: &Scene, asked: Asked) -> (f32, usize, usiz
     let geometry = &scene.scene.geometry;
     let tree = Bvh::build(geometry, &vec![true; scene.dielectrics.len()], Quality::default());
     let seen = rasterised(scene, &tree);
-    let shade = |diffuse: &Vec3| Shade { diffuse: diffuse.extend(1.0), ..Shade::default() };
-    let shades: Vec<Shade> = scene.diffuse.iter().map(shade).collect();
+    let shade = |(diffuse, dielectric): (&Vec3, &Dielectric)| {
+        let texture = (dielectric.shape == Shape::Opaque).then_some(0);
+        Shade { diffuse: diffuse.extend(1.0), texture, ..Shade::default() }
+    };
+    let shades: Vec<Shade> = scene.diffuse.iter().zip(&scene.dielectrics).map(shade).collect();
     let glass: Vec<bool> = scene.dielectrics.iter().map(|dielectric| dielectric.shape != Shape::Opaque).collect();
     let sun = Sun { direction: Vec3::new(-0.4, -0.8, -0.5).normalize(), color: Vec3::new(0.9, 0.8, 0.7) };
     let params = RayParams {
@@ -205,6 +218,7 @@ fn differences(program: &Path, scene: &Scene, asked: Asked) -> (f32, usize, usiz
         fresnel: asked.fresnel,
         shadow: asked.shadow,
         glass: GlassRule::Auto,
+        texture_lod: asked.lod,
         ..RayParams::default()
     };
     let job = RayJob {
@@ -216,7 +230,7 @@ fn differences(program: &Path, scene: &Scene, asked: Asked) -> (f32, usize, usiz
         fidelity: Fidelity::Corrected,
         seed: 0,
         eye: scene.eye,
-        cone: PixelCone::default(),
+        cone: PixelCone { width: 0.0, spread: 1.0 / SIZE as f32 },
         sun: Some(sun),
         width: SIZE,
         height: SIZE,
@@ -260,7 +274,12 @@ fn serialised(scene: &Scene, seen: &GBuffer, job: &RayJob<'_>) -> Vec<u32> {
     let mut input = vec![geometry.triangles.len() as u32];
     input.extend(words(geometry.positions.iter().copied()));
     input.extend(words(geometry.normals.iter().copied()));
+    input.extend(geometry.texcoords.iter().flat_map(|texcoord| texcoord.to_array()).map(f32::to_bits));
     input.extend(geometry.materials());
+    let texture = &scene.scene.textures[0];
+    let texels = texture.levels.iter().flat_map(|level| &level.texels);
+    input.extend([texture.levels[0].width, texture.levels[0].height, texels.clone().count() as u32]);
+    input.extend(texels.map(|texel| u32::from_le_bytes(*texel)));
     input.push(scene.dielectrics.len() as u32);
     for (dielectric, diffuse) in scene.dielectrics.iter().zip(&scene.diffuse) {
         input.push(dielectric.shape as u32);
@@ -274,6 +293,8 @@ fn serialised(scene: &Scene, seen: &GBuffer, job: &RayJob<'_>) -> Vec<u32> {
     input.extend([job.params.index.to_bits(), job.params.depth]);
     input.push(u32::from(job.params.fresnel == Fresnel::Schlick));
     input.push(u32::from(job.params.shadow == GlassShadow::Straight));
+    let asks = job.texture_lod() == TextureLod::Cones;
+    input.extend([job.cone.width, job.cone.spread].map(|number| if asks { number.to_bits() } else { 0 }));
     input.extend(words([job.beyond, job.eye, -sun.direction, sun.color]));
     input.extend([job.width, job.height]);
     for pixel in 0..seen.triangle.len() {
@@ -299,14 +320,16 @@ fn glass_of_the_device_programs_looks_as_on_the_processor() {
         let name = format!("glass-{program:?}");
         let Some(compiled) = compiled_program(program, &name, None) else { return };
         for scene in [several(), under_water()] {
-            for (fresnel, shadow, depth) in [
-                (Fresnel::Exact, GlassShadow::Straight, 5),
-                (Fresnel::Schlick, GlassShadow::Report, 2),
-                (Fresnel::Exact, GlassShadow::Straight, 0),
+            for (fresnel, shadow, depth, lod) in [
+                (Fresnel::Exact, GlassShadow::Straight, 5, TextureLod::Zero),
+                (Fresnel::Schlick, GlassShadow::Report, 2, TextureLod::Zero),
+                (Fresnel::Exact, GlassShadow::Straight, 0, TextureLod::Zero),
+                (Fresnel::Exact, GlassShadow::Straight, 3, TextureLod::Cones),
+                (Fresnel::Schlick, GlassShadow::Report, 0, TextureLod::Cones),
             ] {
-                let asked = Asked { program, fresnel, shadow, depth };
+                let asked = Asked { program, fresnel, shadow, depth, lod };
                 let (largest, counts, shown) = differences(&compiled, &scene, asked);
-                let what = format!("{program:?}, {fresnel:?}, {shadow:?}, depth {depth}");
+                let what = format!("{program:?}, {fresnel:?}, {shadow:?}, depth {depth}, {lod:?}");
                 assert!(largest < ROUNDING && counts == 0, "{what}: {largest}, {counts} counts differ");
                 assert!(shown > 300, "{what}: {shown} pixels show glass");
             }
@@ -316,7 +339,8 @@ fn glass_of_the_device_programs_looks_as_on_the_processor() {
 
 #[test]
 fn a_wrong_word_of_the_device_programs_is_noticed() {
-    let asked = |program| Asked { program, fresnel: Fresnel::Exact, shadow: GlassShadow::Straight, depth: 5 };
+    let lod = TextureLod::Cones;
+    let asked = |program| Asked { program, fresnel: Fresnel::Exact, shadow: GlassShadow::Straight, depth: 5, lod };
     for (program, scene, change) in [
         // Absorption over twice the distance.
         (
@@ -335,6 +359,8 @@ fn a_wrong_word_of_the_device_programs_is_noticed() {
         ),
         // Of overlapping bodies with equal priority, the one entered first.
         (RayProgram::Refraction, several(), ["priority <= priority) ++place", "priority < priority) ++place"]),
+        // Cones that the distance does not widen.
+        (RayProgram::Refraction, several(), ["cone_along(next.cone, hit.t)", "next.cone"]),
         // A camera that is in no body.
         (
             RayProgram::Refraction,

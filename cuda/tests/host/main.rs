@@ -5,11 +5,12 @@
 
 mod glass;
 
-use curitiba_passes::effects::{fresnel, schlick, way_onto_round};
+use curitiba_passes::effects::{Cone, Footprint, RayCone, curvature, fresnel, schlick, way_onto_round};
 use curitiba_passes::sampling::hash::{dimensions, path_key, pixel_key, unit};
 use curitiba_passes::sampling::hemisphere::{Basis, cosine};
 use curitiba_passes::sampling::owen_sobol::scramble_reversed;
 use curitiba_passes::trace::{Bvh, Hit, Quality, Ray, SurfacePoint, Tracer};
+use curitiba_pipeline::scene::texture::Texture;
 use curitiba_pipeline::scene::{Batch, Geometry, normal_map};
 use glam::{Vec2, Vec3};
 use std::io::Write;
@@ -404,4 +405,75 @@ fn what_cone_tests_of_the_device_say_is_what_the_watertight_test_says() {
     let change = ["DISTANCE_MARGIN = 2e-6f", "DISTANCE_MARGIN = -2e-4f"];
     let changed = compiled("margins", Some(change)).expect("there is a compiler");
     assert!(verdicts(&changed)[0] > 0, "{change:?} is not noticed");
+}
+
+/// Cones of rays: how many differ, how many levels lie between the first and the last, and how many were compared.
+fn ray_cones_that_differ(program: &Path) -> [usize; 3] {
+    let mut random = Random(9);
+    let (mut differ, mut between, mut all) = (0, 0, 0);
+    let textures = [(256, 256), (37, 5), (1, 64)]
+        .map(|(width, height)| Texture::new("size".to_owned(), width, height, vec![[0; 4]; (width * height) as usize]));
+    for center in CENTERS {
+        let mut geometry = soup(&mut random, 60, center);
+        for triangle in 0..60 {
+            let [a, b, c] = geometry.corners(triangle);
+            let normal = (b - a).cross(c - a).normalize_or(Vec3::Y);
+            let bend = [0.0, 0.1, 0.8][triangle as usize % 3];
+            let side = if triangle % 2 == 0 { -1.0 } else { 1.0 };
+            geometry.normals.extend([0; 3].map(|_| (normal + random.cube() * bend) * side));
+            geometry.texcoords.extend([0; 3].map(|_| random.cube().truncate() * 3.0));
+        }
+        let mut input = header(&geometry);
+        input.extend(words(geometry.normals.iter().copied()));
+        input.extend(geometry.texcoords.iter().flat_map(|texcoord| texcoord.to_array()).map(f32::to_bits));
+        let mut expected = Vec::new();
+        for index in 0..4000 {
+            let (triangle, texture) = (index % 60, &textures[index as usize % 3]);
+            let (direction, facing) = (random.direction(), random.direction());
+            let cone = RayCone { width: 0.1 * random.cube().x, spread: random.cube().y };
+            let [distance, cosine, cos_refracted] = [0; 3].map(|_| 0.01 + random.unit());
+            let refractive = 0.5 + random.unit();
+            input.extend([triangle].into_iter().chain(words([direction, facing])));
+            let numbers = [cone.width, cone.spread, distance, cosine, cos_refracted, refractive];
+            input.extend(
+                numbers.map(f32::to_bits).into_iter().chain([texture.levels[0].width, texture.levels[0].height]),
+            );
+            let normals = geometry.triangles[triangle as usize].map(|vertex| geometry.normals[vertex as usize]);
+            let side = (normals[0] + normals[1] + normals[2]).dot(facing);
+            let curved = curvature(geometry.corners(triangle), normals) * if side < 0.0 { -1.0 } else { 1.0 };
+            let footprint = cone.footprint(&geometry, triangle, direction);
+            let level = footprint.level(texture);
+            between += usize::from(level > 0.0 && level < (texture.levels.len() - 1) as f32);
+            let cones = [
+                cone.along(distance),
+                cone.mirrored(|| curved, cosine),
+                cone.refracted(|| curved, [cosine, cos_refracted], refractive),
+            ];
+            let last = level.min((texture.levels.len() - 1) as f32);
+            let numbers = cones.iter().flat_map(|cone| [cone.width, cone.spread]).chain([curved, footprint.0, last]);
+            expected.push(numbers.collect::<Vec<f32>>());
+        }
+        for (found, expected) in run(program, "ray_cones", &input).as_chunks::<9>().0.iter().zip(expected) {
+            // Zeros of either sign are equal.
+            let same = found.iter().zip(expected).all(|(a, b)| f32::from_bits(*a) == b);
+            differ += usize::from(!same);
+            all += 1;
+        }
+    }
+    [differ, between, all]
+}
+
+#[test]
+fn cones_of_rays_of_the_device_have_the_bits_of_the_processor() {
+    let Some(program) = compiled("ray-cones", None) else { return };
+    let [differ, between, all] = ray_cones_that_differ(&program);
+    assert!(differ == 0 && all == 12_000 && between > 3000, "{differ} of {all} differ, {between} levels lie between");
+    for (name, header, change) in [
+        ("ray-cones-turn", "ray_cone.cuh", ["cone.spread + 2.0f * turn_of", "cone.spread + turn_of"]),
+        ("ray-cones-snell", "ray_cone.cuh", ["(rate - 1.0f) * turn_of", "rate * turn_of"]),
+        ("ray-cones-log", "scene.cuh", ["square + 1.0 / 3.0", "square + 1.0 / 4.0"]),
+    ] {
+        let changed = compiled_with("functions.cpp", name, Some((header, change))).expect("there is a compiler");
+        assert!(ray_cones_that_differ(&changed)[0] > 0, "{change:?} is not noticed");
+    }
 }
