@@ -3,7 +3,8 @@
 use super::world::{SUN_COLOR, Shot, World};
 use crate::cpu;
 use crate::trace::WithSpheres;
-use curitiba_pipeline::backend::{Glow, PixelCone, RayCounts};
+use curitiba_pipeline::backend::{FromCamera, Glow, PixelCone, RayCounts, RayJob, View};
+use curitiba_pipeline::camera_programs::{CameraParams, SurfaceKind};
 use curitiba_pipeline::color::decode;
 use curitiba_pipeline::executor::Progress;
 use curitiba_pipeline::glass::{Dielectric, GlassRule, Shape};
@@ -11,6 +12,7 @@ use curitiba_pipeline::image::Image;
 use curitiba_pipeline::programs::Fidelity::Corrected;
 use curitiba_pipeline::programs::{RayParams, RayProgram, TextureLod};
 use curitiba_pipeline::scene::texture::{Texture, Wrap, lod};
+use glam::camera::rh;
 use glam::{DMat2, DVec2, DVec3, Vec2, Vec3};
 
 /// With depth 0 light goes through bodies, and they mirror nothing.
@@ -509,5 +511,56 @@ fn pictures_by_cones_do_not_depend_on_the_threads_nor_on_who_compiled_the_tracer
         assert_eq!(differ, 0, "{program:?}");
         let pixel = cpu::trace_pixel(&tracer, &job, 20, 17).expect("a complete job");
         assert_eq!(pixel, one.0[17 * 40 + 20]);
+    }
+}
+
+#[test]
+fn rays_from_the_camera_read_the_levels_of_their_cones() {
+    let (camera, repeat) = (Camera { towards: Vec3::Y * 0.2, ..AT_MIRROR }, 0.3);
+    let fov = 2.0 * (0.5 * camera.count as f32 * camera.pixel).atan();
+    let look = rh::view::look_at_mat4(camera.eye, camera.towards, Vec3::Y);
+    let view = View::new(rh::proj::directx::perspective(fov, 1.0, 1000.0, 0.05) * look, camera.eye);
+    assert!((PixelCone::of(&view, [camera.count; 2]).spread / camera.pixel - 1.0).abs() < 1e-4);
+    let draw = |world: &World, program, samples| {
+        let surfaces = [SurfaceKind::Metal, SurfaceKind::Painted];
+        let from = FromCamera { view, picture: [camera.count; 2], lamp: None, surfaces: &surfaces };
+        let ambient = CameraParams { ambient: 1.0, ..CameraParams::default() };
+        let asked = RayParams { samples, depth: 1, camera: ambient, ..params(TextureLod::Cones) };
+        let shot = camera.shot(world);
+        let job = RayJob { from_camera: Some(from), sun: None, ..shot.job(program, Corrected, asked) };
+        shot.run_on(&world.tree(), &job).0
+    };
+    // What a pixel shows of the floor, directly, and in the mirror, which keeps a share.
+    let shown = |pixels: &[[f32; 4]], mirrored: f32, finer: f64| {
+        let in_mirror = |at| in_mirror(&camera, at, repeat).is_finite();
+        let share = |at| if in_mirror(at) { mirrored } else { 1.0 };
+        let pixels: Vec<[f32; 4]> =
+            camera.pixels().zip(pixels).map(|(at, pixel)| [0.3 * pixel[0] / share(at), 0.0, 0.0, 1.0]).collect();
+        let directly = |at| on_floor(camera.eye.as_dvec3(), camera.direction(at), repeat);
+        // Several rays of a pixel at the mirror's border show both.
+        let is_mixed = |at: DVec2| in_mirror(at - 0.5) != in_mirror(at + 0.5);
+        let expected = camera.pixels().map(|at| match in_mirror(at) {
+            _ if is_mixed(at) => f64::NAN,
+            true if mirrored > 0.0 => longer_side(over_a_pixel(at, |at| self::in_mirror(&camera, at, repeat))) - finer,
+            true => f64::NAN,
+            false => longer_side(over_a_pixel(at, directly)) - finer,
+        });
+        largest(&pixels, expected)
+    };
+    let world = before_mirror(graded(), repeat);
+    let mut glowing = before_mirror(graded(), repeat);
+    glowing.shades[1].glow = Some(Glow { color: Vec3::ONE, texture: Some(0) });
+    for (world, program, mirrored, samples) in [
+        (&world, RayProgram::Albedo, 0.0, 0),
+        (&world, RayProgram::Albedo, 0.0, 16),
+        (&world, RayProgram::Lambert, 0.0, 0),
+        (&world, RayProgram::Whitted, 0.8, 0),
+        (&glowing, RayProgram::PathTracing, 0.8, 0),
+    ] {
+        // Each of 16 rays a pixel has a quarter of its side.
+        let finer = if samples == 16 { 2.0 } else { 0.0 };
+        let (most, count) = shown(&draw(world, program, samples), mirrored, finer);
+        let (least, tolerance) = if mirrored > 0.0 { (1500, 0.2) } else { (600, 0.25) };
+        assert!(most < tolerance && count > least, "{program:?}: {most} at {count} pixels");
     }
 }
