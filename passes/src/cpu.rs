@@ -302,7 +302,7 @@ fn run_by_rays<'o, R: Runner<'o>>(
     Ok(match job.fidelity {
         Fidelity::Corrected if job.texture_lod() == TextureLod::Cones => {
             let coverage = ByCones(AlphaTested { scene: job.scene, shades: job.shades });
-            run_with_cones(&new_pass(job, &Erased::<true>(tracer), coverage, runner.progress())?, runner)
+            run_textured(&new_pass(job, &Erased::<true>(tracer), coverage, runner.progress())?, runner)
         }
         Fidelity::Corrected => {
             let cut = job.shades.iter().any(|shade| shade.alpha_cutoff.is_some());
@@ -318,7 +318,7 @@ fn run<'o, T: Tracer, R: Runner<'o>>(tracer: &T, job: &RayJob<'_>, runner: R) ->
     check::scene(NAME, job, T::SPHERES)?;
     let coverage = AlphaTested { scene: job.scene, shades: job.shades };
     if job.texture_lod() == TextureLod::Cones {
-        return Ok(run_with_cones(&new_pass(job, tracer, ByCones(coverage), runner.progress())?, runner));
+        return Ok(run_textured(&new_pass(job, tracer, ByCones(coverage), runner.progress())?, runner));
     }
     let cut = job.fidelity == Fidelity::Corrected && job.shades.iter().any(|shade| shade.alpha_cutoff.is_some());
     // Programs with spheres always test cut-outs: each combination is compiled separately, and takes a minute.
@@ -472,8 +472,6 @@ fn run_thesis<'o, T: Tracer, C: Coverage, R: Runner<'o>>(pass: &Pass<'_, T, C>, 
 }
 
 fn run_corrected<'o, T: Tracer, C: Coverage, R: Runner<'o>>(pass: &Pass<'_, T, C>, pixels: R) -> R::Output {
-    // Scenes with bodies have programs of their own, so that the report's panes do not become slower.
-    let bodies = !pass.job.dielectrics.is_empty();
     match pass.job.program {
         RayProgram::Dummy => pixels.each(alone, |p, _| pass.job.color[p.index]),
         RayProgram::DeferredShadows if pass.disc.is_some() => {
@@ -486,33 +484,17 @@ fn run_corrected<'o, T: Tracer, C: Coverage, R: Runner<'o>>(pass: &Pass<'_, T, C
             };
             pixels.each(tile, |p, w| deferred_shadows::corrected::pixel(pass, p, w))
         }
-        RayProgram::Reflection => pixels.each(alone, |p, w| reflection::corrected::pixel(pass, p, w)),
-        RayProgram::Refraction if bodies => {
-            pixels.each(alone, |p, w| refraction::corrected::pixel_of_bodies(pass, p, w))
-        }
-        RayProgram::Refraction => pixels.each(alone, |p, w| refraction::corrected::pixel(pass, p, w)),
         RayProgram::Ssao => {
             let prepare = |area, work: &mut Workspace| ssao::corrected::prepare(pass, area, work);
             pixels.each(before(prepare), |p, w| ssao::corrected::pixel(pass, p, w))
         }
-        RayProgram::Final if bodies => {
-            let prepare = |area, work: &mut Workspace| combined::bodies::prepare(pass, area, work);
-            pixels.each(before(prepare), |p, w| combined::bodies::pixel(pass, p, w))
-        }
-        RayProgram::Final => {
-            let prepare = |area, work: &mut Workspace| combined::corrected::prepare(pass, area, work);
-            pixels.each(before(prepare), |p, w| combined::corrected::pixel(pass, p, w))
-        }
-        RayProgram::Albedo
-        | RayProgram::Lambert
-        | RayProgram::Whitted
-        | RayProgram::CameraOcclusion
-        | RayProgram::PathTracing => pixels.each(alone, |p, w| camera::pixel(pass, p, w)),
+        _ => run_textured(pass, pixels),
     }
 }
 
-/// As [`run_corrected`], for the programs that may ask for ray cones.
-fn run_with_cones<'o, T: Tracer, C: Coverage, R: Runner<'o>>(pass: &Pass<'_, T, C>, pixels: R) -> R::Output {
+/// As [`run_corrected`], for the programs that read textures at hits: those that may ask for ray cones.
+fn run_textured<'o, T: Tracer, C: Coverage, R: Runner<'o>>(pass: &Pass<'_, T, C>, pixels: R) -> R::Output {
+    // Scenes with bodies have programs of their own, so that the report's panes do not become slower.
     let bodies = !pass.job.dielectrics.is_empty();
     match pass.job.program {
         RayProgram::Reflection => pixels.each(alone, |p, w| reflection::corrected::pixel(pass, p, w)),
