@@ -20,16 +20,14 @@ impl Plan {
     /// gives the backend of a pass by name.
     #[must_use]
     pub fn unsampled<'a>(&self, rays_of: impl Fn(&str) -> &'a dyn RayBackend) -> Option<(String, BackendError)> {
-        self.first_refused(|planned| {
-            let pass = self.pass(planned);
-            let PassKind::Ray(ray) = &pass.kind else { return None };
-            let rays = rays_of(&pass.name);
-            let error = self.sampled_to(planned).filter(|_| !rays.samples_adaptively())?;
-            let why = "it gives every pixel the same number of paths; use --backend cpu, or allow it with --fallback cpu, or set error=0 \
+        let why = "it gives every pixel the same number of paths; use --backend cpu, or allow it with --fallback cpu, or set error=0 \
                        on the pass";
-            let what = format!("{} with error={error}", ray.program.info().stem);
-            Some(BackendError::Unsupported { backend: rays.name(), what, why: why.to_owned() })
-        })
+        self.first_lacking(
+            rays_of,
+            |planned| Some(format!("error={}", self.sampled_to(planned)?)),
+            |rays| rays.samples_adaptively(),
+            why,
+        )
     }
 
     /// Most bytes that adaptive sampling takes on the processor: those of the largest target, since passes run one after another.

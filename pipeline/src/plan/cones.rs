@@ -17,16 +17,9 @@ impl Plan {
     /// The first ray pass that asks for ray cones of a ray backend, by the pass's name, that has none; with what to do.
     #[must_use]
     pub fn without_cones<'a>(&self, rays_of: impl Fn(&str) -> &'a dyn RayBackend) -> Option<(String, BackendError)> {
-        self.first_refused(|planned| {
-            let pass = self.pass(planned);
-            let PassKind::Ray(ray) = &pass.kind else { return None };
-            let rays = rays_of(&pass.name);
-            let asked = self.asks_of_cones(planned).filter(|_| !rays.traces_cones())?;
-            let why = "at hits it reads textures at level 0; use --backend cpu, or allow it with --fallback cpu, or set texturelod=zero on \
+        let why = "at hits it reads textures at level 0; use --backend cpu, or allow it with --fallback cpu, or set texturelod=zero on \
                        the pass";
-            let what = format!("{} with {asked}", ray.program.info().stem);
-            Some(BackendError::Unsupported { backend: rays.name(), what, why: why.to_owned() })
-        })
+        self.first_lacking(rays_of, |planned| self.asks_of_cones(planned), |rays| rays.traces_cones(), why)
     }
 
     /// Says which passes filter texture lookups by ray cones.

@@ -37,16 +37,8 @@ impl Plan {
     /// The first ray pass that asks for a filter which its ray backend, by the pass's name, does not have; with what to do.
     #[must_use]
     pub fn unfiltered<'a>(&self, rays_of: impl Fn(&str) -> &'a dyn RayBackend) -> Option<(String, BackendError)> {
-        self.first_refused(|planned| {
-            let pass = self.pass(planned);
-            let PassKind::Ray(ray) = &pass.kind else { return None };
-            let rays = rays_of(&pass.name);
-            let asked = self.asks_of_filter(planned).filter(|_| !rays.filters_shares())?;
-            let why =
-                "it has no filter; use --backend cpu, or allow it with --fallback cpu, or set filter=0 on the pass";
-            let what = format!("{} with {asked}", ray.program.info().stem);
-            Some(BackendError::Unsupported { backend: rays.name(), what, why: why.to_owned() })
-        })
+        let why = "it has no filter; use --backend cpu, or allow it with --fallback cpu, or set filter=0 on the pass";
+        self.first_lacking(rays_of, |planned| self.asks_of_filter(planned), |rays| rays.filters_shares(), why)
     }
 
     /// Bytes that the filters of the processor hold: one of all ray passes, and one of all raster effects, as large as their largest target.

@@ -72,6 +72,25 @@ impl Plan {
         })
     }
 
+    /// The first ray pass that asks for what its ray backend lacks, by the pass's name, with the reason and what to do. `rays_of` gives
+    /// the backend of a pass by name, `asked` what a pass asks for.
+    pub(super) fn first_lacking<'a>(
+        &self,
+        rays_of: impl Fn(&str) -> &'a dyn RayBackend,
+        asked: impl Fn(&PlannedPass) -> Option<String>,
+        has: impl Fn(&dyn RayBackend) -> bool,
+        why: &str,
+    ) -> Option<(String, BackendError)> {
+        self.first_refused(|planned| {
+            let pass = self.pass(planned);
+            let PassKind::Ray(ray) = &pass.kind else { return None };
+            let rays = rays_of(&pass.name);
+            let asked = asked(planned).filter(|_| !has(rays))?;
+            let what = format!("{} with {asked}", ray.program.info().stem);
+            Some(BackendError::Unsupported { backend: rays.name(), what, why: why.to_owned() })
+        })
+    }
+
     /// The name of the first pass for which `why` returns an error, with that error.
     pub(super) fn first_refused(
         &self,

@@ -18,15 +18,8 @@ impl Plan {
     /// gives the backend of a pass by name.
     #[must_use]
     pub fn untraced_sun<'a>(&self, rays_of: impl Fn(&str) -> &'a dyn RayBackend) -> Option<(String, BackendError)> {
-        self.first_refused(|planned| {
-            let pass = self.pass(planned);
-            let PassKind::Ray(ray) = &pass.kind else { return None };
-            let rays = rays_of(&pass.name);
-            let asked = self.asks_of_sun(planned).filter(|_| !rays.traces_sun_discs())?;
-            let why = "its programs know a light that is a point; use --backend cpu, or allow it with --fallback cpu, or set sun=0 on \
+        let why = "its programs know a light that is a point; use --backend cpu, or allow it with --fallback cpu, or set sun=0 on \
                        the pass";
-            let what = format!("{} with {asked}", ray.program.info().stem);
-            Some(BackendError::Unsupported { backend: rays.name(), what, why: why.to_owned() })
-        })
+        self.first_lacking(rays_of, |planned| self.asks_of_sun(planned), |rays| rays.traces_sun_discs(), why)
     }
 }
