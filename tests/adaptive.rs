@@ -1,16 +1,17 @@
 //! Adaptive sampling of glass, in whole projects: what it takes, what it says, who has none, and what goes with it.
 
+mod plain;
+
 use curitiba::Choice;
 use curitiba::passes::cpu::CpuRays;
-use curitiba::pipeline::backend::{BackendError, BuildStats, PathsSpent, RayBackend, RayJob, RayStats, Rect};
-use curitiba::pipeline::executor::{Goal, Progress, Renderer, Silent};
+use curitiba::pipeline::backend::{PathsSpent, Rect};
+use curitiba::pipeline::executor::{Goal, Renderer, Silent};
 use curitiba::pipeline::image::Image;
 use curitiba::pipeline::plan::{Plan, PlanError, Settings};
-use curitiba::pipeline::programs::{ADAPTIVE_BYTES, Fidelity, RayProgram};
+use curitiba::pipeline::programs::{ADAPTIVE_BYTES, Fidelity};
 use curitiba::pipeline::project;
-use curitiba::pipeline::scene::RenderScene;
+use plain::Plain;
 use std::path::{Path, PathBuf};
-use std::sync::Arc;
 
 const SIZE: [u32; 2] = [48, 40];
 
@@ -93,35 +94,6 @@ fn accumulation_has_an_error_of_its_own() {
     let mut renderer = opened(settings(&["pass2.error=0.1", "pass2.samples=4"]));
     let error = renderer.accumulate(Goal::Samples(4), &mut Silent).expect_err("refused").to_string();
     assert!(error.contains("error=0.1") && error.contains("pass2.error=0"), "{error}");
-}
-
-/// The processor with as many paths at each pixel.
-struct Plain(CpuRays);
-
-impl RayBackend for Plain {
-    fn name(&self) -> &'static str {
-        "plain"
-    }
-
-    fn device(&self) -> String {
-        "made up".to_owned()
-    }
-
-    fn supports(&self, _: RayProgram, _: Fidelity) -> Result<(), BackendError> {
-        Ok(())
-    }
-
-    fn build(&mut self, scene: &Arc<RenderScene>, filtered: &[bool]) -> Result<BuildStats, BackendError> {
-        self.0.build(scene, filtered)
-    }
-
-    fn bytes_per_triangle(&self) -> u64 {
-        self.0.bytes_per_triangle()
-    }
-
-    fn run(&mut self, job: &RayJob<'_>, output: &mut Image, progress: &Progress) -> Result<RayStats, BackendError> {
-        self.0.run(job, output, progress)
-    }
 }
 
 #[test]

@@ -1,16 +1,17 @@
 //! Texture lookups by ray cones, in whole projects: what plans say, who has none, and what goes with them.
 
+mod plain;
+
 use curitiba::Choice;
 use curitiba::passes::cpu::CpuRays;
-use curitiba::pipeline::backend::{BackendError, BuildStats, RayBackend, RayJob, RayStats, Rect};
-use curitiba::pipeline::executor::{Progress, Silent};
+use curitiba::pipeline::backend::Rect;
+use curitiba::pipeline::executor::Silent;
 use curitiba::pipeline::image::Image;
 use curitiba::pipeline::plan::{Plan, PlanError, Settings};
-use curitiba::pipeline::programs::{Fidelity, RayProgram};
+use curitiba::pipeline::programs::Fidelity;
 use curitiba::pipeline::project;
-use curitiba::pipeline::scene::RenderScene;
+use plain::Plain;
 use std::path::{Path, PathBuf};
-use std::sync::Arc;
 
 const SIZE: [u32; 2] = [64, 48];
 const CONES: &str = "pass2.texturelod=cones";
@@ -82,35 +83,6 @@ fn cones_are_nearer_to_many_samples_a_pixel() {
     let blurred = error(&frame(aa("64", &[CONES])));
     println!("64 samples: {blurred:.4}");
     assert!(blurred < 0.3 * cones_of_4);
-}
-
-/// The processor with textures read at level 0.
-struct Plain(CpuRays);
-
-impl RayBackend for Plain {
-    fn name(&self) -> &'static str {
-        "plain"
-    }
-
-    fn device(&self) -> String {
-        "made up".to_owned()
-    }
-
-    fn supports(&self, _: RayProgram, _: Fidelity) -> Result<(), BackendError> {
-        Ok(())
-    }
-
-    fn build(&mut self, scene: &Arc<RenderScene>, filtered: &[bool]) -> Result<BuildStats, BackendError> {
-        self.0.build(scene, filtered)
-    }
-
-    fn bytes_per_triangle(&self) -> u64 {
-        self.0.bytes_per_triangle()
-    }
-
-    fn run(&mut self, job: &RayJob<'_>, output: &mut Image, progress: &Progress) -> Result<RayStats, BackendError> {
-        self.0.run(job, output, progress)
-    }
 }
 
 #[test]

@@ -1,17 +1,17 @@
 //! The filter after ray passes, in whole projects: what it takes, who has none, and what goes with it.
 
+mod plain;
+
 use curitiba::Choice;
 use curitiba::passes::cpu::CpuRays;
-use curitiba::pipeline::backend::{BackendError, BuildStats, RayBackend, RayJob, RayStats};
-use curitiba::pipeline::executor::{Goal, Progress, Renderer, Silent};
+use curitiba::pipeline::executor::{Goal, Renderer, Silent};
 use curitiba::pipeline::image::Image;
 use curitiba::pipeline::plan::{Plan, PlanError, Settings};
-use curitiba::pipeline::programs::{FILTER_BYTES, Fidelity, RayProgram};
+use curitiba::pipeline::programs::{FILTER_BYTES, Fidelity};
 use curitiba::pipeline::project;
-use curitiba::pipeline::scene::RenderScene;
+use plain::Plain;
 use std::path::{Path, PathBuf};
 use std::process::Command;
-use std::sync::Arc;
 
 const SIZE: [u32; 2] = [144, 112];
 
@@ -96,35 +96,6 @@ fn a_filter_of_accumulated_samples_is_that_of_all_at_once() {
     let filtered = frame("SceneSSAO.xml", settings("pass2.samples=4", "pass2.filter=1"));
     let [raw, less] = [plain("pass2.samples=4"), filtered].map(|image| off(&image, &many));
     assert!(less < 0.8 * raw, "{less} {raw}");
-}
-
-/// The processor without a filter.
-struct Plain(CpuRays);
-
-impl RayBackend for Plain {
-    fn name(&self) -> &'static str {
-        "plain"
-    }
-
-    fn device(&self) -> String {
-        "made up".to_owned()
-    }
-
-    fn supports(&self, _: RayProgram, _: Fidelity) -> Result<(), BackendError> {
-        Ok(())
-    }
-
-    fn build(&mut self, scene: &Arc<RenderScene>, filtered: &[bool]) -> Result<BuildStats, BackendError> {
-        self.0.build(scene, filtered)
-    }
-
-    fn bytes_per_triangle(&self) -> u64 {
-        self.0.bytes_per_triangle()
-    }
-
-    fn run(&mut self, job: &RayJob<'_>, output: &mut Image, progress: &Progress) -> Result<RayStats, BackendError> {
-        self.0.run(job, output, progress)
-    }
 }
 
 #[test]
