@@ -3,7 +3,7 @@
 use super::Effects;
 use crate::glass::{Background, GlassRule, GlassShadow};
 use crate::image::PixelFormat;
-use crate::programs::{RasterProgram, RayParams, RayProgram, Writes};
+use crate::programs::{RasterProgram, RayParams, RayProgram, TextureLod, Writes};
 use crate::project::{
     Channel, ChannelRef, Clears, ColorMap, EffectPass, MaterialPattern, Pass, PassKind, PhongMap, Pipeline, QuadPass,
     QuadSource, RasterPass, RayPass, RenderTarget,
@@ -71,8 +71,8 @@ pub(super) struct Common<'a> {
     pub radius: f32,
     /// Whether the program `final` computes occlusion.
     pub occlusion: bool,
-    /// Whether glass follows its materials, in front of the background and with coloured shadows; otherwise all glass is the
-    /// report's panes.
+    /// Whether glass follows its materials, in front of the background, with coloured shadows and filtered textures; otherwise all
+    /// glass is the report's panes.
     pub bodies: bool,
 }
 
@@ -155,6 +155,7 @@ impl Common<'_> {
             params.glass = GlassRule::Auto;
             params.background = Background::Clear;
             params.shadow = GlassShadow::Straight;
+            params.texture_lod = TextureLod::Cones;
         }
         let calls = |proc: &str| info.procs.iter().any(|known| known.proc == proc);
         let patterns = |called: bool| if called { self.patterns() } else { Vec::new() };
@@ -209,6 +210,7 @@ fn as_written(params: RayParams, names: &[&str]) -> RayParams {
         glass: if names.contains(&"glass") { params.glass } else { defaults.glass },
         background: if names.contains(&"background") { params.background } else { defaults.background },
         shadow: if names.contains(&"shadow") { params.shadow } else { defaults.shadow },
+        texture_lod: if names.contains(&"texturelod") { params.texture_lod } else { defaults.texture_lod },
         ..defaults
     }
 }
