@@ -11,6 +11,7 @@ use std::sync::OnceLock;
 
 /// The user's choice of rasteriser.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+#[non_exhaustive]
 pub enum RasterChoice {
     /// wgpu on a real GPU if there is one, otherwise the processor.
     #[default]
@@ -23,6 +24,7 @@ pub enum RasterChoice {
 
 /// The user's choice of ray backend.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default)]
+#[non_exhaustive]
 pub enum BackendChoice {
     /// `cuda` in builds with the feature `cuda` on machines with an NVIDIA GPU; otherwise `wgpu` on a real GPU; otherwise the
     /// processor.

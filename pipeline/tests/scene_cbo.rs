@@ -2,6 +2,7 @@
 
 mod scene_support;
 
+use curitiba_pipeline::scene::texture::Wrap;
 use curitiba_pipeline::scene::{Layout, LoadOptions, Material, Needs, TextureSource, load, write_cbo};
 use glam::{Mat4, Vec2, Vec3, Vec4};
 use scene_support::{Folder, assert_references_are_valid, count, load_capped, load_one, mutations, triangles};
@@ -307,9 +308,38 @@ fn what_the_format_cannot_keep_is_counted() {
     let warnings = write_cbo(&scene, &folder.path("b.cbo"), Layout::Cbo2014).unwrap();
     assert_eq!(count(&warnings, "materials with transmission"), 1);
     assert_eq!(count(&warnings, "materials with absorption"), 1);
-    assert_eq!(warnings.groups().len(), 3, "no program reads the index of refraction: {:?}", warnings.groups());
+    assert_eq!(count(&warnings, "materials with an index, colours, dispersion or rank of glass"), 1);
+    assert_eq!(warnings.groups().len(), 4, "{:?}", warnings.groups());
     assert_eq!(count(&warnings, "names with letters outside Latin-1"), 1);
     assert_eq!(load_one(&folder.path("b.cbo")).unwrap().objects[0].name, "??");
+    // An index means nothing where nothing is transmitted.
+    scene.materials[0] = Material { ior: 1.1, roughness: 0.5, ..Material::default() };
+    scene.objects[0].name = "a".to_owned();
+    assert!(write_cbo(&scene, &folder.path("b.cbo"), Layout::Cbo2014).unwrap().is_empty());
+    let image = TextureSource::File(folder.png("image.png", 1, 1, [255; 4]));
+    scene.textures = vec![image.wrapped([Wrap::Clamp, Wrap::Repeat])];
+    scene.materials[0] = Material {
+        texture: Some(0),
+        transmission: 0.5,
+        roughness: 0.5,
+        emission: Vec4::ONE,
+        emission_added: true,
+        single_sided: true,
+        ..Material::default()
+    };
+    for (file, layout) in [("b.cbo", Layout::Cbo2014), ("b.nbo", Layout::NboToday)] {
+        let warnings = write_cbo(&scene, &folder.path(file), layout).unwrap();
+        for lost in [
+            "materials with transmission",
+            "materials of rough glass",
+            "materials that send out light of their own",
+            "materials that are seen from one side",
+            "textures that are clamped or mirrored",
+        ] {
+            assert_eq!(count(&warnings, lost), 1, "{file}: {lost}");
+        }
+        assert_eq!(warnings.groups().len(), 5, "{file}: {:?}", warnings.groups());
+    }
 }
 
 #[test]

@@ -7,6 +7,7 @@ use std::time::{Duration, Instant};
 /// The kind of a step.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
+#[non_exhaustive]
 pub enum StepKind {
     /// Reading scene files and preparing their geometry and textures.
     Load,

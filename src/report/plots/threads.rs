@@ -24,7 +24,8 @@ fn curves(case: &ThreadsCase) -> Vec<Curve<'_>> {
             StepKind::Raster | StepKind::Maps | StepKind::Effect => &RASTER[..2],
             StepKind::Rays => &RAYS[..2],
             StepKind::Quad => &RAYS[2..],
-            StepKind::Upload | StepKind::ReadBack | StepKind::Join | StepKind::Write => continue,
+            // Copies and writing have one thread.
+            _ => continue,
         };
         // What takes less than a hundredth of a millisecond is no curve.
         if step.points.iter().any(|point| point.wall.median < 0.01) {

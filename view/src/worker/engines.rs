@@ -23,9 +23,7 @@ impl Available {
             let missing = match backend {
                 BackendChoice::Auto | BackendChoice::Cpu => None,
                 BackendChoice::Wgpu => no_adapter.clone(),
-                BackendChoice::Cuda | BackendChoice::Optix => {
-                    engines::ray_backend(Choice::CPU.traced_by(backend)).err().map(|error| error.to_string())
-                }
+                _ => engines::ray_backend(Choice::CPU.traced_by(backend)).err().map(|error| error.to_string()),
             };
             (backend, missing)
         });

@@ -1,6 +1,7 @@
 //! The writer for both layouts. Scenes are written as lists of objects (`OctreeUnified`), never as octrees.
 
 use super::super::error::SceneError;
+use super::super::texture::Wrap;
 use super::super::{Material, Mesh, Object, Scene, TextureSource};
 use super::{Layout, NO_TEXTURE, NULL_OBJECT, alpha_test};
 use crate::diagnostic::Warnings;
@@ -23,7 +24,8 @@ const STATE_BOOL4S: [u8; 4] = [1; 4];
 ///
 /// Objects that place the same mesh share it. Texture paths are stored relative to the file; images that are embedded in scene
 /// files, or combined from two files, are written beside it as `NAME.texture0.png`. The returned warnings count, by kind, what the
-/// format cannot store: transmission, absorption, alpha cutoffs (today's layout only), and letters outside Latin-1.
+/// format cannot store: what makes a material glass, light of its own, normal maps, sides, alpha cutoffs (today's layout only), how
+/// textures go on beyond their sides, vertex colours, and letters outside Latin-1.
 ///
 /// # Errors
 /// If a count does not fit the format, an image cannot be combined, or the file cannot be written.
@@ -111,6 +113,73 @@ fn texture_paths(scene: &Scene, path: &Path, warnings: &mut Warnings) -> Result<
     Ok(paths)
 }
 
+/// What of a material a layout cannot hold: whether the material has it, what it is, and what stands for it.
+fn losses(material: &Material, scene: &Scene, layout: Layout) -> [(bool, &'static str, &'static str); 10] {
+    // Named one by one: who adds a property decides here whether its loss is told of.
+    let Material {
+        name: _,
+        diffuse: _,
+        ambient: _,
+        specular: _,
+        emission,
+        emission_added,
+        emission_texture,
+        shininess: _,
+        texture,
+        normal_texture,
+        normal_scale: _,
+        alpha_cutoff,
+        vertex_colors: _,
+        single_sided,
+        transmission,
+        volume,
+        filter,
+        reflection,
+        reflectance,
+        filter_textured: _,
+        veil,
+        priority,
+        ior,
+        dispersion,
+        roughness,
+        roughness_texture,
+        thickness,
+        attenuation_color,
+        attenuation_distance,
+    } = material;
+    let usual = Material::default();
+    // Of what is opaque these have no meaning.
+    let glass = *transmission != usual.transmission;
+    let absorbs = *thickness != usual.thickness
+        || *attenuation_color != usual.attenuation_color
+        || *attenuation_distance != usual.attenuation_distance;
+    let body = (*volume, *veil, *priority) != (usual.volume, usual.veil, usual.priority)
+        || (*filter, *reflection, *reflectance) != (usual.filter, usual.reflection, usual.reflectance)
+        || (*ior, *dispersion) != (usual.ior, usual.dispersion);
+    let rough = *roughness != usual.roughness || roughness_texture.is_some();
+    let wrapped = texture.is_some_and(|index| scene.textures[index as usize].texels().1 != [Wrap::Repeat; 2]);
+    [
+        (glass, "materials with transmission", "not written"),
+        (absorbs, "materials with absorption", "not written"),
+        (glass && body, "materials with an index, colours, dispersion or rank of glass", "not written"),
+        (glass && rough, "materials of rough glass", "not written"),
+        (emission_texture.is_some(), "emissive textures", "not written; the colour alone is"),
+        (
+            *emission_added && emission.truncate() != Vec3::ZERO,
+            "materials that send out light of their own",
+            "read as light in which their texture is seen",
+        ),
+        (normal_texture.is_some(), "normal maps", "not written"),
+        (*single_sided, "materials that are seen from one side", "read as seen from both"),
+        (wrapped, "textures that are clamped or mirrored", "read as repeating"),
+        (
+            alpha_cutoff.is_some() && !layout.is_2014(),
+            "materials with an alpha cutoff",
+            "not written; read as 0.5 where the texture has texels below that",
+        ),
+    ]
+}
+
 struct SceneWriter<'a> {
     out: BufWriter<Replacement>,
     path: &'a Path,
@@ -185,25 +254,8 @@ impl SceneWriter<'_> {
     }
 
     fn warn_about_losses(&mut self, material: &Material) {
-        let defaults = Material::default();
-        let absorption = material.thickness != defaults.thickness
-            || material.attenuation_color != defaults.attenuation_color
-            || material.attenuation_distance != defaults.attenuation_distance;
-        // The loss of an index of refraction needs no warning: no program reads it.
-        for (lost, what, remedy) in [
-            (material.transmission != defaults.transmission, "materials with transmission", "not written"),
-            (absorption, "materials with absorption", "not written"),
-            (material.emission_texture.is_some(), "emissive textures", "not written; the colour alone is"),
-            (material.normal_texture.is_some(), "normal maps", "not written"),
-            (
-                material.alpha_cutoff.is_some() && !self.layout.is_2014(),
-                "materials with an alpha cutoff",
-                "not written; read as 0.5 where the texture has texels below that",
-            ),
-        ] {
-            if lost {
-                self.warnings.add(self.path, what, remedy, || format!("`{}`", material.name));
-            }
+        for (_, what, remedy) in losses(material, self.scene, self.layout).into_iter().filter(|(lost, ..)| *lost) {
+            self.warnings.add(self.path, what, remedy, || format!("`{}`", material.name));
         }
     }
 
