@@ -53,13 +53,18 @@ fn open(case: &Case) -> Renderer {
     curitiba::open(&case.project, case.settings.clone(), case.choice, &mut Silent).expect("the project opens")
 }
 
+/// What is measured, with the number of its threads.
+fn engine() -> String {
+    format!("cpu, {} threads", rayon::current_num_threads())
+}
+
 /// Measures whole frames.
 fn frames(criterion: &mut Criterion) {
     let mut group = criterion.benchmark_group("frame");
     group.sample_size(10).sampling_mode(SamplingMode::Flat);
     for (name, case) in cases() {
         let mut renderer = open(&case);
-        group.bench_function(BenchmarkId::new(name, "cpu"), |bencher| {
+        group.bench_function(BenchmarkId::new(name, engine()), |bencher| {
             bencher.iter(|| renderer.frame(&mut Silent).expect("a frame"));
         });
     }
@@ -73,7 +78,7 @@ fn effects(criterion: &mut Criterion) {
         group.sample_size(10).sampling_mode(SamplingMode::Flat);
         for (name, case) in cases().into_iter().filter(|(_, case)| case.technique == technique) {
             let mut renderer = open(&case);
-            group.bench_function(BenchmarkId::new(name, "cpu"), |bencher| {
+            group.bench_function(BenchmarkId::new(name, engine()), |bencher| {
                 bencher.iter_custom(|iterations| (0..iterations).map(|_| effect_time(&mut renderer)).sum());
             });
         }

@@ -5,7 +5,7 @@
 //! other crates) aborts the process; [`end_with_an_error`] turns such an abort into an error message and exit code 1. Aborts of
 //! threads whose allocations were never refused stay aborts.
 //!
-//! The count does not include memory outside this heap: stacks, code, the heaps of drivers. Nor does it include freed memory that
+//! Of memory outside this heap the count includes what [`outside`] is told of; not stacks and code. Nor does it include freed memory that
 //! the C library keeps. `tests/memory.rs` checks that the whole process stays within a tenth of the limit.
 #![allow(unsafe_code, reason = "an allocator, a signal handler and the calls that end a process have no safe form")]
 
@@ -54,6 +54,18 @@ fn take_large(bytes: usize) -> bool {
         return false;
     }
     true
+}
+
+/// Counts bytes more, or fewer if negative, that the process holds outside of this allocator; returns `false`, and counts nothing, if
+/// that would exceed the limit.
+pub fn outside(bytes: i64) -> bool {
+    match usize::try_from(bytes) {
+        Ok(more) => take_large(more),
+        Err(_) => {
+            HELD.fetch_add(bytes, Ordering::Relaxed);
+            true
+        }
+    }
 }
 
 fn give_back_large(bytes: usize) {

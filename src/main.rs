@@ -49,6 +49,7 @@ fn command() -> ExitCode {
 fn run(cli: Cli) -> Result<(), Failure> {
     if let Some(bytes) = cli.command.max_memory() {
         allocator::limit(bytes);
+        curitiba::pipeline::memory::count_outside_by(allocator::outside);
     }
     #[cfg(unix)]
     cli::signals::handle().map_err(Failure::work)?;

@@ -49,9 +49,12 @@ fn effects(criterion: &mut Criterion) {
             effect(&mut renderer);
             let [maps, pixels] = effect(&mut renderer);
             println!("{name}, {camera}: maps {maps:.2?}, pixels {pixels:.2?}");
-            group.bench_function(BenchmarkId::new(name, camera), |bencher| {
-                bencher.iter_custom(|frames| (0..frames).flat_map(|_| effect(&mut renderer)).sum());
-            });
+            group.bench_function(
+                BenchmarkId::new(name, format!("{camera}, {} threads", rayon::current_num_threads())),
+                |bencher| {
+                    bencher.iter_custom(|frames| (0..frames).flat_map(|_| effect(&mut renderer)).sum());
+                },
+            );
         }
     }
     group.finish();

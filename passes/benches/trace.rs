@@ -133,7 +133,7 @@ fn trace(criterion: &mut Criterion) {
         let (our_hits, their_hits) = (ours(&bvh), theirs());
         assert!(our_hits.abs_diff(their_hits) <= 10 + set.len() / 10_000, "{name}: {our_hits} and {their_hits} hits");
         assert!(our_hits > set.len() / 100, "{name}: {our_hits} hits of {}", set.len());
-        let mut group = criterion.benchmark_group(*name);
+        let mut group = criterion.benchmark_group(format!("{name}, one thread"));
         group.throughput(Throughput::Elements(set.len() as u64)).sample_size(10);
         for (name, lanes) in instruction_sets() {
             let Some(bvh) = Bvh::build(&geometry, &[], Quality::Balanced).with_instruction_set(lanes) else { continue };
@@ -158,7 +158,7 @@ fn trace(criterion: &mut Criterion) {
 fn build(criterion: &mut Criterion) {
     let geometry = geometry(&[(0, terrain(CELLS))]);
     let triangles = peer_triangles(&geometry);
-    let mut group = criterion.benchmark_group("build");
+    let mut group = criterion.benchmark_group(format!("build, {} threads", rayon::current_num_threads()));
     group.throughput(Throughput::Elements(triangles.len() as u64)).sample_size(10);
     for quality in [Quality::Fast, Quality::Balanced, Quality::Slow] {
         group.bench_function(format!("{quality:?}").to_lowercase(), |bencher| {

@@ -1,5 +1,7 @@
 //! Allocation of large blocks: a failure is an error that names the requested size, never an abort.
 
+use std::sync::OnceLock;
+
 /// Formats a number of bytes as `12.3 MiB`.
 #[must_use]
 pub fn mebibytes(bytes: u64) -> String {
@@ -90,9 +92,40 @@ pub fn probe(bytes: u64) -> Result<(), Refused> {
     Ok(())
 }
 
+/// Who counts memory of the process that is not its allocator's.
+static OUTSIDE: OnceLock<fn(i64) -> bool> = OnceLock::new();
+
+/// Sets who counts memory of the process that does not come from its global allocator, such as that of a graphics driver which
+/// computes on the processor. `counter` gets the number of bytes more, or fewer if negative, and answers whether they may be held;
+/// if not, they are not counted. The first call decides.
+pub fn count_outside_by(counter: fn(i64) -> bool) {
+    _ = OUTSIDE.set(counter);
+}
+
+/// Counts bytes more, or fewer if negative, that the process holds outside of its allocator. Nobody counts without
+/// [`count_outside_by`].
+///
+/// # Errors
+/// If more than may be held would be; then they are not counted.
+pub fn outside(bytes: i64) -> Result<(), Refused> {
+    match OUTSIDE.get() {
+        Some(counter) if !counter(bytes) => Err(Refused { bytes: bytes.unsigned_abs() }),
+        _ => Ok(()),
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn memory_outside_of_the_allocator_is_counted_by_the_first_who_offers() {
+        assert_eq!(outside(i64::MAX), Ok(()), "nobody counts");
+        count_outside_by(|bytes| bytes < 100);
+        count_outside_by(|_| false);
+        assert_eq!((outside(99), outside(-500)), (Ok(()), Ok(())));
+        assert_eq!(outside(100), Err(Refused { bytes: 100 }));
+    }
 
     #[test]
     fn more_than_there_can_be_is_an_error_that_says_how_much() {

@@ -114,7 +114,9 @@ fn time_until_a_long_frame_is_given_up() {
         times.push(state.gave_up_after.expect("it was given up").as_secs_f64() * 1e3);
     }
     let most = times.iter().copied().fold(0.0, f64::max);
-    println!("given up after {:.2} ms (median of {}; at most {most:.2})", median(times.clone()), times.len());
+    let threads = std::thread::available_parallelism().map_or(0, usize::from);
+    let (middle, count) = (median(times.clone()), times.len());
+    println!("given up after {middle:.2} ms (median of {count}; at most {most:.2}), {threads} threads");
 }
 
 #[test]
@@ -126,5 +128,5 @@ fn time_of_the_window_beside_the_passes() {
         window.harness.step();
         times.push(f64::from(window.app().drawing_ms));
     }
-    println!("laying out the window takes {:.2} ms (median of {})", median(times.clone()), times.len());
+    println!("laying out the window takes {:.2} ms (median of {}), one thread", median(times.clone()), times.len());
 }

@@ -3,9 +3,10 @@
 //! wgpu reports most failures to a callback, which by default ends the program. Here the callbacks only record the
 //! first failure, and every operation ends with a call of [`Gpu::check`], which returns it.
 
-use super::adapter::{AdapterChoice, AdapterSummary, MAX_BUFFER_BYTES, select};
+use super::adapter::{AdapterChoice, AdapterKind, AdapterSummary, MAX_BUFFER_BYTES, select};
 use super::faults::{failure, unsupported};
 use curitiba_pipeline::backend::BackendError;
+use curitiba_pipeline::memory;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::{Arc, Mutex, PoisonError};
 
@@ -24,6 +25,15 @@ pub(crate) struct Gpu {
     /// Least and greatest number of threads of a subgroup.
     pub subgroup: [u32; 2],
     faults: Arc<Faults>,
+    /// Bytes that are counted as memory of the process.
+    counted: Mutex<i64>,
+}
+
+impl Drop for Gpu {
+    fn drop(&mut self) {
+        let counted = self.counted.get_mut().unwrap_or_else(PoisonError::into_inner);
+        _ = memory::outside(-*counted);
+    }
 }
 
 /// The first failure since the last check. A lost device stays lost.
@@ -82,7 +92,8 @@ impl Gpu {
         let max_buffer_bytes = limits.max_buffer_size.min(MAX_BUFFER_BYTES);
         let info = adapter.get_info();
         let subgroup = [info.subgroup_min_size, info.subgroup_max_size];
-        Ok(Self { device, queue, limits, adapter: summary, max_buffer_bytes, subgroup, faults })
+        let counted = Mutex::new(0);
+        Ok(Self { device, queue, limits, adapter: summary, max_buffer_bytes, subgroup, faults, counted })
     }
 
     /// Whether the device has `feature`.
@@ -90,13 +101,27 @@ impl Gpu {
         self.device.features().contains(feature)
     }
 
-    /// The first failure since the last call, as an error.
+    /// The first failure since the last call, as an error; so is memory that may not be held.
     pub fn check(&self, doing: &str) -> Result<(), BackendError> {
         let message = self.faults.with(|log| log.first.take().or_else(|| log.lost.clone()));
-        match message {
+        match message.or_else(|| self.count_memory().err().map(|refused| refused.to_string())) {
             Some(message) => Err(failure(&format!("{doing} on {}: {message}", self.adapter))),
             None => Ok(()),
         }
+    }
+
+    /// Counts the buffers and textures of a software driver as memory of the process, where they lie. They are there when they are
+    /// counted, but a driver's pages take memory only once they are written.
+    fn count_memory(&self) -> Result<(), memory::Refused> {
+        if self.adapter.kind != AdapterKind::Software {
+            return Ok(());
+        }
+        let counters = self.device.get_internal_counters().hal;
+        let held = (counters.buffer_memory.read() + counters.texture_memory.read()) as i64;
+        let mut counted = self.counted.lock().unwrap_or_else(PoisonError::into_inner);
+        memory::outside(held - *counted)?;
+        *counted = held;
+        Ok(())
     }
 
     /// Makes the next operation fail with an error, for tests.
@@ -177,17 +202,33 @@ impl Gpu {
         Ok(buffer)
     }
 
-    /// Copies texels to the whole of a texture with one level, piece by piece, and waits. The rows of `data` have no
-    /// gaps between them.
+    /// Copies texels to the whole of a texture with one level, and waits. The rows of `data` have no gaps between them.
     pub fn fill_texture(&self, texture: &wgpu::Texture, data: &[u8], doing: &str) -> Result<(), BackendError> {
-        let (width, height) = (texture.width(), texture.height());
+        self.write_level((texture, 0), [texture.width(), texture.height()], data, &mut 0, doing)?;
+        self.submit_and_wait(None, doing)
+    }
+
+    /// Copies texels to the whole of a level of a texture, of `[width, height]` texels. The rows of `data` have no gaps between them.
+    /// `waiting` is the number of bytes that were handed over and not waited for; before they are more than a piece, they are.
+    pub fn write_level(
+        &self,
+        (texture, mip_level): (&wgpu::Texture, u32),
+        [width, height]: [u32; 2],
+        data: &[u8],
+        waiting: &mut usize,
+        doing: &str,
+    ) -> Result<(), BackendError> {
         let row = (data.len() / height.max(1) as usize).max(1);
         let rows = (UPLOAD_PIECE / row).max(1);
         for (index, piece) in data.chunks(rows * row).enumerate() {
+            if *waiting > 0 && *waiting + piece.len() > UPLOAD_PIECE {
+                self.submit_and_wait(None, doing)?;
+                *waiting = 0;
+            }
             self.queue.write_texture(
                 wgpu::TexelCopyTextureInfo {
                     texture,
-                    mip_level: 0,
+                    mip_level,
                     origin: wgpu::Origin3d { x: 0, y: (index * rows) as u32, z: 0 },
                     aspect: wgpu::TextureAspect::All,
                 },
@@ -195,7 +236,7 @@ impl Gpu {
                 wgpu::TexelCopyBufferLayout { offset: 0, bytes_per_row: Some(row as u32), rows_per_image: None },
                 wgpu::Extent3d { width, height: (piece.len() / row) as u32, depth_or_array_layers: 1 },
             );
-            self.submit_and_wait(None, doing)?;
+            *waiting += piece.len();
         }
         Ok(())
     }

@@ -84,18 +84,10 @@ fn upload(gpu: &Gpu, layouts: &Layouts, source: &Texture) -> Result<wgpu::BindGr
     });
     let doing = format!("upload of texture {}", source.name);
     gpu.check(&doing)?;
+    let mut waiting = 0;
     for (mip_level, level) in (0..).zip(&source.levels) {
-        gpu.queue.write_texture(
-            wgpu::TexelCopyTextureInfo {
-                texture: &texture,
-                mip_level,
-                origin: wgpu::Origin3d::ZERO,
-                aspect: wgpu::TextureAspect::All,
-            },
-            bytemuck::cast_slice(&level.texels),
-            wgpu::TexelCopyBufferLayout { offset: 0, bytes_per_row: Some(4 * level.width), rows_per_image: None },
-            wgpu::Extent3d { width: level.width, height: level.height, depth_or_array_layers: 1 },
-        );
+        let texels = bytemuck::cast_slice(&level.texels);
+        gpu.write_level((&texture, mip_level), [level.width, level.height], texels, &mut waiting, &doing)?;
     }
     gpu.submit_and_wait(None, &doing)?;
     let view = texture.create_view(&wgpu::TextureViewDescriptor::default());
