@@ -1,14 +1,16 @@
-//! Commands that meet faults: a full disk, a limit on file sizes, signals, and 200 kills. Afterwards every file has
-//! either its old or its new contents, and no other files are left.
+//! Commands that meet faults: a full disk, reads that fail, a limit on file sizes, signals, and 200 kills. Afterwards every file has either its old or its new contents, and no other files are left.
 
 use curitiba::Choice;
 use curitiba::bench::model::BenchFile;
+use curitiba::camera_path::CameraPath;
 use curitiba::environment::Environment;
+use curitiba::passes::visibility::PairSource as _;
 use curitiba::pipeline::executor::Silent;
 use curitiba::pipeline::files::fault::{Fault, arm};
 use curitiba::pipeline::image::{Image, write_png};
 use curitiba::pipeline::plan::Settings;
 use curitiba::report::folder::Folder;
+use curitiba::visibility::ListedPairs;
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
 use std::time::{Duration, Instant};
@@ -111,6 +113,47 @@ fn a_full_disk_at_any_write_of_render_bench_and_report_loses_nothing() {
             new.write(name, contents.as_bytes()).map_err(|error| text(&error))?;
         }
         new.finish().map(drop).map_err(|error| text(&error))
+    });
+}
+
+/// Reads with a fault at each call in turn: what is read is refused, or it is the same.
+fn try_reads<T: PartialEq>(name: &str, folder: &Path, read: &dyn Fn() -> Option<T>) {
+    let whole = read();
+    assert!(whole.is_some(), "{name} cannot be read without a fault");
+    for (fault, what) in [(Fault::ReadFails, "a read fails"), (Fault::ReadEndsEarly, "the file ends early")] {
+        let (mut tried, mut refused) = (0, 0);
+        for at in 0.. {
+            let armed = arm(folder, fault, at);
+            let found = read();
+            if armed.struck() == 0 {
+                break;
+            }
+            tried += 1;
+            refused += u32::from(found.is_none());
+            assert!(found.is_none() || found == whole, "{name}: {fault:?} at call {at} was not noticed");
+        }
+        assert!(tried > 0, "{name}: no call was counted");
+        println!("| {name} | {what} | {tried} | {refused} | 0 | {} |", tried - refused);
+    }
+}
+
+#[test]
+fn a_fault_at_any_read_of_a_camera_path_or_a_list_of_pairs_is_an_error() {
+    let place = tempfile::tempdir().expect("a folder");
+    let (keys, list) = (place.path().join("keys.json"), place.path().join("pairs.csv"));
+    let key = |frame: u32| format!(r#"{{"frame": {frame}, "position": [0, {frame}, 2], "direction": [0, 0, -1]}}"#);
+    let text = format!(r#"{{"keys": [{}, {}]}}"#, key(0), key(5));
+    std::fs::write(&keys, text).expect("written");
+    let keys = keys.display().to_string();
+    try_reads("a camera path", place.path(), &|| CameraPath::open(&keys).ok());
+    let pairs: String = (0..3000).map(|i| format!("{},{}\n", i % 14, i % 11)).collect();
+    std::fs::write(&list, pairs).expect("written");
+    try_reads("a list of pairs", place.path(), &|| {
+        let (mut list, mut pairs) = (ListedPairs::open(&list, 14).ok()?, Vec::new());
+        while list.cursor()[0] < list.progress()[1] {
+            list.fill(1000, &mut pairs).ok()?;
+        }
+        Some(pairs)
     });
 }
 
