@@ -11,7 +11,7 @@
 
 use std::alloc::{GlobalAlloc, Layout, System};
 use std::cell::Cell;
-use std::sync::atomic::{AtomicI64, Ordering};
+use std::sync::atomic::{AtomicI64, AtomicU64, Ordering};
 
 /// Size in bytes from which a block is counted at once. Smaller blocks are added up per thread and counted in batches of this size.
 const BATCH: i64 = 64 << 10;
@@ -20,6 +20,13 @@ const BATCH: i64 = 64 << 10;
 static HELD: AtomicI64 = AtomicI64::new(0);
 /// Most bytes that may be allocated.
 static LIMIT: AtomicI64 = AtomicI64::new(i64::MAX);
+
+/// Environment variable by which a test has one large block refused: its number, from 0. Nothing else sets it.
+const REFUSE_AT_VARIABLE: &str = "CURITIBA_TEST_REFUSE_BLOCK";
+/// Number of the large block that is refused; `u64::MAX` for none.
+static REFUSE_AT: AtomicU64 = AtomicU64::new(u64::MAX);
+/// Number of large blocks asked for since [`REFUSE_AT`] was set.
+static LARGE_BLOCKS: AtomicU64 = AtomicU64::new(0);
 
 thread_local! {
     /// Net bytes of small blocks of this thread that are not yet in [`HELD`].
@@ -34,6 +41,7 @@ enum Refused {
     No,
     ByLimit,
     BySystem,
+    ByTest,
 }
 
 /// The system's allocator with counting and a limit.
@@ -44,9 +52,30 @@ pub fn limit(bytes: u64) {
     LIMIT.store(i64::try_from(bytes).unwrap_or(i64::MAX), Ordering::Relaxed);
 }
 
+/// Refuses one large block, if the environment says which; see [`REFUSE_AT_VARIABLE`].
+pub fn refuse_as_the_environment_says() {
+    let number = std::env::var(REFUSE_AT_VARIABLE).ok().and_then(|number| number.parse().ok());
+    REFUSE_AT.store(number.unwrap_or(u64::MAX), Ordering::Relaxed);
+}
+
+/// Counts a large block, if a test has one refused; returns whether it is this one.
+fn a_test_refuses() -> bool {
+    let at = REFUSE_AT.load(Ordering::Relaxed);
+    if at == u64::MAX || LARGE_BLOCKS.fetch_add(1, Ordering::Relaxed) != at {
+        return false;
+    }
+    REFUSED.set(Refused::ByTest);
+    // Tells the test that there was such a block.
+    write_error(b"a test refuses memory\n");
+    true
+}
+
 /// Counts bytes of a large block at once; returns `false` if that would exceed the limit.
 fn take_large(bytes: usize) -> bool {
     let bytes = bytes as i64;
+    if bytes > 0 && a_test_refuses() {
+        return false;
+    }
     let held = HELD.fetch_add(bytes, Ordering::Relaxed).saturating_add(bytes);
     if bytes > 0 && held > LIMIT.load(Ordering::Relaxed) {
         HELD.fetch_sub(bytes, Ordering::Relaxed);
@@ -194,6 +223,16 @@ pub fn end_with_an_error() {
 #[cfg(not(unix))]
 pub fn end_with_an_error() {}
 
+/// Writes to the error stream, without taking memory.
+#[cfg(unix)]
+fn write_error(message: &[u8]) {
+    // SAFETY: the pointer and the length are of one slice.
+    unsafe { libc::write(libc::STDERR_FILENO, message.as_ptr().cast(), message.len()) };
+}
+
+#[cfg(not(unix))]
+fn write_error(_: &[u8]) {}
+
 #[cfg(unix)]
 extern "C" fn on_abort(_: libc::c_int) {
     let message: &[u8] = match REFUSED.get() {
@@ -207,10 +246,9 @@ extern "C" fn on_abort(_: libc::c_int) {
             b"error: the system gives no more memory\n       \
               raise its limit (`ulimit -v`), or use a smaller --size, a smaller scene or fewer --threads\n"
         }
+        Refused::ByTest => b"error: memory was refused, as a test asked\n",
     };
-    // SAFETY: the pointer and the length are of one slice; `_exit` does not return.
-    unsafe {
-        libc::write(libc::STDERR_FILENO, message.as_ptr().cast(), message.len());
-        libc::_exit(1);
-    }
+    write_error(message);
+    // SAFETY: `_exit` ends the process without running any of its code.
+    unsafe { libc::_exit(1) };
 }

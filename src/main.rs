@@ -20,6 +20,7 @@ const STACK: usize = 8 << 20;
 
 fn main() -> ExitCode {
     allocator::end_with_an_error();
+    allocator::refuse_as_the_environment_says();
     match std::thread::Builder::new().stack_size(STACK).spawn(command) {
         // The panic has printed its message.
         Ok(thread) => thread.join().unwrap_or(ExitCode::from(101)),

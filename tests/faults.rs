@@ -1,14 +1,17 @@
-//! Commands that meet faults: a full disk, a limit on file sizes, signals, and 200 kills. Afterwards every file has
-//! either its old or its new contents, and no other files are left.
+//! Commands that meet faults: a full disk, reads that fail, memory that is refused, a limit on file sizes, signals, and 200
+//! kills. Afterwards every file has either its old or its new contents, and no other files are left.
 
 use curitiba::Choice;
 use curitiba::bench::model::BenchFile;
+use curitiba::camera_path::CameraPath;
 use curitiba::environment::Environment;
+use curitiba::passes::visibility::PairSource as _;
 use curitiba::pipeline::executor::Silent;
 use curitiba::pipeline::files::fault::{Fault, arm};
 use curitiba::pipeline::image::{Image, write_png};
 use curitiba::pipeline::plan::Settings;
 use curitiba::report::folder::Folder;
+use curitiba::visibility::ListedPairs;
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
 use std::time::{Duration, Instant};
@@ -112,6 +115,116 @@ fn a_full_disk_at_any_write_of_render_bench_and_report_loses_nothing() {
         }
         new.finish().map(drop).map_err(|error| text(&error))
     });
+}
+
+/// Reads with a fault at each call in turn: what is read is refused, or it is the same.
+fn try_reads<T: PartialEq>(name: &str, folder: &Path, read: &dyn Fn() -> Option<T>) {
+    let whole = read();
+    assert!(whole.is_some(), "{name} cannot be read without a fault");
+    for (fault, what) in [(Fault::ReadFails, "a read fails"), (Fault::ReadEndsEarly, "the file ends early")] {
+        let (mut tried, mut refused) = (0, 0);
+        for at in 0.. {
+            let armed = arm(folder, fault, at);
+            let found = read();
+            if armed.struck() == 0 {
+                break;
+            }
+            tried += 1;
+            refused += u32::from(found.is_none());
+            assert!(found.is_none() || found == whole, "{name}: {fault:?} at call {at} was not noticed");
+        }
+        assert!(tried > 0, "{name}: no call was counted");
+        println!("| {name} | {what} | {tried} | {refused} | 0 | {} |", tried - refused);
+    }
+}
+
+#[test]
+fn a_fault_at_any_read_of_a_camera_path_or_a_list_of_pairs_is_an_error() {
+    let place = tempfile::tempdir().expect("a folder");
+    let (keys, list) = (place.path().join("keys.json"), place.path().join("pairs.csv"));
+    let key = |frame: u32| format!(r#"{{"frame": {frame}, "position": [0, {frame}, 2], "direction": [0, 0, -1]}}"#);
+    let text = format!(r#"{{"keys": [{}, {}]}}"#, key(0), key(5));
+    std::fs::write(&keys, text).expect("written");
+    let keys = keys.display().to_string();
+    try_reads("a camera path", place.path(), &|| CameraPath::open(&keys).ok());
+    let pairs: String = (0..3000).map(|i| format!("{},{}\n", i % 14, i % 11)).collect();
+    std::fs::write(&list, pairs).expect("written");
+    try_reads("a list of pairs", place.path(), &|| {
+        let (mut list, mut pairs) = (ListedPairs::open(&list, 14).ok()?, Vec::new());
+        while list.cursor()[0] < list.progress()[1] {
+            list.fill(1000, &mut pairs).ok()?;
+        }
+        Some(pairs)
+    });
+}
+
+/// Runs commands with one of their large blocks of memory refused, each in turn. Every run must end with an exit code: of success,
+/// if it could do without, or of an error that has a message. Afterwards each output is as it was, or whole.
+#[cfg(unix)]
+#[test]
+fn memory_that_is_refused_once_is_an_error_and_breaks_no_file() {
+    let place = tempfile::tempdir().expect("a folder");
+    let folder = place.path();
+    let vertices: String = (0..6000).map(|i| format!("v {} {} {}\n", i % 77, i / 77, i % 5)).collect();
+    let faces: String = (1..5900).map(|i| format!("f {i} {} {}\n", i + 1, i + 78)).collect();
+    std::fs::write(folder.join("s.obj"), format!("{vertices}{faces}")).expect("written");
+    for (name, value) in [("a.png", 0.25), ("b.png", 0.75)] {
+        let pixels = vec![[value, 0.5, 0.5, 1.0]; 96 * 96];
+        write_png(&folder.join(name), &Image { width: 96, height: 96, pixels }).expect("written");
+    }
+    let render = "render s.obj --size 64x64 --raster cpu --backend cpu --threads 1 --show color -o out.exr";
+    for (name, command, outputs) in [
+        ("render", render, &["out.exr", "out.color.exr", "out.color.png"][..]),
+        ("scene", "scene s.obj -o s.cbo", &["s.cbo"]),
+        ("compare", "compare a.png b.png --heat heat.png --threads 1", &["heat.png"]),
+    ] {
+        let arguments: Vec<&str> = command.split(' ').collect();
+        let run = |block: Option<u32>| {
+            for file in outputs {
+                std::fs::write(folder.join(file), "before").expect("written");
+            }
+            let mut command = curitiba(folder, &arguments);
+            // Writing a backtrace would take longer than the work.
+            command.stderr(Stdio::piped()).env_remove("RUST_BACKTRACE");
+            if let Some(block) = block {
+                command.env("CURITIBA_TEST_REFUSE_BLOCK", block.to_string());
+            }
+            let output = command.output().expect("it runs");
+            (output.status.code(), String::from_utf8_lossy(&output.stderr).into_owned())
+        };
+        let (code, told) = run(None);
+        assert_eq!(code, Some(0), "{name}: {told}");
+        assert!(!told.contains("a test refuses memory"), "{name}: {told}");
+        let read = || outputs.iter().map(|file| std::fs::read(folder.join(file)).expect("there")).collect::<Vec<_>>();
+        let whole = read();
+        let (mut errors, mut done) = (0, 0);
+        for block in 0.. {
+            let (code, told) = run(Some(block));
+            let refused = told.contains("a test refuses memory");
+            let found = read();
+            for ((file, found), whole) in outputs.iter().zip(&found).zip(&whole) {
+                assert!(found == b"before" || found == whole, "{name}: {file} is broken without block {block}");
+            }
+            match code {
+                Some(0) => {
+                    assert!(found == whole, "{name}: success without its files, without block {block}");
+                    done += u32::from(refused);
+                }
+                Some(1..=3) if refused && told.contains("error") && !told.contains("panicked") => errors += 1,
+                _ => panic!("{name} without block {block}: {code:?}\n{told}"),
+            }
+            if !refused {
+                break;
+            }
+        }
+        assert_eq!(temporaries(folder), [""; 0], "{name}: the last run removes what refused ones left");
+        assert!(errors >= 4, "{name}: {errors} errors and {done} successes");
+        println!(
+            "| `{name}` | a block of memory of 64 KiB or more is refused | {} | {errors} errors with the files as before or whole, \
+             {done} times done without it |",
+            errors + done
+        );
+    }
 }
 
 /// A pseudo-random number from 0 to 1 (xorshift, Marsaglia 2003).

@@ -246,6 +246,7 @@ fn confine_refuses_every_file_that_lies_outside_wherever_links_lead() {
         )
     };
     write(inside.join("buffer.gltf"), &gltf("../out/b.bin"));
+    write(outside.join("notes.txt"), "no project and no scene");
     link(&outside.join("t.png"), "link.png");
     link(&outside.join("s.obj"), "link.obj");
     link(&outside, "folder");
@@ -266,12 +267,16 @@ fn confine_refuses_every_file_that_lies_outside_wherever_links_lead() {
         refused(&["scene", file], what);
         succeeds(&inside, &["scene", file]);
     }
+    // Not even the first bytes of a file of an unknown kind are read: nothing is told of them.
+    refused(&["check", "../out/notes.txt"], "notes.txt");
+    let told = fails_with(3, &inside, &["check", "../out/notes.txt"]);
+    assert!(told.contains("neither a project nor a scene"), "{told}");
     for output in ["../out/new.cbo", "folder/new.cbo"] {
         refused(&["scene", "own.obj", "-o", output], "new.cbo");
     }
     refused(&["scene", "--generate", "10000", "-o", "../out/square"], "square");
     refused(&["scene", "--generate", "10000", "-o", "missing/../../out/square"], "square");
-    assert_eq!(names(&outside), ["b.bin", "l.mlib", "m.mtl", "s.obj", "t.png"], "nothing was written");
+    assert_eq!(names(&outside), ["b.bin", "l.mlib", "m.mtl", "notes.txt", "s.obj", "t.png"], "nothing was written");
 
     // Textures are decoded when a project is rendered; projects name libraries and scenes.
     let xml = |scene: &str, library: &str| {

@@ -239,3 +239,56 @@ fn an_interrupted_run_is_gone_on_with_to_the_same_bytes() {
         assert!(!part.exists() && !journal.exists());
     }
 }
+
+#[cfg(unix)]
+#[test]
+fn a_replaced_file_keeps_its_mode_and_a_link_stays_a_link() {
+    use std::os::unix::fs::{PermissionsExt as _, symlink};
+    let folder = room();
+    let here = folder.path();
+    std::fs::create_dir(here.join("real")).expect("a folder");
+    std::fs::write(here.join("real/rows.csv"), "old").expect("written");
+    std::fs::set_permissions(here.join("real/rows.csv"), std::fs::Permissions::from_mode(0o640)).expect("set");
+    symlink("real/rows.csv", here.join("rows.csv")).expect("a link");
+    symlink("real/new.csv", here.join("new.csv")).expect("a link to nothing yet");
+    for output in ["rows.csv", "new.csv"] {
+        succeeds(here, &["room.obj", "--pairs", "row:0", "-o", output]);
+        assert!(here.join(output).symlink_metadata().expect("there").is_symlink());
+        assert!(!table(&here.join("real"), output).is_empty());
+    }
+    let mode = std::fs::metadata(here.join("real/rows.csv")).expect("there").permissions().mode();
+    assert_eq!(mode & 0o7777, 0o640);
+    let left = std::fs::read_dir(here.join("real")).expect("a folder").count();
+    assert_eq!(left, 2, "neither .part nor a journal is left");
+}
+
+#[cfg(unix)]
+#[test]
+fn a_part_or_journal_that_is_a_link_is_refused_before_it_is_read() {
+    let place = room();
+    let inside = place.path().join("in");
+    std::fs::create_dir(&inside).expect("a folder");
+    std::fs::rename(place.path().join("room.obj"), inside.join("room.obj")).expect("moved");
+    for ending in ["part", "part.journal"] {
+        for (name, outside) in [("there", true), ("missing", false)] {
+            let (real, link) = (place.path().join(name), inside.join(format!("rows.csv.{ending}")));
+            std::fs::write(place.path().join("there"), "secret of another\n").expect("written");
+            std::os::unix::fs::symlink(&real, &link).expect("a link");
+            for resume in [&[][..], &["--resume"]] {
+                let run = [&["room.obj", "--pairs", "row:0", "-o", "rows.csv"][..], resume].concat();
+                let confined = fails_with(1, &inside, &[&run[..], &["--confine", "."]].concat());
+                assert!(confined.contains("which --confine names") && confined.contains(name), "{confined}");
+                let free = fails_with(2, &inside, &run);
+                assert!(free.contains(ending) && free.contains("symbolic link"), "{free}");
+                assert!(!confined.contains("secret") && !free.contains("secret"), "{confined}{free}");
+            }
+            assert_eq!(real.exists(), outside, "nothing is made where the link leads");
+            assert!(!inside.join("rows.csv").exists());
+            std::fs::remove_file(link).expect("removed");
+        }
+        let unread = std::fs::read_to_string(place.path().join("there")).expect("there");
+        assert_eq!(unread, "secret of another\n");
+    }
+    // Control: without a link the same run succeeds.
+    succeeds(&inside, &["room.obj", "--pairs", "row:0", "-o", "rows.csv", "--confine", "."]);
+}

@@ -1,15 +1,21 @@
 //! Runs every loader with a reader that fails or ends early, at each of its calls in turn; and the writers of scenes with a disk
 //! that is full from each of their calls on. A load that met a fault must be refused, or a warning must say what is missing.
 
+#[allow(dead_code, reason = "only the seeds are of use here")]
+mod fuzz_targets;
 mod scene_support;
+#[allow(dead_code, reason = "only the seeds of scenes and textures are of use here")]
+#[path = "fuzz_targets/seeds.rs"]
+mod seeds;
 
 use curitiba_pipeline::files::fault::{Armed, Fault, arm};
-use curitiba_pipeline::files::write_atomically;
+use curitiba_pipeline::files::{Resumable, write_atomically};
 use curitiba_pipeline::image::{Image, Layer, read_image, write_exr, write_png};
-use curitiba_pipeline::project;
+use curitiba_pipeline::project::{self, SceneOptions};
 use curitiba_pipeline::scene::{BuildOptions, Layout, LoadOptions, RenderScene, load, write_cbo};
 use curitiba_pipeline::square;
 use scene_support::Folder;
+use std::io::Write as _;
 use std::path::{Path, PathBuf};
 
 /// Result of a load.
@@ -135,7 +141,7 @@ fn a_fault_at_any_read_of_any_loader_is_an_error_or_a_warning() {
     try_all("glTF, its buffer and texture", &root, &scene(gltf));
 
     let texels = image::DynamicImage::from(image::open(folder.path("t.png")).expect("a picture").into_rgb8());
-    for extension in ["jpg", "tga", "tiff", "bmp"] {
+    for extension in ["jpg", "tga", "tiff", "bmp", "webp"] {
         let name = format!("v.{extension}");
         texels.save(folder.path(&name)).expect("written");
         folder.write("v.mtl", format!("newmtl a\nmap_Kd {name}\n"));
@@ -151,13 +157,59 @@ fn a_fault_at_any_read_of_any_loader_is_an_error_or_a_warning() {
 
     let xml = folder.write("p.xml", include_str!("fuzz_targets/everything.xml"));
     folder.write("everything.mlib", include_str!("fuzz_targets/everything.mlib"));
-    try_all("a project and its library", &root, &move || match project::load(&xml) {
+    try_all("a project and its library", &root, &opened(xml));
+}
+
+fn opened(path: PathBuf) -> impl Fn() -> Outcome {
+    move || match project::open(&path, &SceneOptions::default(), None, 1 << 30) {
         Ok(project) => {
-            let told = format!("{:?}", (&project.targets, &project.pipelines, &project.cameras));
+            let told = format!("{:?}", (&project.targets, &project.pipelines, &project.cameras, &project.scenes));
             Outcome::Loaded(told, project.problems.0.iter().map(ToString::to_string).collect())
         }
         Err(_) => Outcome::Refused,
-    });
+    }
+}
+
+#[test]
+fn a_fault_at_any_read_of_other_formats_is_an_error_or_a_warning() {
+    let folder = Folder::new();
+    let root = folder.path("");
+    folder.write("t.tga", fuzz_targets::tga(&[[200, 10, 20, 255], [10, 200, 20, 90]]));
+    for (name, target, seed) in [
+        ("3DS", "studio", "square.3ds"),
+        ("COLLADA and its texture", "collada", "square.dae"),
+        ("Ogre XML", "ogre", "square.mesh.xml"),
+        ("GLB", "gltf", "binary.glb"),
+        ("GLB with Draco", "gltf", "draco.glb"),
+        ("GLB with meshopt", "gltf", "meshopt.glb"),
+    ] {
+        let seeds = seeds::of(target);
+        let (_, bytes) = seeds.iter().find(|(name, _)| *name == seed).expect("a seed");
+        try_all(name, &root, &scene(folder.write(seed, bytes)));
+    }
+
+    let seeds = seeds::of("texture");
+    let (_, bytes) = seeds.iter().find(|(name, _)| *name == "dxt1.dds").expect("a seed");
+    folder.write("v.dds", bytes);
+    folder.write("v.mtl", "newmtl a\nmap_Kd v.dds\n");
+    try_all("a texture, .dds", &root, &scene(folder.write("v.obj", TRIANGLE.replace("m.mtl", "v.mtl"))));
+
+    // What a file without an extension is, its first bytes say.
+    let (_, glb) = &seeds::of("gltf")[2];
+    try_all("a scene without an extension", &root, &opened(folder.write("scene", glb)));
+    folder.write("everything.mlib", fuzz_targets::LIBRARY);
+    try_all("a project without an extension", &root, &opened(folder.write("project", fuzz_targets::PROJECT)));
+}
+
+#[cfg(feature = "glsl")]
+#[test]
+fn a_fault_at_any_read_of_own_shaders_is_an_error() {
+    let folder = Folder::new();
+    let shipped = Path::new(env!("CARGO_MANIFEST_DIR")).join("../xml_projects/shaders");
+    for file in ["Bands.xml", "Bands.mlib", "glsl/bands.vert", "glsl/bands.frag"] {
+        folder.write(file, std::fs::read(shipped.join(file)).expect("a file of the project"));
+    }
+    try_all("own GLSL", &folder.path(""), &opened(folder.path("Bands.xml")));
 }
 
 /// Writes with a disk that is full from each call on. Afterwards each file of `names` must hold its old or its new contents, and no
@@ -212,6 +264,18 @@ fn a_full_disk_leaves_every_file_as_it_was_or_whole() {
     let folder = Folder::new();
     let text = |error: std::io::Error| error.to_string();
     fill_disk("any file", &folder, &["a"], 1, &|| write_atomically(&folder.path("a"), &[7; 5000]).map_err(text));
+    fill_disk("a file of several runs", &folder, &["b"], 1, &|| {
+        // What an earlier fault left is continued.
+        let file = Resumable::at(&folder.path("b")).map_err(text)?;
+        let [mut part, mut journal] = file.open().map_err(|(_, error)| text(error))?;
+        part.shorten(0).map_err(text)?;
+        for block in 0..3 {
+            part.write_all(&[block; 5000]).map_err(text)?;
+            journal.write_all(b"5000\n").map_err(text)?;
+        }
+        file.commit(part).map_err(text)
+    });
+    assert!(!folder.path("b.part").exists() && !folder.path("b.part.journal").exists());
     let picture = numbered(64);
     fill_disk("a picture, .png", &folder, &["a.png"], 1, &|| write_png(&folder.path("a.png"), &picture).map_err(text));
 

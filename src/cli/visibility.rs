@@ -9,7 +9,7 @@ use curitiba::passes::visibility::{
     AllPairs, Class, DeviceEstimator, Effort, Estimator, NearPairs, Options, PairSource, RowFinder, RowPairs, Surfaces,
 };
 use curitiba::pipeline::executor::{Observer as _, Progress, StepKind};
-use curitiba::pipeline::files::check_outputs;
+use curitiba::pipeline::files::{OutputError, Resumable, check_outputs};
 use curitiba::pipeline::memory::mebibytes;
 use curitiba::pipeline::project;
 use curitiba::visibility::{self, Format, ListedPairs, Loaded, StreamError, Summary, Target};
@@ -29,6 +29,7 @@ pub fn run(args: &VisibilityArgs) -> Result<(), Failure> {
     })?;
     let format = Format::of(&args.output).map_err(Failure::Usage)?;
     check_outputs([(&*args.output, "rows")])?;
+    Resumable::at(&args.output).map_err(|error| OutputError::Io { path: args.output.clone(), error })?;
     let mut bars = Bars::default();
     let loaded = load(args, &mut bars)?;
     print_warnings(&loaded.warnings);

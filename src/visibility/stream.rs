@@ -2,16 +2,15 @@
 //!
 //! Rows are appended to `OUT.part`. After each block a line is appended to `OUT.part.journal`: the number of complete bytes, the
 //! position of the next pairs, and the hash of the block; a hash of the line itself reveals a truncated line. At the end the file
-//! is renamed and the journal removed. A resumed run recomputes everything after the journal's last complete line.
+//! is synchronised and renamed, and the journal removed. A resumed run recomputes everything after the journal's last complete line.
 
 use super::Format;
 use crate::passes::visibility::{Cursor, PairSource, Row, RowFinder};
 use crate::pipeline::backend::BackendError;
 use crate::pipeline::executor::Progress;
-use crate::pipeline::files::check_place;
+use crate::pipeline::files::{Growing, Resumable};
 use crate::pipeline::scene::fnv1a;
 use rayon::prelude::*;
-use std::fs::{File, OpenOptions};
 use std::io::{self, Read as _, Seek as _, SeekFrom, Write as _};
 use std::path::{Path, PathBuf};
 
@@ -115,73 +114,68 @@ impl Mark {
 
 /// The file of rows and the journal of a run.
 struct Files {
-    part: PathBuf,
-    journal: PathBuf,
-    rows: File,
-    marks: File,
-}
-
-fn beside(path: &Path, ending: &str) -> PathBuf {
-    let mut name = path.as_os_str().to_owned();
-    name.push(ending);
-    PathBuf::from(name)
+    output: Resumable,
+    rows: Growing,
+    marks: Growing,
 }
 
 fn failed(path: &Path) -> impl Fn(io::Error) -> StreamError + '_ {
     |error| StreamError::File { path: path.display().to_string(), error }
 }
 
+/// Turns what goes wrong with an open file into an error that names the file.
+fn at<T>(file: &mut Growing, work: impl FnOnce(&mut Growing) -> io::Result<T>) -> Result<T, StreamError> {
+    work(file).map_err(failed(file.path()))
+}
+
 impl Files {
     /// Begins a run, or finds the last valid mark of an interrupted one.
     fn open(target: &Target, header: &[u8]) -> Result<(Self, Mark), StreamError> {
-        let (part, journal) = (beside(&target.path, ".part"), beside(&target.path, ".part.journal"));
-        let title = format!("{}\n", target.about);
-        if part.exists() && !target.resume {
+        let output = Resumable::at(&target.path).map_err(failed(&target.path))?;
+        if output.is_begun() && !target.resume {
             return Err(StreamError::Interrupted(format!(
                 "{} is there from a run that was interrupted; --resume goes on with it, or delete it",
-                part.display()
+                output.part().display()
             )));
         }
-        let found = if part.exists() && journal.exists() { Self::last_mark(&part, &journal, &title)? } else { None };
-        let open = |path: &Path| {
-            check_place(path).map_err(failed(path))?;
-            let file = OpenOptions::new().read(true).write(true).create(true).truncate(false).open(path);
-            file.map_err(failed(path))
-        };
-        let mut files = Self { rows: open(&part)?, marks: open(&journal)?, part, journal };
+        let [rows, marks] = output.open().map_err(|(path, error)| failed(&path)(error))?;
+        let mut files = Self { output, rows, marks };
+        let title = format!("{}\n", target.about);
+        let found = files.last_mark(&title)?;
+        let Self { rows, marks, .. } = &mut files;
         let mark = match found {
             Some((mark, whole)) => {
-                files.rows.set_len(mark.bytes).map_err(failed(&files.part))?;
-                files.marks.set_len(whole).map_err(failed(&files.journal))?;
+                at(rows, |rows| rows.shorten(mark.bytes))?;
+                at(marks, |marks| marks.shorten(whole))?;
                 mark
             }
             None => {
-                files.rows.set_len(0).map_err(failed(&files.part))?;
-                files.marks.set_len(0).map_err(failed(&files.journal))?;
-                files.rows.write_all(header).map_err(failed(&files.part))?;
-                files.marks.write_all(title.as_bytes()).map_err(failed(&files.journal))?;
+                at(rows, |rows| rows.shorten(0))?;
+                at(marks, |marks| marks.shorten(0))?;
+                at(rows, |rows| rows.write_all(header))?;
+                at(marks, |marks| marks.write_all(title.as_bytes()))?;
                 Mark { bytes: header.len() as u64, ..Mark::default() }
             }
         };
-        files.rows.seek(SeekFrom::End(0)).map_err(failed(&files.part))?;
-        files.marks.seek(SeekFrom::End(0)).map_err(failed(&files.journal))?;
         Ok((files, mark))
     }
 
     /// The last mark whose block is intact, and the length of the journal up to it; `None` if there is none.
-    fn last_mark(part: &Path, journal: &Path, title: &str) -> Result<Option<(Mark, u64)>, StreamError> {
-        let text = std::fs::read(journal).map_err(failed(journal))?;
+    fn last_mark(&mut self, title: &str) -> Result<Option<(Mark, u64)>, StreamError> {
+        let length = at(&mut self.rows, |rows| rows.size())?;
+        let mut text = Vec::new();
+        at(&mut self.marks, |marks| marks.read_to_end(&mut text))?;
         let text = String::from_utf8_lossy(&text);
-        if !text.ends_with('\n') && !text.contains('\n') {
-            // Even the title is truncated: nothing was completed.
+        if length == 0 || !text.contains('\n') {
+            // Not even the header or the title is complete.
             return Ok(None);
         }
         let Some(lines) = text.strip_prefix(title) else {
             let before = text.lines().next().unwrap_or_default();
             return Err(StreamError::Interrupted(format!(
                 "{} is of another run and cannot be gone on with; delete it and {} to begin anew\n       then: {before}\n       now:  {}",
-                part.display(),
-                journal.display(),
+                self.rows.path().display(),
+                self.marks.path().display(),
                 title.trim_end()
             )));
         };
@@ -192,16 +186,14 @@ impl Files {
             end += line.len() as u64;
             marks.push((mark, end));
         }
-        let mut file = File::open(part).map_err(failed(part))?;
-        let length = file.metadata().map_err(failed(part))?.len();
         let mut block = Vec::new();
         while let Some((mark, end)) = marks.pop() {
             if mark.bytes > length || mark.block > mark.bytes {
                 continue;
             }
             block.resize(mark.block as usize, 0);
-            file.seek(SeekFrom::Start(mark.bytes - mark.block)).map_err(failed(part))?;
-            file.read_exact(&mut block).map_err(failed(part))?;
+            at(&mut self.rows, |rows| rows.seek(SeekFrom::Start(mark.bytes - mark.block)))?;
+            at(&mut self.rows, |rows| rows.read_exact(&mut block))?;
             if fnv1a(&block) == mark.hash {
                 return Ok(Some((mark, end)));
             }
@@ -249,26 +241,22 @@ pub fn stream(
                 summary.samples += u64::from(row.samples);
             }
             let bytes = bytes(target.format, &rows);
-            files.rows.write_all(&bytes).map_err(failed(&files.part))?;
+            at(&mut files.rows, |rows| rows.write_all(&bytes))?;
             written += bytes.len() as u64;
             hashes.push((bytes.len() as u64, fnv1a(&bytes)));
         }
         let (block, hash) = hashes.pop().unwrap_or_default();
         mark = Mark { bytes: mark.bytes + written, cursor: source.cursor(), summary, block, hash };
-        files.marks.write_all(mark.line().as_bytes()).map_err(failed(&files.journal))?;
+        at(&mut files.marks, |marks| marks.write_all(mark.line().as_bytes()))?;
         let [now, _] = source.progress();
         progress.advance(now.saturating_sub(done));
         done = now;
     }
     if target.format.counts() {
-        files.rows.seek(SeekFrom::Start(0)).map_err(failed(&files.part))?;
-        files.rows.write_all(&header(summary.pairs())).map_err(failed(&files.part))?;
+        at(&mut files.rows, |rows| rows.seek(SeekFrom::Start(0)))?;
+        at(&mut files.rows, |rows| rows.write_all(&header(summary.pairs())))?;
     }
-    files.rows.sync_all().map_err(failed(&files.part))?;
-    let Files { part, journal, .. } = files;
-    std::fs::rename(&part, &target.path).map_err(failed(&target.path))?;
-    // A journal that remains is ignored without its file.
-    let _ = std::fs::remove_file(journal);
+    files.output.commit(files.rows).map_err(failed(&target.path))?;
     Ok(summary)
 }
 

@@ -51,7 +51,7 @@ fn test_modules(module: &str, text: &str) -> Vec<String> {
 }
 
 /// The code of a file, without comments and without what follows the first `#[cfg(test)]` before a module's body.
-fn code(text: &str) -> String {
+pub fn code(text: &str) -> String {
     let lines: Vec<&str> = text.lines().map(|line| line.split("//").next().unwrap_or(line)).collect();
     let is_test = |index: usize| {
         lines[index] == "#[cfg(test)]"

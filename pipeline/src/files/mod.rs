@@ -4,6 +4,8 @@
 //!   size that it had when it was opened is an error, so no loader takes half a file for a whole one.
 //! - [`write_atomically`] and [`Replacement`] write a file whole or not at all, and [`TemporaryFolder`] a folder.
 //!   [`check_outputs`] finds out before the work whether that will succeed.
+//! - [`Resumable`] is for outputs so long that a run after a kill continues them: what is written stays beside the file until
+//!   it is complete.
 //! - [`abandon`] removes what is half written when the program is ended from outside. What a killed program left is
 //!   removed when a file is next written into the same folder.
 //! - [`confine`] bounds all of them to a folder, for the whole process: functions that open files need no parameter for it and
@@ -14,11 +16,13 @@ mod confine;
 pub mod fault;
 mod input;
 mod output;
+mod resumable;
 mod target;
 mod temporary;
 
 pub use confine::{check_place, confine, confined_to, outside, read_so_far, record_files_read, refused};
 pub use input::{Input, open, read, read_if_there};
 pub use output::{Replacement, create_folder, write_atomically};
+pub use resumable::{Growing, Resumable};
 pub use target::{OutputError, check_folder, check_outputs};
 pub use temporary::{TemporaryFolder, abandon};

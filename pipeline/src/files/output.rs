@@ -1,7 +1,7 @@
 //! Writing whole files.
 
 use super::target::Target;
-use super::temporary::{TemporaryFile, sync_folder};
+use super::temporary::TemporaryFile;
 use super::{confine, fault};
 use std::io::{self, Seek, SeekFrom, Write};
 use std::path::Path;
@@ -29,9 +29,7 @@ impl Replacement {
         let mut faults = fault::watch(&target.path);
         faults.on_write()?;
         let temporary = TemporaryFile::new(&target.folder)?;
-        if let Some(permissions) = &target.permissions {
-            temporary.file().set_permissions(permissions.clone())?;
-        }
+        target.keep_mode(temporary.file())?;
         Ok(Self { target, temporary, faults })
     }
 
@@ -40,11 +38,7 @@ impl Replacement {
     /// # Errors
     /// Whatever the file system reports. The old file, if any, is then unchanged, unless only the sync of the folder failed.
     pub fn commit(mut self) -> io::Result<()> {
-        self.faults.on_write()?;
-        self.temporary.file().sync_all()?;
-        self.faults.on_write()?;
-        self.temporary.rename(&self.target.path)?;
-        sync_folder(&self.target.folder)
+        self.target.replace_with(self.temporary, &mut self.faults, TemporaryFile::file, TemporaryFile::rename)
     }
 }
 

@@ -1,7 +1,7 @@
 //! Where an output file really lies, and whether it can be written.
 
-use super::{confine, temporary};
-use std::fs::{OpenOptions, Permissions};
+use super::{confine, fault, temporary};
+use std::fs::{File, OpenOptions, Permissions};
 use std::io;
 use std::path::{Path, PathBuf};
 
@@ -83,6 +83,30 @@ impl Target {
             }
         }
         Err(io::Error::other("its symbolic links lead in a circle"))
+    }
+
+    /// Gives a new file the mode of the file that it is to replace.
+    pub fn keep_mode(&self, new: &File) -> io::Result<()> {
+        self.permissions.as_ref().map_or(Ok(()), |permissions| new.set_permissions(permissions.clone()))
+    }
+
+    /// Puts a new file of the same folder in the target's place: synchronised to disk, renamed, and the folder synchronised.
+    /// `file` is the open file of `new`.
+    ///
+    /// # Errors
+    /// Whatever the file system reports. The old file, if any, is then unchanged, unless only the sync of the folder failed.
+    pub fn replace_with<New>(
+        &self,
+        new: New,
+        faults: &mut fault::Watch,
+        file: impl FnOnce(&New) -> &File,
+        rename: impl FnOnce(New, &Path) -> io::Result<()>,
+    ) -> io::Result<()> {
+        faults.on_write()?;
+        file(&new).sync_all()?;
+        faults.on_write()?;
+        rename(new, &self.path)?;
+        temporary::sync_folder(&self.folder)
     }
 
     /// Fails if the file cannot be replaced or made. Tries without changing anything.

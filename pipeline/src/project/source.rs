@@ -3,6 +3,7 @@
 use super::from_scene::{FromSceneError, SceneOptions, SceneProjects};
 use super::{Project, loader};
 use crate::diagnostic::Problems;
+use crate::files;
 use crate::scene::SceneError;
 use std::io::Read as _;
 use std::path::{Path, PathBuf};
@@ -168,11 +169,8 @@ pub fn scene_files(path: &Path) -> Result<Option<Vec<PathBuf>>, SourceError> {
 /// The first bytes of a regular file; `None` if it cannot be read.
 fn start_of(path: &Path) -> Option<Vec<u8>> {
     const START: u64 = 256;
-    // Opening a device or a pipe could block.
-    let is_file = std::fs::metadata(path).is_ok_and(|metadata| metadata.is_file());
-    let file = std::fs::File::open(path).ok().filter(|_| is_file)?;
     let mut bytes = Vec::new();
-    file.take(START).read_to_end(&mut bytes).ok()?;
+    files::open(path).ok()?.take(START).read_to_end(&mut bytes).ok()?;
     Some(bytes)
 }
 

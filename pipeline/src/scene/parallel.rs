@@ -1,14 +1,20 @@
 //! Parallel operations on long lists.
 
+use crate::memory::zeroed;
 use bytemuck::Zeroable;
 use rayon::prelude::*;
+use std::alloc::{Layout, handle_alloc_error};
 
 /// Number of items that a task copies.
 const CHUNK: usize = 1 << 16;
 
-/// A list of zeros in untouched memory: its pages are first touched by the threads that write it, in parallel.
+/// A list of zeros in untouched memory: its pages are first touched by the threads that write it, in parallel. If there is too
+/// little memory, the process ends as with `vec!`, which also takes what was booked before.
 pub(super) fn zeros<T: Zeroable>(count: usize) -> Vec<T> {
-    bytemuck::allocation::zeroed_vec(count)
+    zeroed(count).unwrap_or_else(|_| match Layout::array::<T>(count) {
+        Ok(layout) => handle_alloc_error(layout),
+        Err(_) => panic!("a list of {count} items is longer than any memory"),
+    })
 }
 
 /// Splits a list into consecutive parts of the given lengths.

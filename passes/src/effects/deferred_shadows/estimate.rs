@@ -39,6 +39,7 @@ pub(super) struct Sketch {
 }
 
 impl Default for Sketch {
+    #[expect(clippy::large_stack_arrays, reason = "made once a worker, which then keeps it on the heap")]
     fn default() -> Self {
         Self {
             estimates: Estimates::default(),

@@ -37,6 +37,7 @@ pub(super) struct Tile {
 }
 
 impl Default for Tile {
+    #[expect(clippy::large_stack_arrays, reason = "made once a worker, which then keeps them on the heap")]
     fn default() -> Self {
         Self {
             depth: Box::new([0; TILE * STRIDE]),

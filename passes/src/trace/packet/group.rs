@@ -122,6 +122,7 @@ struct Sorted<'a> {
 
 impl Sorted<'_> {
     /// Passes every ray that can hit anything to `part`, in a group or singly.
+    #[expect(clippy::large_stack_arrays, reason = "there once a thread: tracing runs no other work meanwhile")]
     #[inline(always)]
     fn each<S: Simd>(&self, simd: S, part: &mut impl Part) {
         if self.tree.root == Child::NONE {
