@@ -1,14 +1,14 @@
 //! Benchmarks as CSV and as Markdown.
 
 use super::model::{BenchFile, BenchRow, RowError, ThesisFigure};
-use crate::pipeline::backend::RayCounts;
+use crate::pipeline::backend::{Answers, RayCounts};
 use crate::pipeline::executor::StepKind;
 use std::fmt::Write as _;
 
 /// First line of a Markdown page.
 const MARKDOWN_TITLE: &str = "# Benchmark";
 /// Columns of a CSV file.
-const CSV_HEADER: [&str; 38] = [
+const CSV_HEADER: [&str; 43] = [
     "label",
     "effect",
     "technique",
@@ -47,6 +47,11 @@ const CSV_HEADER: [&str; 38] = [
     "picture_flip",
     "picture_reference_error",
     "picture_reference",
+    "glass_pixels",
+    "glass_by_screen",
+    "glass_by_cube",
+    "glass_by_rays",
+    "glass_by_nothing",
 ];
 
 /// Whether a text begins like the output of [`csv`] or [`markdown`], so that it may be overwritten by such output.
@@ -80,6 +85,32 @@ pub fn ray_device_ms(row: &BenchRow) -> Option<f64> {
     steps.map(|step| step.device.as_ref().map(|device| device.median)).sum()
 }
 
+/// What answered the glass pixels of one frame, of all effects together; `None` if no effect marches rays through screen space.
+#[must_use]
+pub fn answers(row: &BenchRow) -> Option<Answers> {
+    row.steps.iter().filter_map(|step| step.answers).reduce(|a, b| Answers {
+        screen: a.screen + b.screen,
+        cube: a.cube + b.cube,
+        rays: a.rays + b.rays,
+        kept: a.kept + b.kept,
+    })
+}
+
+/// Shares of the glass pixels that screen space, a cube map and rays answered, and of those with a ray that nothing answered. `None`
+/// without [`answers`], or if no glass is seen.
+#[must_use]
+pub fn answered_shares(row: &BenchRow) -> Option<[f64; 4]> {
+    let found = answers(row).filter(|answers| answers.glass() > 0)?;
+    Some([found.screen, found.cube, found.rays, found.kept].map(|pixels| pixels as f64 / found.glass() as f64))
+}
+
+/// Lines about what answered the glass of the rows, one for each row that has [`answers`].
+#[must_use]
+pub fn of_answers(rows: &[BenchRow]) -> Vec<String> {
+    let line = |row: &BenchRow| Some(format!("{}, {}: {}", row.label, row.view, answers(row)?));
+    rows.iter().filter_map(line).collect()
+}
+
 /// A CSV file with one line a row. Unknown values are empty fields; times are in milliseconds.
 #[must_use]
 pub fn csv(file: &BenchFile) -> String {
@@ -105,6 +136,8 @@ fn fields(row: &BenchRow) -> Vec<String> {
     let picture = row.picture_error.as_ref().and_then(RowError::found);
     let technique = serde_json::to_value(row.technique).ok().and_then(|name| name.as_str().map(str::to_owned));
     let thesis = row.thesis.as_ref();
+    let glass = answered_shares(row).map_or(Default::default(), |shares| shares.map(|share| share.to_string()));
+    let [by_screen, by_cube, by_rays, by_nothing]: [String; 4] = glass;
     vec![
         row.label.clone(),
         row.effect.clone(),
@@ -148,6 +181,11 @@ fn fields(row: &BenchRow) -> Vec<String> {
             Some(RowError::Missing(why)) => format!("missing: {why}"),
             None => String::new(),
         },
+        known(answers(row).map(Answers::glass)),
+        by_screen,
+        by_cube,
+        by_rays,
+        by_nothing,
     ]
 }
 
@@ -247,12 +285,21 @@ pub fn markdown(file: &BenchFile) -> String {
         let _ = writeln!(text, "\n**Not complete.**");
     }
     let references = references(&file.rows);
-    text += "\n| effect | view | engines | ms (median ± σ) | min … max | n | % in rays | rays on device, ms | Mrays/s | MiB held | RMSE | FLIP | against | \
-             picture RMSE | picture FLIP | report | ratio |\n|---|---|---|---:|---:|---:|---:|---:|---:|---:|---:|---:|---:|---:|---:|---:|---:|\n";
+    let has_answers = file.rows.iter().any(|row| answers(row).is_some());
+    let [title, line] = if has_answers { [" glass answered by |", "---|"] } else { ["", ""] };
+    let _ = writeln!(
+        text,
+        "\n| effect | view | engines | ms (median ± σ) | min … max | n | % in rays | rays on device, ms | Mrays/s | MiB held | RMSE | FLIP | against | \
+         picture RMSE | picture FLIP | report | ratio |{title}\n|---|---|---|---:|---:|---:|---:|---:|---:|---:|---:|---:|---:|---:|---:|---:|---:|{line}"
+    );
     for row in &file.rows {
         let against = references.iter().position(|name| *name == reference(row)).map_or(0, |index| index + 1);
         let (cells, picture) = (cells(row).join(" | "), picture_cells(row).join(" | "));
-        let _ = writeln!(text, "| {cells} | [{against}] | {picture} | {} |", thesis_cells(row.thesis.as_ref()));
+        let _ = write!(text, "| {cells} | [{against}] | {picture} | {} |", thesis_cells(row.thesis.as_ref()));
+        if has_answers {
+            let _ = write!(text, " {} |", answers(row).map_or("-".to_owned(), |answers| answers.to_string()));
+        }
+        text.push('\n');
     }
     text += "\nErrors are of the window's picture, in linear values, against:\n\n";
     for (index, name) in references.iter().enumerate() {

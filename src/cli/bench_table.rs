@@ -125,6 +125,7 @@ impl Table {
             crate::say!("the other columns are in a terminal of {most} columns, and in --json, --csv and --markdown");
         }
         text::of_pictures(&file.rows).iter().for_each(|line| crate::say!("picture: {line}"));
+        text::of_answers(&file.rows).iter().for_each(|line| crate::say!("{line}"));
         if file.rows.iter().any(|row| ray_device_ms(row).is_some()) {
             crate::say!("device ms: the ray passes on the GPU's own clock, without copies; Mrays/s are of host time");
         }

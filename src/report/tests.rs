@@ -1,5 +1,7 @@
 //! The page and its summary from invented numbers: nothing is rendered.
 
+mod columns;
+
 use super::model::{
     Against, Effect, FlipMap, PassGraph, Picture, ReportData, Scaling, ScalingSeries, SceneFacts, Section, Setting,
     WITHIN, Without,

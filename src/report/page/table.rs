@@ -3,7 +3,7 @@
 use super::tag;
 use crate::bench::Interval;
 use crate::bench::model::{BenchRow, RowError, Stats};
-use crate::bench::text::{of_pictures, ray_device_ms, spent};
+use crate::bench::text::{answered_shares, of_pictures, ray_device_ms, spent};
 use crate::pipeline::metrics::Comparison;
 use crate::report::model::{Against, ReportData, Scaling};
 use crate::report::number::{bytes, error, grouped, significant};
@@ -26,6 +26,10 @@ pub fn rows(data: &ReportData, rows: &[&BenchRow], caption: &str) -> Markup {
     }
     if on_device {
         columns.push("on GPU, ms");
+    }
+    let answered = rows.iter().any(|row| answered_shares(row).is_some());
+    if answered {
+        columns.extend(GLASS);
     }
     columns.extend(["95 %", "min", "max", "n"]);
     if processor {
@@ -50,6 +54,7 @@ pub fn rows(data: &ReportData, rows: &[&BenchRow], caption: &str) -> Markup {
                         th scope="colgroup" colspan="4" { "Error of the effect" }
                         @if pictures { th scope="colgroup" colspan="2" { "Error of the picture" } }
                         @if rays { th scope="colgroup" colspan=(3 + usize::from(on_device)) { "Rays of a frame" } }
+                        @if answered { th.extra scope="colgroup" colspan=(GLASS.len()) { "Glass pixels answered" } }
                         th scope="colgroup" colspan=(4 + usize::from(processor) + usize::from(device)) { "Time of a frame, ms" }
                         th.extra scope="colgroup" colspan="4" { "More errors" }
                         th {}
@@ -58,7 +63,8 @@ pub fn rows(data: &ReportData, rows: &[&BenchRow], caption: &str) -> Markup {
                     tr {
                         @for (index, column) in columns.iter().enumerate() {
                             @let text = matches!(*column, "Row" | "By" | "View");
-                            th.text[text].extra[EXTRA.contains(column)] scope="col" data-column=(index) { (column) }
+                            @let extra = EXTRA.contains(column) || GLASS.contains(column);
+                            th.text[text].extra[extra] scope="col" data-column=(index) { (column) }
                         }
                     }
                 }
@@ -74,6 +80,7 @@ pub fn rows(data: &ReportData, rows: &[&BenchRow], caption: &str) -> Markup {
                             @if pictures { (picture_errors(row)) }
                             @if rays { (traced(row)) }
                             @if on_device { (number(ray_device_ms(row), significant)) }
+                            @if answered { (glass(row)) }
                             (spread(&row.frame))
                             @if processor { (number(row.frame_processor.as_ref().map(|stats| stats.median), significant)) }
                             @if device { (number(row.frame_device.as_ref().map(|stats| stats.median), significant)) }
@@ -152,7 +159,19 @@ fn number(value: Option<f64>, print: impl Fn(f64) -> String) -> Markup {
 /// Columns that paper has no room for.
 const EXTRA: [&str; 5] = ["rel. MSE", "PSNR, dB", "energy", "outliers", "Memory"];
 
-/// [`number`] in one of the columns of [`EXTRA`].
+/// Columns of the shares of glass pixels, of effects that march rays through the picture; paper has no room for them either.
+const GLASS: [&str; 4] = ["by screen", "by cube", "by rays", "by nothing"];
+
+fn glass(row: &BenchRow) -> Markup {
+    let shares = answered_shares(row);
+    html! {
+        @for index in 0..GLASS.len() {
+            (extra(shares.map(|shares| shares[index]), |share| format!("{:.1} %", share * 100.0)))
+        }
+    }
+}
+
+/// [`number`] in one of the columns of [`EXTRA`] or [`GLASS`].
 fn extra(value: Option<f64>, print: impl Fn(f64) -> String) -> Markup {
     html! {
         @match value {
