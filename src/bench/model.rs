@@ -1,5 +1,6 @@
 //! The data of a benchmark file: rows with all their samples, and the machine.
 
+use super::outliers::Outliers;
 use crate::environment::Environment;
 use crate::pipeline::backend::{Answers, PathsSpent, RayCounts};
 use crate::pipeline::executor::{StepKind, median};
@@ -113,6 +114,9 @@ pub struct BenchRow {
     pub rays: Option<EngineName>,
     /// Host time of whole frames.
     pub frame: Stats,
+    /// Frames whose host time is far from the others'; `None` in files from before 2026-11-27.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub outliers: Option<Outliers>,
     /// Device time of whole frames; `None` if a step of the frame, other than a copy, has no device time.
     pub frame_device: Option<Stats>,
     /// Processor time of whole frames, summed over all threads; `None` if the system does not report it.
@@ -160,6 +164,7 @@ impl BenchRow {
         let rays_ms = |row: &Self| row.ray_share.map(|share| share * row.frame.mean * row.frame.n() as f64);
         let in_rays = rays_ms(self).zip(rays_ms(more));
         self.frame = self.frame.joined(&more.frame);
+        self.outliers = Some(self.frame.outliers());
         self.ray_share = in_rays.map(|(old, new)| (old + new) / (self.frame.mean * self.frame.n() as f64).max(1e-9));
         self.frame_device = both(&self.frame_device, &more.frame_device);
         self.frame_processor = both(&self.frame_processor, &more.frame_processor);
@@ -296,6 +301,12 @@ impl Stats {
     #[must_use]
     pub fn joined(&self, more: &Self) -> Self {
         Self::new([self.samples.as_slice(), &more.samples].concat()).unwrap_or_else(|| self.clone())
+    }
+
+    /// Samples that are far from the others.
+    #[must_use]
+    pub fn outliers(&self) -> Outliers {
+        Outliers::of(&self.samples)
     }
 
     /// Number of samples.

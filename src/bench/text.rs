@@ -8,7 +8,7 @@ use std::fmt::Write as _;
 /// First line of a Markdown page.
 const MARKDOWN_TITLE: &str = "# Benchmark";
 /// Columns of a CSV file.
-const CSV_HEADER: [&str; 43] = [
+const CSV_HEADER: [&str; 45] = [
     "label",
     "effect",
     "technique",
@@ -52,6 +52,8 @@ const CSV_HEADER: [&str; 43] = [
     "glass_by_cube",
     "glass_by_rays",
     "glass_by_nothing",
+    "mild_outliers",
+    "severe_outliers",
 ];
 
 /// Whether a text begins like the output of [`csv`] or [`markdown`], so that it may be overwritten by such output.
@@ -109,6 +111,25 @@ pub fn answered_shares(row: &BenchRow) -> Option<[f64; 4]> {
 pub fn of_answers(rows: &[BenchRow]) -> Vec<String> {
     let line = |row: &BenchRow| Some(format!("{}, {}: {}", row.label, row.view, answers(row)?));
     rows.iter().filter_map(line).collect()
+}
+
+/// A sentence about the frames whose times are severe [outliers](super::Outliers), with the row that has the largest share of
+/// them; `None` if there are none.
+#[must_use]
+pub fn of_outliers<'r>(rows: impl IntoIterator<Item = &'r BenchRow>) -> Option<String> {
+    let (mut severe, mut frames) = (0, 0);
+    let mut worst: Option<(&BenchRow, usize)> = None;
+    for row in rows {
+        let of_row = row.frame.outliers().severe;
+        (severe, frames) = (severe + of_row, frames + row.frame.n());
+        // Shares are compared by cross-multiplication.
+        if worst.is_none_or(|(worst, most)| of_row * worst.frame.n() > most * row.frame.n()) {
+            worst = Some((row, of_row));
+        }
+    }
+    let (row, most) = worst.filter(|(_, most)| *most > 0)?;
+    let n = row.frame.n();
+    Some(format!("severe outliers: {severe} of {frames} frames; most in {}, {}: {most} of {n}", row.label, row.view))
 }
 
 /// A CSV file with one line a row. Unknown values are empty fields; times are in milliseconds.
@@ -186,6 +207,8 @@ fn fields(row: &BenchRow) -> Vec<String> {
         by_cube,
         by_rays,
         by_nothing,
+        row.frame.outliers().mild.to_string(),
+        row.frame.outliers().severe.to_string(),
     ]
 }
 
@@ -289,8 +312,8 @@ pub fn markdown(file: &BenchFile) -> String {
     let [title, line] = if has_answers { [" glass answered by |", "---|"] } else { ["", ""] };
     let _ = writeln!(
         text,
-        "\n| effect | view | engines | ms (median ± σ) | min … max | n | % in rays | rays on device, ms | Mrays/s | MiB held | RMSE | FLIP | against | \
-         picture RMSE | picture FLIP | report | ratio |{title}\n|---|---|---|---:|---:|---:|---:|---:|---:|---:|---:|---:|---:|---:|---:|---:|---:|{line}"
+        "\n| effect | view | engines | ms (median ± σ) | min … max | n | outliers (mild + severe) | % in rays | rays on device, ms | Mrays/s | MiB held | RMSE | FLIP | against | \
+         picture RMSE | picture FLIP | report | ratio |{title}\n|---|---|---|---:|---:|---:|---:|---:|---:|---:|---:|---:|---:|---:|---:|---:|---:|---:|{line}"
     );
     for row in &file.rows {
         let against = references.iter().position(|name| *name == reference(row)).map_or(0, |index| index + 1);
@@ -338,6 +361,7 @@ fn cells(row: &BenchRow) -> Vec<String> {
         format!("{:.2} ± {:.2}", row.frame.median, row.frame.sd),
         format!("{:.2} … {:.2}", row.frame.min, row.frame.max),
         row.frame.n().to_string(),
+        format!("{} + {}", row.frame.outliers().mild, row.frame.outliers().severe),
         row.ray_share.map_or("-".to_owned(), |share| format!("{:.1}", share * 100.0)),
         ray_device_ms(row).map_or("-".to_owned(), |ms| format!("{ms:.2}")),
         mrays_per_second(row).map_or("-".to_owned(), |speed| format!("{speed:.1}")),

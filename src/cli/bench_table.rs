@@ -126,6 +126,7 @@ impl Table {
         }
         text::of_pictures(&file.rows).iter().for_each(|line| crate::say!("picture: {line}"));
         text::of_answers(&file.rows).iter().for_each(|line| crate::say!("{line}"));
+        text::of_outliers(&file.rows).iter().for_each(|line| crate::say!("{line}"));
         if file.rows.iter().any(|row| ray_device_ms(row).is_some()) {
             crate::say!("device ms: the ray passes on the GPU's own clock, without copies; Mrays/s are of host time");
         }

@@ -4,6 +4,7 @@ use super::args::ReportArgs;
 use super::progress::Bars;
 use super::{Failure, check_references, set_threads, tell_fastest};
 use curitiba::args::quoted;
+use curitiba::bench::text;
 use curitiba::pipeline::files::{TemporaryFolder, create_folder};
 use curitiba::pipeline::project::{self, names_scenes};
 use curitiba::reference::References;
@@ -58,6 +59,9 @@ pub fn run(args: &ReportArgs) -> Result<(), Failure> {
         _ => Failure::work(error),
     })?;
     for sentence in summary::in_short(&data) {
+        crate::say!("{sentence}");
+    }
+    if let Some(sentence) = text::of_outliers(&data.bench.rows) {
         crate::say!("{sentence}");
     }
     let missing = data.bench.unavailable.len();

@@ -79,6 +79,7 @@ fn row(key: &str, effect: &str, technique: Technique, ms: f64, error: RowError) 
         raster: engine.clone(),
         rays: (technique == Technique::Rays).then_some(engine),
         frame: stats(ms),
+        outliers: None,
         frame_device: None,
         frame_processor: None,
         steps,

@@ -410,6 +410,10 @@ fn method(data: &ReportData) -> Markup {
                 "frame without the effect; " code { "--within" } " allows another."
             }
             p {
+                "Outlying frames are counted by Tukey’s fences: severe ones are more than 3 interquartile ranges beyond the quartiles of "
+                "their row, mild ones more than 1.5. Other programs at work make them; medians and intervals hardly notice them."
+            }
+            p {
                 "Errors compare the picture of a row with a reference of its own effect, view and size. RMSE, relative MSE and the "
                 "energy ratio are of linear values; SSIM and FLIP are of what is displayed. A reference has an error of its own, "
                 "estimated from its samples: differences below it mean nothing."

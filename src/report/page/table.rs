@@ -38,6 +38,7 @@ pub fn rows(data: &ReportData, rows: &[&BenchRow], caption: &str) -> Markup {
     if device {
         columns.push("device");
     }
+    columns.extend(OUTLIERS);
     columns.extend(["rel. MSE", "PSNR, dB", "energy", "outliers", "Memory"]);
     if thesis {
         columns.extend(["ms", "ratio"]);
@@ -56,6 +57,7 @@ pub fn rows(data: &ReportData, rows: &[&BenchRow], caption: &str) -> Markup {
                         @if rays { th scope="colgroup" colspan=(3 + usize::from(on_device)) { "Rays of a frame" } }
                         @if answered { th.extra scope="colgroup" colspan=(GLASS.len()) { "Glass pixels answered" } }
                         th scope="colgroup" colspan=(4 + usize::from(processor) + usize::from(device)) { "Time of a frame, ms" }
+                        th.extra scope="colgroup" colspan="2" { "Outlying frames" }
                         th.extra scope="colgroup" colspan="4" { "More errors" }
                         th {}
                         @if thesis { th scope="colgroup" colspan="2" { "2014" } }
@@ -63,7 +65,7 @@ pub fn rows(data: &ReportData, rows: &[&BenchRow], caption: &str) -> Markup {
                     tr {
                         @for (index, column) in columns.iter().enumerate() {
                             @let text = matches!(*column, "Row" | "By" | "View");
-                            @let extra = EXTRA.contains(column) || GLASS.contains(column);
+                            @let extra = [&EXTRA[..], &GLASS, &OUTLIERS].iter().any(|extra| extra.contains(column));
                             th.text[text].extra[extra] scope="col" data-column=(index) { (column) }
                         }
                     }
@@ -84,6 +86,7 @@ pub fn rows(data: &ReportData, rows: &[&BenchRow], caption: &str) -> Markup {
                             (spread(&row.frame))
                             @if processor { (number(row.frame_processor.as_ref().map(|stats| stats.median), significant)) }
                             @if device { (number(row.frame_device.as_ref().map(|stats| stats.median), significant)) }
+                            (outliers(&row.frame))
                             (more_errors(row))
                             (extra(row.peak_memory_bytes.map(|held| held as f64), |held| bytes(held as u64)))
                             @if thesis {
@@ -171,7 +174,7 @@ fn glass(row: &BenchRow) -> Markup {
     }
 }
 
-/// [`number`] in one of the columns of [`EXTRA`] or [`GLASS`].
+/// [`number`] in a column that paper has no room for.
 fn extra(value: Option<f64>, print: impl Fn(f64) -> String) -> Markup {
     html! {
         @match value {
@@ -197,6 +200,16 @@ fn spread(stats: &Stats) -> Markup {
         (number(Some(stats.min), significant))
         (number(Some(stats.max), significant))
         (number(Some(stats.n() as f64), |n| format!("{n:.0}")))
+    }
+}
+
+/// Columns of [`outliers`].
+const OUTLIERS: [&str; 2] = ["mild", "severe"];
+
+fn outliers(stats: &Stats) -> Markup {
+    let found = stats.outliers();
+    html! {
+        @for count in [found.mild, found.severe] { (extra(Some(count as f64), |count| format!("{count:.0}"))) }
     }
 }
 
@@ -301,6 +314,9 @@ pub fn scaling(data: &ReportData, scaling: &Scaling) -> Markup {
                             th scope="col" data-column="7" { "max" }
                             th scope="col" data-column="8" { "n" }
                             th scope="col" data-column="9" { "processor" }
+                            @for (index, kind) in OUTLIERS.iter().enumerate() {
+                                th.extra scope="col" data-column=(10 + index) { (kind) " outliers" }
+                            }
                         }
                     }
                     tbody {
@@ -314,6 +330,7 @@ pub fn scaling(data: &ReportData, scaling: &Scaling) -> Markup {
                                     td data-v=(pixels) { (row.size[0]) " × " (row.size[1]) }
                                     (times(&row.frame))
                                     (number(row.frame_processor.as_ref().map(|stats| stats.median), significant))
+                                    (outliers(&row.frame))
                                 }
                             }
                         }

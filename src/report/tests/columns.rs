@@ -1,7 +1,8 @@
 //! Columns that stand on the page and in tables only where some row has something to say there.
 
 use super::{against, assert_well_formed, report};
-use crate::bench::text;
+use crate::bench::model::Stats;
+use crate::bench::{Outliers, text};
 use crate::pipeline::backend::Answers;
 use crate::report::model::ReportData;
 use crate::report::page;
@@ -38,4 +39,33 @@ fn what_answered_the_glass_has_columns_where_it_is_known_for_some_row() {
     assert!(!page::build(&data).html.contains("Glass pixels answered"));
     assert_eq!(csv_cell(&data, 2, "glass_pixels").as_deref(), Some("0"));
     assert_eq!(csv_cell(&data, 2, "glass_by_screen").as_deref(), Some(""));
+}
+
+#[test]
+fn outlying_frames_are_counted_on_the_page_in_tables_and_in_one_sentence() {
+    let mut data = report(5.0, (9.0, against(0.01)), (7.0, against(0.02)));
+    assert_eq!(text::of_outliers(&data.bench.rows), None, "three samples have no outliers");
+    // Quartiles at 1.1 and 1.3: the fences are at 1.6 and 1.9.
+    let steady = [1.0, 1.1, 1.2, 1.3];
+    let samples = |more: &[f64]| Stats::new([&steady, more].concat()).expect("samples");
+    data.bench.rows[1].frame = samples(&[1.5]);
+    assert_eq!(text::of_outliers(&data.bench.rows), None);
+    data.bench.rows[1].frame = samples(&[1.7]);
+    assert_eq!(csv_cell(&data, 1, "mild_outliers").as_deref(), Some("1"));
+    assert_eq!(text::of_outliers(&data.bench.rows), None, "mild ones are not worth a sentence");
+    data.bench.rows[2].frame = samples(&[90.0]);
+    assert_eq!(csv_cell(&data, 2, "severe_outliers").as_deref(), Some("1"));
+    let said = "severe outliers: 1 of 13 frames; most in Shadows by shadow map, Fonte: 1 of 5";
+    assert_eq!(text::of_outliers(&data.bench.rows).as_deref(), Some(said));
+    let markdown = text::markdown(&data.bench);
+    assert!(
+        markdown.contains("| 5 | 1 + 0 |") && markdown.contains("| 5 | 0 + 1 |") && markdown.contains("| 3 | 0 + 0 |")
+    );
+    let html = page::build(&data).html;
+    assert!(html.contains("Outlying frames") && html.contains("<td class=\"extra\" data-v=\"1\">1</td>"));
+    assert_well_formed(&html);
+    // Another round counts again, over all samples.
+    let more = data.bench.rows[2].clone();
+    data.bench.rows[2].add(&more);
+    assert_eq!(data.bench.rows[2].outliers, Some(Outliers { mild: 0, severe: 2 }));
 }
