@@ -70,7 +70,9 @@ fn the_reports_table_has_all_its_rows_with_samples_errors_and_references() {
         "--markdown",
         "t.md",
     ];
-    let (printed, _) = succeeds(folder, &arguments);
+    let (printed, told) = succeeds(folder, &arguments);
+    let load = told.lines().find(|line| line.starts_with("load average "));
+    assert!(load.is_some_and(|line| line.contains(" thread")), "{told}");
     let file = json(&folder.join("t.json"));
     let rows = file["rows"].as_array().expect("rows");
     assert_eq!(rows.len(), 19);

@@ -5,9 +5,10 @@ use super::bench_begin::{begin, check_folder_of_references, choices, references_
 use super::bench_jobs::{Job, jobs};
 use super::bench_rows::{Missing, Rows};
 use super::bench_table::Table;
-use super::{Failure, bench_parts, bench_threads, set_threads, tell_fastest};
+use super::{Failure, bench_parts, bench_threads, load, set_threads, tell_fastest};
 use curitiba::bench::model::BenchFile;
 use curitiba::bench::{FileError, text};
+use curitiba::environment::Environment;
 use curitiba::pipeline::files::{self, check_outputs, write_atomically};
 use std::io::{ErrorKind, Read as _};
 use std::path::Path;
@@ -51,6 +52,7 @@ pub fn run(args: &BenchArgs) -> Result<(), Failure> {
     let choices = choices(args, args.choice(), &mut file);
     let jobs = jobs(args, &choices)?;
     write(args, &file)?;
+    load::tell(&Environment::here());
     let failure = measure_all(args, &jobs, &mut file)?;
     file.complete = failure.is_none();
     write(args, &file)?;

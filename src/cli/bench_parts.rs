@@ -5,7 +5,7 @@ use super::bench_begin::{begin, check_folder_of_references, choices, references_
 use super::bench_jobs::{Job, all_choices, jobs};
 use super::bench_rows::{Missing, Rows};
 use super::bench_table::Table;
-use super::{Failure, failure};
+use super::{Failure, failure, load};
 use curitiba::Choice;
 use curitiba::bench::model::{BenchFile, Unavailable};
 use curitiba::bench::part::{PartError, Parts, RowList};
@@ -123,6 +123,7 @@ impl Measuring {
         check_folder_of_references(args)?;
         let mut file = begin(args);
         let choices = choices(args, args.choice(), &mut file);
+        load::tell(&file.environment);
         Ok(Self { file, choices, rows: Rows::new(args, references_folder(args)) })
     }
 

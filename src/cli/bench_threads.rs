@@ -2,7 +2,7 @@
 
 use super::bench_args::BenchArgs;
 use super::progress::Bars;
-use super::{Failure, table};
+use super::{Failure, load, table};
 use anstyle::Style;
 use curitiba::bench::threads::{SweepError, SweepOptions, ThreadsCase, ThreadsFile, sweep, text};
 use curitiba::bench::{Case, MeasureOptions};
@@ -41,6 +41,7 @@ pub fn run(args: &BenchArgs) -> Result<(), Failure> {
     let frames = MeasureOptions { frames: args.frames, warmup: args.warmup };
     let options = SweepOptions { threads, rounds: args.rounds, frames };
     let environment = Environment::here();
+    load::tell(&environment);
     let mut file = ThreadsFile::begin(args.command(), environment, args.rounds, args.frames, args.warmup);
     introduce(&file);
     let mut plots: Vec<PathBuf> = Vec::new();

@@ -2,8 +2,9 @@
 
 use super::progress::Bars;
 use super::tune_args::TuneArgs;
-use super::{Failure, check_references, failure, set_threads, tell_fastest};
+use super::{Failure, check_references, failure, load, set_threads, tell_fastest};
 use curitiba::bench::{Interval, MeasureOptions};
+use curitiba::environment::Environment;
 use curitiba::pipeline::files::{OutputError, TemporaryFolder};
 use curitiba::reference::References;
 use curitiba::tune::{self, Bench, Found, Goal, Slot, Trial, label, machine::Request};
@@ -21,6 +22,7 @@ pub fn run(args: &TuneArgs) -> Result<(), Failure> {
     check_output(&args.output)?;
     let references = References::default_folder();
     check_references(&references, "the variable CURITIBA_CACHE names another folder")?;
+    load::tell(&Environment::here());
     let references = References::new(references, Duration::from_secs(args.reference_seconds.into()));
     // Beside the output: a folder for all files, given with --confine, contains that place.
     let folder = TemporaryFolder::new(args.output.parent().unwrap_or(Path::new(""))).map_err(Failure::work)?;

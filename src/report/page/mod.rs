@@ -178,9 +178,8 @@ fn words(value: &serde_json::Value) -> String {
 /// A caution where other programs ran beside the measurements.
 fn busy(data: &ReportData) -> Markup {
     let environment = &data.bench.environment;
-    let others = environment.load_average.filter(|load| *load > environment.threads as f64 * 0.5);
     html! {
-        @if let Some(load) = others {
+        @if let Some(load) = environment.busy() {
             p.note {
                 strong { "Other programs were at work: " }
                 "the load average was " (significant(load)) " on " (environment.threads)

@@ -1,4 +1,4 @@
-//! Columns that stand on the page and in tables only where some row has something to say there.
+//! What stands on the page and in tables only where there is something to say.
 
 use super::{against, assert_well_formed, report};
 use crate::bench::model::Stats;
@@ -68,4 +68,15 @@ fn outlying_frames_are_counted_on_the_page_in_tables_and_in_one_sentence() {
     let more = data.bench.rows[2].clone();
     data.bench.rows[2].add(&more);
     assert_eq!(data.bench.rows[2].outliers, Some(Outliers { mild: 0, severe: 2 }));
+}
+
+#[test]
+fn a_busy_machine_is_told_beside_the_result() {
+    let mut data = report(5.0, (9.0, against(0.01)), (7.0, against(0.02)));
+    data.bench.environment.threads = 16;
+    for (load, said) in [(Some(4.0), false), (Some(4.1), true), (None, false)] {
+        data.bench.environment.load_average = load;
+        let html = page::build(&data).html;
+        assert_eq!(html.contains("Other programs were at work"), said, "{load:?}");
+    }
 }
