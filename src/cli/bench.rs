@@ -85,7 +85,7 @@ fn check_ours(path: &Path) -> Result<(), Failure> {
 /// Measures the rows that the file lacks. Returns the first failure of a row; the other rows are still measured.
 fn measure_all(args: &BenchArgs, jobs: &[Job], file: &mut BenchFile) -> Result<Option<Failure>, Failure> {
     let mut rows = Rows::new(args, references_folder(args));
-    let mut table = Table::new(jobs.iter().map(|job| job.case.label.as_str()), file);
+    let mut table = Table::new(jobs.iter().map(|job| [job.case.label.as_str(), &job.case.view]), file);
     let mut first_failure = None;
     for (index, job) in jobs.iter().enumerate() {
         if let Some(row) = file.row(&job.case.key) {

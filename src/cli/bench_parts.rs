@@ -58,8 +58,8 @@ pub(super) fn run(args: &BenchArgs, folder: &Path) -> Result<(), Failure> {
     let mine: Vec<usize> = (0..jobs.len()).filter(|index| shard.has(*index)).collect();
     let found = mine.iter().map(|index| parts.find(*index)).collect::<Result<Vec<_>, _>>()?;
     let mut shown = BenchFile::begin(args.command(), Environment::here(), args.frames, args.warmup);
-    let labels = mine.iter().map(|index| jobs[*index].case.label.as_str());
-    let mut table = Table::new(labels, &shown);
+    let rows = mine.iter().map(|index| [jobs[*index].case.label.as_str(), &jobs[*index].case.view]);
+    let mut table = Table::new(rows, &shown);
     let there = found.iter().flatten().count();
     crate::say!("shard {shard}: {} of {} rows, {there} of them are there", mine.len(), jobs.len());
     let mut measuring = None;
