@@ -368,7 +368,8 @@ fn scaling(data: &ReportData, plots: &mut Plots) -> Markup {
                 (table::scaling(data, scaling))
             }
             p.note {
-                "Against lights nothing is measured: a pass has one, and two lights are two passes."
+                "Against lights there is no curve: a pass is lit by one directional light, the first that its project names for it, and a "
+                "warning says that the others do not shine."
             }
         }
     }
