@@ -109,6 +109,7 @@ fn row(renderer: &Renderer, case: &Case, clocked: &[Clocked]) -> BenchRow {
         triangles: renderer.scenes().map(|scene| scene.geometry.triangles.len() as u64).sum(),
         raster: EngineName { name: engines.raster.name().to_owned(), device: engines.raster.device() },
         rays: traces.then(|| EngineName { name: engines.rays.name().to_owned(), device: engines.rays.device() }),
+        interval: frame.interval(),
         outliers: Some(frame.outliers()),
         frame,
         frame_device: frame_device(timeline, frames),

@@ -1,6 +1,7 @@
 //! Benchmarks as CSV and as Markdown.
 
-use super::model::{BenchFile, BenchRow, RowError, ThesisFigure};
+use super::Interval;
+use super::model::{BenchFile, BenchRow, RowError, Stats, ThesisFigure};
 use crate::pipeline::backend::{Answers, RayCounts};
 use crate::pipeline::executor::StepKind;
 use std::fmt::Write as _;
@@ -8,7 +9,7 @@ use std::fmt::Write as _;
 /// First line of a Markdown page.
 const MARKDOWN_TITLE: &str = "# Benchmark";
 /// Columns of a CSV file.
-const CSV_HEADER: [&str; 45] = [
+const CSV_HEADER: [&str; 47] = [
     "label",
     "effect",
     "technique",
@@ -54,6 +55,8 @@ const CSV_HEADER: [&str; 45] = [
     "glass_by_nothing",
     "mild_outliers",
     "severe_outliers",
+    "median_low_ms",
+    "median_high_ms",
 ];
 
 /// Whether a text begins like the output of [`csv`] or [`markdown`], so that it may be overwritten by such output.
@@ -113,6 +116,33 @@ pub fn of_answers(rows: &[BenchRow]) -> Vec<String> {
     rows.iter().filter_map(line).collect()
 }
 
+/// What was rendered of each row: `5 frames a row after 1 of warm-up`.
+#[must_use]
+pub fn frames(file: &BenchFile) -> String {
+    let rounds =
+        if file.rounds == 1 { String::new() } else { format!(", in each of {} rounds over all rows", file.rounds) };
+    format!("{} frames a row after {} of warm-up{rounds}", file.frames, file.warmup)
+}
+
+/// The median of a time and the 95 % confidence interval of it, as tables print them: `12.34 (12.01 to 12.80)` in milliseconds.
+#[must_use]
+pub fn median_and_interval(stats: &Stats) -> String {
+    match stats.interval() {
+        Some(Interval { low, high }) => format!("{} ({} to {})", ms(stats.median), ms(low), ms(high)),
+        None => ms(stats.median),
+    }
+}
+
+/// Milliseconds with two decimals, from 100 with one and from 1000 without.
+fn ms(value: f64) -> String {
+    let decimals = match value {
+        value if value < 99.995 => 2,
+        value if value < 999.95 => 1,
+        _ => 0,
+    };
+    format!("{value:.decimals$}")
+}
+
 /// A sentence about the frames whose times are severe [outliers](super::Outliers), with the row that has the largest share of
 /// them; `None` if there are none.
 #[must_use]
@@ -157,6 +187,7 @@ fn fields(row: &BenchRow) -> Vec<String> {
     let picture = row.picture_error.as_ref().and_then(RowError::found);
     let technique = serde_json::to_value(row.technique).ok().and_then(|name| name.as_str().map(str::to_owned));
     let thesis = row.thesis.as_ref();
+    let interval = row.frame.interval();
     let glass = answered_shares(row).map_or(Default::default(), |shares| shares.map(|share| share.to_string()));
     let [by_screen, by_cube, by_rays, by_nothing]: [String; 4] = glass;
     vec![
@@ -209,6 +240,8 @@ fn fields(row: &BenchRow) -> Vec<String> {
         by_nothing,
         row.frame.outliers().mild.to_string(),
         row.frame.outliers().severe.to_string(),
+        known(interval.map(|interval| interval.low)),
+        known(interval.map(|interval| interval.high)),
     ]
 }
 
@@ -287,7 +320,7 @@ pub fn markdown(file: &BenchFile) -> String {
     let _ = writeln!(text, "{MARKDOWN_TITLE}\n\n`{}`\n", file.command);
     let _ = writeln!(
         text,
-        "{}, {} threads, {}; curitiba {} ({}), {} build, {}. {} frames a row after {} of warm-up.",
+        "{}, {} threads, {}; curitiba {} ({}), {} build, {}. {}.",
         machine.cpu,
         machine.threads,
         machine.platform,
@@ -295,8 +328,7 @@ pub fn markdown(file: &BenchFile) -> String {
         machine.commit,
         machine.profile,
         machine.flags,
-        file.frames,
-        file.warmup
+        frames(file)
     );
     for (gpu, driver) in machine.gpu.iter().zip(&machine.driver) {
         let _ = writeln!(text, "Graphics device: {gpu}, {driver}.");
@@ -312,7 +344,7 @@ pub fn markdown(file: &BenchFile) -> String {
     let [title, line] = if has_answers { [" glass answered by |", "---|"] } else { ["", ""] };
     let _ = writeln!(
         text,
-        "\n| effect | view | engines | ms (median ± σ) | min … max | n | outliers (mild + severe) | % in rays | rays on device, ms | Mrays/s | MiB held | RMSE | FLIP | against | \
+        "\n| effect | view | engines | ms (median, 95 % of it) | min … max | n | outliers (mild + severe) | % in rays | rays on device, ms | Mrays/s | MiB held | RMSE | FLIP | against | \
          picture RMSE | picture FLIP | report | ratio |{title}\n|---|---|---|---:|---:|---:|---:|---:|---:|---:|---:|---:|---:|---:|---:|---:|---:|---:|{line}"
     );
     for row in &file.rows {
@@ -358,7 +390,7 @@ fn cells(row: &BenchRow) -> Vec<String> {
         row.label.clone(),
         row.view.clone(),
         engines,
-        format!("{:.2} ± {:.2}", row.frame.median, row.frame.sd),
+        median_and_interval(&row.frame),
         format!("{:.2} … {:.2}", row.frame.min, row.frame.max),
         row.frame.n().to_string(),
         format!("{} + {}", row.frame.outliers().mild, row.frame.outliers().severe),
@@ -414,7 +446,17 @@ pub(crate) fn spent(row: &BenchRow) -> impl Iterator<Item = String> {
 
 #[cfg(test)]
 mod tests {
-    use super::quoted;
+    use super::*;
+
+    #[test]
+    fn times_have_fewer_decimals_as_they_grow_so_that_they_fit_their_column() {
+        let written = [0.004, 9.999, 99.99, 99.996, 999.94, 999.96, 123_456.7].map(ms);
+        assert_eq!(written, ["0.00", "10.00", "99.99", "100.0", "999.9", "1000", "123457"]);
+        let stats = |samples: &[f64]| Stats::new(samples.to_vec()).expect("samples");
+        assert_eq!(median_and_interval(&stats(&[2.0; 5])), "2.00 (2.00 to 2.00)");
+        assert_eq!(median_and_interval(&stats(&[2.0, f64::INFINITY, 3.0])), "3.00", "no interval");
+        assert!(median_and_interval(&stats(&[98_000.0, 99_999.0])).chars().count() <= 22);
+    }
 
     #[test]
     fn fields_with_commas_and_quotes_are_quoted() {

@@ -9,9 +9,9 @@ use curitiba::pipeline::memory::mebibytes;
 const HEADER: Style = Style::new().bold();
 
 /// Columns of a line with everything, beside label and view.
-const BESIDE_LABELS: usize = 150;
+const BESIDE_LABELS: usize = 152;
 /// Columns of a line with engines, time and error, beside label and view.
-const BESIDE_LABELS_NARROW: usize = 60;
+const BESIDE_LABELS_NARROW: usize = 66;
 
 /// How rows are laid out, the same for all rows of a table.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -72,8 +72,12 @@ impl Table {
     fn introduction(&self, file: &BenchFile) -> Vec<String> {
         let machine = &file.environment;
         let mut lines = self.prose(&format!(
-            "{}, {} threads, {} build, commit {}; {} frames a row after {} of warm-up",
-            machine.cpu, machine.threads, machine.profile, machine.commit, file.frames, file.warmup
+            "{}, {} threads, {} build, commit {}; {}",
+            machine.cpu,
+            machine.threads,
+            machine.profile,
+            machine.commit,
+            text::frames(file)
         ));
         if machine.profile == "debug" {
             lines.push("this is no release build: times say little".to_owned());
@@ -179,7 +183,7 @@ fn print(lines: &[String]) {
 /// Columns behind label and view, with their widths.
 const WIDE: [(&str, usize); 13] = [
     ("engines", 12),
-    ("ms: median ± sd", 20),
+    ("ms: median (95 %)", 22),
     ("min … max", 20),
     ("n", 4),
     ("% rays", 6),
@@ -194,7 +198,7 @@ const WIDE: [(&str, usize); 13] = [
 ];
 
 /// Columns behind label and view where there is little room.
-const NARROW: [(&str, usize); 5] = [("engines", 12), ("ms: median ± sd", 16), ("RMSE", 9), ("FLIP", 7), ("ref", 4)];
+const NARROW: [(&str, usize); 5] = [("engines", 12), ("ms: median (95 %)", 22), ("RMSE", 9), ("FLIP", 7), ("ref", 4)];
 
 /// The cells of [`WIDE`].
 fn all_cells(row: &BenchRow, number: &str) -> [String; 13] {
@@ -203,7 +207,7 @@ fn all_cells(row: &BenchRow, number: &str) -> [String; 13] {
     let [picture, picture_flip] = text::picture_cells(row);
     [
         engines(row),
-        time(row),
+        text::median_and_interval(&row.frame),
         format!("{:.2} … {:.2}", row.frame.min, row.frame.max),
         row.frame.n().to_string(),
         row.ray_share.map_or_else(dash, |share| format!("{:.1}", share * 100.0)),
@@ -221,11 +225,7 @@ fn all_cells(row: &BenchRow, number: &str) -> [String; 13] {
 /// The cells of [`NARROW`].
 fn few_cells(row: &BenchRow, number: &str) -> [String; 5] {
     let [rmse, flip] = errors(row);
-    [engines(row), time(row), rmse, flip, number.to_owned()]
-}
-
-fn time(row: &BenchRow) -> String {
-    format!("{:.2} ± {:.2}", row.frame.median, row.frame.sd)
+    [engines(row), text::median_and_interval(&row.frame), rmse, flip, number.to_owned()]
 }
 
 /// Root mean square and FLIP error of the effect, or dashes.
@@ -318,7 +318,7 @@ mod tests {
             assert_eq!(found, layout, "{labels:?}");
             assert!(widest(&lines) <= 80, "{lines:#?}");
             let all = lines.join(" ");
-            for word in ["12347.00", "optix", "1.00e-12", "[2]", "severe outliers:", "--backend"] {
+            for word in ["12347 (", "optix", "1.00e-12", "[2]", "severe outliers:", "--backend"] {
                 assert!(all.contains(word), "{word} is left out: {lines:#?}");
             }
         }

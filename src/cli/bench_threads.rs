@@ -39,16 +39,16 @@ pub fn run(args: &BenchArgs) -> Result<(), Failure> {
         create_folder(folder).map_err(|error| wrong(folder, &error))?;
     }
     let frames = MeasureOptions { frames: args.frames, warmup: args.warmup };
-    let options = SweepOptions { threads, rounds: args.rounds, frames };
+    let options = SweepOptions { threads, rounds: args.rounds(), frames };
     let environment = Environment::here();
     load::tell(&environment);
-    let mut file = ThreadsFile::begin(args.command(), environment, args.rounds, args.frames, args.warmup);
+    let mut file = ThreadsFile::begin(args.command(), environment, args.rounds(), args.frames, args.warmup);
     introduce(&file);
     let mut plots: Vec<PathBuf> = Vec::new();
     for case in &cases {
         let told = |round: u32, threads: usize| {
             let (label, view) = (&case.label, &case.view);
-            crate::tell!("{label}, {view}: round {round} of {}, {threads} threads", args.rounds);
+            crate::tell!("{label}, {view}: round {round} of {}, {threads} threads", args.rounds());
         };
         let measured = sweep(case, &options, || Box::new(Bars::default()), told)?;
         print(&measured);

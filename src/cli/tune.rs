@@ -3,7 +3,9 @@
 use super::progress::Bars;
 use super::tune_args::TuneArgs;
 use super::{Failure, check_references, failure, load, set_threads, tell_fastest};
-use curitiba::bench::{Interval, MeasureOptions};
+use curitiba::bench::MeasureOptions;
+use curitiba::bench::model::Stats;
+use curitiba::bench::text::median_and_interval;
 use curitiba::environment::Environment;
 use curitiba::pipeline::files::{OutputError, TemporaryFolder};
 use curitiba::reference::References;
@@ -113,8 +115,7 @@ fn check_output(path: &Path) -> Result<(), Failure> {
 }
 
 fn times(trial: &Trial) -> String {
-    let Interval { low, high } = trial.interval();
-    format!("{:.2} ({low:.2} to {high:.2})", trial.median())
+    Stats::new(trial.frames_ms.clone()).map_or_else(|| "-".to_owned(), |stats| median_and_interval(&stats))
 }
 
 /// Description of the goal.
