@@ -99,6 +99,12 @@ impl Environment {
         environment
     }
 
+    /// The load average, if other programs are at work beside the ones that are timed: if it is above a quarter of the threads.
+    #[must_use]
+    pub fn busy(&self) -> Option<f64> {
+        self.load_average.filter(|load| *load > self.threads as f64 * 0.25)
+    }
+
     /// Adds the graphics devices of a ray backend, if it is available.
     fn add_backend(&mut self, choice: Choice) {
         if let Ok(rays) = ray_backend(choice) {
@@ -193,4 +199,18 @@ pub fn peak_memory() -> Option<u64> {
     let line = status.lines().find_map(|line| line.strip_prefix("VmHWM:"))?;
     let kibibytes: u64 = line.trim().trim_end_matches("kB").trim().parse().ok()?;
     Some(kibibytes * 1024)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_machine_is_busy_above_a_quarter_of_its_threads() {
+        let busy = |load_average, threads| Environment { load_average, threads, ..Environment::here() }.busy();
+        assert_eq!(busy(Some(0.5), 2), None);
+        assert_eq!(busy(Some(0.51), 2), Some(0.51));
+        assert_eq!(busy(Some(0.51), 16), None);
+        assert_eq!(busy(None, 2), None, "the system does not tell");
+    }
 }

@@ -70,7 +70,9 @@ fn the_reports_table_has_all_its_rows_with_samples_errors_and_references() {
         "--markdown",
         "t.md",
     ];
-    let (printed, _) = succeeds(folder, &arguments);
+    let (printed, told) = succeeds(folder, &arguments);
+    let load = told.lines().find(|line| line.starts_with("load average "));
+    assert!(load.is_some_and(|line| line.contains(" thread")), "{told}");
     let file = json(&folder.join("t.json"));
     let rows = file["rows"].as_array().expect("rows");
     assert_eq!(rows.len(), 19);
@@ -146,6 +148,58 @@ fn a_benchmark_is_continued_only_by_the_command_that_began_it() {
     let refused = fails_with(3, folder, &words(&with(&["--frames", "1", "--resume"])));
     assert!(refused.contains("no benchmark file"), "{refused}");
     assert_eq!(std::fs::read_to_string(&path).expect("text"), &interrupted[..interrupted.len() / 2]);
+}
+
+#[test]
+fn rounds_take_turns_over_all_rows_and_are_continued_where_they_were() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let folder = folder.path();
+    let (none, shadows) = (project("SceneNoEffects.xml"), project("SceneShadows.xml"));
+    let base =
+        [&none, &shadows, "--size", "24x24", "--raster", "cpu", "--frames", "2", "--no-error", "--json", "r.json"];
+    let samples = |file: &Value| -> Vec<usize> {
+        let rows = file["rows"].as_array().expect("rows").iter();
+        rows.map(|row| row["frame"]["samples"].as_array().map_or(0, Vec::len)).collect()
+    };
+    let turns = |told: &str| -> Vec<String> {
+        told.lines()
+            .filter_map(|line| Some(line.split_once(':')?.0.to_owned()))
+            .filter(|line| line.contains("row "))
+            .collect()
+    };
+    let (_, told) = succeeds(folder, &base);
+    let once = json(&folder.join("r.json"));
+    assert_eq!((samples(&once), turns(&told)), (vec![2, 2], ["row 1 of 2", "row 2 of 2"].map(str::to_owned).to_vec()));
+    assert!(once.get("rounds").is_none(), "one round is not written");
+
+    let arguments = [&base[..], &["--rounds", "3"]].concat();
+    let (printed, told) = succeeds(folder, &arguments);
+    let path = folder.join("r.json");
+    let whole = json(&path);
+    assert_eq!((samples(&whole), &whole["rounds"]), (vec![6, 6], &Value::from(3)));
+    let rounds = (1..=3).flat_map(|round| (1..=2).map(move |row| format!("round {round} of 3, row {row} of 2")));
+    assert_eq!(turns(&told), rounds.collect::<Vec<_>>());
+    assert!(printed.contains("in each of 3 rounds") && printed.matches("Fonte").count() == 2, "{printed}");
+    for row in whole["rows"].as_array().expect("rows") {
+        let [low, high] = ["low", "high"].map(|end| row["interval"][end].as_f64().expect("an end"));
+        let [min, median, max] = ["min", "median", "max"].map(|name| row["frame"][name].as_f64().expect("a time"));
+        assert!(min <= low && low <= median && median <= high && high <= max, "{row}");
+        assert!(row["outliers"]["severe"].is_u64(), "{row}");
+    }
+
+    // As if it had been interrupted after the first row of the second round.
+    let mut cut = whole.clone();
+    for (row, count) in [(0, 4), (1, 2)] {
+        cut["rows"][row]["frame"]["samples"].as_array_mut().expect("samples").truncate(count);
+    }
+    cut["complete"] = Value::Bool(false);
+    std::fs::write(&path, serde_json::to_string(&cut).expect("JSON")).expect("written");
+    let (_, told) = succeeds(folder, &[&arguments[..], &["--resume"]].concat());
+    assert_eq!(turns(&told), ["round 2 of 3, row 2 of 2", "round 3 of 3, row 1 of 2", "round 3 of 3, row 2 of 2"]);
+    assert_eq!(samples(&json(&path)), [6, 6]);
+    let refused = fails_with(2, folder, &[&base[..], &["--rounds", "2", "--resume"]].concat());
+    assert!(refused.contains("--rounds 3") && refused.contains("--rounds 2"), "{refused}");
+    assert!(fails_with(2, folder, &[&shadows, "--rounds", "2", "--parts", "parts"]).contains("--rounds"));
 }
 
 #[test]

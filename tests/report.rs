@@ -36,6 +36,7 @@ fn a_report_is_one_folder_whose_links_all_resolve_and_whose_page_works_in_a_brow
     assert!(made.status.success(), "{}", text(&made.stderr));
     assert!(text(&made.stdout).contains("On this machine, with "), "{}", text(&made.stdout));
     assert!(text(&made.stderr).contains("left: Shadows by rays"), "{}", text(&made.stderr));
+    assert!(text(&made.stderr).contains("load average "), "{}", text(&made.stderr));
 
     let folder = place.path().join("out");
     let html = std::fs::read_to_string(folder.join("index.html")).expect("the page");

@@ -44,6 +44,7 @@ fn the_project_written_keeps_the_error_that_was_asked_for() {
     let made = tune(place.path(), "SceneSSAO.xml", &["--error", "0.05", "-o", "ao.xml"]);
     let (output, told) = (text(&made.stdout), text(&made.stderr));
     assert!(made.status.success(), "{output}\n{told}");
+    assert!(told.lines().any(|line| line.starts_with("load average ") && line.contains(" thread")), "{told}");
     let rows = rows(&output);
     assert!(rows.len() > 20, "{output}");
     let marked = |mark: char| rows.iter().filter(|row| row.0 == mark).collect::<Vec<_>>();
@@ -115,6 +116,8 @@ fn what_cannot_be_tuned_is_refused_before_anything_is_measured() {
         let refused = tune(place.path(), name, &arguments);
         assert_eq!(refused.status.code(), Some(2), "{arguments:?}: {}", text(&refused.stderr));
         assert!(text(&refused.stderr).contains(message), "{arguments:?}: {}", text(&refused.stderr));
+        let loads = name == "SceneNoEffects.xml";
+        assert_eq!(text(&refused.stderr).contains("load average "), loads, "nothing is timed: {arguments:?}");
     }
     assert_eq!(std::fs::read_to_string(place.path().join("there.xml")).expect("it stays"), "mine");
 }

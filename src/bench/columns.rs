@@ -1,17 +1,18 @@
 //! A merged benchmark as a table with a column for each machine.
 
 use super::model::{BenchFile, BenchRow, RowError};
+use super::text::median_and_interval;
 
 /// The cells of the table, header first; all rows have the same length. A row that a machine measured twice takes two lines.
 ///
-/// Columns: effect, view, engines, and for each machine the median with its standard deviation (milliseconds) and the root mean
+/// Columns: effect, view, engines, and for each machine the median with its 95 % interval (milliseconds) and the root mean
 /// square error. Missing measurements are dashes.
 #[must_use]
 pub fn table(file: &BenchFile) -> Vec<Vec<String>> {
     let machines = file.machines.len().max(1);
     let mut header: Vec<String> = ["effect", "view", "engines"].map(str::to_owned).to_vec();
     for machine in 1..=machines {
-        header.extend([format!("({machine}) ms: median ± sd"), format!("({machine}) RMSE")]);
+        header.extend([format!("({machine}) ms: median (95 %)"), format!("({machine}) RMSE")]);
     }
     let mut table = vec![header];
     let mut rows = &file.rows[..];
@@ -49,5 +50,5 @@ fn cells_of(row: &BenchRow) -> [String; 2] {
         RowError::Against { comparison, .. } => format!("{:.2e}", comparison.rmse),
         RowError::Missing(_) => "-".to_owned(),
     };
-    [format!("{:.2} ± {:.2}", row.frame.median, row.frame.sd), error]
+    [median_and_interval(&row.frame), error]
 }

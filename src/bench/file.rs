@@ -64,6 +64,7 @@ impl BenchFile {
             environment,
             frames,
             warmup,
+            rounds: 1,
             complete: false,
             rows: Vec::new(),
             unavailable: Vec::new(),
@@ -141,8 +142,9 @@ impl BenchFile {
                 found.command, self.command
             ));
         }
-        if (self.frames, self.warmup) != (found.frames, found.warmup) {
-            return Some(format!("it has {} frames and {} of warm-up a row", found.frames, found.warmup));
+        if (self.frames, self.warmup, self.rounds) != (found.frames, found.warmup, found.rounds) {
+            let (frames, warmup, rounds) = (found.frames, found.warmup, found.rounds);
+            return Some(format!("it has {rounds} rounds of {frames} frames and {warmup} of warm-up a row"));
         }
         self.environment.differs_from(&found.environment)
     }

@@ -92,6 +92,7 @@ fn row(renderer: &Renderer, case: &Case, clocked: &[Clocked]) -> BenchRow {
     let traces = plan.passes.iter().any(|planned| plan.traced(planned).is_some());
     let frames = samples.len();
     let total: f64 = samples.iter().sum();
+    let frame = Stats::new(samples).expect("at least one frame was rendered");
     let in_rays: f64 =
         timeline.iter().filter(|row| row.kind == StepKind::Rays).flat_map(|row| row.host_ms.iter()).sum();
     BenchRow {
@@ -108,7 +109,9 @@ fn row(renderer: &Renderer, case: &Case, clocked: &[Clocked]) -> BenchRow {
         triangles: renderer.scenes().map(|scene| scene.geometry.triangles.len() as u64).sum(),
         raster: EngineName { name: engines.raster.name().to_owned(), device: engines.raster.device() },
         rays: traces.then(|| EngineName { name: engines.rays.name().to_owned(), device: engines.rays.device() }),
-        frame: Stats::new(samples).expect("at least one frame was rendered"),
+        interval: frame.interval(),
+        outliers: Some(frame.outliers()),
+        frame,
         frame_device: frame_device(timeline, frames),
         frame_processor: processor.and_then(Stats::new),
         steps: steps(true),

@@ -1,5 +1,7 @@
 //! The data of a benchmark file: rows with all their samples, and the machine.
 
+use super::interval::Interval;
+use super::outliers::Outliers;
 use crate::environment::Environment;
 use crate::pipeline::backend::{Answers, PathsSpent, RayCounts};
 use crate::pipeline::executor::{StepKind, median};
@@ -21,10 +23,13 @@ pub struct BenchFile {
     pub started_unix_s: u64,
     /// Machine and build.
     pub environment: Environment,
-    /// Frames measured of each row.
+    /// Frames measured of each row, in each round.
     pub frames: u32,
     /// Number of frames rendered before, which are not measured.
     pub warmup: u32,
+    /// Number of rounds over all rows; 1 in files from before 2026-11-27.
+    #[serde(default = "one", skip_serializing_if = "is_one")]
+    pub rounds: u32,
     /// Whether every requested row is present.
     pub complete: bool,
     /// The rows, in the order in which they were measured.
@@ -113,6 +118,12 @@ pub struct BenchRow {
     pub rays: Option<EngineName>,
     /// Host time of whole frames.
     pub frame: Stats,
+    /// 95 % confidence interval of the median of [`Self::frame`]; `None` in files from before 2026-11-27.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub interval: Option<Interval>,
+    /// Frames whose host time is far from the others'; `None` in files from before 2026-11-27.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub outliers: Option<Outliers>,
     /// Device time of whole frames; `None` if a step of the frame, other than a copy, has no device time.
     pub frame_device: Option<Stats>,
     /// Processor time of whole frames, summed over all threads; `None` if the system does not report it.
@@ -147,6 +158,15 @@ pub struct BenchRow {
     pub machine: usize,
 }
 
+fn one() -> u32 {
+    1
+}
+
+#[expect(clippy::trivially_copy_pass_by_ref, reason = "serde passes a reference")]
+fn is_one(number: &u32) -> bool {
+    *number == 1
+}
+
 #[expect(clippy::trivially_copy_pass_by_ref, reason = "serde passes a reference")]
 fn is_zero(number: &usize) -> bool {
     *number == 0
@@ -160,6 +180,10 @@ impl BenchRow {
         let rays_ms = |row: &Self| row.ray_share.map(|share| share * row.frame.mean * row.frame.n() as f64);
         let in_rays = rays_ms(self).zip(rays_ms(more));
         self.frame = self.frame.joined(&more.frame);
+        (self.interval, self.outliers) = (self.frame.interval(), Some(self.frame.outliers()));
+        if let Some(thesis) = &mut self.thesis {
+            thesis.ratio = thesis.ratio.map(|_| thesis.frame_ms / self.frame.median.max(1e-9));
+        }
         self.ray_share = in_rays.map(|(old, new)| (old + new) / (self.frame.mean * self.frame.n() as f64).max(1e-9));
         self.frame_device = both(&self.frame_device, &more.frame_device);
         self.frame_processor = both(&self.frame_processor, &more.frame_processor);
@@ -296,6 +320,18 @@ impl Stats {
     #[must_use]
     pub fn joined(&self, more: &Self) -> Self {
         Self::new([self.samples.as_slice(), &more.samples].concat()).unwrap_or_else(|| self.clone())
+    }
+
+    /// 95 % confidence interval of the median; `None` if a sample is not finite.
+    #[must_use]
+    pub fn interval(&self) -> Option<Interval> {
+        Interval::of_median(&self.samples)
+    }
+
+    /// Samples that are far from the others.
+    #[must_use]
+    pub fn outliers(&self) -> Outliers {
+        Outliers::of(&self.samples)
     }
 
     /// Number of samples.

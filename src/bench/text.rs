@@ -1,14 +1,15 @@
 //! Benchmarks as CSV and as Markdown.
 
-use super::model::{BenchFile, BenchRow, RowError, ThesisFigure};
-use crate::pipeline::backend::RayCounts;
+use super::Interval;
+use super::model::{BenchFile, BenchRow, RowError, Stats, ThesisFigure};
+use crate::pipeline::backend::{Answers, RayCounts};
 use crate::pipeline::executor::StepKind;
 use std::fmt::Write as _;
 
 /// First line of a Markdown page.
 const MARKDOWN_TITLE: &str = "# Benchmark";
 /// Columns of a CSV file.
-const CSV_HEADER: [&str; 38] = [
+const CSV_HEADER: [&str; 47] = [
     "label",
     "effect",
     "technique",
@@ -47,6 +48,15 @@ const CSV_HEADER: [&str; 38] = [
     "picture_flip",
     "picture_reference_error",
     "picture_reference",
+    "glass_pixels",
+    "glass_by_screen",
+    "glass_by_cube",
+    "glass_by_rays",
+    "glass_by_nothing",
+    "mild_outliers",
+    "severe_outliers",
+    "median_low_ms",
+    "median_high_ms",
 ];
 
 /// Whether a text begins like the output of [`csv`] or [`markdown`], so that it may be overwritten by such output.
@@ -80,6 +90,78 @@ pub fn ray_device_ms(row: &BenchRow) -> Option<f64> {
     steps.map(|step| step.device.as_ref().map(|device| device.median)).sum()
 }
 
+/// What answered the glass pixels of one frame, of all effects together; `None` if no effect marches rays through screen space.
+#[must_use]
+pub fn answers(row: &BenchRow) -> Option<Answers> {
+    row.steps.iter().filter_map(|step| step.answers).reduce(|a, b| Answers {
+        screen: a.screen + b.screen,
+        cube: a.cube + b.cube,
+        rays: a.rays + b.rays,
+        kept: a.kept + b.kept,
+    })
+}
+
+/// Shares of the glass pixels that screen space, a cube map and rays answered, and of those with a ray that nothing answered. `None`
+/// without [`answers`], or if no glass is seen.
+#[must_use]
+pub fn answered_shares(row: &BenchRow) -> Option<[f64; 4]> {
+    let found = answers(row).filter(|answers| answers.glass() > 0)?;
+    Some([found.screen, found.cube, found.rays, found.kept].map(|pixels| pixels as f64 / found.glass() as f64))
+}
+
+/// Lines about what answered the glass of the rows, one for each row that has [`answers`].
+#[must_use]
+pub fn of_answers(rows: &[BenchRow]) -> Vec<String> {
+    let line = |row: &BenchRow| Some(format!("{}, {}: {}", row.label, row.view, answers(row)?));
+    rows.iter().filter_map(line).collect()
+}
+
+/// What was rendered of each row: `5 frames a row after 1 of warm-up`.
+#[must_use]
+pub fn frames(file: &BenchFile) -> String {
+    let rounds =
+        if file.rounds == 1 { String::new() } else { format!(", in each of {} rounds over all rows", file.rounds) };
+    format!("{} frames a row after {} of warm-up{rounds}", file.frames, file.warmup)
+}
+
+/// The median of a time and the 95 % confidence interval of it, as tables print them: `12.34 (12.01 to 12.80)` in milliseconds.
+#[must_use]
+pub fn median_and_interval(stats: &Stats) -> String {
+    match stats.interval() {
+        Some(Interval { low, high }) => format!("{} ({} to {})", ms(stats.median), ms(low), ms(high)),
+        None => ms(stats.median),
+    }
+}
+
+/// Milliseconds with two decimals, from 100 with one and from 1000 without.
+fn ms(value: f64) -> String {
+    let decimals = match value {
+        value if value < 99.995 => 2,
+        value if value < 999.95 => 1,
+        _ => 0,
+    };
+    format!("{value:.decimals$}")
+}
+
+/// A sentence about the frames whose times are severe [outliers](super::Outliers), with the row that has the largest share of
+/// them; `None` if there are none.
+#[must_use]
+pub fn of_outliers<'r>(rows: impl IntoIterator<Item = &'r BenchRow>) -> Option<String> {
+    let (mut severe, mut frames) = (0, 0);
+    let mut worst: Option<(&BenchRow, usize)> = None;
+    for row in rows {
+        let of_row = row.frame.outliers().severe;
+        (severe, frames) = (severe + of_row, frames + row.frame.n());
+        // Shares are compared by cross-multiplication.
+        if worst.is_none_or(|(worst, most)| of_row * worst.frame.n() > most * row.frame.n()) {
+            worst = Some((row, of_row));
+        }
+    }
+    let (row, most) = worst.filter(|(_, most)| *most > 0)?;
+    let n = row.frame.n();
+    Some(format!("severe outliers: {severe} of {frames} frames; most in {}, {}: {most} of {n}", row.label, row.view))
+}
+
 /// A CSV file with one line a row. Unknown values are empty fields; times are in milliseconds.
 #[must_use]
 pub fn csv(file: &BenchFile) -> String {
@@ -105,6 +187,9 @@ fn fields(row: &BenchRow) -> Vec<String> {
     let picture = row.picture_error.as_ref().and_then(RowError::found);
     let technique = serde_json::to_value(row.technique).ok().and_then(|name| name.as_str().map(str::to_owned));
     let thesis = row.thesis.as_ref();
+    let interval = row.frame.interval();
+    let glass = answered_shares(row).map_or(Default::default(), |shares| shares.map(|share| share.to_string()));
+    let [by_screen, by_cube, by_rays, by_nothing]: [String; 4] = glass;
     vec![
         row.label.clone(),
         row.effect.clone(),
@@ -148,6 +233,15 @@ fn fields(row: &BenchRow) -> Vec<String> {
             Some(RowError::Missing(why)) => format!("missing: {why}"),
             None => String::new(),
         },
+        known(answers(row).map(Answers::glass)),
+        by_screen,
+        by_cube,
+        by_rays,
+        by_nothing,
+        row.frame.outliers().mild.to_string(),
+        row.frame.outliers().severe.to_string(),
+        known(interval.map(|interval| interval.low)),
+        known(interval.map(|interval| interval.high)),
     ]
 }
 
@@ -226,7 +320,7 @@ pub fn markdown(file: &BenchFile) -> String {
     let _ = writeln!(text, "{MARKDOWN_TITLE}\n\n`{}`\n", file.command);
     let _ = writeln!(
         text,
-        "{}, {} threads, {}; curitiba {} ({}), {} build, {}. {} frames a row after {} of warm-up.",
+        "{}, {} threads, {}; curitiba {} ({}), {} build, {}. {}.",
         machine.cpu,
         machine.threads,
         machine.platform,
@@ -234,8 +328,7 @@ pub fn markdown(file: &BenchFile) -> String {
         machine.commit,
         machine.profile,
         machine.flags,
-        file.frames,
-        file.warmup
+        frames(file)
     );
     for (gpu, driver) in machine.gpu.iter().zip(&machine.driver) {
         let _ = writeln!(text, "Graphics device: {gpu}, {driver}.");
@@ -247,12 +340,21 @@ pub fn markdown(file: &BenchFile) -> String {
         let _ = writeln!(text, "\n**Not complete.**");
     }
     let references = references(&file.rows);
-    text += "\n| effect | view | engines | ms (median ± σ) | min … max | n | % in rays | rays on device, ms | Mrays/s | MiB held | RMSE | FLIP | against | \
-             picture RMSE | picture FLIP | report | ratio |\n|---|---|---|---:|---:|---:|---:|---:|---:|---:|---:|---:|---:|---:|---:|---:|---:|\n";
+    let has_answers = file.rows.iter().any(|row| answers(row).is_some());
+    let [title, line] = if has_answers { [" glass answered by |", "---|"] } else { ["", ""] };
+    let _ = writeln!(
+        text,
+        "\n| effect | view | engines | ms (median, 95 % of it) | min … max | n | outliers (mild + severe) | % in rays | rays on device, ms | Mrays/s | MiB held | RMSE | FLIP | against | \
+         picture RMSE | picture FLIP | report | ratio |{title}\n|---|---|---|---:|---:|---:|---:|---:|---:|---:|---:|---:|---:|---:|---:|---:|---:|---:|{line}"
+    );
     for row in &file.rows {
         let against = references.iter().position(|name| *name == reference(row)).map_or(0, |index| index + 1);
         let (cells, picture) = (cells(row).join(" | "), picture_cells(row).join(" | "));
-        let _ = writeln!(text, "| {cells} | [{against}] | {picture} | {} |", thesis_cells(row.thesis.as_ref()));
+        let _ = write!(text, "| {cells} | [{against}] | {picture} | {} |", thesis_cells(row.thesis.as_ref()));
+        if has_answers {
+            let _ = write!(text, " {} |", answers(row).map_or("-".to_owned(), |answers| answers.to_string()));
+        }
+        text.push('\n');
     }
     text += "\nErrors are of the window's picture, in linear values, against:\n\n";
     for (index, name) in references.iter().enumerate() {
@@ -288,9 +390,10 @@ fn cells(row: &BenchRow) -> Vec<String> {
         row.label.clone(),
         row.view.clone(),
         engines,
-        format!("{:.2} ± {:.2}", row.frame.median, row.frame.sd),
+        median_and_interval(&row.frame),
         format!("{:.2} … {:.2}", row.frame.min, row.frame.max),
         row.frame.n().to_string(),
+        format!("{} + {}", row.frame.outliers().mild, row.frame.outliers().severe),
         row.ray_share.map_or("-".to_owned(), |share| format!("{:.1}", share * 100.0)),
         ray_device_ms(row).map_or("-".to_owned(), |ms| format!("{ms:.2}")),
         mrays_per_second(row).map_or("-".to_owned(), |speed| format!("{speed:.1}")),
@@ -343,7 +446,17 @@ pub(crate) fn spent(row: &BenchRow) -> impl Iterator<Item = String> {
 
 #[cfg(test)]
 mod tests {
-    use super::quoted;
+    use super::*;
+
+    #[test]
+    fn times_have_fewer_decimals_as_they_grow_so_that_they_fit_their_column() {
+        let written = [0.004, 9.999, 99.99, 99.996, 999.94, 999.96, 123_456.7].map(ms);
+        assert_eq!(written, ["0.00", "10.00", "99.99", "100.0", "999.9", "1000", "123457"]);
+        let stats = |samples: &[f64]| Stats::new(samples.to_vec()).expect("samples");
+        assert_eq!(median_and_interval(&stats(&[2.0; 5])), "2.00 (2.00 to 2.00)");
+        assert_eq!(median_and_interval(&stats(&[2.0, f64::INFINITY, 3.0])), "3.00", "no interval");
+        assert!(median_and_interval(&stats(&[98_000.0, 99_999.0])).chars().count() <= 22);
+    }
 
     #[test]
     fn fields_with_commas_and_quotes_are_quoted() {

@@ -5,9 +5,10 @@ use super::bench_begin::{begin, check_folder_of_references, choices, references_
 use super::bench_jobs::{Job, jobs};
 use super::bench_rows::{Missing, Rows};
 use super::bench_table::Table;
-use super::{Failure, bench_parts, bench_threads, set_threads, tell_fastest};
+use super::{Failure, bench_parts, bench_threads, load, set_threads, tell_fastest};
 use curitiba::bench::model::BenchFile;
 use curitiba::bench::{FileError, text};
+use curitiba::environment::Environment;
 use curitiba::pipeline::files::{self, check_outputs, write_atomically};
 use std::io::{ErrorKind, Read as _};
 use std::path::Path;
@@ -51,6 +52,7 @@ pub fn run(args: &BenchArgs) -> Result<(), Failure> {
     let choices = choices(args, args.choice(), &mut file);
     let jobs = jobs(args, &choices)?;
     write(args, &file)?;
+    load::tell(&Environment::here());
     let failure = measure_all(args, &jobs, &mut file)?;
     file.complete = failure.is_none();
     write(args, &file)?;
@@ -80,29 +82,34 @@ fn check_ours(path: &Path) -> Result<(), Failure> {
     }
 }
 
-/// Measures the rows that the file lacks. Returns the first failure of a row; the other rows are still measured.
+/// Measures the rows and rounds that the file lacks. Returns the first failure of a row; the other rows are still measured.
 fn measure_all(args: &BenchArgs, jobs: &[Job], file: &mut BenchFile) -> Result<Option<Failure>, Failure> {
     let mut rows = Rows::new(args, references_folder(args));
-    let mut table = Table::new(jobs.iter().map(|job| job.case.label.as_str()), file);
+    let mut table = Table::new(jobs.iter().map(|job| [job.case.label.as_str(), &job.case.view]), file);
     let mut first_failure = None;
-    for (index, job) in jobs.iter().enumerate() {
-        if let Some(row) = file.row(&job.case.key) {
-            table.print(row);
-            continue;
-        }
-        match rows.measure(job, (index, jobs.len())) {
-            Ok(row) => {
-                table.print(&row);
-                file.rows.push(row);
-            }
-            Err(Missing { what, failure }) => {
+    for round in 1..=file.rounds {
+        for (index, job) in jobs.iter().enumerate() {
+            let place = (index, jobs.len());
+            let known = file.rows.iter_mut().find(|row| row.key == job.case.key);
+            let measured = match known {
+                None if round == 1 => rows.measure(job, place).map(|row| file.rows.push(row)),
+                Some(row) if row.frame.n() < (round * file.frames) as usize => {
+                    rows.again(job, place, round).map(|more| row.add(&more))
+                }
+                // It is there already, or failed in the first round.
+                Some(_) | None => Ok(()),
+            };
+            if let Err(Missing { what, failure }) = measured {
                 file.unavailable.push(what);
                 if let Some(failure) = failure {
                     first_failure.get_or_insert(failure);
                 }
             }
+            if let Some(row) = file.row(&job.case.key).filter(|_| round == file.rounds) {
+                table.print(row);
+            }
+            write(args, file)?;
         }
-        write(args, file)?;
     }
     table.end(file);
     Ok(first_failure)

@@ -49,10 +49,10 @@ pub struct BenchArgs {
     #[arg(long, value_name = "N,N,…", value_delimiter = ',', value_parser = clap::value_parser!(u16).range(1..=1024),
           conflicts_with_all = ["table2", "sweep", "compare", "csv", "resume", "threads"])]
     pub sweep_threads: Vec<u16>,
-    /// How often --sweep-threads opens each project with each number of threads
-    #[arg(long, value_name = "N", default_value_t = 3, requires = "sweep_threads",
-          value_parser = clap::value_parser!(u32).range(1..=1000))]
-    pub rounds: u32,
+    /// Rounds over all rows, or with --sweep-threads over all numbers of threads: each opens every project again and measures --frames of
+    /// it, in turns, so that a while in which the machine is slow falls on all of them alike [default: 1, with --sweep-threads 3]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=1000), conflicts_with_all = ["parts", "list"])]
+    pub rounds: Option<u32>,
     /// Folder for an SVG of the curves of each project and camera, with --sweep-threads
     #[arg(long, value_name = "DIR", value_hint = ValueHint::DirPath, requires = "sweep_threads")]
     pub plots: Option<PathBuf>,
@@ -200,6 +200,11 @@ impl BenchArgs {
         self.project(PathBuf::new(), None).choice()
     }
 
+    /// Number of rounds over all that is measured.
+    pub fn rounds(&self) -> u32 {
+        self.rounds.unwrap_or(if self.sweep_threads.is_empty() { 1 } else { 3 })
+    }
+
     /// A canonical form of the command, with defaults, of everything that affects the rows: equal commands give equal rows. Output
     /// files are not part of it.
     pub fn command(&self) -> String {
@@ -251,7 +256,9 @@ impl BenchArgs {
         if !self.sweep_threads.is_empty() {
             let threads: Vec<String> = self.sweep_threads.iter().map(u16::to_string).collect();
             words.extend(named("sweep-threads", threads.join(",")));
-            words.extend(named("rounds", self.rounds.to_string()));
+        }
+        if !self.sweep_threads.is_empty() || self.rounds() > 1 {
+            words.extend(named("rounds", self.rounds().to_string()));
         }
         words.extend(self.sweep.iter().flat_map(|sweep| named("sweep", sweep.clone())));
         words.extend(named("fidelity", value(name_of(self.fidelity))));

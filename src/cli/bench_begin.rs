@@ -16,7 +16,7 @@ use std::path::PathBuf;
 pub(super) fn begin(args: &BenchArgs) -> BenchFile {
     let environment = Environment::probe(if args.compare.is_empty() { args.choice() } else { Choice::CPU });
     let environment = Environment { host: args.host.clone(), ..environment };
-    BenchFile::begin(args.command(), environment, args.frames, args.warmup)
+    BenchFile { rounds: args.rounds(), ..BenchFile::begin(args.command(), environment, args.frames, args.warmup) }
 }
 
 /// Checks before the work whether references can be stored.

@@ -5,7 +5,7 @@ use super::bench_begin::{begin, check_folder_of_references, choices, references_
 use super::bench_jobs::{Job, all_choices, jobs};
 use super::bench_rows::{Missing, Rows};
 use super::bench_table::Table;
-use super::{Failure, failure};
+use super::{Failure, failure, load};
 use curitiba::Choice;
 use curitiba::bench::model::{BenchFile, Unavailable};
 use curitiba::bench::part::{PartError, Parts, RowList};
@@ -58,8 +58,8 @@ pub(super) fn run(args: &BenchArgs, folder: &Path) -> Result<(), Failure> {
     let mine: Vec<usize> = (0..jobs.len()).filter(|index| shard.has(*index)).collect();
     let found = mine.iter().map(|index| parts.find(*index)).collect::<Result<Vec<_>, _>>()?;
     let mut shown = BenchFile::begin(args.command(), Environment::here(), args.frames, args.warmup);
-    let labels = mine.iter().map(|index| jobs[*index].case.label.as_str());
-    let mut table = Table::new(labels, &shown);
+    let rows = mine.iter().map(|index| [jobs[*index].case.label.as_str(), &jobs[*index].case.view]);
+    let mut table = Table::new(rows, &shown);
     let there = found.iter().flatten().count();
     crate::say!("shard {shard}: {} of {} rows, {there} of them are there", mine.len(), jobs.len());
     let mut measuring = None;
@@ -123,6 +123,7 @@ impl Measuring {
         check_folder_of_references(args)?;
         let mut file = begin(args);
         let choices = choices(args, args.choice(), &mut file);
+        load::tell(&file.environment);
         Ok(Self { file, choices, rows: Rows::new(args, references_folder(args)) })
     }
 

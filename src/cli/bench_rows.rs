@@ -7,7 +7,7 @@ use super::{Failure, failure};
 use curitiba::OpenError;
 use curitiba::bench::inputs::picture_hash;
 use curitiba::bench::model::{BenchRow, Inputs, RowError, Unavailable};
-use curitiba::bench::{MeasureOptions, measure};
+use curitiba::bench::{MeasureOptions, Measured, measure};
 use curitiba::pipeline::backend::BackendError;
 use curitiba::pipeline::diagnostic::WarningGroup;
 use curitiba::pipeline::executor::RenderError;
@@ -19,6 +19,7 @@ use std::time::{Duration, Instant};
 /// Measures rows, and compares their pictures with references.
 pub(super) struct Rows {
     options: MeasureOptions,
+    rounds: u32,
     /// `None` if no errors are wanted.
     references: Option<References>,
     warned: BTreeSet<String>,
@@ -39,25 +40,18 @@ impl Rows {
         let references = References::new(folder, Duration::from_secs(args.reference_seconds.into()));
         Self {
             options: MeasureOptions { frames: args.frames, warmup: args.warmup },
+            rounds: args.rounds(),
             references: (!args.no_error).then(|| references.with_samples(args.reference_samples)),
             warned: BTreeSet::new(),
             start: Instant::now(),
         }
     }
 
-    /// Measures a row; `place` is its index and the number of rows. Reports progress on the error stream.
-    pub fn measure(&mut self, job: &Job, (index, of): (usize, usize)) -> Result<BenchRow, Missing> {
+    /// Measures a row and its errors; `place` is its index and the number of rows. Reports progress on the error stream.
+    pub fn measure(&mut self, job: &Job, place: (usize, usize)) -> Result<BenchRow, Missing> {
         let case = &job.case;
-        let spent = self.start.elapsed().as_secs_f64();
-        crate::tell!("row {} of {of}: {}, {} ({spent:.0} s so far)", index + 1, case.label, case.view);
+        let measured = self.times(job, place, 1)?;
         let mut bars = Bars::default();
-        let measured = match measure(case, &self.options, &mut bars) {
-            Ok(measured) => measured,
-            Err(error) => {
-                drop(bars);
-                return Err(missing(job, error));
-            }
-        };
         for text in measured.renderer.warnings().groups().iter().map(WarningGroup::to_string) {
             if self.warned.insert(text.clone()) {
                 failure::print_warning(&text);
@@ -87,6 +81,25 @@ impl Rows {
         let warnings = self.references.as_mut().map(References::take_warnings).unwrap_or_default();
         warnings.iter().for_each(|warning| failure::print_warning(warning));
         Ok(row)
+    }
+
+    /// Measures the times of a row in a later round.
+    pub fn again(&mut self, job: &Job, place: (usize, usize), round: u32) -> Result<BenchRow, Missing> {
+        self.times(job, place, round).map(|measured| measured.row).map_err(|mut missing| {
+            missing.what.what += &format!(", round {round}");
+            missing
+        })
+    }
+
+    fn times(&self, job: &Job, (index, of): (usize, usize), round: u32) -> Result<Measured, Missing> {
+        let case = &job.case;
+        let spent = self.start.elapsed().as_secs_f64();
+        let round = if self.rounds > 1 { format!("round {round} of {}, ", self.rounds) } else { String::new() };
+        crate::tell!("{round}row {} of {of}: {}, {} ({spent:.0} s so far)", index + 1, case.label, case.view);
+        let mut bars = Bars::default();
+        let measured = measure(case, &self.options, &mut bars);
+        drop(bars);
+        measured.map_err(|error| missing(job, error))
     }
 }
 

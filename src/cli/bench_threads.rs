@@ -2,7 +2,7 @@
 
 use super::bench_args::BenchArgs;
 use super::progress::Bars;
-use super::{Failure, table};
+use super::{Failure, load, table};
 use anstyle::Style;
 use curitiba::bench::threads::{SweepError, SweepOptions, ThreadsCase, ThreadsFile, sweep, text};
 use curitiba::bench::{Case, MeasureOptions};
@@ -39,15 +39,16 @@ pub fn run(args: &BenchArgs) -> Result<(), Failure> {
         create_folder(folder).map_err(|error| wrong(folder, &error))?;
     }
     let frames = MeasureOptions { frames: args.frames, warmup: args.warmup };
-    let options = SweepOptions { threads, rounds: args.rounds, frames };
+    let options = SweepOptions { threads, rounds: args.rounds(), frames };
     let environment = Environment::here();
-    let mut file = ThreadsFile::begin(args.command(), environment, args.rounds, args.frames, args.warmup);
+    load::tell(&environment);
+    let mut file = ThreadsFile::begin(args.command(), environment, args.rounds(), args.frames, args.warmup);
     introduce(&file);
     let mut plots: Vec<PathBuf> = Vec::new();
     for case in &cases {
         let told = |round: u32, threads: usize| {
             let (label, view) = (&case.label, &case.view);
-            crate::tell!("{label}, {view}: round {round} of {}, {threads} threads", args.rounds);
+            crate::tell!("{label}, {view}: round {round} of {}, {threads} threads", args.rounds());
         };
         let measured = sweep(case, &options, || Box::new(Bars::default()), told)?;
         print(&measured);

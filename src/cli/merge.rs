@@ -81,7 +81,7 @@ fn check_ours(path: &Path) -> Result<(), Failure> {
 /// Prints a single machine as `bench` does, and several side by side.
 fn print(file: &BenchFile) {
     if let [_] = file.machines[..] {
-        let mut table = Table::new(file.rows.iter().map(|row| row.label.as_str()), file);
+        let mut table = Table::new(file.rows.iter().map(|row| [row.label.as_str(), &row.view]), file);
         file.rows.iter().for_each(|row| table.print(row));
         table.end(file);
         return;

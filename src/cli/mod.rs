@@ -16,6 +16,7 @@ mod display;
 mod failure;
 mod inspect;
 pub mod list;
+mod load;
 pub mod man;
 pub mod merge;
 pub mod plan;

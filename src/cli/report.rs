@@ -2,8 +2,10 @@
 
 use super::args::ReportArgs;
 use super::progress::Bars;
-use super::{Failure, check_references, set_threads, tell_fastest};
+use super::{Failure, check_references, load, set_threads, tell_fastest};
 use curitiba::args::quoted;
+use curitiba::bench::text;
+use curitiba::environment::Environment;
 use curitiba::pipeline::files::{TemporaryFolder, create_folder};
 use curitiba::pipeline::project::{self, names_scenes};
 use curitiba::reference::References;
@@ -37,6 +39,7 @@ pub fn run(args: &ReportArgs) -> Result<(), Failure> {
         // The generated square is a different scene.
         wanted.triangles.clear();
     }
+    load::tell(&Environment::here());
     let raster = args.raster.choice();
     let choice = args.backend.chosen(Choice { raster, gpus: args.gpus, adapter: args.adapter, ..Choice::default() });
     tell_fastest(choice);
@@ -58,6 +61,9 @@ pub fn run(args: &ReportArgs) -> Result<(), Failure> {
         _ => Failure::work(error),
     })?;
     for sentence in summary::in_short(&data) {
+        crate::say!("{sentence}");
+    }
+    if let Some(sentence) = text::of_outliers(&data.bench.rows) {
         crate::say!("{sentence}");
     }
     let missing = data.bench.unavailable.len();

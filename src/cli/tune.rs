@@ -2,8 +2,11 @@
 
 use super::progress::Bars;
 use super::tune_args::TuneArgs;
-use super::{Failure, check_references, failure, set_threads, tell_fastest};
-use curitiba::bench::{Interval, MeasureOptions};
+use super::{Failure, check_references, failure, load, set_threads, tell_fastest};
+use curitiba::bench::MeasureOptions;
+use curitiba::bench::model::Stats;
+use curitiba::bench::text::median_and_interval;
+use curitiba::environment::Environment;
 use curitiba::pipeline::files::{OutputError, TemporaryFolder};
 use curitiba::reference::References;
 use curitiba::tune::{self, Bench, Found, Goal, Slot, Trial, label, machine::Request};
@@ -21,6 +24,7 @@ pub fn run(args: &TuneArgs) -> Result<(), Failure> {
     check_output(&args.output)?;
     let references = References::default_folder();
     check_references(&references, "the variable CURITIBA_CACHE names another folder")?;
+    load::tell(&Environment::here());
     let references = References::new(references, Duration::from_secs(args.reference_seconds.into()));
     // Beside the output: a folder for all files, given with --confine, contains that place.
     let folder = TemporaryFolder::new(args.output.parent().unwrap_or(Path::new(""))).map_err(Failure::work)?;
@@ -111,8 +115,7 @@ fn check_output(path: &Path) -> Result<(), Failure> {
 }
 
 fn times(trial: &Trial) -> String {
-    let Interval { low, high } = trial.interval();
-    format!("{:.2} ({low:.2} to {high:.2})", trial.median())
+    Stats::new(trial.frames_ms.clone()).map_or_else(|| "-".to_owned(), |stats| median_and_interval(&stats))
 }
 
 /// Description of the goal.

@@ -12,8 +12,8 @@ pub fn of_terminal() -> Option<usize> {
 }
 
 /// A line of a table, cut at words so that each part is at most `width` columns wide, if there is room for that; the last column goes on below
-/// itself. A column begins behind two spaces. Lines without columns are left to the terminal: what is copied from there, such as commands, stays
-/// whole.
+/// itself. A column begins behind two spaces; where the first columns are empty, behind at least [`EMPTY`]. Lines without columns are left to the
+/// terminal: what is copied from there, such as commands, stays whole.
 pub fn wrapped(line: &str, width: usize) -> Vec<String> {
     // The least width of a last column.
     const LEAST: usize = 18;
@@ -23,38 +23,54 @@ pub fn wrapped(line: &str, width: usize) -> Vec<String> {
     }
     let begins = |at: &usize| {
         let gap = characters[at - 2..*at].iter().all(|character| *character == ' ');
-        gap && characters[*at] != ' ' && characters[..*at].iter().any(|character| *character != ' ')
+        let behind_a_column = || *at >= EMPTY || characters[..*at].iter().any(|character| *character != ' ');
+        gap && characters[*at] != ' ' && behind_a_column()
     };
     let room = |at: &usize| at + LEAST <= width;
     let Some(indent) = (2..characters.len()).filter(begins).take_while(room).last() else {
         return vec![line.to_owned()];
     };
-    let text: String = characters[indent..].iter().collect();
-    let mut lines = vec![characters[..indent].iter().collect::<String>()];
-    let mut used = indent;
+    let [first, text] = [&characters[..indent], &characters[indent..]].map(|part| part.iter().collect::<String>());
+    filled(first, &text, indent, width)
+}
+
+/// The least number of spaces at the beginning of a line that stands for empty columns.
+const EMPTY: usize = 8;
+
+/// Prose, cut at words so that each line is at most `width` columns wide; all lines but the first are indented by two spaces. `None` is no
+/// terminal, and leaves it whole.
+pub fn folded(text: &str, width: Option<usize>) -> Vec<String> {
+    match width {
+        Some(width) if text.chars().count() > width => filled(String::new(), text, 2, width),
+        _ => vec![text.to_owned()],
+    }
+}
+
+/// `first`, and the words of `text` behind it in lines of at most `width` columns, indented from the second on. A longer word stands alone.
+fn filled(first: String, text: &str, indent: usize, width: usize) -> Vec<String> {
+    let mut used = first.chars().count();
+    let mut lines = vec![first];
+    let mut is_first_word = true;
     for word in text.split(' ') {
         let length = word.chars().count();
-        let Some(last) = lines.last_mut() else { continue };
-        match used {
-            used if used == indent => last.push_str(word),
-            used if used + 1 + length <= width => {
-                last.push(' ');
-                last.push_str(word);
-            }
-            _ => {
-                lines.push(" ".repeat(indent) + word);
-                used = indent + length;
-                continue;
-            }
+        if !is_first_word && used + 1 + length > width {
+            lines.push(" ".repeat(indent));
+            (used, is_first_word) = (indent, true);
         }
-        used += length + usize::from(used > indent);
+        let Some(line) = lines.last_mut() else { continue };
+        if !is_first_word {
+            line.push(' ');
+            used += 1;
+        }
+        line.push_str(word);
+        (used, is_first_word) = (used + length, false);
     }
     lines
 }
 
 #[cfg(test)]
 mod tests {
-    use super::wrapped;
+    use super::{folded, wrapped};
 
     #[test]
     fn the_last_column_goes_on_below_itself_in_whole_words() {
@@ -74,6 +90,25 @@ mod tests {
         assert_eq!(wrapped(line, 200), [line]);
         // Letters are counted, not bytes.
         assert_eq!(wrapped("a  ééé ééé", 10), ["a  ééé ééé"]);
+    }
+
+    #[test]
+    fn a_line_whose_first_columns_are_empty_goes_on_below_its_text() {
+        let line = format!("{}read by reflection, refraction, final, albedo", " ".repeat(20));
+        let found = wrapped(&line, 50);
+        let expected = ["read by reflection,", "refraction, final, albedo"].map(|text| " ".repeat(20) + text);
+        assert_eq!(found, expected);
+        let near = format!("{}read by reflection, refraction, final, albedo", " ".repeat(7));
+        assert_eq!(wrapped(&near, 50), [near], "seven spaces are no column");
+    }
+
+    #[test]
+    fn prose_is_folded_for_a_terminal_alone() {
+        let text = "one two three four";
+        assert_eq!(folded(text, Some(9)), ["one two", "  three", "  four"]);
+        assert_eq!(folded(text, Some(18)), [text]);
+        assert_eq!(folded(text, None), [text]);
+        assert_eq!(folded("a wordthatislong b", Some(6)), ["a", "  wordthatislong", "  b"], "one word is not cut");
     }
 
     #[test]

@@ -123,6 +123,7 @@ impl<'a> Collector<'a> {
                 environment: Environment::probe(request.choice),
                 frames: wanted.frames().0,
                 warmup: 1,
+                rounds: plan::ROUNDS,
                 complete: false,
                 rows: Vec::new(),
                 unavailable: Vec::new(),

@@ -1,5 +1,7 @@
 //! The page and its summary from invented numbers: nothing is rendered.
 
+mod columns;
+
 use super::model::{
     Against, Effect, FlipMap, PassGraph, Picture, ReportData, Scaling, ScalingSeries, SceneFacts, Section, Setting,
     WITHIN, Without,
@@ -77,6 +79,8 @@ fn row(key: &str, effect: &str, technique: Technique, ms: f64, error: RowError) 
         raster: engine.clone(),
         rays: (technique == Technique::Rays).then_some(engine),
         frame: stats(ms),
+        interval: None,
+        outliers: None,
         frame_device: None,
         frame_processor: None,
         steps,
@@ -160,6 +164,7 @@ fn report(base_ms: f64, rays: (f64, RowError), raster: (f64, RowError)) -> Repor
             environment: Environment::here(),
             frames: 3,
             warmup: 1,
+            rounds: 3,
             complete: true,
             rows,
             unavailable: vec![Unavailable { what: "wgpu".to_owned(), why: "no adapter & no driver".to_owned() }],
@@ -519,6 +524,7 @@ fn samples_and_threads_are_told_by_the_line_and_not_by_the_row() {
     assert!(plots::scaling_plot(&data, scaling).is_some_and(|plot| plot.inline.contains("depths read")));
     let html = page::build(&data).html;
     assert!(html.contains("Against samples") && html.contains("plots/scaling-samples.svg"));
+    assert!(html.contains("Against lights there is no curve: a pass is lit by one directional light"));
     assert_well_formed(&html);
 }
 

@@ -178,9 +178,8 @@ fn words(value: &serde_json::Value) -> String {
 /// A caution where other programs ran beside the measurements.
 fn busy(data: &ReportData) -> Markup {
     let environment = &data.bench.environment;
-    let others = environment.load_average.filter(|load| *load > environment.threads as f64 * 0.5);
     html! {
-        @if let Some(load) = others {
+        @if let Some(load) = environment.busy() {
             p.note {
                 strong { "Other programs were at work: " }
                 "the load average was " (significant(load)) " on " (environment.threads)
@@ -369,7 +368,8 @@ fn scaling(data: &ReportData, plots: &mut Plots) -> Markup {
                 (table::scaling(data, scaling))
             }
             p.note {
-                "Against lights nothing is measured: a pass has one, and two lights are two passes."
+                "Against lights there is no curve: a pass is lit by one directional light, the first that its project names for it, and a "
+                "warning says that the others do not shine."
             }
         }
     }
@@ -408,6 +408,10 @@ fn method(data: &ReportData) -> Markup {
                 "ten samples are too narrow). Two settings are told apart where the whole interval of their ratio is beyond 1.1. "
                 "The advice is the cheapest setting whose error is at most " (error(data.within)) ", and at most half of that of a "
                 "frame without the effect; " code { "--within" } " allows another."
+            }
+            p {
+                "Outlying frames are counted by Tukey’s fences: severe ones are more than 3 interquartile ranges beyond the quartiles of "
+                "their row, mild ones more than 1.5. Other programs at work make them; medians and intervals hardly notice them."
             }
             p {
                 "Errors compare the picture of a row with a reference of its own effect, view and size. RMSE, relative MSE and the "

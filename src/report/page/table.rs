@@ -3,7 +3,7 @@
 use super::tag;
 use crate::bench::Interval;
 use crate::bench::model::{BenchRow, RowError, Stats};
-use crate::bench::text::{of_pictures, ray_device_ms, spent};
+use crate::bench::text::{answered_shares, of_pictures, ray_device_ms, spent};
 use crate::pipeline::metrics::Comparison;
 use crate::report::model::{Against, ReportData, Scaling};
 use crate::report::number::{bytes, error, grouped, significant};
@@ -27,6 +27,10 @@ pub fn rows(data: &ReportData, rows: &[&BenchRow], caption: &str) -> Markup {
     if on_device {
         columns.push("on GPU, ms");
     }
+    let answered = rows.iter().any(|row| answered_shares(row).is_some());
+    if answered {
+        columns.extend(GLASS);
+    }
     columns.extend(["95 %", "min", "max", "n"]);
     if processor {
         columns.push("processor");
@@ -34,6 +38,7 @@ pub fn rows(data: &ReportData, rows: &[&BenchRow], caption: &str) -> Markup {
     if device {
         columns.push("device");
     }
+    columns.extend(OUTLIERS);
     columns.extend(["rel. MSE", "PSNR, dB", "energy", "outliers", "Memory"]);
     if thesis {
         columns.extend(["ms", "ratio"]);
@@ -50,7 +55,9 @@ pub fn rows(data: &ReportData, rows: &[&BenchRow], caption: &str) -> Markup {
                         th scope="colgroup" colspan="4" { "Error of the effect" }
                         @if pictures { th scope="colgroup" colspan="2" { "Error of the picture" } }
                         @if rays { th scope="colgroup" colspan=(3 + usize::from(on_device)) { "Rays of a frame" } }
+                        @if answered { th.extra scope="colgroup" colspan=(GLASS.len()) { "Glass pixels answered" } }
                         th scope="colgroup" colspan=(4 + usize::from(processor) + usize::from(device)) { "Time of a frame, ms" }
+                        th.extra scope="colgroup" colspan="2" { "Outlying frames" }
                         th.extra scope="colgroup" colspan="4" { "More errors" }
                         th {}
                         @if thesis { th scope="colgroup" colspan="2" { "2014" } }
@@ -58,7 +65,8 @@ pub fn rows(data: &ReportData, rows: &[&BenchRow], caption: &str) -> Markup {
                     tr {
                         @for (index, column) in columns.iter().enumerate() {
                             @let text = matches!(*column, "Row" | "By" | "View");
-                            th.text[text].extra[EXTRA.contains(column)] scope="col" data-column=(index) { (column) }
+                            @let extra = [&EXTRA[..], &GLASS, &OUTLIERS].iter().any(|extra| extra.contains(column));
+                            th.text[text].extra[extra] scope="col" data-column=(index) { (column) }
                         }
                     }
                 }
@@ -74,9 +82,11 @@ pub fn rows(data: &ReportData, rows: &[&BenchRow], caption: &str) -> Markup {
                             @if pictures { (picture_errors(row)) }
                             @if rays { (traced(row)) }
                             @if on_device { (number(ray_device_ms(row), significant)) }
+                            @if answered { (glass(row)) }
                             (spread(&row.frame))
                             @if processor { (number(row.frame_processor.as_ref().map(|stats| stats.median), significant)) }
                             @if device { (number(row.frame_device.as_ref().map(|stats| stats.median), significant)) }
+                            (outliers(&row.frame))
                             (more_errors(row))
                             (extra(row.peak_memory_bytes.map(|held| held as f64), |held| bytes(held as u64)))
                             @if thesis {
@@ -152,7 +162,19 @@ fn number(value: Option<f64>, print: impl Fn(f64) -> String) -> Markup {
 /// Columns that paper has no room for.
 const EXTRA: [&str; 5] = ["rel. MSE", "PSNR, dB", "energy", "outliers", "Memory"];
 
-/// [`number`] in one of the columns of [`EXTRA`].
+/// Columns of the shares of glass pixels, of effects that march rays through the picture; paper has no room for them either.
+const GLASS: [&str; 4] = ["by screen", "by cube", "by rays", "by nothing"];
+
+fn glass(row: &BenchRow) -> Markup {
+    let shares = answered_shares(row);
+    html! {
+        @for index in 0..GLASS.len() {
+            (extra(shares.map(|shares| shares[index]), |share| format!("{:.1} %", share * 100.0)))
+        }
+    }
+}
+
+/// [`number`] in a column that paper has no room for.
 fn extra(value: Option<f64>, print: impl Fn(f64) -> String) -> Markup {
     html! {
         @match value {
@@ -178,6 +200,16 @@ fn spread(stats: &Stats) -> Markup {
         (number(Some(stats.min), significant))
         (number(Some(stats.max), significant))
         (number(Some(stats.n() as f64), |n| format!("{n:.0}")))
+    }
+}
+
+/// Columns of [`outliers`].
+const OUTLIERS: [&str; 2] = ["mild", "severe"];
+
+fn outliers(stats: &Stats) -> Markup {
+    let found = stats.outliers();
+    html! {
+        @for count in [found.mild, found.severe] { (extra(Some(count as f64), |count| format!("{count:.0}"))) }
     }
 }
 
@@ -282,6 +314,9 @@ pub fn scaling(data: &ReportData, scaling: &Scaling) -> Markup {
                             th scope="col" data-column="7" { "max" }
                             th scope="col" data-column="8" { "n" }
                             th scope="col" data-column="9" { "processor" }
+                            @for (index, kind) in OUTLIERS.iter().enumerate() {
+                                th.extra scope="col" data-column=(10 + index) { (kind) " outliers" }
+                            }
                         }
                     }
                     tbody {
@@ -295,6 +330,7 @@ pub fn scaling(data: &ReportData, scaling: &Scaling) -> Markup {
                                     td data-v=(pixels) { (row.size[0]) " × " (row.size[1]) }
                                     (times(&row.frame))
                                     (number(row.frame_processor.as_ref().map(|stats| stats.median), significant))
+                                    (outliers(&row.frame))
                                 }
                             }
                         }
