@@ -3,6 +3,7 @@
 use super::collector::{Collector, ReportError, Request};
 use super::folder::Folder;
 use super::model::ReportData;
+use super::plan::Stage;
 use super::{Told, plan, scale};
 use crate::pipeline::executor::Observer;
 
@@ -19,9 +20,11 @@ pub fn collect(
     let mut collector = Collector::new(request);
     collector.look_for_engines()?;
     let entries = plan::entries(&request.wanted, collector.gpu, &collector.beside);
+    let (late, entries): (Vec<_>, Vec<_>) = entries.into_iter().partition(|entry| entry.stage == Stage::OtherView);
     let sizes = plan::pixel_sizes(&request.wanted);
     let threads = plan::thread_counts(rayon::current_num_threads());
     collector.to_do = entries.len() * plan::ROUNDS as usize
+        + late.len()
         + plan::scaling_lines().len() * (sizes.len() + threads.len() + request.wanted.triangles.len());
     for entry in &entries {
         collector.entry(entry, folder, told, observer)?;
@@ -36,5 +39,8 @@ pub fn collect(
     let threads = scale::by_threads(&mut collector, &threads, told, observer);
     let triangles = scale::by_triangles(&mut collector, folder, told, observer);
     let samples = scale::by_samples(&collector);
+    for entry in &late {
+        collector.entry(entry, folder, told, observer)?;
+    }
     Ok(collector.finish(vec![triangles, pixels, samples, threads]))
 }

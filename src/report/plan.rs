@@ -57,6 +57,8 @@ pub enum Stage {
     Threads,
     /// Other scenes.
     Triangles,
+    /// Effects without glass in the view of the panes.
+    OtherView,
 }
 
 impl Stage {
@@ -70,6 +72,7 @@ impl Stage {
             Self::Pixels => 0.77,
             Self::Threads => 0.82,
             Self::Triangles => 0.96,
+            Self::OtherView => 0.98,
         }
     }
 }
@@ -181,6 +184,9 @@ pub fn entries(wanted: &Wanted, gpu: bool, beside: &[BackendChoice]) -> Vec<Entr
             ..entry
         }));
     }
+    if !wanted.quick {
+        entries.extend(in_the_other_view(&entries));
+    }
     for effect in Effect::ALL {
         entries.extend(sweep(effect, wanted.quick));
     }
@@ -239,6 +245,24 @@ fn elsewhere() -> Vec<Entry> {
         });
     }
     rows
+}
+
+/// The usual rows of the effects without glass, and of all effects together, in the view of the panes as well.
+fn in_the_other_view(entries: &[Entry]) -> Vec<Entry> {
+    let is_of_glass = |entry: &Entry| ["reflection", "refraction"].contains(&entry.effect);
+    let usual = |entry: &&Entry| {
+        let plain = matches!(entry.effect, "none" | "dummy");
+        entry.in_table && !entry.panes && !entry.on_cpu && entry.beside.is_none() && !plain && !is_of_glass(entry)
+    };
+    let seen = |entry: &Entry| Entry {
+        stage: Stage::OtherView,
+        panes: true,
+        label: format!("{}, panes", entry.label),
+        setting: None,
+        picture: None,
+        ..entry.clone()
+    };
+    entries.iter().filter(usual).map(seen).collect()
 }
 
 /// An effect by rays. `other` are samples and sampler of a row that is not the usual one.
@@ -506,92 +530,4 @@ pub fn peak_bytes(triangles: u32) -> u64 {
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-    use std::collections::HashSet;
-
-    #[test]
-    fn every_effect_is_measured_both_ways_and_shown() {
-        for quick in [false, true] {
-            let entries = entries(&Wanted::new(quick, None), false, &[BackendChoice::Cpu, BackendChoice::Optix]);
-            for effect in Effect::ALL {
-                for technique in [Technique::Rays, Technique::Raster] {
-                    let of = || entries.iter().filter(move |e| e.effect == effect.id() && e.technique == technique);
-                    assert!(of().any(|entry| entry.picture.is_some() && entry.in_table), "{effect:?} {technique:?}");
-                    let settings = of().filter(|entry| entry.setting.is_some()).count();
-                    assert!(settings > 1 || technique == Technique::Rays, "{effect:?}");
-                }
-            }
-            let distinct: HashSet<String> = entries
-                .iter()
-                .map(|e| format!("{} {} {:?} {} {:?}", e.file, e.panes, e.set, e.on_cpu, e.beside))
-                .collect();
-            assert_eq!(distinct.len(), entries.len(), "no row is measured twice");
-            assert!(entries.is_sorted_by_key(|entry| entry.stage));
-        }
-    }
-
-    #[test]
-    fn a_machine_with_a_gpu_measures_the_cpu_rasteriser_beside_it() {
-        let wanted = Wanted::new(false, None);
-        let (without, with) = (entries(&wanted, false, &[]), entries(&wanted, true, &[]));
-        assert!(without.iter().all(|entry| !entry.on_cpu));
-        let added: Vec<_> = with.iter().filter(|entry| entry.on_cpu).collect();
-        assert_eq!(added.len(), with.len() - without.len());
-        assert_eq!(added.len(), 9);
-    }
-
-    #[test]
-    fn every_usual_row_by_rays_is_measured_on_the_other_ray_backends_too() {
-        let wanted = Wanted::new(true, None);
-        let alone = entries(&wanted, false, &[]);
-        let usual = |entry: &&Entry| entry.technique == Technique::Rays && entry.in_table && !entry.is_for_the_cpu();
-        let backends = [BackendChoice::Cpu, BackendChoice::Optix];
-        let all = entries(&wanted, false, &backends);
-        for backend in backends {
-            let added: Vec<_> = all.iter().filter(|entry| entry.beside == Some(backend)).collect();
-            assert_eq!(added.len(), alone.iter().filter(usual).count());
-            assert!(added.iter().all(|entry| entry.label.ends_with(backend.name()) && entry.picture.is_none()));
-        }
-        let place = |found: &dyn Fn(&&Entry) -> bool| all.iter().position(|entry| found(&entry));
-        let first = place(&|entry| entry.beside.is_some()).expect("one is there");
-        assert!(
-            all[..first].iter().filter(usual).count() == alone.iter().filter(usual).count(),
-            "the report's come first"
-        );
-    }
-
-    #[test]
-    fn what_does_not_fit_is_refused_with_its_cost_and_what_is_left() {
-        let plan = TimePlan { total_s: 100.0, spent_s: 50.0 };
-        assert_eq!(plan.left_s(Stage::Triangles), 46.0);
-        assert!(plan.admit(Stage::Triangles, 46.0).is_ok());
-        let why = plan.admit(Stage::Triangles, 47.5).expect_err("too long");
-        assert!(why.contains("47.5 s") && why.contains("46.0 s"), "{why}");
-        let late = TimePlan { total_s: 100.0, spent_s: 99.0 };
-        assert_eq!(late.left_s(Stage::Triangles), 0.0);
-        assert!(late.admit(Stage::Effects, f64::NAN).is_err());
-    }
-
-    #[test]
-    fn slow_rows_get_few_frames_and_fast_ones_no_more_than_the_most() {
-        assert_eq!(frames(10.0, 100.0, 15), 10);
-        assert_eq!((frames(1e9, 100.0, 15), frames(1e-9, 100.0, 15), frames(f64::NAN, 100.0, 15)), (3, 15, 15));
-        assert_eq!(frames(1e9, 100.0, 1), 1);
-    }
-
-    #[test]
-    fn threads_are_doubled_up_to_all() {
-        assert_eq!(thread_counts(1), [1]);
-        assert_eq!(thread_counts(2), [1, 2]);
-        assert_eq!(thread_counts(6), [1, 2, 4, 6]);
-        assert_eq!(thread_counts(16), [1, 2, 4, 8, 16]);
-    }
-
-    #[test]
-    fn window_sizes_grow_by_four_around_the_reports() {
-        let sizes = pixel_sizes(&Wanted::new(false, Some([512, 256])));
-        assert_eq!(sizes, [[128, 64], [256, 128], [512, 256], [1024, 512], [2048, 1024]]);
-        assert_eq!(pixel_sizes(&Wanted::new(true, Some([20, 20]))), [[20, 20], [40, 40]]);
-    }
-}
+mod tests;
