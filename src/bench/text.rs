@@ -1,6 +1,6 @@
 //! Benchmarks as CSV and as Markdown.
 
-use super::Interval;
+use super::interval::Interval;
 use super::model::{BenchFile, BenchRow, RowError, Stats, ThesisFigure};
 use crate::pipeline::backend::{Answers, RayCounts};
 use crate::pipeline::executor::StepKind;

@@ -22,6 +22,8 @@
 
 mod tables;
 
+use curitiba::bench::threads::ThreadsFile;
+use curitiba::report::plots::threads_plot;
 use serde_json::Value;
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
@@ -140,6 +142,35 @@ fn the_documents_hold_what_was_measured() {
     }
     for (kind, commits) in commits {
         assert!(commits.len() == 1, "`{kind}` is quoted of several commits: {commits:?}");
+    }
+}
+
+/// The curves that documents show: image, measurement, and which of its cases.
+const CURVES: [(&str, &str, usize); 7] = [
+    ("threads-SSAO", "h100_threads", 0),
+    ("threads-Final-Vidro", "h100_threads", 3),
+    ("threads-Shadows", "h100_threads", 4),
+    ("threads-Reflect-Vidro", "h100_threads", 7),
+    ("threads-Refract-Vidro", "h100_threads", 9),
+    ("threads-load-triangles", "h100_load", 0),
+    ("threads-load-textures", "h100_load", 1),
+];
+
+#[test]
+fn the_curves_of_time_against_threads_are_those_of_what_was_measured() {
+    let write = std::env::var_os("CURITIBA_WRITE_FIGURES").is_some();
+    for (image, measured, case) in CURVES {
+        let file: ThreadsFile = serde_json::from_value(measurement(measured).expect("a file")).expect("of threads");
+        let made = threads_plot(&file.cases[case]).expect("a plot").file;
+        let path = root().join(format!("docs/images/{image}.svg"));
+        if write {
+            std::fs::write(&path, &made).expect("written");
+        }
+        let there = std::fs::read_to_string(&path).expect("the image");
+        assert!(
+            there == made,
+            "{image}.svg is not drawn from {measured}.json: CURITIBA_WRITE_FIGURES=1 cargo test --test figures"
+        );
     }
 }
 
