@@ -2,6 +2,7 @@
 
 use super::layout::{COUNT_BYTES, Params, TILE};
 use super::programs::Stage;
+use crate::raster::gpu::AdapterKind;
 use crate::raster::gpu::device::Gpu;
 use curitiba_pipeline::backend::BackendError;
 use curitiba_pipeline::executor::Progress;
@@ -9,6 +10,9 @@ use std::time::{Duration, Instant};
 
 /// Wanted duration of a launch: systems reset devices that do not respond for 2 s, and a desktop stutters long before.
 const WANTED: Duration = Duration::from_millis(20);
+/// The same for drivers that compute on the processor, which nobody resets. Some take 20 ms and 3 MB for a launch of any size (Mesa 22.3
+/// with LLVM 15), so short launches would take a hundred times as long as their work.
+const WANTED_OF_SOFTWARE: Duration = Duration::from_millis(500);
 /// Tiles of the first launch, when neither program nor device is known.
 const FIRST_TILES: u32 = 64;
 /// Greatest factor between the sizes of successive launches.
@@ -108,9 +112,14 @@ fn groups_of(stage: Stage, tiles: u32) -> u32 {
     }
 }
 
+/// Wanted duration of a launch on a device.
+pub(super) fn wanted(gpu: &Gpu) -> Duration {
+    if gpu.adapter.kind == AdapterKind::Software { WANTED_OF_SOFTWARE } else { WANTED }
+}
+
 /// Number of tiles of the next launch, after a launch of `tiles` tiles took that long.
-pub(super) fn next_size(tiles: u32, took: Duration) -> u32 {
-    let ratio = WANTED.as_secs_f64() / took.as_secs_f64().max(1e-6);
+pub(super) fn next_size(tiles: u32, took: Duration, wanted: Duration) -> u32 {
+    let ratio = wanted.as_secs_f64() / took.as_secs_f64().max(1e-6);
     // Grows by at most GROWTH: the next tiles may be more expensive.
     let wanted = (f64::from(tiles) * ratio).min(f64::from(tiles) * f64::from(GROWTH)).max(1.0);
     wanted.min(f64::from(u32::MAX / 2)) as u32
@@ -130,6 +139,7 @@ pub fn run(
     let tiles = params.tiles_across * params.height.div_ceil(TILE);
     progress.start(u64::from(tiles));
     let most = gpu.limits.max_compute_workgroups_per_dimension;
+    let wanted = wanted(gpu);
     let (mut first, mut slot, mut total, mut least) = (0, 0, Duration::ZERO, u32::MAX);
     while first < tiles {
         let taken = size.unwrap_or(FIRST_TILES).min(tiles - first).min(work.most_tiles).max(1);
@@ -159,10 +169,11 @@ pub fn run(
         gpu.submit_and_wait(Some(encoder.finish()), work.doing)?;
         let took = start.elapsed();
         // The first launch may include compilation by the driver.
-        if size.is_some() && took > WANTED / 4 {
-            least = least.min(next_size(taken, took));
+        let next = next_size(taken, took, wanted);
+        if size.is_some() && took > wanted / 4 {
+            least = least.min(next);
         }
-        *size = Some(if size.is_none() { taken } else { next_size(taken, took) });
+        *size = Some(if size.is_none() { taken } else { next });
         first += taken;
         if slot + work.kernels.len() as u32 > SLOTS || first == tiles {
             total += clock.map_or(Ok(Duration::ZERO), |clock| clock.read(gpu, slot))?;
@@ -182,10 +193,11 @@ mod tests {
     #[test]
     fn launches_grow_to_the_wanted_time_and_no_dimension_is_too_long() {
         let ms = Duration::from_millis;
-        assert_eq!(next_size(64, ms(20)), 64);
-        assert_eq!(next_size(64, ms(80)), 16);
-        assert_eq!(next_size(1, ms(900)), 1, "there is no shorter launch");
-        assert_eq!(next_size(64, Duration::ZERO), 64 * GROWTH);
+        assert_eq!(next_size(64, ms(20), WANTED), 64);
+        assert_eq!(next_size(64, ms(80), WANTED), 16);
+        assert_eq!(next_size(64, ms(250), WANTED_OF_SOFTWARE), 128);
+        assert_eq!(next_size(1, ms(900), WANTED), 1, "there is no shorter launch");
+        assert_eq!(next_size(64, Duration::ZERO, WANTED), 64 * GROWTH);
         for (tiles, most) in [(1, 65_535), (65_535, 65_535), (65_536, 65_535), (1 << 22, 65_535), (7, 3)] {
             let [across, down] = rectangle(tiles, most);
             assert!(across <= most && down <= most && across * down >= tiles && across * (down - 1) < tiles);

@@ -2,7 +2,7 @@
 
 use super::NAME;
 use super::kernels::compile;
-use super::launches::{next_size, rectangle};
+use super::launches::{next_size, rectangle, wanted};
 use super::programs;
 use super::scene::{TreeBuffers, too_large};
 use super::selftest;
@@ -137,7 +137,7 @@ impl WgpuSegments {
             let start = Instant::now();
             gpu.submit_and_wait(Some(encoder.finish()), "tracing segments")?;
             if taken == self.groups {
-                self.groups = next_size(taken, start.elapsed());
+                self.groups = next_size(taken, start.elapsed(), wanted(&self.gpu));
             }
             first = end;
         }
