@@ -179,7 +179,7 @@ fn rounds_take_turns_over_all_rows_and_are_continued_where_they_were() {
     assert_eq!((samples(&whole), &whole["rounds"]), (vec![6, 6], &Value::from(3)));
     let rounds = (1..=3).flat_map(|round| (1..=2).map(move |row| format!("round {round} of 3, row {row} of 2")));
     assert_eq!(turns(&told), rounds.collect::<Vec<_>>());
-    assert!(printed.contains("in each of 3 rounds") && printed.matches("Fonte").count() == 2, "{printed}");
+    assert!(printed.contains("in each of 3 rounds") && printed.matches(" Fonte  cpu").count() == 2, "{printed}");
     for row in whole["rows"].as_array().expect("rows") {
         let [low, high] = ["low", "high"].map(|end| row["interval"][end].as_f64().expect("an end"));
         let [min, median, max] = ["min", "median", "max"].map(|name| row["frame"][name].as_f64().expect("a time"));
