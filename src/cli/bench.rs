@@ -92,21 +92,22 @@ fn measure_all(args: &BenchArgs, jobs: &[Job], file: &mut BenchFile) -> Result<O
             let place = (index, jobs.len());
             let known = file.rows.iter_mut().find(|row| row.key == job.case.key);
             let measured = match known {
-                None if round == 1 => rows.measure(job, place).map(|row| file.rows.push(row)),
+                None if round == 1 => Some(rows.measure(job, place).map(|row| file.rows.push(row))),
                 Some(row) if row.frame.n() < (round * file.frames) as usize => {
-                    rows.again(job, place, round).map(|more| row.add(&more))
+                    Some(rows.again(job, place, round).map(|more| row.add(&more)))
                 }
                 // It is there already, or failed in the first round.
-                Some(_) | None => Ok(()),
+                Some(_) | None => None,
             };
+            if let Some(row) = file.row(&job.case.key).filter(|_| round == file.rounds) {
+                table.print(row);
+            }
+            let Some(measured) = measured else { continue };
             if let Err(Missing { what, failure }) = measured {
                 file.unavailable.push(what);
                 if let Some(failure) = failure {
                     first_failure.get_or_insert(failure);
                 }
-            }
-            if let Some(row) = file.row(&job.case.key).filter(|_| round == file.rounds) {
-                table.print(row);
             }
             write(args, file)?;
         }
