@@ -116,9 +116,10 @@ impl Gpu {
         if self.adapter.kind != AdapterKind::Software {
             return Ok(());
         }
+        // Held while the device is asked, so that no other thread counts what is newer in between.
+        let mut counted = self.counted.lock().unwrap_or_else(PoisonError::into_inner);
         let counters = self.device.get_internal_counters().hal;
         let held = (counters.buffer_memory.read() + counters.texture_memory.read()) as i64;
-        let mut counted = self.counted.lock().unwrap_or_else(PoisonError::into_inner);
         memory::outside(held - *counted)?;
         *counted = held;
         Ok(())
@@ -204,41 +205,9 @@ impl Gpu {
 
     /// Copies texels to the whole of a texture with one level, and waits. The rows of `data` have no gaps between them.
     pub fn fill_texture(&self, texture: &wgpu::Texture, data: &[u8], doing: &str) -> Result<(), BackendError> {
-        self.write_level((texture, 0), [texture.width(), texture.height()], data, &mut 0, doing)?;
-        self.submit_and_wait(None, doing)
-    }
-
-    /// Copies texels to the whole of a level of a texture, of `[width, height]` texels. The rows of `data` have no gaps between them.
-    /// `waiting` is the number of bytes that were handed over and not waited for; before they are more than a piece, they are.
-    pub fn write_level(
-        &self,
-        (texture, mip_level): (&wgpu::Texture, u32),
-        [width, height]: [u32; 2],
-        data: &[u8],
-        waiting: &mut usize,
-        doing: &str,
-    ) -> Result<(), BackendError> {
-        let row = (data.len() / height.max(1) as usize).max(1);
-        let rows = (UPLOAD_PIECE / row).max(1);
-        for (index, piece) in data.chunks(rows * row).enumerate() {
-            if *waiting > 0 && *waiting + piece.len() > UPLOAD_PIECE {
-                self.submit_and_wait(None, doing)?;
-                *waiting = 0;
-            }
-            self.queue.write_texture(
-                wgpu::TexelCopyTextureInfo {
-                    texture,
-                    mip_level,
-                    origin: wgpu::Origin3d { x: 0, y: (index * rows) as u32, z: 0 },
-                    aspect: wgpu::TextureAspect::All,
-                },
-                piece,
-                wgpu::TexelCopyBufferLayout { offset: 0, bytes_per_row: Some(row as u32), rows_per_image: None },
-                wgpu::Extent3d { width, height: (piece.len() / row) as u32, depth_or_array_layers: 1 },
-            );
-            *waiting += piece.len();
-        }
-        Ok(())
+        let mut upload = TextureUpload::new(self, texture, doing);
+        upload.level(0, 0, data)?;
+        upload.end()
     }
 }
 
@@ -266,5 +235,51 @@ mod tests {
         assert_eq!(take().as_deref(), Some("first"));
         assert_eq!(take().as_deref(), Some("lost"));
         assert_eq!(take().as_deref(), Some("lost"));
+    }
+}
+
+/// Copies texels to a texture, level by level, and waits before more than a piece is handed over: what waits is held by the driver as well.
+pub(crate) struct TextureUpload<'a> {
+    gpu: &'a Gpu,
+    texture: &'a wgpu::Texture,
+    doing: &'a str,
+    /// Bytes that were handed over and not waited for.
+    waiting: usize,
+}
+
+impl<'a> TextureUpload<'a> {
+    pub fn new(gpu: &'a Gpu, texture: &'a wgpu::Texture, doing: &'a str) -> Self {
+        Self { gpu, texture, doing, waiting: 0 }
+    }
+
+    /// Copies the texels of a whole level of a layer. The rows of `data` have no gaps between them.
+    pub fn level(&mut self, layer: u32, mip_level: u32, data: &[u8]) -> Result<(), BackendError> {
+        let [width, height] = [self.texture.width(), self.texture.height()].map(|side| (side >> mip_level).max(1));
+        let row = (data.len() / height as usize).max(1);
+        let rows = (UPLOAD_PIECE / row).max(1);
+        for (index, piece) in data.chunks(rows * row).enumerate() {
+            if self.waiting > 0 && self.waiting + piece.len() > UPLOAD_PIECE {
+                self.gpu.submit_and_wait(None, self.doing)?;
+                self.waiting = 0;
+            }
+            self.gpu.queue.write_texture(
+                wgpu::TexelCopyTextureInfo {
+                    texture: self.texture,
+                    mip_level,
+                    origin: wgpu::Origin3d { x: 0, y: (index * rows) as u32, z: layer },
+                    aspect: wgpu::TextureAspect::All,
+                },
+                piece,
+                wgpu::TexelCopyBufferLayout { offset: 0, bytes_per_row: Some(row as u32), rows_per_image: None },
+                wgpu::Extent3d { width, height: (piece.len() / row) as u32, depth_or_array_layers: 1 },
+            );
+            self.waiting += piece.len();
+        }
+        Ok(())
+    }
+
+    /// Waits until all is copied.
+    pub fn end(self) -> Result<(), BackendError> {
+        self.gpu.submit_and_wait(None, self.doing)
     }
 }

@@ -1,6 +1,6 @@
 //! Textures in device memory.
 
-use super::device::Gpu;
+use super::device::{Gpu, TextureUpload};
 use super::faults::failure;
 use super::pipelines::{Layouts, trilinear};
 use curitiba_pipeline::backend::BackendError;
@@ -84,12 +84,11 @@ fn upload(gpu: &Gpu, layouts: &Layouts, source: &Texture) -> Result<wgpu::BindGr
     });
     let doing = format!("upload of texture {}", source.name);
     gpu.check(&doing)?;
-    let mut waiting = 0;
+    let mut upload = TextureUpload::new(gpu, &texture, &doing);
     for (mip_level, level) in (0..).zip(&source.levels) {
-        let texels = bytemuck::cast_slice(&level.texels);
-        gpu.write_level((&texture, mip_level), [level.width, level.height], texels, &mut waiting, &doing)?;
+        upload.level(0, mip_level, bytemuck::cast_slice(&level.texels))?;
     }
-    gpu.submit_and_wait(None, &doing)?;
+    upload.end()?;
     let view = texture.create_view(&wgpu::TextureViewDescriptor::default());
     let own = (!source.repeats()).then(|| trilinear(&gpu.device, source.wrap));
     let sampler = own.as_ref().unwrap_or(&layouts.trilinear);

@@ -1,6 +1,6 @@
 //! Textures as OpenGL has them: the bottom row first.
 
-use super::super::device::Gpu;
+use super::super::device::{Gpu, TextureUpload};
 use super::super::faults::failure;
 use super::super::pipelines::trilinear;
 use super::pipelines::Groups;
@@ -174,21 +174,12 @@ pub(super) fn upload(gpu: &Gpu, name: &str, layers: &[&[Level]], wrap: [Wrap; 2]
     gpu.check(&doing)?;
     let all =
         (0..).zip(layers).flat_map(|(layer, levels)| (0..).zip(*levels).map(move |(mip, level)| (layer, mip, level)));
+    let mut upload = TextureUpload::new(gpu, &texture, &doing);
     for (layer, mip_level, level) in all {
         let rows: Vec<[u8; 4]> = level.texels.chunks_exact(level.width as usize).rev().flatten().copied().collect();
-        gpu.queue.write_texture(
-            wgpu::TexelCopyTextureInfo {
-                texture: &texture,
-                mip_level,
-                origin: wgpu::Origin3d { x: 0, y: 0, z: layer },
-                aspect: wgpu::TextureAspect::All,
-            },
-            bytemuck::cast_slice(&rows),
-            wgpu::TexelCopyBufferLayout { offset: 0, bytes_per_row: Some(4 * level.width), rows_per_image: None },
-            wgpu::Extent3d { width: level.width, height: level.height, depth_or_array_layers: 1 },
-        );
+        upload.level(layer, mip_level, bytemuck::cast_slice(&rows))?;
     }
-    gpu.submit_and_wait(None, &doing)?;
+    upload.end()?;
     let dimension = if layers.len() == 6 { wgpu::TextureViewDimension::Cube } else { wgpu::TextureViewDimension::D2 };
     let view = texture.create_view(&wgpu::TextureViewDescriptor {
         dimension: Some(dimension),
