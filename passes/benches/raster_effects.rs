@@ -49,12 +49,10 @@ fn effects(criterion: &mut Criterion) {
             effect(&mut renderer);
             let [maps, pixels] = effect(&mut renderer);
             println!("{name}, {camera}: maps {maps:.2?}, pixels {pixels:.2?}");
-            group.bench_function(
-                BenchmarkId::new(name, format!("{camera}, {} threads", rayon::current_num_threads())),
-                |bencher| {
-                    bencher.iter_custom(|frames| (0..frames).flat_map(|_| effect(&mut renderer)).sum());
-                },
-            );
+            let id = BenchmarkId::new(name, format!("{camera}, {} threads", rayon::current_num_threads()));
+            group.bench_function(id, |bencher| {
+                bencher.iter_custom(|frames| (0..frames).flat_map(|_| effect(&mut renderer)).sum());
+            });
         }
     }
     group.finish();
