@@ -221,23 +221,6 @@ fn describe(error: &wgpu::Error) -> String {
     }
 }
 
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn the_first_fault_is_kept_and_a_lost_device_stays_lost() {
-        let faults = Faults::default();
-        faults.note("first".to_owned());
-        faults.note("second".to_owned());
-        faults.note_lost("lost".to_owned());
-        let take = || faults.with(|log| log.first.take().or_else(|| log.lost.clone()));
-        assert_eq!(take().as_deref(), Some("first"));
-        assert_eq!(take().as_deref(), Some("lost"));
-        assert_eq!(take().as_deref(), Some("lost"));
-    }
-}
-
 /// Copies texels to a texture, level by level, and waits before more than a piece is handed over: what waits is held by the driver as well.
 pub(crate) struct TextureUpload<'a> {
     gpu: &'a Gpu,
@@ -281,5 +264,22 @@ impl<'a> TextureUpload<'a> {
     /// Waits until all is copied.
     pub fn end(self) -> Result<(), BackendError> {
         self.gpu.submit_and_wait(None, self.doing)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_first_fault_is_kept_and_a_lost_device_stays_lost() {
+        let faults = Faults::default();
+        faults.note("first".to_owned());
+        faults.note("second".to_owned());
+        faults.note_lost("lost".to_owned());
+        let take = || faults.with(|log| log.first.take().or_else(|| log.lost.clone()));
+        assert_eq!(take().as_deref(), Some("first"));
+        assert_eq!(take().as_deref(), Some("lost"));
+        assert_eq!(take().as_deref(), Some("lost"));
     }
 }
