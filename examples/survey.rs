@@ -9,10 +9,13 @@
 //! `--projects` or `--scenes` leaves the others out. `--sheet FILE.png` puts the pictures side by side in the order of the table; what
 //! does not render is a cross there.
 //!
+//! Scenes that a checkout of projects names and does not hold are refused, unless `--stand-in SCENE` names a scene to take in their place; the
+//! table tells how many files it stood in for.
+//!
 //! In builds with the feature `glsl` projects are drawn with their own shaders, on any adapter that wgpu finds.
 //!
 //! ```sh
-//! cargo run --release --features glsl --example survey -- path/to/checkout --projects
+//! cargo run --release --features glsl --example survey -- path/to/checkout --projects --stand-in xml_projects/3dsmodels/largoCamoes.cbo
 //! cargo run --release --example survey -- path/to/models --side 300 --sheet models.png
 //! ```
 
@@ -21,7 +24,7 @@ use curitiba::pipeline::diagnostic::Severity;
 use curitiba::pipeline::executor::Silent;
 use curitiba::pipeline::image::{Image, write_png};
 use curitiba::pipeline::plan::Settings;
-use curitiba::pipeline::project::SCENE_EXTENSIONS;
+use curitiba::pipeline::project::{Project, SCENE_EXTENSIONS};
 use curitiba::{Choice, OpenError, RasterChoice};
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -48,6 +51,9 @@ struct Arguments {
     /// Pictures a row of the sheet
     #[arg(long, default_value_t = 4, value_parser = clap::value_parser!(u32).range(1..))]
     across: u32,
+    /// Scene that projects get in place of the files of theirs that are not there
+    #[arg(long, value_name = "SCENE")]
+    stand_in: Option<PathBuf>,
     /// Bytes that each may hold
     #[arg(long, default_value_t = 2 << 30)]
     max_memory: u64,
@@ -55,9 +61,8 @@ struct Arguments {
 
 /// What became of a file.
 enum Outcome {
-    Renders,
-    /// All pixels have one colour.
-    Blank,
+    /// Whether all pixels have one colour, and how many scene files were not there and replaced.
+    Renders(bool, usize),
     /// The first reason, and how many others there are.
     Refused(String, usize),
 }
@@ -77,8 +82,11 @@ fn main() {
         }
         let mut picture = None;
         let (outcome, reason) = match outcome(&file, &arguments, &mut picture) {
-            Outcome::Renders => ("renders", String::new()),
-            Outcome::Blank => ("renders", "all pixels have one colour".to_owned()),
+            Outcome::Renders(blank, replaced) => {
+                let blank = blank.then(|| "all pixels have one colour".to_owned());
+                let replaced = (replaced > 0).then(|| format!("scene files that are not there: {replaced}"));
+                ("renders", [blank, replaced].into_iter().flatten().collect::<Vec<_>>().join("; "))
+            }
             Outcome::Refused(reason, 0) => ("refused", reason),
             Outcome::Refused(reason, more) => ("refused", format!("{reason} (and {more} more)")),
         };
@@ -151,7 +159,14 @@ fn sheet(pictures: &[Option<Image>], side: u32, across: u32) -> Image {
 fn outcome(file: &Path, arguments: &Arguments, shown: &mut Option<Image>) -> Outcome {
     let (size, max_memory) = (Some([arguments.side; 2]), arguments.max_memory);
     let settings = Settings { size, max_memory, ..Settings::default() };
-    let rendered = curitiba::open(file, settings, ENGINES, &mut Silent).and_then(|mut renderer| {
+    let mut replaced = 0;
+    let opened = settings.open(file).map_err(OpenError::from).and_then(|mut project| {
+        if let Some(stand_in) = &arguments.stand_in {
+            replaced = replace_missing(&mut project, stand_in);
+        }
+        curitiba::open_project(project, settings, ENGINES, &mut Silent)
+    });
+    let rendered = opened.and_then(|mut renderer| {
         let display = renderer.plan().display;
         renderer.frame(&mut Silent).map(|picture| (picture, display)).map_err(OpenError::from)
     });
@@ -161,13 +176,15 @@ fn outcome(file: &Path, arguments: &Arguments, shown: &mut Option<Image>) -> Out
                 let pixels = picture.pixels.iter().map(|pixel| display.displayed(*pixel)).collect();
                 *shown = Some(Image { pixels, ..picture.clone() });
             }
-            if picture.is_blank() { Outcome::Blank } else { Outcome::Renders }
+            Outcome::Renders(picture.is_blank(), replaced)
         }
         Err(OpenError::Project(problems)) => {
             let errors: Vec<_> = problems.0.iter().filter(|problem| problem.severity == Severity::Error).collect();
             let first = errors.first().map_or(String::new(), |problem| {
-                let line = problem.place.as_ref().map(|(source, range)| source.line_column(range.start).0);
-                let place = line.map_or(String::new(), |line| format!("line {line}: "));
+                let place = problem.place.as_ref().map_or(String::new(), |(source, range)| {
+                    let (line, column) = source.line_column(range.start);
+                    format!("{}:{line}:{column}: ", source.path.display())
+                });
                 format!("{place}{}", problem.message)
             });
             Outcome::Refused(in_folder(&first, &arguments.folder), errors.len().saturating_sub(1))
@@ -177,6 +194,18 @@ fn outcome(file: &Path, arguments: &Arguments, shown: &mut Option<Image>) -> Out
             Outcome::Refused(in_folder(message.lines().next().unwrap_or_default(), &arguments.folder), 0)
         }
     }
+}
+
+/// Names the stand-in where a scene file is not there. Returns the number of these.
+fn replace_missing(project: &mut Project, stand_in: &Path) -> usize {
+    let mut replaced = 0;
+    for file in project.scenes.iter_mut().flat_map(|scene| &mut scene.files) {
+        if !file.path.exists() {
+            stand_in.clone_into(&mut file.path);
+            replaced += 1;
+        }
+    }
+    replaced
 }
 
 /// A message without the way to the folder.

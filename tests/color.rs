@@ -1,6 +1,5 @@
 //! Linear light from the scene file to the picture: `color=linear` and `color=report`, exposure, tone curve, transfer
 //! function, and how `compare` treats both.
-//! makes of both.
 
 use curitiba::pipeline::color::{ColorSpace, decode, encode};
 use curitiba::pipeline::executor::Silent;
@@ -302,5 +301,28 @@ f 5 6 7 8\nf 2 1 4 3\nf 6 2 3 7\nf 1 5 8 4\nf 8 7 3 4\nf 1 2 6 5\n";
         let worst =
             image.pixels.iter().flat_map(|pixel| &pixel[..3]).map(|value| (value - 1.0).abs()).fold(0.0, f32::max);
         assert!(worst < 1e-4, "{color}: {worst}");
+    }
+}
+
+/// glTF's `BLEND` without a texture: alpha times the lit colour, and what is behind it by the rest.
+#[test]
+fn an_even_blend_shows_what_is_behind_it_by_the_rest_of_its_alpha() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let folder = folder.path();
+    patches(folder, 0.5, 200);
+    let text = std::fs::read_to_string(folder.join("patches.gltf")).expect("the scene");
+    let opaque = r#"{"name":"factor","pbrMetallicRoughness":{"baseColorFactor":[0.5,0.5,0.5,1]}}"#;
+    assert!(text.contains(opaque));
+    for alpha in [0.25_f32, 0.75] {
+        let veil = opaque.replace("1]", &format!("{alpha}]")).replace("\"name\"", "\"alphaMode\":\"BLEND\",\"name\"");
+        std::fs::write(folder.join("patches.gltf"), text.replace(opaque, &veil)).expect("written");
+        let mut settings = settings(Some(ColorSpace::Linear), Vec3::Z);
+        settings.scene.effects = Some("glass".parse().expect("effects"));
+        settings.scene.background = Some(Vec3::ONE);
+        let (frame, _) = render(folder, settings, Choice::CPU);
+        let [seen, textured] = middles(&frame);
+        let expected = alpha * 0.5 + (1.0 - alpha);
+        assert!((seen - expected).abs() < 1e-5, "{alpha}: {seen}, not {expected}");
+        assert!((textured - decode(200.0 / 255.0)).abs() < 1e-5, "what is opaque stays");
     }
 }

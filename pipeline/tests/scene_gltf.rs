@@ -213,11 +213,12 @@ fn materials_and_their_extensions_are_read() {
     assert_eq!((glass.roughness, scene.materials[2].roughness), (0.4, 0.0), "of glass alone");
     assert_eq!(scene.materials[1].name, "glass#1");
     assert!(glass.single_sided, "unless the material says otherwise");
-    assert_eq!(scene.materials[1].diffuse.w, 0.75);
+    let veil = &scene.materials[1];
+    assert_eq!((veil.diffuse.w, veil.veil, veil.transmission, veil.ior), (0.75, 0.75, 0.25, 1.0), "blended evenly");
+    assert_eq!((veil.volume, veil.filter, count(&scene.warnings, "materials that are blended")), (false, Vec3::ONE, 0));
     assert_eq!(scene.materials[2].ior, f32::INFINITY);
     for what in [
         "materials with the name of another one",
-        "materials that are blended",
         "texture maps that no program reads",
         "required extensions that are not read",
         "materials whose `extras.priority` is no whole number from 0 to 255",

@@ -49,7 +49,7 @@ pub trait RayBackend {
     ) -> Result<(), BackendError> {
         let Some(asked) = program.asks_of_glass(params) else { return Ok(()) };
         let why = "its programs know the report's panes only; use --backend cpu, or allow it with --fallback cpu, or set \
-                   glass=pane, background=black and shadow=report on the pass";
+                   glass=pane and shadow=report on the pass";
         let what = format!("{} with {asked}", program.info().stem);
         Err(BackendError::Unsupported { backend: self.name(), what, why: why.to_owned() })
     }

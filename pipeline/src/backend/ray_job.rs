@@ -58,7 +58,7 @@ pub struct RayJob<'a> {
     /// If set, the G-buffer lies in shared memory, is complete once its semaphore reaches this value, and the slices above are
     /// empty.
     pub shared: Option<u64>,
-    /// Linear colour of rays that miss the scene; black in the report's projects.
+    /// Linear colour of rays that miss the scene; black in thesis fidelity.
     pub beyond: Vec3,
     /// Glass properties by material index, for `glass=auto` in corrected fidelity. Empty: all glass is thin panes of the pass's
     /// index.

@@ -59,7 +59,7 @@ pub struct RayParams {
 }
 
 impl Default for RayParams {
-    /// The report's constants.
+    /// The report's constants, and the clear colour where rays leave the scene.
     fn default() -> Self {
         Self {
             samples: 100,
@@ -70,7 +70,7 @@ impl Default for RayParams {
             sampler: Sampler::Sobol,
             fresnel: Fresnel::Exact,
             glass: GlassRule::Pane,
-            background: Background::Black,
+            background: Background::Clear,
             shadow: GlassShadow::Report,
             wavelengths: 16,
             paths: 16,

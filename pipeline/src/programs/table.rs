@@ -1,7 +1,7 @@
 //! The table of ray programs.
 
 use super::{RayParams, TextureLod};
-use crate::glass::{Background, Dielectric, GlassRule, GlassShadow, Roulette};
+use crate::glass::{Dielectric, GlassRule, GlassShadow, Roulette};
 
 /// Program of a ray pass, run per pixel. The file stem of its program file names it.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
@@ -388,7 +388,6 @@ impl RayProgram {
         let reads = |name: &str| self.info().reads(name);
         let asked = [
             (reads("glass") && params.glass != GlassRule::Pane, "glass"),
-            (reads("background") && params.background != Background::Black, "background"),
             (reads("shadow") && params.shadow != GlassShadow::Report, "shadow"),
         ];
         let names: Vec<String> =
@@ -464,11 +463,7 @@ impl RayProgramInfo {
     #[must_use]
     pub fn defaults(&self) -> RayParams {
         let defaults = RayParams::default();
-        if self.starts_at_camera() {
-            RayParams { samples: 0, index: 1.5, background: Background::Clear, ..defaults }
-        } else {
-            defaults
-        }
+        if self.starts_at_camera() { RayParams { samples: 0, index: 1.5, ..defaults } } else { defaults }
     }
 
     /// Number of occlusion rays per shaded point, 0 if the program traces none; for programs whose rays start at the camera, the

@@ -73,8 +73,8 @@ fn rays_that_leave_the_scene_show_what_the_g_buffer_was_cleared_to() {
             _ => None,
         })
     };
-    assert_eq!(seen("background=\"clear\""), Some(Vec3::new(0.1, 0.2, 0.9)));
-    assert_eq!(seen(""), Some(Vec3::ZERO));
+    assert_eq!(seen(""), Some(Vec3::new(0.1, 0.2, 0.9)));
+    assert_eq!(seen("background=\"black\""), Some(Vec3::ZERO));
 }
 
 #[test]

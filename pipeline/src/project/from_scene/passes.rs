@@ -1,7 +1,7 @@
 //! Render targets and passes: the G-buffer, the passes that read it, and the window.
 
 use super::Effects;
-use crate::glass::{Background, GlassRule, GlassShadow};
+use crate::glass::{GlassRule, GlassShadow};
 use crate::image::PixelFormat;
 use crate::programs::{RasterProgram, RayParams, RayProgram, TextureLod, Writes};
 use crate::project::{
@@ -153,7 +153,6 @@ impl Common<'_> {
         }
         if self.bodies && !self.glass.is_empty() {
             params.glass = GlassRule::Auto;
-            params.background = Background::Clear;
             params.shadow = GlassShadow::Straight;
             params.texture_lod = TextureLod::Cones;
         }

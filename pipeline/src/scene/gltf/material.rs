@@ -207,6 +207,15 @@ impl Materials {
     }
 }
 
+/// Whether a material is blended evenly: without a texture and with an alpha below 1. One with transmission is glass by that.
+fn is_veil(written: &json::Material) -> bool {
+    let pbr = &written.pbr_metallic_roughness;
+    written.alpha_mode == Checked::Valid(AlphaMode::Blend)
+        && pbr.base_color_texture.is_none()
+        && pbr.base_color_factor.0[3] < 1.0
+        && written.extensions.as_ref().is_none_or(|extensions| extensions.transmission.is_none())
+}
+
 /// The parameters of a material, without its texture.
 fn surface(written: &json::Material, name: String, context: &Context<'_>, warnings: &mut Warnings) -> Material {
     let mut warn = |what: &'static str, remedy: &'static str, detail: &str| {
@@ -234,7 +243,13 @@ fn surface(written: &json::Material, name: String, context: &Context<'_>, warnin
             let textured = written.pbr_metallic_roughness.base_color_texture.is_some();
             // Texels of less than half opacity, without the factor, become holes; all others are opaque.
             material.alpha_cutoff = (textured && factor.w > 0.0).then_some(MASK_CUTOFF * factor.w);
-            warn("materials that are blended", "what is half clear or more in their texture is cut out", "");
+            if is_veil(written) {
+                // What is behind shows by what alpha leaves, neither bent nor tinted (glTF 2.0, section 3.9.4).
+                material.transmission = (1.0 - factor.w).clamp(0.0, 1.0);
+                material.veil = 1.0 - material.transmission;
+            } else {
+                warn("materials that are blended", "what is half clear or more in their texture is cut out", "");
+            }
         }
         Checked::Invalid => warn("materials with an unknown alpha mode", "opaque", ""),
     }
@@ -258,6 +273,9 @@ fn surface(written: &json::Material, name: String, context: &Context<'_>, warnin
             ior if ior >= 1.0 => material.ior = ior,
             _ => warn("materials with an index of refraction below 1", "1.5 serves", ""),
         }
+    }
+    if is_veil(written) {
+        material.ior = 1.0;
     }
     if let Some(volume) = extensions.and_then(|e| e.volume.as_ref()) {
         material.thickness = volume.thickness_factor.0.max(0.0);
