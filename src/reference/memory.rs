@@ -20,8 +20,9 @@ pub struct InMemory {
 }
 
 impl References {
-    /// The reference of the picture of a project in memory, such as one whose camera was moved. If one is stored, it is the one with the
-    /// most samples; otherwise it has `samples` a pixel, an even number, and is rendered but not stored. `stop` cancels it.
+    /// The reference of the picture of a project in memory, such as one whose camera was moved: the stored one with the most samples, if
+    /// there is one and [`confine`](crate::pipeline::files::confine) lets its folder be read; otherwise one with `samples` a pixel, an
+    /// even number, which is rendered and not stored. `stop` cancels it.
     ///
     /// # Errors
     /// If the picture contains something that the reference renderer does not support, or rendering fails or is cancelled.
@@ -39,7 +40,9 @@ impl References {
         }
         let display = request.plan.display;
         let base = self.base_of_picture(&request, observer)?;
-        if let Some(reference) = self.kept_picture(&request, &base) {
+        if self.folder_of_pictures.is_allowed()
+            && let Some(reference) = self.kept_picture(&request, &base)
+        {
             return Ok(InMemory { reference: reference.clone(), display });
         }
         let open = self.open(&request, observer)?;

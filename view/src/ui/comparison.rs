@@ -64,14 +64,14 @@ pub fn draw(app: &mut App, ui: &mut Ui, facts: &Facts) {
 /// A side: what, and by which engines where it is rendered. The right one may be nothing.
 fn choose(app: &App, ui: &mut Ui, facts: &Facts, index: usize, side: &mut Option<Side>) {
     /// Width of the list of engines, points.
-    const ENGINES: f32 = 106.0;
+    const ENGINES: f32 = 122.0;
     let place = ["left", "right"][index];
     ui.add_sized(vec2(28.0, ui.spacing().interact_size.y), Label::new(place));
     let rendered = match side {
         Some(Side::Rendered { what, on }) => Some((what.clone(), *on)),
         _ => None,
     };
-    let width = ui.available_width() - 8.0 - if rendered.is_some() { ENGINES + 6.0 } else { 0.0 };
+    let width = ui.available_width() - 14.0 - if rendered.is_some() { ENGINES + 6.0 } else { 0.0 };
     let now = side.as_ref().map_or_else(|| "nothing".to_owned(), Side::name);
     let combo = ComboBox::from_id_salt(("side", index)).width(width).selected_text(&now).truncate();
     let response = combo.show_ui(ui, |ui| offers(app, ui, facts, index, side)).response;

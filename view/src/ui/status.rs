@@ -43,7 +43,7 @@ fn doing_now(ui: &mut Ui, doing: &Doing) {
     /// How often it is looked at how far it is.
     const LOOKED_AT: Duration = Duration::from_millis(200);
     let (done, total) = doing.progress.get();
-    let share = if total > 0 { format!(", {} %", 100 * done.min(total) / total) } else { String::new() };
+    let share = (100 * done.min(total)).checked_div(total).map_or_else(String::new, |share| format!(", {share} %"));
     ui.weak(format!("{}{share}", doing.what));
     ui.ctx().request_repaint_after(LOOKED_AT);
 }

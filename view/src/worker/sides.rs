@@ -132,10 +132,10 @@ impl Session {
         let Some(sides) = self.sides.clone() else { return };
         for (index, side) in sides.iter().enumerate().filter(|(_, side)| !side.is_far()) {
             let is_rendered = matches!(side, Side::Rendered { .. });
-            if !self.sides_due[index] && !(again && is_rendered) {
+            let due = std::mem::replace(&mut self.sides_due[index], false);
+            if !due && (!again || !is_rendered) {
                 continue;
             }
-            self.sides_due[index] = false;
             let obtained = match side {
                 Side::Rendered { what, .. } => self.rendered(what),
                 Side::File(path) => match &self.renderer {

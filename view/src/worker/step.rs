@@ -60,6 +60,9 @@ impl Session {
                 _ if self.job.is_some() => Activity::Comparing,
                 _ => Activity::Resting,
             });
+        } else if lock(&self.shared.state).activity == Activity::Resting {
+            // Told before the command is: who waits for rest must not find that of before.
+            self.tell_activity(Activity::Rendering);
         }
     }
 
