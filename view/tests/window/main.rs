@@ -6,6 +6,7 @@
 mod common;
 mod compared;
 mod drawn;
+mod frame;
 mod measured;
 
 use common::{Window, png, project, settings, source};
