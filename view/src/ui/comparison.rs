@@ -6,7 +6,7 @@ use crate::theme::{RED, milliseconds};
 use crate::worker::{Available, Facts, On, Side, Times, What};
 use curitiba::pipeline::executor::StepKind;
 use curitiba::{BackendChoice, RasterChoice};
-use egui::{ComboBox, Grid, Label, RichText, TextEdit, Ui, vec2};
+use egui::{Align, ComboBox, Grid, Label, Layout, RichText, TextEdit, Ui, vec2};
 use std::path::PathBuf;
 
 /// Draws it.
@@ -74,7 +74,12 @@ fn choose(app: &App, ui: &mut Ui, facts: &Facts, index: usize, side: &mut Option
     let width = ui.available_width() - 14.0 - if rendered.is_some() { ENGINES + 6.0 } else { 0.0 };
     let now = side.as_ref().map_or_else(|| "nothing".to_owned(), Side::name);
     let combo = ComboBox::from_id_salt(("side", index)).width(width).selected_text(&now).truncate();
-    let response = combo.show_ui(ui, |ui| offers(app, ui, facts, index, side)).response;
+    // Long names are cut off there: a list grows with its text, and the panel with the list.
+    let place_of = vec2(width, ui.spacing().interact_size.y);
+    let list = ui.allocate_ui_with_layout(place_of, Layout::left_to_right(Align::Center), |ui| {
+        combo.show_ui(ui, |ui| offers(app, ui, facts, index, side))
+    });
+    let response = list.inner.response;
     named_list(&response, &format!("{place} side"), &now);
     let (Some((what, on)), Some(Side::Rendered { .. })) = (rendered, side.as_ref()) else { return };
     let mut chosen = on;
