@@ -11,7 +11,30 @@ Every function that may take long releases the interpreter, can be interrupted w
 pictures count from the top. Colours are what `Renderer.color` says: "report", display values, or "linear", linear radiance.
 """
 
-from ._native import CuritibaError, Renderer, Tracer, compare, displayed, open, visibility
+from ._native import (
+    CuritibaError,
+    Renderer,
+    Tracer,
+    backends,
+    compare,
+    confine,
+    displayed,
+    gpus,
+    open,
+    visibility,
+)
 from ._progress import set_progress
 
-__all__ = ["CuritibaError", "Renderer", "Tracer", "compare", "displayed", "open", "set_progress", "visibility"]
+__all__ = [
+    "CuritibaError",
+    "Renderer",
+    "Tracer",
+    "backends",
+    "compare",
+    "confine",
+    "displayed",
+    "gpus",
+    "open",
+    "set_progress",
+    "visibility",
+]

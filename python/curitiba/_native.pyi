@@ -11,12 +11,25 @@ Picture = npt.NDArray[np.float32]
 ColorSpace = Literal["report", "linear"]
 """Display values, or linear radiance: see docs/color.md."""
 
+Backend = Literal["cpu", "wgpu", "cuda", "optix"]
+
 class CuritibaError(RuntimeError):
     """What could not be done: what, where, what would be valid, and what to do."""
 
+class Gpu(TypedDict):
+    name: str
+    kind: Literal["discrete GPU", "integrated GPU", "virtual GPU", "unknown kind", "software"]
+    interface: str
+    driver: str
+    abilities: str
+
+class BackendFacts(TypedDict):
+    device: str | None
+    missing: str | None
+
 class Pass(TypedDict):
     name: str
-    kind: Literal["raster", "rays", "effect", "quad", "off"]
+    kind: Literal["raster", "rays", "effect", "quad", "intersections", "compute", "off"]
     program: str | None
     parameters: dict[str, str]
 
@@ -137,7 +150,7 @@ class Renderer:
 
     @property
     def size(self) -> tuple[int, int]:
-        """Width and height of the next picture, pixels."""
+        """Width and height of the window, pixels; the next picture has as many, or those of `crop`."""
 
     @property
     def color(self) -> ColorSpace:
@@ -189,14 +202,44 @@ def open(
     background: Vector | None = None,
     color: ColorSpace | None = None,
     aa: int = 1,
+    crop: tuple[int, int, int, int] | None = None,
+    bands: int | None = None,
+    fallback: Sequence[Backend] = ...,
+    adapter: int | str | None = None,
+    gpus: int | Literal["all"] | None = None,
 ) -> Renderer:
     """Opens a project file, a scene file (.glb, .gltf, .obj, .cbo, .nbo, .3ds, .mesh.xml) or a folder of scenes.
 
     `size` is (width, height) in pixels; `parameters` are those of passes, such as {"pass2.samples": 16}; `off` names passes that are
     switched off; `max_memory` is in bytes; `color` is what the project says, or "linear" for scene files, if None; `aa` is the samples of
-    every pixel, 1, 2, 4, 8, 16, 32 or 64, of which a picture is the mean. For scene files alone:
+    every pixel, 1, 2, 4, 8, 16, 32 or 64, of which a picture is the mean. `crop` is (column, row, width, height) in pixels from the top left:
+    pictures then are (height, width, 4) of that part, the same as in the whole; `bands`, 1 to 1024, renders the picture in so many bands of rows
+    at most, one after the other, the same picture in less memory, and None as few as `max_memory` lets. `fallback` names ray backends that
+    may take over, in this order, where the one before fails; `Renderer.warnings` then says so. `adapter` is the device of wgpu, by its place in
+    `gpus()` or a part of its name; `gpus` the number of GPUs for cuda and optix, or "all". For scene files alone:
     `effects` such as "shadows+ao", `look_from` and `look_at` in scene units, `fov` in degrees, `sun` the direction in which it stands, `up` the
     axis that points up, `background` display values from 0 to 1.
+    """
+
+def gpus() -> list[Gpu]:
+    """The devices that wgpu finds by Vulkan, Metal or DX12, the preferred one first, a dict each: `open(adapter=…)` takes their places, or parts
+    of their names. Empty where there is no driver.
+
+    "name" and "driver" as the driver says; "kind" is "discrete GPU", "integrated GPU", "virtual GPU", "unknown kind" or "software", which is no
+    GPU; "interface" is "vulkan", "metal" or "dx12"; "abilities" says how large pictures (pixels) and scenes (MiB a part) may be, and what is
+    lacking.
+    """
+
+def backends() -> dict[Backend, BackendFacts]:
+    """The ray backends by name, a dict each: "device" is what it runs on, or None where it is not there, and "missing" then says why.
+
+    Names are those that `open(backend=…)` and `open(fallback=…)` take: "cpu", "wgpu", "cuda", "optix".
+    """
+
+def confine(folder: str | PathLike[str]) -> None:
+    """From now on this package reads and writes no file outside the folder, wherever symbolic links lead: for projects of strangers.
+
+    It holds for the whole process and cannot be undone; Python's own files are not concerned. Call it before `open`.
     """
 
 def displayed(

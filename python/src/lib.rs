@@ -1,6 +1,7 @@
 //! Python bindings: `import curitiba`. What each function takes and gives is documented in `curitiba/_native.pyi`.
 
 mod arrays;
+mod machine;
 mod metrics;
 mod renderer;
 mod tracer;
@@ -21,6 +22,8 @@ pyo3::create_exception!(
 mod _native {
     #[pymodule_export]
     use super::CuritibaError;
+    #[pymodule_export]
+    use super::machine::{backends, confine, gpus};
     #[pymodule_export]
     use super::metrics::{compare, displayed};
     #[pymodule_export]

@@ -2,7 +2,8 @@
 
 use crate::work::{Watch, wait};
 use crate::{arrays, failed, invalid};
-use curitiba::pipeline::backend::RayCounts;
+use curitiba::passes::raster::gpu;
+use curitiba::pipeline::backend::{RayCounts, Rect};
 use curitiba::pipeline::diagnostic::valid_names;
 use curitiba::pipeline::executor::{self, Cancellation, ChangeError, Goal, RenderError, Row};
 use curitiba::pipeline::image::Image;
@@ -10,7 +11,7 @@ use curitiba::pipeline::pixel_samples::PixelSamples;
 use curitiba::pipeline::plan::{Settings, Work};
 use curitiba::pipeline::programs::Fidelity;
 use curitiba::pipeline::project::{PassKind, Pose, SceneOptions, Up};
-use curitiba::{BackendChoice, Choice, RasterChoice};
+use curitiba::{BackendChoice, Choice, Gpus, RasterChoice};
 use glam::Vec3;
 use numpy::PyArray3;
 use pyo3::exceptions::PyModuleNotFoundError;
@@ -73,6 +74,45 @@ impl Table {
     }
 }
 
+/// Engines as they are named in Python.
+struct EngineArguments<'a> {
+    raster: &'a str,
+    backend: &'a str,
+    fallback: &'a [String],
+    adapter: Option<&'a Bound<'a, PyAny>>,
+    gpus: Option<&'a Bound<'a, PyAny>>,
+}
+
+impl EngineArguments<'_> {
+    fn choice(&self) -> PyResult<Choice> {
+        let names = BackendChoice::ALL.map(|backend| (backend.name(), backend));
+        let mut fallback = Vec::new();
+        for name in self.fallback {
+            let backend = named("fallback", name, &names)?;
+            // One that is named twice is tried once.
+            if !fallback.contains(&Some(backend)) {
+                fallback.push(Some(backend));
+            }
+        }
+        fallback.resize(4, None);
+        let adapter = match self.adapter {
+            Some(adapter) => Some(gpu::named(&text(adapter)?).map_err(|why| invalid(format!("adapter: {why}")))?),
+            None => None,
+        };
+        let gpus: Gpus = match self.gpus {
+            Some(gpus) => text(gpus)?.parse().map_err(|why| invalid(format!("gpus: {why}")))?,
+            None => Gpus::default(),
+        };
+        Ok(Choice {
+            raster: named("raster", self.raster, &RasterChoice::NAMES)?,
+            backend: named("backend", self.backend, &BackendChoice::NAMES)?,
+            gpus,
+            adapter,
+            fallback: [fallback[0], fallback[1], fallback[2], fallback[3]],
+        })
+    }
+}
+
 #[derive(FromPyObject)]
 struct SceneArguments {
     effects: Option<String>,
@@ -109,14 +149,19 @@ impl SceneArguments {
 ///
 /// `size` is (width, height) in pixels; `parameters` are those of passes, such as {"pass2.samples": 16}; `off` names passes that are
 /// switched off; `max_memory` is in bytes; `color` is what the project says, or "linear" for scene files, if None; `aa` is the samples of
-/// every pixel, 1, 2, 4, 8, 16, 32 or 64, of which a picture is the mean. For scene files alone:
+/// every pixel, 1, 2, 4, 8, 16, 32 or 64, of which a picture is the mean. `crop` is (column, row, width, height) in pixels from the top left:
+/// pictures then are (height, width, 4) of that part, the same as in the whole; `bands`, 1 to 1024, renders the picture in so many bands of rows
+/// at most, one after the other, the same picture in less memory, and None as few as `max_memory` lets. `fallback` names ray backends that
+/// may take over, in this order, where the one before fails; `Renderer.warnings` then says so. `adapter` is the device of wgpu, by its place in
+/// `gpus()` or a part of its name; `gpus` the number of GPUs for cuda and optix, or "all". For scene files alone:
 /// `effects` such as "shadows+ao", `look_from` and `look_at` in scene units, `fov` in degrees, `sun` the direction in which it stands, `up` the
 /// axis that points up, `background` display values from 0 to 1.
 #[pyfunction]
 #[pyo3(signature = (
     path, *, size = None, camera = None, pipeline = None, backend = "auto", raster = "auto", fidelity = "corrected", seed = 0,
     parameters = None, off = vec![], max_memory = 8 << 30, effects = None, look_from = None, look_at = None, fov = None,
-    sun = None, up = None, background = None, color = None, aa = 1
+    sun = None, up = None, background = None, color = None, aa = 1, crop = None, bands = None, fallback = vec![], adapter = None,
+    gpus = None
 ))]
 #[expect(clippy::too_many_arguments, reason = "they have names in Python")]
 pub fn open(
@@ -141,6 +186,11 @@ pub fn open(
     background: Option<[f32; 3]>,
     color: Option<&str>,
     aa: u32,
+    crop: Option<[u32; 4]>,
+    bands: Option<u32>,
+    fallback: Vec<String>,
+    adapter: Option<&Bound<'_, PyAny>>,
+    gpus: Option<&Bound<'_, PyAny>>,
 ) -> PyResult<Renderer> {
     let mut set = Vec::new();
     for (key, value) in parameters.into_iter().flat_map(|parameters| parameters.iter()) {
@@ -150,6 +200,10 @@ pub fn open(
     let scene = SceneArguments { effects, look_from, look_at, fov, sun, up, background }.options()?;
     let color = color.map(|color| color.parse().map_err(invalid)).transpose()?;
     let aa: PixelSamples = aa.to_string().parse().map_err(|why: String| invalid(format!("aa: {why}")))?;
+    if let Some(bands) = bands.filter(|bands| !(1..=1024).contains(bands)) {
+        return Err(invalid(format!("bands is {bands}; valid: 1 to 1024")));
+    }
+    let crop = crop.map(|[x, y, width, height]| Rect { x, y, width, height });
     let settings = Settings {
         pipeline,
         camera,
@@ -161,14 +215,12 @@ pub fn open(
         off,
         max_memory,
         scene,
+        crop,
+        bands,
         aa,
         ..Settings::default()
     };
-    let choice = Choice {
-        raster: named("raster", raster, &RasterChoice::NAMES)?,
-        backend: named("backend", backend, &BackendChoice::NAMES)?,
-        ..Choice::default()
-    };
+    let choice = EngineArguments { raster, backend, fallback: &fallback, adapter, gpus }.choice()?;
     let (jobs, work) = channel::<Job>();
     let (send, opened) = channel();
     let watch = Watch::default();
@@ -421,7 +473,7 @@ impl Renderer {
         self.call(py, executor::Renderer::forget_frames)
     }
 
-    /// Width and height of the next picture, pixels.
+    /// Width and height of the window, pixels; the next picture has as many, or those of `crop`.
     #[getter]
     fn size(&self, py: Python<'_>) -> PyResult<(u32, u32)> {
         self.call(py, |renderer| {

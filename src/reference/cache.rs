@@ -41,6 +41,11 @@ impl Folder {
         Self(path)
     }
 
+    /// Whether the folder lies where this process may read.
+    pub fn is_allowed(&self) -> bool {
+        files::check_place(&self.0).is_ok()
+    }
+
     /// Whether the folder is empty or missing.
     pub fn is_empty(&self) -> bool {
         std::fs::read_dir(&self.0).map_or(true, |mut files| files.next().is_none())

@@ -33,12 +33,14 @@
 mod blocks;
 mod cache;
 mod make;
+mod memory;
 mod picture;
 mod plan;
 mod rays;
 
 pub use blocks::Part;
 pub use make::{Made, Of};
+pub use memory::InMemory;
 
 use crate::OpenError;
 use crate::bench::Case;

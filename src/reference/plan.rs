@@ -8,7 +8,7 @@ use crate::pipeline::image::PixelFormat;
 use crate::pipeline::pixel_samples::PixelSamples;
 use crate::pipeline::plan::{Plan, PlanError, PlannedPass, Settings, Work};
 use crate::pipeline::programs::{Fidelity, Fresnel, Sampler};
-use crate::pipeline::project::{ChannelRef, EffectPass, Pass, PassKind, RayPass};
+use crate::pipeline::project::{ChannelRef, EffectPass, Pass, PassKind, Project, RayPass};
 
 /// Kind of rendering.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -31,24 +31,23 @@ impl Request {
     /// The plan of a case's reference: corrected programs, rays in place of raster effects, Sobol points, exact Fresnel
     /// reflectance, and 32-bit floats in place of 16-bit ones.
     pub fn new(case: &Case) -> Result<Self, OpenError> {
-        let mut project = case.settings.open(&case.project)?;
+        Self::of(case.settings.open(&case.project)?, &case.settings)
+    }
+
+    /// [`Self::new`] for a project in memory.
+    fn of(mut project: Project, settings: &Settings) -> Result<Self, OpenError> {
         let wrong = |message: String| OpenError::Plan(PlanError { message, help: None });
-        let pipeline = project.pipeline(case.settings.pipeline.as_deref()).map_err(wrong)?;
+        let pipeline = project.pipeline(settings.pipeline.as_deref()).map_err(wrong)?;
         for pass in &mut project.pipelines[pipeline].passes {
-            at_its_best(pass, &case.settings.set).map_err(wrong)?;
+            at_its_best(pass, &settings.set).map_err(wrong)?;
         }
         for channel in project.targets.iter_mut().flat_map(|target| &mut target.channels) {
             if channel.format == PixelFormat::Rgba16Float {
                 channel.format = PixelFormat::Rgba32Float;
             }
         }
-        let settings = Settings {
-            fidelity: Fidelity::Corrected,
-            seed: 0,
-            show: Vec::new(),
-            set: Vec::new(),
-            ..case.settings.clone()
-        };
+        let settings =
+            Settings { fidelity: Fidelity::Corrected, seed: 0, show: Vec::new(), set: Vec::new(), ..settings.clone() };
         let plan = Plan::new(project, settings)?;
         let kind = plan.passes.iter().fold(Kind::Raster, |kind, planned| match (kind, kind_of(&plan, planned)) {
             (Kind::Converged, _) | (_, Kind::Converged) => Kind::Converged,
@@ -61,8 +60,12 @@ impl Request {
     /// The plan of the reference of a case's picture: as [`Self::new`], for the whole window, with one sample a pixel, since the
     /// reference renderer takes its own samples.
     pub fn of_picture(case: &Case) -> Result<Self, OpenError> {
-        let settings = Settings { aa: PixelSamples::ONE, crop: None, bands: None, ..case.settings.clone() };
-        Self::new(&Case { settings, ..case.clone() })
+        Self::of_picture_of(case.settings.open(&case.project)?, &case.settings)
+    }
+
+    /// [`Self::of_picture`] for a project in memory.
+    pub fn of_picture_of(project: Project, settings: &Settings) -> Result<Self, OpenError> {
+        Self::of(project, &Settings { aa: PixelSamples::ONE, crop: None, bands: None, ..settings.clone() })
     }
 
     /// Identifies the request as long as the scene files do not change.

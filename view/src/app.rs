@@ -4,7 +4,7 @@ use crate::camera;
 use crate::canvas::Canvas;
 use crate::texture::Slot;
 use crate::theme::style;
-use crate::worker::{Activity, Available, Command, Facts, Other, Picture, State, Worker};
+use crate::worker::{Activity, Available, Command, Facts, Picture, Side, State, Worker};
 use curitiba::pipeline::project::Pose;
 use std::path::PathBuf;
 use std::sync::{Arc, OnceLock};
@@ -52,8 +52,10 @@ pub struct App {
     pub wipe: f32,
     /// Whether that line is dragged.
     pub(crate) holds_line: bool,
-    /// What is compared with.
-    pub other: Option<Other>,
+    /// The left side of a comparison.
+    pub left: Side,
+    /// The right side, the reference; nothing is compared without.
+    pub right: Option<Side>,
     /// A file to compare with, as it is typed.
     pub(crate) reference: String,
     /// A picture that was kept.
@@ -102,7 +104,8 @@ impl App {
             mode: Mode::default(),
             wipe: 0.5,
             holds_line: false,
-            other: None,
+            left: Side::SHOWN,
+            right: None,
             reference: reference.as_ref().map_or(String::new(), |path| path.display().to_string()),
             kept: None,
             refine: true,
@@ -122,7 +125,7 @@ impl App {
             drawing_ms: 0.0,
         };
         if let Some(path) = reference {
-            app.compare_with(Some(Other::File(path)));
+            app.compare_with(Some(Side::File(path)));
         }
         app
     }
@@ -136,14 +139,44 @@ impl App {
         }
     }
 
-    /// Compares with something else from now on.
-    pub fn compare_with(&mut self, other: Option<Other>) {
-        self.other.clone_from(&other);
-        self.worker.send(Command::Compare(other));
+    /// Compares the left side with something else from now on; nothing any more, if `None`.
+    pub fn compare_with(&mut self, right: Option<Side>) {
+        self.compare(self.left.clone(), right);
     }
 
-    /// Looks into a pixel from now on.
+    /// Compares these from now on.
+    pub fn compare(&mut self, left: Side, right: Option<Side>) {
+        (self.left, self.right) = (left, right);
+        let sides = self.right.clone().map(|right| Box::new([self.left.clone(), right]));
+        self.worker.send(Command::Compare(sides));
+    }
+
+    /// Both pictures of a comparison, once they are there and of one size.
+    #[must_use]
+    pub fn compared(&self) -> Option<[Arc<Picture>; 2]> {
+        self.right.as_ref()?;
+        let [left, right] = self.state.sides.each_ref().map(|side| side.picture.clone());
+        let (left, right) = (left?, right?);
+        (left.whole == right.whole).then_some([left, right])
+    }
+
+    /// The picture whose pixels lie under the pointer: the left one of a comparison.
+    #[must_use]
+    pub fn seen(&self) -> Option<Arc<Picture>> {
+        match self.compared() {
+            Some([left, _]) => Some(left),
+            None => self.state.picture.clone(),
+        }
+    }
+
+    /// Looks into a pixel of what is rendered here from now on.
     pub fn pick(&mut self, pixel: Option<[u32; 2]>) {
+        let sizes = [self.seen(), self.state.picture.clone()].map(|picture| picture.map(|picture| picture.whole));
+        if pixel.is_some() && sizes[0] != sizes[1] {
+            self.state.error =
+                Some("a picture of another size is shown: rays are of the pixels that are rendered".to_owned());
+            return;
+        }
         self.picked = pixel;
         self.worker.send(Command::Pixel(pixel));
     }
@@ -197,7 +230,7 @@ impl App {
             return self.notify(context, "the picture is not whole: keep it when the camera rests".to_owned());
         }
         self.kept = Some(Arc::clone(&picture));
-        self.compare_with(Some(Other::Kept(picture)));
+        self.compare_with(Some(Side::Kept(picture)));
     }
 
     /// Where a picture is saved: a name that is not taken yet.

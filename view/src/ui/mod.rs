@@ -1,5 +1,6 @@
 //! The window, drawn in its parts.
 
+mod comparison;
 mod graph;
 mod help;
 mod keys;

@@ -28,12 +28,13 @@ fn edit(app: &App, ui: &mut Ui, pass: &PassFacts, parameter: &Parameter) -> Opti
         Values::Names(names) => {
             let mut chosen = parameter.value.clone();
             let combo = ComboBox::from_id_salt(&label).width(110.0).selected_text(&chosen);
-            combo.show_ui(ui, |ui| {
+            let list = combo.show_ui(ui, |ui| {
                 for name in names {
                     let missing = missing(app, parameter, name);
                     offer(ui, &mut chosen, (*name).to_owned(), name, missing.as_deref());
                 }
             });
+            named_list(&list.response, &label, &parameter.value);
             (chosen != parameter.value).then_some(chosen)
         }
         Values::Integer(low, high) => {
@@ -76,6 +77,14 @@ fn missing(app: &App, parameter: &Parameter, name: &str) -> Option<String> {
     }
     let available = app.available()?;
     available.rays.into_iter().find(|(backend, _)| backend.name() == name)?.1
+}
+
+/// Names a list for those who do not see it, with what is chosen.
+pub(super) fn named_list(response: &Response, label: &str, chosen: &str) {
+    response.widget_info(|| WidgetInfo {
+        current_text_value: Some(chosen.to_owned()),
+        ..WidgetInfo::labeled(Role::ComboBox, true, label)
+    });
 }
 
 fn named(response: &Response, label: &str, value: f64) {

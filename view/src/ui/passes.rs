@@ -1,6 +1,6 @@
 //! The passes in their order: on and off, what they write, what they took, what can be set.
 
-use super::parameters::{self, offer};
+use super::parameters::{self, named_list, offer};
 use crate::app::App;
 use crate::theme::{BLUE, YELLOW, color, milliseconds};
 use crate::worker::{Available, Command, Facts, PassFacts, PassState};
@@ -36,19 +36,23 @@ fn engines(app: &App, ui: &mut Ui, facts: &Facts) {
     let mut choice: Choice = facts.choice;
     egui::Grid::new("engines").num_columns(3).spacing([8.0, 4.0]).show(ui, |ui| {
         ui.label("Raster");
-        ComboBox::from_id_salt("raster").width(78.0).selected_text(choice.raster.name()).show_ui(ui, |ui| {
+        let combo = ComboBox::from_id_salt("raster").width(78.0).selected_text(choice.raster.name());
+        let list = combo.show_ui(ui, |ui| {
             for (raster, missing) in &available.raster {
                 offer(ui, &mut choice.raster, *raster, raster.name(), missing.as_deref());
             }
         });
+        named_list(&list.response, "rasteriser", facts.choice.raster.name());
         engine(ui, &facts.raster);
         ui.end_row();
         ui.label("Rays");
-        ComboBox::from_id_salt("rays").width(78.0).selected_text(choice.backend.name()).show_ui(ui, |ui| {
+        let combo = ComboBox::from_id_salt("rays").width(78.0).selected_text(choice.backend.name());
+        let list = combo.show_ui(ui, |ui| {
             for (backend, missing) in &available.rays {
                 offer(ui, &mut choice.backend, *backend, backend.name(), missing.as_deref());
             }
         });
+        named_list(&list.response, "ray backend", facts.choice.backend.name());
         engine(ui, &facts.rays);
         ui.end_row();
     });

@@ -24,7 +24,7 @@ const HOLD: f32 = 7.0;
 /// Draws it, and does what the mouse asks for.
 pub fn draw(app: &mut App, ui: &mut Ui, facts: Option<&Facts>) {
     CentralPanel::default().frame(Frame::new().fill(Color32::from_gray(18))).show(ui, |ui| {
-        if app.state.picture.is_none() {
+        if app.seen().is_none() {
             return nothing(app, ui);
         }
         let (area, response) = ui.allocate_exact_size(ui.available_size(), Sense::click_and_drag());
@@ -53,55 +53,63 @@ fn nothing(app: &App, ui: &mut Ui) {
 
 /// Draws the pictures and what lies over them; says what is shown.
 fn show(app: &mut App, ui: &Ui, area: Rect, facts: Option<&Facts>) -> String {
-    let Some(picture) = app.state.picture.clone() else { return String::new() };
+    let Some(picture) = app.seen() else { return String::new() };
     let size = picture.whole;
     let (canvas, context) = (app.canvas, ui.ctx().clone());
     let (rect, scale) = (canvas.rect(area, size), canvas.scale(area, size));
     let squares = scale * context.pixels_per_point() >= SQUARES;
     let painter = ui.painter_at(area);
     let own = texture(&context, &mut app.shown, &picture, squares).id();
+    let values = |of: &Picture, part: Rect| {
+        overlay::values(&painter.with_clip_rect(part.intersect(area)), &canvas, area, of);
+    };
     let draw = |texture: TextureId, part: Rect| {
         let share = |at: Pos2| pos2((at.x - rect.left()) / rect.width(), (at.y - rect.top()) / rect.height());
         painter.image(texture, part, Rect::from_min_max(share(part.min), share(part.max)), Color32::WHITE);
     };
     let corner = area.intersect(rect).left_top() + vec2(8.0, 8.0);
-    let other = app.state.other.clone().filter(|other| other.whole == size && app.other.is_some());
+    let other = app.compared().map(|[_, right]| right);
     let heat = app.state.compared.clone();
     let name = named(&picture);
     let mut shown = name.clone();
     match (app.mode, other, heat) {
         (Mode::Difference, Some(_), Some(compared)) => {
             draw(texture(&context, &mut app.heat, &compared.heat, squares).id(), rect);
+            values(&picture, rect);
             shown = format!("FLIP of {} and {}", compared.names[0], compared.names[1]);
             overlay::name(&painter, corner, Align2::LEFT_TOP, &shown);
         }
         (Mode::Flicker, Some(other), _) => {
             let second = context.input(|input| input.time / FLICKER.as_secs_f64()) as u64 % 2 == 1;
             context.request_repaint_after(FLICKER / 4);
-            let (id, name) = if second {
-                (texture(&context, &mut app.against, &other, squares).id(), &other.name)
+            let (id, name, shown) = if second {
+                (texture(&context, &mut app.against, &other, squares).id(), &named(&other), &other)
             } else {
-                (own, &name)
+                (own, &name, &picture)
             };
             draw(id, rect);
+            values(shown, rect);
             overlay::name(&painter, corner, Align2::LEFT_TOP, name);
         }
         (Mode::Wipe, Some(other), _) => {
             let [left, right] = overlay::halves(rect, app.wipe);
             draw(own, left);
             draw(texture(&context, &mut app.against, &other, squares).id(), right);
+            values(&picture, left);
+            values(&other, right);
             painter.vline(left.right(), rect.y_range(), Stroke::new(1.5, Color32::WHITE));
             overlay::name(&painter, corner, Align2::LEFT_TOP, &name);
             let other_corner = area.intersect(rect).right_top() + vec2(-8.0, 8.0);
-            overlay::name(&painter, other_corner, Align2::RIGHT_TOP, &other.name);
+            overlay::name(&painter, other_corner, Align2::RIGHT_TOP, &named(&other));
         }
         _ => {
             draw(own, rect);
+            values(&picture, rect);
             overlay::name(&painter, corner, Align2::LEFT_TOP, &name);
         }
     }
-    overlay::values(&painter, &canvas, area, &picture);
-    if let Some(rays) = &app.state.pixel {
+    let is_here = app.state.picture.as_ref().is_some_and(|here| here.whole == size);
+    if let Some(rays) = app.state.pixel.as_ref().filter(|_| is_here) {
         let clip = facts.and_then(|facts| facts.clip_from_world.as_ref());
         overlay::rays(&painter, &canvas, area, size, clip, rays);
     }
@@ -115,7 +123,7 @@ fn named(picture: &Picture) -> String {
 }
 
 fn mouse(app: &mut App, ui: &Ui, area: Rect, response: &Response, facts: Option<&Facts>) {
-    let Some(picture) = &app.state.picture else { return };
+    let Some(picture) = app.seen() else { return };
     let size = picture.whole;
     app.pointed = response.hover_pos().and_then(|at| app.canvas.pixel(area, size, at));
     let context = ui.ctx();
@@ -160,7 +168,7 @@ fn hold_line(app: &mut App, area: Rect, size: [u32; 2], response: &Response, con
     let (start, now) = context.input(|input| (input.pointer.press_origin(), input.pointer.interact_pos()));
     if response.drag_started() {
         let line = rect.left() + rect.width() * app.wipe;
-        let wipes = app.mode == Mode::Wipe && app.other.is_some() && app.state.other.is_some();
+        let wipes = app.mode == Mode::Wipe && app.compared().is_some();
         app.holds_line = wipes && start.is_some_and(|start| (start.x - line).abs() <= HOLD);
     }
     if let Some(now) = now.filter(|_| app.holds_line) {

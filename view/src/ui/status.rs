@@ -2,14 +2,18 @@
 
 use crate::app::App;
 use crate::theme::{RED, YELLOW, milliseconds};
-use crate::worker::{Activity, Facts, NO_SAMPLES};
+use crate::worker::{Activity, Doing, Facts, NO_SAMPLES};
 use egui::{Align, Layout, Panel, RichText, ScrollArea, Ui};
+use std::time::Duration;
 
 /// Draws it, and above it the errors and warnings.
 pub fn draw(app: &mut App, ui: &mut Ui, facts: Option<&Facts>) {
     Panel::bottom("status").show(ui, |ui| {
         ui.horizontal(|ui| {
             ui.label(activity(&app.state.activity));
+            if let Some(doing) = &app.state.doing {
+                doing_now(ui, doing);
+            }
             if let Some(refinement) = &app.state.refinement {
                 let crate::worker::Refinement { samples, goal, error } = refinement;
                 let error = if error.is_nan() { String::new() } else { format!(", standard error {error:.5}") };
@@ -32,6 +36,16 @@ pub fn draw(app: &mut App, ui: &mut Ui, facts: Option<&Facts>) {
         });
     });
     warnings(app, ui, facts);
+}
+
+/// A step of the renderer that makes a side of a comparison.
+fn doing_now(ui: &mut Ui, doing: &Doing) {
+    /// How often it is looked at how far it is.
+    const LOOKED_AT: Duration = Duration::from_millis(200);
+    let (done, total) = doing.progress.get();
+    let share = (100 * done.min(total)).checked_div(total).map_or_else(String::new, |share| format!(", {share} %"));
+    ui.weak(format!("{}{share}", doing.what));
+    ui.ctx().request_repaint_after(LOOKED_AT);
 }
 
 fn right(app: &mut App, ui: &mut Ui, facts: Option<&Facts>) {
@@ -72,6 +86,7 @@ pub fn activity(activity: &Activity) -> &'static str {
         Activity::Rendering => "Rendering…",
         Activity::Moving => "Moving",
         Activity::Refining => "Refining…",
+        Activity::Comparing => "Comparing…",
         Activity::Resting => "Ready",
         Activity::Paused => "Paused",
         Activity::Failed => "Cannot render",

@@ -1,6 +1,7 @@
 //! The bar above: what is open, its camera, and what can be done.
 
 use super::keys;
+use super::parameters::named_list;
 use crate::app::App;
 use crate::worker::{Command, Facts};
 use egui::{ComboBox, Panel, RichText, Ui};
@@ -68,12 +69,14 @@ fn cameras(app: &mut App, ui: &mut Ui, facts: &Facts) {
     let own = || format!("{} (of the passes)", facts.seen_by);
     let selected = facts.camera.clone().unwrap_or_else(own);
     let mut chosen = facts.camera.clone();
-    ComboBox::from_id_salt("camera").width(170.0).selected_text(selected).show_ui(ui, |ui| {
+    let combo = ComboBox::from_id_salt("camera").width(170.0).selected_text(&selected);
+    let list = combo.show_ui(ui, |ui| {
         ui.selectable_value(&mut chosen, None, "each pass its own");
         for name in &facts.cameras {
             ui.selectable_value(&mut chosen, Some(name.clone()), name);
         }
     });
+    named_list(&list.response, "camera of all passes", &selected);
     if chosen != facts.camera {
         app.pose = None;
         app.worker.send(Command::Camera(chosen));

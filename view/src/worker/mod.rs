@@ -6,6 +6,7 @@
 mod compare;
 mod engines;
 mod facts;
+mod far;
 mod history;
 mod inspect;
 mod pace;
@@ -13,18 +14,21 @@ mod picture;
 mod reopen;
 mod save;
 mod session;
+mod side;
+mod sides;
 mod step;
 mod watch;
 
-pub use compare::{Compared, Other};
+pub use compare::Compared;
 pub use engines::Available;
 pub use facts::{Facts, Parameter, PassFacts, PassOutput, PassState, PassTimes};
 pub use history::{FRAMES, History};
 pub use inspect::{PixelRays, Segment};
 pub use picture::Picture;
+pub use side::{Obtained, On, Side, Times, What};
 
 use curitiba::Choice;
-use curitiba::pipeline::executor::Cancellation;
+use curitiba::pipeline::executor::{Cancellation, Progress};
 use curitiba::pipeline::plan::Settings;
 use curitiba::pipeline::project::Pose;
 use session::Session;
@@ -84,8 +88,8 @@ pub enum Command {
     Show(Option<String>),
     /// Looks into a pixel of what is shown, column and row from the top left; no more, if `None`.
     Pixel(Option<[u32; 2]>),
-    /// Compares what is shown with something else; no more, if `None`.
-    Compare(Option<Other>),
+    /// Compares the left picture with the right one, its reference; no more, if `None`.
+    Compare(Option<Box<[Side; 2]>>),
     /// Whether more samples are taken while nothing changes.
     Refine(bool),
     /// Whether nothing is rendered.
@@ -105,7 +109,10 @@ impl Command {
             (Self::Parameter { pass, name, .. }, Self::Parameter { pass: other, name: named, .. }) => {
                 (pass, name) == (other, named)
             }
-            (Self::Move(_), Self::Move(_)) | (Self::Show(_), Self::Show(_)) | (Self::Pixel(_), Self::Pixel(_)) => true,
+            (Self::Move(_), Self::Move(_))
+            | (Self::Show(_), Self::Show(_))
+            | (Self::Pixel(_), Self::Pixel(_))
+            | (Self::Compare(_), Self::Compare(_)) => true,
             _ => false,
         }
     }
@@ -134,6 +141,8 @@ pub enum Activity {
     Moving,
     /// Takes more samples.
     Refining,
+    /// A side of a comparison is made by another renderer.
+    Comparing,
     /// Nothing is left to do.
     Resting,
     /// Nothing is rendered, because the user says so.
@@ -160,10 +169,14 @@ pub struct State {
     pub facts: Option<Arc<Facts>>,
     /// What is shown: the result, or an output.
     pub picture: Option<Arc<Picture>>,
-    /// What it is compared with.
-    pub other: Option<Arc<Picture>>,
+    /// The two sides of a comparison.
+    pub sides: [Obtained; 2],
     /// Their difference, where it has been computed.
     pub compared: Option<Arc<Compared>>,
+    /// Why there is none although both are there.
+    pub incomparable: Option<String>,
+    /// The step of the renderer that makes a side.
+    pub doing: Option<Doing>,
     /// The rays of a pixel.
     pub pixel: Option<Arc<PixelRays>>,
     /// Times of the last frames.
@@ -184,6 +197,23 @@ pub struct State {
     pub taken: u64,
     /// From the last command that gave a frame up until the thread took it: what cancelling took.
     pub gave_up_after: Option<Duration>,
+}
+
+/// A step, and how far it is.
+#[derive(Debug, Clone)]
+pub struct Doing {
+    /// What it is.
+    pub what: String,
+    /// How far it is.
+    pub progress: Arc<Progress>,
+}
+
+/// What the thread is told.
+enum Message {
+    /// By the window.
+    Command(Command),
+    /// By a thread that makes sides of a comparison.
+    Made(far::Made),
 }
 
 type Wake = Arc<dyn Fn() + Send + Sync>;
@@ -219,7 +249,7 @@ impl Shared {
 
 /// The window's end of the thread; the thread ends with it.
 pub struct Worker {
-    commands: Sender<Command>,
+    messages: Sender<Message>,
     sent: AtomicU64,
     shared: Arc<Shared>,
     thread: Option<JoinHandle<()>>,
@@ -233,11 +263,11 @@ impl Worker {
     pub fn start(source: Source, wake: impl Fn() + Send + Sync + 'static) -> std::io::Result<Self> {
         let state = Mutex::new(State::default());
         let shared = Arc::new(Shared { state, busy: Mutex::default(), wake: Arc::new(wake) });
-        let (commands, inbox) = channel();
-        let theirs = Arc::clone(&shared);
+        let (messages, inbox) = channel();
+        let (theirs, to_itself) = (Arc::clone(&shared), messages.clone());
         let thread = std::thread::Builder::new().name("renderer".to_owned()).stack_size(8 << 20);
-        let thread = thread.spawn(move || work(Session::new(source, theirs), &inbox))?;
-        Ok(Self { commands, sent: AtomicU64::new(0), shared, thread: Some(thread) })
+        let thread = thread.spawn(move || work(Session::new(source, theirs, to_itself), &inbox))?;
+        Ok(Self { messages, sent: AtomicU64::new(0), shared, thread: Some(thread) })
     }
 
     /// Asks for something. What is being rendered is given up if it will not be wanted.
@@ -245,7 +275,7 @@ impl Worker {
         let outdates = command.outdates();
         self.sent.fetch_add(1, Ordering::Relaxed);
         // The thread ends by itself only with a fault, which `state` tells.
-        let _ = self.commands.send(command);
+        let _ = self.messages.send(Message::Command(command));
         let mut busy = lock(&self.shared.busy);
         if let (Some(patience), Some(since)) = (outdates, busy.since)
             && since.elapsed() >= patience
@@ -284,27 +314,33 @@ impl Drop for Worker {
 }
 
 /// The thread: takes what was asked for, does one step, and begins again.
-fn work(mut session: Session, inbox: &Receiver<Command>) {
+fn work(mut session: Session, inbox: &Receiver<Message>) {
     loop {
         // First: what is asked for from here on may give up the step below, which is then done again.
         session.begin();
-        let mut commands: Vec<Command> = Vec::new();
+        let mut messages: Vec<Message> = Vec::new();
         let first = match session.patience() {
             Some(Duration::ZERO) => Err(RecvTimeoutError::Timeout),
             Some(time) => inbox.recv_timeout(time),
             None => inbox.recv().map_err(|_| RecvTimeoutError::Disconnected),
         };
         match first {
-            Ok(command) => commands.push(command),
+            Ok(message) => messages.push(message),
             Err(RecvTimeoutError::Timeout) => {}
             Err(RecvTimeoutError::Disconnected) => return,
         }
-        commands.extend(inbox.try_iter());
-        let count = commands.len() as u64;
+        messages.extend(inbox.try_iter());
+        let mut count = 0;
         let mut kept: Vec<Command> = Vec::new();
-        for command in commands {
-            kept.retain(|earlier| !earlier.replaced_by(&command));
-            kept.push(command);
+        for message in messages {
+            match message {
+                Message::Command(command) => {
+                    count += 1;
+                    kept.retain(|earlier| !earlier.replaced_by(&command));
+                    kept.push(command);
+                }
+                Message::Made(made) => session.take_made(made),
+            }
         }
         for command in kept {
             if matches!(command, Command::Quit) {

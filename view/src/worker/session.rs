@@ -1,18 +1,20 @@
 //! What is to be done next, and what was asked for.
 
-use super::compare::Other;
 use super::facts::{Facts, PassTimes, camera_in_use};
+use super::far::Job;
 use super::history::History;
 use super::pace::Pace;
 use super::picture::Picture;
 use super::save::{self, Taken};
+use super::side::Side;
 use super::watch::{PERIOD, Watch};
-use super::{Activity, Command, Shared, Source, lock};
+use super::{Activity, Command, Message, Shared, Source, lock};
 use crate::camera::Bounds;
 use curitiba::Choice;
 use curitiba::pipeline::executor::{Accumulation, ChangeError, Renderer};
 use curitiba::pipeline::project::Pose;
 use std::sync::Arc;
+use std::sync::mpsc::Sender;
 use std::time::{Duration, Instant};
 
 /// After so long without a move the camera rests.
@@ -22,6 +24,8 @@ const REST: Duration = Duration::from_millis(150);
 pub(super) struct Session {
     pub source: Source,
     pub shared: Arc<Shared>,
+    /// To this thread itself: other threads of its tell what they made.
+    pub messages: Sender<Message>,
     pub renderer: Option<Renderer>,
     pub choice: Choice,
     /// Cameras that were moved.
@@ -32,6 +36,8 @@ pub(super) struct Session {
     pub watch: Watch,
     /// By index of the pipeline.
     pub times: Vec<PassTimes>,
+    /// Whether these are of a frame with all samples and pixels.
+    pub times_are_whole: bool,
     pub history: History,
     /// The window's picture.
     pub result: Option<Arc<Picture>>,
@@ -45,7 +51,12 @@ pub(super) struct Session {
     /// The output that is shown; the result, if `None`.
     pub shown: Option<String>,
     pub pixel: Option<[u32; 2]>,
-    pub other: Option<Other>,
+    /// What is compared.
+    pub sides: Option<[Side; 2]>,
+    /// Which of them are to be obtained.
+    pub sides_due: [bool; 2],
+    /// The thread that makes some of them.
+    pub job: Option<Job>,
     pub refine: bool,
     pub paused: bool,
     // What is to be done.
@@ -54,17 +65,17 @@ pub(super) struct Session {
     pub frame_due: bool,
     pub show_due: bool,
     pub pixel_due: bool,
-    pub other_due: bool,
     pub compare_due: bool,
     pub refine_due: bool,
 }
 
 impl Session {
-    pub fn new(source: Source, shared: Arc<Shared>) -> Self {
+    pub fn new(source: Source, shared: Arc<Shared>, messages: Sender<Message>) -> Self {
         let choice = source.choice;
         Self {
             source,
             shared,
+            messages,
             renderer: None,
             choice,
             poses: Vec::new(),
@@ -72,6 +83,7 @@ impl Session {
             scenes: Vec::new(),
             watch: Watch::default(),
             times: Vec::new(),
+            times_are_whole: false,
             history: History::default(),
             result: None,
             samples: 0,
@@ -81,7 +93,9 @@ impl Session {
             pace: Pace::default(),
             shown: None,
             pixel: None,
-            other: None,
+            sides: None,
+            sides_due: [false; 2],
+            job: None,
             refine: true,
             paused: false,
             opening: true,
@@ -89,7 +103,6 @@ impl Session {
             frame_due: false,
             show_due: false,
             pixel_due: false,
-            other_due: false,
             compare_due: false,
             refine_due: false,
         }
@@ -115,7 +128,8 @@ impl Session {
         if self.paused || self.renderer.is_none() {
             return idle;
         }
-        let due = [self.frame_due, self.show_due, self.pixel_due, self.other_due, self.compare_due, self.refine_due];
+        let sides_due = self.near_due() || self.far_due();
+        let due = [self.frame_due, self.show_due, self.pixel_due, sides_due, self.compare_due, self.refine_due];
         if self.pose.is_some() || (self.moved.is_none() && due.contains(&true)) {
             return Some(Duration::ZERO);
         }
@@ -147,10 +161,10 @@ impl Session {
             Command::Save(path) => self.save(&path),
             Command::Show(name) => {
                 (self.shown, self.show_due) = (name, true);
-                return;
+                return self.looked_elsewhere();
             }
             Command::Pixel(pixel) => return self.set_pixel(pixel),
-            Command::Compare(other) => return self.set_other(other),
+            Command::Compare(sides) => return self.set_sides(sides.map(|sides| *sides)),
             Command::Refine(refine) => {
                 self.refine = refine;
                 self.refine_due = refine;
@@ -181,10 +195,10 @@ impl Session {
 
     /// What was written only because it was looked at is not written any more.
     pub fn look_away(&mut self) {
-        let asked = &self.source.settings.show;
+        let wanted = self.looked_at();
         let Some(renderer) = self.renderer.as_mut().filter(|_| self.shown.is_none()) else { return };
-        if renderer.settings().show != *asked
-            && let Err(error) = renderer.set_shown(asked)
+        if renderer.settings().show != wanted
+            && let Err(error) = renderer.set_shown(&wanted)
         {
             self.shared.change(|state| state.error = Some(error.to_string()));
         }
@@ -192,10 +206,10 @@ impl Session {
 
     /// The picture is not that of the settings any more.
     pub fn changed(&mut self) {
-        (self.frame_due, self.refine_due, self.compare_due) = (true, self.refine, self.other.is_some());
+        (self.frame_due, self.refine_due) = (true, self.refine);
         self.pixel_due = self.pixel.is_some();
-        self.other_due |= matches!(self.other, Some(Other::Backend(_) | Other::Output(_)));
         self.accumulation = None;
+        self.sides_changed();
     }
 
     fn reload(&mut self) -> Result<(), String> {
@@ -208,6 +222,7 @@ impl Session {
         renderer.reload().map_err(|error| error.to_string())?;
         self.shared.change(|state| state.told = Some("the files were read again".to_owned()));
         self.times.clear();
+        self.times_are_whole = false;
         self.changed();
         Ok(())
     }
@@ -231,12 +246,6 @@ impl Session {
         if pixel.is_none() {
             self.shared.change(|state| state.pixel = None);
         }
-    }
-
-    fn set_other(&mut self, other: Option<Other>) {
-        let some = other.is_some();
-        (self.other, self.other_due, self.compare_due) = (other, some, some);
-        self.shared.change(|state| (state.other, state.compared) = (None, None));
     }
 
     /// Tells the window what there is to know.

@@ -1,11 +1,11 @@
 //! One step of the renderer's thread: a frame, a batch of samples, a look into a pixel, a comparison.
 
-use super::compare::{self, Other};
 use super::facts::{camera_in_use, ray_parameters};
 use super::inspect::{Inspector, PixelRays};
 use super::pace::Lets;
 use super::picture::Picture;
 use super::session::Session;
+use super::side::What;
 use super::{Activity, NO_SAMPLES, Refinement, lock};
 use curitiba::pipeline::executor::{Accumulation, RenderError, Renderer, Silent};
 use curitiba::pipeline::image::Image;
@@ -41,12 +41,13 @@ impl Session {
             self.show();
         } else if self.pixel_due {
             self.look_into_pixel();
-        } else if self.other_due {
-            self.tell_activity(Activity::Rendering);
-            self.obtain_other();
+        } else if self.near_due() {
+            self.obtain_near(false);
         } else if self.refine_due {
             self.tell_activity(Activity::Refining);
             self.refine();
+        } else if self.far_due() {
+            self.start_far();
         } else if self.compare_due {
             self.compare();
         } else {
@@ -56,8 +57,12 @@ impl Session {
             self.tell_activity(match (&self.renderer, self.paused) {
                 (None, _) => Activity::Failed,
                 (_, true) => Activity::Paused,
+                _ if self.job.is_some() => Activity::Comparing,
                 _ => Activity::Resting,
             });
+        } else if lock(&self.shared.state).activity == Activity::Resting {
+            // Told before the command is: who waits for rest must not find that of before.
+            self.tell_activity(Activity::Rendering);
         }
     }
 
@@ -91,6 +96,7 @@ impl Session {
                 self.frame_due = false;
                 (self.samples, self.accumulated) = (self.samples_of_settings(), false);
                 self.note_times();
+                self.times_are_whole = true;
                 self.scene_changed();
                 lock(&self.shared.state).refinement = None;
                 self.tell_picture(image);
@@ -141,36 +147,17 @@ impl Session {
     /// Gives the window the output that is shown. What is not in host memory is asked for with another frame.
     fn show(&mut self) {
         self.show_due = false;
-        let (Some(renderer), Some(result)) = (&mut self.renderer, &self.result) else { return };
-        let picture = match &self.shown {
-            None => Arc::clone(result),
-            Some(name) => match renderer.plan().channel_named(name) {
-                Ok(channel) if renderer.holds(channel) => Arc::new(Picture::of_channel(name, renderer, channel)),
-                Ok(_) => {
-                    let wanted = [name.clone()];
-                    match renderer.settings().show == wanted {
-                        true => self.fail_to_show("nothing that runs writes it"),
-                        false => match renderer.set_shown(&wanted) {
-                            Ok(()) => self.changed(),
-                            Err(error) => self.fail_to_show(&error.to_string()),
-                        },
-                    }
-                    return;
-                }
-                Err(error) => return self.fail_to_show(&error.to_string()),
-            },
-        };
-        self.compare_due = self.other.is_some();
-        self.shared.change(|state| state.picture = Some(picture));
-    }
-
-    fn fail_to_show(&mut self, why: &str) {
-        let name = self.shown.take().unwrap_or_default();
-        let picture = self.result.clone();
-        self.shared.change(|state| {
-            state.error = Some(format!("`{name}` cannot be shown: {why}"));
-            state.picture = picture;
-        });
+        match self.rendered(&What::Shown) {
+            Ok(Some(picture)) => self.shared.change(|state| state.picture = Some(picture)),
+            // The frame that writes it is due.
+            Ok(None) => return,
+            Err(why) => {
+                self.shown = None;
+                let picture = self.result.clone();
+                self.shared.change(|state| (state.error, state.picture) = (Some(why), picture));
+            }
+        }
+        self.obtain_near(true);
     }
 
     /// A frame of the moved camera, with as many samples and pixels as the last frames left time for.
@@ -195,6 +182,7 @@ impl Session {
         match renderer.update(&mut Silent) {
             Ok(image) => {
                 self.note_times();
+                self.times_are_whole = false;
                 self.tell_picture(image);
             }
             Err(error) => self.fail(&error),
@@ -238,7 +226,8 @@ impl Session {
     fn end_moving(&mut self) {
         self.may_be_given_up();
         let Some(preview) = self.stop_moving() else { return };
-        if self.samples_of_settings() <= preview.samples.into() || !self.refine {
+        // A whole frame is timed where its time stands beside that of other engines.
+        if self.samples_of_settings() <= preview.samples.into() || !self.refine || self.compares_times() {
             return;
         }
         let begun = self.renderer.as_mut().and_then(|renderer| renderer.accumulation(&mut Silent).ok());
@@ -340,46 +329,6 @@ impl Session {
             }
             Err(error) => self.fail(&error),
         }
-    }
-
-    fn obtain_other(&mut self) {
-        self.other_due = false;
-        let (Some(renderer), Some(other)) = (&self.renderer, &self.other) else { return };
-        let obtained = match other {
-            Other::File(path) => compare::read(path, renderer.plan().display).map(Arc::new),
-            Other::Kept(picture) => Ok(Arc::clone(picture)),
-            Other::Backend(backend) => compare::on_backend(renderer, self.choice, *backend).map(Arc::new),
-            Other::Output(None) => self.result.clone().ok_or_else(|| "there is no picture yet".to_owned()),
-            Other::Output(Some(name)) => match renderer.plan().channel_named(name) {
-                Ok(channel) if renderer.holds(channel) => Ok(Arc::new(Picture::of_channel(name, renderer, channel))),
-                Ok(_) => Err(format!("`{name}` is not in host memory: pin it and keep it to compare with it")),
-                Err(error) => Err(error.to_string()),
-            },
-        };
-        let failed = obtained.is_err();
-        self.shared.change(|state| match obtained {
-            Ok(picture) => state.other = Some(picture),
-            Err(error) => state.error = Some(format!("{}: {error}", other.name())),
-        });
-        (self.compare_due, self.other) = if failed { (false, None) } else { (true, self.other.take()) };
-    }
-
-    fn compare(&mut self) {
-        self.compare_due = false;
-        let Some(renderer) = &self.renderer else { return };
-        let (shown, other) = {
-            let state = lock(&self.shared.state);
-            (state.picture.clone(), state.other.clone())
-        };
-        let (Some(shown), Some(other)) = (shown, other) else { return };
-        if shown.is_reduced() {
-            return;
-        }
-        let compared = compare::compare(&shown, &other, renderer.plan().display);
-        self.shared.change(|state| match compared {
-            Ok(compared) => state.compared = Some(Arc::new(compared)),
-            Err(error) => (state.compared, state.error) = (None, Some(error)),
-        });
     }
 }
 

@@ -1,9 +1,10 @@
 //! The window as it looks: drawn on a device, a software one does.
 
 use super::common::{Window, can_draw, project, source};
+use curitiba::RasterChoice;
 use curitiba::pipeline::plan::Settings;
 use curitiba_view::app::Mode;
-use curitiba_view::worker::Other;
+use curitiba_view::worker::{On, Side, What};
 use egui_kittest::kittest::Queryable as _;
 
 /// The window's pixels; `CURITIBA_PICTURES=DIR` writes them.
@@ -76,13 +77,27 @@ fn all_parts_are_drawn_beside_one_another() {
     window.rest();
     drawn(&mut window, "pixel");
     window.harness.key_press(egui::Key::Escape);
-    window.harness.state_mut().compare_with(Some(Other::Output(Some("Deferred Render Targets::norm".to_owned()))));
+    let norm = What::Output("Deferred Render Targets::norm".to_owned());
+    window.harness.state_mut().compare_with(Some(Side::here(norm.clone())));
     window.rest();
     for (mode, name) in [(Mode::Wipe, "wipe"), (Mode::Difference, "difference")] {
         window.harness.state_mut().mode = mode;
         window.harness.run_steps(2);
         drawn(&mut window, name);
     }
+    // An output by another rasteriser, with numbers and times, and its list.
+    let there = Side::Rendered { what: norm.clone(), on: On::Raster(RasterChoice::Wgpu) };
+    window.harness.state_mut().compare(Side::here(norm), Some(there));
+    window.harness.state_mut().mode = Mode::Wipe;
+    window.rest();
+    window.harness.run_steps(2);
+    let [of, numbers] = ["engines of the left side", "RMSE"].map(|label| window.harness.get_by_label(label).rect());
+    assert!(of.right() <= 1280.0 && numbers.top() > of.bottom(), "{of} {numbers}");
+    drawn(&mut window, "engines");
+    window.harness.get_by_label("left side").click();
+    window.harness.run_steps(3);
+    drawn(&mut window, "list");
+    window.harness.key_press(egui::Key::Escape);
     window.harness.state_mut().compare_with(None);
     window.harness.key_press(egui::Key::C);
     window.harness.run_steps(2);

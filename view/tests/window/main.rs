@@ -4,14 +4,16 @@
 //! `CURITIBA_REQUIRE_GPU_TESTS=1` they fail instead.
 
 mod common;
+mod compared;
 mod drawn;
+mod frame;
 mod measured;
 
 use common::{Window, png, project, settings, source};
 use curitiba::pipeline::executor::Silent;
 use curitiba::pipeline::plan::Settings;
 use curitiba::{BackendChoice, Choice};
-use curitiba_view::worker::{Activity, Command, Other, PassState};
+use curitiba_view::worker::{Activity, Command, PassState, Side};
 use egui_kittest::kittest::Queryable as _;
 use glam::Vec3;
 use std::time::{Duration, Instant};
@@ -260,7 +262,7 @@ fn a_slow_picture_has_fewer_pixels_while_the_camera_moves_and_all_of_them_at_res
     window.harness.key_press(egui::Key::K);
     window.harness.step();
     window.harness.get_by_label("the picture is not whole: keep it when the camera rests");
-    assert!(window.app().other.is_none());
+    assert!(window.app().right.is_none());
     // The size and the parameters that are shown are those of the whole.
     let facts = window.app().state.facts.clone().expect("it is open");
     assert_eq!((facts.window, &facts.settings.set), ([2049, 1537], &slow.set));
@@ -366,7 +368,7 @@ fn two_pictures_are_compared_with_numbers() {
     let mut renderer = curitiba::open(project("SceneSSAO"), few(), Choice::CPU, &mut Silent).expect("it opens");
     renderer.render_and_save(&file, &mut Silent).expect("written");
     let mut window = Window::open(source(project("SceneSSAO"), few()));
-    window.harness.state_mut().compare_with(Some(Other::File(file.clone())));
+    window.harness.state_mut().compare_with(Some(Side::File(file.clone())));
     window.until("the numbers", |app| app.state.compared.is_some());
     window.rest();
     let expected = {
@@ -386,8 +388,10 @@ fn two_pictures_are_compared_with_numbers() {
         window.harness.run_steps(3);
     }
     // A file that is not there is said, and nothing is compared.
-    window.harness.state_mut().compare_with(Some(Other::File(folder.path().join("absent.png"))));
-    window.until("the error", |app| app.state.error.as_deref().is_some_and(|error| error.contains("absent.png")));
+    window.harness.state_mut().compare_with(Some(Side::File(folder.path().join("absent.png"))));
+    window
+        .until("the error", |app| app.state.sides[1].missing.as_deref().is_some_and(|why| why.contains("absent.png")));
+    assert!(window.app().state.compared.is_none());
 }
 
 #[test]
@@ -511,7 +515,7 @@ fn what_no_pass_reads_is_written_only_while_it_is_looked_at() {
 fn the_line_of_a_wipe_follows_the_pointer_and_the_camera_stays() {
     let mut window = Window::open(source(project("SceneShadows"), settings()));
     window.harness.key_press(egui::Key::K);
-    window.until("what was kept", |app| app.state.other.is_some());
+    window.until("what was kept", |app| app.state.sides[1].picture.is_some());
     window.rest();
     let pose = window.app().state.facts.clone().expect("it is open").pose;
     let area = window.harness.get_by_label("picture of result").rect();

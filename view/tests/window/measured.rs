@@ -2,12 +2,13 @@
 //! `cargo test --release … --test window -- --ignored --nocapture --test-threads 1`. `CURITIBA_ENGINES=wgpu,cuda` measures with that
 //! rasteriser and that ray backend; without it with both on the processor.
 
-use super::common::{Window, project, source};
+use super::common::{can_draw, project, source};
+use super::frame::{Frame, TimedWindow};
 use curitiba::pipeline::plan::Settings;
 use curitiba::pipeline::project::SceneOptions;
 use curitiba::{BackendChoice, Choice, RasterChoice};
 use curitiba_view::camera;
-use curitiba_view::worker::{Activity, Command, Source, State, Worker};
+use curitiba_view::worker::{Activity, Command, Side, Source, State, What, Worker};
 use std::path::PathBuf;
 use std::time::{Duration, Instant};
 
@@ -119,14 +120,56 @@ fn time_until_a_long_frame_is_given_up() {
     println!("given up after {middle:.2} ms (median of {count}; at most {most:.2}), {threads} threads");
 }
 
+/// The parts of a frame of the window: their medians, and the medians' sum.
+fn print_parts(what: &str, frames: &[Frame]) {
+    let of = |part: fn(&Frame) -> f64| median(frames.iter().map(part).collect());
+    println!(
+        "{what}: layout {:.2} ms, tessellation {:.2} ms, textures {:.2} ms ({:.1} MB), buffers {:.2} ms, drawing {:.2} ms; \
+         whole {:.2} ms (medians of {})",
+        of(|frame| frame.layout),
+        of(|frame| frame.tessellation),
+        of(|frame| frame.textures),
+        of(|frame| frame.bytes as f64) / 1e6,
+        of(|frame| frame.buffers),
+        of(|frame| frame.draw),
+        of(Frame::total),
+        frames.len()
+    );
+}
+
 #[test]
 #[ignore = "measures"]
 fn time_of_the_window_beside_the_passes() {
-    let mut window = Window::open(source(project("SceneFinal"), large(&["pass2.samples=4"], None)));
-    let mut times = Vec::new();
-    for _ in 0..200 {
-        window.harness.step();
-        times.push(f64::from(window.app().drawing_ms));
+    /// Drawings of each kind: a software device takes tenths of a second for one.
+    const FRAMES: usize = 60;
+    if !can_draw() {
+        return;
     }
-    println!("laying out the window takes {:.2} ms (median of {}), one thread", median(times.clone()), times.len());
+    let source = Source { choice: engines(), ..source(project("SceneFinal"), large(&["pass2.samples=4"], None)) };
+    let mut window = TimedWindow::new(Worker::start(source, || {}).expect("a thread"));
+    window.app.refine = false;
+    window.app.worker.send(Command::Refine(false));
+    window.rest();
+    let threads = std::thread::available_parallelism().map_or(0, usize::from);
+    let load = std::fs::read_to_string("/proc/loadavg").unwrap_or_default();
+    println!("drawn by {}, {threads} threads, load {}", window.device(), load.trim());
+    let same: Vec<Frame> = (0..FRAMES).map(|_| window.frame()).collect();
+    print_parts("the same picture", &same);
+    let pictures: Vec<String> = ["pos", "norm"].map(|name| format!("Deferred Render Targets::{name}")).to_vec();
+    let mut others = Vec::new();
+    for turn in 0..FRAMES {
+        let name = &pictures[turn % 2];
+        let shown = |state: &State| state.picture.as_ref().is_some_and(|picture| picture.name == *name);
+        // As if its row was clicked.
+        window.app.pinned = Some(Some(name.clone()));
+        window.frame();
+        wait(&window.app.worker, name, shown);
+        others.push(window.frame());
+    }
+    print_parts("another picture of 1024 x 1024 pixels", &others[FRAMES / 4..]);
+    let side = Side::here(What::Result);
+    window.app.compare_with(Some(side));
+    window.rest();
+    let wiped: Vec<Frame> = (0..FRAMES).map(|_| window.frame()).collect();
+    print_parts("a wipe of two pictures", &wiped);
 }

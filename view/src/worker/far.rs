@@ -1,0 +1,242 @@
+//! Sides of a comparison that another renderer makes, on a thread of its own: the window goes on meanwhile.
+
+use super::picture::Picture;
+use super::side::{Obtained, On, Times, What};
+use super::{Doing, Message, Shared};
+use curitiba::Choice;
+use curitiba::pipeline::executor::{Cancellation, Goal, Observer, Progress, RenderError, Renderer, StepKind};
+use curitiba::pipeline::plan::{OWN_BACKEND, Settings};
+use curitiba::pipeline::project::Project;
+use curitiba::reference::{PICTURE_SAMPLES, ReferenceError, References};
+use std::sync::mpsc::Sender;
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::thread::JoinHandle;
+use std::time::{Duration, Instant};
+
+/// The first frame of a renderer translates shaders and fills caches. Where it takes no longer, a second one is timed.
+const TIMED_AGAIN: Duration = Duration::from_millis(500);
+
+/// What is to be made.
+pub(super) struct Task {
+    /// The project as it is now: with cameras that were moved.
+    pub project: Project,
+    pub settings: Settings,
+    /// The window's choice.
+    pub choice: Choice,
+    /// Samples that the window's picture has accumulated.
+    pub samples: Option<u32>,
+    pub source: Source,
+}
+
+/// Which picture, or pictures, with the side that each is for.
+pub(super) enum Source {
+    /// By other engines.
+    Engines(On, Vec<(usize, What)>),
+    /// The reference.
+    Reference(usize),
+}
+
+impl Source {
+    /// The sides that it is for.
+    pub fn sides(&self) -> Vec<usize> {
+        match self {
+            Self::Engines(_, wanted) => wanted.iter().map(|(side, _)| *side).collect(),
+            Self::Reference(side) => vec![*side],
+        }
+    }
+}
+
+/// What a thread has made: by side. Nothing, where it was given up.
+pub(super) type Made = Option<Vec<(usize, Obtained)>>;
+
+/// A thread at work.
+pub(super) struct Job {
+    pub sides: Vec<usize>,
+    stop: Stop,
+    thread: Option<JoinHandle<()>>,
+}
+
+/// A request to stop, and the request of the renderer at work.
+#[derive(Clone, Default)]
+struct Stop {
+    asked: Cancellation,
+    renderer: Arc<Mutex<Option<Cancellation>>>,
+}
+
+impl Stop {
+    fn renderer(&self) -> MutexGuard<'_, Option<Cancellation>> {
+        self.renderer.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    fn stop(&self) {
+        self.asked.cancel();
+        if let Some(renderer) = self.renderer().as_ref() {
+            renderer.cancel();
+        }
+    }
+
+    /// Stops this renderer, too: at once if it was asked before.
+    fn adopt(&self, renderer: &Renderer) {
+        *self.renderer() = Some(renderer.cancellation());
+        if self.asked.is_cancelled() {
+            renderer.cancellation().cancel();
+        }
+    }
+}
+
+/// Sends what was made when it is dropped: also after a panic, whose message has been printed.
+struct Report {
+    to: Sender<Message>,
+    made: Made,
+}
+
+impl Drop for Report {
+    fn drop(&mut self) {
+        // Nobody listens once the window is closed.
+        let _ = self.to.send(Message::Made(self.made.take()));
+    }
+}
+
+impl Job {
+    /// Starts a thread.
+    ///
+    /// # Errors
+    /// If none can be started.
+    pub fn start(task: Task, shared: Arc<Shared>, to: Sender<Message>) -> std::io::Result<Self> {
+        let (sides, stop) = (task.source.sides(), Stop::default());
+        let theirs = stop.clone();
+        let fault = "the renderer of this side ended by a fault of the program; please report it";
+        let failed = sides.iter().map(|side| (*side, Obtained::missing(fault))).collect();
+        let thread = std::thread::Builder::new().name("comparison".to_owned()).stack_size(8 << 20);
+        let thread = thread.spawn(move || {
+            let mut report = Report { to, made: Some(failed) };
+            let made = make(task, &theirs, &mut Teller(&shared));
+            report.made = made;
+            shared.change(|state| state.doing = None);
+        })?;
+        Ok(Self { sides, stop, thread: Some(thread) })
+    }
+
+    /// Asks it to end.
+    pub fn give_up(&self) {
+        self.stop.stop();
+    }
+
+    pub fn is_given_up(&self) -> bool {
+        self.stop.asked.is_cancelled()
+    }
+}
+
+impl Drop for Job {
+    fn drop(&mut self) {
+        self.stop.stop();
+        if let Some(thread) = self.thread.take() {
+            // A panic has printed its message.
+            let _ = thread.join();
+        }
+    }
+}
+
+/// Tells the window which step runs, and how far it is.
+struct Teller<'a>(&'a Shared);
+
+impl Observer for Teller<'_> {
+    fn begin(&mut self, kind: StepKind, name: &str, progress: &Arc<Progress>) {
+        let doing = Doing { what: format!("{} {name}", kind.name()), progress: Arc::clone(progress) };
+        self.0.change(|state| state.doing = Some(doing));
+    }
+
+    fn end(&mut self) {
+        self.0.change(|state| state.doing = None);
+    }
+}
+
+fn make(task: Task, stop: &Stop, teller: &mut Teller<'_>) -> Made {
+    let sides = task.source.sides();
+    let made = match &task.source {
+        Source::Engines(on, wanted) => on_engines(&task, *on, wanted, stop, teller),
+        Source::Reference(side) => reference(&task, stop, teller).map(|obtained| vec![(*side, obtained)]),
+    };
+    if stop.asked.is_cancelled() {
+        return None;
+    }
+    Some(made.unwrap_or_else(|why| sides.into_iter().map(|side| (side, Obtained::missing(&why))).collect()))
+}
+
+/// Pictures by a renderer with other engines, with what a frame took.
+fn on_engines(
+    task: &Task,
+    on: On,
+    wanted: &[(usize, What)],
+    stop: &Stop,
+    teller: &mut Teller<'_>,
+) -> Result<Vec<(usize, Obtained)>, String> {
+    let mut settings = task.settings.clone();
+    if matches!(on, On::Rays(_)) {
+        // Passes with a backend of their own have it, too.
+        let own = format!(".{}=", OWN_BACKEND.name);
+        settings.set.retain(|assignment| !assignment.contains(&own));
+    }
+    let outputs = wanted.iter().filter_map(|(_, what)| match what {
+        What::Output(name) => Some(name.clone()),
+        What::Shown | What::Result => None,
+    });
+    settings.show = outputs.collect();
+    let text = |error: RenderError| error.to_string();
+    let project = task.project.clone();
+    let mut renderer =
+        curitiba::open_project(project, settings, on.choice(task.choice), teller).map_err(|error| error.to_string())?;
+    stop.adopt(&renderer);
+    let start = Instant::now();
+    let mut image = renderer.frame(teller).map_err(text)?;
+    if start.elapsed() < TIMED_AGAIN {
+        renderer.forget_frames();
+        image = renderer.frame(teller).map_err(text)?;
+    }
+    let mut times = Times::default();
+    for row in renderer.timeline().rows.iter().filter(|row| row.kind.per_frame()) {
+        times.add(row.kind, row.host_ms.iter().sum());
+    }
+    let samples = match task.samples {
+        Some(samples) => {
+            renderer.accumulate(Goal::Samples(samples), teller).map_err(text)?;
+            image = renderer.window_image();
+            format!(", {samples} samples")
+        }
+        None => String::new(),
+    };
+    let mut result = Some(image);
+    let mut pictures = Vec::new();
+    for (side, what) in wanted {
+        let mut picture = match what {
+            What::Output(name) => {
+                let channel = renderer.plan().channel_named(name).map_err(|error| error.to_string())?;
+                Picture::of_channel(name, &renderer, channel)
+            }
+            What::Shown | What::Result => {
+                Picture::of_result(result.take().unwrap_or_else(|| renderer.window_image()), renderer.plan())
+            }
+        };
+        picture.name = format!("{} on {}{samples}", picture.name, on.name());
+        let times = Some(times.clone());
+        pictures.push((*side, Obtained { picture: Some(Arc::new(picture)), times, missing: None }));
+    }
+    Ok(pictures)
+}
+
+/// The reference of the picture: a stored one, or one with the fewest samples that a reference may have.
+fn reference(task: &Task, stop: &Stop, teller: &mut Teller<'_>) -> Result<Obtained, String> {
+    if task.settings.crop.is_some() {
+        return Err("references are of whole pictures; leave --crop out".to_owned());
+    }
+    let mut references = References::new(References::default_folder(), Duration::ZERO);
+    let (project, least) = (task.project.clone(), PICTURE_SAMPLES.0);
+    let found = references.picture_of(project, &task.settings, least, &stop.asked, teller).map_err(|error| {
+        let ReferenceError::Picture(why) = error else { return error.to_string() };
+        format!("there is no reference: {why}")
+    })?;
+    let name =
+        format!("reference, {} samples, standard error {:.5}", found.reference.samples, found.reference.own_error);
+    let picture = Picture::of_window(name, found.reference.picture, found.display);
+    Ok(Obtained { picture: Some(Arc::new(picture)), ..Obtained::default() })
+}
