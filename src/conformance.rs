@@ -264,6 +264,10 @@ impl RayBackend for Beside {
         self.others.iter().all(|other| other.traces_sun_discs())
     }
 
+    fn knows_lights(&self) -> bool {
+        self.others.iter().all(|other| other.knows_lights())
+    }
+
     fn traces_cones(&self) -> bool {
         self.others.iter().all(|other| other.traces_cones())
     }

@@ -58,6 +58,7 @@ fn draw(rasteriser: &mut dyn Rasteriser, renderer: &Renderer, shift: f32) -> GBu
         scene: &scene,
         program: curitiba::pipeline::programs::RasterProgram::Deferred,
         view,
+        lights: &[],
         sun: Some(Sun { direction: Vec3::new(0.597, -0.39, 0.7).normalize(), color: Vec3::splat(0.9) }),
         shades: &shades,
         culled: &[],

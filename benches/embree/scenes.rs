@@ -116,6 +116,7 @@ impl OwnedJob {
             seed: 0,
             eye: self.eye,
             cone: PixelCone::default(),
+            lights: &[],
             sun: self.sun,
             width: self.width,
             height: self.height,

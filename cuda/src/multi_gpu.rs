@@ -206,6 +206,7 @@ impl<T: DeviceTracer> RayBackend for DeviceRays<T> {
         if job.program != RayProgram::Dummy {
             check::scene(T::NAME, job, false)?;
             check::sun(T::NAME, job)?;
+            check::lights(T::NAME, job)?;
             check::filter(T::NAME, job)?;
             check::adaptive(T::NAME, job)?;
             check_glass(T::NAME, false, &job.params, job.dielectrics)?;

@@ -85,6 +85,10 @@ impl RayBackend for CpuRays {
         true
     }
 
+    fn knows_lights(&self) -> bool {
+        true
+    }
+
     fn filters_shares(&self) -> bool {
         true
     }
@@ -477,6 +481,9 @@ fn run_corrected<'o, T: Tracer, C: Coverage, R: Runner<'o>>(pass: &Pass<'_, T, C
         RayProgram::DeferredShadows if pass.disc.is_some() => {
             pixels.each(alone, |p, w| deferred_shadows::soft::pixel(pass, p, w))
         }
+        RayProgram::DeferredShadows if !pass.job.lights.is_empty() => {
+            pixels.each(alone, |p, w| deferred_shadows::lights::pixel(pass, p, w))
+        }
         RayProgram::DeferredShadows => {
             let tile = |area, rows: &mut Rows<'_>, work: &mut Workspace| {
                 deferred_shadows::corrected::tile(pass, area, rows, work);
@@ -526,7 +533,7 @@ fn run_textured<'o, T: Tracer, C: Coverage, R: Runner<'o>>(pass: &Pass<'_, T, C>
 /// threads waiting: with two tiles at a time, that took 4 % of the time of ambient occlusion and 7 % of the time of `final`.
 fn tiles_at_a_time(job: &RayJob<'_>) -> usize {
     let is_soft = job.program.info().sun_samples(&job.params) > 0;
-    if job.program == RayProgram::DeferredShadows && !is_soft { 8 } else { 1 }
+    if job.program == RayProgram::DeferredShadows && !is_soft && job.lights.is_empty() { 8 } else { 1 }
 }
 
 /// The rows of an image, cut into runs of up to `tiles` adjacent tiles, in row-major order.

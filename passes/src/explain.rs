@@ -4,7 +4,7 @@ use crate::cpu;
 use crate::trace::{
     Bvh, Event, Hit, Outcome, Quality, RecordedRay, Recorder, SphereTree, SurfacePoint, Tracer, WithSpheres,
 };
-use curitiba_pipeline::backend::{BackendError, NO_TRIANGLE, RayJob};
+use curitiba_pipeline::backend::{Arriving, BackendError, NO_TRIANGLE, RayJob};
 use curitiba_pipeline::programs::RayProgram;
 use glam::{Vec3, Vec4};
 use std::fmt;
@@ -154,6 +154,18 @@ impl fmt::Display for PixelRays<'_> {
                 }
             }
             None => {}
+        }
+        if let Some(stored) = job.position.get(index).filter(|_| job.triangle.get(index) != Some(&NO_TRIANGLE)) {
+            let point = Vec4::from_array(*stored).truncate();
+            for (number, light) in job.lights.iter().enumerate() {
+                let Arriving { towards, factor } = light.at(point);
+                let color = vector(light.color * factor);
+                writeln!(
+                    f,
+                    "  light {number:<3} arrives as {color} from {}, before cosine and shadow",
+                    vector(towards)
+                )?;
+            }
         }
         let rays = self.events.iter().filter(|event| matches!(event, Event::Ray(_))).count();
         writeln!(f, "  wrote     {} after {rays} rays", channels(self.value))?;

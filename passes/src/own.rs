@@ -76,6 +76,10 @@ impl<F: Fn(At<'_>) -> [f32; 4] + Sync> RayBackend for OwnProgram<F> {
         self.rays.traces_sun_discs()
     }
 
+    fn knows_lights(&self) -> bool {
+        self.rays.knows_lights()
+    }
+
     fn filters_shares(&self) -> bool {
         self.rays.filters_shares()
     }

@@ -7,7 +7,7 @@ mod support;
 
 use common::ALL;
 use curitiba_passes::raster::cpu::CpuRasteriser;
-use curitiba_pipeline::backend::{GBuffer, NO_TRIANGLE, RasterJob, Rasteriser, Rect};
+use curitiba_pipeline::backend::{Cone, GBuffer, Light, NO_TRIANGLE, RasterJob, Rasteriser, Rect};
 use glam::{DVec2, Vec3, Vec4};
 use scenes::{Setup, bumpy, cut_out, grazing, hills, marked, soup, tinted};
 use support::rasteriser;
@@ -288,4 +288,49 @@ fn both_leave_what_is_outside_of_the_viewport() {
     assert_eq!(agreement.verdict(STRICT), Ok(()), "{agreement:?}");
     let marks = |buffer: &GBuffer| buffer.triangle.iter().filter(|id| **id == 0xdead_beef).count();
     assert_eq!((marks(&a), marks(&b)), (150 * 90 - 70 * 60, 150 * 90 - 70 * 60));
+}
+
+#[test]
+fn both_add_the_same_lights() {
+    let Some(mut gpu) = rasteriser() else { return };
+    let (mut failed, mut compared) = (Vec::new(), 0);
+    for (setup, allowed) in [(hills(160), STRICT), (bumpy(0.0), STRICT), (bumpy(1.0), BUMPS)] {
+        let (span, sun) = ((setup.eye - setup.target).length(), setup.sun.expect("a sun"));
+        let attenuation = [1.0, 0.0, 2.0 / (span * span)];
+        let place = setup.target + Vec3::new(0.3, 0.8, 0.2) * span;
+        let bulb = Light {
+            place: Some(place),
+            direction: Vec3::ZERO,
+            color: Vec3::new(0.9, 0.4, 0.2),
+            attenuation,
+            range: 3.0 * span,
+            cone: None,
+        };
+        let cone = Some(Cone { inner: 0.95, outer: 0.6, exponent: 2.0 });
+        let place = Some(setup.target + Vec3::new(-0.4, 0.9, 0.1) * span);
+        let spot = Light { place, direction: Vec3::new(0.3, -0.9, 0.1).normalize(), cone, ..bulb };
+        let day = Light { place: None, direction: sun.direction, color: sun.color * 0.5, ..bulb };
+        let lights = [bulb, spot, day];
+        let job = RasterJob { sun: None, lights: &lights, ..setup.job(WIDTH, HEIGHT, ALL) };
+        let [a, b] = [
+            render(&mut CpuRasteriser::new(), &setup, &job, WIDTH, HEIGHT),
+            render(&mut gpu, &setup, &job, WIDTH, HEIGHT),
+        ];
+        let agreement = Agreement::of(&job, &a, &b);
+        println!("{}: {agreement:?}", setup.name);
+        failed.extend(agreement.verdict(allowed).err().map(|what| (setup.name, what)));
+        // Control: without the spot light, the picture is another.
+        let fewer = RasterJob { lights: &lights[..1], ..job };
+        let other = Agreement::of(&job, &a, &render(&mut gpu, &setup, &fewer, WIDTH, HEIGHT));
+        assert!(other.verdict(allowed).is_err(), "{}", setup.name);
+        // A job with one directional light after that is drawn as before.
+        let plain = setup.job(WIDTH, HEIGHT, ALL);
+        let [a, b] = [
+            render(&mut CpuRasteriser::new(), &setup, &plain, WIDTH, HEIGHT),
+            render(&mut gpu, &setup, &plain, WIDTH, HEIGHT),
+        ];
+        failed.extend(Agreement::of(&plain, &a, &b).verdict(allowed).err().map(|what| (setup.name, what)));
+        compared += 1;
+    }
+    assert!(compared == 3 && failed.is_empty(), "{compared} {failed:?}");
 }

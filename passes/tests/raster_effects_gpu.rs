@@ -321,6 +321,7 @@ fn raster_job(shot: &Shot, attachments: Attachments) -> RasterJob<'_> {
         scene: &shot.scene,
         program: RasterProgram::Deferred,
         view: shot.view,
+        lights: &[],
         sun: shot.sun,
         shades: &shot.shades,
         culled: &[],

@@ -30,6 +30,11 @@ pub fn run(args: &ProjectArgs) -> Result<(), Failure> {
     let mut plan = Plan::new(project, settings).map_err(|error| Failure::from(OpenError::from(error)))?;
     ask_engines(&mut plan, args.choice())?;
     print_warnings(&plan.warnings);
+    for planned in &plan.passes {
+        if let Some(lights) = plan.lights_in_words(planned) {
+            crate::say!("pass `{}` has {lights}", plan.pass(planned).name);
+        }
+    }
     if let Some(cost) = plan.cost_of_samples() {
         crate::say!("{} samples a pixel: {cost}", plan.settings.aa);
     }

@@ -179,7 +179,8 @@ fn ask_engines(plan: &mut Plan, choice: Choice) -> Result<(), Failure> {
     // If a fallback is allowed, it takes over.
     let stands_in = choice.for_plan(plan).fallback.iter().any(Option::is_some);
     let for_the_cpu =
-        || plan.untraced_sun(rays_of).or_else(|| plan.unfiltered(rays_of)).or_else(|| plan.unsampled(rays_of));
+        || plan.untraced_sun(rays_of).or_else(|| plan.unlit(rays_of)).or_else(|| plan.unfiltered(rays_of));
+    let for_the_cpu = || for_the_cpu().or_else(|| plan.unsampled(rays_of));
     let for_the_cpu = || for_the_cpu().or_else(|| plan.without_cones(rays_of));
     let left = || if stands_in { None } else { for_the_cpu() };
     let refused = plan

@@ -3,10 +3,10 @@
 use crate::args::quoted;
 use crate::bench::Case;
 use crate::passes::reference::{Camera, Job, Look, Seen, Traced, Value};
-use crate::pipeline::backend::{Rect, Shade, Sun};
+use crate::pipeline::backend::{Rect, Shade};
 use crate::pipeline::color::ColorSpace;
 use crate::pipeline::executor::Renderer;
-use crate::pipeline::plan::{Instead, Plan, PlannedPass, Work};
+use crate::pipeline::plan::{Instead, Plan, PlannedPass, Shining, Work};
 use crate::pipeline::programs::RayProgram;
 use crate::pipeline::project::{ChannelRef, PassKind, QuadSource};
 use crate::pipeline::scene::fnv1a;
@@ -60,6 +60,9 @@ pub(super) fn material(job: &Job<'_>, space: ColorSpace) -> String {
         format!("{:?} {}", seen.look.sun, hashed(&shown(seen.look.shades, value))),
         described(value),
     ]
+    .into_iter()
+    .chain((!seen.look.lights.is_empty()).then(|| format!("{:?}", seen.look.lights)))
+    .collect::<Vec<_>>()
     .join("\n")
 }
 
@@ -103,6 +106,7 @@ fn described(value: &Value<'_>) -> String {
             let shades = bounces(pass.program);
             if shades || pass.program == RayProgram::DeferredShadows {
                 words.push(format!("{:?}", look.sun));
+                words.extend((!look.lights.is_empty()).then(|| format!("{:?}", look.lights)));
             }
             if shades {
                 words.push(format!("{} glass {} {:?}", hashed(look.shades), marked(look.glass), pass.beyond));
@@ -130,7 +134,7 @@ fn marked(materials: &[bool]) -> String {
 
 /// Why the picture of a plan has no reference, as far as the plan alone determines it.
 pub(super) fn unsupported(plan: &Plan) -> Option<String> {
-    let nothing = |_: usize| Look { shades: &[], glass: &[], shadow_glass: &[], sun: None };
+    let nothing = |_: usize| Look { shades: &[], glass: &[], shadow_glass: &[], sun: None, lights: Vec::new() };
     Expression { plan, look: &nothing, bodies: &|_| false, drawn: None }.window().err()
 }
 
@@ -142,15 +146,14 @@ pub(super) fn job(renderer: &Renderer, samples: Range<u32>) -> Result<Job<'_>, S
     let plan = renderer.plan();
     let look = |index: usize| {
         let materials = renderer.materials(index);
-        let light = match &plan.pass(&plan.passes[index]).kind {
-            PassKind::Raster(raster) => raster.light,
-            PassKind::Ray(ray) => ray.light,
-            PassKind::Effect(_) | PassKind::Quad(_) | PassKind::Intersection(_) | PassKind::Compute(_) => None,
+        let Shining { sun, lights } = match &plan.pass(&plan.passes[index]).kind {
+            kind @ (PassKind::Raster(_) | PassKind::Ray(_)) => plan.shining(kind.lights()),
+            PassKind::Effect(_) | PassKind::Quad(_) | PassKind::Intersection(_) | PassKind::Compute(_) => {
+                Shining::default()
+            }
         };
-        let light = light.map(|light| &plan.project.lights[light]);
-        let sun = light.and_then(|light| light.direction.map(|direction| Sun { direction, color: light.color }));
         let (glass, shadow_glass) = (&materials.glass, &materials.shadow_glass);
-        Look { shades: &materials.shades, glass, shadow_glass, sun }
+        Look { shades: &materials.shades, glass, shadow_glass, sun, lights }
     };
     let bodies = |index: usize| {
         let materials = renderer.materials(index);
@@ -267,7 +270,7 @@ impl<'a> Expression<'_, 'a> {
                 };
                 let beyond: DVec3 = beyond.as_dvec3();
                 let traced = Traced { program: ray.program, params: *params, look: (self.look)(index), beyond };
-                Ok(Value::Traced(traced, Box::new(color)))
+                Ok(Value::Traced(Box::new(traced), Box::new(color)))
             }
             (Work::Off { instead: Instead::Fill(value) }, _) => {
                 Ok(Value::Constant(DVec4::from_array(value.map(f64::from))))

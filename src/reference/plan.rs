@@ -89,6 +89,8 @@ impl Request {
         }
         lines.extend(scenes.iter().map(|hash| format!("scene {hash}")));
         lines.extend(plan.project.lights.iter().map(|light| format!("{:?} {:?}", light.direction, light.color)));
+        let placed = plan.project.lights.iter().filter(|light| light.direction.is_none());
+        lines.extend(placed.map(|light| format!("{:?} {:?}", light.position, light.falloff)));
         for (target, planned) in plan.project.targets.iter().zip(&plan.targets) {
             let formats: Vec<_> = target.channels.iter().map(|channel| channel.format).collect();
             lines.push(format!("{planned:?} {formats:?}"));
@@ -153,14 +155,14 @@ fn at_its_best(pass: &mut Pass, set: &[String]) -> Result<(), String> {
 
 /// The ray pass that corresponds to an effect pass, with the constants that both have.
 fn by_rays(effect: &EffectPass) -> RayPass {
-    let EffectPass { scenes, camera, light, position, normal, color, colors, glass, program, .. } = effect.clone();
+    let EffectPass { scenes, camera, lights, position, normal, color, colors, glass, program, .. } = effect.clone();
     let counterpart = program.info().counterpart;
     // Channels that the rays do not read need not be drawn, so the reference equals that of the ray project.
     let read = |channel: Option<ChannelRef>, name: &str| channel.filter(|_| counterpart.info().buffers.contains(&name));
     RayPass {
         scenes,
         camera,
-        light,
+        lights,
         program: counterpart,
         params: effect.params.by_rays(),
         position: read(position, "pos_buffer"),

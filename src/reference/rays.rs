@@ -65,6 +65,10 @@ impl RayBackend for ReferenceRays {
         true
     }
 
+    fn knows_lights(&self) -> bool {
+        true
+    }
+
     fn traces_cones(&self) -> bool {
         true
     }

@@ -195,7 +195,7 @@ fn effect_of(rays: &RayPass, program: EffectProgram) -> EffectPass {
     EffectPass {
         scenes: rays.scenes,
         camera: rays.camera,
-        light: rays.light,
+        lights: rays.lights.clone(),
         program,
         params,
         position: rays.position,
@@ -226,7 +226,7 @@ fn rays_of(effect: &EffectPass) -> RayPass {
     RayPass {
         scenes: effect.scenes,
         camera: effect.camera,
-        light: effect.light,
+        lights: effect.lights.clone(),
         program,
         params: effect.params.by_rays(),
         position: effect.position,

@@ -209,6 +209,7 @@ mod tests {
             seed: 0,
             eye: Vec3::ZERO,
             cone: PixelCone::default(),
+            lights: &[],
             sun: None,
             width: 1,
             height: 1,

@@ -231,6 +231,7 @@ fn differences(program: &Path, scene: &Scene, asked: Asked) -> (f32, usize, usiz
         seed: 0,
         eye: scene.eye,
         cone: PixelCone { width: 0.0, spread: 1.0 / SIZE as f32 },
+        lights: &[],
         sun: Some(sun),
         width: SIZE,
         height: SIZE,

@@ -2,6 +2,7 @@
 
 use crate::trace::{Detected, Kernel, Simd};
 use curitiba_pipeline::backend::{BackendError, NO_TRIANGLE, RayJob};
+use curitiba_pipeline::glass::GlassShadow;
 use curitiba_pipeline::image::Image;
 use curitiba_pipeline::programs::{Fidelity, RayProgram, TextureLod, Traces};
 use rayon::prelude::*;
@@ -40,6 +41,39 @@ pub fn sun(backend: &'static str, job: &RayJob<'_>) -> Result<(), BackendError> 
             &format!("its light has a disc ({asked}), and it knows a point; the cpu knows both"),
         )),
     }
+}
+
+/// Refuses several lights and lights with a place, for a backend that knows one directional light.
+///
+/// # Errors
+/// [`BackendError::Unsupported`] for that backend.
+pub fn lights(backend: &'static str, job: &RayJob<'_>) -> Result<(), BackendError> {
+    match job.lights {
+        [] => Ok(()),
+        _ => Err(missing(
+            backend,
+            job,
+            "the pass has several lights, or a point or spot light, and it knows one directional light; the cpu knows all",
+        )),
+    }
+}
+
+/// Refuses what no program knows of several lights, or of a light with a place.
+fn many_lights(backend: &'static str, job: &RayJob<'_>) -> Result<(), BackendError> {
+    let info = job.program.info();
+    let what = match () {
+        () if job.lights.is_empty() => return Ok(()),
+        () if job.fidelity == Fidelity::Thesis => "thesis fidelity",
+        () if info.starts_at_camera() => "a program whose rays start at the camera",
+        () if job.program.asks_of_sun(&job.params).is_some() => "a light with a disc (sun above 0)",
+        () if info.reads("shadow") && job.params.shadow == GlassShadow::Caustic => "shadow=caustic",
+        () => return Ok(()),
+    };
+    Err(missing(
+        backend,
+        job,
+        &format!("the pass has several lights, or a point or spot light, and {what} knows one light"),
+    ))
 }
 
 /// Refuses a filter over what is written, for a backend that has none.
@@ -137,8 +171,9 @@ pub fn scene(backend: &'static str, job: &RayJob<'_>, spheres: bool) -> Result<(
     fidelity(backend, job.program, job.fidelity)?;
     let info = job.program.info();
     let (scene, geometry) = (job.scene, &job.scene.geometry);
-    if job.sun.is_none() && info.globals.contains(&"lightDir") {
-        return Err(missing(backend, job, "it reads lightDir, and the pass has no directional light"));
+    many_lights(backend, job)?;
+    if job.sun.is_none() && job.lights.is_empty() && info.globals.contains(&"lightDir") {
+        return Err(missing(backend, job, "it reads lightDir, and the pass has no light"));
     }
     let start = job.from_camera.filter(|_| info.starts_at_camera());
     if start.is_none() && info.starts_at_camera() {

@@ -5,6 +5,7 @@ use super::interpolate::{interpolate, texture_coordinates};
 use super::pass::Pass;
 use super::ray_cone::Footprint;
 use crate::trace::{Hit, Tracer};
+use curitiba_pipeline::backend::Shade;
 use curitiba_pipeline::scene::normal_map;
 use glam::{Vec3, Vec4};
 
@@ -19,11 +20,17 @@ impl<T: Tracer, C: Coverage> Pass<'_, T, C> {
     /// vertex colour, plus the light that the surface emits. Textures are read at the level of the footprint. Spheres have
     /// neither texture coordinates nor vertex colours.
     pub(super) fn lit_color(&self, hit: &Hit, footprint: impl Footprint, normal: Vec3) -> Vec3 {
-        let scene = self.job.scene;
         let shade = &self.job.shades[self.material_of(hit.triangle) as usize];
+        let lit = shade.diffuse.truncate() * (self.light_color * self.light_cosine(hit, normal));
+        self.reflected_color(hit, footprint, (shade, lit))
+    }
+
+    /// The colour at a hit on a material that looks so, where `lit` is the diffuse light beside the ambient one.
+    #[inline(always)]
+    pub(super) fn reflected_color(&self, hit: &Hit, footprint: impl Footprint, (shade, lit): (&Shade, Vec3)) -> Vec3 {
+        let scene = self.job.scene;
         let diffuse = shade.diffuse.truncate();
         let flat = self.sphere(hit.triangle).is_none();
-        let lit = diffuse * (self.light_color * self.light_cosine(hit, normal));
         let reflected = match shade.texture.filter(|_| flat) {
             None => lit + AMBIENT * diffuse,
             Some(texture) => {
@@ -41,9 +48,15 @@ impl<T: Tracer, C: Coverage> Pass<'_, T, C> {
 
     /// The cosine of the light on a surface with this unit normal; 0 where the surface is turned away.
     pub(super) fn light_cosine(&self, hit: &Hit, normal: Vec3) -> f32 {
+        self.cosine_to(hit, normal, self.to_light)
+    }
+
+    /// [`Self::light_cosine`] of a light in this direction.
+    #[inline(always)]
+    pub(super) fn cosine_to(&self, hit: &Hit, normal: Vec3, to_light: Vec3) -> f32 {
         let shade = &self.job.shades[self.material_of(hit.triangle) as usize];
         let bent = shade.normal_map.is_some() && self.sphere(hit.triangle).is_none();
-        if bent && !self.vertices_face_light(hit, normal) { 0.0 } else { self.to_light.dot(normal).max(0.0) }
+        if bent && !self.vertices_face(hit, normal, to_light) { 0.0 } else { to_light.dot(normal).max(0.0) }
     }
 
     /// How much light of intensity 1 adds to the colour of a triangle or sphere for a cosine of 1, beside [`AMBIENT`],
@@ -99,14 +112,14 @@ impl<T: Tracer, C: Coverage> Pass<'_, T, C> {
         Some(normal_map::bent(texel.truncate(), map.scale, vertex, tangent, flat))
     }
 
-    /// Whether the vertex normal faces the light, once it is turned to the side of the triangle that `bent` is on.
-    fn vertices_face_light(&self, hit: &Hit, bent: Vec3) -> bool {
+    /// Whether the vertex normal faces a light, once it is turned to the side of the triangle that `bent` is on.
+    fn vertices_face(&self, hit: &Hit, bent: Vec3, to_light: Vec3) -> bool {
         let geometry = &self.job.scene.geometry;
         let [a, b, c] = geometry.corners(hit.triangle);
         let flat = (b - a).cross(c - a);
         let vertex = interpolate(geometry, &geometry.normals, hit);
         let turned = (flat.dot(vertex) < 0.0) != (flat.dot(bent) < 0.0);
-        let cosine = vertex.dot(self.to_light);
+        let cosine = vertex.dot(to_light);
         (if turned { -cosine } else { cosine }) > 0.0
     }
 }

@@ -45,6 +45,7 @@ pub mod dielectric;
 pub mod dummy;
 mod interpolate;
 mod light;
+mod lights;
 mod material;
 mod occlusion;
 mod optics;

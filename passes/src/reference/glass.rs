@@ -102,7 +102,7 @@ impl Sample<'_, '_> {
             return BOUNCE * self.pane(pass, &surface, direction, (bounces + 1, weight * BOUNCE, key));
         }
         let color = look.met_color(world, &surface);
-        self.in_light(pass, color, &surface, surface.facing, (weight, key))
+        self.in_light(pass, color, &surface, (surface.facing, false), (weight, key))
     }
 }
 

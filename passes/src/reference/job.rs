@@ -1,7 +1,7 @@
 //! The jobs of the reference renderer.
 
 use super::camera::Camera;
-use curitiba_pipeline::backend::{Shade, Sun};
+use curitiba_pipeline::backend::{Light, Shade, Sun};
 use curitiba_pipeline::glass::GlassShadow;
 use curitiba_pipeline::image::PixelFormat;
 use curitiba_pipeline::programs::{RayParams, RayProgram};
@@ -10,7 +10,7 @@ use glam::{DVec3, DVec4};
 use std::ops::Range;
 
 /// The materials and the light as a pass sees them. All slices are by material index.
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug, Clone)]
 pub struct Look<'a> {
     /// Appearance of the materials.
     pub shades: &'a [Shade],
@@ -20,10 +20,12 @@ pub struct Look<'a> {
     pub shadow_glass: &'a [bool],
     /// The light.
     pub sun: Option<Sun>,
+    /// Several lights, or a light with a place, in place of [`Self::sun`].
+    pub lights: Vec<Light>,
 }
 
 /// The view of the camera: the one raster pass of a picture.
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug, Clone)]
 pub struct Seen<'a> {
     /// The scene that is drawn.
     pub scene: &'a RenderScene,
@@ -38,7 +40,7 @@ pub struct Seen<'a> {
 }
 
 /// A ray pass.
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug, Clone)]
 pub struct Traced<'a> {
     /// The program of the pass.
     pub program: RayProgram,
@@ -92,11 +94,24 @@ pub enum Value<'a> {
     /// The colour that the raster pass draws.
     Drawn,
     /// The result of a ray pass, and the colour that the pass reads; black if it reads none.
-    Traced(Traced<'a>, Box<Value<'a>>),
-    /// The first value times the `x` of the second.
+    Traced(Box<Traced<'a>>, Box<Value<'a>>),
+    /// The first value times the `x` of the second, or by colour where that is the share of [several lights](Value::is_colored).
     Product(Box<Value<'a>>, Box<Value<'a>>),
     /// A value as the format of a target holds it: byte formats clamp it to 0..1. It is not rounded.
     Held(PixelFormat, Box<Value<'a>>),
+}
+
+impl Value<'_> {
+    /// Whether it is a share of light that differs by colour.
+    #[must_use]
+    pub fn is_colored(&self) -> bool {
+        match self {
+            Self::Held(PixelFormat::R8Unorm | PixelFormat::R32Float | PixelFormat::Rg32Float, _) => false,
+            Self::Held(_, value) => value.is_colored(),
+            Self::Traced(pass, _) => pass.program == RayProgram::DeferredShadows && !pass.look.lights.is_empty(),
+            Self::Constant(_) | Self::Drawn | Self::Product(..) => false,
+        }
+    }
 }
 
 /// A picture to render.

@@ -6,15 +6,15 @@ use crate::trace::DoubleHit;
 use glam::{DVec3, DVec4};
 
 /// The report's ambient light.
-const AMBIENT: f64 = 0.3;
+pub(super) const AMBIENT: f64 = 0.3;
 /// Share of the light behind an opaque surface.
 pub(super) const SHADOWED: f64 = 0.5;
 /// Factor of the light for each glass surface that it crosses.
-const THROUGH_GLASS: f64 = 0.9;
+pub(super) const THROUGH_GLASS: f64 = 0.9;
 /// Least cosine between a triangle's normal and those of its corners for which it counts as a piece of a round surface.
 const ROUND: f64 = 0.85;
 /// Hit distances with a smaller relative difference are one glass surface: positions are `f32`.
-const ONE_SURFACE: f64 = 8.0 * f32::EPSILON as f64;
+pub(super) const ONE_SURFACE: f64 = 8.0 * f32::EPSILON as f64;
 
 impl Look<'_> {
     /// Unit direction to the light; 0 without one.
@@ -25,7 +25,14 @@ impl Look<'_> {
     /// The light cosine of a surface that the camera sees: that of the unturned shading normal; with a normal map, 0
     /// where the vertex normal faces away.
     pub(super) fn seen_cosine(&self, surface: &Surface) -> f64 {
-        let to_light = self.toward_light();
+        if !self.lights.is_empty() {
+            return self.greatest_cosine(surface);
+        }
+        self.cosine_seen(surface, self.toward_light())
+    }
+
+    /// [`Self::seen_cosine`] of a light in this direction.
+    pub(super) fn cosine_seen(&self, surface: &Surface, to_light: DVec3) -> f64 {
         let faces = self.shades[surface.material].normal_map.is_none() || surface.vertex.dot(to_light) > 0.0;
         if faces { surface.shading.dot(to_light).clamp(0.0, 1.0) } else { 0.0 }
     }
@@ -35,7 +42,13 @@ impl Look<'_> {
     pub(super) fn seen_color(&self, world: &World<'_>, surface: &Surface) -> DVec4 {
         let shade = &self.shades[surface.material];
         let sun = self.sun.map_or(DVec4::ZERO, |sun| sun.color.as_dvec3().extend(1.0));
-        let lit = shade.diffuse.as_dvec4() * sun * self.seen_cosine(surface);
+        let arriving = match self.lights.is_empty() {
+            true => sun * self.seen_cosine(surface),
+            false => self
+                .sum_of_lights(surface.position, |towards| self.cosine_seen(surface, towards))
+                .extend(self.seen_cosine(surface)),
+        };
+        let lit = shade.diffuse.as_dvec4() * arriving;
         let reflected = match shade.texture {
             None => lit + shade.diffuse.as_dvec4() * AMBIENT,
             Some(texture) => {
@@ -50,7 +63,25 @@ impl Look<'_> {
     /// textured material has the ambient constant in the place of its emission.
     pub(super) fn met_color(&self, world: &World<'_>, surface: &Surface) -> DVec3 {
         let shade = &self.shades[surface.material];
-        let to_light = self.toward_light();
+        let arriving = match self.lights.is_empty() {
+            true => {
+                let sun = self.sun.map_or(DVec3::ZERO, |sun| sun.color.as_dvec3());
+                sun * self.cosine_met(surface, self.toward_light())
+            }
+            false => self.sum_of_lights(surface.position, |towards| self.cosine_met(surface, towards)),
+        };
+        let diffuse = shade.diffuse.as_dvec4();
+        let lit = diffuse * arriving.extend(1.0);
+        let reflected = match shade.texture {
+            None => lit + diffuse * AMBIENT,
+            Some(texture) => (lit + AMBIENT) * world.texel(texture, world.texcoord(surface.triangle, surface.weights)),
+        };
+        self.tinted(world, surface, reflected).truncate() + self.glow(world, surface)
+    }
+
+    /// The cosine of a light in this direction at a surface that a ray hits.
+    pub(super) fn cosine_met(&self, surface: &Surface, to_light: DVec3) -> f64 {
+        let shade = &self.shades[surface.material];
         let mut cosine = to_light.dot(surface.normal).max(0.0);
         if shade.normal_map.is_some() {
             let same_side = (surface.flat.dot(surface.vertex) < 0.0) == (surface.flat.dot(surface.normal) < 0.0);
@@ -59,13 +90,7 @@ impl Look<'_> {
                 cosine = 0.0;
             }
         }
-        let diffuse = shade.diffuse.as_dvec4();
-        let lit = diffuse * self.sun.map_or(DVec3::ZERO, |sun| sun.color.as_dvec3()).extend(1.0) * cosine;
-        let reflected = match shade.texture {
-            None => lit + diffuse * AMBIENT,
-            Some(texture) => (lit + AMBIENT) * world.texel(texture, world.texcoord(surface.triangle, surface.weights)),
-        };
-        self.tinted(world, surface, reflected).truncate() + self.glow(world, surface)
+        cosine
     }
 
     fn tinted(&self, world: &World<'_>, surface: &Surface, color: DVec4) -> DVec4 {
@@ -85,14 +110,16 @@ impl Look<'_> {
     /// Whether light reaches the side of normal `facing`, with glass as an obstacle: the light of `deferredShadows`.
     pub(super) fn is_lit(&self, world: &World<'_>, surface: &Surface, facing: DVec3) -> bool {
         let stops = |hit: &DoubleHit| world.covers(self.shades, hit);
-        self.start_to_light(world, surface, facing, stops)
+        self.start_to_light(world, surface, (facing, self.toward_light()), stops)
             .is_some_and(|origin| !world.is_blocked(origin, self.toward_light(), f64::INFINITY, stops))
     }
 
     /// The light share on that side in `final`: each glass surface on the way dims it.
     pub(super) fn light_share(&self, world: &World<'_>, surface: &Surface, facing: DVec3) -> f64 {
         let stops = |hit: &DoubleHit| self.stops_light(world, hit);
-        let Some(origin) = self.start_to_light(world, surface, facing, stops) else { return SHADOWED };
+        let Some(origin) = self.start_to_light(world, surface, (facing, self.toward_light()), stops) else {
+            return SHADOWED;
+        };
         let mut crossings = Vec::new();
         let blocked = world.is_blocked(origin, self.toward_light(), f64::INFINITY, |hit| {
             let covers = world.covers(self.shades, hit);
@@ -120,14 +147,13 @@ impl Look<'_> {
     /// A side that is turned away from the light is dark, unless the round surface that it stands for faces the light.
     /// Then the ray starts on that surface (Hanika, "Hacking the Shadow Terminator", Ray Tracing Gems II, 2021), if
     /// nothing that stops light lies between the two.
-    fn start_to_light(
+    pub(super) fn start_to_light(
         &self,
         world: &World<'_>,
         surface: &Surface,
-        facing: DVec3,
+        (facing, to_light): (DVec3, DVec3),
         stops: impl FnMut(&DoubleHit) -> bool,
     ) -> Option<DVec3> {
-        let to_light = self.toward_light();
         if facing.dot(to_light) > 0.0 {
             return Some(world.leaving(surface, to_light));
         }

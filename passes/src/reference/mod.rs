@@ -25,6 +25,7 @@ mod camera;
 mod glass;
 mod job;
 mod light;
+mod lights;
 mod points;
 mod programs;
 mod texture;
@@ -118,11 +119,11 @@ fn mean(job: &Job<'_>, world: &World<'_>, [x, y]: [u32; 2], half: u64) -> DVec4 
 /// Marks the materials whose hits must be judged one by one: alpha-tested ones, those that light passes, and those
 /// whose back faces are culled.
 fn looked_at(job: &Job<'_>) -> Vec<bool> {
-    fn looks<'a>(value: &Value<'a>, found: &mut Vec<Look<'a>>) {
+    fn looks<'v, 'a>(value: &'v Value<'a>, found: &mut Vec<&'v Look<'a>>) {
         match value {
             Value::Constant(_) | Value::Drawn => {}
             Value::Traced(pass, color) => {
-                found.push(pass.look);
+                found.push(&pass.look);
                 looks(color, found);
             }
             Value::Product(color, factor) => {
@@ -132,7 +133,7 @@ fn looked_at(job: &Job<'_>) -> Vec<bool> {
             Value::Held(_, value) => looks(value, found),
         }
     }
-    let mut found = vec![job.seen.look];
+    let mut found = vec![&job.seen.look];
     looks(&job.value, &mut found);
     let of = |material: usize| {
         job.seen.culled.get(material).is_some_and(|culled| *culled)

@@ -46,6 +46,7 @@ impl<'w, 's> Sample<'w, 's> {
                 None => job.seen.clear_color,
             },
             Value::Traced(pass, color) => self.traced(job, pass, color),
+            Value::Product(color, factor) if factor.is_colored() => self.value(job, color) * self.value(job, factor),
             Value::Product(color, factor) => self.value(job, color) * self.value(job, factor).x,
             Value::Held(format, value) => {
                 let value = self.value(job, value);
@@ -77,6 +78,13 @@ impl<'w, 's> Sample<'w, 's> {
                 }
                 // The shaded side is the one that the vertex normals point to.
                 let facing = if surface.flat.dot(surface.vertex) < 0.0 { -surface.flat } else { surface.flat };
+                if !pass.look.lights.is_empty() {
+                    let cosine = |towards: DVec3| pass.look.cosine_seen(surface, towards);
+                    let covers = |hit: &crate::trace::DoubleHit| self.world.covers(pass.look.shades, hit);
+                    let share =
+                        pass.look.share_of_lights(self.world, (surface, facing, true), cosine, covers, |_| false);
+                    return share.extend(1.0);
+                }
                 gray(if pass.look.is_lit(self.world, surface, facing) { 1.0 } else { SHADOWED })
             }
             RayProgram::Ssao => {
@@ -91,26 +99,30 @@ impl<'w, 's> Sample<'w, 's> {
                 // The colour was lit by the unturned shading normal, so shadows belong to the side that it points to.
                 let turned = surface.shading.dot(surface.facing) < 0.0;
                 let facing = if turned { -surface.facing } else { surface.facing };
-                self.in_light(pass, own().truncate(), surface, facing, (1.0, self.key)).extend(1.0)
+                self.in_light(pass, own().truncate(), surface, (facing, true), (1.0, self.key)).extend(1.0)
             }
             _ => own(),
         }
     }
 
-    /// In `final`, the colour times its light share (on the side of normal `facing`) and its occlusion; in other
+    /// In `final`, the colour times its light share (on the side of normal `facing`, of what the camera sees itself or of what a ray meets) and its occlusion; in other
     /// programs the colour itself.
     pub(super) fn in_light(
         &self,
         pass: &Traced<'_>,
         color: DVec3,
         surface: &Surface,
-        facing: DVec3,
+        (facing, is_seen): (DVec3, bool),
         path: (f64, u64),
     ) -> DVec3 {
         if pass.program != RayProgram::Final || color == DVec3::ZERO {
             return color;
         }
-        let light = pass.look.light_share(self.world, surface, facing);
+        let light = if pass.look.lights.is_empty() {
+            DVec3::splat(pass.look.light_share(self.world, surface, facing))
+        } else {
+            pass.look.lights_in_final(self.world, surface, (facing, is_seen))
+        };
         color * light * self.open_share(pass, surface, path, |hit| pass.look.stops_light(self.world, hit))
     }
 

@@ -1,7 +1,7 @@
 //! The reference renderer against closed forms, each with a control that must fail.
 
 use super::{Camera, Job, Look, ReferenceError, Seen, Traced, Value, render};
-use curitiba_pipeline::backend::{Shade, Sun};
+use curitiba_pipeline::backend::{Cone, Light, Shade, Sun};
 use curitiba_pipeline::executor::Cancellation;
 use curitiba_pipeline::image::Image;
 use curitiba_pipeline::programs::{RayParams, RayProgram};
@@ -18,6 +18,7 @@ struct Stage {
     shades: Vec<Shade>,
     glass: Vec<bool>,
     sun: Option<Sun>,
+    lights: Vec<Light>,
 }
 
 impl Stage {
@@ -38,7 +39,13 @@ impl Stage {
     }
 
     fn look(&self) -> Look<'_> {
-        Look { shades: &self.shades, glass: &self.glass, shadow_glass: &self.glass, sun: self.sun }
+        Look {
+            shades: &self.shades,
+            glass: &self.glass,
+            shadow_glass: &self.glass,
+            sun: self.sun,
+            lights: self.lights.clone(),
+        }
     }
 
     fn job<'a>(&'a self, camera: Camera, size: [u32; 2], value: Value<'a>) -> Job<'a> {
@@ -48,7 +55,7 @@ impl Stage {
 
     fn traced(&self, program: RayProgram, params: RayParams) -> Value<'_> {
         let pass = Traced { program, params, look: self.look(), beyond: DVec3::ZERO };
-        Value::Traced(pass, Box::new(Value::Drawn))
+        Value::Traced(Box::new(pass), Box::new(Value::Drawn))
     }
 }
 
@@ -238,7 +245,7 @@ fn a_pane_shows_fresnels_share_of_what_it_mirrors_and_the_rest_of_what_is_behind
     for index in [1.1_f32, 1.5] {
         let params = RayParams { index, ..RayParams::default() };
         let pass = Traced { program: RayProgram::Refraction, params, look: stage.look(), beyond: DVec3::ONE };
-        let job = stage.job(from_above(4), [4, 4], Value::Traced(pass, Box::new(Value::Drawn)));
+        let job = stage.job(from_above(4), [4, 4], Value::Traced(Box::new(pass), Box::new(Value::Drawn)));
         let share = ((f64::from(index) - 1.0) / (f64::from(index) + 1.0)).powi(2);
         for pixel in &picture(&job)[0].pixels {
             for (found, behind) in pixel.iter().zip([0.2, 0.4, 0.6]) {
@@ -285,6 +292,67 @@ fn a_scene_far_away_shows_the_same() {
         here[0].pixels.iter().zip(&moved[0].pixels).filter(|(a, b)| (0..3).any(|i| (a[i] - b[i]).abs() > 1e-6));
     let count = differ.count();
     assert!(count > 20, "control: {count}");
+}
+
+/// A light at a place whose light falls off with the square of the distance.
+fn lamp(place: Vec3, color: Vec3) -> Light {
+    let attenuation = [0.0, 0.0, 1.0];
+    Light { place: Some(place), direction: Vec3::ZERO, color, attenuation, range: f32::INFINITY, cone: None }
+}
+
+#[test]
+fn lamps_light_a_plane_by_the_inverse_square_add_and_end_at_their_cones() {
+    let mut stage = Stage::default();
+    stage.quad(Vec3::splat(0.3), Vec3::new(8.0, -8.0, 0.0), Vec3::X * 20.0, Vec3::Y * 20.0);
+    let cosine = 0.75_f32.atan().cos();
+    let cone = Some(Cone { inner: cosine, outer: cosine, exponent: 2.0 });
+    let spot = Light { direction: Vec3::NEG_Z, cone, ..lamp(Vec3::new(10.0, -10.0, 6.0), Vec3::new(60.0, 30.0, 0.0)) };
+    stage.lights = vec![lamp(Vec3::new(4.0, -4.0, 5.0), Vec3::splat(40.0)), spot];
+    let arriving = |at: DVec2, place: DVec3, most: f64| {
+        let way = place - at.extend(0.0);
+        let cosine = way.z / way.length();
+        if cosine >= most { cosine / way.length_squared() } else { 0.0 }
+    };
+    let lit = |radius: f64| {
+        move |index: usize| {
+            over_pixel(index, 16, |at| {
+                let spot = DVec3::new(10.0, -10.0, 6.0);
+                let slope = 6.0 / (at.extend(0.0) - spot).length();
+                let edge = 6.0 / (36.0 + radius * radius).sqrt();
+                let spot = 60.0 * arriving(at, spot, edge) * slope * slope;
+                0.3 + 40.0 * arriving(at, DVec3::new(4.0, -4.0, 5.0), 0.0) + spot
+            })
+        }
+    };
+    let found = picture(&stage.job(from_above(16), [16, 16], Value::Drawn));
+    let (error, own) = (off(&reds(&found), lit(4.5)), own_error(&found));
+    assert!(error < 2.0 * own && own < 0.01, "{error}, told {own}");
+    assert!(off(&reds(&found), lit(4.3)) > 3.0 * error, "control: another cone goes unnoticed");
+}
+
+#[test]
+fn a_square_below_a_lamp_throws_a_larger_shadow() {
+    let mut stage = Stage::default();
+    stage.quad(Vec3::splat(0.3), Vec3::new(8.0, -8.0, 0.0), Vec3::X * 20.0, Vec3::Y * 20.0);
+    // A square from 7 to 9 at half the height of a lamp above its middle: its shadow is from 6 to 10, and it hides the middle.
+    stage.quad(Vec3::splat(0.3), Vec3::new(8.0, -8.0, 4.0), Vec3::X, Vec3::Y);
+    // A square above the lamp throws none; the camera stands below it.
+    stage.quad(Vec3::splat(0.3), Vec3::new(8.0, -8.0, 90.0), Vec3::X * 20.0, Vec3::Y * 20.0);
+    stage.lights = vec![lamp(Vec3::new(8.0, -8.0, 8.0), Vec3::splat(50.0))];
+    let traced = stage.traced(RayProgram::DeferredShadows, RayParams::default());
+    let found = picture(&stage.job(from_above(16), [16, 16], traced));
+    let share = |side: f64| {
+        move |index: usize| {
+            over_pixel(index, 16, |at| {
+                let from = (at - DVec2::new(8.0, -8.0)).abs().max_element();
+                let way = DVec3::new(8.0, -8.0, 8.0) - at.extend(0.0);
+                let light = 50.0 * way.z / way.length().powi(3);
+                if (1.0..side).contains(&from) { 0.3 / (0.3 + light) } else { 1.0 }
+            })
+        }
+    };
+    let error = off(&reds(&found), share(2.0));
+    assert!(error < 1e-4 && off(&reds(&found), share(2.1)) > 1e-3, "{error}");
 }
 
 #[test]

@@ -292,6 +292,7 @@ impl WgpuRays {
         self.supports(job.program, job.fidelity)?;
         check::scene(NAME, job, false)?;
         check::sun(NAME, job)?;
+        check::lights(NAME, job)?;
         check::filter(NAME, job)?;
         check::adaptive(NAME, job)?;
         check_glass(NAME, true, &job.params, job.dielectrics)?;

@@ -106,6 +106,7 @@ pub fn job<'a>(
         scene,
         program: RasterProgram::Deferred,
         view,
+        lights: &[],
         sun: Some(Sun { direction: Vec3::new(0.36, -0.48, -0.8), color: Vec3::new(0.9, 0.8, 0.7) }),
         shades,
         culled: &[],

@@ -225,6 +225,7 @@ fn drawn(shot: &mut Shot, view: View, culled: bool) -> Vec<[f32; 4]> {
         scene: &scene,
         program: RasterProgram::Deferred,
         view,
+        lights: &[],
         sun: shot.sun,
         shades: &shot.shades,
         culled: &vec![culled; shot.glass.len()],

@@ -35,6 +35,7 @@ impl Setup {
             scene: &self.scene,
             program: RasterProgram::Deferred,
             view: self.view(width, height),
+            lights: &[],
             sun: self.sun,
             shades: &self.shades,
             culled: &[],

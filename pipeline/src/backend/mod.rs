@@ -1,12 +1,13 @@
 //! The interface between the executor and its engines: rasterisers ([`Rasteriser`]) and ray tracers ([`RayBackend`]).
 //!
 //! The traits have a file each. The others hold what goes through them: jobs (`*_job`, `own_shaders`) with their cameras, lights
-//! and materials (`view`, `shade`), what was done (`ray_stats`, or beside the job), devices and errors. Engines implement the
+//! and materials (`view`, `light`, `shade`), what was done (`ray_stats`, or beside the job), devices and errors. Engines implement the
 //! traits and the executor calls them. May use scenes, images, G-buffers and tables of programs; not projects, plans, engines.
 
 mod device;
 mod effect_job;
 mod error;
+mod light;
 mod own_shaders;
 mod raster_job;
 mod rasteriser;
@@ -21,6 +22,7 @@ pub use crate::programs::Query;
 pub use device::{Gpu, Limits};
 pub use effect_job::{Answers, EffectJob, EffectStats, Part};
 pub use error::BackendError;
+pub use light::{Arriving, Cone, Light};
 pub use own_shaders::{ComputeJob, OwnMaterial, OwnShaders, OwnTexture, QuadJob, QuadTexture};
 pub use raster_job::{DrawStats, HandOver, LoadStore, RasterJob};
 pub use rasteriser::Rasteriser;

@@ -1,5 +1,6 @@
 //! Raster passes: what is drawn, and what a draw did.
 
+use super::light::Light;
 use super::shade::Shade;
 use super::view::{Sun, View};
 use crate::gbuffer::{Attachments, Rect};
@@ -34,6 +35,9 @@ pub struct RasterJob<'a> {
     pub view: View,
     /// The light. Without a light the cosine that shading multiplies with is 0.
     pub sun: Option<Sun>,
+    /// The lights of a pass that has several, or one with a place, in place of [`Self::sun`]; else empty. The light cosine that is
+    /// written is then the greatest of those whose light arrives.
+    pub lights: &'a [Light],
     /// Colours of the materials, by material index.
     pub shades: &'a [Shade],
     /// Whether back faces (corners clockwise on the screen) are culled, by material index. Empty: nothing is culled.

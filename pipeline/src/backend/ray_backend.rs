@@ -70,6 +70,10 @@ pub trait RayBackend {
     fn traces_sun_discs(&self) -> bool {
         false
     }
+    /// Whether its programs know several lights, and lights with a place ([`RayJob::lights`]).
+    fn knows_lights(&self) -> bool {
+        false
+    }
     /// Whether it filters the share that a program writes ([`RayParams::filter`] above 0).
     fn filters_shares(&self) -> bool {
         false

@@ -1,5 +1,6 @@
 //! Ray passes: what they read.
 
+use super::light::Light;
 use super::shade::Shade;
 use super::view::{Lamp, PixelCone, Sun, View};
 use crate::camera_programs::SurfaceKind;
@@ -40,6 +41,8 @@ pub struct RayJob<'a> {
     pub cone: PixelCone,
     /// The light, for programs that read it.
     pub sun: Option<Sun>,
+    /// The lights of a pass that has several, or one with a place, in place of [`Self::sun`]; else empty.
+    pub lights: &'a [Light],
     /// Column and row of the job's top left pixel in the whole picture. Random numbers depend on a pixel's place in the whole
     /// picture.
     pub origin: [u32; 2],

@@ -1,10 +1,10 @@
 //! Which passes have to run again: those whose inputs changed since their last run, and those that depend on them.
 
 use super::{PassMaterials, Renderer};
-use crate::backend::{Attachments, OwnMaterial, Sun};
+use crate::backend::{Attachments, OwnMaterial};
 use crate::image::PixelFormat;
 use crate::pixel_samples::PixelSamples;
-use crate::plan::{Access, Work};
+use crate::plan::{Access, Shining, Work};
 use crate::project::{ChannelRef, PassKind, QuadPass};
 
 /// The inputs of a pass when it last ran. Its picture stays valid as long as these inputs, and the channels that it reads, are
@@ -13,7 +13,7 @@ use crate::project::{ChannelRef, PassKind, QuadPass};
 pub(super) struct Given {
     /// The pass's work; for a raster pass without its attachments, which are in [`Self::drawn`].
     work: Work,
-    sun: Option<Sun>,
+    shining: Shining,
     /// The seed; `None` for a pass that draws no random numbers.
     seed: Option<u32>,
     /// Name of the ray backend that the pass asks for.
@@ -67,12 +67,6 @@ impl Renderer {
             drawn = [*attachments, in_host];
             (*attachments, *host, *traced) = Default::default();
         }
-        let light = match &pass.kind {
-            PassKind::Raster(raster) => raster.light,
-            PassKind::Ray(ray) => ray.light,
-            PassKind::Effect(effect) => effect.light,
-            PassKind::Quad(_) | PassKind::Intersection(_) | PassKind::Compute(_) => None,
-        };
         let random = match (&work, &pass.kind) {
             (Work::Rays { params, .. }, PassKind::Ray(ray)) => ray.program.info().samples(params) > 0,
             (Work::Effect { .. }, _) => true,
@@ -83,7 +77,7 @@ impl Renderer {
         let channels = pass.target.map_or(&[][..], |target| &self.plan.project.targets[target].channels);
         Given {
             work,
-            sun: light.and_then(|light| self.sun(light)),
+            shining: self.plan.shining(pass.kind.lights()),
             seed: random.then_some(self.plan.settings.seed),
             backend: self.plan.backend_of(planned).map(str::to_owned),
             materials: self.materials[index].clone(),

@@ -92,7 +92,7 @@ impl Renderer {
             params,
             seed: self.seed_of_sample(),
             view,
-            sun: effect.light.filter(|_| info.lit).and_then(|light| self.sun(light)),
+            sun: if info.lit { self.plan.shining(&effect.lights).sun } else { None },
             width: output.width,
             height: output.height,
             resident,
@@ -159,7 +159,8 @@ impl Renderer {
             eye: view.eye,
             // What raster effects leave to rays reads textures at level 0.
             cone: PixelCone::default(),
-            sun: effect.light.and_then(|light| self.sun(light)),
+            sun: self.plan.shining(&effect.lights).sun,
+            lights: &[],
             from_camera: None,
             origin: written.origin,
             width,

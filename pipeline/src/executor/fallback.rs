@@ -71,7 +71,7 @@ impl Renderer {
         let rays_of = |pass: &str| self.engines.rays_of(pass);
         let plan = &self.plan;
         let refused = plan.untraced_spheres(rays_of).or_else(|| plan.untraced_sun(rays_of));
-        let refused = refused.or_else(|| plan.without_cones(rays_of));
+        let refused = refused.or_else(|| plan.unlit(rays_of)).or_else(|| plan.without_cones(rays_of));
         if let Some(refused) = refused.or_else(|| plan.unfiltered(rays_of)).or_else(|| plan.unsampled(rays_of)) {
             return Some(refused);
         }

@@ -38,7 +38,7 @@ pub use output::{Faults, Output, Range, Triangles};
 pub use save::{Saved, Written};
 pub use timeline::{Row, Span, StepKind, Timeline, median};
 
-use crate::backend::{Attachments, BackendError, GBuffer, Lamp, Rect, Shade, Sun};
+use crate::backend::{Attachments, BackendError, GBuffer, Lamp, Rect, Shade};
 use crate::camera_programs::SurfaceKind;
 use crate::diagnostic::{Decision, Warnings};
 use crate::glass::Dielectric;
@@ -530,7 +530,8 @@ impl Renderer {
         };
         let filled = shader
             .map_or(Ok(()), |shader| self.fill_quad((&shader, planned.pass, writes_color), viewport, &mut buffer));
-        quad::fill(&mut buffer.color, width, viewport, source, &progress, |channel| {
+        let by_color = self.plan.combines_colors(source);
+        quad::fill(&mut buffer.color, width, viewport, (source, by_color), &progress, |channel| {
             let read = &self.targets[channel.target];
             (read.width, read.height, channel_of(read, channel.channel))
         });
@@ -586,11 +587,6 @@ impl Renderer {
         for (declared, pixels) in self.plan.project.targets[target].channels.iter().zip(channels) {
             declared.format.round(pixels);
         }
-    }
-
-    fn sun(&self, light: usize) -> Option<Sun> {
-        let light = &self.plan.project.lights[light];
-        light.direction.map(|direction| Sun { direction, color: light.color })
     }
 
     /// A point light, relative to the origin of the scenes; `None` for directional lights.

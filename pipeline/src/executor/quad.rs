@@ -4,18 +4,19 @@ use crate::backend::Rect;
 use crate::image::Image;
 use crate::progress::Progress;
 use crate::project::{ChannelRef, QuadSource};
+use glam::Vec4;
 use rayon::prelude::*;
 
 /// Width, height and pixels of a channel.
 type Source<'a> = (u32, u32, &'a [[f32; 4]]);
 
 /// Fills `viewport` of `pixels`. A source of the viewport's size is copied texel by texel; another is filtered
-/// bilinearly. It may be given up between rows.
+/// bilinearly. A factor multiplies by its `x`, or, `by_color`, each component by its own. It may be given up between rows.
 pub(super) fn fill<'a>(
     pixels: &mut [[f32; 4]],
     width: u32,
     viewport: Rect,
-    source: QuadSource,
+    (source, by_color): (QuadSource, bool),
     progress: &Progress,
     channel: impl Fn(ChannelRef) -> Source<'a>,
 ) {
@@ -26,6 +27,10 @@ pub(super) fn fill<'a>(
         }
         QuadSource::Combine { color, factor } => {
             let (color, factor) = (reader(channel(color), viewport), reader(channel(factor), viewport));
+            if by_color {
+                let product = |x, y| (Vec4::from_array(color(x, y)) * Vec4::from_array(factor(x, y))).to_array();
+                return rows(pixels, width, viewport, progress, product);
+            }
             rows(pixels, width, viewport, progress, |x, y| {
                 let factor = factor(x, y)[0];
                 color(x, y).map(|value| value * factor)
@@ -85,18 +90,21 @@ mod tests {
     const B: ChannelRef = ChannelRef { target: 1, channel: 0 };
 
     #[test]
-    fn combine_multiplies_by_the_x_of_the_factor_inside_the_viewport_only() {
+    fn combine_multiplies_by_the_x_of_the_factor_or_by_its_colours_inside_the_viewport_only() {
         let color = vec![[0.2, 0.4, 0.6, 1.0]; 4];
-        let factor = vec![[0.5, 9.0, 9.0, 9.0]; 4];
+        let factor = vec![[0.5, 2.5, 5.0, 2.0]; 4];
         let mut out = vec![[7.0; 4]; 16];
         let viewport = Rect { x: 1, y: 2, width: 2, height: 2 };
-        fill(&mut out, 4, viewport, QuadSource::Combine { color: A, factor: B }, &Progress::default(), |channel| {
-            (2, 2, if channel == A { color.as_slice() } else { factor.as_slice() })
-        });
-        for (index, pixel) in out.iter().enumerate() {
-            let (x, y) = (index % 4, index / 4);
-            let inside = (1..3).contains(&x) && (2..4).contains(&y);
-            assert_eq!(*pixel, if inside { [0.1, 0.2, 0.3, 0.5] } else { [7.0; 4] }, "at {x}, {y}");
+        let source = QuadSource::Combine { color: A, factor: B };
+        for (by_color, product) in [(false, [0.1, 0.2, 0.3, 0.5]), (true, [0.1, 1.0, 3.0, 2.0])] {
+            fill(&mut out, 4, viewport, (source, by_color), &Progress::default(), |channel| {
+                (2, 2, if channel == A { color.as_slice() } else { factor.as_slice() })
+            });
+            for (index, pixel) in out.iter().enumerate() {
+                let (x, y) = (index % 4, index / 4);
+                let inside = (1..3).contains(&x) && (2..4).contains(&y);
+                assert_eq!(*pixel, if inside { product } else { [7.0; 4] }, "at {x}, {y}");
+            }
         }
     }
 
@@ -126,12 +134,11 @@ mod tests {
         let source: Vec<[f32; 4]> = (0..16).map(|i| [i as f32 * 0.1, 0.0, 0.0, 1.0]).collect();
         let mut out = vec![[0.0; 4]; 16];
         let whole = Rect { x: 0, y: 0, width: 4, height: 4 };
-        fill(&mut out, 4, whole, QuadSource::Show(A), &Progress::default(), |_| (4, 4, source.as_slice()));
+        fill(&mut out, 4, whole, (QuadSource::Show(A), false), &Progress::default(), |_| (4, 4, source.as_slice()));
         assert_eq!(out, source);
         let mut half = vec![[0.0; 4]; 4];
-        fill(&mut half, 2, Rect { x: 0, y: 0, width: 2, height: 2 }, QuadSource::Show(A), &Progress::default(), |_| {
-            (4, 4, source.as_slice())
-        });
+        let smaller = Rect { x: 0, y: 0, width: 2, height: 2 };
+        fill(&mut half, 2, smaller, (QuadSource::Show(A), false), &Progress::default(), |_| (4, 4, source.as_slice()));
         assert!((half[0][0] - 0.25).abs() < 1e-6, "the mean of texels 0, 1, 4 and 5");
     }
 }

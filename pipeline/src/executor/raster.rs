@@ -4,7 +4,7 @@ use super::storage::give;
 use super::{Observer, PassMaterials, Renderer, StepKind, channel_of, parts, shaders};
 use crate::backend::{Attachments, BackendError, OwnShaders, QuadTexture, RasterJob};
 use crate::memory;
-use crate::plan::{PlannedPass, Work};
+use crate::plan::{PlannedPass, Shining, Work};
 use crate::programs::Fidelity;
 use crate::project::PassKind;
 use std::sync::Arc;
@@ -29,7 +29,7 @@ impl Renderer {
         let (sampled, instances) = (shaders::own_channels(raster), raster.instances);
         let bound = shaders::own_bound(pass);
         let clamped = self.plan.project.is_of_light(raster.camera);
-        let sun = raster.light.and_then(|light| self.sun(light));
+        let Shining { sun, lights } = self.plan.shining(&raster.lights);
         self.upload(scene_set, observer)?;
         let mut buffer = std::mem::take(self.buffer(target));
         let scene = Arc::clone(&self.scenes[scene_set].scene);
@@ -56,6 +56,7 @@ impl Renderer {
             program,
             view,
             sun,
+            lights: &lights,
             shades,
             culled,
             viewport,

@@ -3,7 +3,7 @@
 use super::{Estimate, Observer, RenderError, Renderer, Row, StepKind, channel_of};
 use crate::backend::{BackendError, FromCamera, GBuffer, PixelCone, RayCounts, RayJob, RayStats, View};
 use crate::image::Image;
-use crate::plan::{PlannedPass, Work};
+use crate::plan::{PlannedPass, Shining, Work};
 use crate::project::{ChannelRef, PassKind};
 use std::sync::Arc;
 use std::time::{Duration, Instant};
@@ -90,6 +90,7 @@ impl Renderer {
         let scene = Arc::clone(&self.scenes[scene_set].scene);
         let (params, seed) = self.random_of_sample(name, ray.program, params);
         let is_lamp = ray.from_camera.as_ref().is_some_and(|start| start.lamp);
+        let shining = if is_lamp { Shining::default() } else { self.plan.shining(&ray.lights) };
         let job = RayJob {
             scene: &scene,
             program: ray.program,
@@ -98,7 +99,8 @@ impl Renderer {
             seed,
             eye: view.eye,
             cone: self.pixel_cone(&view, [viewport.width, viewport.height]),
-            sun: ray.light.filter(|_| !is_lamp).and_then(|light| self.sun(light)),
+            sun: shining.sun,
+            lights: &shining.lights,
             origin: buffer.origin,
             width: output.width,
             height: output.height,
@@ -115,7 +117,7 @@ impl Renderer {
             from_camera: ray.from_camera.as_ref().map(|start| FromCamera {
                 view,
                 picture: self.plan.target_size(pass.target),
-                lamp: ray.light.filter(|_| start.lamp).and_then(|light| self.lamp(light)),
+                lamp: ray.lights.first().filter(|_| start.lamp).and_then(|light| self.lamp(*light)),
                 surfaces: &materials.surfaces,
             }),
         };

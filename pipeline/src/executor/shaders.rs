@@ -250,7 +250,10 @@ impl Renderer {
                 vec![match value {
                     LightValue::Position => light.position.unwrap_or_default().as_vec3().extend(1.0),
                     // If the project names no direction, the default of the report's engine applies.
-                    LightValue::Direction { length } => (light.direction.unwrap_or(Vec3::NEG_Z) * length).extend(0.0),
+                    LightValue::Direction { length } => {
+                        let axis = light.falloff.spot.map(|spot| spot.axis);
+                        (light.direction.or(axis).unwrap_or(Vec3::NEG_Z) * length).extend(0.0)
+                    }
                     LightValue::Color => light.color.extend(1.0),
                 }]
             }

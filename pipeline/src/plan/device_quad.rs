@@ -127,6 +127,9 @@ impl Plan {
         if self.settings.aa.are_several() {
             return Err("samples of a pixel are summed in f64".into());
         }
+        if self.combines_colors(source) {
+            return Err("the share of light that it multiplies by differs by colour".into());
+        }
         let color = self.input(index, color)?;
         let factor = factor.map(|channel| self.input(index, channel)).transpose()?;
         Ok(ShowingQuad { index, color, factor })

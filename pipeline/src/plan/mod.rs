@@ -10,6 +10,7 @@ mod device_quad;
 mod effect;
 mod filter;
 mod kept;
+mod lights;
 mod liveness;
 mod off;
 mod parts;
@@ -23,6 +24,7 @@ mod sun;
 pub use access::{Access, DEPTH, Slot, TRIANGLES};
 pub use device_quad::{QuadInput, ShowingQuad};
 pub use effect::Traced;
+pub use lights::Shining;
 pub use off::Instead;
 pub use parts::{BLOCK, Part, Parts};
 pub use preview::Preview;
@@ -233,6 +235,7 @@ impl Plan {
         plan.explain_filters();
         plan.explain_adaptive_sampling();
         plan.explain_cones();
+        plan.explain_lights()?;
         plan.warn_of_rounded_positions();
         plan.check_memory()?;
         Ok(plan)

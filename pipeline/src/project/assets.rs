@@ -1,10 +1,10 @@
 //! Scenes, viewports, cameras, lights and constants.
 
+use super::Viewport;
 use super::dom::{Element, Value};
 use super::loader::Loader;
-use super::{Light, Viewport};
 use crate::image::MAX_SIDE;
-use glam::{Vec3, Vec4};
+use glam::Vec4;
 
 /// Elements and attributes of the engine that do not affect rendering here; they are skipped without a warning.
 const OTHER_ASSETS: &[&str] = &[
@@ -170,57 +170,5 @@ impl Loader {
             });
         }
         valid
-    }
-
-    fn light(&mut self, element: &Element) {
-        const CHILDREN: &[&str] = &[
-            "position",
-            "direction",
-            "color",
-            "diffuse",
-            "ambient",
-            "specular",
-            "attenuation",
-            "constant_att",
-            "linear_att",
-            "quad_att",
-            "quadratic_att",
-            "spot_direction",
-            "spot_exponent",
-            "spot_cutoff",
-        ];
-        self.expect(element, CHILDREN, &["name", "type", "class"]);
-        let Some(name) = self.required(element, "name") else { return };
-        let position = self.single(element, &["position"]);
-        let place = position.map_or(Some(None), |position| self.point(position).map(Some));
-        let direction = match self.single(element, &["direction"]) {
-            Some(direction) => self.direction(direction).map(Some),
-            None => Some(None),
-        };
-        let color = match self.single(element, &["color", "diffuse"]) {
-            Some(color) => self.color(color).map(Vec4::truncate),
-            None => Some(Vec3::ONE),
-        };
-        for unused in ["ambient", "specular"] {
-            if let Some(color) = self.single(element, &[unused]) {
-                self.color(color);
-            }
-        }
-        if position.is_none() && direction == Some(None) {
-            let message = format!("light `{}` has neither a direction nor a position", name.shown());
-            self.report.error_help(element.span, message, || "valid: <direction x y z/>".to_owned());
-        }
-        if let Some(kind) = element.attribute("type")
-            && !kind.text.eq_ignore_ascii_case("directional")
-            && direction.is_some_and(|direction| direction.is_some())
-        {
-            let message = format!("light `{}` shines as a directional one", name.shown());
-            self.report.warning(kind.span, message, || Some("valid: directional".to_owned()));
-        }
-        let item =
-            (|| Some(Light { name: name.text.clone(), direction: direction?, position: place?, color: color? }))();
-        let extra = self.light_extra(element);
-        self.light_extras.push(extra);
-        self.lights.add(&mut self.report, name, item);
     }
 }

@@ -110,7 +110,7 @@ impl Loader {
     pub(super) fn camera_pass(&mut self, context: &mut PassContext<'_>) -> Option<RayPass> {
         let element = context.element;
         self.expect_camera_children(element);
-        let (scenes, camera, light) = (self.pass_scenes(context), self.pass_camera(context), self.pass_light(context));
+        let (scenes, camera, light) = (self.pass_scenes(context), self.pass_camera(context), self.first_light(context));
         let mut colors = Vec::new();
         let maps = self.material_maps(element);
         self.mapped_colors(maps.as_deref().unwrap_or_default(), &mut colors);
@@ -138,7 +138,7 @@ impl Loader {
         Some(RayPass {
             scenes: scenes?,
             camera: camera?,
-            light: light.map(|(index, _)| index),
+            lights: light.map(|(index, _)| index).into_iter().collect(),
             program: info.program,
             params,
             position: None,

@@ -95,7 +95,7 @@ impl Loader {
         context.facts.writes_first(RASTER_CHANNELS);
         let instances = self.instances(context);
         let camera = camera.or_else(|| self.pass_camera(context));
-        let light = self.pass_light(context);
+        let lights = self.pass_lights(context);
         if let Some(depth) = self.single(element, &["depth"]) {
             self.depth_state(depth);
         }
@@ -114,6 +114,7 @@ impl Loader {
             let by = UsedBy::Scenes;
             ShaderUse { to, library: *library, material, at: *at, replaces: false, injected: bound, by }
         });
+        let named: Vec<usize> = lights.iter().flatten().map(|(index, _)| *index).collect();
         let mut shaders = Some(Vec::new());
         let uses: Vec<ShaderUse<'_>> = replaced.chain(injected_shaders).collect();
         let all_own =
@@ -122,7 +123,7 @@ impl Loader {
         self.check_colors(context, all_own);
         for used in uses {
             if self.is_own_shader(used.library, used.material) {
-                let own = self.own_shader(context, &used, light.flatten().map(|(index, _)| index));
+                let own = self.own_shader(context, &used, &named);
                 Self::takes_down(context, own.as_deref(), used.at);
                 shaders = shaders.zip(own).map(|(mut shaders, own)| {
                     shaders.push(ShaderMap { to: used.to.clone(), shader: own });
@@ -139,14 +140,10 @@ impl Loader {
         if programs.iter().any(|other| *other != program) {
             self.report.error(element.span, format!("pass `{}` mixes raster programs", shown(&context.name)));
         }
-        let (light, _, _) = (light?, maps?, injected?);
+        let (_, _, _) = (lights?, maps?, injected?);
         let shaders = shaders?;
-        let all_own = shaders.iter().any(|map: &ShaderMap| map.to == MaterialPattern::All);
-        if !all_own && !self.need_direction(light, RASTER_PROGRAMS[0].stem) {
-            return None;
-        }
-        let light = light.map(|(index, _)| index);
-        Some(RasterPass { scenes: scenes?, instances: instances?, camera: camera?, light, program, colors, shaders })
+        let (scenes, instances, camera, lights) = (scenes?, instances?, camera?, named);
+        Some(RasterPass { scenes, instances, camera, lights, program, colors, shaders })
     }
 
     /// What a pass clears: `COLOR_CLEAR`, `DEPTH_CLEAR`, and the `clear` of `<depth>`.

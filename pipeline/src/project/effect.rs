@@ -36,30 +36,26 @@ impl Loader {
         let reads = info.map(|info| Reads { name: info.name, buffers: info.buffers, params: info.params });
         let mut params = info.map_or_else(EffectParams::default, |info| EffectParams::of(info.program));
         let valid = self.parameters(context, reads, EFFECT_PARAMS, |name, value| params.set(name, value));
-        let (scenes, camera, light) = (self.pass_scenes(context), self.pass_camera(context), self.pass_light(context));
+        let (scenes, camera, lights) =
+            (self.pass_scenes(context), self.pass_camera(context), self.pass_lights(context));
         let mut colors = Vec::new();
         let maps = self.material_maps(element);
         self.mapped_colors(maps.as_deref().unwrap_or_default(), &mut colors);
         let injected = self.injection_maps(element, &mut colors);
         let inputs = self.inputs(context, &["input"], reads);
         let glass = self.effect_glass(element, info);
-        let (info, light) = (info?, light?);
-        if info.lit {
-            if light.is_none() {
-                let message =
-                    format!("program `{}` reads a light, and pass `{}` names none", info.name, shown(&context.name));
-                self.report.error_help(element.span, message, || suggest("", self.lights.names.iter()));
-                return None;
-            }
-            if !self.need_direction(light, info.name) {
-                return None;
-            }
+        let (info, lights) = (info?, lights?);
+        if info.lit && lights.is_empty() {
+            let message =
+                format!("program `{}` reads a light, and pass `{}` names none", info.name, shown(&context.name));
+            self.report.error_help(element.span, message, || suggest("", self.lights.names.iter()));
+            return None;
         }
         let (_, _, [position, normal, color]) = (maps?, injected?, inputs?);
         valid.then_some(EffectPass {
             scenes: scenes?,
             camera: camera?,
-            light: light.map(|(index, _)| index),
+            lights: lights.into_iter().map(|(index, _)| index).collect(),
             program: info.program,
             params,
             position,

@@ -52,7 +52,7 @@ impl Loader {
     pub fn depth_map_pass(&mut self, context: &mut PassContext<'_>) -> Option<RasterPass> {
         let key = format!("{}#{}", self.pipeline_name, context.name);
         let covers = self.pass_camera(context);
-        let light = self.pass_light(context);
+        let light = self.first_light(context);
         let index = match self.cameras.names.find(&format!("{key}{OF_LIGHT}")) {
             super::report::Found::Exact(index) => index,
             _ => {

@@ -17,6 +17,7 @@
 //! | projection | 60 degrees, near 1, far 10,000 |
 //! | position, view, up of a camera | the origin, -z (each with a note), +y |
 //! | colour of a light | white |
+//! | attenuation of a light with a place | none: constant 1, linear 0, quadratic 0 |
 //! | pipeline that runs | the one with `default="true"`, or else the first |
 //! | program of a `default` pass | the first of [`RASTER_PROGRAMS`](crate::programs::RASTER_PROGRAMS) |
 //! | colours of a library material | diffuse 0.8, emission 0 |
@@ -44,6 +45,7 @@ mod intersection;
 mod libraries;
 mod library;
 mod light_cameras;
+mod lights;
 mod loader;
 mod order;
 mod parameters;
@@ -292,6 +294,52 @@ pub struct Light {
     pub position: Option<DVec3>,
     /// Colour (`COLOR`, `DIFFUSE`).
     pub color: Vec3,
+    /// How the light of a place falls off; a light with a direction has none.
+    pub falloff: Falloff,
+}
+
+impl Light {
+    /// Its kind, for messages.
+    #[must_use]
+    pub fn kind(&self) -> &'static str {
+        match (self.direction, self.falloff.spot) {
+            (Some(_), _) => "directional",
+            (None, Some(_)) => "spot",
+            (None, None) => "point",
+        }
+    }
+}
+
+/// How the light of a place falls off with distance and direction.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Falloff {
+    /// Constant, linear and quadratic part of the divisor at a distance (`CONSTANT_ATT`, `LINEAR_ATT`, `QUADRATIC_ATT`); none is negative, and
+    /// one is above 0.
+    pub attenuation: [f32; 3],
+    /// Distance at which the light ends (`RANGE`), above 0; infinite if it does not.
+    pub range: f32,
+    /// The cone of a spot light; `None` for a point light.
+    pub spot: Option<Spot>,
+}
+
+impl Default for Falloff {
+    /// That of OpenGL: none.
+    fn default() -> Self {
+        Self { attenuation: [1.0, 0.0, 0.0], range: f32::INFINITY, spot: None }
+    }
+}
+
+/// The cone of a spot light.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Spot {
+    /// Unit vector along its axis, in which the light travels (`SPOT_DIRECTION`).
+    pub axis: Vec3,
+    /// Angle between the axis and the edge of the light, in degrees (`SPOT_CUTOFF`), above 0 and below 180.
+    pub cutoff: f32,
+    /// Angle up to which the light is whole, in degrees (`SPOT_INNER`), at most [`Self::cutoff`].
+    pub inner: f32,
+    /// Power of the cosine of the angle to the axis (`SPOT_EXPONENT`).
+    pub exponent: f32,
 }
 
 /// A render target of a material library.
@@ -433,6 +481,17 @@ impl PassKind {
         found
     }
 
+    /// Indices of the lights that it names, as far as it is shaded or asks for shadows.
+    #[must_use]
+    pub fn lights(&self) -> &[usize] {
+        match self {
+            Self::Raster(raster) => &raster.lights,
+            Self::Ray(ray) => &ray.lights,
+            Self::Effect(effect) => &effect.lights,
+            Self::Quad(_) | Self::Intersection(_) | Self::Compute(_) => &[],
+        }
+    }
+
     /// Number of channels of its target that a pass writes, counted from the first.
     #[must_use]
     pub fn channels_written(&self) -> usize {
@@ -488,8 +547,8 @@ pub struct RasterPass {
     pub instances: u32,
     /// Index of the camera.
     pub camera: usize,
-    /// Index of the first light, if any.
-    pub light: Option<usize>,
+    /// Indices of the lights, in order.
+    pub lights: Vec<usize>,
     /// The program that runs per fragment.
     pub program: RasterProgram,
     /// Colour maps that replace colours of materials, applied in order.
@@ -642,8 +701,8 @@ pub struct RayPass {
     pub scenes: Vec<usize>,
     /// Index of the camera.
     pub camera: usize,
-    /// Index of the first light, if any.
-    pub light: Option<usize>,
+    /// Indices of the lights, in order. Programs whose rays start at the camera have the first alone.
+    pub lights: Vec<usize>,
     /// The program that runs per pixel.
     pub program: RayProgram,
     /// Constants of the program, with the XML's attributes applied.
@@ -671,8 +730,8 @@ pub struct EffectPass {
     pub scenes: Vec<usize>,
     /// Index of the camera with which the G-buffer was drawn.
     pub camera: usize,
-    /// Index of the first light, if any.
-    pub light: Option<usize>,
+    /// Indices of the lights, in order.
+    pub lights: Vec<usize>,
     /// The program that runs per pixel.
     pub program: EffectProgram,
     /// Constants of the program, with the XML's attributes applied.

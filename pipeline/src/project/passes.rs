@@ -304,42 +304,6 @@ impl Loader {
         default
     }
 
-    /// The first light of a pass, with the place of its name. Outer `None` if it could not be resolved.
-    pub fn pass_light(&mut self, context: &PassContext<'_>) -> Option<Option<(usize, Span)>> {
-        let mut light = Some(None);
-        let mut count = 0;
-        for list in context.element.children_named(&["lights"]) {
-            self.expect(list, &["light"], &[]);
-            for reference in list.children_named(&["light"]) {
-                let name = self.reference(reference);
-                let found = name.and_then(|name| {
-                    let index = self.lights.names.resolve(&mut self.report, &name.text, name.span)?;
-                    Some((index, name.span))
-                });
-                count += 1;
-                if count == 1 {
-                    light = found.map(Some);
-                } else if count == 2 {
-                    let message = format!("pass `{}` has several lights: the first one shines", shown(&context.name));
-                    self.report.warning(reference.span, message, || None);
-                }
-            }
-        }
-        light
-    }
-
-    /// Reports a light without a direction if the program needs one.
-    pub fn need_direction(&mut self, light: Option<(usize, Span)>, program: &str) -> bool {
-        let Some((index, at)) = light else { return true };
-        let Some(light) = &self.lights.items[index] else { return true };
-        if light.direction.is_none() {
-            let message = format!("program `{program}` needs a direction; light `{}` has only a position", light.name);
-            self.report.error_help(at, message, || "give the light a <direction>".to_owned());
-            return false;
-        }
-        true
-    }
-
     /// Parses a material pattern: `*` or a name.
     pub fn material_pattern(&mut self, value: &Value) -> Option<MaterialPattern> {
         match value.text.as_str() {

@@ -55,7 +55,7 @@ impl Loader {
         }
         let info = self.ray_program(context);
         let params = self.ray_params(context, info);
-        let (camera, light) = (self.pass_camera(context), self.pass_light(context));
+        let (camera, lights) = (self.pass_camera(context), self.pass_lights(context));
         let traces = info.is_none_or(|info| !info.procs.is_empty());
         let scenes = if traces || element.children_named(&["scenes"]).next().is_some() {
             self.pass_scenes(context)
@@ -68,11 +68,10 @@ impl Loader {
         let injected = self.injection_maps(element, &mut colors);
         let inputs = self.inputs(context, INPUT, info.map(reads));
         let info = info?;
-        let whole = self.attributes_handed(element, Program { info, light });
-        let light = light?;
-        let reads_direction = info.globals.contains(&"lightDir");
-        let lit = if reads_direction { self.need_direction(light, info.stem) } else { true };
-        if light.is_none() && !info.globals.is_empty() {
+        let first = lights.as_ref().map(|lights| lights.first().copied());
+        let whole = self.attributes_handed(element, Program { info, light: first });
+        let lights = lights?;
+        if lights.is_empty() && !info.globals.is_empty() {
             let message =
                 format!("program `{}` reads a light, and pass `{}` names none", info.stem, shown(&context.name));
             self.report.error_help(element.span, message, || suggest("", self.lights.names.iter()));
@@ -82,14 +81,14 @@ impl Loader {
         let others = self.other_procs(element, info);
         let (glass, shadow_glass) = self.glass(element, info)?;
         let (_, _, inputs) = (maps?, injected?, inputs?);
-        if !(lit && whole && default && others) {
+        if !(whole && default && others) {
             return None;
         }
         let [position, normal, color] = inputs;
         Some(RayPass {
             scenes: scenes?,
             camera: camera?,
-            light: light.map(|(index, _)| index),
+            lights: lights.into_iter().map(|(index, _)| index).collect(),
             program: info.program,
             params: params?,
             position,

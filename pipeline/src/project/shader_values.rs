@@ -96,9 +96,9 @@ impl Loader {
         }
     }
 
-    /// The source of a uniform's value. `pass` is `pipeline#pass`; `light` is the pass's light. `None` if there is no such value;
+    /// The source of a uniform's value. `pass` is `pipeline#pass`; `lights` are the pass's. `None` if there is no such value;
     /// an error was then reported.
-    pub fn uniform_value(&mut self, given: &ValueOf, pass: &str, light: Option<usize>) -> Option<glsl::Value> {
+    pub fn uniform_value(&mut self, given: &ValueOf, pass: &str, lights: &[usize]) -> Option<glsl::Value> {
         let uniform = given.uniform.shown();
         let mut part = |value: &Option<Value>, name: &str| {
             if value.is_none() {
@@ -138,14 +138,18 @@ impl Loader {
                 self.found(found, &uniform, "CAMERA", &component, OF_CAMERA.map(|(name, _)| name).into())
             }
             "LIGHT" => {
-                let light = match (current, light) {
-                    (true, Some(light)) if id == 0.0 => light,
-                    (true, _) => {
+                let numbered = lights.iter().enumerate().find(|(number, _)| *number as f32 == id);
+                let light = match (current, numbered) {
+                    (true, Some((_, light))) => *light,
+                    (true, None) => {
                         let message =
                             format!("the uniform `{uniform}` is of light {id} of the pass, which has none such");
-                        let help =
-                            || "valid: id=\"0\" in a pass with a <light>, or the light's name as context".to_owned();
-                        self.report.error_help(context.span, message, help);
+                        let help = match lights.len() {
+                            0 => "valid: id=\"0\" in a pass with a <light>, or the light's name as context".to_owned(),
+                            1 => "valid: id=\"0\", or the light's name as context".to_owned(),
+                            count => format!("valid: id=\"0\" to id=\"{}\", or the light's name as context", count - 1),
+                        };
+                        self.report.error_help(context.span, message, || help);
                         return None;
                     }
                     (false, _) => self.lights.names.resolve(&mut self.report, &context.text, context.span)?,

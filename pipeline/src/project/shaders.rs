@@ -76,10 +76,10 @@ impl Loader {
         (library, material, at): (usize, &Rc<LibraryMaterial>, Span),
         by: UsedBy,
     ) -> Option<Arc<OwnShader>> {
-        let light = self.pass_light(context)?.map(|(index, _)| index);
+        let lights: Vec<usize> = self.pass_lights(context)?.into_iter().map(|(index, _)| index).collect();
         let (to, nothing) = (&MaterialPattern::All, Injected::NONE);
         let used = ShaderUse { to, library, material, at, replaces: true, injected: &nothing, by };
-        let shader = self.own_shader(context, &used, light);
+        let shader = self.own_shader(context, &used, &lights);
         Self::takes_down(context, shader.as_deref(), at);
         shader
     }
@@ -94,12 +94,12 @@ impl Loader {
         context.facts.stores(shader.buffers_stored());
     }
 
-    /// Compiles an own shader and determines its inputs. `light` is the pass's light.
+    /// Compiles an own shader and determines its inputs. `lights` are the pass's.
     pub fn own_shader(
         &mut self,
         context: &PassContext<'_>,
         used: &ShaderUse<'_>,
-        light: Option<usize>,
+        lights: &[usize],
     ) -> Option<Arc<OwnShader>> {
         let (program, files) = self.own_program(context, used)?;
         let pass = format!("{}#{}", self.pipeline_name, context.name);
@@ -126,7 +126,7 @@ impl Loader {
             }
             let value = match self.array_unit(given, used.material) {
                 Some(value) => value,
-                None => self.uniform_value(given, &pass, light),
+                None => self.uniform_value(given, &pass, lights),
             };
             match value {
                 Some(value) if used.by != UsedBy::Scenes => match self.without_camera(value, given, used) {

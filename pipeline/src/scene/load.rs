@@ -158,6 +158,9 @@ fn move_origin(scene: &mut Scene, origin: DVec3) {
     for camera in &mut scene.cameras {
         camera.position = (camera.position.as_dvec3() + moved).as_vec3();
     }
+    for light in &mut scene.lights {
+        light.position = light.position.map(|position| (position.as_dvec3() + moved).as_vec3());
+    }
     scene.origin = origin;
 }
 

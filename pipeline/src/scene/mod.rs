@@ -54,7 +54,7 @@ pub struct Scene {
     /// Perspective cameras of the files, in scene coordinates. They are used by a project that is made from the scene; other
     /// projects have cameras of their own.
     pub cameras: Vec<SceneCamera>,
-    /// Directional lights of the files, used like the cameras.
+    /// Lights of the files, used like the cameras.
     pub lights: Vec<SceneLight>,
     /// Position of the scene's origin in the files' coordinates. It is 0 unless the files' contents lie so far from 0 that `f32`
     /// would lose digits of them.
@@ -126,15 +126,22 @@ pub struct SceneCamera {
     pub far: Option<f32>,
 }
 
-/// A directional light of a scene file.
+/// A light of a scene file.
 #[derive(Debug, Clone, PartialEq)]
 pub struct SceneLight {
     /// Name in the file.
     pub name: String,
-    /// Unit direction in which the light travels, world.
+    /// Unit direction in which the light travels, world; 0 for a point light.
     pub direction: Vec3,
-    /// Colour times intensity, as the file has it.
+    /// Colour times intensity, as the file has it: in lux for a directional light, in candela for others.
     pub color: Vec3,
+    /// Position, relative to [`Scene::origin`]; `None` for a directional light. The light of a place falls off with the square of the
+    /// distance.
+    pub position: Option<Vec3>,
+    /// Distance at which the light of a place ends; infinite where it does not.
+    pub range: f32,
+    /// Angles between the axis of a spot light and the edges of its cone, in radians: where it begins to fade, and where it ends.
+    pub cone: Option<[f32; 2]>,
 }
 
 /// A mesh placed in the world.

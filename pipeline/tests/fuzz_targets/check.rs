@@ -5,7 +5,7 @@ use curitiba_pipeline::diagnostic::Problems;
 use curitiba_pipeline::image::MAX_SIDE;
 use curitiba_pipeline::plan::{Plan, Settings, Work};
 use curitiba_pipeline::programs::Fidelity;
-use curitiba_pipeline::project::{ChannelRef, Pass, PassKind, Project, QuadSource};
+use curitiba_pipeline::project::{ChannelRef, Falloff, Pass, PassKind, Project, QuadSource};
 use curitiba_pipeline::scene::{
     BuildOptions, Layout, LoadOptions, Material, Needs, Object, RenderScene, Scene, SceneError, load, statistics,
     write_cbo,
@@ -281,6 +281,17 @@ pub fn project_references(project: &Project) {
     }
     for light in &project.lights {
         assert!(light.color.is_finite() && light.direction.is_none_or(Vec3::is_normalized), "{light:?}");
+        assert!(light.direction.is_some() || light.position.is_some(), "{light:?}");
+        let Falloff { attenuation, range, spot } = light.falloff;
+        assert!(
+            attenuation.iter().all(|part| *part >= 0.0 && part.is_finite()) && attenuation != [0.0; 3],
+            "{light:?}"
+        );
+        assert!(range > 0.0, "{light:?}");
+        if let Some(spot) = spot {
+            assert!(spot.axis.is_normalized() && spot.exponent >= 0.0 && spot.inner <= spot.cutoff, "{light:?}");
+            assert!(spot.cutoff > 0.0 && spot.cutoff <= 180.0 && spot.inner >= 0.0, "{light:?}");
+        }
     }
     for target in &project.targets {
         assert!(target.size.iter().all(|side| (1..=MAX_SIDE).contains(side)), "{target:?}");
@@ -301,21 +312,21 @@ fn references_of(pass: &Pass, project: &Project) {
         let target = project.targets.get(channel.target).expect("a channel's target is declared");
         assert!(channel.channel < target.channels.len(), "pass {}: {channel:?}", pass.name);
     };
-    let seen = |scenes: &[usize], camera: usize, light: Option<usize>| {
+    let seen = |scenes: &[usize], camera: usize, lights: &[usize]| {
         assert!(scenes.iter().all(|scene| *scene < project.scenes.len()), "pass {}", pass.name);
         assert!(camera < project.cameras.len(), "pass {}", pass.name);
-        assert!(light.is_none_or(|light| light < project.lights.len()), "pass {}", pass.name);
+        assert!(lights.iter().all(|light| *light < project.lights.len()), "pass {}", pass.name);
     };
     assert!(pass.viewport.is_none_or(|viewport| viewport < project.viewports.len()), "pass {}", pass.name);
     assert!(pass.target.is_none_or(|target| target < project.targets.len()), "pass {}", pass.name);
     match &pass.kind {
-        PassKind::Raster(raster) => seen(&raster.scenes, raster.camera, raster.light),
+        PassKind::Raster(raster) => seen(&raster.scenes, raster.camera, &raster.lights),
         PassKind::Ray(ray) => {
-            seen(&ray.scenes, ray.camera, ray.light);
+            seen(&ray.scenes, ray.camera, &ray.lights);
             [ray.position, ray.normal, ray.color].iter().flatten().for_each(channel);
         }
         PassKind::Effect(effect) => {
-            seen(&effect.scenes, effect.camera, effect.light);
+            seen(&effect.scenes, effect.camera, &effect.lights);
             [effect.position, effect.normal, effect.color].iter().flatten().for_each(channel);
         }
         PassKind::Quad(quad) => match &quad.source {

@@ -101,7 +101,7 @@ fn check_assets(project: &Project) {
     let only = &project.pipelines[0].passes[0];
     assert_eq!((only.viewport, only.target), (Some(1), None));
     let PassKind::Raster(raster) = &only.kind else { panic!("a raster pass") };
-    assert_eq!((raster.camera, raster.light, raster.program), (1, None, RasterProgram::Deferred));
+    assert_eq!((raster.camera, &raster.lights[..], raster.program), (1, &[][..], RasterProgram::Deferred));
 }
 
 #[test]
@@ -121,7 +121,7 @@ fn both_dialects_of_passes_are_resolved() {
     let [raster, rays, quad] = &project.pipelines[1].passes[..] else { panic!("three passes") };
     assert_eq!((raster.target, rays.target, quad.target), (Some(0), Some(1), None));
     let PassKind::Ray(ray) = &rays.kind else { panic!("a ray pass") };
-    assert_eq!((ray.program, ray.light, ray.camera), (RayProgram::Final, Some(0), 0));
+    assert_eq!((ray.program, &ray.lights[..], ray.camera), (RayProgram::Final, &[0][..], 0));
     let channel = |channel| Some(ChannelRef { target: 0, channel });
     assert_eq!((ray.color, ray.position, ray.normal), (channel(0), channel(1), channel(2)));
     let named = |name: &str| MaterialPattern::Named(name.to_owned());

@@ -45,7 +45,7 @@ fn effect_passes_load_with_their_parameters_and_glass() {
     let PassKind::Effect(effect) = &loaded.pipelines[0].passes[1].kind else { panic!("an effect pass") };
     assert_eq!(effect.program, EffectProgram::ShadowMap);
     assert_eq!(effect.params, EffectParams { map_size: 512, ..EffectParams::default() });
-    assert!(effect.position.is_some() && effect.normal.is_some() && effect.color.is_none() && effect.light.is_some());
+    assert!(effect.position.is_some() && effect.normal.is_some() && effect.color.is_none() && effect.lights.len() == 1);
     let loaded = good(&project(&[RASTER, CUBE, SHOW].concat()));
     let PassKind::Effect(effect) = &loaded.pipelines[0].passes[1].kind else { panic!("an effect pass") };
     assert_eq!(effect.params, EffectParams::of(EffectProgram::CubeRefraction));
@@ -86,14 +86,6 @@ fn errors_of_effect_passes_say_where_and_what_would_be_valid() {
     wrong(&bare, "<pass", "@<pass", "effect pass `map` names no <program name=\"…\"/>", "gtao");
     let dark = with(MAP, "<lights><light>Sun</light></lights>", "");
     wrong(&dark, "<pass", "@<pass", "program `shadowMap` reads a light, and pass `map` names none", "Sun");
-    let lamp = "<light>@Lamp";
-    wrong(
-        MAP,
-        "<light>Sun",
-        lamp,
-        "program `shadowMap` needs a direction; light `Lamp` has only a position",
-        "<direction>",
-    );
     let blind = with(MAP, "<buffer var=\"norm_buffer\" texture=\"Lib::norm\" />", "");
     let message = "program `shadowMap` reads `norm_buffer`, which the pass does not hand it";
     wrong(&blind, "<input>", "@<input>", message, "in <input>");

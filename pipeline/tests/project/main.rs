@@ -5,6 +5,7 @@ mod dialects;
 mod effects;
 mod errors;
 mod left_out;
+mod lights;
 mod passes;
 mod real;
 mod robust;

@@ -283,21 +283,23 @@ fn attributes_must_come_from_the_right_place() {
 
 #[test]
 fn lights_must_suit_the_program() {
-    let message = "program `deferredShadows` needs a direction; light `Lamp` has only a position";
-    wrong(SHADOWS, "<light>Sun</light>", "<light>@Lamp</light>", message, "<direction>");
-    let message = "program `deferredShading` needs a direction; light `Lamp` has only a position";
-    wrong_raster("<light>Sun</light>", "<light>@Lamp</light>", message, "<direction>");
     let message = "program `deferredShadows` reads a light, and pass `shadows` names none";
     let text = with(&with(SHADOWS, "<lights><light>Sun</light></lights>", ""), "<pass", "@<pass");
     one_error(&project(&[RASTER, &text].concat()), message, "Lamp, Sun");
 }
 
 #[test]
-fn several_lights_are_warned_about_and_the_first_shines() {
-    let two = with(SHADOWS, "<light>Sun</light>", "<light>Sun</light><light>Lamp</light>");
-    let problems = good(&project(&[RASTER, &two].concat())).problems;
-    assert_eq!(line(&problems.0[0]), "project.xml:17:73: pass `shadows` has several lights: the first one shines");
-    assert_eq!(problems.0[0].severity, Severity::Warning);
+fn all_lights_of_a_pass_shine_and_one_that_is_named_twice_once() {
+    let lit = |lights: &str| with(SHADOWS, "<light>Sun</light>", lights);
+    let of = |project: &curitiba_pipeline::project::Project| {
+        project.pipelines[0].passes.iter().map(|pass| pass.kind.lights().len()).collect::<Vec<_>>()
+    };
+    let two = good(&project(&[RASTER, &lit("<light>Sun</light><light>Lamp</light>")].concat()));
+    assert_eq!((of(&two), two.problems.0.len()), (vec![1, 2], 0), "{}", two.problems);
+    let twice = good(&project(&[RASTER, &lit("<light>Sun</light><light>Sun</light>")].concat()));
+    assert_eq!(of(&twice), [1, 1]);
+    assert_eq!(line(&twice.problems.0[0]), "project.xml:17:80: pass `shadows` names a light twice: it shines once");
+    assert_eq!(twice.problems.0[0].severity, Severity::Warning);
 }
 
 #[test]

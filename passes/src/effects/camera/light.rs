@@ -3,14 +3,12 @@
 use super::{CLEAR, SHADOW_GLASS, Walk};
 use crate::effects::coverage::Coverage;
 use crate::effects::light::distinct;
+use crate::effects::lights::BEFORE_LIGHT;
 use crate::effects::surface::Surface;
 use crate::effects::workspace::Workspace;
 use crate::trace::{Hit, Purpose, Ray, Tracer};
 use curitiba_pipeline::camera_programs::SurfaceKind;
 use glam::{Vec2, Vec3};
-
-/// Part of the way to a lamp that shadow rays leave out at the lamp's end, because lamps hang on ceilings.
-const BEFORE_LAMP: f32 = 1.0 / 1024.0;
 
 /// A point of the light, seen from a point of a surface.
 #[derive(Debug, Clone, Copy)]
@@ -127,7 +125,7 @@ impl<T: Tracer, C: Coverage> Walk<'_, '_, T, C> {
             None => (seen.direction, seen.distance),
             Some(place) => {
                 let way = place - origin;
-                (way.normalize_or(Vec3::ZERO), way.length() * (1.0 - BEFORE_LAMP))
+                (way.normalize_or(Vec3::ZERO), way.length() * (1.0 - BEFORE_LIGHT))
             }
         };
         work.rays.shadow += 1;

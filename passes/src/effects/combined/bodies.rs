@@ -1,12 +1,12 @@
 //! The program where each material says what kind of glass it is (`glass=auto`).
 
-use super::corrected;
+use super::corrected::{self, Side};
 use crate::effects::dielectric::{AllWays, Lit, Media, Sample, Walk, Ways};
 use crate::effects::light::SHADOWED;
 use crate::effects::surface::{FootprintOf, Surface};
 use crate::effects::tile_surfaces::Known;
 use crate::effects::{Area, Coverage, Pass, Pixel, Workspace, opaque};
-use crate::trace::{Hit, Tracer};
+use crate::trace::{Hit, Ray, Tracer};
 use curitiba_pipeline::glass::GlassShadow;
 use glam::{Vec3, Vec4};
 
@@ -41,17 +41,19 @@ fn pixel_of<T: Tracer, C: Coverage>(
     if pass.is_glass(triangle) {
         let shade =
             |hit: &Hit, footprint: FootprintOf<C>, surface: &Surface, _: Media, key: u32, work: &mut Workspace| {
-                let color = pass.lit_color(hit, footprint, surface.normal);
+                let color = pass.met_color(hit, footprint, surface);
                 let normal = surface.normal;
                 let lit = || Lit { normal, cosine: pass.light_cosine(hit, normal), tint: pass.tint(hit.triangle) };
-                visible(pass, (color, lit), (surface, (surface.facing, hit.triangle)), Known::NOTHING, key, work)
+                let side = Side { facing: surface.facing, id: hit.triangle, shading: corrected::met(hit, surface) };
+                visible(pass, (color, lit), (surface, side), Known::NOTHING, key, work)
             };
         return opaque(Walk { pass, shade, ways }.pixel(pixel, triangle, seen, key, work));
     }
-    let side = (corrected::lit_side(&surface, stored_normal), triangle);
+    let facing = corrected::lit_side(&surface, stored_normal);
+    let side = Side { facing, id: triangle, shading: corrected::seen(stored_normal) };
     let lit = || {
         let cosine = pass.position(pixel).w.max(0.0);
-        Lit { normal: stored_normal.normalize_or(side.0), cosine, tint: pass.tint(triangle) }
+        Lit { normal: stored_normal.normalize_or(facing), cosine, tint: pass.tint(triangle) }
     };
     opaque(visible(pass, (Vec4::from_array(color).truncate(), lit), (&surface, side), known, key, work))
 }
@@ -74,7 +76,7 @@ fn matters<T, C>(pass: &Pass<'_, T, C>) -> bool {
 fn visible<T: Tracer, C: Coverage>(
     pass: &Pass<'_, T, C>,
     (color, lit): (Vec3, impl FnOnce() -> Lit),
-    (surface, side): (&Surface, (Vec3, u32)),
+    (surface, side): (&Surface, Side),
     known: Known,
     key: u32,
     work: &mut Workspace,
@@ -84,10 +86,14 @@ fn visible<T: Tracer, C: Coverage>(
     }
     let mut light = match known.light {
         Some(share) => Vec3::splat(share),
-        None => pass.straight_light(surface, side, key, work),
+        None if pass.has_lights() => {
+            let straight = |ray: &Ray, work: &mut Workspace| pass.straight_along(ray, 1.0, None, work);
+            pass.share_of_lights(&corrected::asked(surface, side), work, |hit| pass.stops_light(hit), straight)
+        }
+        None => pass.straight_light(surface, (side.facing, side.id), key, work),
     };
     if !pass.lenses.is_empty() {
-        light += (1.0 - SHADOWED) * pass.focused_light(surface, side.0, &lit(), work);
+        light += (1.0 - SHADOWED) * pass.focused_light(surface, side.facing, &lit(), work);
     }
     // The light is in the first factor; a share of 1 leaves only the occlusion to compute.
     light * corrected::visible(pass, color, surface, (side, Known { light: Some(1.0), ..known }), key, work)

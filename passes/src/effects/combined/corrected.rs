@@ -1,11 +1,12 @@
 //! The program with every numbered difference mended.
 
 use crate::effects::light::SHADOWED;
+use crate::effects::lights::{Asked, Shading};
 use crate::effects::refraction::corrected::{Glass, Seen};
 use crate::effects::surface::{FootprintOf, Surface};
 use crate::effects::tile_surfaces::{Known, prepare_light};
 use crate::effects::{Area, Coverage, Pass, Pixel, Workspace, opaque, tile_occlusion};
-use crate::trace::{Hit, Tracer};
+use crate::trace::{Hit, Ray, Tracer};
 use glam::{Vec3, Vec4};
 
 /// The colour of glass, or else the shadowed and occluded colour; alpha 1. Background pixels keep their colour.
@@ -18,14 +19,15 @@ pub fn pixel<T: Tracer, C: Coverage>(pass: &Pass<'_, T, C>, pixel: Pixel, work: 
     let key = pass.key(pixel);
     if pass.is_glass(triangle) {
         let shade = |hit: &Hit, footprint: FootprintOf<C>, surface: &Surface, key: u32, work: &mut Workspace| {
-            let color = pass.lit_color(hit, footprint, surface.normal);
-            visible(pass, color, surface, ((surface.facing, hit.triangle), Known::NOTHING), key, work)
+            let color = pass.met_color(hit, footprint, surface);
+            let side = Side { facing: surface.facing, id: hit.triangle, shading: met(hit, surface) };
+            visible(pass, color, surface, (side, Known::NOTHING), key, work)
         };
         let seen = Seen { triangle, surface: &surface, view, cone: pass.cone_at(&surface) };
         return opaque(Glass { pass, shade }.blend(seen, 0, key, work));
     }
-    let lit_side = (lit_side(&surface, stored_normal), triangle);
-    opaque(visible(pass, Vec4::from_array(color).truncate(), &surface, (lit_side, known), key, work))
+    let side = Side { facing: lit_side(&surface, stored_normal), id: triangle, shading: seen(stored_normal) };
+    opaque(visible(pass, Vec4::from_array(color).truncate(), &surface, (side, known), key, work))
 }
 
 /// Prepares a tile: traces the shadow rays of its opaque pixels together and computes their occlusion.
@@ -33,8 +35,8 @@ pub fn prepare<T: Tracer, C: Coverage>(pass: &Pass<'_, T, C>, area: Area, work: 
     work.surfaces.survey(pass, area, |pixel, triangle| {
         !pass.is_glass(triangle) && Vec4::from_array(pass.job.color[pixel.index]).truncate() != Vec3::ZERO
     });
-    // With a disc, a pixel has so many shadow rays that it traces them by itself.
-    if pass.disc.is_some() {
+    // With a disc or several lights, a pixel has so many shadow rays that it traces them by itself.
+    if pass.disc.is_some() || pass.has_lights() {
         return tile_occlusion::prepare(pass, area, work, |hit| pass.stops_light(hit));
     }
     let origin = |pixel: Pixel, known: &Known| {
@@ -58,20 +60,52 @@ pub(super) fn lit_side(surface: &Surface, stored_normal: Vec3) -> Vec3 {
     if stored_normal.dot(surface.facing) < 0.0 { -surface.facing } else { surface.facing }
 }
 
-/// A colour times the light's share and the ambient occlusion. What `known` lacks of the two is computed, on side
-/// `lit_side`, its normal and triangle. Black stays black, without a ray.
+/// The side of a surface whose light is asked for.
+#[derive(Clone, Copy)]
+pub(super) struct Side {
+    /// Unit geometric normal on this side.
+    pub facing: Vec3,
+    /// Id of the triangle or sphere.
+    pub id: u32,
+    pub shading: Shading,
+}
+
+/// How a pixel is shaded, by its stored normal.
+pub(super) fn seen(stored_normal: Vec3) -> Shading {
+    Shading { normal: stored_normal, hit: None }
+}
+
+/// How a surface is shaded that a ray met.
+pub(super) fn met(hit: &Hit, surface: &Surface) -> Shading {
+    Shading { normal: surface.normal, hit: Some(*hit) }
+}
+
+/// What a side of a surface asks of several lights.
+pub(super) fn asked<'s>(surface: &'s Surface, Side { facing, id, shading }: Side) -> Asked<'s> {
+    Asked { point: surface.point(), facing, id, shading }
+}
+
+/// A colour times the light's share and the ambient occlusion. What `known` lacks of the two is computed, on a side of the surface. Black
+/// stays black, without a ray.
 pub(super) fn visible<T: Tracer, C: Coverage>(
     pass: &Pass<'_, T, C>,
     color: Vec3,
     surface: &Surface,
-    (lit_side, known): ((Vec3, u32), Known),
+    (side, known): (Side, Known),
     key: u32,
     work: &mut Workspace,
 ) -> Vec3 {
     if color == Vec3::ZERO {
         return color;
     }
-    let light = known.light.unwrap_or_else(|| pass.light_share(surface, lit_side, key, work));
+    if pass.has_lights() && known.light.is_none() {
+        let stops = |hit: &Hit| pass.stops_light(hit);
+        let passes = |ray: &Ray, work: &mut Workspace| pass.passes_along(ray, work);
+        let light = pass.share_of_lights(&asked(surface, side), work, stops, passes);
+        let open = known.occlusion.unwrap_or_else(|| pass.occlusion(surface, key, work, stops));
+        return color * light * open;
+    }
+    let light = known.light.unwrap_or_else(|| pass.light_share(surface, (side.facing, side.id), key, work));
     let open = known.occlusion.unwrap_or_else(|| pass.occlusion(surface, key, work, |hit| pass.stops_light(hit)));
     color * light * open
 }

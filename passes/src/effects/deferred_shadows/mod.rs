@@ -6,6 +6,7 @@
 pub mod corrected;
 mod estimate;
 mod light;
+pub mod lights;
 mod sides;
 pub mod soft;
 pub mod thesis;

@@ -49,7 +49,13 @@ impl<T: Tracer, C: Coverage> Pass<'_, T, C> {
 
     /// The share of light that comes along a ray, by colour: 0 where something opaque is in the way, or glass that sends the light elsewhere.
     /// `weight` is the ray's, for who records it; the sphere `without` is not there.
-    pub(super) fn straight_along(&self, ray: &Ray, weight: f32, without: Option<u32>, work: &mut Workspace) -> Vec3 {
+    pub(in crate::effects) fn straight_along(
+        &self,
+        ray: &Ray,
+        weight: f32,
+        without: Option<u32>,
+        work: &mut Workspace,
+    ) -> Vec3 {
         work.rays.shadow += 1;
         let mut through = std::mem::take(&mut work.through);
         through.clear();

@@ -25,7 +25,7 @@ pub fn pixel<T: Tracer, C: Coverage>(pass: &Pass<'_, T, C>, pixel: Pixel, work: 
         let footprint = pass.footprint(cone, &hit, direction);
         surface = pass.surface_hit(&ray, &hit, footprint);
         if !pass.is_glass(hit.triangle) {
-            return opaque(pass.lit_color(&hit, footprint, surface.normal));
+            return opaque(pass.met_color(&hit, footprint, &surface));
         }
         (view, triangle) = (direction, hit.triangle);
     }

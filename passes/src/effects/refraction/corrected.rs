@@ -17,7 +17,7 @@ pub fn pixel<T: Tracer, C: Coverage>(pass: &Pass<'_, T, C>, pixel: Pixel, work: 
     };
     let (surface, view) = pass.surface_at(pixel, triangle, pass.normal(pixel));
     let shade = |hit: &Hit, footprint: FootprintOf<C>, surface: &Surface, _: u32, _: &mut Workspace| {
-        pass.lit_color(hit, footprint, surface.normal)
+        pass.met_color(hit, footprint, surface)
     };
     let seen = Seen { triangle, surface: &surface, view, cone: pass.cone_at(&surface) };
     opaque(Glass { pass, shade }.blend(seen, 0, 0, work))
@@ -50,7 +50,7 @@ fn of_bodies<T: Tracer, C: Coverage>(
     };
     let seen = pass.surface_at(pixel, triangle, pass.normal(pixel));
     let shade = |hit: &Hit, footprint: FootprintOf<C>, surface: &Surface, _: Media, _: u32, _: &mut Workspace| {
-        pass.lit_color(hit, footprint, surface.normal)
+        pass.met_color(hit, footprint, surface)
     };
     opaque(Walk { pass, shade, ways }.pixel(pixel, triangle, seen, ways.key(pass.key(pixel)), work))
 }

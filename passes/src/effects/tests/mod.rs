@@ -2,6 +2,7 @@
 
 mod agreement;
 pub(crate) mod cones;
+mod lights;
 mod spheres;
 mod sun;
 pub mod terminator;

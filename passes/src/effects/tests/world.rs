@@ -2,7 +2,7 @@
 
 use crate::cpu;
 use crate::trace::{BruteForce, Bvh, Quality, Ray, SphereTree, Tracer};
-use curitiba_pipeline::backend::{NO_TRIANGLE, NormalMap, PixelCone, RayCounts, RayJob, Shade, Sun};
+use curitiba_pipeline::backend::{Light, NO_TRIANGLE, NormalMap, PixelCone, RayCounts, RayJob, Shade, Sun};
 use curitiba_pipeline::executor::Progress;
 use curitiba_pipeline::glass::{Dielectric, Shape};
 use curitiba_pipeline::image::Image;
@@ -19,6 +19,8 @@ pub struct World {
     pub glass: Vec<bool>,
     pub shadow_glass: Vec<bool>,
     pub sun: Option<Sun>,
+    /// Several lights, or one with a place, in place of `sun`.
+    pub lights: Vec<Light>,
     /// The colour of rays that leave the scene.
     pub beyond: Vec3,
     /// Glass properties by material.
@@ -198,6 +200,13 @@ impl World {
         Bvh::build(&self.scene.geometry, &vec![true; self.scene.materials.len()], Quality::default())
     }
 
+    /// The greatest cosine of a light that arrives at a point.
+    fn cosine(&self, point: Vec3, normal: Vec3) -> f32 {
+        let arriving = self.lights.iter().map(|light| light.at(point)).filter(|arriving| arriving.factor > 0.0);
+        let of_sun = self.sun.map_or(0.0, |sun| normal.dot(-sun.direction).max(0.0));
+        arriving.map(|arriving| normal.dot(arriving.towards)).fold(of_sun, f32::max)
+    }
+
     /// The lit colour of a material at this light cosine.
     pub fn lit(&self, material: u32, cos: f32) -> Vec3 {
         let diffuse = self.shades[material as usize].diffuse.truncate();
@@ -272,7 +281,7 @@ impl<'w> Shot<'w> {
         let [a, b, c] = geometry.triangles[triangle as usize].map(|vertex| geometry.normals[vertex as usize]);
         let (u, v) = (u as f32, v as f32);
         let normal = (a * (1.0 - u - v) + b * u + c * v).normalize();
-        let cos = self.world.sun.map_or(0.0, |sun| normal.dot(-sun.direction).max(0.0));
+        let cos = self.world.cosine(position, normal);
         let material = geometry.material_of(triangle);
         let glass = self.world.glass[material as usize];
         self.position.push(position.extend(cos).to_array());
@@ -285,7 +294,7 @@ impl<'w> Shot<'w> {
     fn push_sphere(&mut self, id: u32, at: DVec3) {
         let sphere = self.world.scene.geometry.sphere(id).expect("it was found");
         let normal = (at - sphere.center.as_dvec3()).normalize().as_vec3();
-        let cos = self.world.sun.map_or(0.0, |sun| normal.dot(-sun.direction).max(0.0));
+        let cos = self.world.cosine(at.as_vec3(), normal);
         let glass = self.world.glass[sphere.material as usize];
         let lit = self.world.lit(sphere.material, cos).extend(1.0).to_array();
         self.position.push(at.as_vec3().extend(cos).to_array());
@@ -306,6 +315,7 @@ impl<'w> Shot<'w> {
             seed: 0,
             eye: self.eye,
             cone: self.cone,
+            lights: &self.world.lights,
             sun: self.world.sun,
             width: self.width,
             height: (self.position.len() as u32).checked_div(self.width).unwrap_or(0),

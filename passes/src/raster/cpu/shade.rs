@@ -1,5 +1,7 @@
 //! Attributes and colours of the pixels of a tile; each pixel is computed once, when its nearest triangle is known.
 
+pub(super) mod lights;
+
 use super::frame::{Frame, Part, Placed};
 use super::interpolate::{Barycentric, Mapping, Perspective, attribute};
 use super::surface::{TILE, TileSurface};
@@ -42,6 +44,8 @@ pub(super) struct Rows {
     position: [[Row; 3]; 3],
     normal: [[Row; 3]; 3],
     light: Row,
+    /// Of several lights, or one with a place: their sum by colour, and the greatest cosine.
+    arriving: [Row; 4],
     diffuse: [Row; 4],
     unlit: [Row; 4],
     texel: [Row; 4],
@@ -91,6 +95,7 @@ impl Default for Rows {
             position: [[[0.0; ROW]; 3]; 3],
             normal: [[[0.0; ROW]; 3]; 3],
             light: [0.0; ROW],
+            arriving: [[0.0; ROW]; 4],
             diffuse: [[0.0; ROW]; 4],
             unlit: [[0.0; ROW]; 4],
             texel: [[0.0; ROW]; 4],
@@ -131,6 +136,8 @@ struct Wanted {
     position: bool,
     normals: bool,
     light: bool,
+    /// Whether the job has several lights, or one with a place.
+    many: bool,
     texture: bool,
     glow: bool,
     tint: bool,
@@ -145,14 +152,17 @@ fn glow_texture(shade: &Shade) -> Option<u32> {
 #[inline(always)]
 pub(super) fn shade(frame: &Frame<'_>, tile: &Tile, rows: &mut Rows, surface: &mut TileSurface<'_>) {
     let asked = frame.job.attachments;
-    let light = frame.job.sun.is_some() && (asked.color || asked.position) && !frame.geometry.normals.is_empty();
+    let many = !frame.job.lights.is_empty();
+    let shines = frame.job.sun.is_some() || many;
+    let light = shines && (asked.color || asked.position) && !frame.geometry.normals.is_empty();
     let shades = || frame.job.shades.iter();
     let glow = asked.color && shades().any(|shade| shade.glow.is_some());
     let texture = asked.color && shades().any(|shade| shade.texture.is_some() || glow_texture(shade).is_some());
     let tint = asked.color && shades().any(|shade| shade.vertex_colors);
     let normals = light || asked.normal;
     let bent = normals && shades().any(|shade| shade.normal_map.is_some());
-    let wanted = Wanted { color: asked.color, position: asked.position, normals, light, texture, glow, tint, bent };
+    let position = asked.position || many && light;
+    let wanted = Wanted { color: asked.color, position, normals, light, many, texture, glow, tint, bent };
     rows.batch.count = 0;
     if !light {
         rows.light.fill(0.0);
@@ -219,6 +229,9 @@ impl Rows {
         }
         if wanted.normals {
             self.light(frame, wanted);
+        }
+        if wanted.many {
+            self.light_by_many(frame, wanted);
         }
         if wanted.bent {
             self.take_bent(wanted, surface.width);
@@ -520,8 +533,15 @@ impl Rows {
         let light_color = frame.job.sun.map_or(Vec4::ZERO, |sun| sun.color.extend(1.0)).to_array();
         for (component, light_color) in light_color.into_iter().enumerate() {
             let (diffuse, color) = (&self.diffuse[component], &mut self.unlit[component]);
-            for column in 0..TILE {
-                color[column] += diffuse[column] * light_color * self.light[column];
+            if wanted.many {
+                let arriving = &self.arriving[component];
+                for column in 0..TILE {
+                    color[column] += diffuse[column] * arriving[column];
+                }
+            } else {
+                for column in 0..TILE {
+                    color[column] += diffuse[column] * light_color * self.light[column];
+                }
             }
             if wanted.texture {
                 color.iter_mut().zip(&self.texel[component]).for_each(|(color, texel)| *color *= texel);

@@ -3,6 +3,7 @@
 //! A pixel shows a sphere where the depth of the intersection is nearer than the triangles. Spheres are drawn after all
 //! triangles and change no other pixels, so scenes without spheres give the same pictures as before.
 
+use super::shade::lights::sum_of_lights;
 use super::surface::{TILE, TileSurface};
 use super::tile::Tile;
 use curitiba_pipeline::backend::{NO_TRIANGLE, RasterJob};
@@ -135,11 +136,17 @@ impl<'a> Screen<'a> {
                 let sphere = self.sphere(*index);
                 let Some(met) = self.meets(sphere, surface.x + column, surface.y + row) else { continue };
                 let normal = met.normal.as_vec3();
-                let light = normal.dot(towards).clamp(0.0, 1.0);
+                let mut light = normal.dot(towards).clamp(0.0, 1.0);
+                let mut arriving = light_color * light;
+                if !self.job.lights.is_empty() {
+                    let point = (met.position + self.eye).as_vec3();
+                    arriving = sum_of_lights(self.job.lights, point, |towards| normal.dot(towards).clamp(0.0, 1.0));
+                    light = arriving.w;
+                }
                 if let Some(pixels) = surface.color(row) {
                     let shade = &self.job.shades[sphere.material as usize];
                     let glow = shade.glow.map_or(Vec3::ZERO, |glow| glow.color);
-                    let color = shade.diffuse * AMBIENT + shade.diffuse * light_color * light + glow.extend(0.0);
+                    let color = shade.diffuse * AMBIENT + shade.diffuse * arriving + glow.extend(0.0);
                     pixels[column] = color.to_array();
                 }
                 if let Some(pixels) = surface.position(row) {

@@ -4,10 +4,10 @@ use super::device::Gpu;
 use super::faults::failure;
 use super::geometry::DeviceGeometry;
 use super::pipelines::{Layouts, Pipelines, slots};
-use super::shader::{DrawUniform, FrameUniform, Variant};
+use super::shader::{DrawUniform, FrameUniform, LIGHTS_BYTES, Variant, lights_uniform};
 use super::targets::Stored;
 use super::textures::DeviceTextures;
-use curitiba_pipeline::backend::{Attachments, BackendError, RasterJob, Sun, View};
+use curitiba_pipeline::backend::{Attachments, BackendError, Light, RasterJob, Sun, View};
 use std::num::NonZeroU64;
 
 /// One draw call.
@@ -40,6 +40,10 @@ pub(super) struct DrawList {
     frame: wgpu::Buffer,
     uniforms: wgpu::Buffer,
     binding: wgpu::BindGroup,
+    /// `Lights`, and the binding with it; made for the first job with several lights, or one with a place.
+    lights: Option<(wgpu::Buffer, wgpu::BindGroup)>,
+    /// Whether the listed draws are of such a job.
+    many: bool,
 }
 
 impl DrawList {
@@ -49,7 +53,7 @@ impl DrawList {
         let stride = size_of::<DrawUniform>().next_multiple_of(alignment.max(1));
         let frame = gpu.buffer("creation of the frame's uniforms", usage, size_of::<FrameUniform>() as u64)?;
         let uniforms = gpu.buffer("creation of the uniforms", usage, 64 * stride as u64)?;
-        let binding = bind(gpu, layouts, &frame, &uniforms);
+        let binding = bind(gpu, &layouts.uniforms, (&frame, &uniforms), None);
         gpu.check("binding of the uniforms")?;
         Ok(Self {
             draws: Vec::new(),
@@ -61,6 +65,8 @@ impl DrawList {
             frame,
             uniforms,
             binding,
+            lights: None,
+            many: false,
         })
     }
 
@@ -83,6 +89,7 @@ impl DrawList {
         self.draws.clear();
         self.bytes.clear();
         self.stored = Stored::of(job);
+        self.many = !job.lights.is_empty();
         for part in &geometry.parts {
             if self.left_out.get(part.material as usize).copied().unwrap_or(false) {
                 continue;
@@ -101,7 +108,8 @@ impl DrawList {
             let normal_texture = shade.normal_map.map(|map| map.texture).filter(|_| variant.bent);
             let wrapped =
                 beyond(shade.texture.filter(|_| variant.textured)) || beyond(glow_texture) || beyond(normal_texture);
-            let variant = Variant { culled, wrapped, mirrored: job.view.clip_plane.is_some(), ..variant };
+            let (mirrored, many) = (job.view.clip_plane.is_some(), self.many);
+            let variant = Variant { culled, wrapped, mirrored, many, ..variant };
             if let Some(last) = self.draws.last_mut() {
                 let adjacent = last.chunk == part.chunk && last.first + last.count == part.first;
                 if adjacent && last.variant == variant && !variant.reads_material() {
@@ -125,7 +133,29 @@ impl DrawList {
             self.draws.push(Draw { variant, textures: textures_read, chunk, first, count, offset });
         }
         self.write(gpu, layouts)?;
+        if self.many {
+            self.write_lights(gpu, layouts, job.lights)?;
+        }
         self.look(gpu, &job.view, job.sun)
+    }
+
+    fn write_lights(&mut self, gpu: &Gpu, layouts: &Layouts, lights: &[Light]) -> Result<(), BackendError> {
+        let Some(bytes) = lights_uniform(lights) else {
+            return Err(failure(&format!("the pass has {} lights, more than its shader has room for", lights.len())));
+        };
+        let buffer = match self.lights.take() {
+            Some((buffer, _)) => buffer,
+            None => {
+                let usage = wgpu::BufferUsages::UNIFORM | wgpu::BufferUsages::COPY_DST;
+                gpu.buffer("creation of the lights' uniforms", usage, LIGHTS_BYTES as u64)?
+            }
+        };
+        gpu.queue.write_buffer(&buffer, 0, &bytes);
+        // Bound again: the buffer of the draws' uniforms may be another one by now.
+        let binding = bind(gpu, &layouts.lit, (&self.frame, &self.uniforms), Some(&buffer));
+        gpu.check("upload of the lights")?;
+        self.lights = Some((buffer, binding));
+        Ok(())
     }
 
     /// Changes the camera of the listed draws. Work that was submitted before keeps its camera.
@@ -143,7 +173,7 @@ impl DrawList {
             let size = (self.bytes.len() as u64).next_power_of_two().min(gpu.limits.max_buffer_size);
             let usage = wgpu::BufferUsages::UNIFORM | wgpu::BufferUsages::COPY_DST;
             self.uniforms = gpu.buffer("creation of the uniforms", usage, size)?;
-            self.binding = bind(gpu, layouts, &self.frame, &self.uniforms);
+            self.binding = bind(gpu, &layouts.uniforms, (&self.frame, &self.uniforms), None);
         }
         gpu.queue.write_buffer(&self.uniforms, 0, &self.bytes);
         gpu.check("upload of the uniforms")?;
@@ -159,6 +189,10 @@ impl DrawList {
         geometry: &DeviceGeometry,
         textures: &DeviceTextures,
     ) {
+        let binding = match &self.lights {
+            Some((_, lit)) if self.many => lit,
+            _ => &self.binding,
+        };
         let (mut bound_chunk, mut bound_variant, mut bound_textures) = (None, None, [None; 3]);
         for draw in &self.draws {
             let chunk = &geometry.chunks[draw.chunk];
@@ -180,7 +214,7 @@ impl DrawList {
                 pass.set_index_buffer(chunk.indices.slice(..), wgpu::IndexFormat::Uint32);
                 bound_chunk = Some(draw.chunk);
             }
-            pass.set_bind_group(0, &self.binding, &[draw.offset]);
+            pass.set_bind_group(0, binding, &[draw.offset]);
             let asked = draw.textures;
             if new_variant || bound_textures != asked {
                 for (group, texture) in (1..).zip(asked) {
@@ -207,15 +241,18 @@ impl DrawList {
     }
 }
 
-fn bind(gpu: &Gpu, layouts: &Layouts, frame: &wgpu::Buffer, uniforms: &wgpu::Buffer) -> wgpu::BindGroup {
+fn bind(
+    gpu: &Gpu,
+    layout: &wgpu::BindGroupLayout,
+    (frame, uniforms): (&wgpu::Buffer, &wgpu::Buffer),
+    lights: Option<&wgpu::Buffer>,
+) -> wgpu::BindGroup {
     let draw =
         wgpu::BufferBinding { buffer: uniforms, offset: 0, size: NonZeroU64::new(size_of::<DrawUniform>() as u64) };
-    gpu.device.create_bind_group(&wgpu::BindGroupDescriptor {
-        label: Some("uniforms"),
-        layout: &layouts.uniforms,
-        entries: &[
-            wgpu::BindGroupEntry { binding: 0, resource: frame.as_entire_binding() },
-            wgpu::BindGroupEntry { binding: 1, resource: wgpu::BindingResource::Buffer(draw) },
-        ],
-    })
+    let mut entries = vec![
+        wgpu::BindGroupEntry { binding: 0, resource: frame.as_entire_binding() },
+        wgpu::BindGroupEntry { binding: 1, resource: wgpu::BindingResource::Buffer(draw) },
+    ];
+    entries.extend(lights.map(|lights| wgpu::BindGroupEntry { binding: 2, resource: lights.as_entire_binding() }));
+    gpu.device.create_bind_group(&wgpu::BindGroupDescriptor { label: Some("uniforms"), layout, entries: &entries })
 }

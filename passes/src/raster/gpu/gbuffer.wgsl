@@ -8,10 +8,11 @@
 //   TEXCOORD                            the vertices carry texture coordinates: TEXTURED, GLOW_TEXTURED or BENT
 //   GLOW, GLOW_TEXTURED                 the material sends out light, and a texture says where
 //   BENT                                a normal map bends the normals; the vertices carry tangents
-//   WORLD                               the place in the world is interpolated: POSITION or BENT
+//   WORLD                               the place in the world is interpolated: POSITION, BENT or LIGHTS
 //   WRAPPED                             the samplers say what lies beyond the sides of textures; without, all repeat
 //   VERTEX_COLOR                        the vertices carry colours, and COLOR or ALPHA_CUT reads them
 //   ALPHA_CUT                           where alpha is below the material's cutoff there is no surface
+//   LIGHTS                              several lights, or one with a place, in place of the light of `Frame`
 //   MIRRORED                            seen by a mirrored camera: nothing is behind the mirror
 //#if TRIANGLE
 enable primitive_index;
@@ -47,6 +48,30 @@ struct Draw {
 
 @group(0) @binding(0) var<uniform> frame: Frame;
 @group(0) @binding(1) var<uniform> draw: Draw;
+//#if LIGHTS
+
+// A light, as `Light` of the pipeline.
+struct Light {
+    // w: 1 for a light with a place, 0 for a directional one.
+    place: vec4<f32>,
+    // w: 1 / range.
+    direction: vec4<f32>,
+    // w: the cone's exponent.
+    color: vec4<f32>,
+    // w: 1 for a spot light.
+    attenuation: vec4<f32>,
+    // Cosines of the inner and the outer angle.
+    cone: vec4<f32>,
+}
+
+struct Lights {
+    // x: how many there are.
+    count: vec4<u32>,
+    lights: array<Light, 256>,
+}
+
+@group(0) @binding(2) var<uniform> all: Lights;
+//#endif
 //#if TEXTURED
 @group(1) @binding(0) var material_texture: texture_2d<f32>;
 @group(1) @binding(1) var trilinear: sampler;
@@ -211,6 +236,53 @@ fn bent(texel: vec3<f32>, normal: vec3<f32>, tangent: vec4<f32>, flat_normal: ve
 }
 //#endif
 
+//#if LIGHTS
+// Unit direction to a light in xyz, and in w the share of its colour that arrives at a point: as `Light::at` of the pipeline.
+fn arriving(light: Light, point: vec3<f32>) -> vec4<f32> {
+    if light.place.w == 0.0 {
+        return vec4<f32>(-light.direction.xyz, 1.0);
+    }
+    let way = light.place.xyz - point;
+    let squared = dot(way, way);
+    if !(squared > 0.0 && squared < 1e38) {
+        return vec4<f32>(0.0);
+    }
+    let distance = sqrt(squared);
+    let towards = way * (1.0 / distance);
+    let divisor = light.attenuation.x + light.attenuation.y * distance + light.attenuation.z * squared;
+    let near = distance * light.direction.w;
+    var factor = max(1.0 - near * near * near * near, 0.0) / max(divisor, 1e-12);
+    if light.attenuation.w != 0.0 {
+        let cosine = -dot(towards, light.direction.xyz);
+        var share = 0.0;
+        if cosine >= light.cone.x {
+            share = 1.0;
+        } else if cosine > light.cone.y {
+            share = (cosine - light.cone.y) / (light.cone.x - light.cone.y);
+        }
+        factor *= share * share;
+        if light.color.w != 0.0 {
+            factor *= pow(max(cosine, 0.0), light.color.w);
+        }
+    }
+    return vec4<f32>(towards, factor);
+}
+
+// The sum of the lights at a point by colour, each times its cosine; in w the greatest cosine of a light that arrives. No light below
+// the horizon of the unbent surface.
+fn sum_of_lights(point: vec3<f32>, normal: vec3<f32>, unbent: vec3<f32>) -> vec4<f32> {
+    var sum = vec4<f32>(0.0);
+    for (var index = 0u; index < all.count.x; index++) {
+        let light = all.lights[index];
+        let arrives = arriving(light, point);
+        let lit = arrives.w > 0.0 && dot(arrives.xyz, unbent) > 0.0;
+        let cosine = select(0.0, clamp(dot(arrives.xyz, normal), 0.0, 1.0), lit);
+        sum = vec4<f32>(sum.rgb + light.color.rgb * (arrives.w * cosine), max(sum.w, cosine));
+    }
+    return sum;
+}
+//#endif
+
 @fragment
 fn fragment_main(
     in: Varyings,
@@ -273,9 +345,17 @@ fn fragment_main(
         cosine = select(0.0, clamp(dot(frame.to_light.xyz, normal), 0.0, 1.0), lit);
     }
 //#endif
+//#if LIGHTS
+    let arrived = sum_of_lights(in.world, normal, in.normal);
+    cosine = arrived.w;
+//#endif
     var out: Pixel;
 //#if COLOR
+//#if LIGHTS
+    let lit = draw.diffuse * arrived;
+//#else
     let lit = draw.diffuse * frame.light_color * cosine;
+//#endif
 //#if TEXTURED
     out.color = (lit + draw.emission + 0.3) * texel;
 //#else

@@ -1,7 +1,7 @@
 //! Bind group layouts, and one render pipeline for each shader variant.
 
 use super::device::Gpu;
-use super::shader::{DrawUniform, FrameUniform, Variant};
+use super::shader::{DrawUniform, FrameUniform, LIGHTS_BYTES, Variant};
 use super::targets::{DEPTH_FORMAT, Stored};
 use curitiba_pipeline::backend::BackendError;
 use curitiba_pipeline::scene::texture::Wrap;
@@ -14,14 +14,14 @@ use std::num::NonZeroU64;
 pub(super) struct Layouts {
     /// Group 0: `Frame`, and `Draw` at a dynamic offset.
     pub uniforms: wgpu::BindGroupLayout,
+    /// Group 0 of several lights, or of one with a place: `Lights` as well.
+    pub lit: wgpu::BindGroupLayout,
     /// Groups 1 to 3: a texture and the sampler.
     pub texture: wgpu::BindGroupLayout,
     /// Repeating sampler, linear within a level and between two levels.
     pub trilinear: wgpu::Sampler,
-    plain: wgpu::PipelineLayout,
-    textured: wgpu::PipelineLayout,
-    glowing: wgpu::PipelineLayout,
-    bent: wgpu::PipelineLayout,
+    /// By the number of textures, with the lights of [`Self::uniforms`] and of [`Self::lit`].
+    pipelines: [[wgpu::PipelineLayout; 4]; 2],
 }
 
 impl Layouts {
@@ -40,6 +40,14 @@ impl Layouts {
         let uniforms = device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor {
             label: Some("uniforms"),
             entries: &[uniform(0, size_of::<FrameUniform>(), false), uniform(1, size_of::<DrawUniform>(), true)],
+        });
+        let lit = device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor {
+            label: Some("uniforms with lights"),
+            entries: &[
+                uniform(0, size_of::<FrameUniform>(), false),
+                uniform(1, size_of::<DrawUniform>(), true),
+                uniform(2, LIGHTS_BYTES, false),
+            ],
         });
         let fragment = |binding, ty| wgpu::BindGroupLayoutEntry {
             binding,
@@ -70,12 +78,12 @@ impl Layouts {
             };
             device.create_pipeline_layout(&descriptor)
         };
-        let plain = layout(&[Some(&uniforms)]);
-        let textured = layout(&[Some(&uniforms), Some(&texture)]);
-        let glowing = layout(&[Some(&uniforms), Some(&texture), Some(&texture)]);
-        let bent = layout(&[Some(&uniforms), Some(&texture), Some(&texture), Some(&texture)]);
+        let pipelines = [&uniforms, &lit].map(|first| {
+            let groups = [Some(first), Some(&texture), Some(&texture), Some(&texture)];
+            [1, 2, 3, 4].map(|count: usize| layout(&groups[..count]))
+        });
         gpu.check("creation of the layouts")?;
-        Ok(Self { uniforms, texture, trilinear, plain, textured, glowing, bent })
+        Ok(Self { uniforms, lit, texture, trilinear, pipelines })
     }
 }
 
@@ -163,11 +171,14 @@ fn build(gpu: &Gpu, layouts: &Layouts, variant: Variant, stored: Stored) -> wgpu
     let targets = stored.formats().map(|format| format.map(wgpu::ColorTargetState::from));
     gpu.device.create_render_pipeline(&wgpu::RenderPipelineDescriptor {
         label: Some("gbuffer"),
-        layout: Some(match variant {
-            Variant { bent: true, .. } => &layouts.bent,
-            Variant { glow_textured: true, .. } => &layouts.glowing,
-            Variant { textured: true, .. } => &layouts.textured,
-            _ => &layouts.plain,
+        layout: Some({
+            let textures = match variant {
+                Variant { bent: true, .. } => 3,
+                Variant { glow_textured: true, .. } => 2,
+                Variant { textured: true, .. } => 1,
+                _ => 0,
+            };
+            &layouts.pipelines[usize::from(variant.many)][textures]
         }),
         vertex: wgpu::VertexState {
             module: &module,

@@ -1,6 +1,6 @@
 //! The G-buffer shader's variants, and the uniforms that it reads.
 
-use curitiba_pipeline::backend::{Attachments, Shade, Sun, View};
+use curitiba_pipeline::backend::{Attachments, Light, Shade, Sun, View};
 use glam::{Mat4, Vec4};
 
 /// The text that all variants are cut from.
@@ -35,6 +35,8 @@ pub(super) struct Variant {
     pub wrapped: bool,
     /// Leaves out what is behind the mirror of a mirrored camera.
     pub mirrored: bool,
+    /// Adds several lights, or one with a place; with `vertex_normal` it also computes the place in the world.
+    pub many: bool,
     /// Leaves back faces out. The text does not depend on it.
     pub culled: bool,
 }
@@ -60,8 +62,14 @@ impl Variant {
             bent: vertex_normal && shade.normal_map.is_some(),
             wrapped: false,
             mirrored: false,
+            many: false,
             culled: false,
         }
+    }
+
+    /// Whether its light is that of several lights, or of one with a place.
+    fn lights(self) -> bool {
+        self.many && self.vertex_normal && (self.color || self.position)
     }
 
     /// Whether it reads texture coordinates.
@@ -97,7 +105,8 @@ impl Variant {
             "VERTEX_COLOR" => self.vertex_color,
             "TEXCOORD" => self.texcoord(),
             "BENT" => self.bent,
-            "WORLD" => self.position || self.bent,
+            "WORLD" => self.position || self.bent || self.lights(),
+            "LIGHTS" => self.lights(),
             "GLOW" => self.glow,
             "WRAPPED" => self.wrapped,
             "MIRRORED" => self.mirrored,
@@ -166,6 +175,47 @@ impl FrameUniform {
     }
 }
 
+/// Greatest number of lights of the shader.
+const MOST_LIGHTS: usize = 256;
+
+/// Bytes of `Lights` of the shader.
+pub(super) const LIGHTS_BYTES: usize = size_of::<[u32; 4]>() + MOST_LIGHTS * size_of::<LightUniform>();
+
+/// `Light` of the shader.
+#[derive(Debug, Clone, Copy, PartialEq, bytemuck::Pod, bytemuck::Zeroable)]
+#[repr(C)]
+struct LightUniform {
+    place: Vec4,
+    direction: Vec4,
+    color: Vec4,
+    attenuation: Vec4,
+    cone: Vec4,
+}
+
+impl LightUniform {
+    fn new(light: &Light) -> Self {
+        let [constant, linear, quadratic] = light.attenuation;
+        let exponent = light.cone.map_or(0.0, |cone| cone.exponent);
+        Self {
+            place: light.place.map_or(Vec4::ZERO, |place| place.extend(1.0)),
+            direction: light.direction.extend(1.0 / light.range),
+            color: light.color.extend(exponent),
+            attenuation: Vec4::new(constant, linear, quadratic, f32::from(u8::from(light.cone.is_some()))),
+            cone: light.cone.map_or(Vec4::ZERO, |cone| Vec4::new(cone.inner, cone.outer, 0.0, 0.0)),
+        }
+    }
+}
+
+/// The beginning of `Lights` of the shader, as far as it is read; `None` if there are more lights than it has room for.
+pub(super) fn lights_uniform(lights: &[Light]) -> Option<Vec<u8>> {
+    if lights.len() > MOST_LIGHTS {
+        return None;
+    }
+    let mut bytes = bytemuck::bytes_of(&[lights.len() as u32, 0, 0, 0]).to_vec();
+    lights.iter().for_each(|light| bytes.extend_from_slice(bytemuck::bytes_of(&LightUniform::new(light))));
+    Some(bytes)
+}
+
 /// `Draw` of the shader.
 #[derive(Debug, Clone, Copy, PartialEq, bytemuck::Pod, bytemuck::Zeroable)]
 #[repr(C)]
@@ -220,6 +270,7 @@ mod tests {
                     vertex_color: bit(10),
                     bent: bit(11),
                     mirrored: bit(12),
+                    many: false,
                     culled: false,
                 }
             })
@@ -268,6 +319,52 @@ mod tests {
         let (plain, glowing) = (3 + 4 * 2, (3 + 4) * 2);
         let bent = 2 * 8 * 3 * (3 + 4) * 2 + 6 * (2 + 3) * 2;
         assert_eq!(count, colored * (2 * plain + glowing) + others * (2 + 3 * 2) + 1 + 2 + 1 + 2 + bent);
+    }
+
+    #[test]
+    fn variants_of_several_lights_parse_and_validate() {
+        let mut count = 0;
+        for variant in variants().filter(|v| !v.wrapped && !v.mirrored && !v.alpha_cut && !v.triangle) {
+            let variant = Variant { many: true, ..variant };
+            let source = variant.source();
+            validate(&source, naga::valid::Capabilities::empty())
+                .unwrap_or_else(|error| panic!("{variant:?}\n{error}"));
+            assert_eq!(source.contains("sum_of_lights(in.world"), variant.lights(), "{variant:?}");
+            count += u32::from(variant.lights());
+        }
+        assert!(count > 20, "{count}");
+    }
+
+    #[test]
+    fn lights_lie_as_the_shader_reads_them() {
+        let variant = variants().find(|v| v.color && v.vertex_normal).expect("one");
+        let source = Variant { many: true, ..variant }.source();
+        let module = validate(&source, naga::valid::Capabilities::all()).expect("valid");
+        let (light, size) = layout(&module, "Light");
+        let found: Vec<(&str, usize)> = light.iter().map(|(name, offset)| (name.as_str(), *offset)).collect();
+        let expected = [
+            ("place", offset_of!(LightUniform, place)),
+            ("direction", offset_of!(LightUniform, direction)),
+            ("color", offset_of!(LightUniform, color)),
+            ("attenuation", offset_of!(LightUniform, attenuation)),
+            ("cone", offset_of!(LightUniform, cone)),
+        ];
+        assert_eq!((&found[..], size), (&expected[..], size_of::<LightUniform>()));
+        assert_eq!(layout(&module, "Lights").1, LIGHTS_BYTES);
+        let light = Light {
+            place: None,
+            direction: glam::Vec3::Y,
+            color: glam::Vec3::ONE,
+            attenuation: [1.0, 0.0, 0.0],
+            range: f32::INFINITY,
+            cone: None,
+        };
+        let bytes = lights_uniform(&[light; 2]).expect("there is room");
+        assert_eq!((bytes.len(), bytes[0]), (size_of::<[u32; 4]>() + 2 * size_of::<LightUniform>(), 2));
+        assert!(
+            lights_uniform(&vec![light; MOST_LIGHTS]).is_some()
+                && lights_uniform(&vec![light; MOST_LIGHTS + 1]).is_none()
+        );
     }
 
     #[test]

@@ -58,6 +58,7 @@ pub(super) fn job<'a>(scene: &'a RenderScene, shades: &'a [Shade]) -> RasterJob<
         scene,
         program: curitiba_pipeline::programs::RasterProgram::Deferred,
         view: View::new(Mat4::IDENTITY, Vec3::ZERO),
+        lights: &[],
         sun: None,
         shades,
         culled: &[],

@@ -87,6 +87,7 @@ fn job<'a>(scene: &'a RenderScene, position: &'a [[f32; 4]], direction: Vec3) ->
         seed: 0,
         eye: Vec3::ZERO,
         cone: PixelCone::default(),
+        lights: &[],
         sun: Some(Sun { direction: -direction, color: Vec3::ONE }),
         origin: [0; 2],
         width,

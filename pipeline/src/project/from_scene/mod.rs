@@ -3,7 +3,7 @@
 //! | part | choice |
 //! |---|---|
 //! | camera | `Camera`: described by options, or placed to see the whole scene; the file's own cameras come first unless it is described |
-//! | sun | the options', or the file's first directional light (its direction and hue), or one behind the viewer's left shoulder |
+//! | lights | the options' sun, or the file's lights, or a sun behind the viewer's left shoulder |
 //! | effects | shadows and occlusion; glass if a drawn material transmits at least a tenth of the light |
 //! | glass | by each material (`glass=auto`), in front of the background, with coloured shadows (`shadow=straight`) |
 //! | focus | the box of all triangles, or of most of them if a few far ones (a sky) make it more than twice as large |
@@ -12,6 +12,7 @@
 //! | window | 1024 x 1024 |
 //! | colours | linear (`color=linear`) |
 
+mod lights;
 mod options;
 mod passes;
 mod view;
@@ -113,13 +114,7 @@ impl SceneProjects {
         notes.add(format!("a project made from {}; `curitiba scene … --project FILE.xml` writes it", listed(files)));
         let focus = focus(scene, extent);
         let cameras = cameras(scene, options, (extent, focus), window, &mut notes)?;
-        let sun = view::sun(options, scene.lights.first(), &cameras[0]);
-        if options.sun.is_none() {
-            notes.add(match scene.lights.first() {
-                Some(light) => format!("sun: direction and hue of the scene's light `{}`", light.name),
-                None => "sun: behind the viewer's left shoulder; `--sun X,Y,Z` puts it elsewhere".to_owned(),
-            });
-        }
+        let lights = lights::of(scene, options, focus, &cameras[0], &mut notes);
         let glass = glass(scene);
         let effects = options.effects.unwrap_or(Effects { shadows: true, occlusion: true, glass: !glass.is_empty() });
         notes.add(effects_in_words(effects, &glass, options));
@@ -152,7 +147,7 @@ impl SceneProjects {
                 clear_color: options.background.unwrap_or(BACKGROUND).extend(1.0),
             }],
             cameras,
-            lights: vec![sun],
+            lights,
             light_cameras: Vec::new(),
             targets: Vec::new(),
             pipelines: Vec::new(),
@@ -170,9 +165,11 @@ impl SceneProjects {
         self.with(&passes::steps(self.effects), glass, (self.effects.occlusion, true))
     }
 
-    /// Projects of the same scene, one for each effect by rays and by rasterisation, with the file names of the report's projects.
+    /// Projects of the same scene, one for each effect by rays and by rasterisation, with the file names of the report's projects. Raster
+    /// effects know one directional light: with other lights those that read light are left out.
     #[must_use]
     pub fn by_technique(&self) -> Vec<(&'static str, Project)> {
+        let has_sun = matches!(&self.base.lights[..], [light] if light.direction.is_some());
         let rays = |program| vec![Step::Rays(program)];
         let raster = |program| vec![Step::Raster(program)];
         [
@@ -193,6 +190,7 @@ impl SceneProjects {
             ("raster/SceneDepthOcclusion.xml", raster(EffectProgram::DepthOcclusion)),
         ]
         .into_iter()
+        .filter(|(_, steps)| has_sun || !steps.iter().any(Step::is_lit_raster))
         // Raster effects only support the report's panes.
         .map(|(file, steps)| (file, self.with(&steps, &self.glass, (true, false))))
         .collect()
@@ -200,7 +198,9 @@ impl SceneProjects {
 
     fn with(&self, steps: &[Step], glass: &[String], (occlusion, bodies): (bool, bool)) -> Project {
         let background = self.base.viewports[0].clear_color.truncate();
-        let common = Common { window: self.base.window, background, glass, radius: self.radius, occlusion, bodies };
+        let lights = (0..self.base.lights.len()).collect();
+        let common =
+            Common { window: self.base.window, background, lights, glass, radius: self.radius, occlusion, bodies };
         let (targets, pipeline) = common.pipeline(steps);
         Project { targets, pipelines: vec![pipeline], ..self.base.clone() }
     }
@@ -287,6 +287,7 @@ fn turn(scene: &mut Scene, up: Up) {
     }
     for light in &mut scene.lights {
         light.direction = turn.transform_vector3(light.direction);
+        light.position = light.position.map(|position| turn.transform_point3(position));
     }
 }
 
@@ -430,4 +431,4 @@ fn effects_in_words(effects: Effects, glass: &[String], options: &SceneOptions) 
 }
 
 #[cfg(test)]
-mod tests;
+pub(crate) mod tests;

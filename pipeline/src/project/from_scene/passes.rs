@@ -33,6 +33,11 @@ impl Step {
         }
     }
 
+    /// Whether it is a raster effect that reads a light.
+    pub fn is_lit_raster(&self) -> bool {
+        matches!(self, Self::Raster(program) if program.info().lit)
+    }
+
     /// Whether the pass writes a factor for the colour instead of a colour.
     fn is_factor(self) -> bool {
         let program = match self {
@@ -58,13 +63,15 @@ pub(super) fn steps(effects: Effects) -> Vec<Step> {
     programs.iter().map(|program| Step::Rays(*program)).collect()
 }
 
-/// Common properties of a project's passes. The project has one scene, one light, one viewport and one camera in use, each the
+/// Common properties of a project's passes. The project has one scene, one viewport and one camera in use, each the
 /// first of its list.
 pub(super) struct Common<'a> {
     /// Size of the window and of the targets, pixels.
     pub window: [u32; 2],
     /// Colour where nothing is drawn.
     pub background: Vec3,
+    /// Indices of the lights.
+    pub lights: Vec<usize>,
     /// Names of the materials that are glass.
     pub glass: &'a [String],
     /// Longest distance to an occluder.
@@ -99,7 +106,7 @@ impl Common<'_> {
             scenes: vec![0],
             instances: 1,
             camera: 0,
-            light: Some(0),
+            lights: self.lights.clone(),
             program: RasterProgram::Deferred,
             colors: if steps.is_empty() { Vec::new() } else { self.marks() },
             shaders: Vec::new(),
@@ -161,7 +168,7 @@ impl Common<'_> {
         RayPass {
             scenes: vec![0],
             camera: 0,
-            light: (!info.globals.is_empty()).then_some(0),
+            lights: if info.globals.is_empty() { Vec::new() } else { self.lights.clone() },
             program,
             params: as_written(params, info.params),
             position: read(info.buffers, "pos_buffer", 1),
@@ -183,7 +190,7 @@ impl Common<'_> {
         EffectPass {
             scenes: vec![0],
             camera: 0,
-            light: info.lit.then_some(0),
+            lights: if info.lit { self.lights.clone() } else { Vec::new() },
             program,
             params,
             position: read(info.buffers, "pos_buffer", 1),

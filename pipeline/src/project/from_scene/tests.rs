@@ -1,5 +1,5 @@
 use super::*;
-use crate::project::{PassKind, QuadSource};
+use crate::project::{Light, PassKind, QuadSource};
 
 /// Writes a scene to a folder: a square of two materials, paint and pane; the pane is glass if `d` is below 1.
 fn scene(folder: &Path, glass_opacity: f32, uses_glass: bool) -> PathBuf {
@@ -139,6 +139,89 @@ fn cameras_of_the_file_come_first_unless_one_is_described() {
     assert_eq!(sun.color, Vec3::new(0.7, 0.35, 0.0));
     let described = SceneOptions { fov: Some(20.0), ..SceneOptions::default() };
     assert_eq!(names(&open(&path, &described)), ["Camera", "Door", "camera 2"]);
+}
+
+/// A floor of 4 x 4 units at y = 0, with a point light 1 above its middle, a spot light that looks down from 2 above it, and a sun.
+pub(in crate::project) const LAMPS: &str = r#"{"asset":{"version":"2.0"},"scene":0,"scenes":[{"nodes":[0,1,2,3]}],
+"extensionsUsed":["KHR_lights_punctual"],"extensions":{"KHR_lights_punctual":{"lights":[
+{"type":"point","name":"Bulb","color":[1,0.5,0.25],"intensity":100,"range":20},
+{"type":"spot","name":"Bulb","intensity":400,"spot":{"innerConeAngle":0.3,"outerConeAngle":0.6}},
+{"type":"directional","intensity":30}]}},
+"nodes":[{"mesh":0},{"translation":[0,1,0],"extensions":{"KHR_lights_punctual":{"light":0}}},
+{"translation":[0,2,0],"rotation":[-0.70710678,0,0,0.70710678],"extensions":{"KHR_lights_punctual":{"light":1}}},
+{"rotation":[-0.70710678,0,0,0.70710678],"extensions":{"KHR_lights_punctual":{"light":2}}}],
+"meshes":[{"primitives":[{"attributes":{"POSITION":0},"mode":5}]}],
+"accessors":[{"bufferView":0,"componentType":5126,"count":4,"type":"VEC3","min":[-2,0,-2],"max":[2,0,2]}],
+"bufferViews":[{"buffer":0,"byteLength":48}],
+"buffers":[{"byteLength":48,"uri":"data:application/octet-stream;base64,AAAAwAAAAAAAAADAAAAAwAAAAAAAAABAAAAAQAAAAAAAAADAAAAAQAAAAAAAAABA"}]}"#;
+
+#[test]
+fn lights_of_the_file_keep_their_ratios_and_most_of_the_floor_is_below_white() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let path = folder.path().join("lamps.gltf");
+    std::fs::write(&path, LAMPS).expect("a file");
+    let project = open(&path, &SceneOptions::default());
+    let [bulb, spot, sun] = &project.lights[..] else { panic!("{:?}", project.lights) };
+    assert_eq!([&bulb.name, &spot.name, &sun.name], ["Bulb", "Bulb 2", "light 2"]);
+    assert_eq!([bulb, spot, sun].map(Light::kind), ["point", "spot", "directional"]);
+    assert_eq!((bulb.position, bulb.falloff.range), (Some(DVec3::Y), 20.0));
+    assert_eq!(bulb.falloff.attenuation, [0.0, 0.0, 1.0]);
+    let cone = spot.falloff.spot.expect("a cone");
+    assert!(cone.axis.distance(Vec3::NEG_Y) < 1e-6, "{cone:?}");
+    assert!((cone.cutoff.to_radians() - 0.6).abs() < 1e-6 && (cone.inner.to_radians() - 0.3).abs() < 1e-6, "{cone:?}");
+    let ratio = |a: f32, b: f32, expected: f32| assert!((a / b / expected - 1.0).abs() < 1e-5, "{a} {b}");
+    ratio(bulb.color.x, sun.color.x, 100.0 / 30.0);
+    ratio(spot.color.x, sun.color.x, 400.0 / 30.0);
+    ratio(bulb.color.z, bulb.color.x, 0.25);
+    // In closed form: what arrives on the floor at a distance from its middle, on a grid over it.
+    let scale = f64::from(sun.color.x) / 30.0;
+    let received = |x: f64, z: f64| {
+        let from = |height: f64| (x * x + z * z + height * height, height / (x * x + z * z + height * height).sqrt());
+        let ((near, cosine), (far, axis)) = (from(1.0), from(2.0));
+        let edge = ((axis - 0.6_f64.cos()) / (0.3_f64.cos() - 0.6_f64.cos())).clamp(0.0, 1.0);
+        let window = 1.0 - (near / 400.0).powi(2);
+        30.0 + 100.0 * window * cosine / near + 400.0 * edge * edge * axis / far
+    };
+    let side = 200;
+    let at = |step: i32| 4.0 * (f64::from(step) + 0.5) / f64::from(side) - 2.0;
+    let all = (0..side * side).map(|i| received(at(i % side), at(i / side)) * scale).collect::<Vec<f64>>();
+    let below = |most: f64| all.iter().filter(|light| **light <= most).count() as f64 / all.len() as f64;
+    assert!(below(0.7 * 1.05) > 0.89 && below(0.7 / 1.05) < 0.91, "{} {}", below(0.7 * 1.05), below(0.7 / 1.05));
+    let notes = project.problems.to_string();
+    assert!(notes.contains("lights: `Bulb`, `Bulb`, `light 2` of the scene"), "{notes}");
+    let passes = &project.pipelines[0].passes;
+    assert!(passes.iter().take(2).all(|pass| pass.kind.lights() == [0, 1, 2]), "all shine");
+    // Raster effects know one directional light.
+    let made = SceneProjects::new(&[path], &SceneOptions::default(), None, 1 << 30).expect("a scene");
+    let names: Vec<&str> = made.by_technique().iter().map(|(name, _)| *name).collect();
+    assert!(names.contains(&"raster/SceneGTAO.xml") && !names.contains(&"raster/SceneShadowMap.xml"), "{names:?}");
+    // A sun that is asked for replaces them all.
+    let path = folder.path().join("lamps.gltf");
+    let asked = open(&path, &SceneOptions { sun: Some(Vec3::Y), ..SceneOptions::default() });
+    assert_eq!(asked.lights.iter().map(Light::kind).collect::<Vec<_>>(), ["directional"]);
+}
+
+#[test]
+fn of_many_lights_those_that_light_most_shine() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let path = folder.path().join("many.gltf");
+    // A thousand lights ever higher above the floor, the last of which are the strongest.
+    let nodes: Vec<String> = (0..1000)
+        .map(|i| {
+            let height = 1000 - i;
+            format!(r#"{{"translation":[0,{height},0],"extensions":{{"KHR_lights_punctual":{{"light":0}}}}}}"#)
+        })
+        .collect();
+    let listed: Vec<String> = (0..=1000).map(|node| node.to_string()).collect();
+    let start = LAMPS.find("\"nodes\":[{\"mesh\"").expect("there");
+    let end = LAMPS.find("\"meshes\"").expect("there");
+    let text = [&LAMPS[..start], "\"nodes\":[{\"mesh\":0},", &nodes.join(","), "],\n", &LAMPS[end..]].concat();
+    let text = text.replace("\"nodes\":[0,1,2,3]", &format!("\"nodes\":[{}]", listed.join(",")));
+    std::fs::write(&path, text.replace(",\"range\":20", "")).expect("a file");
+    let project = open(&path, &SceneOptions::default());
+    let heights: Vec<f64> = project.lights.iter().filter_map(|light| Some(light.position?.y)).collect();
+    assert_eq!(heights, (1..=32).rev().map(f64::from).collect::<Vec<_>>());
+    assert!(project.problems.to_string().contains("of 1000 lights 968 are left out"), "{}", project.problems);
 }
 
 #[test]

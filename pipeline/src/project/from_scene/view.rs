@@ -1,14 +1,14 @@
 //! Camera and sun of a project made from scene files.
 
 use super::SceneOptions;
-use crate::project::{Camera, Light};
+use crate::project::{Camera, Falloff, Light};
 use crate::scene::{SceneCamera, SceneLight};
 use glam::{DVec3, Vec3};
 
 /// Default vertical field of view, degrees.
 const FOV: f32 = 45.0;
 /// Strength of the sun: with the ambient light of 0.3, a surface that faces it has brightness 1.
-const SUN: f32 = 0.7;
+pub(super) const SUN: f32 = 0.7;
 /// Margin around the scene's box in the picture, as a share of half the picture's size.
 const MARGIN: f64 = 0.04;
 /// Elevation of a default camera: the tangent of its angle above the horizon (1 for 45 degrees).
@@ -41,7 +41,7 @@ impl Extent {
 }
 
 /// The unit vector, computed as the loader does, so that writing and reading it again changes nothing.
-fn unit(vector: DVec3) -> Option<Vec3> {
+pub(super) fn unit(vector: DVec3) -> Option<Vec3> {
     // The loader reads f32.
     vector.as_vec3().as_dvec3().try_normalize().map(|unit| unit.as_vec3())
 }
@@ -170,8 +170,8 @@ pub(super) fn of_file(camera: &SceneCamera, origin: DVec3, name: String, extent:
     }
 }
 
-/// The sun of the options, that of the scene file, or else one behind the viewer's left shoulder.
-pub(super) fn sun(options: &SceneOptions, of_file: Option<&SceneLight>, camera: &Camera) -> Light {
+/// The sun of the options, or one behind the viewer's left shoulder.
+pub(super) fn sun(options: &SceneOptions, camera: &Camera) -> Light {
     let shoulder = || {
         let view = camera.direction.as_dvec3();
         let level = DVec3::new(view.x, 0.0, view.z).try_normalize().unwrap_or(DVec3::NEG_Z);
@@ -179,20 +179,22 @@ pub(super) fn sun(options: &SceneOptions, of_file: Option<&SceneLight>, camera: 
         // Steep enough for short shadows, and from the side so that they are visible.
         rounded(level * 0.5 - left * 0.6 - DVec3::Y * 0.9, 1.0)
     };
-    let (travels, color) = match (options.sun, of_file) {
-        (Some(sun), _) => (-sun.as_dvec3(), Vec3::ONE),
-        (None, Some(light)) => (light.direction.as_dvec3(), light.color),
-        (None, None) => (shoulder(), Vec3::ONE),
-    };
-    // The file's intensity is in lux, for an exposure that is not modelled here: only the hue is used.
-    let strongest = color.max_element();
-    let hue = if strongest > 0.0 && strongest.is_finite() { color / strongest } else { Vec3::ONE };
-    Light {
-        name: "Sun".to_owned(),
-        direction: unit(travels).or(Some(Vec3::NEG_Y)),
-        position: None,
-        color: hue.max(Vec3::ZERO) * SUN,
-    }
+    let travels = options.sun.map_or_else(shoulder, |sun| -sun.as_dvec3());
+    directional("Sun".to_owned(), travels, Vec3::splat(SUN))
+}
+
+/// The only light of a scene file, a directional one. Its intensity is in lux, for an exposure that is not modelled here: the hue alone
+/// is its own.
+pub(super) fn sun_of_file(light: &SceneLight) -> Light {
+    let strongest = light.color.max_element();
+    let hue = if strongest > 0.0 && strongest.is_finite() { light.color / strongest } else { Vec3::ONE };
+    directional("Sun".to_owned(), light.direction.as_dvec3(), hue.max(Vec3::ZERO) * SUN)
+}
+
+/// A directional light.
+pub(super) fn directional(name: String, travels: DVec3, color: Vec3) -> Light {
+    let direction = unit(travels).or(Some(Vec3::NEG_Y));
+    Light { name, direction, position: None, color, falloff: Falloff::default() }
 }
 
 #[cfg(test)]
@@ -265,16 +267,11 @@ mod tests {
     fn the_sun_shines_from_the_viewers_left_unless_it_is_described() {
         let extent = extent([-1.0; 3], [1.0; 3]);
         let camera = camera(&SceneOptions::default(), extent, extent, [4, 4]).expect("it looks at the centre");
-        let direction = |options: &SceneOptions, light: Option<&SceneLight>| {
-            sun(options, light, &camera).direction.expect("a direction")
-        };
-        let travels = direction(&SceneOptions::default(), None);
+        let direction = |options: &SceneOptions| sun(options, &camera).direction.expect("a direction");
+        let travels = direction(&SceneOptions::default());
         let right = camera.direction.cross(Vec3::Y);
         assert!(travels.y < -0.5 && travels.dot(right) > 0.3 && travels.dot(camera.direction) > 0.3, "{travels}");
-        let lamp = SceneLight { name: "l".to_owned(), direction: Vec3::NEG_X, color: Vec3::new(100.0, 50.0, 0.0) };
-        assert_eq!(direction(&SceneOptions::default(), Some(&lamp)), Vec3::NEG_X);
-        assert_eq!(sun(&SceneOptions::default(), Some(&lamp), &camera).color, Vec3::new(SUN, SUN * 0.5, 0.0));
         let asked = SceneOptions { sun: Some(Vec3::new(0.0, 3.0, 0.0)), ..SceneOptions::default() };
-        assert_eq!(direction(&asked, Some(&lamp)), Vec3::NEG_Y);
+        assert_eq!(direction(&asked), Vec3::NEG_Y);
     }
 }

@@ -7,7 +7,7 @@ mod numbers;
 mod passes;
 mod xml;
 
-use super::{Camera, Light, Orthographic, Project, SceneDecl, Viewport};
+use super::{Camera, Falloff, Light, Orthographic, Project, SceneDecl, Viewport};
 use crate::color::ColorSpace;
 use crate::files::write_atomically;
 use crate::scene::{Placement, Shape, ShapeKind};
@@ -226,7 +226,8 @@ fn write_light(xml: &mut Xml, light: &Light) {
             vector(xml, "direction", travels);
         }
         None => {
-            xml.begin("light", &[("name", &light.name)]);
+            xml.begin("light", &[("name", &light.name), ("type", light.kind())]);
+            write_falloff(xml, &light.falloff);
         }
     }
     if let Some(place) = light.position {
@@ -235,6 +236,28 @@ fn write_light(xml: &mut Xml, light: &Light) {
     }
     color(xml, "color", &light.color.to_array());
     xml.end();
+}
+
+/// Writes the parts of a falloff that differ from that of a light without any.
+fn write_falloff(xml: &mut Xml, Falloff { attenuation, range, spot }: &Falloff) {
+    let usual = Falloff::default();
+    let mut number = |name: &'static str, value: f32, usual: f32| {
+        if value != usual {
+            xml.empty(name, &[("value", &value.to_string())]);
+        }
+    };
+    for (name, (value, usual)) in
+        ["CONSTANT_ATT", "LINEAR_ATT", "QUADRATIC_ATT"].into_iter().zip(attenuation.iter().zip(usual.attenuation))
+    {
+        number(name, *value, usual);
+    }
+    number("RANGE", *range, usual.range);
+    if let Some(spot) = spot {
+        number("SPOT_CUTOFF", spot.cutoff, 180.0);
+        number("SPOT_INNER", spot.inner, spot.cutoff);
+        number("SPOT_EXPONENT", spot.exponent, 0.0);
+        vector(xml, "SPOT_DIRECTION", spot.axis);
+    }
 }
 
 /// A path as the project file names it: relative to its folder, or absolute if they have only the root in common.

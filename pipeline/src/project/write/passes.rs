@@ -110,7 +110,7 @@ impl Context<'_> {
         }
     }
 
-    fn seen(&self, xml: &mut Xml, scenes: &[usize], camera: usize, light: Option<usize>) {
+    fn seen(&self, xml: &mut Xml, scenes: &[usize], camera: usize, lights: &[usize]) {
         if !scenes.is_empty() {
             xml.begin("scenes", &[]);
             scenes.iter().for_each(|scene| xml.text("scene", &self.project.scenes[*scene].name));
@@ -118,9 +118,9 @@ impl Context<'_> {
         }
         xml.text("camera", &self.project.cameras[camera].name);
         self.target_and_viewport(xml);
-        if let Some(light) = light {
+        if !lights.is_empty() {
             xml.begin("lights", &[]);
-            xml.text("light", &self.project.lights[light].name);
+            lights.iter().for_each(|light| xml.text("light", &self.project.lights[*light].name));
             xml.end();
         }
     }
@@ -165,7 +165,7 @@ impl Context<'_> {
 
     fn raster(&self, xml: &mut Xml, raster: &RasterPass) {
         self.begin(xml, "default", &[]);
-        self.seen(xml, &raster.scenes, raster.camera, raster.light);
+        self.seen(xml, &raster.scenes, raster.camera, &raster.lights);
         self.colors(xml, true);
     }
 
@@ -175,7 +175,7 @@ impl Context<'_> {
         if let Some(start) = &ray.from_camera {
             values.insert(0, ("program", info.stem.to_owned()));
             self.begin(xml, "rt", &values);
-            self.seen(xml, &ray.scenes, ray.camera, ray.light);
+            self.seen(xml, &ray.scenes, ray.camera, &ray.lights);
             self.colors(xml, false);
             for (to, kind) in &start.surfaces {
                 xml.begin(kind.name(), &[]);
@@ -186,7 +186,7 @@ impl Context<'_> {
             return;
         }
         self.begin(xml, "optix", &values);
-        self.seen(xml, &ray.scenes, ray.camera, ray.light);
+        self.seen(xml, &ray.scenes, ray.camera, &ray.lights);
         self.colors(xml, false);
         let file = format!("optix/{}.ptx", info.stem);
         xml.begin("optixEntryPoint", &[]);
@@ -244,7 +244,7 @@ impl Context<'_> {
         let info = effect.program.info();
         let values: Vec<_> = info.params.iter().map(|name| (*name, effect.params.get(name))).collect();
         self.begin(xml, "effect", &values);
-        self.seen(xml, &effect.scenes, effect.camera, effect.light);
+        self.seen(xml, &effect.scenes, effect.camera, &effect.lights);
         self.colors(xml, false);
         xml.empty("program", &[("name", info.name)]);
         if info.glass {

@@ -95,6 +95,16 @@ fn projects_made_of_scenes_are_read_as_they_were_written() {
 }
 
 #[test]
+fn lights_of_scenes_are_read_as_they_were_written() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let path = folder.path().join("lamps.gltf");
+    std::fs::write(&path, project::from_scene::tests::LAMPS).expect("a file");
+    let made = project::SceneProjects::new(&[path], &project::SceneOptions::default(), None, 1 << 30).expect("a scene");
+    assert_eq!(made.project().lights.len(), 3);
+    comes_back(&made.project());
+}
+
+#[test]
 fn nothing_is_overwritten_and_what_the_format_cannot_hold_is_refused() {
     let folder = tempfile::tempdir().expect("a folder");
     let made = |material: &str, name: &str| {

@@ -109,7 +109,7 @@ struct Assembler<'a> {
     materials: &'a mut Materials,
     scene: &'a mut Scene,
     skins: Skins,
-    /// The transforms of objects and cameras, with all digits of the file.
+    /// The transforms of objects, cameras and lights, with all digits of the file.
     places: Places,
     /// By mesh of the asset and pose, once read: index of its first primitive in the scene, and for each primitive whether skinning
     /// moved it into world space.
@@ -147,7 +147,9 @@ impl Assembler<'_> {
             let camera = view::camera(root, node, &transform, context.file, warnings);
             self.places.cameras.extend(camera.as_ref().map(|_| exact.w_axis.truncate()));
             cameras.extend(camera);
-            lights.extend(view::light(root, node, &transform, context.file, warnings));
+            let light = view::light(root, node, &transform, context.file, warnings);
+            self.places.lights.extend(light.as_ref().map(|_| exact.w_axis.truncate()));
+            lights.extend(light);
             let children = node.children.iter().flatten().rev();
             stack.extend(children.map(|child| (child.value(), (transform, exact))));
         }

@@ -33,6 +33,8 @@ pub(super) struct Places {
     pub objects: Vec<DMat4>,
     /// Exact position of each camera of the scene.
     pub cameras: Vec<DVec3>,
+    /// Exact position of each light of the scene.
+    pub lights: Vec<DVec3>,
 }
 
 impl Places {
@@ -51,7 +53,7 @@ impl Places {
             context.take("the nodes", root.nodes.len(), size_of::<Node>())?;
             nodes = serde_json::from_slice(text).map(|Nodes { nodes }| nodes).unwrap_or_default();
         }
-        Ok(Self { nodes, objects: Vec::new(), cameras: Vec::new() })
+        Ok(Self { nodes, objects: Vec::new(), cameras: Vec::new(), lights: Vec::new() })
     }
 
     /// The local transform of `node`, which has this index in the asset.
@@ -81,6 +83,9 @@ impl Places {
         }
         for (camera, exact) in scene.cameras.iter_mut().zip(self.cameras) {
             camera.position = (exact - origin).as_vec3();
+        }
+        for (light, exact) in scene.lights.iter_mut().zip(self.lights) {
+            light.position = light.position.map(|_| (exact - origin).as_vec3());
         }
     }
 }

@@ -1,14 +1,17 @@
-//! Cameras and directional lights (`KHR_lights_punctual`) of an asset, placed by their nodes.
+//! Cameras and lights (`KHR_lights_punctual`) of an asset, placed by their nodes.
 
 use super::super::{SceneCamera, SceneLight};
 use crate::color::in_range;
 use crate::diagnostic::Warnings;
 use ::gltf::json::{self, camera::Type, validation::Checked};
 use glam::{Mat4, Vec3};
-use std::f32::consts::PI;
+use std::f32::consts::{FRAC_PI_4, PI};
 use std::path::Path;
 
 const LIGHTS: &str = "KHR_lights_punctual";
+
+/// Greatest angle between the axis of a spot light and its edge: 90 degrees, as files round them.
+const WIDEST: f32 = 1.571;
 
 /// The perspective camera of a node (glTF 2.0, section 3.10). It looks along the node's -z with +y up; scales affect only its
 /// position.
@@ -41,7 +44,7 @@ pub(super) fn camera(
     }
 }
 
-/// The directional light of a node: it shines along the node's -z.
+/// The light of a node: it shines along the node's -z. Scales affect only its position.
 pub(super) fn light(
     root: &json::Root,
     node: &json::Node,
@@ -58,22 +61,45 @@ pub(super) fn light(
     let Some(light) = lights.and_then(|lights| lights.get(usize::try_from(index).ok()?)) else {
         return ignored("does not exist");
     };
-    match light.get("type").and_then(|kind| kind.as_str()) {
-        Some("directional") => {}
-        Some(kind @ ("point" | "spot")) => return ignored(&format!("is a {kind} light")),
+    let (has_place, is_spot) = match light.get("type").and_then(|kind| kind.as_str()) {
+        Some("directional") => (false, false),
+        Some("point") => (true, false),
+        Some("spot") => (true, true),
         _ => return ignored("is of no known type"),
-    }
+    };
     let number = |value: Option<&serde_json::Value>, default: f64| value.and_then(|v| v.as_f64()).unwrap_or(default);
     let intensity = number(light.get("intensity"), 1.0).max(0.0);
     let color = light.get("color");
     let color = Vec3::from(
         [0, 1, 2].map(|axis| (number(color.and_then(|color| color.get(axis)), 1.0).max(0.0) * intensity) as f32),
     );
-    let Some(direction) = direction(transform, Vec3::NEG_Z).filter(|_| in_range(color)) else {
+    let direction = match has_place && !is_spot {
+        true => Some(Vec3::ZERO),
+        false => direction(transform, Vec3::NEG_Z),
+    };
+    let position = transform.transform_point3(Vec3::ZERO);
+    let Some(direction) = direction.filter(|_| in_range(color) && position.is_finite()) else {
         return ignored("has no direction, or numbers out of range");
     };
+    let range = number(light.get("range"), f64::INFINITY) as f32;
+    let spot = light.get("spot");
+    let angle = |name: &str, usual: f32| number(spot.and_then(|spot| spot.get(name)), usual.into()) as f32;
+    let cone = [angle("innerConeAngle", 0.0), angle("outerConeAngle", FRAC_PI_4)];
+    let [inner, outer] = cone;
+    // KHR_lights_punctual: the inner angle lies below the outer one, and that is 90 degrees at most.
+    if range.is_nan() || range <= 0.0 || is_spot && !(0.0 <= inner && inner <= outer && 0.0 < outer && outer <= WIDEST)
+    {
+        return ignored("has a range or a cone that is not valid");
+    }
     let name = light.get("name").and_then(|name| name.as_str()).or(node.name.as_deref());
-    Some(SceneLight { name: name.map_or_else(|| format!("light {index}"), str::to_owned), direction, color })
+    Some(SceneLight {
+        name: name.map_or_else(|| format!("light {index}"), str::to_owned),
+        direction,
+        color,
+        position: has_place.then_some(position),
+        range: if has_place { range } else { f32::INFINITY },
+        cone: is_spot.then_some(cone),
+    })
 }
 
 /// Transforms a direction of the node to a unit direction in the world; `None` if it has length 0.

@@ -433,6 +433,7 @@ fn map_job<'a>(
         scene: job.scene,
         program: RasterProgram::Deferred,
         view,
+        lights: &[],
         sun,
         shades: job.shades,
         // Maps show what rays hit, so both sides of every triangle are drawn.

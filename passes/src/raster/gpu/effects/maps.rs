@@ -204,6 +204,7 @@ pub fn draw(
         program: RasterProgram::Deferred,
         view: first.view,
         sun: job.sun,
+        lights: &[],
         shades: job.shades,
         // Maps show what rays hit, so both sides of every triangle are drawn.
         culled: &[],

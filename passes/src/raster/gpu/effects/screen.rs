@@ -193,6 +193,7 @@ impl Marching {
             scene: job.scene,
             program: RasterProgram::Deferred,
             view: job.view,
+            lights: &[],
             sun: job.sun,
             shades: job.shades,
             // The picture shows what rays hit, so both sides of every triangle are drawn.

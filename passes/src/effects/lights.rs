@@ -1,0 +1,144 @@
+//! Several lights, and lights with a place: what arrives of them at a surface, and what their shadows leave of its colour.
+//!
+//! A surface reflects `tint * (ambient + lights)`, where `lights` is the sum of the lights that arrive, each by its colour, attenuation,
+//! cone and cosine. Shadows take away the lights that something is in the way of, and ambient light stays. So the share that is left, by
+//! colour, is `(ambient + lights that are seen) / (ambient + lights)`.
+
+use super::coverage::Coverage;
+use super::interpolate::locate;
+use super::light::share_of_light;
+use super::material::AMBIENT;
+use super::pass::Pass;
+use super::ray_cone::Footprint;
+use super::surface::Surface;
+use super::workspace::Workspace;
+use crate::trace::{Hit, Purpose, Ray, SurfacePoint, Tracer};
+use curitiba_pipeline::backend::Light;
+use glam::Vec3;
+
+/// Part of the way to a light with a place that shadow rays leave out at the light's end, because lamps hang on ceilings.
+pub(super) const BEFORE_LIGHT: f32 = 1.0 / 1024.0;
+
+/// By which normal a surface is shaded.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Shading {
+    /// Unit shading normal: the stored one of what the camera sees, and that on the viewer's side of what a ray met.
+    pub normal: Vec3,
+    /// What the ray met; `None` for what the camera sees.
+    pub hit: Option<Hit>,
+}
+
+/// A point whose light is asked for.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Asked<'s> {
+    pub point: &'s SurfacePoint,
+    /// Unit geometric normal on the side that is lit.
+    pub facing: Vec3,
+    /// Id of the triangle or sphere.
+    pub id: u32,
+    pub shading: Shading,
+}
+
+impl<T: Tracer, C: Coverage> Pass<'_, T, C> {
+    /// Whether the pass has several lights, or one with a place.
+    #[inline(always)]
+    pub(super) fn has_lights(&self) -> bool {
+        !self.job.lights.is_empty()
+    }
+
+    /// [`Self::lit_color`] of a surface that a ray met, in the light of all lights.
+    pub(super) fn met_color(&self, hit: &Hit, footprint: impl Footprint, surface: &Surface) -> Vec3 {
+        if !self.has_lights() {
+            return self.lit_color(hit, footprint, surface.normal);
+        }
+        let mut sum = Vec3::ZERO;
+        for light in self.job.lights {
+            let arriving = light.at(surface.position());
+            sum += light.color * (arriving.factor * self.cosine_to(hit, surface.normal, arriving.towards));
+        }
+        let shade = &self.job.shades[self.material_of(hit.triangle) as usize];
+        self.reflected_color(hit, footprint, (shade, shade.diffuse.truncate() * sum))
+    }
+
+    /// The cosine of a light at a point.
+    fn cosine_at(&self, asked: &Asked<'_>, towards: Vec3) -> f32 {
+        let Shading { normal, hit } = asked.shading;
+        let shade = &self.job.shades[self.material_of(asked.id) as usize];
+        if shade.normal_map.is_some() && self.sphere(asked.id).is_none() {
+            let located = || locate(&self.job.scene.geometry, asked.id, asked.point.position);
+            return self.cosine_to(&hit.unwrap_or_else(located), normal, towards).min(1.0);
+        }
+        towards.dot(normal).clamp(0.0, 1.0)
+    }
+
+    /// What shadows leave of the colour of a point, by colour. `reaches` follows a ray from the surface to a light, and returns what of the
+    /// light passes; `stops` says whether a hit cuts a point off from the round surface that it stands for.
+    pub(super) fn share_of_lights(
+        &self,
+        asked: &Asked<'_>,
+        work: &mut Workspace,
+        stops: impl Fn(&Hit) -> bool,
+        mut reaches: impl FnMut(&Ray, &mut Workspace) -> Vec3,
+    ) -> Vec3 {
+        let (mut whole, mut left) = (Vec3::ZERO, Vec3::ZERO);
+        for light in self.job.lights {
+            let arriving = light.at(asked.point.position);
+            if arriving.factor <= 0.0 {
+                continue;
+            }
+            let color = light.color * (arriving.factor * self.cosine_at(asked, arriving.towards));
+            if color == Vec3::ZERO {
+                continue;
+            }
+            whole += color;
+            if let Some(ray) = self.ray_to(light, arriving.towards, asked, work, &stops) {
+                left += color * reaches(&ray, work);
+            }
+        }
+        let shade = &self.job.shades[self.material_of(asked.id) as usize];
+        let diffuse = shade.diffuse.truncate();
+        let ambient = match shade.texture.filter(|_| self.sphere(asked.id).is_none()) {
+            None => AMBIENT * diffuse,
+            Some(_) if asked.shading.hit.is_none() => shade.emission.truncate() + AMBIENT,
+            Some(_) => Vec3::splat(AMBIENT),
+        };
+        let (left, whole) = (ambient + diffuse * left, ambient + diffuse * whole);
+        Vec3::select(whole.cmpgt(Vec3::ZERO), left / whole, Vec3::ONE)
+    }
+
+    /// The ray from a point to a light; `None` where the point is in its own shadow, as in [`Self::light_origin`].
+    fn ray_to(
+        &self,
+        light: &Light,
+        towards: Vec3,
+        asked: &Asked<'_>,
+        work: &mut Workspace,
+        stops: impl Fn(&Hit) -> bool,
+    ) -> Option<Ray> {
+        let origin = if asked.facing.dot(towards) > 0.0 {
+            asked.point.spawn(towards)
+        } else {
+            let lifted = self.lifted(asked.id, asked.point, (asked.facing, towards))?;
+            if self.is_cut_off(&lifted, &mut work.rays.shadow, stops) {
+                return None;
+            }
+            lifted.origin()
+        };
+        let Some(place) = light.place else {
+            return Some(Ray { origin, direction: towards, t_min: 0.0, t_max: f32::INFINITY });
+        };
+        let way = place - origin;
+        let t_max = way.length() * (1.0 - BEFORE_LIGHT);
+        Some(Ray { origin, direction: way.normalize_or(towards), t_min: 0.0, t_max })
+    }
+
+    /// What of the light passes along a ray of `final`: 0 where something opaque is in the way, else 0.9 for each glass surface.
+    pub(super) fn passes_along(&self, ray: &Ray, work: &mut Workspace) -> Vec3 {
+        work.rays.shadow += 1;
+        let crossings = &mut work.crossings;
+        crossings.clear();
+        self.announce_visibility(Purpose::Shadow, 1.0);
+        let blocked = self.tracer.occluded(ray, |hit| self.blocks_light(hit, || crossings.push(hit.t)));
+        Vec3::splat(if blocked { 0.0 } else { share_of_light(false, crossings) })
+    }
+}

@@ -1,0 +1,205 @@
+//! Lights of passes: which shine, and what is not known of several, or of lights with a place.
+
+use super::{Plan, PlanError, PlannedPass, Work};
+use crate::backend::{BackendError, Cone, Light, RayBackend, Sun};
+use crate::glass::GlassShadow;
+use crate::image::PixelFormat;
+use crate::programs::{Fidelity, RayParams, RayProgram};
+use crate::project::{self, ChannelRef, PassKind, QuadSource};
+use glam::Vec3;
+
+/// Lights that messages name.
+const NAMED: usize = 4;
+
+/// The lights that shine in a pass.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct Shining {
+    /// The only light, a directional one.
+    pub sun: Option<Sun>,
+    /// Several lights, or a light with a place; `sun` is then `None`.
+    pub lights: Vec<Light>,
+}
+
+impl Plan {
+    /// The lights of these indices as engines take them. In thesis fidelity the first directional one alone shines.
+    #[must_use]
+    pub fn shining(&self, lights: &[usize]) -> Shining {
+        let of_project = |light: &usize| &self.project.lights[*light];
+        let directional =
+            |light: &project::Light| light.direction.map(|direction| Sun { direction, color: light.color });
+        if self.settings.fidelity == Fidelity::Thesis {
+            let sun = lights.iter().map(of_project).find_map(directional);
+            return Shining { sun, lights: Vec::new() };
+        }
+        match self.are_many(lights) {
+            true => Shining { sun: None, lights: lights.iter().map(|light| self.light(of_project(light))).collect() },
+            false => Shining { sun: lights.first().map(of_project).and_then(directional), lights: Vec::new() },
+        }
+    }
+
+    fn light(&self, light: &project::Light) -> Light {
+        let cosine = |degrees: f32| f64::from(degrees).to_radians().cos() as f32;
+        let project::Falloff { attenuation, range, spot } = light.falloff;
+        let place = light.position.filter(|_| light.direction.is_none());
+        Light {
+            place: place.map(|place| (place - self.origin).as_vec3()),
+            direction: light.direction.or(spot.map(|spot| spot.axis)).unwrap_or(Vec3::ZERO),
+            color: light.color,
+            attenuation,
+            range,
+            cone: spot.map(|spot| Cone {
+                inner: cosine(spot.inner),
+                outer: cosine(spot.cutoff),
+                exponent: spot.exponent,
+            }),
+        }
+    }
+
+    /// Whether these lights are more than a directional one, in a fidelity that knows them.
+    fn are_many(&self, lights: &[usize]) -> bool {
+        let has_place = |light: &usize| self.project.lights[*light].direction.is_none();
+        self.settings.fidelity == Fidelity::Corrected && (lights.len() > 1 || lights.iter().any(has_place))
+    }
+
+    /// The lights beyond a directional one that a pass which starts from a G-buffer asks for, for messages; `None` without such.
+    #[must_use]
+    pub fn asks_of_lights(&self, planned: &PlannedPass) -> Option<String> {
+        let PassKind::Ray(ray) = &self.pass(planned).kind else { return None };
+        let reads = matches!(planned.work, Work::Rays { .. }) && ray.program.info().globals.contains(&"lightDir");
+        (reads && ray.from_camera.is_none() && self.are_many(&ray.lights)).then(|| self.in_words(&ray.lights))
+    }
+
+    /// The lights of a pass that are more than a directional one, for messages; `None` where it is not shaded by such.
+    #[must_use]
+    pub fn lights_in_words(&self, planned: &PlannedPass) -> Option<String> {
+        match (&planned.work, &self.pass(planned).kind) {
+            (Work::Raster { attachments, .. }, PassKind::Raster(raster)) if !raster.is_all_own() => {
+                let lit = attachments.color || attachments.position;
+                (lit && self.are_many(&raster.lights)).then(|| self.in_words(&raster.lights))
+            }
+            _ => self.asks_of_lights(planned),
+        }
+    }
+
+    /// The first pass with lights that its ray backend does not know, and the error with a remedy. `rays_of` gives the backend of a
+    /// pass by name.
+    #[must_use]
+    pub fn unlit<'a>(&self, rays_of: impl Fn(&str) -> &'a dyn RayBackend) -> Option<(String, BackendError)> {
+        let why = "its programs know one directional light; use --backend cpu, or allow it with --fallback cpu, or leave one light \
+                   with a direction in the pass";
+        self.first_lacking(rays_of, |planned| self.asks_of_lights(planned), |rays| rays.knows_lights(), why)
+    }
+
+    /// Whether a quad multiplies by a share of light that differs by colour, because lights of several colours throw shadows of their own.
+    #[must_use]
+    pub fn combines_colors(&self, source: QuadSource) -> bool {
+        let QuadSource::Combine { factor: ChannelRef { target, channel: 0 }, .. } = source else { return false };
+        let format = self.project.targets[target].channels.first().map(|channel| channel.format);
+        if !matches!(format, Some(PixelFormat::Rgba32Float | PixelFormat::Rgba16Float | PixelFormat::Rgba8Unorm)) {
+            return false;
+        }
+        let colored = |planned: &PlannedPass| match &self.pass(planned).kind {
+            PassKind::Ray(ray) => ray.program == RayProgram::DeferredShadows && self.asks_of_lights(planned).is_some(),
+            _ => false,
+        };
+        self.passes.iter().any(|planned| self.pass(planned).target == Some(target) && colored(planned))
+    }
+
+    fn in_words(&self, lights: &[usize]) -> String {
+        let named = lights.iter().take(NAMED).map(|light| &self.project.lights[*light]);
+        let named: Vec<String> = named.map(|light| format!("`{}`, {}", light.name, light.kind())).collect();
+        let more = match lights.len().saturating_sub(NAMED) {
+            0 => String::new(),
+            more => format!("; and {more} more"),
+        };
+        match lights.len() {
+            1 => format!("the light {}", named.join("")),
+            count => format!("{count} lights ({}{more})", named.join("; ")),
+        }
+    }
+
+    /// Says which lights shine in passes that have several, or a light with a place.
+    ///
+    /// # Errors
+    /// If what a pass computes is not known of its lights.
+    pub(super) fn explain_lights(&mut self) -> Result<(), PlanError> {
+        let mut decisions = Vec::new();
+        for planned in &self.passes {
+            let pass = self.pass(planned);
+            let (lit, params) = match (&planned.work, &pass.kind) {
+                (Work::Raster { attachments, .. }, PassKind::Raster(raster)) => {
+                    ((attachments.color || attachments.position) && !raster.is_all_own(), None)
+                }
+                (Work::Rays { params, .. }, PassKind::Ray(ray)) => {
+                    let reads = ray.program.info().globals.contains(&"lightDir") && ray.from_camera.is_none();
+                    (reads, Some((ray.program, params)))
+                }
+                (Work::Effect { .. }, PassKind::Effect(effect)) => (effect.program.info().lit, None),
+                _ => (false, None),
+            };
+            let lights = pass.kind.lights();
+            let has_place = lights.iter().any(|light| self.project.lights[*light].direction.is_none());
+            if !lit || lights.len() < 2 && !has_place {
+                continue;
+            }
+            let (what, words) = (format!("lights of pass `{}`", pass.name), self.in_words(lights));
+            if self.settings.fidelity == Fidelity::Thesis {
+                let first = lights.iter().map(|light| &self.project.lights[*light]).find(|l| l.direction.is_some());
+                let Some(first) = first else {
+                    return Err(PlanError::new(
+                        format!(
+                            "{}: pass `{}` has {words}, and the report's programs know directions alone",
+                            pass.place, pass.name
+                        ),
+                        "use --fidelity corrected, or give a light of the pass a <direction>",
+                    ));
+                };
+                let why =
+                    format!("of {words} the first with a direction shines, `{}`: thesis fidelity has one", first.name);
+                decisions.push((what, false, why));
+                continue;
+            }
+            if let PassKind::Effect(effect) = &pass.kind {
+                let info = effect.program.info();
+                return Err(PlanError::new(
+                    format!(
+                        "{}: pass `{}` has {words}, and raster effects know one directional light",
+                        pass.place, pass.name
+                    ),
+                    format!("leave one light with a direction in it, or take rays: `{}`", info.counterpart.info().stem),
+                ));
+            }
+            if let Some((program, RayParams { sun, shadow, .. })) = params {
+                let refused = |what: String, remedy: &str| {
+                    Err(PlanError::new(
+                        format!(
+                            "{}: pass `{}` has {words}, and {what} is of one directional light",
+                            pass.place, pass.name
+                        ),
+                        remedy,
+                    ))
+                };
+                if program.asks_of_sun(params.map_or(&RayParams::default(), |(_, params)| params)).is_some() {
+                    return refused(
+                        format!("sun={sun}"),
+                        "set sun=0 on the pass, or leave one light with a direction in it",
+                    );
+                }
+                if program.info().reads("shadow") && *shadow == GlassShadow::Caustic {
+                    return refused("shadow=caustic".to_owned(), "set shadow=straight or shadow=report on the pass");
+                }
+            }
+            let why = match &pass.kind {
+                PassKind::Ray(ray) if ray.program.info().names("any_hit_shadow") => {
+                    format!("{words}; a shadow ray for each whose light arrives at a point")
+                }
+                _ => format!("{words}; their light is added"),
+            };
+            decisions.push((what, true, why));
+        }
+        for (what, does, why) in decisions {
+            self.decide(what, does, why);
+        }
+        Ok(())
+    }
+}
