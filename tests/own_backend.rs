@@ -55,6 +55,10 @@ impl RayBackend for Fake {
         self.inner.supports_glass(program, params, dielectrics)
     }
 
+    fn traces_cones(&self) -> bool {
+        self.inner.traces_cones()
+    }
+
     fn build(&mut self, scene: &Arc<RenderScene>, filtered: &[bool]) -> Result<BuildStats, BackendError> {
         self.calls.borrow_mut().push(format!("{} build", self.name));
         self.inner.build(scene, filtered)

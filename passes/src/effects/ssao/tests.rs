@@ -18,7 +18,7 @@ const DEFAULTS: RayParams = RayParams {
     sampler: Sampler::Sobol,
     fresnel: Fresnel::Exact,
     glass: GlassRule::Pane,
-    background: Background::Black,
+    background: Background::Clear,
     shadow: GlassShadow::Report,
     wavelengths: 16,
     paths: 16,
