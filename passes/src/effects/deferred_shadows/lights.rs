@@ -7,7 +7,7 @@ use crate::effects::{Coverage, LevelZero, Pass, Pixel, Workspace, opaque};
 use crate::trace::{Hit, Purpose, SurfacePoint, Tracer};
 use glam::Vec3;
 
-/// What shadows leave of the colour ([`Pass::share_of_lights`]), by colour; alpha 1. Where no light arrives nothing is in shadow.
+/// What shadows leave of the colour (`Pass::share_of_lights`), by colour; alpha 1. Where no light arrives nothing is in shadow.
 pub fn pixel<T: Tracer, C: Coverage>(pass: &Pass<'_, T, C>, pixel: Pixel, work: &mut Workspace) -> [f32; 4] {
     let Some(id) = pass.triangle(pixel).filter(|_| is_lit(pass, pixel)) else { return [1.0; 4] };
     let point = pass.point_at(pixel, id);
