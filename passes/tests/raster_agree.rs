@@ -192,19 +192,27 @@ fn setups() -> Vec<(Setup, Allowed)> {
 const WIDTH: u32 = 500;
 const HEIGHT: u32 = 375;
 
+/// Draws a job by both rasterisers, and prints how far they agree. Returns the cpu's picture, and what exceeds `allowed`.
+fn compare(
+    gpu: &mut dyn Rasteriser,
+    setup: &Setup,
+    job: &RasterJob<'_>,
+    allowed: Allowed,
+) -> (GBuffer, Option<(&'static str, &'static str)>) {
+    let a = render(&mut CpuRasteriser::new(), setup, job, WIDTH, HEIGHT);
+    let agreement = Agreement::of(job, &a, &render(gpu, setup, job, WIDTH, HEIGHT));
+    println!("{}: {agreement:?}", setup.name);
+    (a, agreement.verdict(allowed).err().map(|what| (setup.name, what)))
+}
+
 #[test]
 fn the_two_rasterisers_draw_the_same() {
     let Some(mut gpu) = rasteriser() else { return };
     let mut failed = Vec::new();
     for (setup, allowed) in setups() {
         let job = setup.job(WIDTH, HEIGHT, ALL);
-        let [a, b] = [
-            render(&mut CpuRasteriser::new(), &setup, &job, WIDTH, HEIGHT),
-            render(&mut gpu, &setup, &job, WIDTH, HEIGHT),
-        ];
-        let agreement = Agreement::of(&job, &a, &b);
-        println!("{}: {agreement:?}", setup.name);
-        failed.extend(agreement.verdict(allowed).err().map(|what| (setup.name, what)));
+        let (_, wrong) = compare(&mut gpu, &setup, &job, allowed);
+        failed.extend(wrong);
     }
     assert!(failed.is_empty(), "{failed:?}");
 }
@@ -312,24 +320,15 @@ fn both_add_the_same_lights() {
         let day = Light { place: None, direction: sun.direction, color: sun.color * 0.5, ..bulb };
         let lights = [bulb, spot, day];
         let job = RasterJob { sun: None, lights: &lights, ..setup.job(WIDTH, HEIGHT, ALL) };
-        let [a, b] = [
-            render(&mut CpuRasteriser::new(), &setup, &job, WIDTH, HEIGHT),
-            render(&mut gpu, &setup, &job, WIDTH, HEIGHT),
-        ];
-        let agreement = Agreement::of(&job, &a, &b);
-        println!("{}: {agreement:?}", setup.name);
-        failed.extend(agreement.verdict(allowed).err().map(|what| (setup.name, what)));
+        let (a, wrong) = compare(&mut gpu, &setup, &job, allowed);
+        failed.extend(wrong);
         // Control: without the spot light, the picture is another.
         let fewer = RasterJob { lights: &lights[..1], ..job };
         let other = Agreement::of(&job, &a, &render(&mut gpu, &setup, &fewer, WIDTH, HEIGHT));
         assert!(other.verdict(allowed).is_err(), "{}", setup.name);
         // A job with one directional light after that is drawn as before.
         let plain = setup.job(WIDTH, HEIGHT, ALL);
-        let [a, b] = [
-            render(&mut CpuRasteriser::new(), &setup, &plain, WIDTH, HEIGHT),
-            render(&mut gpu, &setup, &plain, WIDTH, HEIGHT),
-        ];
-        failed.extend(Agreement::of(&plain, &a, &b).verdict(allowed).err().map(|what| (setup.name, what)));
+        failed.extend(compare(&mut gpu, &setup, &plain, allowed).1);
         compared += 1;
     }
     assert!(compared == 3 && failed.is_empty(), "{compared} {failed:?}");
