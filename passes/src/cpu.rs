@@ -565,15 +565,22 @@ fn each_tile(
     let across = width.div_ceil(tiles * TILE).max(1);
     let mut runs = runs_of_tiles(output, tiles);
     progress.start((width.div_ceil(TILE) * height.div_ceil(TILE)) as u64);
-    let each = |(index, run): (usize, &mut Rows<'_>)| {
+    let each = |index: usize, run: &mut Rows<'_>| {
         let corner = (index % across * tiles * TILE, index / across * TILE);
         WORKSPACE.with_borrow_mut(|work| run_of_tiles(work, (width, height), corner, run, progress, &tile, &pixel))
     };
+    in_parallel(&mut runs, &each)
+}
+
+/// Computes runs of tiles, and counts their rays. Not generic: of rayon's loop, which is several functions, there is then one, and not one a
+/// program and kind of scene, which were a tenth of this crate's compile time.
+fn in_parallel(runs: &mut [Rows<'_>], each: &(dyn Fn(usize, &mut Rows<'_>) -> RayCounts + Sync)) -> RayCounts {
     let add = |mut sum: RayCounts, rays| {
         sum += rays;
         sum
     };
-    runs.par_iter_mut().enumerate().with_max_len(1).map(each).reduce(RayCounts::default, add)
+    let counts = runs.par_iter_mut().enumerate().with_max_len(1).map(|(index, run)| each(index, run));
+    counts.reduce(RayCounts::default, add)
 }
 
 /// Computes a run of tiles; the upper left pixel of the first tile is `(left, top)`.

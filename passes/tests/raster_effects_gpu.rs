@@ -31,8 +31,8 @@ const ROUNDING: f32 = 2e-3;
 /// there are at most 2 of 25,600 pixels.
 const OUTLIERS: f64 = 1e-3;
 
-fn params(program: EffectProgram) -> EffectParams {
-    EffectParams { map_size: 256, index: 1.5, ..EffectParams::of(program) }
+fn params() -> EffectParams {
+    EffectParams { map_size: 256, index: 1.5, ..EffectParams::default() }
 }
 
 /// A street with boxes, a fence with holes, and two panes; one of the panes is seen from behind.
@@ -88,7 +88,7 @@ fn run(gpu: &mut WgpuRasteriser, job: &EffectJob<'_>) -> Result<(Vec<[f32; 4]>, 
 
 /// The effect's picture, from the shot's own G-buffer.
 fn uploaded(gpu: &mut WgpuRasteriser, shot: &Shot, program: EffectProgram) -> (Vec<[f32; 4]>, EffectStats) {
-    let job = EffectJob { resident: false, ..shot.job(program, params(program)) };
+    let job = EffectJob { resident: false, ..shot.job(program, params()) };
     run(gpu, &job).expect("a whole job")
 }
 
@@ -120,7 +120,7 @@ fn every_effect_agrees_with_the_processors() {
     for (name, mut shot) in shots() {
         gpu.upload(&shot.scene).expect("uploads");
         for info in EFFECT_PROGRAMS {
-            let (expected, cpu) = shot.effect(info.program, params(info.program));
+            let (expected, cpu) = shot.effect(info.program, params());
             let (found, stats) = uploaded(&mut gpu, &shot, info.program);
             let (outlying, mean) = difference(&found, &expected);
             println!("{name}, {}: outliers {outlying:.5}, mean {mean:.2e}", info.name);
@@ -142,9 +142,9 @@ fn every_effect_agrees_with_the_processors() {
 #[test]
 fn options_of_effects_agree_with_the_processors() {
     let Some(mut gpu) = rasteriser() else { return };
-    let corrected = |program| EffectParams { parallax: Parallax::Box, ..params(program) };
-    let filtered = |program, filter| EffectParams { filter, ..params(program) };
-    let sectors = EffectParams { bitmask: true, thickness: 0.3, ..params(EffectProgram::HorizonOcclusion) };
+    let corrected = |program| EffectParams { parallax: Parallax::Box, ..params() };
+    let filtered = |program, filter| EffectParams { filter, ..params() };
+    let sectors = EffectParams { bitmask: true, thickness: 0.3, ..params() };
     for (name, mut shot) in shots() {
         gpu.upload(&shot.scene).expect("uploads");
         for (program, params) in [
@@ -203,7 +203,7 @@ fn marches_agree_whatever_stands_for_what_is_missing() {
         gpu.upload(&shot.scene).expect("uploads");
         for program in [EffectProgram::ScreenReflection, EffectProgram::ScreenRefraction] {
             for missing in [Missing::Own, Missing::Cube, Missing::Rays, Missing::Own] {
-                let params = EffectParams { missing, thickness: 0.05, ..params(program) };
+                let params = EffectParams { missing, thickness: 0.05, ..params() };
                 let (expected, cpu) = shot.effect(program, params);
                 let job = EffectJob { resident: false, ..shot.job(program, params) };
                 let (found, stats) = run(&mut gpu, &job).expect("a whole job");
@@ -227,7 +227,7 @@ fn shadows_agree_for_every_number_of_maps_and_differ_between_numbers() {
         gpu.upload(&shot.scene).expect("uploads");
         let mut pictures = Vec::new();
         for cascades in [1, 2, 8] {
-            let params = EffectParams { cascades, ..params(EffectProgram::ShadowMap) };
+            let params = EffectParams { cascades, ..params() };
             let (expected, cpu) = shot.effect(EffectProgram::ShadowMap, params);
             let job = EffectJob { resident: false, ..shot.job(EffectProgram::ShadowMap, params) };
             let (found, stats) = run(&mut gpu, &job).expect("a whole job");
@@ -251,7 +251,7 @@ fn soft_shadows_agree_and_differ_from_hard_ones() {
         let mut pictures = Vec::new();
         // The last round has a point of light again: another program on the same maps and output.
         for sun in [0.0, 0.53, 6.0, 0.0] {
-            let params = EffectParams { sun, ..params(EffectProgram::ShadowMap) };
+            let params = EffectParams { sun, ..params() };
             let (expected, cpu) = shot.effect(EffectProgram::ShadowMap, params);
             let job = EffectJob { resident: false, ..shot.job(EffectProgram::ShadowMap, params) };
             let (found, stats) = run(&mut gpu, &job).expect("a whole job");
@@ -273,8 +273,8 @@ fn a_wrong_light_eye_or_parameter_is_found_out() {
     let (_, mut shot) = shots().into_iter().next().expect("one");
     gpu.upload(&shot.scene).expect("uploads");
     for info in EFFECT_PROGRAMS {
-        let (expected, _) = shot.effect(info.program, params(info.program));
-        let mut job = EffectJob { resident: false, ..shot.job(info.program, params(info.program)) };
+        let (expected, _) = shot.effect(info.program, params());
+        let mut job = EffectJob { resident: false, ..shot.job(info.program, params()) };
         match info.program {
             EffectProgram::ShadowMap => {
                 job.sun = job.sun.map(|mut sun| {
@@ -336,7 +336,7 @@ fn raster_job(shot: &Shot, attachments: Attachments) -> RasterJob<'_> {
 }
 
 fn resident<'a>(shot: &'a Shot, program: EffectProgram) -> EffectJob<'a> {
-    let job = shot.job(program, params(program));
+    let job = shot.job(program, params());
     EffectJob { resident: true, position: &[], normal: &[], color: &[], triangle: &[], ..job }
 }
 
@@ -389,7 +389,7 @@ fn schlicks_weights_agree_with_the_processors_and_are_not_fresnels() {
     for index in [1.5, 2.42, 0.8] {
         let (_, mut shot) = shots().into_iter().next().expect("one");
         gpu.upload(&shot.scene).expect("uploads");
-        let exact = EffectParams { index, ..params(program) };
+        let exact = EffectParams { index, ..params() };
         let schlick = EffectParams { fresnel: Fresnel::Schlick, ..exact };
         let pictures = [exact, schlick].map(|params| {
             let (expected, _) = shot.effect(program, params);
@@ -461,7 +461,7 @@ fn no_map_is_drawn_where_no_glass_is_seen() {
         gpu.upload(&shot.scene).expect("uploads");
         draw(&mut gpu, &mut shot);
         for program in EFFECT_PROGRAMS.iter().filter(|info| info.glass).map(|info| info.program) {
-            for job in [resident(&shot, program), EffectJob { resident: false, ..shot.job(program, params(program)) }] {
+            for job in [resident(&shot, program), EffectJob { resident: false, ..shot.job(program, params()) }] {
                 let (found, stats) = run(&mut gpu, &job).expect("a whole job");
                 assert!(found == shot.buffer.color);
                 assert_eq!((stats.maps, stats.map_count, stats.triangles, stats.bytes), (None, 0, 0, 0));
@@ -479,7 +479,7 @@ fn no_shadow_map_is_drawn_where_nothing_faces_the_light() {
     gpu.upload(&shot.scene).expect("uploads");
     draw(&mut gpu, &mut shot);
     let program = EffectProgram::ShadowMap;
-    for job in [resident(&shot, program), EffectJob { resident: false, ..shot.job(program, params(program)) }] {
+    for job in [resident(&shot, program), EffectJob { resident: false, ..shot.job(program, params()) }] {
         let (found, stats) = run(&mut gpu, &job).expect("a whole job");
         let lit = shot.buffer.position.iter().any(|position| position[3] > 0.0);
         assert_eq!(stats.maps.is_some(), lit);
@@ -493,7 +493,7 @@ fn maps_and_parameters_beyond_what_is_valid_are_refused() {
     use EffectProgram::{CubeReflection, HorizonOcclusion, ShadowMap};
     let Some(mut gpu) = rasteriser() else { return };
     let (_, shot) = shots().into_iter().next().expect("one");
-    let job = |program| EffectJob { resident: false, ..shot.job(program, params(program)) };
+    let job = |program| EffectJob { resident: false, ..shot.job(program, params()) };
     let message = run(&mut gpu, &job(ShadowMap)).expect_err("no scene").to_string();
     assert!(message.contains("not uploaded"), "{message}");
     gpu.upload(&shot.scene).expect("uploads");
@@ -532,12 +532,8 @@ fn values_that_are_not_numbers_spread_to_no_other_pixel() {
         position[7000] = [f32::NAN; 4];
         position[15_000] = [f32::INFINITY, 0.0, 0.0, 1.0];
         normal[16_000] = [f32::NAN; 4];
-        let job = EffectJob {
-            resident: false,
-            position: &position,
-            normal: &normal,
-            ..shot.job(info.program, params(info.program))
-        };
+        let job =
+            EffectJob { resident: false, position: &position, normal: &normal, ..shot.job(info.program, params()) };
         let (found, _) = run(&mut gpu, &job).expect("a whole job");
         assert!(found.iter().flatten().all(|value| value.is_finite()), "{}", info.name);
         let changed = clean.iter().zip(&found).filter(|(a, b)| (a[0] - b[0]).abs() > 0.3).count();
@@ -553,7 +549,7 @@ fn every_effect_works_on_few_pixels_and_empty_scenes() {
             let shot = world.seen(Vec3::new(1.0, 2.2, 5.5), Vec3::new(0.1, 0.7, 0.0), side);
             gpu.upload(&shot.scene).expect("uploads");
             for info in EFFECT_PROGRAMS {
-                let job = EffectJob { resident: false, ..shot.job(info.program, params(info.program)) };
+                let job = EffectJob { resident: false, ..shot.job(info.program, params()) };
                 match run(&mut gpu, &job) {
                     Ok((found, _)) => assert!(found.iter().flatten().all(|value| value.is_finite()), "{}", info.name),
                     Err(error) => assert!(info.lit && job.sun.is_none(), "{}: {error}", info.name),

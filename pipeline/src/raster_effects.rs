@@ -10,6 +10,8 @@ use crate::programs::{Fresnel, LARGEST_SUN, MAX_FILTER_LEVELS, ParamInfo, RayPar
 pub const MAX_CASCADES: u32 = 8;
 /// Most mirrors that a frame may have.
 pub const MAX_PLANES: u32 = 64;
+/// Most texels a side of the maps that are fitted to a picture: shadow maps take 4 bytes a texel, cube maps six times 16, each so often.
+const MOST_FITTED: u32 = 2048;
 
 /// What an effect pass runs.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
@@ -98,7 +100,8 @@ impl Parallax {
 /// The parameters of the raster effects; a program reads those that [`EffectProgramInfo::params`] lists for it.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct EffectParams {
-    /// Texels a side of each shadow map, or of each face of a cube map.
+    /// Texels a side of each shadow map, or of each face of a cube map. 0 fits them to the picture: a plan puts [`Self::fitted_map_size`] in
+    /// its place, and an [`EffectJob`](crate::backend::EffectJob) names texels.
     pub map_size: u32,
     /// Most shadow maps of a frame: nearer ones cover less, and are finer.
     pub cascades: u32,
@@ -140,7 +143,7 @@ impl Default for EffectParams {
     /// The report's constants where it has one.
     fn default() -> Self {
         Self {
-            map_size: 1024,
+            map_size: 0,
             cascades: 4,
             pcf: 1,
             bias: 1.5,
@@ -166,9 +169,9 @@ impl Default for EffectParams {
 pub const EFFECT_PARAMS: &[ParamInfo] = &[
     ParamInfo {
         name: "mapsize",
-        about: "texels a side of each shadow map or cube-map face",
-        valid: "16..=16384",
-        values: Values::Integer(16, 16_384),
+        about: "texels a side of each shadow map or cube-map face; 0 fits them to the picture",
+        valid: "0 or 16..=16384",
+        values: Values::Integer(0, 16_384),
     },
     ParamInfo {
         name: "cascades",
@@ -270,11 +273,12 @@ pub const EFFECT_PARAMS: &[ParamInfo] = &[
 ];
 
 impl EffectParams {
-    /// The defaults of a program.
+    /// Texels a side of the maps of a program that fit a picture of so many pixels: for a shadow map its longer side, to the next power of
+    /// two, for a face of a cube map half of that, since a face shows a right angle. A picture of 1024 x 1024 has 1024 and 512.
     #[must_use]
-    pub fn of(program: EffectProgram) -> Self {
-        let cube = program.info().params.contains(&"probes");
-        Self { map_size: if cube { 512 } else { Self::default().map_size }, ..Self::default() }
+    pub fn fitted_map_size(program: EffectProgram, [width, height]: [u32; 2]) -> u32 {
+        let side = width.max(height).clamp(1, MOST_FITTED).next_power_of_two();
+        if program.info().params.contains(&"probes") { (side / 2).max(64) } else { side.max(256) }
     }
 
     /// Those of the ray program in the place of the effect, with the constants that both have.
@@ -298,6 +302,7 @@ impl EffectParams {
             value.parse::<u32>().ok().filter(|value| valid.contains(value)).ok_or_else(wrong)
         };
         match name {
+            "mapsize" if value == "0" => self.map_size = 0,
             "mapsize" => self.map_size = integer(16..=16_384)?,
             "cascades" => self.cascades = integer(1..=MAX_CASCADES)?,
             "pcf" => self.pcf = integer(0..=8)?,
@@ -508,10 +513,22 @@ mod tests {
     }
 
     #[test]
+    fn maps_fit_the_picture() {
+        use EffectProgram::{CubeReflection, ScreenRefraction, ShadowMap};
+        let fitted =
+            |size| [ShadowMap, CubeReflection, ScreenRefraction].map(|p| EffectParams::fitted_map_size(p, size));
+        assert_eq!(fitted([1024, 1024]), [1024, 512, 512]);
+        assert_eq!(fitted([1080, 1920]), [2048, 1024, 1024]);
+        assert_eq!(fitted([512, 300]), [512, 256, 256]);
+        assert_eq!([fitted([1, 1]), fitted([0, 0])], [[256, 64, 64]; 2]);
+        assert_eq!(fitted([u32::MAX, 1]), [2048, 1024, 1024]);
+    }
+
+    #[test]
     fn wrong_parameters_say_what_is_valid() {
         let mut params = EffectParams::default();
         assert!(params.set("mapsiez", "4").unwrap_err().contains("did you mean `mapsize`?"));
-        assert!(params.set("mapsize", "8").unwrap_err().contains("16..=16384"));
+        assert!(params.set("mapsize", "8").unwrap_err().contains("0 or 16..=16384"));
         assert!(params.set("cascades", "0").unwrap_err().contains("1..=8"));
         assert!(params.set("radius", "NaN").unwrap_err().contains("above 0"));
         assert_eq!(params, EffectParams::default());

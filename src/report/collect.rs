@@ -25,7 +25,7 @@ pub fn collect(
     let threads = plan::thread_counts(rayon::current_num_threads());
     collector.to_do = entries.len() * plan::ROUNDS as usize
         + late.len()
-        + plan::scaling_lines().len() * (sizes.len() + threads.len() + request.wanted.triangles.len());
+        + plan::scaling_lines(&request.wanted).len() * (sizes.len() + threads.len() + request.wanted.triangles.len());
     for entry in &entries {
         collector.entry(entry, folder, told, observer)?;
     }

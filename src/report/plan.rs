@@ -3,6 +3,7 @@
 use super::model::{Against, Effect, WITHIN};
 use crate::BackendChoice;
 use crate::bench::model::Technique;
+use crate::pipeline::raster_effects::{EffectParams, EffectProgram};
 
 /// What is asked of a report.
 #[derive(Debug, Clone, PartialEq)]
@@ -161,7 +162,7 @@ pub fn entries(wanted: &Wanted, gpu: bool, beside: &[BackendChoice]) -> Vec<Entr
     let mut entries = whole();
     for effect in Effect::ALL {
         entries.push(rays(effect, None));
-        entries.extend(files(effect).1.iter().map(|file| raster(effect, file, None)));
+        entries.extend(files(effect).1.iter().map(|file| raster(effect, file, None, wanted.size)));
     }
     if gpu {
         let usual: Vec<Entry> = entries.iter().filter(|e| e.technique == Technique::Raster).cloned().collect();
@@ -188,7 +189,7 @@ pub fn entries(wanted: &Wanted, gpu: bool, beside: &[BackendChoice]) -> Vec<Entr
         entries.extend(in_the_other_view(&entries));
     }
     for effect in Effect::ALL {
-        entries.extend(sweep(effect, wanted.quick));
+        entries.extend(sweep(effect, wanted));
     }
     entries.sort_by_key(|entry| entry.stage);
     entries
@@ -303,15 +304,17 @@ fn rays(effect: Effect, other: Option<(u32, &'static str)>) -> Entry {
     }
 }
 
-/// An effect by raster. `other` are the parameters of a row that is not the usual one: the map's side and the number of
-/// cascades, the mirrors, an index into [`MISSING`], or slices and steps.
-fn raster(effect: Effect, file: &'static str, other: Option<(u32, u32)>) -> Entry {
+/// An effect by raster. `other` are the parameters of a row that is not the usual one: the map's side, in quarters of what fits a picture of
+/// this size, and the number of cascades; the mirrors; an index into [`MISSING`]; or slices and steps.
+fn raster(effect: Effect, file: &'static str, other: Option<(u32, u32)>, size: [u32; 2]) -> Entry {
+    let fitted = |program| EffectParams::fitted_map_size(program, size);
     let base = entry(file, effect.id(), Technique::Raster, "");
     let (stage, in_table) = if other.is_some() { (Stage::Settings, false) } else { (Stage::Effects, true) };
     let panes = matches!(effect, Effect::Reflection | Effect::Refraction);
     let (set, series, value, weight) = match effect {
         Effect::Shadows | Effect::SoftShadows => {
-            let (side, cascades) = other.unwrap_or((1024, 4));
+            let (quarters, cascades) = other.unwrap_or((4, 4));
+            let side = fitted(EffectProgram::ShadowMap) * quarters / 4;
             let mut set = vec![format!("pass2.mapsize={side}"), format!("pass2.cascades={cascades}")];
             set.extend((effect == Effect::SoftShadows).then(|| SUN.to_owned()));
             let series = if cascades == 1 { "one shadow map".to_owned() } else { format!("{cascades} shadow maps") };
@@ -326,7 +329,8 @@ fn raster(effect: Effect, file: &'static str, other: Option<(u32, u32)>) -> Entr
             (vec![format!("pass2.missing={missing}")], "the screen".to_owned(), missing.to_owned(), 2e6)
         }
         Effect::Reflection | Effect::Refraction => {
-            let (side, _) = other.unwrap_or((512, 0));
+            let (quarters, _) = other.unwrap_or((4, 0));
+            let side = fitted(EffectProgram::CubeReflection) * quarters / 4;
             let set = vec![format!("pass2.mapsize={side}")];
             (set, "cube maps".to_owned(), side.to_string(), f64::from(side * side) * 6.0 + 1e6)
         }
@@ -363,21 +367,22 @@ fn raster(effect: Effect, file: &'static str, other: Option<(u32, u32)>) -> Entr
 }
 
 /// The settings of an effect beside its usual ones.
-fn sweep(effect: Effect, quick: bool) -> Vec<Entry> {
+fn sweep(effect: Effect, wanted: &Wanted) -> Vec<Entry> {
+    let (quick, size) = (wanted.quick, wanted.size);
     let (_, by_raster) = files(effect);
     let every = |file: &'static str, pairs: &[(u32, u32)]| -> Vec<Entry> {
-        pairs.iter().map(|pair| raster(effect, file, Some(*pair))).collect()
+        pairs.iter().map(|pair| raster(effect, file, Some(*pair), size)).collect()
     };
     match effect {
-        Effect::Shadows if quick => every(by_raster[0], &[(512, 1), (2048, 1), (256, 4), (512, 4), (2048, 4)]),
+        Effect::Shadows if quick => every(by_raster[0], &[(2, 1), (8, 1), (1, 4), (2, 4), (8, 4)]),
         Effect::Shadows => {
-            let sides = [256, 512, 1024, 2048, 4096];
+            let sides = [1, 2, 4, 8, 16];
             let pairs: Vec<_> = [1, 2, 4].iter().flat_map(|cascades| sides.map(|side| (side, *cascades))).collect();
-            let others: Vec<_> = pairs.into_iter().filter(|pair| *pair != (1024, 4)).collect();
+            let others: Vec<_> = pairs.into_iter().filter(|pair| *pair != (4, 4)).collect();
             every(by_raster[0], &others)
         }
         Effect::SoftShadows => {
-            let sides: &[(u32, u32)] = if quick { &[(2048, 4)] } else { &[(512, 4), (2048, 4), (4096, 4)] };
+            let sides: &[(u32, u32)] = if quick { &[(8, 4)] } else { &[(2, 4), (8, 4), (16, 4)] };
             let mut entries = every(by_raster[0], sides);
             let counts: &[u32] = if quick { &[1, 4, 64] } else { &[1, 2, 4, 8, 32, 64] };
             entries.extend(counts.iter().map(|count| rays(effect, Some((*count, "sobol")))));
@@ -387,8 +392,7 @@ fn sweep(effect: Effect, quick: bool) -> Vec<Entry> {
             entries
         }
         Effect::Reflection | Effect::Refraction => {
-            let sides: &[(u32, u32)] =
-                if quick { &[(128, 0), (256, 0)] } else { &[(128, 0), (256, 0), (1024, 0), (2048, 0)] };
+            let sides: &[(u32, u32)] = if quick { &[(1, 0), (2, 0)] } else { &[(1, 0), (2, 0), (8, 0), (16, 0)] };
             let planes: &[(u32, u32)] = if quick { &[(4, 0)] } else { &[(1, 0), (4, 0), (64, 0)] };
             let ways: &[(u32, u32)] = &[(1, 0), (2, 0)];
             let settings = |file: &&'static str| {
@@ -404,19 +408,19 @@ fn sweep(effect: Effect, quick: bool) -> Vec<Entry> {
                 )
             };
             let mut entries: Vec<Entry> = by_raster.iter().flat_map(settings).collect();
-            entries.push(optioned(raster(effect, by_raster[0], Some((512, 0))), "parallax", "box"));
+            entries.push(optioned(raster(effect, by_raster[0], Some((4, 0)), size), "parallax", "box"));
             entries
         }
         Effect::Occlusion => {
             let pairs: &[(u32, u32)] =
                 if quick { &[(1, 4), (8, 8)] } else { &[(1, 4), (2, 4), (2, 8), (8, 8), (8, 16), (16, 16)] };
             let mut entries: Vec<Entry> = by_raster.iter().flat_map(|file| every(file, pairs)).collect();
-            let usual = || raster(effect, by_raster[0], Some((4, 8)));
+            let usual = || raster(effect, by_raster[0], Some((4, 8)), size);
             let mut sectors = optioned(usual(), "bitmask", "true");
             sectors.set.push("pass2.thickness=1".to_owned());
             entries.push(sectors);
             let few = if quick { (1, 4) } else { (2, 4) };
-            entries.push(optioned(raster(effect, by_raster[0], Some(few)), "filter", "2"));
+            entries.push(optioned(raster(effect, by_raster[0], Some(few), size), "filter", "2"));
             let counts: &[u32] = if quick { &[1, 4, 49] } else { &[1, 4, 9, 25, 36, 49, 64, 81, 100] };
             entries.extend(counts.iter().map(|count| rays(effect, Some((*count, "sobol")))));
             let filtered = |count: &u32| optioned(rays(effect, Some((*count, "sobol"))), "filter", "2");
@@ -440,11 +444,12 @@ fn optioned(mut entry: Entry, name: &str, value: &str) -> Entry {
 
 /// The lines of the scaling plots: without effects, and shadows and ambient occlusion by each technique.
 #[must_use]
-pub fn scaling_lines() -> Vec<Entry> {
+pub fn scaling_lines(wanted: &Wanted) -> Vec<Entry> {
+    let by_raster = |effect: Effect| raster(effect, files(effect).1[0], None, wanted.size);
     let mut lines = vec![whole().swap_remove(0), rays(Effect::Shadows, None)];
-    lines.push(raster(Effect::Shadows, files(Effect::Shadows).1[0], None));
+    lines.push(by_raster(Effect::Shadows));
     lines.push(rays(Effect::Occlusion, Some((4, "sobol"))));
-    lines.push(raster(Effect::Occlusion, files(Effect::Occlusion).1[0], None));
+    lines.push(by_raster(Effect::Occlusion));
     lines
         .into_iter()
         .map(|line| Entry { setting: None, picture: None, in_table: false, stage: Stage::Pixels, ..line })

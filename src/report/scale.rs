@@ -35,7 +35,7 @@ pub(super) fn by_pixels(
     told: &mut dyn FnMut(Told<'_>),
     observer: &mut dyn Observer,
 ) -> Scaling {
-    let lines = plan::scaling_lines();
+    let lines = plan::scaling_lines(&collector.request.wanted);
     let mut series = empty(&lines);
     let projects = collector.request.projects.clone();
     for size in sizes {
@@ -57,7 +57,7 @@ pub(super) fn by_threads(
         let beside = (line.technique == Technique::Rays).then_some(BackendChoice::Cpu);
         Entry { stage: Stage::Threads, on_cpu: true, beside, ..line }
     };
-    let lines: Vec<Entry> = plan::scaling_lines().into_iter().map(on_cpu).collect();
+    let lines: Vec<Entry> = plan::scaling_lines(&collector.request.wanted).into_iter().map(on_cpu).collect();
     let mut series = empty(&lines);
     let (projects, size) = (collector.request.projects.clone(), collector.request.wanted.size);
     for count in counts {
@@ -113,8 +113,10 @@ pub(super) fn by_triangles(
     told: &mut dyn FnMut(Told<'_>),
     observer: &mut dyn Observer,
 ) -> Scaling {
-    let lines: Vec<Entry> =
-        plan::scaling_lines().into_iter().map(|line| Entry { stage: Stage::Triangles, ..line }).collect();
+    let lines: Vec<Entry> = plan::scaling_lines(&collector.request.wanted)
+        .into_iter()
+        .map(|line| Entry { stage: Stage::Triangles, ..line })
+        .collect();
     let mut series = empty(&lines);
     // What the last scene took to generate and write: its textures, the same for all, take most of it at first. A
     // triangle takes about 0.7 microseconds on an idle machine.

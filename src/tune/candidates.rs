@@ -20,12 +20,21 @@ const FILTERED: [(u32, u32, u32); 3] = [(1, 4, 2), (2, 4, 1), (2, 8, 1)];
 const FILTERED_RAYS: [(u32, u32); 5] = [(1, 2), (2, 2), (4, 1), (4, 2), (8, 1)];
 /// The same by sectors of a bitmask.
 const SECTORS: [(u32, u32, u32); 3] = [(2, 4, 1), (4, 8, 0), (8, 16, 0)];
-/// Texels a side of shadow maps, and on each side of the middle one.
-const SHADOW_MAPS: [(u32, u32); 7] = [(512, 0), (1024, 0), (1024, 1), (2048, 0), (2048, 1), (4096, 0), (4096, 1)];
+/// Texels a side of shadow maps, in quarters of those that fit the picture, and texels on each side of the middle one.
+const SHADOW_MAPS: [(u32, u32); 7] = [(2, 0), (4, 0), (4, 1), (8, 0), (8, 1), (16, 0), (16, 1)];
 /// Most planes of glass that mirror.
 const PLANES: [u32; 4] = [1, 4, 16, 64];
-/// Texels a side of a cube map's face.
-const CUBE_MAPS: [u32; 4] = [128, 256, 512, 1024];
+/// Texels a side of a cube map's face, in quarters of those that fit the picture.
+const CUBE_MAPS: [u32; 4] = [1, 2, 4, 8];
+
+/// What candidates depend on beside the pass.
+#[derive(Debug, Clone, Copy)]
+struct Frame<'a> {
+    project: &'a Project,
+    fidelity: Fidelity,
+    /// Pixels of the G-buffer.
+    size: [u32; 2],
+}
 
 /// What can stand in the place of a pass.
 #[derive(Debug, Clone)]
@@ -60,15 +69,16 @@ pub fn label(slots: &[Slot], variant: &[usize]) -> String {
 /// The passes of a plan that have more than one candidate.
 #[must_use]
 pub fn slots(plan: &Plan) -> Vec<Slot> {
-    let fidelity = plan.settings.fidelity;
     let slot = |planned: &PlannedPass| {
         let pass = plan.pass(planned);
+        let frame =
+            Frame { project: &plan.project, fidelity: plan.settings.fidelity, size: plan.whole_size(pass.target) };
         let candidates = match (&pass.kind, &planned.work) {
             (PassKind::Ray(ray), Work::Rays { params, .. }) => {
-                of_rays(&plan.project, &RayPass { params: *params, ..ray.clone() }, fidelity)
+                of_rays(frame, &RayPass { params: *params, ..ray.clone() })
             }
             (PassKind::Effect(effect), Work::Effect { params, .. }) => {
-                of_effect(&plan.project, &EffectPass { params: *params, ..effect.clone() }, fidelity)
+                of_effect(frame, &EffectPass { params: *params, ..effect.clone() })
             }
             _ => return None,
         };
@@ -77,22 +87,22 @@ pub fn slots(plan: &Plan) -> Vec<Slot> {
     plan.passes.iter().filter_map(slot).collect()
 }
 
-fn of_rays(project: &Project, declared: &RayPass, fidelity: Fidelity) -> Vec<Candidate> {
+fn of_rays(frame: Frame<'_>, declared: &RayPass) -> Vec<Candidate> {
     let mut candidates = vec![Candidate { label: ray_label(declared), kind: PassKind::Ray(declared.clone()) }];
-    add_rays(&mut candidates, declared, fidelity);
-    add_effects(&mut candidates, declared.program, fidelity, |program| {
-        with_buffers(project, effect_of(declared, program))
+    add_rays(&mut candidates, declared, frame.fidelity);
+    add_effects(&mut candidates, declared.program, frame, |program| {
+        with_buffers(frame.project, effect_of(declared, program))
     });
     candidates
 }
 
-fn of_effect(project: &Project, declared: &EffectPass, fidelity: Fidelity) -> Vec<Candidate> {
+fn of_effect(frame: Frame<'_>, declared: &EffectPass) -> Vec<Candidate> {
     let mut candidates = vec![Candidate { label: effect_label(declared), kind: PassKind::Effect(declared.clone()) }];
     let rays = rays_of(declared);
     add(&mut candidates, Candidate { label: ray_label(&rays), kind: PassKind::Ray(rays.clone()) });
-    add_rays(&mut candidates, &rays, fidelity);
-    add_effects(&mut candidates, rays.program, fidelity, |program| {
-        with_buffers(project, EffectPass { program, ..declared.clone() })
+    add_rays(&mut candidates, &rays, frame.fidelity);
+    add_effects(&mut candidates, rays.program, frame, |program| {
+        with_buffers(frame.project, EffectPass { program, ..declared.clone() })
     });
     candidates
 }
@@ -140,22 +150,23 @@ fn add_rays(candidates: &mut Vec<Candidate>, pass: &RayPass, fidelity: Fidelity)
 fn add_effects(
     candidates: &mut Vec<Candidate>,
     program: RayProgram,
-    fidelity: Fidelity,
+    frame: Frame<'_>,
     pass_of: impl Fn(EffectProgram) -> EffectPass,
 ) {
     for info in EFFECT_PROGRAMS.iter().filter(|info| info.counterpart == program) {
         let like = pass_of(info.program);
-        for params in settings(info, shared(info.program, &like.params), fidelity) {
+        for params in settings(info, shared(info.program, &like.params, frame.size), frame.fidelity) {
             let pass = EffectPass { params, ..like.clone() };
             add(candidates, Candidate { label: effect_label(&pass), kind: PassKind::Effect(pass) });
         }
     }
 }
 
-/// The defaults of an effect, with what says what is computed and not how.
-fn shared(program: EffectProgram, like: &EffectParams) -> EffectParams {
+/// The defaults of an effect in a picture of this size, with what says what is computed and not how.
+fn shared(program: EffectProgram, like: &EffectParams, size: [u32; 2]) -> EffectParams {
     let EffectParams { radius, intensity, index, fresnel, sun, .. } = *like;
-    EffectParams { radius, intensity, index, fresnel, sun, ..EffectParams::of(program) }
+    let map_size = EffectParams::fitted_map_size(program, size);
+    EffectParams { map_size, radius, intensity, index, fresnel, sun, ..EffectParams::default() }
 }
 
 /// From coarse to fine.
@@ -173,7 +184,7 @@ fn settings(info: &EffectProgramInfo, base: EffectParams, fidelity: Fidelity) ->
         });
         plain.into_iter().chain(FILTERED.map(filtered)).chain(by_sectors).collect()
     } else if reads("pcf") {
-        SHADOW_MAPS.map(|(map_size, pcf)| EffectParams { map_size, pcf, ..base }).to_vec()
+        SHADOW_MAPS.map(|(quarters, pcf)| EffectParams { map_size: base.map_size * quarters / 4, pcf, ..base }).to_vec()
     } else if reads("missing") {
         // Thesis fidelity leaves no pixel to rays.
         let ways = [Missing::Own, Missing::Cube, Missing::Rays];
@@ -182,15 +193,17 @@ fn settings(info: &EffectProgramInfo, base: EffectParams, fidelity: Fidelity) ->
     } else if reads("planes") {
         PLANES.map(|planes| EffectParams { planes, ..base }).to_vec()
     } else {
-        let each =
-            |map_size| [Parallax::None, Parallax::Box].map(|parallax| EffectParams { map_size, parallax, ..base });
+        let each = |quarters| {
+            let map_size = base.map_size * quarters / 4;
+            [Parallax::None, Parallax::Box].map(|parallax| EffectParams { map_size, parallax, ..base })
+        };
         CUBE_MAPS.into_iter().flat_map(each).collect()
     }
 }
 
 fn effect_of(rays: &RayPass, program: EffectProgram) -> EffectPass {
     let RayParams { radius, intensity, index, fresnel, sun, .. } = rays.params;
-    let params = EffectParams { radius, intensity, index, fresnel, sun, ..EffectParams::of(program) };
+    let params = EffectParams { radius, intensity, index, fresnel, sun, ..EffectParams::default() };
     let rays = rays.clone();
     EffectPass {
         scenes: rays.scenes,
@@ -264,7 +277,7 @@ fn effect_label(pass: &EffectPass) -> String {
     let info = pass.program.info();
     let without_maps = pass.program.marches() && pass.params.missing != Missing::Cube;
     let said = SAID.iter().filter(|name| info.params.contains(name) && !(without_maps && **name == "mapsize"));
-    let usual = EffectParams::of(pass.program);
+    let usual = EffectParams::default();
     // Said where they are not as usual.
     let options = OPTIONS.iter().filter(|name| info.params.contains(name) && pass.params.get(name) != usual.get(name));
     said.chain(options).fold(info.name.to_owned(), |label, name| label + &format!(" {name}={}", pass.params.get(name)))

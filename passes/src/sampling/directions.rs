@@ -12,6 +12,9 @@ const BLOCK: usize = 16;
 /// Replaces `directions` by cosine-distributed ones for the scrambled `points`. Directions with `direction · above < 0` are mirrored at
 /// the plane of `above`. `above` is a reference: a copy would be read as a whole just after its parts were written, which stalls some
 /// processors.
+///
+/// Never inlined: programs are generic, and each would have a copy of this for processors without AVX2.
+#[inline(never)]
 pub(super) fn fill(
     points: &[[u32; 2]],
     seeds: [u32; 2],

@@ -53,7 +53,7 @@ fn a_pane_mirrors_and_refracts_a_far_room_as_rays_do() {
     for eye in [Vec3::new(0.2, 0.3, 1.5), Vec3::new(-1.2, 0.1, 0.4), Vec3::new(0.3, -0.2, -1.4)] {
         let mut shot = room(true).seen(eye, Vec3::ZERO, 128);
         for program in [CubeReflection, CubeRefraction] {
-            let params = EffectParams { index: 1.5, map_size: 512, ..EffectParams::of(program) };
+            let params = EffectParams { index: 1.5, map_size: 512, ..EffectParams::default() };
             let (found, stats) = shot.effect(program, params);
             assert_eq!((stats.map_count, stats.triangles, stats.bytes), (1, 6 * 300, 6 * 512 * 512 * 16));
             let expected = shot.rays(program, RayParams { index: 1.5, ..RayParams::default() });
@@ -107,7 +107,7 @@ fn in_a_room_that_is_a_box_parallax_is_exact() {
         for program in [CubeReflection, CubeRefraction] {
             let expected = shot.rays(program, RayParams { index: 1.5, ..RayParams::default() });
             let mut error = |parallax: Parallax| {
-                let params = EffectParams { index: 1.5, map_size: 1024, parallax, ..EffectParams::of(program) };
+                let params = EffectParams { index: 1.5, map_size: 1024, parallax, ..EffectParams::default() };
                 let (found, stats) = shot.effect(program, params);
                 assert_eq!(stats.map_count, 1);
                 difference(&shot, &found, &expected)
@@ -126,21 +126,21 @@ fn in_a_room_that_is_a_box_parallax_is_exact() {
 #[test]
 fn total_reflection_leaves_the_mirrored_colour_alone() {
     let mut shot = room(true).seen(Vec3::new(1.4, 0.15, 0.3), Vec3::ZERO, 128);
-    let params = |program| EffectParams { index: 0.4, map_size: 128, ..EffectParams::of(program) };
-    let (mirrored, _) = shot.effect(CubeReflection, params(CubeReflection));
-    let (found, _) = shot.effect(CubeRefraction, params(CubeRefraction));
+    let params = EffectParams { index: 0.4, map_size: 128, ..EffectParams::default() };
+    let (mirrored, _) = shot.effect(CubeReflection, params);
+    let (found, _) = shot.effect(CubeRefraction, params);
     assert!(glass_pixels(&shot).iter().all(|index| found[*index] == mirrored[*index]), "all beyond 23.6 degrees");
     // Control: below the critical angle the pictures differ.
     let mut shot = room(true).seen(Vec3::new(0.05, -0.9, 1.2), Vec3::ZERO, 128);
-    let (mirrored, _) = shot.effect(CubeReflection, params(CubeReflection));
-    let (found, _) = shot.effect(CubeRefraction, params(CubeRefraction));
+    let (mirrored, _) = shot.effect(CubeReflection, params);
+    let (found, _) = shot.effect(CubeRefraction, params);
     assert_ne!(mirrored, found);
 }
 
 #[test]
 fn no_map_is_drawn_where_no_glass_is_seen() {
     for program in [CubeReflection, CubeRefraction] {
-        let params = EffectParams::of(program);
+        let params = EffectParams { map_size: 512, ..EffectParams::default() };
         for (world, target) in [(room(false), Vec3::ZERO), (room(true), Vec3::new(0.0, 0.0, 9.0))] {
             let mut shot = world.seen(Vec3::new(0.0, 0.0, 3.0), target, 64);
             let (found, stats) = shot.effect(program, params);
@@ -164,7 +164,7 @@ fn each_pane_has_its_own_probe_and_one_probe_serves_all() {
     }
     let mut shot = world.seen(Vec3::new(0.0, 0.0, 12.0), Vec3::ZERO, 256);
     let mut shown = |probes: u32| {
-        let params = EffectParams { probes, map_size: 64, ..EffectParams::of(CubeReflection) };
+        let params = EffectParams { probes, map_size: 64, ..EffectParams::default() };
         let (found, stats) = shot.effect(CubeReflection, params);
         assert_eq!(stats.map_count, probes.min(2));
         let colors = |left: bool| {

@@ -6,8 +6,8 @@ use curitiba_pipeline::image::Image;
 use curitiba_pipeline::raster_effects::{EFFECT_PROGRAMS, EffectParams, EffectProgram};
 use glam::{Vec3, Vec4};
 
-fn small(program: EffectProgram) -> EffectParams {
-    EffectParams { map_size: 64, ..EffectParams::of(program) }
+fn small() -> EffectParams {
+    EffectParams { map_size: 64, ..EffectParams::default() }
 }
 
 fn street() -> World {
@@ -27,7 +27,7 @@ fn shot(world: World, side: u32) -> Shot {
 fn background_pixels_are_left_as_the_ray_programs_leave_them() {
     let mut shot = shot(street(), 64);
     for info in EFFECT_PROGRAMS {
-        let (found, _) = shot.effect(info.program, small(info.program));
+        let (found, _) = shot.effect(info.program, small());
         let background: Vec<usize> =
             (0..found.len()).filter(|index| shot.buffer.triangle[*index] == u32::MAX).collect();
         assert!(background.len() > 100);
@@ -44,7 +44,7 @@ fn every_effect_works_on_one_pixel_none_and_an_empty_scene() {
         for side in [0, 1, 2, 17] {
             for world in [street(), World::default(), World::lit_along(Vec3::NEG_Y)] {
                 let mut shot = shot(world, side);
-                let (found, _) = shot.effect(info.program, small(info.program));
+                let (found, _) = shot.effect(info.program, small());
                 assert!(found.iter().flatten().all(|value| value.is_finite()), "{} {side}", info.name);
             }
         }
@@ -58,7 +58,7 @@ fn the_picture_does_not_depend_on_threads_or_on_what_was_drawn_before() {
             let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().expect("threads start");
             pool.install(|| {
                 let mut shot = shot(street(), 100);
-                program.iter().map(|program| shot.effect(*program, small(*program)).0).last().expect("a picture")
+                program.iter().map(|program| shot.effect(*program, small()).0).last().expect("a picture")
             })
         };
         let all: Vec<EffectProgram> = EFFECT_PROGRAMS.iter().map(|info| info.program).chain([info.program]).collect();
@@ -72,12 +72,12 @@ fn the_picture_does_not_depend_on_threads_or_on_what_was_drawn_before() {
 fn positions_and_normals_that_are_not_numbers_spread_to_no_other_pixel() {
     for info in EFFECT_PROGRAMS {
         let mut clean = shot(street(), 48);
-        let (expected, _) = clean.effect(info.program, small(info.program));
+        let (expected, _) = clean.effect(info.program, small());
         let mut broken = shot(street(), 48);
         broken.buffer.position[700] = [f32::NAN; 4];
         broken.buffer.position[1500] = [f32::INFINITY, 0.0, 0.0, 1.0];
         broken.buffer.normal[1600] = [f32::NAN; 4];
-        let (found, _) = broken.effect(info.program, small(info.program));
+        let (found, _) = broken.effect(info.program, small());
         assert!(found.iter().flatten().all(|value| value.is_finite()), "{}", info.name);
         let others = expected.iter().zip(&found).filter(|(a, b)| (a[0] - b[0]).abs() > 0.3).count();
         assert!(others < 12, "{}: {others}", info.name);
@@ -86,7 +86,7 @@ fn positions_and_normals_that_are_not_numbers_spread_to_no_other_pixel() {
 
 fn refusal(shot: &mut Shot, edit: impl Fn(&mut EffectJob<'_>), program: EffectProgram) -> Option<String> {
     let mut raster = std::mem::take(&mut shot.raster);
-    let mut job = shot.job(program, small(program));
+    let mut job = shot.job(program, small());
     edit(&mut job);
     let mut output = Image::filled(shot.buffer.width, shot.buffer.height, [0.0; 4]);
     let result = raster.effect(&job, &mut output, &Progress::default());
@@ -130,7 +130,7 @@ fn jobs_that_lack_something_or_ask_for_too_much_are_refused_with_what_is_valid()
     assert_eq!(refusal(&mut shot, |job| job.params.steps = 0, ShadowMap), None);
     let mut stranger = CpuRasteriser::new();
     let mut output = Image::filled(16, 16, [0.0; 4]);
-    let job = shot.job(ShadowMap, small(ShadowMap));
+    let job = shot.job(ShadowMap, small());
     let error = stranger.effect(&job, &mut output, &Progress::default()).expect_err("no scene");
     assert!(error.to_string().contains("was not uploaded"), "{error}");
 }
@@ -146,13 +146,13 @@ fn views_and_lights_that_make_no_sense_give_a_picture_without_a_panic() {
         for view in broken {
             let mut shot = shot(street(), 24);
             shot.view = view;
-            let (found, _) = shot.effect(info.program, small(info.program));
+            let (found, _) = shot.effect(info.program, small());
             assert!(found.iter().all(|pixel| pixel.iter().all(|value| value.is_finite())), "{}", info.name);
         }
         for direction in [Vec3::ZERO, Vec3::NAN, Vec3::splat(1e38)] {
             let mut shot = shot(street(), 24);
             shot.sun = shot.sun.map(|sun| curitiba_pipeline::backend::Sun { direction, ..sun });
-            shot.effect(info.program, small(info.program));
+            shot.effect(info.program, small());
         }
     }
 }

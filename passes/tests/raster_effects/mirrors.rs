@@ -178,7 +178,7 @@ fn boxes(at: Vec3, normal: Vec3, half: f32) -> World {
 /// Computes the mirrored picture, and checks its statistics.
 fn run(world: World, camera: &Camera, what: &str) -> (Shot, Vec<[f32; 4]>) {
     let mut shot = world.through(camera.view(), SIDE, SIDE);
-    let (found, stats) = shot.effect(PlanarReflection, EffectParams::of(PlanarReflection));
+    let (found, stats) = shot.effect(PlanarReflection, EffectParams::default());
     assert_eq!(stats.map_count, 1, "{what}");
     assert_eq!(stats.triangles, shot.scene.geometry.triangles.len() as u64 - 2, "{what}: all but the pane");
     assert_eq!(stats.glass_pixels[1], 0, "{what}");
@@ -247,7 +247,7 @@ fn the_comparison_finds_out_a_missing_cut_an_eye_that_is_not_mirrored_and_cullin
     let camera = Camera::new(Vec3::new(0.4, 0.3, 3.0), Vec3::ZERO, 0.45);
     let mut shot = boxes(Vec3::ZERO, Vec3::Z, 1.5).through(camera.view(), SIDE, SIDE);
     let glazing = Glazing::find(&shot.scene.geometry, &shot.glass).expect("host memory");
-    let job = shot.job(PlanarReflection, EffectParams::of(PlanarReflection));
+    let job = shot.job(PlanarReflection, EffectParams::default());
     let survey = Survey::new(&job, &glazing, &mut Vec::new()).expect("host memory");
     let bounds = Bounds::of_scene(&shot.scene.geometry);
     let mirrors = Mirrors::choose(&glazing, &survey, &bounds, &shot.view, 1);
@@ -297,7 +297,7 @@ fn positions_too_coarse_to_tell_a_plane_tell_no_mirror() {
     let at = Vec3::new(1e6, 5e5, -1e6);
     let camera = Camera::new(at + Vec3::new(0.5, 0.5, 3.0), at, 0.45);
     let mut shot = boxes(at, Vec3::new(0.3, 0.2, 1.0), 1.5).through(camera.view(), SIDE, SIDE);
-    let (found, stats) = shot.effect(PlanarReflection, EffectParams::of(PlanarReflection));
+    let (found, stats) = shot.effect(PlanarReflection, EffectParams::default());
     assert_eq!(found, shot.buffer.color);
     assert!(stats.glass_pixels[0] > 300 && stats.glass_pixels[0] == stats.glass_pixels[1], "{stats:?}");
 }
@@ -324,7 +324,7 @@ fn a_pane_seen_edge_on_needs_no_mirror_and_gives_none_a_wrong_one() {
     for off in [0.0, 1e-7, 1e-4] {
         let camera = Camera::new(Vec3::new(0.0, 0.2, 0.0) + Vec3::Z * off, Vec3::new(0.0, 0.0, off), 0.45);
         let mut shot = boxes(Vec3::ZERO, Vec3::Z, 0.1).through(camera.view(), SIDE, SIDE);
-        let (found, stats) = shot.effect(PlanarReflection, EffectParams::of(PlanarReflection));
+        let (found, stats) = shot.effect(PlanarReflection, EffectParams::default());
         assert!(found.iter().flatten().all(|value| value.is_finite()));
         assert!(stats.glass_pixels[0] < 2 * u64::from(SIDE), "{off}: {stats:?}");
     }
@@ -348,8 +348,8 @@ fn mirrors_are_far_nearer_to_the_ray_program_than_cube_maps_are() {
     let camera = Camera::new(Vec3::new(0.6, 0.5, 2.5), Vec3::ZERO, 0.45);
     let mut shot = boxes(Vec3::ZERO, Vec3::Z, 1.5).through(camera.view(), SIDE, SIDE);
     let expected = shot.rays(PlanarReflection, RayParams::default());
-    let (mirror, _) = shot.effect(PlanarReflection, EffectParams::of(PlanarReflection));
-    let (cube, _) = shot.effect(CubeReflection, EffectParams::of(CubeReflection));
+    let (mirror, _) = shot.effect(PlanarReflection, EffectParams::default());
+    let (cube, _) = shot.effect(CubeReflection, EffectParams { map_size: 512, ..EffectParams::default() });
     // Rays light a surface that is turned away from the light from its other side. So both shade alike only surfaces
     // that face the light.
     let (error, _) = difference(&shot, &mirror, &expected);
@@ -371,13 +371,12 @@ fn coplanar_panes_share_a_mirror_and_others_have_their_own() {
     }
     let camera = Camera::new(Vec3::new(1.0, 0.0, 9.0), Vec3::ZERO, 0.8);
     let mut shot = world.through(camera.view(), SIDE, SIDE);
-    let (found, stats) = shot.effect(PlanarReflection, EffectParams::of(PlanarReflection));
+    let (found, stats) = shot.effect(PlanarReflection, EffectParams::default());
     let [glass, without] = stats.glass_pixels;
     assert!(stats.map_count == 2 && without == 0 && glass > 2000, "{stats:?}");
     assert_ne!(found, shot.buffer.color);
     // With one mirror, the pane that stands forward keeps its colour, and the statistics tell so.
-    let (fewer, stats) =
-        shot.effect(PlanarReflection, EffectParams { planes: 1, ..EffectParams::of(PlanarReflection) });
+    let (fewer, stats) = shot.effect(PlanarReflection, EffectParams { planes: 1, ..EffectParams::default() });
     let [all, without] = stats.glass_pixels;
     assert!(stats.map_count == 1 && all == glass && without > 20 && without < glass / 20, "{stats:?}");
     let (mut kept, mut same) = (0, 0);
@@ -402,7 +401,7 @@ fn glass_that_is_bent_keeps_its_colour_and_is_counted() {
     }
     let camera = Camera::new(Vec3::new(0.4, 0.3, 3.0), Vec3::ZERO, 0.45);
     let mut shot = world.through(camera.view(), SIDE, SIDE);
-    let (found, stats) = shot.effect(PlanarReflection, EffectParams::of(PlanarReflection));
+    let (found, stats) = shot.effect(PlanarReflection, EffectParams::default());
     assert_eq!(found, shot.buffer.color);
     let [glass, without] = stats.glass_pixels;
     assert!(glass == without && glass > 300 && stats.maps.is_none() && stats.bytes == 0, "{stats:?}");
@@ -412,7 +411,7 @@ fn glass_that_is_bent_keeps_its_colour_and_is_counted() {
 fn no_mirror_is_drawn_where_no_glass_is_seen() {
     let camera = Camera::new(Vec3::new(0.4, 0.3, 3.0), Vec3::new(0.0, 0.0, 9.0), 0.45);
     let mut shot = boxes(Vec3::ZERO, Vec3::Z, 1.5).through(camera.view(), SIDE, SIDE);
-    let (found, stats) = shot.effect(PlanarReflection, EffectParams::of(PlanarReflection));
+    let (found, stats) = shot.effect(PlanarReflection, EffectParams::default());
     assert_eq!(found, shot.buffer.color);
     assert!(found.contains(&BACKGROUND));
     assert_eq!(

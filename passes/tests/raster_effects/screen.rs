@@ -208,7 +208,7 @@ fn a_plate_in_front_is_met_within_the_thickness_only() {
 fn every_pixel_of_glass_is_counted_once_and_what_is_missing_is_what_was_asked_for() {
     for (program, cube) in [(ScreenReflection, CubeReflection), (ScreenRefraction, CubeRefraction)] {
         let (mut shot, _) = court_seen(true);
-        let base = EffectParams { map_size: 64, thickness: 0.02, index: 1.4, ..EffectParams::of(program) };
+        let base = EffectParams { map_size: 64, thickness: 0.02, index: 1.4, ..EffectParams::default() };
         let glass = (0..shot.buffer.triangle.len()).filter(|index| is_glass(&shot, *index)).count() as u64;
         let mut run = |program: EffectProgram, missing| {
             let (picture, stats) = shot.effect(program, EffectParams { missing, ..base });
@@ -254,7 +254,13 @@ fn with_alpha(color: [f32; 4]) -> [f32; 4] {
 fn answered_pixels_show_what_rays_show() {
     for (program, least) in [(ScreenReflection, 1000), (ScreenRefraction, 300)] {
         let (mut shot, _) = court_seen(true);
-        let params = EffectParams { missing: Missing::Rays, thickness: 0.02, index: 1.4, ..EffectParams::of(program) };
+        let params = EffectParams {
+            missing: Missing::Rays,
+            map_size: 64,
+            thickness: 0.02,
+            index: 1.4,
+            ..EffectParams::default()
+        };
         let (found, stats) = shot.effect(program, params);
         let expected = shot.rays(program, params.by_rays());
         let other = shot.rays(program, RayParams { index: 2.2, ..params.by_rays() });

@@ -55,6 +55,11 @@ impl Plan {
             params
         };
         let size = self.target_size(source.pass.target);
+        let map_size = match params.map_size {
+            0 => EffectParams::fitted_map_size(info.program, size),
+            texels => texels,
+        };
+        let params = EffectParams { map_size, ..params };
         let whole = Rect { x: 0, y: 0, width: size[0], height: size[1] };
         if rectangle(self.viewport_of(source.pass, camera), size) != whole {
             return Err(PlanError::new(

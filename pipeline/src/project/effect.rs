@@ -34,7 +34,7 @@ impl Loader {
         }
         let info = self.effect_program(context);
         let reads = info.map(|info| Reads { name: info.name, buffers: info.buffers, params: info.params });
-        let mut params = info.map_or_else(EffectParams::default, |info| EffectParams::of(info.program));
+        let mut params = EffectParams::default();
         let valid = self.parameters(context, reads, EFFECT_PARAMS, |name, value| params.set(name, value));
         let (scenes, camera, lights) =
             (self.pass_scenes(context), self.pass_camera(context), self.pass_lights(context));

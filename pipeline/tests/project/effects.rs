@@ -48,7 +48,7 @@ fn effect_passes_load_with_their_parameters_and_glass() {
     assert!(effect.position.is_some() && effect.normal.is_some() && effect.color.is_none() && effect.lights.len() == 1);
     let loaded = good(&project(&[RASTER, CUBE, SHOW].concat()));
     let PassKind::Effect(effect) = &loaded.pipelines[0].passes[1].kind else { panic!("an effect pass") };
-    assert_eq!(effect.params, EffectParams::of(EffectProgram::CubeRefraction));
+    assert_eq!(effect.params, EffectParams::default());
     assert_eq!(effect.glass.len(), 2);
     assert!(effect.glass[1].matches("Window") && !effect.glass[1].matches("window"));
 }

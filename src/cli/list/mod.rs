@@ -102,10 +102,9 @@ fn of_rays(param: &ParamInfo) -> [String; 2] {
 fn of_effects(param: &ParamInfo) -> [String; 2] {
     let readers: Vec<&EffectProgramInfo> =
         EFFECT_PROGRAMS.iter().filter(|info| info.params.contains(&param.name)).collect();
-    let mut defaults: Vec<String> = readers.iter().map(|info| EffectParams::of(info.program).get(param.name)).collect();
-    defaults.dedup();
     let readers: Vec<&str> = readers.iter().map(|info| info.name).collect();
-    [describe(param, &defaults.join(", cube maps ")), named("", format_args!("read by {}", readers.join(", ")))]
+    let default = EffectParams::default().get(param.name);
+    [describe(param, &default), named("", format_args!("read by {}", readers.join(", ")))]
 }
 
 /// The rasterisers; `found` are the adapters, and what each can do.
@@ -176,7 +175,7 @@ fn one_effect(info: &EffectProgramInfo, columns: Option<usize>) -> Vec<String> {
     let mut lines = title(info.name, info.about, columns);
     lines.push(named("by rays", info.counterpart.info().stem));
     lines.push(named("buffers", info.buffers.join(", ")));
-    let defaults = EffectParams::of(info.program);
+    let defaults = EffectParams::default();
     let params = EFFECT_PARAMS.iter().filter(|param| info.params.contains(&param.name));
     lines.extend(params.map(|param| describe(param, &defaults.get(param.name))));
     if info.program.marches() {

@@ -149,6 +149,11 @@ pub fn check(job: &EffectJob<'_>, output: Option<&Image>, own_copy: bool) -> Res
         return Err(format!("the output has {width} x {height} pixels, the job {} x {}", job.width, job.height));
     }
     let info = job.program.info();
+    if info.params.contains(&"mapsize") && job.params.map_size == 0 {
+        return Err(
+            "`mapsize` is 0, which a plan replaces by what fits the picture; valid for a job: 16..=16384".to_owned()
+        );
+    }
     for name in info.params {
         let mut params = EffectParams::default();
         params.set(name, &job.params.get(name)).map_err(|why| format!("{why}, not {}", job.params.get(name)))?;

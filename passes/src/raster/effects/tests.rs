@@ -109,7 +109,7 @@ fn a_moving_camera_moves_the_shadow_map_by_whole_texels() {
 #[test]
 fn no_shadow_map_is_fitted_to_nothing() {
     let view = camera(Vec3::ZERO, Vec3::NEG_Z, 10.0);
-    let params = EffectParams::default();
+    let params = EffectParams { map_size: 1024, ..EffectParams::default() };
     let scene = bounds(Vec3::NEG_ONE, Vec3::ONE);
     assert_eq!(ShadowFit::new(&sun(Vec3::NEG_Y), &Bounds::EMPTY, &view, &params), None);
     let dark = Sun { direction: Vec3::ZERO, color: Vec3::ONE };

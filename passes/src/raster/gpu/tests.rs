@@ -173,7 +173,7 @@ fn effect(
     let job = EffectJob {
         scene,
         program,
-        params: EffectParams { map_size: 128, ..EffectParams::of(program) },
+        params: EffectParams { map_size: 128, ..EffectParams::default() },
         seed: 0,
         view: View::new(Mat4::IDENTITY, Vec3::new(0.0, 0.0, 2.0)),
         sun: Some(Sun { direction: Vec3::NEG_Z, color: Vec3::ONE }),

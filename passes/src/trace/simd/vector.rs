@@ -211,6 +211,31 @@ mod tests {
         }
     }
 
+    struct Compress([u32; LANES], Mask);
+
+    impl Kernel<[u32; LANES]> for Compress {
+        #[inline(always)]
+        fn run<S: Simd>(self, simd: S) -> [u32; LANES] {
+            simd.compress(&self.0, self.1)
+        }
+    }
+
+    #[test]
+    fn lanes_of_every_mask_move_to_the_front() {
+        let values = [70, 61, 52, 43, 34, 25, 16, u32::MAX];
+        for simd in [InstructionSet::Avx512, InstructionSet::Avx2, InstructionSet::Portable]
+            .into_iter()
+            .filter_map(Detected::new)
+        {
+            for mask in 0..1 << LANES {
+                let chosen: Vec<u32> =
+                    (0..LANES).filter(|lane| mask >> lane & 1 == 1).map(|lane| values[lane]).collect();
+                let compressed = simd.run(Compress(values, mask));
+                assert_eq!(compressed[..chosen.len()], chosen, "{simd:?} {mask:08b}");
+            }
+        }
+    }
+
     #[test]
     fn values_are_moved_to_where_they_belong() {
         for simd in [InstructionSet::Avx512, InstructionSet::Avx2, InstructionSet::Portable]

@@ -183,7 +183,7 @@ impl Common<'_> {
 
     fn effect(&self, program: EffectProgram, color: ChannelRef) -> EffectPass {
         let info = program.info();
-        let mut params = EffectParams::of(program);
+        let mut params = EffectParams::default();
         if info.params.contains(&"radius") {
             params.radius = self.radius;
         }
