@@ -79,6 +79,44 @@ impl Avx2 {
     }
 }
 
+impl Avx2 {
+    #[inline(always)]
+    fn none(self) -> __m128 {
+        // SAFETY: SSE is part of x86-64.
+        unsafe { _mm_setzero_ps() }
+    }
+
+    /// The first components of sixteen values, their second ones, and so on.
+    #[inline(always)]
+    fn transposed(self, values: [__m128; 16]) -> [F16; 4] {
+        // SAFETY: AVX is present, since `self` exists.
+        let [low, high] = unsafe {
+            let mut halves = [[_mm256_setzero_ps(); 4]; 2];
+            for (half, axes) in halves.iter_mut().enumerate() {
+                let mut rows = [_mm256_setzero_ps(); 4];
+                for (lane, row) in rows.iter_mut().enumerate() {
+                    let lane = 8 * half + lane;
+                    *row = _mm256_set_m128(values[lane + 4], values[lane]);
+                }
+                let [a, b, c, d] = rows;
+                let low = [_mm256_unpacklo_ps(a, b), _mm256_unpacklo_ps(c, d)];
+                let high = [_mm256_unpackhi_ps(a, b), _mm256_unpackhi_ps(c, d)];
+                axes[0] = _mm256_shuffle_ps::<0b01_00_01_00>(low[0], low[1]);
+                axes[1] = _mm256_shuffle_ps::<0b11_10_11_10>(low[0], low[1]);
+                axes[2] = _mm256_shuffle_ps::<0b01_00_01_00>(high[0], high[1]);
+                axes[3] = _mm256_shuffle_ps::<0b11_10_11_10>(high[0], high[1]);
+            }
+            halves
+        };
+        [
+            self.wide_store([low[0], high[0]]),
+            self.wide_store([low[1], high[1]]),
+            self.wide_store([low[2], high[2]]),
+            self.wide_store([low[3], high[3]]),
+        ]
+    }
+}
+
 impl Simd for Avx2 {
     common!();
 
@@ -231,27 +269,35 @@ impl Simd for Avx2 {
         if most as usize >= readable::<N, K>(values) {
             return gather_each(values, indices);
         }
-        // SAFETY: AVX is present, since `self` exists, and four numbers lie from each of the values on.
-        let [x, y, z, w] = unsafe {
-            let mut halves = [[_mm256_setzero_ps(); 4]; 2];
-            for (half, axes) in halves.iter_mut().enumerate() {
-                let mut rows = [_mm256_setzero_ps(); 4];
-                for (lane, row) in rows.iter_mut().enumerate() {
-                    let lane = 8 * half + lane;
-                    *row = _mm256_set_m128(four(values, indices[lane + 4]), four(values, indices[lane]));
-                }
-                let [a, b, c, d] = rows;
-                let low = [_mm256_unpacklo_ps(a, b), _mm256_unpacklo_ps(c, d)];
-                let high = [_mm256_unpackhi_ps(a, b), _mm256_unpackhi_ps(c, d)];
-                axes[0] = _mm256_shuffle_ps::<0b01_00_01_00>(low[0], low[1]);
-                axes[1] = _mm256_shuffle_ps::<0b11_10_11_10>(low[0], low[1]);
-                axes[2] = _mm256_shuffle_ps::<0b01_00_01_00>(high[0], high[1]);
-                axes[3] = _mm256_shuffle_ps::<0b11_10_11_10>(high[0], high[1]);
-            }
-            let [low, high] = halves;
-            [[low[0], high[0]], [low[1], high[1]], [low[2], high[2]], [low[3], high[3]]]
-        };
-        first([self.wide_store(x), self.wide_store(y), self.wide_store(z), self.wide_store(w)])
+        let mut rows = [self.none(); 16];
+        for (row, &index) in rows.iter_mut().zip(indices) {
+            // SAFETY: four numbers lie from each of the values on.
+            *row = unsafe { four(values, index) };
+        }
+        first(self.transposed(rows))
+    }
+
+    #[inline(always)]
+    fn columns(self, rows: [&[[f32; 4]; 4]; 4]) -> [F16; 4] {
+        let mut values = [self.none(); 16];
+        for (value, row) in values.iter_mut().zip(rows.into_iter().flatten()) {
+            // SAFETY: SSE is part of x86-64; four numbers are 16 bytes.
+            *value = unsafe { _mm_loadu_ps(row.as_ptr()) };
+        }
+        self.transposed(values)
+    }
+
+    #[inline(always)]
+    fn quarters(self, [a, b, c, d]: [&[u32; 4]; 4]) -> [u32; 16] {
+        let mut joined = [0; 16];
+        // SAFETY: AVX is present, since `self` exists; four numbers are 16 bytes, each half of sixteen 32.
+        unsafe {
+            let low = _mm256_loadu2_m128i(b.as_ptr().cast(), a.as_ptr().cast());
+            let high = _mm256_loadu2_m128i(d.as_ptr().cast(), c.as_ptr().cast());
+            _mm256_storeu_si256(joined.as_mut_ptr().cast(), low);
+            _mm256_storeu_si256(joined[8..].as_mut_ptr().cast(), high);
+        }
+        joined
     }
 
     #[inline(always)]
