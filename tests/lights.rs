@@ -7,6 +7,7 @@
 mod own_shaders;
 
 use curitiba::bench::Case;
+use curitiba::engines::ray_backend;
 use curitiba::pipeline::executor::{Renderer, Silent};
 use curitiba::pipeline::image::Image;
 use curitiba::pipeline::metrics::{self, Options};
@@ -201,7 +202,16 @@ fn the_rasteriser_of_a_device_shows_the_same_shadows_of_several_lights() {
 
 /// The ray backends of devices that are here, beside the processor's.
 fn devices() -> Vec<BackendChoice> {
-    if has_driver() { vec![BackendChoice::Wgpu] } else { Vec::new() }
+    let of_gpus = |backend| match ray_backend(Choice::CPU.traced_by(backend)) {
+        Ok(_) => true,
+        Err(error) => {
+            println!("skipped: {error}");
+            false
+        }
+    };
+    let mut found = if has_driver() { vec![BackendChoice::Wgpu] } else { Vec::new() };
+    found.extend([BackendChoice::Cuda, BackendChoice::Optix].into_iter().filter(|backend| of_gpus(*backend)));
+    found
 }
 
 #[test]
