@@ -7,6 +7,7 @@
 mod own_shaders;
 
 use curitiba::bench::Case;
+use curitiba::engines::ray_backend;
 use curitiba::pipeline::executor::{Renderer, Silent};
 use curitiba::pipeline::image::Image;
 use curitiba::pipeline::metrics::{self, Options};
@@ -14,7 +15,7 @@ use curitiba::pipeline::pixel_samples::PixelSamples;
 use curitiba::pipeline::plan::Settings;
 use curitiba::reference::{Made, Of, References};
 use curitiba::shard::Shard;
-use curitiba::{Choice, RasterChoice};
+use curitiba::{BackendChoice, Choice, RasterChoice};
 use glam::Vec3;
 use own_shaders::has_driver;
 use std::path::PathBuf;
@@ -197,6 +198,42 @@ fn the_rasteriser_of_a_device_shows_the_same_shadows_of_several_lights() {
     let fewer =
         Scene::new("<light>Sun</light><light>Spot</light>").picture("shadows", Settings::default(), RasterChoice::Wgpu);
     assert!(rmse(&cpu, &fewer) > 0.02);
+}
+
+/// The ray backends of devices that are here, beside the processor's.
+fn devices() -> Vec<BackendChoice> {
+    let of_gpus = |backend| match ray_backend(Choice::CPU.traced_by(backend)) {
+        Ok(_) => true,
+        Err(error) => {
+            println!("skipped: {error}");
+            false
+        }
+    };
+    let mut found = if has_driver() { vec![BackendChoice::Wgpu] } else { Vec::new() };
+    found.extend([BackendChoice::Cuda, BackendChoice::Optix].into_iter().filter(|backend| of_gpus(*backend)));
+    found
+}
+
+#[test]
+fn rays_of_devices_show_the_same_lights_and_ask_for_no_fallback() {
+    let [scene, fewer] = [ALL, "<light>Sun</light><light>Spot</light>"].map(Scene::new);
+    for backend in devices() {
+        // Software drivers take half a minute to compile `final`, which the tests of the backend compare.
+        let pipelines = if backend == BackendChoice::Wgpu { &["shadows"][..] } else { &["shadows", "final"] };
+        for pipeline in pipelines {
+            let set = if *pipeline == "final" { vec!["trace.samples=0".to_owned()] } else { Vec::new() };
+            let settings = Settings { set, ..Settings::default() };
+            let picture = |scene: &Scene, choice: Choice| {
+                let mut renderer = scene.open(pipeline, settings.clone(), choice).expect("opened");
+                renderer.frame(&mut Silent).expect("it renders")
+            };
+            let device = picture(&scene, Choice::CPU.traced_by(backend));
+            // Some rays at edges meet another triangle.
+            let error = rmse(&picture(&scene, Choice::CPU), &device);
+            assert!(error < 0.005, "{backend:?} {pipeline}: {error}");
+            assert!(rmse(&picture(&fewer, Choice::CPU), &device) > 0.02, "{backend:?} {pipeline}");
+        }
+    }
 }
 
 #[test]

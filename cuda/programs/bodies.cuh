@@ -454,7 +454,7 @@ template <class Tracer> static __device__ OUTLINED float3 straight_through(Pass<
             passes = passes * THROUGH_GLASS;
         }
     }
-    return passes * transmittance(extinction_in(params, media), INFINITY);
+    return passes * transmittance(extinction_in(params, media), pass.way_left(from));
 }
 
 // What reaches an origin off its surface of the light.
@@ -462,7 +462,7 @@ template <class Tracer> DEVICE float3 light_through_bodies(Pass<Tracer> &pass, f
     if ((pass.params.asks & ASKS_STRAIGHT) == 0u) return splat(pass.light_at(origin));
     Crossings crossings;
     crossings.stored = crossings.beyond = 0;
-    Ray ray = {origin, pass.to_light(), 0.0f, INFINITY};
-    if (pass.tracer.template occluded<ACCEPT_COUNTS>(ray, &crossings)) return splat(SHADOWED);
-    return splat(SHADOWED) + (1.0f - SHADOWED) * straight_through(pass, crossings);
+    Ray ray = {origin, pass.to_light(), 0.0f, pass.light_end()};
+    if (pass.tracer.template occluded<ACCEPT_COUNTS>(ray, &crossings)) return splat(IN_SHADOW);
+    return splat(IN_SHADOW) + (1.0f - IN_SHADOW) * straight_through(pass, crossings);
 }

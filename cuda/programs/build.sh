@@ -54,5 +54,13 @@ for tracer in bvh optix; do
                 -DCURITIBA_FIDELITY="$fidelity" "-DCURITIBA_${fidelity^^}" "$tracer.cu"
         done
     done
+    # `lights` is the same for several lights, and for lights with a place.
+    mkdir -p "ptx/$tracer/lights"
+    for program in deferredShadows reflection refraction final; do
+        fidelity=corrected
+        [ "$program" = refraction ] || [ "$program" = final ] && fidelity=bodies
+        compile "ptx/$tracer/lights/$program.ptx" "${extra[@]}" -DCURITIBA_LIGHTS -DCURITIBA_PROGRAM="\"$program.cuh\"" \
+            -DCURITIBA_FIDELITY="$fidelity" "-DCURITIBA_${fidelity^^}" "$tracer.cu"
+    done
     compile "ptx/$tracer/segments.ptx" "${extra[@]}" "${called[@]}" -DCURITIBA_CORRECTED segments.cu
 done

@@ -77,9 +77,11 @@ KERNEL_OF(TRACING_WARPS, TRACING_BLOCKS) trace_occlusion(const __grid_constant__
 KERNEL(LISTING_BLOCKS) list_surfaces(const __grid_constant__ Params params) {
     of_pixel(params, [](Pass<Bvh> &pass) { list_surfaces(pass); });
 }
+#ifndef CURITIBA_LIGHTS
 KERNEL(LIGHTING_BLOCKS) light_surfaces(const __grid_constant__ Params params) {
     of_surfaces(params, [](Pass<Bvh> &pass) { light_surfaces(pass); });
 }
+#endif
 KERNEL_OF(1, SETTLING_WARPS) settle_surfaces(const __grid_constant__ Params params) {
     of_surfaces(params, [](Pass<Bvh> &pass) { settle_surfaces(pass); });
 }

@@ -4,6 +4,9 @@
 #ifdef CURITIBA_BODIES
 #include "bodies.cuh"
 #endif
+#ifdef CURITIBA_LIGHTS
+#include "light_share.cuh"
+#endif
 
 // The fastest of 1, 8, 10, 12 and 16 on an H100.
 constexpr unsigned RESIDENT_BLOCKS = 8;
@@ -33,6 +36,17 @@ template <class Tracer> DEVICE Share light_from(Pass<Tracer> &pass, float3 origi
 DEVICE float weigh(const End &end, float3 &) { return end.weight; }
 #endif
 
+#ifdef CURITIBA_LIGHTS
+// What the shadows of several lights leave of a surface's colour, on the side to which it is lit. Shares are by colour: these programs know
+// what each material says.
+template <class Tracer>
+DEVICE Share light_share(Pass<Tracer> &pass, unsigned triangle, const Surface &surface, float3 lit_side) {
+    return share_of_lights<ACCEPT_STOPS>(pass, triangle, surface.point, lit_side, [](Pass<Tracer> &pass, float3 origin) {
+        pass.rays.shadow += 1;
+        return light_from(pass, origin);
+    });
+}
+#else
 // What reaches a surface of the light, on a side that is turned away.
 template <class Tracer>
 DEVICE Share turned_share(Pass<Tracer> &pass, unsigned triangle, const Surface &surface, float3 lit_side) {
@@ -48,6 +62,7 @@ DEVICE Share light_share(Pass<Tracer> &pass, unsigned triangle, const Surface &s
     pass.rays.shadow += 1;
     return light_from(pass, spawn(surface.point, pass.to_light()));
 }
+#endif
 
 // A colour times the light's share and ambient occlusion. Black stays black, without a ray. All threads of a warp call it
 // together, those that have no surface with black.
@@ -102,6 +117,7 @@ struct PixelSurfaces {
         end.key = pixel_key(pass.pixel.x, pass.pixel.y, params.seed);
         end.weight = share_of(1.0f);
         lit_side = dot(stored_normal, end.surface.facing) < 0.0f ? -end.surface.facing : end.surface.facing;
+        pass.shaded_as_seen(stored_normal);
         glass = is_glass(params, triangle);
         if (glass) walk.enter_pixel(pass, triangle, end.surface, view, end.key);
         here = !glass;
@@ -111,7 +127,8 @@ struct PixelSurfaces {
         if (!glass || here) return;
         here = walk.advance(pass, end);
         if (!here) return;
-        color = lit_color(pass.params, end.hit, end.footprint, end.surface.normal);
+        color = met_color(pass.params, end.hit, end.footprint, end.surface);
+        pass.shaded_as_met(end.hit, end.surface);
         lit_side = end.surface.facing;
         triangle = end.hit.triangle;
     }

@@ -71,9 +71,15 @@ DEVICE void list_surfaces(Pass<Bvh> &pass) {
         const End &end = surfaces.end;
         const Surface &surface = end.surface;
         float step = OFFSET_UNITS * surface.point.error;
+#ifdef CURITIBA_LIGHTS
+        // The light of several lights is found now.
+        bool turned = false;
+        color = color * light_share(pass, surfaces.triangle, surface, surfaces.lit_side);
+#else
         bool turned = dot(surfaces.lit_side, pass.to_light()) <= 0.0f;
         // Light on turned sides, which few have, is found now: what is left of it will be halved.
         if (turned) color = color * turned_share(pass, surfaces.triangle, surface, surfaces.lit_side) * (1.0f / SHADOWED);
+#endif
         float3 start = surface.point.start, facing = surface.facing, normal = surface.normal;
         listed(params)[place] = {make_float4(start.x, start.y, start.z, turned ? -step : step),
                                  make_float4(facing.x, facing.y, facing.z, __uint_as_float(end.key)),
@@ -93,6 +99,7 @@ DEVICE void list_surfaces(Pass<Bvh> &pass) {
     if (pass.inside) params.first_surface[pass.pixel.index] = head;
 }
 
+#ifndef CURITIBA_LIGHTS
 // Multiplies the colours of listed surfaces by what reaches them of the light.
 DEVICE void light_surfaces(Pass<Bvh> &pass) {
     const Params &params = pass.params;
@@ -114,6 +121,7 @@ DEVICE void light_surfaces(Pass<Bvh> &pass) {
         listed(params)[index].color = make_float4(lit.x, lit.y, lit.z, color.w);
     }
 }
+#endif
 
 // The occlusion rays of a listed surface; false where there are none.
 DEVICE bool listed_fan(const Params &params, unsigned index, bool here, Fan &fan, float3 &lit) {

@@ -6,6 +6,8 @@
 constexpr unsigned NO_TRIANGLE = 4294967295u;
 constexpr unsigned NO_TEXTURE = 4294967295u;
 constexpr unsigned TRANSPARENT = 2147483648u;
+constexpr unsigned LIGHT_PLACE = 1u;
+constexpr unsigned LIGHT_CONE = 2u;
 constexpr unsigned SHADE_GLASS = 1u;
 constexpr unsigned SHADE_SHADOW_GLASS = 2u;
 constexpr unsigned SHADE_CUT = 4u;
@@ -55,6 +57,8 @@ constexpr float AMBIENT = 3e-1f;
 constexpr float SHADOWED = 5e-1f;
 constexpr float ROUND = 8.5e-1f;
 constexpr float THROUGH_GLASS = 9e-1f;
+constexpr float BEFORE_LIGHT = 9.765625e-4f;
+constexpr float LEAST_DIVISOR = 1e-12f;
 constexpr float THESIS_EPSILON = 1e-4f;
 constexpr float THESIS_REFRACTED_EPSILON = 1e-3f;
 constexpr float GLASS_BOUNCE = 9.9e-1f;
@@ -125,6 +129,28 @@ static_assert(offsetof(Body, filter_vertex_colors) == 36, "Body::filter_vertex_c
 static_assert(offsetof(Body, veil) == 40, "Body::veil");
 static_assert(offsetof(Body, thickness) == 44, "Body::thickness");
 static_assert(offsetof(Body, priority) == 48, "Body::priority");
+
+struct Light {
+    float place[3];
+    unsigned flags;
+    float direction[3];
+    float range;
+    float color[3];
+    float exponent;
+    float attenuation[3];
+    float inner;
+    float outer;
+};
+static_assert(sizeof(Light) == 68, "Light");
+static_assert(offsetof(Light, place) == 0, "Light::place");
+static_assert(offsetof(Light, flags) == 12, "Light::flags");
+static_assert(offsetof(Light, direction) == 16, "Light::direction");
+static_assert(offsetof(Light, range) == 28, "Light::range");
+static_assert(offsetof(Light, color) == 32, "Light::color");
+static_assert(offsetof(Light, exponent) == 44, "Light::exponent");
+static_assert(offsetof(Light, attenuation) == 48, "Light::attenuation");
+static_assert(offsetof(Light, inner) == 60, "Light::inner");
+static_assert(offsetof(Light, outer) == 64, "Light::outer");
 
 struct TextureInfo {
     unsigned long long first;
@@ -200,8 +226,11 @@ struct Params {
     const uint2 * own;
     unsigned * blocked;
     unsigned long long segment_count;
+    const Light * lights;
+    const float * emissions;
+    unsigned long long light_count;
 };
-static_assert(sizeof(Params) == 424, "Params");
+static_assert(sizeof(Params) == 448, "Params");
 static_assert(offsetof(Params, position) == 0, "Params::position");
 static_assert(offsetof(Params, normal) == 8, "Params::normal");
 static_assert(offsetof(Params, color) == 16, "Params::color");
@@ -261,3 +290,6 @@ static_assert(offsetof(Params, segments) == 392, "Params::segments");
 static_assert(offsetof(Params, own) == 400, "Params::own");
 static_assert(offsetof(Params, blocked) == 408, "Params::blocked");
 static_assert(offsetof(Params, segment_count) == 416, "Params::segment_count");
+static_assert(offsetof(Params, lights) == 424, "Params::lights");
+static_assert(offsetof(Params, emissions) == 432, "Params::emissions");
+static_assert(offsetof(Params, light_count) == 440, "Params::light_count");

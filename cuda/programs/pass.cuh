@@ -6,6 +6,7 @@
 //   bool any(value)                         whether it is true in any thread that works together with this one
 #pragma once
 #include "fan.cuh"
+#include "lights.cuh"
 
 struct RayCounts {
     unsigned shadow, occlusion, reflected, refracted, certain, lost;
@@ -48,15 +49,41 @@ template <class Tracer> struct Pass {
     Pixel pixel;
     bool inside;
     RayCounts rays;
+#ifdef CURITIBA_LIGHTS
+    // The light that is looked at: the unit direction to it, and where rays to it end.
+    float3 light_direction;
+    float light_length;
+    Shading shading;
+#endif
 
     __device__ __forceinline__ float4 position() const { return params.position[pixel.index]; }
     __device__ __forceinline__ float3 normal() const { return xyz(params.normal[pixel.index]); }
     __device__ __forceinline__ float4 color() const { return params.color[pixel.index]; }
     __device__ __forceinline__ unsigned triangle() const { return inside ? params.triangle[pixel.index] : NO_TRIANGLE; }
     __device__ __forceinline__ float3 eye() const { return vec3(params.eye[0], params.eye[1], params.eye[2]); }
+#ifdef CURITIBA_LIGHTS
+    __device__ __forceinline__ float3 to_light() const { return light_direction; }
+    // Where rays to the light end, and the length of the way that is left to it.
+    __device__ __forceinline__ float light_end() const { return light_length; }
+    __device__ __forceinline__ float way_left(float gone) const { return light_length - gone; }
+    // By which normal the next surface is shaded whose light is asked for.
+    __device__ __forceinline__ void shaded_as_seen(float3 normal) {
+        shading.normal = normal;
+        shading.met = false;
+    }
+    __device__ __forceinline__ void shaded_as_met(const Hit &hit, const Surface &surface) {
+        shading = {surface.normal, true, hit};
+    }
+#else
     __device__ __forceinline__ float3 to_light() const {
         return vec3(params.to_light[0], params.to_light[1], params.to_light[2]);
     }
+    __device__ __forceinline__ float light_end() const { return INFINITY; }
+    __device__ __forceinline__ float way_left(float) const { return INFINITY; }
+    // With one light a surface's colour says by which normal it is shaded.
+    __device__ __forceinline__ void shaded_as_seen(float3) {}
+    __device__ __forceinline__ void shaded_as_met(const Hit &, const Surface &) {}
+#endif
 
     // The point of a triangle that the pixel shows, and the unit direction in which it is seen.
     __device__ __forceinline__ Surface surface_at(unsigned triangle, float3 normal, float3 &view) const {
@@ -118,8 +145,8 @@ template <class Tracer> struct Pass {
     __device__ __forceinline__ float light_at(float3 origin) const {
         Crossings crossings;
         crossings.stored = crossings.beyond = 0;
-        Ray ray = {origin, to_light(), 0.0f, INFINITY};
-        if (tracer.template occluded<ACCEPT_COUNTS>(ray, &crossings)) return SHADOWED;
+        Ray ray = {origin, to_light(), 0.0f, light_end()};
+        if (tracer.template occluded<ACCEPT_COUNTS>(ray, &crossings)) return IN_SHADOW;
         return params.through_glass[min(distinct(crossings), (unsigned)THROUGH_GLASS_ENTRIES - 1)];
     }
 };

@@ -21,7 +21,7 @@ template <class Tracer> DEVICE float4 corrected(Pass<Tracer> &pass) {
         cone = cone_along(cone, hit.t);
         float footprint = footprint_of(params, cone, hit.triangle, direction);
         surface = surface_hit(params, direction, hit, footprint);
-        if (!is_glass(params, hit.triangle)) return opaque(lit_color(params, hit, footprint, surface.normal));
+        if (!is_glass(params, hit.triangle)) return opaque(met_color(params, hit, footprint, surface));
         view = direction;
         triangle = hit.triangle;
     }

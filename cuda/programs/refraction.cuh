@@ -22,7 +22,7 @@ template <class Tracer> DEVICE float4 corrected(Pass<Tracer> &pass) {
     walk.enter_pixel(pass, triangle, surface, view, 0u);
     GlassEnd end;
     float3 color = splat(0.0f);
-    while (walk.advance(pass, end)) color = color + end.weight * lit_color(pass.params, end.hit, end.footprint, end.surface.normal);
+    while (walk.advance(pass, end)) color = color + end.weight * met_color(pass.params, end.hit, end.footprint, end.surface);
     return opaque(color);
 }
 
@@ -39,7 +39,7 @@ template <class Tracer> DEVICE float4 bodies(Pass<Tracer> &pass) {
     walk.enter_pixel(pass, triangle, surface, view, 0u);
     BodyEnd end;
     float3 color = splat(0.0f);
-    while (walk.advance(pass, end)) color = color + end.weight * lit_color(pass.params, end.hit, end.footprint, end.surface.normal);
+    while (walk.advance(pass, end)) color = color + end.weight * met_color(pass.params, end.hit, end.footprint, end.surface);
     return opaque(color + walk.missed);
 }
 #endif

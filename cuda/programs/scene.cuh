@@ -188,7 +188,7 @@ DEVICE float3 bent_normal(const Params &params, const Hit &hit, float3 vertices,
     float3 texel = xyz(sample_numbers(params, shade.normal_texture, texture_coordinates(params, hit), footprint));
     return bent(texel, shade.normal_scale, vertices, four_between(params, params.tangents, hit), flat);
 }
-// Whether the normal between the corners faces the light, on the side of the triangle on which a bent normal is.
+// Whether the normal between the corners faces a light, on the side of the triangle on which a bent normal is.
 DEVICE bool vertices_face_light(const Params &params, const Hit &hit, float3 bent, float3 to_light) {
     Corners corners = positions_of(params, hit.triangle);
     float3 flat = cross(corners.b - corners.a, corners.c - corners.a), vertices = normal_at(params, hit);
@@ -197,15 +197,18 @@ DEVICE bool vertices_face_light(const Params &params, const Hit &hit, float3 ben
     return (turned ? -cosine : cosine) > 0.0f;
 }
 
-// Diffuse light, ambient light and texture, read at the level of the footprint, with this unit normal, times the vertex colour, and the light that the surface sends out.
-DEVICE float3 lit_color(const Params &params, const Hit &hit, float footprint, float3 normal) {
-    const Shade &shade = shade_of(params, hit.triangle);
-    float3 diffuse = vec3(shade.diffuse[0], shade.diffuse[1], shade.diffuse[2]);
-    float3 to_light = vec3(params.to_light[0], params.to_light[1], params.to_light[2]);
-    float3 light = vec3(params.light_color[0], params.light_color[1], params.light_color[2]);
+// The cosine of a light on a surface with this unit normal; 0 where the surface is turned away.
+DEVICE float cosine_to(const Params &params, const Shade &shade, const Hit &hit, float3 normal, float3 to_light) {
     float cosine = fmaxf(dot(to_light, normal), 0.0f);
     if (shade.flags & SHADE_NORMAL_MAP && !vertices_face_light(params, hit, normal, to_light)) cosine = 0.0f;
-    float3 lit = diffuse * (light * cosine);
+    return cosine;
+}
+
+// Diffuse light, ambient light and texture, read at the level of the footprint, times the vertex colour, and the light that the surface
+// sends out. `lights` is the diffuse light on white.
+DEVICE float3 shining_color(const Params &params, const Hit &hit, float footprint, const Shade &shade, float3 lights) {
+    float3 diffuse = vec3(shade.diffuse[0], shade.diffuse[1], shade.diffuse[2]);
+    float3 lit = diffuse * lights;
     float3 reflected = lit + AMBIENT * diffuse;
     if (shade.texture != NO_TEXTURE) {
         reflected = (lit + splat(AMBIENT)) * xyz(sample_texture(params, shade.texture, texture_coordinates(params, hit), footprint));
@@ -215,6 +218,13 @@ DEVICE float3 lit_color(const Params &params, const Hit &hit, float footprint, f
     float3 glow = vec3(shade.glow[0], shade.glow[1], shade.glow[2]);
     if (shade.glow_texture == NO_TEXTURE) return reflected + glow;
     return reflected + glow * xyz(sample_texture(params, shade.glow_texture, texture_coordinates(params, hit), footprint));
+}
+// The same in the light of one directional light, with this unit normal.
+DEVICE float3 lit_color(const Params &params, const Hit &hit, float footprint, float3 normal) {
+    const Shade &shade = shade_of(params, hit.triangle);
+    float3 to_light = vec3(params.to_light[0], params.to_light[1], params.to_light[2]);
+    float3 light = vec3(params.light_color[0], params.light_color[1], params.light_color[2]);
+    return shining_color(params, hit, footprint, shade, light * cosine_to(params, shade, hit, normal, to_light));
 }
 
 // Which candidate hits on transparent materials count, as the ray asks; in OptiX the materials' any-hit programs decide the

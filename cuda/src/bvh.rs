@@ -10,6 +10,7 @@ use crate::programs;
 use crate::scene::SceneBuffers;
 use cudarc::driver::{CudaFunction, DriverError, LaunchConfig, PushKernelArg as _};
 use cudarc::nvrtc::Ptx;
+use curitiba_passes::effects::Lighting;
 use curitiba_passes::effects::dielectric::Variant;
 use curitiba_passes::trace::Quality;
 use curitiba_passes::trace::gpu_tree::DeviceTree;
@@ -52,16 +53,24 @@ const OF_OCCLUSION: [Stage; 2] = [
 
 /// The stages of `final` in corrected fidelity: glass is followed to the surfaces that are seen through it, which are then lit.
 const OF_FINAL: [Stage; 4] = [
-    Stage { entry: "list_surfaces", dealt: Dealt::Pixels, settles: false },
+    LISTS_SURFACES,
     Stage { entry: "light_surfaces", dealt: Dealt::List { warps: 2 }, settles: false },
-    Stage { entry: "settle_surfaces", dealt: Dealt::List { warps: 1 }, settles: true },
-    Stage { entry: "trace_surfaces", dealt: Dealt::List { warps: TRACING_WARPS }, settles: true },
+    SETTLES_SURFACES,
+    TRACES_SURFACES,
 ];
+/// The same with several lights: surfaces are listed with what these light of them.
+const OF_FINAL_IN_LIGHTS: [Stage; 3] = [LISTS_SURFACES, SETTLES_SURFACES, TRACES_SURFACES];
 
-fn stages(program: RayProgram, variant: Variant) -> &'static [Stage] {
+const LISTS_SURFACES: Stage = Stage { entry: "list_surfaces", dealt: Dealt::Pixels, settles: false };
+const SETTLES_SURFACES: Stage = Stage { entry: "settle_surfaces", dealt: Dealt::List { warps: 1 }, settles: true };
+const TRACES_SURFACES: Stage =
+    Stage { entry: "trace_surfaces", dealt: Dealt::List { warps: TRACING_WARPS }, settles: true };
+
+fn stages(program: RayProgram, variant: Variant, lighting: Lighting) -> &'static [Stage] {
     match (program, variant) {
         (_, Variant::Panes(Fidelity::Thesis)) => &[],
         (RayProgram::Ssao, _) => &OF_OCCLUSION,
+        (RayProgram::Final, _) if lighting == Lighting::Lights => &OF_FINAL_IN_LIGHTS,
         (RayProgram::Final, _) => &OF_FINAL,
         _ => &[],
     }
@@ -95,6 +104,7 @@ const BLOCKS: u32 = 32;
 struct Kernel {
     program: RayProgram,
     variant: Variant,
+    lighting: Lighting,
     /// Finds the bodies that the camera is in.
     find_eye: Option<CudaFunction>,
     /// Kernels that run before the one that writes the picture.
@@ -117,6 +127,13 @@ pub struct BvhTracer {
     settled: Buffer<u32>,
     /// Number of entries in the list of surfaces; `None` for [`SURFACES_PER_PIXEL`] times the pixels of a launch.
     room: Option<u64>,
+}
+
+impl Kernel {
+    /// Whether these are the kernels of a job.
+    fn is_of(&self, job: &RayJob<'_>) -> bool {
+        (self.program, self.variant, self.lighting) == (job.program, Variant::of(job), Lighting::of(job))
+    }
 }
 
 impl BvhTracer {
@@ -241,8 +258,8 @@ impl DeviceTracer for BvhTracer {
         Ok(BuildStats { bytes: self.nodes.bytes() + self.leaves.bytes(), nodes: tree.nodes.len() as u64 })
     }
 
-    fn program(program: RayProgram, variant: Variant) -> Option<&'static str> {
-        programs::on_bvh(program, variant)
+    fn program(program: RayProgram, variant: Variant, lighting: Lighting) -> Option<&'static str> {
+        programs::on_bvh(program, variant, lighting)
     }
 
     fn clear(&mut self) {
@@ -257,17 +274,19 @@ impl DeviceTracer for BvhTracer {
     }
 
     fn load(&mut self, device: &Device, job: &RayJob<'_>) -> Result<(), BackendError> {
-        let (program, variant, info) = (job.program, Variant::of(job), job.program.info());
-        if self.kernels.iter().any(|kernel| (kernel.program, kernel.variant) == (program, variant)) {
+        let (program, variant, lighting) = (job.program, Variant::of(job), Lighting::of(job));
+        let info = program.info();
+        if self.kernels.iter().any(|kernel| kernel.is_of(job)) {
             return Ok(());
         }
-        let text = Self::program(program, variant).ok_or_else(|| programs::not_written(Self::NAME, program))?;
+        let text =
+            Self::program(program, variant, lighting).ok_or_else(|| programs::not_written(Self::NAME, program))?;
         let loaded = device.context().load_module(Ptx::from_src(text));
         let kernel = loaded.and_then(|module| {
             let load = |stage: &Stage| Ok((*stage, module.load_function(stage.entry)?));
             let find_eye = (variant == Variant::Bodies).then(|| module.load_function("find_eye")).transpose()?;
-            let stages = stages(program, variant).iter().map(load).collect::<Result<_, DriverError>>()?;
-            Ok(Kernel { program, variant, find_eye, stages, function: module.load_function(info.entry)? })
+            let stages = stages(program, variant, lighting).iter().map(load).collect::<Result<_, DriverError>>()?;
+            Ok(Kernel { program, variant, lighting, find_eye, stages, function: module.load_function(info.entry)? })
         });
         let failed = |error| device.fault(&format!("loading the kernels of `{}`", info.stem), &error);
         self.kernels.push(kernel.map_err(failed)?);
@@ -277,8 +296,7 @@ impl DeviceTracer for BvhTracer {
     fn launch(&mut self, device: &Device, job: &RayJob<'_>, params: &mut Params) -> Result<(), BackendError> {
         self.fill(device, params);
         params.listed = self.listed(params.radius);
-        let is_this = |kernel: &Kernel| (kernel.program, kernel.variant) == (job.program, Variant::of(job));
-        let index = self.kernels.iter().position(is_this).expect("loaded before");
+        let index = self.kernels.iter().position(|kernel| kernel.is_of(job)).expect("loaded before");
         let failed = |error| device.fault(&format!("running `{}`", job.program.info().stem), &error);
         if let Some(find_eye) = self.kernels[index].find_eye.as_ref().filter(|_| params.asks & ASKS_EYE != 0) {
             return start(device, find_eye, Dealt::Once, params).map_err(failed);

@@ -92,6 +92,28 @@ shared_structs! {
         priority: u32 = "unsigned",
     }
 
+    /// A light of a pass that has several, or one with a place: `Light` of the pipeline.
+    struct Light {
+        /// Position in the world, relative to the scene's origin; read with [`LIGHT_PLACE`].
+        place: [f32; 3] = "float[3]",
+        /// Flags: [`LIGHT_PLACE`], [`LIGHT_CONE`].
+        flags: u32 = "unsigned",
+        /// Unit direction in which a directional light travels, or the axis of a spot light.
+        direction: [f32; 3] = "float[3]",
+        /// Distance at which the light of a place ends; infinite where it does not.
+        range: f32 = "float",
+        /// Linear colour, where the attenuation is 1.
+        color: [f32; 3] = "float[3]",
+        /// With [`LIGHT_CONE`]: power of the cosine that multiplies the light.
+        exponent: f32 = "float",
+        /// The light of a place is divided by the first of these, plus the second times the distance, plus the third times its square.
+        attenuation: [f32; 3] = "float[3]",
+        /// With [`LIGHT_CONE`]: cosine of the angle to the axis up to which the light is whole.
+        inner: f32 = "float",
+        /// With [`LIGHT_CONE`]: cosine of the angle to the axis from which on there is no light.
+        outer: f32 = "float",
+    }
+
     /// Level 0 of a texture; where there are other levels, they follow it.
     struct TextureInfo {
         /// Index of the texture's first texel in [`Params::texels`].
@@ -228,6 +250,12 @@ shared_structs! {
         blocked: Address = "unsigned *",
         /// Number of segments.
         segment_count: u64 = "unsigned long long",
+        /// The lights of a pass that has several, or one with a place; 0 where it has one directional light.
+        lights: Address = "const Light *",
+        /// For each material, three numbers: what its texture adds to these lights.
+        emissions: Address = "const float *",
+        /// Number of lights.
+        light_count: u64 = "unsigned long long",
     }
 }
 
@@ -244,6 +272,14 @@ unsafe impl DeviceRepr for TextureInfo {}
 // SAFETY: as above.
 unsafe impl DeviceRepr for Body {}
 
+#[allow(unsafe_code, reason = "says that the struct may be copied to the device")]
+// SAFETY: as above.
+unsafe impl DeviceRepr for Light {}
+
+/// The light has a place.
+pub const LIGHT_PLACE: u32 = 1;
+/// The light is a spot light.
+pub const LIGHT_CONE: u32 = 2;
 /// Rays bounce on the material (reflection and refraction).
 pub const SHADE_GLASS: u32 = 1;
 /// Shadow rays pass the material, dimmed.
@@ -322,6 +358,8 @@ pub fn header() -> String {
         ("NO_TRIANGLE", curitiba_pipeline::backend::NO_TRIANGLE),
         ("NO_TEXTURE", NO_TEXTURE),
         ("TRANSPARENT", gpu_tree::TRANSPARENT),
+        ("LIGHT_PLACE", LIGHT_PLACE),
+        ("LIGHT_CONE", LIGHT_CONE),
         ("SHADE_GLASS", SHADE_GLASS),
         ("SHADE_SHADOW_GLASS", SHADE_SHADOW_GLASS),
         ("SHADE_CUT", SHADE_CUT),
@@ -376,6 +414,8 @@ pub fn header() -> String {
         ("SHADOWED", effects::SHADOWED),
         ("ROUND", effects::ROUND),
         ("THROUGH_GLASS", effects::THROUGH_GLASS),
+        ("BEFORE_LIGHT", effects::BEFORE_LIGHT),
+        ("LEAST_DIVISOR", effects::LEAST_DIVISOR),
         ("THESIS_EPSILON", effects::EPSILON),
         ("THESIS_REFRACTED_EPSILON", effects::REFRACTED_EPSILON),
         ("GLASS_BOUNCE", effects::BOUNCE),

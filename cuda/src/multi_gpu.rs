@@ -9,6 +9,7 @@ use crate::layout::BLOCK_HEIGHT;
 use crate::one_gpu::{DeviceTracer, OneGpu, Stripe, launches};
 use crate::{peers, programs, shared_gbuffer};
 use curitiba_passes::cpu::check;
+use curitiba_passes::effects::Lighting;
 use curitiba_passes::effects::dielectric::{Variant, check_glass};
 use curitiba_pipeline::backend::{BackendError, BuildStats, Gpu, Limits, RayBackend, RayJob, RayStats};
 use curitiba_pipeline::executor::Progress;
@@ -149,7 +150,7 @@ impl<T: DeviceTracer> RayBackend for DeviceRays<T> {
     }
 
     fn supports(&self, program: RayProgram, fidelity: Fidelity) -> Result<(), BackendError> {
-        match T::program(program, Variant::Panes(fidelity)) {
+        match T::program(program, Variant::Panes(fidelity), Lighting::Sun) {
             Some(_) => Ok(()),
             None => Err(programs::not_written(T::NAME, program)),
         }
@@ -165,6 +166,10 @@ impl<T: DeviceTracer> RayBackend for DeviceRays<T> {
     }
 
     fn traces_cones(&self) -> bool {
+        true
+    }
+
+    fn knows_lights(&self) -> bool {
         true
     }
 
@@ -206,7 +211,6 @@ impl<T: DeviceTracer> RayBackend for DeviceRays<T> {
         if job.program != RayProgram::Dummy {
             check::scene(T::NAME, job, false)?;
             check::sun(T::NAME, job)?;
-            check::lights(T::NAME, job)?;
             check::filter(T::NAME, job)?;
             check::adaptive(T::NAME, job)?;
             check_glass(T::NAME, false, &job.params, job.dielectrics)?;

@@ -6,16 +6,16 @@ use crate::layout::{
     REACHES, THROUGH_GLASS_ENTRIES,
 };
 use crate::peers::{Copies, Lent, copy_here, copy_parts};
-use crate::scene::{SceneBuffers, bodies, shades};
+use crate::scene::{SceneBuffers, bodies, emissions, lights, shades};
 use crate::shared_gbuffer::Joined;
 use crate::sobol_table::table;
 use crate::staging::Staging;
 use cudarc::driver::sys::CUevent_flags;
 use cudarc::driver::{CudaEvent, DeviceRepr};
 use curitiba_passes::cpu::{check, may_trace};
-use curitiba_passes::effects::Preparation;
 use curitiba_passes::effects::constants::THROUGH_GLASS;
 use curitiba_passes::effects::dielectric::Variant;
+use curitiba_passes::effects::{Lighting, Preparation};
 use curitiba_passes::sampling::HemisphereSampler;
 use curitiba_pipeline::backend::{BackendError, BuildStats, PixelCone, RayCounts, RayJob, RayStats};
 use curitiba_pipeline::executor::Progress;
@@ -44,7 +44,7 @@ pub trait DeviceTracer: Sized + Send {
     /// If something is missing; the message says what, and what to do.
     fn new(device: &Device) -> Result<Self, BackendError>;
     /// The device program of a ray program; `None` if there is none and the pass must run on another backend.
-    fn program(program: RayProgram, variant: Variant) -> Option<&'static str>;
+    fn program(program: RayProgram, variant: Variant, lighting: Lighting) -> Option<&'static str>;
     /// Details of the tracer in addition to the device's name; may be empty.
     fn description(&self) -> String;
     /// Builds the structure. The caller has released the old one with [`Self::clear`].
@@ -161,6 +161,8 @@ struct Images {
     shades: Table<crate::layout::Shade>,
     bodies: Table<Body>,
     around_eye: Buffer<u32>,
+    lights: Table<crate::layout::Light>,
+    emissions: Table<f32>,
 }
 
 impl Images {
@@ -168,8 +170,9 @@ impl Images {
     fn bytes(&self) -> u64 {
         let attachments = [&self.position, &self.normal, &self.color, &self.output].map(Buffer::bytes);
         let tables = [self.open_share.buffer.bytes(), self.through_glass.buffer.bytes(), self.sobol.buffer.bytes()];
-        let others =
-            [self.triangle.bytes(), self.counts.bytes(), self.shades.buffer.bytes(), self.bodies.buffer.bytes()];
+        let lights = self.lights.buffer.bytes() + self.emissions.buffer.bytes();
+        let materials = self.shades.buffer.bytes() + self.bodies.buffer.bytes();
+        let others = [self.triangle.bytes(), self.counts.bytes(), materials, lights];
         [&attachments[..], &tables, &others].concat().iter().sum()
     }
 }
@@ -354,6 +357,11 @@ impl<T: DeviceTracer> OneGpu<T> {
         let through: Vec<f32> = (0..THROUGH_GLASS_ENTRIES as i32).map(|count| THROUGH_GLASS.powi(count)).collect();
         images.through_glass.set(device, "the table of glass", through)?;
         images.shades.set(device, "the materials", shades(job))?;
+        let has_lights = Lighting::of(job) == Lighting::Lights;
+        if has_lights {
+            images.lights.set(device, "the lights", lights(job))?;
+            images.emissions.set(device, "what textures add to lights", emissions(job))?;
+        }
         let has_bodies = job.dielectrics.iter().any(|dielectric| dielectric.shape == Shape::Solid);
         if !job.dielectrics.is_empty() {
             images.bodies.set(device, "the glass", bodies(job))?;
@@ -426,6 +434,9 @@ impl<T: DeviceTracer> OneGpu<T> {
             own: 0,
             blocked: 0,
             segment_count: 0,
+            lights: if has_lights { images.lights.address(device) } else { 0 },
+            emissions: if has_lights { images.emissions.address(device) } else { 0 },
+            light_count: if has_lights { images.lights.len() as u64 } else { 0 },
         })
     }
 

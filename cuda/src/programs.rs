@@ -1,5 +1,6 @@
 //! The device programs as PTX, which the driver compiles for its GPU; `programs/build.sh` writes them.
 
+use curitiba_passes::effects::Lighting;
 use curitiba_passes::effects::dielectric::Variant;
 use curitiba_pipeline::backend::BackendError;
 use curitiba_pipeline::programs::{Fidelity, RayProgram};
@@ -19,6 +20,15 @@ macro_rules! table {
         ])),*];
     };
 }
+macro_rules! lights {
+    ($($program:ident $stem:literal),* $(,)?) => {
+        /// PTX of the programs for several lights and for lights with a place, in corrected fidelity, where they see glass as defined by each
+        /// material: on our own traversal and on OptiX.
+        const LIGHTS: &[(RayProgram, [&str; 2])] = &[$((RayProgram::$program, [
+            text!("bvh/lights/", $stem), text!("optix/lights/", $stem),
+        ])),*];
+    };
+}
 macro_rules! bodies {
     ($($program:ident $stem:literal),* $(,)?) => {
         /// PTX of the programs with glass as defined by each material, in corrected fidelity: on our own traversal and on OptiX.
@@ -31,6 +41,12 @@ bodies! {
     Refraction "refraction",
     Final "final",
 }
+lights! {
+    DeferredShadows "deferredShadows",
+    Reflection "reflection",
+    Refraction "refraction",
+    Final "final",
+}
 table! {
     Dummy "dummy",
     DeferredShadows "deferredShadows",
@@ -40,29 +56,33 @@ table! {
     Final "final",
 }
 
-fn text(program: RayProgram, tracer: usize, variant: Variant) -> Option<&'static str> {
-    match variant {
-        Variant::Panes(fidelity) => {
+fn text(program: RayProgram, tracer: usize, variant: Variant, lighting: Lighting) -> Option<&'static str> {
+    let of = |table: &[(RayProgram, [&'static str; 2])]| {
+        table.iter().find(|(own, _)| *own == program).map(|(_, texts)| texts[tracer])
+    };
+    match (variant, lighting) {
+        (Variant::Ways, _) | (Variant::Panes(Fidelity::Thesis), Lighting::Lights) => None,
+        (_, Lighting::Lights) => of(LIGHTS),
+        (Variant::Panes(fidelity), Lighting::Sun) => {
             let (_, texts) = TABLE.iter().find(|(own, _)| *own == program)?;
             Some(texts[tracer][usize::from(fidelity == Fidelity::Thesis)])
         }
-        Variant::Bodies => BODIES.iter().find(|(own, _)| *own == program).map(|(_, texts)| texts[tracer]),
-        Variant::Ways => None,
+        (Variant::Bodies, Lighting::Sun) => of(BODIES),
     }
 }
 
 /// A program on our own traversal: a module whose kernel has the name of the ray-generation program. `None` if the program exists only in
 /// Rust.
 #[must_use]
-pub fn on_bvh(program: RayProgram, variant: Variant) -> Option<&'static str> {
-    text(program, 0, variant)
+pub fn on_bvh(program: RayProgram, variant: Variant, lighting: Lighting) -> Option<&'static str> {
+    text(program, 0, variant, lighting)
 }
 
 /// A program on OptiX: all entries that a project may name, such as `__raygen__buffer_camera` or `__closesthit__closest_hit`. Both
 /// fidelities have the same names. `None` if the program exists only in Rust.
 #[must_use]
-pub fn on_optix(program: RayProgram, variant: Variant) -> Option<&'static str> {
-    text(program, 1, variant)
+pub fn on_optix(program: RayProgram, variant: Variant, lighting: Lighting) -> Option<&'static str> {
+    text(program, 1, variant, lighting)
 }
 
 /// The kernel that traces segments between triangles on our own traversal: `segments`.
@@ -91,11 +111,25 @@ mod tests {
     use std::path::{Path, PathBuf};
 
     const PANES: [Variant; 2] = [Variant::Panes(Fidelity::Corrected), Variant::Panes(Fidelity::Thesis)];
-    const VARIANTS: [Variant; 3] = [PANES[0], PANES[1], Variant::Bodies];
+    const VARIANTS: [(Variant, Lighting); 5] = [
+        (PANES[0], Lighting::Sun),
+        (PANES[1], Lighting::Sun),
+        (Variant::Bodies, Lighting::Sun),
+        (PANES[0], Lighting::Lights),
+        (Variant::Bodies, Lighting::Lights),
+    ];
 
     #[test]
     fn those_that_know_bodies_are_those_that_are_asked_for_them() {
         assert_eq!(BODIES.iter().map(|(program, _)| *program).collect::<Vec<_>>(), Variant::OF_BODIES);
+    }
+
+    #[test]
+    fn those_that_know_lights_are_those_that_read_one() {
+        for info in RAY_PROGRAMS.iter().filter(|info| !info.starts_at_camera()) {
+            let known = on_bvh(info.program, PANES[0], Lighting::Lights).is_some();
+            assert_eq!(known, info.globals.contains(&"lightDir"), "{}", info.stem);
+        }
     }
 
     /// The hash that `programs/build.sh` records: FNV-1a over the sources in the order of their names.
@@ -121,15 +155,14 @@ mod tests {
     fn the_compiled_programs_are_made_from_the_sources() {
         let first_line = format!("// curitiba sources {}", hash_of_sources());
         for info in RAY_PROGRAMS {
-            for variant in VARIANTS {
-                for (tracer, text) in
-                    [("bvh", on_bvh(info.program, variant)), ("optix", on_optix(info.program, variant))]
-                {
+            for (variant, lighting) in VARIANTS {
+                let texts = [on_bvh(info.program, variant, lighting), on_optix(info.program, variant, lighting)];
+                for (tracer, text) in ["bvh", "optix"].into_iter().zip(texts) {
                     let Some(text) = text else { continue };
                     assert_eq!(
                         text.lines().next(),
                         Some(first_line.as_str()),
-                        "ptx/{tracer}/{variant:?}/{}.ptx is older than its sources: run cuda/programs/build.sh",
+                        "ptx/{tracer}/{variant:?}/{lighting:?}/{}.ptx is older than its sources: run cuda/programs/build.sh",
                         info.stem
                     );
                 }
@@ -161,16 +194,15 @@ mod tests {
     fn every_module_has_all_programs_for_every_gpu_since_turing() {
         for info in RAY_PROGRAMS {
             if info.starts_at_camera() {
-                let has =
-                    |variant| on_bvh(info.program, variant).is_some() || on_optix(info.program, variant).is_some();
+                let has = |(variant, lighting)| {
+                    on_bvh(info.program, variant, lighting).or(on_optix(info.program, variant, lighting)).is_some()
+                };
                 assert!(!VARIANTS.into_iter().any(has), "{}: the processor's alone", info.stem);
                 continue;
             }
-            for variant in VARIANTS {
-                let (Some(kernel), Some(module)) = (on_bvh(info.program, variant), on_optix(info.program, variant))
-                else {
-                    continue;
-                };
+            for (variant, lighting) in VARIANTS {
+                let texts = (on_bvh(info.program, variant, lighting), on_optix(info.program, variant, lighting));
+                let (Some(kernel), Some(module)) = texts else { continue };
                 assert!(kernel.contains(&format!(".entry {}(", info.entry)), "{}", info.stem);
                 for (kind, proc) in PROCS.iter().flat_map(|(kind, procs)| procs.iter().map(move |proc| (kind, proc))) {
                     assert!(
@@ -186,7 +218,7 @@ mod tests {
                     assert!(!text.contains(".ftz.f32"), "{}: denormals are kept, as on the processor", info.stem);
                 }
             }
-            let [corrected, thesis] = PANES.map(|variant| on_optix(info.program, variant));
+            let [corrected, thesis] = PANES.map(|variant| on_optix(info.program, variant, Lighting::Sun));
             assert_eq!(corrected == thesis, info.program == RayProgram::Dummy, "{}", info.stem);
         }
     }
@@ -228,7 +260,8 @@ mod tests {
                     let info = info.unwrap_or_else(|| panic!("{}: {file}", path.display()));
                     let Some(entry) = entry(&kind, &proc) else { continue };
                     for variant in PANES {
-                        let module = on_optix(info.program, variant).expect("projects name programs that OptiX has");
+                        let module = on_optix(info.program, variant, Lighting::Sun)
+                            .expect("projects name programs that OptiX has");
                         assert!(module.contains(&entry), "{}: {file} {kind} {proc}", path.display());
                     }
                     found += 1;

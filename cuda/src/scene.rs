@@ -2,11 +2,11 @@
 
 use crate::device::{Address, Buffer, Device};
 use crate::layout::{
-    Body, NO_TEXTURE, Params, SHADE_CUT, SHADE_GLASS, SHADE_GLOW, SHADE_NORMAL_MAP, SHADE_SHADOW_GLASS,
-    SHADE_VERTEX_COLORS, SHAPE_OPAQUE, SHAPE_PANE, SHAPE_SOLID, SHAPE_THIN, Shade, TextureInfo, VERTEX_COLORS_DISPLAY,
-    VERTEX_COLORS_LINEAR, VERTEX_COLORS_NONE, WRAP_CLAMP, WRAP_MIRROR, WRAP_REPEAT,
+    Body, LIGHT_CONE, LIGHT_PLACE, Light, NO_TEXTURE, Params, SHADE_CUT, SHADE_GLASS, SHADE_GLOW, SHADE_NORMAL_MAP,
+    SHADE_SHADOW_GLASS, SHADE_VERTEX_COLORS, SHAPE_OPAQUE, SHAPE_PANE, SHAPE_SOLID, SHAPE_THIN, Shade, TextureInfo,
+    VERTEX_COLORS_DISPLAY, VERTEX_COLORS_LINEAR, VERTEX_COLORS_NONE, WRAP_CLAMP, WRAP_MIRROR, WRAP_REPEAT,
 };
-use curitiba_pipeline::backend::{BackendError, RayJob};
+use curitiba_pipeline::backend::{self, BackendError, RayJob};
 use curitiba_pipeline::color::{ColorSpace, DECODED};
 use curitiba_pipeline::glass::{Dielectric, Shape};
 use curitiba_pipeline::programs::Fidelity;
@@ -123,7 +123,7 @@ pub fn shades(job: &RayJob<'_>) -> Vec<Shade> {
     let set = |flags: &[bool], material: usize, flag: u32| {
         if flags.get(material).copied().unwrap_or(false) { flag } else { 0 }
     };
-    let shade = |(material, shade): (usize, &curitiba_pipeline::backend::Shade)| {
+    let shade = |(material, shade): (usize, &backend::Shade)| {
         let cutoff = shade.alpha_cutoff.filter(|_| job.fidelity == Fidelity::Corrected);
         Shade {
             diffuse: shade.diffuse.truncate().to_array(),
@@ -167,6 +167,35 @@ pub fn bodies(job: &RayJob<'_>) -> Vec<Body> {
         priority: dielectric.priority.into(),
     };
     job.dielectrics.iter().map(body).collect()
+}
+
+/// The job's lights, where it has several, or one with a place.
+#[must_use]
+pub fn lights(job: &RayJob<'_>) -> Vec<Light> {
+    let light = |light: &backend::Light| {
+        let has_place = if light.place.is_some() { LIGHT_PLACE } else { 0 };
+        let has_cone = if light.cone.is_some() { LIGHT_CONE } else { 0 };
+        let none = backend::Cone { inner: 0.0, outer: 0.0, exponent: 0.0 };
+        let backend::Cone { inner, outer, exponent } = light.cone.unwrap_or(none);
+        Light {
+            place: light.place.unwrap_or_default().to_array(),
+            flags: has_place | has_cone,
+            direction: light.direction.to_array(),
+            range: light.range,
+            color: light.color.to_array(),
+            exponent,
+            attenuation: light.attenuation,
+            inner,
+            outer,
+        }
+    };
+    job.lights.iter().map(light).collect()
+}
+
+/// For each material, what its texture adds to the light that is seen on it.
+#[must_use]
+pub fn emissions(job: &RayJob<'_>) -> Vec<f32> {
+    job.shades.iter().flat_map(|shade| shade.emission.truncate().to_array()).collect()
 }
 
 #[cfg(test)]

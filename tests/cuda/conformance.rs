@@ -1,16 +1,18 @@
 //! The conformance matrix: every program, fidelity, view and ray backend.
 
+use super::lamps::add_lamps;
 use super::{PROJECTS, project, there};
 use curitiba::compare::{Operand, compare};
 use curitiba::conformance::{Beside, Found};
 use curitiba::engines::ray_backend;
 use curitiba::passes::raster::cpu::CpuRasteriser;
+use curitiba::pipeline::backend::RayCounts;
 use curitiba::pipeline::color::ColorSpace;
 use curitiba::pipeline::executor::{Engines, Renderer, Silent};
 use curitiba::pipeline::metrics::Options;
 use curitiba::pipeline::plan::{Plan, Settings};
 use curitiba::pipeline::programs::Fidelity;
-use curitiba::pipeline::project;
+use curitiba::pipeline::project::{self, Project};
 use curitiba::{BackendChoice, Choice};
 use std::sync::{Arc, Mutex};
 
@@ -28,6 +30,19 @@ fn record(
     found: &Arc<Mutex<Found>>,
 ) {
     let project = project::load(&project(name)).expect("the project loads");
+    record_of(project, backend, name, camera, (fidelity, set), color, found);
+}
+
+/// As [`record`], of a project that was loaded.
+fn record_of(
+    project: Project,
+    backend: BackendChoice,
+    name: &str,
+    camera: &str,
+    (fidelity, set): (Fidelity, Vec<String>),
+    color: Option<ColorSpace>,
+    found: &Arc<Mutex<Found>>,
+) {
     let (camera_name, size) = (Some(camera.to_owned()), Some([256, 256]));
     let settings = Settings { camera: camera_name, size, fidelity, color, set, ..Settings::default() };
     let beside = Beside {
@@ -166,6 +181,59 @@ fn cones(backend: BackendChoice) {
             assert_eq!(others(record.rays), others(cpu), "{words}");
         }
     }
+}
+
+/// The sun with a point light and two spot lights, in the square and with glass as each material says.
+fn lights(backend: BackendChoice) {
+    if there(Choice::CPU.traced_by(backend)).is_none() {
+        return;
+    }
+    let found = Arc::new(Mutex::new(Found::default()));
+    let views = ["MainCamera", "Vidro"];
+    let names = ["SceneShadows", "SceneReflect", "SceneRefract", "SceneFinal"];
+    let square = names.into_iter().flat_map(|name| views.map(|view| (name, view)));
+    for (name, camera) in square.chain([("glass/balls", "MainCamera"), ("glass/panes", "MainCamera")]) {
+        // In one kernel, and in several; each at level 0 and by ray cones.
+        let sets: &[&[&str]] = match name {
+            "SceneShadows" => &[&[]],
+            "SceneReflect" | "SceneRefract" => &[&[], &["pass2.texturelod=cones"]],
+            "SceneFinal" => &[&["pass2.samples=0"], &["pass2.samples=9"]],
+            _ => &[&["pass2.samples=9"], &["pass2.samples=2", "pass2.shadow=report"]],
+        };
+        for set in sets {
+            let mut project = project::load(&project(name)).expect("the project loads");
+            add_lamps(&mut project, camera);
+            let set = set.iter().map(|one| (*one).to_owned()).collect();
+            record_of(project, backend, name, camera, (Fidelity::Corrected, set), None, &found);
+        }
+    }
+    let found = found.lock().expect("no panic while it was held");
+    assert_eq!(found.records.len(), 2 + 4 + 4 + 4 + 4, "a pass did not run");
+    for record in &found.records {
+        let words = record.in_words();
+        println!("{words}");
+        assert!(record.within_limits, "farther off than it may be: {words}");
+        let cpu = record.cpu_rays.expect("the processor ran");
+        if matches!(record.program, "deferredShadows" | "final") {
+            assert!(cpu.shadow > 10_000, "a light throws no shadows: {words}");
+        }
+        if record.backend == "cuda" {
+            // `final` on the processor lights surfaces of no weight, too.
+            let shadow = |rays: RayCounts| if record.program == "final" { 0 } else { rays.shadow };
+            let others = |rays: RayCounts| [shadow(rays), rays.reflected, rays.refracted, rays.lost];
+            assert_eq!(others(record.rays), others(cpu), "{words}");
+        }
+    }
+}
+
+#[test]
+fn several_lights_on_our_own_tracer_are_the_processors() {
+    lights(BackendChoice::Cuda);
+}
+
+#[test]
+fn several_lights_on_optix_are_the_processors() {
+    lights(BackendChoice::Optix);
 }
 
 #[test]

@@ -4,6 +4,8 @@
 //! The binary runs on any machine: where the source folder is missing, it looks for the projects in the current folder.
 
 mod conformance;
+#[path = "../lamps/mod.rs"]
+mod lamps;
 mod several;
 
 use curitiba::Choice;

@@ -3,6 +3,8 @@
 //! Without an adapter these tests print `skipped: why` and pass; with `CURITIBA_REQUIRE_GPU_TESTS=1` they fail instead.
 
 mod in_place;
+#[path = "../lamps/mod.rs"]
+mod lamps;
 
 use curitiba::conformance::{Beside, Found, Record, compare};
 use curitiba::engines::ray_backend;
@@ -15,9 +17,10 @@ use curitiba::pipeline::glass::Dielectric;
 use curitiba::pipeline::image::Image;
 use curitiba::pipeline::plan::{Plan, Settings};
 use curitiba::pipeline::programs::{Fidelity, RayParams, RayProgram};
-use curitiba::pipeline::project;
+use curitiba::pipeline::project::{self, Project};
 use curitiba::pipeline::scene::RenderScene;
 use curitiba::{BackendChoice, Choice, RasterChoice};
+use lamps::add_lamps;
 use std::cell::RefCell;
 use std::path::Path;
 use std::rc::Rc;
@@ -78,6 +81,10 @@ impl RayBackend for Lent {
         self.0.borrow().traces_cones()
     }
 
+    fn knows_lights(&self) -> bool {
+        self.0.borrow().knows_lights()
+    }
+
     fn build(&mut self, scene: &Arc<RenderScene>, filtered: &[bool]) -> Result<BuildStats, BackendError> {
         self.0.borrow_mut().build(scene, filtered)
     }
@@ -108,6 +115,21 @@ fn record_in(
 ) {
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join(format!("xml_projects/{name}.xml"));
     let project = project::load(&path).expect("the project loads");
+    record_of(project, color, lent, name, camera, fidelity, set, found);
+}
+
+/// As [`record_in`], of a project that was loaded.
+#[expect(clippy::too_many_arguments, reason = "each test names all of them")]
+fn record_of(
+    project: Project,
+    color: Option<ColorSpace>,
+    lent: &Lent,
+    name: &str,
+    camera: &str,
+    fidelity: Fidelity,
+    set: &[&str],
+    found: &Arc<Mutex<Found>>,
+) {
     let settings = Settings {
         camera: Some(camera.to_owned()),
         size: Some([SIDE, SIDE]),
@@ -201,6 +223,32 @@ fn every_program_of_the_report_computes_what_the_processor_does() {
     let found = Arc::default();
     matrix(&Lent::wgpu(), Fidelity::Thesis, &found);
     check_all(&found, 2 * 6);
+}
+
+/// The sun with a point light and two spot lights.
+#[test]
+fn several_lights_are_the_processors() {
+    if !is_there() {
+        return;
+    }
+    let (lent, found) = (&Lent::wgpu(), Arc::default());
+    for (name, camera) in [("SceneShadows", "MainCamera"), ("SceneShadows", "Vidro"), ("SceneReflect", "Vidro")] {
+        let path = Path::new(env!("CARGO_MANIFEST_DIR")).join(format!("xml_projects/{name}.xml"));
+        let mut project = project::load(&path).expect("the project loads");
+        add_lamps(&mut project, camera);
+        record_of(project, None, lent, name, camera, Fidelity::Corrected, &[], &found);
+    }
+    let found = found.lock().expect("no panic while it was held");
+    assert_eq!(found.records.len(), 3, "a pass did not run");
+    for record in &found.records {
+        let words = record.in_words();
+        println!("{words} {:?} {:?}", record.rays, record.cpu_rays);
+        assert!(record.within_limits, "farther off than it may be: {words}");
+        let (mine, theirs) = (record.rays, record.cpu_rays.expect("the processor ran"));
+        let pixels = u64::from(SIDE * SIDE);
+        assert!(record.program == "reflection" || theirs.shadow > pixels, "a light throws no shadows: {words}");
+        assert!(mine.shadow.abs_diff(theirs.shadow) <= theirs.shadow / 500, "{words}");
+    }
 }
 
 /// Glass as each material says, in front of a background: balls of several kinds, a filled glass with a bubble, and

@@ -124,6 +124,7 @@ pub fn records(headers: &Headers, job: &RayJob<'_>, materials: usize) -> Vec<u8>
 mod tests {
     use super::*;
     use crate::programs::on_optix;
+    use curitiba_passes::effects::Lighting;
     use curitiba_passes::effects::dielectric::Variant;
     use curitiba_pipeline::backend::{PixelCone, Shade};
     use curitiba_pipeline::programs::{RAY_PROGRAMS, RayParams, RayProgram};
@@ -139,8 +140,11 @@ mod tests {
     fn every_program_that_is_called_is_in_the_module() {
         for info in RAY_PROGRAMS {
             let panes = [Fidelity::Corrected, Fidelity::Thesis].map(Variant::Panes);
-            for variant in panes.into_iter().chain([Variant::Bodies]) {
-                let Some(ptx) = on_optix(info.program, variant) else { continue };
+            let variants = panes.into_iter().chain([Variant::Bodies]);
+            let kinds =
+                variants.flat_map(|variant| [Lighting::Sun, Lighting::Lights].map(|lighting| (variant, lighting)));
+            for (variant, lighting) in kinds {
+                let Some(ptx) = on_optix(info.program, variant, lighting) else { continue };
                 for group in groups(info).iter().flatten() {
                     for name in names(group) {
                         assert!(ptx.contains(&format!(".entry {name}(")), "{}: {name}", info.stem);

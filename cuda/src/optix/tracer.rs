@@ -8,6 +8,7 @@ use crate::layout::Params;
 use crate::one_gpu::{DeviceTracer, Table};
 use crate::programs;
 use crate::scene::SceneBuffers;
+use curitiba_passes::effects::Lighting;
 use curitiba_passes::effects::dielectric::Variant;
 use curitiba_pipeline::backend::{BackendError, BuildStats, RayJob};
 use curitiba_pipeline::programs::RayProgram;
@@ -31,8 +32,16 @@ pub struct OptixTracer {
 struct Loaded {
     program: RayProgram,
     variant: Variant,
+    lighting: Lighting,
     pipeline: Pipeline,
     records: Table<u8>,
+}
+
+impl Loaded {
+    /// Whether this is the program of a job.
+    fn is_of(&self, job: &RayJob<'_>) -> bool {
+        (self.program, self.variant, self.lighting) == (job.program, Variant::of(job), Lighting::of(job))
+    }
 }
 
 fn wrong(message: String) -> BackendError {
@@ -156,8 +165,8 @@ impl DeviceTracer for OptixTracer {
         Ok(BuildStats { bytes: self.structure.bytes(), nodes: 0 })
     }
 
-    fn program(program: RayProgram, variant: Variant) -> Option<&'static str> {
-        programs::on_optix(program, variant)
+    fn program(program: RayProgram, variant: Variant, lighting: Lighting) -> Option<&'static str> {
+        programs::on_optix(program, variant, lighting)
     }
 
     fn clear(&mut self) {
@@ -170,16 +179,17 @@ impl DeviceTracer for OptixTracer {
     }
 
     fn load(&mut self, device: &Device, job: &RayJob<'_>) -> Result<(), BackendError> {
-        let (program, variant, info) = (job.program, Variant::of(job), job.program.info());
-        let is_this = |loaded: &Loaded| (loaded.program, loaded.variant) == (program, variant);
-        if !self.programs.iter().any(is_this) {
-            let text = Self::program(program, variant).ok_or_else(|| programs::not_written(Self::NAME, program))?;
+        let (program, variant, lighting) = (job.program, Variant::of(job), Lighting::of(job));
+        let info = program.info();
+        if !self.programs.iter().any(|loaded| loaded.is_of(job)) {
+            let text =
+                Self::program(program, variant, lighting).ok_or_else(|| programs::not_written(Self::NAME, program))?;
             let compiled = self.api.pipeline(&entries::groups(info), text);
             let pipeline = compiled.map_err(|why| refused(device, &format!("loading `{}`", info.stem), why))?;
-            self.programs.push(Loaded { program, variant, pipeline, records: Table::default() });
+            self.programs.push(Loaded { program, variant, lighting, pipeline, records: Table::default() });
         }
         let materials = self.materials;
-        let Some(loaded) = self.programs.iter_mut().find(|loaded| is_this(loaded)) else { return Ok(()) };
+        let Some(loaded) = self.programs.iter_mut().find(|loaded| loaded.is_of(job)) else { return Ok(()) };
         let records = entries::records(&loaded.pipeline.headers, job, materials);
         loaded.records.set(device, "the records of the programs", records)
     }
@@ -188,8 +198,8 @@ impl DeviceTracer for OptixTracer {
     fn launch(&mut self, device: &Device, job: &RayJob<'_>, params: &mut Params) -> Result<(), BackendError> {
         params.handle = self.handle;
         let parameters = describe(device, &mut self.params, params)?;
-        let is_this = |loaded: &&Loaded| (loaded.program, loaded.variant) == (job.program, Variant::of(job));
-        let Loaded { pipeline, records, .. } = self.programs.iter().find(is_this).expect("loaded before");
+        let loaded = self.programs.iter().find(|loaded| loaded.is_of(job));
+        let Loaded { pipeline, records, .. } = loaded.expect("loaded before");
         let stream = device.stream().cu_stream().cast();
         let records = (records.address(device), records.len());
         // SAFETY: the parameters are laid out as the programs' compiler checked; what they point to are buffers of this
@@ -273,7 +283,7 @@ mod tests {
 
     #[test]
     fn launch_parameters_have_no_padding() {
-        let (addresses, words) = (34 * 8, 12 * 4 + 2 * 4 + 6 * 12 + 4 * 4 + 2 * 4);
+        let (addresses, words) = (37 * 8, 12 * 4 + 2 * 4 + 6 * 12 + 4 * 4 + 2 * 4);
         assert_eq!(size_of::<Params>(), addresses + words);
     }
 }

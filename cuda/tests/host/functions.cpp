@@ -2,6 +2,7 @@
 // output; `main.rs` says what is in them, and compares.
 #include "cuda.h"
 #include "cone_test.cuh"
+#include "lights.cuh"
 #include "words.h"
 
 // The nearest hit of each ray among all triangles; of several at one distance, the first.
@@ -90,6 +91,16 @@ static void samples() {
     }
 }
 
+// What arrives of lights at points.
+static void lights() {
+    while (place < input.size()) {
+        Light light = read_light();
+        Arriving found = arriving(light, vector());
+        put(found.towards);
+        put(found.factor);
+    }
+}
+
 // Cones of rays: a step along, after a mirror and after an interface; the curvature of a triangle, what of its texture is covered, and the
 // level of that.
 static void ray_cones() {
@@ -154,6 +165,7 @@ int main(int count, char **arguments) {
     else if (what == "lifts") lifts();
     else if (what == "bumps") bumps();
     else if (what == "samples") samples();
+    else if (what == "lights") lights();
     else if (what == "cones") cones();
     else if (what == "ray_cones") ray_cones();
     else return 1;

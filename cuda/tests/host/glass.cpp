@@ -1,11 +1,22 @@
-// The programs that know glass as each material says, on the host: the same text with a tracer that asks all triangles.
+// The programs that know glass as each material says, on the host: the same text with a tracer that asks all triangles. With CURITIBA_LIGHTS
+// also those that know several lights.
 #define CURITIBA_BODIES
 #include "cuda.h"
 #include "triangle.cuh"
-#ifdef CURITIBA_OF_FINAL
+#if defined(CURITIBA_OF_FINAL)
 #include "final.cuh"
+#define CURITIBA_COMPUTES bodies
+#elif defined(CURITIBA_OF_SHADOWS)
+#include "bodies.cuh"
+#include "deferredShadows.cuh"
+#define CURITIBA_COMPUTES corrected
+#elif defined(CURITIBA_OF_MIRRORS)
+#include "bodies.cuh"
+#include "reflection.cuh"
+#define CURITIBA_COMPUTES corrected
 #else
 #include "refraction.cuh"
+#define CURITIBA_COMPUTES bodies
 #endif
 #include "words.h"
 
@@ -107,6 +118,13 @@ int main() {
     numbers(params.eye);
     numbers(params.to_light);
     numbers(params.light_color);
+    std::vector<Light> lights(word());
+    for (Light &light : lights) light = read_light();
+    std::vector<float> emissions(3 * bodies.size());
+    numbers(emissions);
+    params.lights = lights.data();
+    params.light_count = lights.size();
+    params.emissions = emissions.data();
     params.width = word();
     params.height = word();
     unsigned pixels = params.width * params.height;
@@ -133,10 +151,11 @@ int main() {
     find_bodies_around_eye(eye);
     for (unsigned i = 0; i < pixels; ++i) {
         Pass<AllTriangles> pass = {params, tracer, {i % params.width, i / params.width, i}, true, {}};
-        put(xyz(::bodies(pass)));
+        put(xyz(::CURITIBA_COMPUTES(pass)));
         put(pass.rays.reflected);
         put(pass.rays.refracted);
         put(pass.rays.lost);
+        put(pass.rays.shadow);
     }
     return write_all();
 }

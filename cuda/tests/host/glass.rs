@@ -1,10 +1,11 @@
 //! `refraction` and `final` with glass as defined by each material: the source of the device programs, compiled for the host with a tracer
 //! that tests all triangles, compared with the processor's programs.
 
-use super::{compiled_with, run, words};
+use super::{compiled_with, light_words, run, words};
+use curitiba_cuda::scene::{emissions, lights};
 use curitiba_passes::cpu;
 use curitiba_passes::trace::{Bvh, Hit, Quality, Ray, Tracer};
-use curitiba_pipeline::backend::{NO_TRIANGLE, PixelCone, RayJob, Shade, Sun};
+use curitiba_pipeline::backend::{Light, NO_TRIANGLE, PixelCone, RayJob, Shade, Sun};
 use curitiba_pipeline::executor::Progress;
 use curitiba_pipeline::glass::{Dielectric, GlassRule, GlassShadow, Shape};
 use curitiba_pipeline::image::Image;
@@ -18,7 +19,7 @@ const SIZE: u32 = 40;
 const BEYOND: Vec3 = Vec3::new(0.2, 0.5, 0.9);
 
 /// A scene, the optical data of its materials, and the camera.
-struct Scene {
+pub(crate) struct Scene {
     scene: RenderScene,
     dielectrics: Vec<Dielectric>,
     diffuse: Vec<Vec3>,
@@ -106,7 +107,7 @@ fn solid(index: f32) -> Dielectric {
 }
 
 /// A tinted ball with water in it, a veiled box that overlaps another of a higher priority, an absorbing wall and a pane, over a floor.
-fn several() -> Scene {
+pub(crate) fn several() -> Scene {
     let mut scene = Scene::new(Vec3::new(0.3, 1.4, 5.0), Vec3::new(0.0, 0.7, 0.0));
     let opaque = Dielectric::default();
     scene.add(opaque, Vec3::new(0.8, 0.7, 0.5), &cuboid(Vec3::new(-6.0, -0.5, -6.0), Vec3::new(6.0, 0.0, 6.0)), flat);
@@ -191,22 +192,25 @@ fn rasterised(scene: &Scene, tree: &Bvh) -> GBuffer {
 
 /// The parameters of a program.
 #[derive(Clone, Copy)]
-struct Asked {
-    program: RayProgram,
-    fresnel: Fresnel,
-    shadow: GlassShadow,
-    depth: u32,
-    lod: TextureLod,
+pub(crate) struct Asked<'a> {
+    pub program: RayProgram,
+    pub fresnel: Fresnel,
+    pub shadow: GlassShadow,
+    pub depth: u32,
+    pub lod: TextureLod,
+    /// Several lights, or one with a place, in place of a directional one.
+    pub lights: &'a [Light],
 }
 
 /// The largest difference of a colour, the number of ray kinds whose counts differ, and the number of pixels that show glass.
-fn differences(program: &Path, scene: &Scene, asked: Asked) -> (f32, usize, usize) {
+pub(crate) fn differences(program: &Path, scene: &Scene, asked: Asked<'_>) -> (f32, usize, usize) {
     let geometry = &scene.scene.geometry;
     let tree = Bvh::build(geometry, &vec![true; scene.dielectrics.len()], Quality::default());
     let seen = rasterised(scene, &tree);
     let shade = |(diffuse, dielectric): (&Vec3, &Dielectric)| {
         let texture = (dielectric.shape == Shape::Opaque).then_some(0);
-        Shade { diffuse: diffuse.extend(1.0), texture, ..Shade::default() }
+        let emission = if asked.lights.is_empty() { Vec4::ZERO } else { Vec4::new(0.2, 0.1, 0.0, 0.0) };
+        Shade { diffuse: diffuse.extend(1.0), texture, emission, ..Shade::default() }
     };
     let shades: Vec<Shade> = scene.diffuse.iter().zip(&scene.dielectrics).map(shade).collect();
     let glass: Vec<bool> = scene.dielectrics.iter().map(|dielectric| dielectric.shape != Shape::Opaque).collect();
@@ -231,8 +235,8 @@ fn differences(program: &Path, scene: &Scene, asked: Asked) -> (f32, usize, usiz
         seed: 0,
         eye: scene.eye,
         cone: PixelCone { width: 0.0, spread: 1.0 / SIZE as f32 },
-        lights: &[],
-        sun: Some(sun),
+        lights: asked.lights,
+        sun: asked.lights.is_empty().then_some(sun),
         width: SIZE,
         height: SIZE,
         position: &seen.position,
@@ -250,10 +254,10 @@ fn differences(program: &Path, scene: &Scene, asked: Asked) -> (f32, usize, usiz
     let stats = cpu::trace(&tree, &job, &mut expected, &Progress::default()).expect("the job is whole");
     let input = serialised(scene, &seen, &job);
     let found = run(program, "", &input);
-    let found = found.as_chunks::<6>().0;
+    let found = found.as_chunks::<7>().0;
     assert_eq!(found.len(), expected.pixels.len());
     let (mut largest, mut shown) = (0.0_f32, 0);
-    let mut counts = [0_u64; 3];
+    let mut counts = [0_u64; 4];
     for (pixel, (found, expected)) in found.iter().zip(&expected.pixels).enumerate() {
         for channel in 0..3 {
             let difference = (f32::from_bits(found[channel]) - expected[channel]).abs();
@@ -264,8 +268,10 @@ fn differences(program: &Path, scene: &Scene, asked: Asked) -> (f32, usize, usiz
         shown += usize::from(triangle != NO_TRIANGLE && glass[geometry.material_of(triangle) as usize]);
     }
     let rays = stats.rays;
-    // Shadow rays are not compared: the processor first traces some of a tile's rays together, and those through glass again.
-    let expected = [rays.reflected, rays.refracted, rays.lost];
+    // Shadow rays of `final` are not compared: the processor first traces some of a tile's rays to one light together, and those through
+    // glass again; and it lights surfaces of no weight.
+    let shadow = if asked.program == RayProgram::Final { counts[3] } else { rays.shadow };
+    let expected = [rays.reflected, rays.refracted, rays.lost, shadow];
     let differ = counts.iter().zip(&expected).filter(|(a, b)| a != b).count();
     (largest, differ, shown)
 }
@@ -290,13 +296,17 @@ fn serialised(scene: &Scene, seen: &GBuffer, job: &RayJob<'_>) -> Vec<u32> {
         input.push(dielectric.priority.into());
         input.extend(words([*diffuse]));
     }
-    let sun = job.sun.expect("there is one");
+    let sun = job.sun.unwrap_or(Sun { direction: Vec3::ZERO, color: Vec3::ZERO });
     input.extend([job.params.index.to_bits(), job.params.depth]);
     input.push(u32::from(job.params.fresnel == Fresnel::Schlick));
     input.push(u32::from(job.params.shadow == GlassShadow::Straight));
     let asks = job.texture_lod() == TextureLod::Cones;
     input.extend([job.cone.width, job.cone.spread].map(|number| if asks { number.to_bits() } else { 0 }));
     input.extend(words([job.beyond, job.eye, -sun.direction, sun.color]));
+    let lights = lights(job);
+    input.push(lights.len() as u32);
+    input.extend(lights.iter().flat_map(light_words));
+    input.extend(emissions(job).into_iter().map(f32::to_bits));
     input.extend([job.width, job.height]);
     for pixel in 0..seen.triangle.len() {
         let vectors =
@@ -308,7 +318,7 @@ fn serialised(scene: &Scene, seen: &GBuffer, job: &RayJob<'_>) -> Vec<u32> {
 }
 
 /// Rounding of the exponential function differs between libraries, and so does the order in which colours are summed.
-const ROUNDING: f32 = 2e-5;
+pub(crate) const ROUNDING: f32 = 2e-5;
 
 fn compiled_program(program: RayProgram, name: &str, change: Option<(&str, [&str; 2])>) -> Option<std::path::PathBuf> {
     let source = if program == RayProgram::Final { "glass_final.cpp" } else { "glass.cpp" };
@@ -328,7 +338,7 @@ fn glass_of_the_device_programs_looks_as_on_the_processor() {
                 (Fresnel::Exact, GlassShadow::Straight, 3, TextureLod::Cones),
                 (Fresnel::Schlick, GlassShadow::Report, 0, TextureLod::Cones),
             ] {
-                let asked = Asked { program, fresnel, shadow, depth, lod };
+                let asked = Asked { program, fresnel, shadow, depth, lod, lights: &[] };
                 let (largest, counts, shown) = differences(&compiled, &scene, asked);
                 let what = format!("{program:?}, {fresnel:?}, {shadow:?}, depth {depth}, {lod:?}");
                 assert!(largest < ROUNDING && counts == 0, "{what}: {largest}, {counts} counts differ");
@@ -341,7 +351,10 @@ fn glass_of_the_device_programs_looks_as_on_the_processor() {
 #[test]
 fn a_wrong_word_of_the_device_programs_is_noticed() {
     let lod = TextureLod::Cones;
-    let asked = |program| Asked { program, fresnel: Fresnel::Exact, shadow: GlassShadow::Straight, depth: 5, lod };
+    let asked = |program| {
+        let (fresnel, shadow) = (Fresnel::Exact, GlassShadow::Straight);
+        Asked { program, fresnel, shadow, depth: 5, lod, lights: &[] }
+    };
     for (program, scene, change) in [
         // Absorption over twice the distance.
         (

@@ -4,6 +4,7 @@
 //! Each comparison has a negative control: with one constant of the header changed, it fails.
 
 mod glass;
+mod lights;
 
 use curitiba_passes::effects::{Cone, Footprint, RayCone, curvature, fresnel, schlick, way_onto_round};
 use curitiba_passes::sampling::hash::{dimensions, path_key, pixel_key, unit};
@@ -128,6 +129,24 @@ fn soup(random: &mut Random, count: u32, center: Vec3) -> Geometry {
 
 fn words(vectors: impl IntoIterator<Item = Vec3>) -> impl Iterator<Item = u32> {
     vectors.into_iter().flat_map(|vector| vector.to_array()).map(f32::to_bits)
+}
+
+/// A light as the device has it.
+fn light_words(light: &curitiba_cuda::layout::Light) -> impl Iterator<Item = u32> + use<> {
+    let curitiba_cuda::layout::Light { place, flags, direction, range, color, exponent, attenuation, inner, outer } =
+        *light;
+    let bits = |numbers: &[f32]| numbers.iter().map(|number| number.to_bits()).collect::<Vec<u32>>();
+    let words = [
+        bits(&place),
+        vec![flags],
+        bits(&direction),
+        bits(&[range]),
+        bits(&color),
+        bits(&[exponent]),
+        bits(&attenuation),
+        bits(&[inner, outer]),
+    ];
+    words.into_iter().flatten()
 }
 
 fn header(geometry: &Geometry) -> Vec<u32> {

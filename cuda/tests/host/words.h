@@ -13,6 +13,14 @@ static float3 vector() { float x = number(), y = number(), z = number(); return 
 [[maybe_unused]] static void put(float value) { put(__float_as_uint(value)); }
 [[maybe_unused]] static void put(float3 v) { put(v.x); put(v.y); put(v.z); }
 
+[[maybe_unused]] static Light read_light() {
+    Light light;
+    unsigned words[sizeof light / sizeof(unsigned)];
+    for (unsigned &each : words) each = word();
+    std::memcpy(&light, words, sizeof light);
+    return light;
+}
+
 // A scene of triangles with corners of their own.
 struct Scene {
     std::vector<float> positions, normals;

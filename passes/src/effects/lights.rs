@@ -13,11 +13,29 @@ use super::ray_cone::Footprint;
 use super::surface::Surface;
 use super::workspace::Workspace;
 use crate::trace::{Hit, Purpose, Ray, SurfacePoint, Tracer};
-use curitiba_pipeline::backend::Light;
+use curitiba_pipeline::backend::{Light, RayJob};
 use glam::Vec3;
 
 /// Part of the way to a light with a place that shadow rays leave out at the light's end, because lamps hang on ceilings.
-pub(super) const BEFORE_LIGHT: f32 = 1.0 / 1024.0;
+pub const BEFORE_LIGHT: f32 = 1.0 / 1024.0;
+
+/// What lights a device program was written for. Those of one directional light do not pay for several.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub enum Lighting {
+    /// One directional light, or none.
+    Sun,
+    /// Several lights, or lights with a place.
+    Lights,
+}
+
+impl Lighting {
+    /// The one that a job needs.
+    #[must_use]
+    pub fn of(job: &RayJob<'_>) -> Self {
+        let reads = job.program.info().globals.contains(&"lightDir");
+        if reads && !job.lights.is_empty() { Self::Lights } else { Self::Sun }
+    }
+}
 
 /// By which normal a surface is shaded.
 #[derive(Debug, Clone, Copy)]

@@ -68,6 +68,7 @@ mod workspace;
 
 pub use coverage::{AlphaTested, ByCones, Coverage, Opaque};
 pub use light::SHADOWED;
+pub use lights::Lighting;
 pub use occlusion::open_shares;
 pub use optics::{Interface, fresnel, interface, interface_of, reflect, schlick};
 pub(crate) use pass::opaque;
@@ -84,11 +85,14 @@ pub use workspace::Workspace;
 pub mod constants {
     pub use super::dielectric::MOST_SURFACES;
     pub use super::light::{SHADOWED, THROUGH_GLASS};
+    pub use super::lights::BEFORE_LIGHT;
     pub use super::material::{AMBIENT, LEAST_SQUARE};
     pub use super::optics::{REFLECTED, REFRACTED, SCATTERED};
     pub use super::terminator::ROUND;
     pub use super::thesis::{BOUNCE, EPSILON, REFRACTED_EPSILON};
     pub use crate::sampling::hash::{DIMENSIONS, FACETS, PATH, PIXEL, ROULETTE, SCRAMBLE};
+
+    pub use curitiba_pipeline::backend::LEAST_DIVISOR;
 
     /// In tables of device programs: the texture index of a material without a texture.
     pub const NO_TEXTURE: u32 = u32::MAX;

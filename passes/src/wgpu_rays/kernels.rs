@@ -1,12 +1,11 @@
 //! Compiled programs, and the layouts of their bindings.
 
 use super::images::{OUTPUT_FORMAT, sample_type};
-use super::programs::{self, Arithmetic, Stage};
+use super::programs::{self, Arithmetic, Kind, Stage};
 use super::split::Split;
-use crate::effects::dielectric::Variant;
 use crate::raster::gpu::device::Gpu;
 use curitiba_pipeline::backend::{BackendError, RayJob};
-use curitiba_pipeline::programs::{RayProgram, TextureLod};
+use curitiba_pipeline::programs::TextureLod;
 use std::collections::HashMap;
 
 /// The layouts, and the programs compiled so far.
@@ -17,7 +16,7 @@ pub struct Kernels {
     /// How the scene's arrays are spread over bindings.
     pub split: Split,
     layout: wgpu::PipelineLayout,
-    compiled: HashMap<(RayProgram, Variant, Stage, (Arithmetic, TextureLod)), wgpu::ComputePipeline>,
+    compiled: HashMap<(Kind, Stage, (Arithmetic, TextureLod)), wgpu::ComputePipeline>,
 }
 
 fn entry(binding: u32, ty: wgpu::BindingType) -> wgpu::BindGroupLayoutEntry {
@@ -75,14 +74,14 @@ impl Kernels {
         stages: &[Stage],
         arithmetic: Arithmetic,
     ) -> Result<Vec<(Stage, &wgpu::ComputePipeline)>, BackendError> {
-        let variant = Variant::of(job);
+        let kind = Kind::of(job);
         let lod = job.texture_lod();
-        let key = |stage: Stage| (job.program, variant, stage, (arithmetic, lod));
+        let key = |stage: Stage| (kind, stage, (arithmetic, lod));
         for &stage in stages {
             if self.compiled.contains_key(&key(stage)) {
                 continue;
             }
-            let source = programs::source(job.program, variant, stage, (arithmetic, lod), self.split);
+            let source = programs::source(kind, stage, (arithmetic, lod), self.split);
             let source = source.ok_or_else(|| programs::not_written(super::NAME, job.program))?;
             let doing = format!("compiling `{}` ({stage:?})", job.program.info().stem);
             let pipeline = compile(gpu, Some(&self.layout), &source, &doing)?;

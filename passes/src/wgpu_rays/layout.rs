@@ -58,6 +58,14 @@ pub const SHAPE_PANE: u32 = 1;
 pub const SHAPE_THIN: u32 = 2;
 /// The surface of a body.
 pub const SHAPE_SOLID: u32 = 3;
+/// Words of a light in the tables.
+pub const LIGHT_WORDS: u32 = 17;
+/// The light has a place.
+pub const LIGHT_PLACE: u32 = 1;
+/// The light is a spot light.
+pub const LIGHT_CONE: u32 = 2;
+/// Greatest number that stands for the range of a light; programs know no infinities.
+pub const LARGEST_RANGE: f32 = 1.0e30;
 /// Greatest number of crossings of bodies that are stored for a line.
 const MAX_LINE: u32 = 64;
 /// Stands for "no child" and "no tree".
@@ -128,7 +136,7 @@ pub struct Params {
     pub tangents_at: u32,
     pub cone_width: f32,
     pub cone_spread: f32,
-    pub padding: u32,
+    pub lights_at: u32,
 }
 
 /// The constants of the programs, as WGSL.
@@ -154,6 +162,9 @@ pub fn constants() -> String {
         ("WRAP_REPEAT", WRAP_REPEAT),
         ("WRAP_MIRROR", WRAP_MIRROR),
         ("WRAP_CLAMP", WRAP_CLAMP),
+        ("LIGHT_WORDS", LIGHT_WORDS),
+        ("LIGHT_PLACE", LIGHT_PLACE),
+        ("LIGHT_CONE", LIGHT_CONE),
         ("BODY_WORDS", BODY_WORDS),
         ("BODY_HEAD", BODY_HEAD),
         ("VERTEX_COLORS_NONE", VERTEX_COLORS_NONE),
@@ -186,6 +197,8 @@ pub fn constants() -> String {
         ("SHADOWED", effects::SHADOWED),
         ("ROUND", effects::ROUND),
         ("THROUGH_GLASS", effects::THROUGH_GLASS),
+        ("BEFORE_LIGHT", effects::BEFORE_LIGHT),
+        ("LEAST_ATTENUATION", effects::LEAST_DIVISOR),
         ("THESIS_EPSILON", effects::EPSILON),
         ("THESIS_REFRACTED_EPSILON", effects::REFRACTED_EPSILON),
         ("GLASS_BOUNCE", effects::BOUNCE),

@@ -42,7 +42,7 @@ use images::{Images, Views};
 use kernels::Kernels;
 use launches::{Clock, Work};
 use layout::{COUNT_BYTES, COUNTS_BUFFER_BYTES, POINT_BYTES, Params, RAY_COUNT_KINDS, START_BYTES, TILE};
-use programs::{Arithmetic, Stage};
+use programs::{Arithmetic, Kind, Stage};
 use scene::SceneBuffers;
 use split::Split;
 use std::collections::HashMap;
@@ -77,8 +77,8 @@ pub struct WgpuRays {
     built: Option<(Arc<RenderScene>, SceneBuffers)>,
     /// The attachments of a rasteriser on the same device, once they are read in place.
     lending: Option<Arc<Lending>>,
-    /// Number of tiles of the next launch, by program.
-    sizes: HashMap<(RayProgram, Variant), Option<u32>>,
+    /// Number of tiles of the next launch, by what the kernels are written for.
+    sizes: HashMap<Kind, Option<u32>>,
 }
 
 impl WgpuRays {
@@ -169,9 +169,9 @@ impl WgpuRays {
         };
         let has_levels = self.require_levels(job)?;
         let tables = Tables::of(job, has_levels).map_err(|why| check::missing(NAME, job, &why))?;
-        let variant = Variant::of(job);
-        let mut stages = programs::stages(job.program, variant, tables.params.samples).to_vec();
-        if variant.knows_bodies() && job.dielectrics.iter().any(|dielectric| dielectric.shape == Shape::Solid) {
+        let kind = Kind::of(job);
+        let mut stages = programs::stages(kind, tables.params.samples).to_vec();
+        if kind.variant.knows_bodies() && job.dielectrics.iter().any(|dielectric| dielectric.shape == Shape::Solid) {
             stages.insert(0, Stage::Eye);
         }
         let most_tiles = self.require_points(job, &stages)?;
@@ -213,7 +213,7 @@ impl WgpuRays {
             uniform: &self.uniform,
             doing: &doing,
         };
-        let size = self.sizes.entry((job.program, variant)).or_default();
+        let size = self.sizes.entry(kind).or_default();
         let device_time = launches::run(&gpu, self.clock.as_ref(), &work, params, size, progress)?;
         let start = Instant::now();
         let picture = self.images.output(&gpu, job)?;
@@ -292,7 +292,6 @@ impl WgpuRays {
         self.supports(job.program, job.fidelity)?;
         check::scene(NAME, job, false)?;
         check::sun(NAME, job)?;
-        check::lights(NAME, job)?;
         check::filter(NAME, job)?;
         check::adaptive(NAME, job)?;
         check_glass(NAME, true, &job.params, job.dielectrics)?;
@@ -379,6 +378,10 @@ impl RayBackend for WgpuRays {
     }
 
     fn traces_cones(&self) -> bool {
+        true
+    }
+
+    fn knows_lights(&self) -> bool {
         true
     }
 

@@ -2,8 +2,9 @@
 
 use super::layout;
 use super::split::Split;
+use crate::effects::Lighting;
 use crate::effects::dielectric::Variant;
-use curitiba_pipeline::backend::BackendError;
+use curitiba_pipeline::backend::{BackendError, RayJob};
 use curitiba_pipeline::programs::{Fidelity, RayProgram, TextureLod};
 
 /// How the products of the triangle test are rounded. No variant leaks rays between triangles.
@@ -31,6 +32,21 @@ pub struct Arithmetic {
     pub subgroups: bool,
 }
 
+/// What the kernels of a job are written for.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub struct Kind {
+    pub program: RayProgram,
+    pub variant: Variant,
+    pub lighting: Lighting,
+}
+
+impl Kind {
+    /// The one that a job needs.
+    pub fn of(job: &RayJob<'_>) -> Self {
+        Self { program: job.program, variant: Variant::of(job), lighting: Lighting::of(job) }
+    }
+}
+
 /// A kernel of a program.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum Stage {
@@ -55,12 +71,18 @@ pub enum Stage {
 /// Least number of occlusion rays a point for which rays are settled; fewer are traced directly.
 pub const SETTLED_SAMPLES: u32 = 6;
 
-/// The kernels of a program, in their order. [`Stage::Eye`] comes before them where the camera may be in a body.
-pub fn stages(program: RayProgram, variant: Variant, samples: u32) -> &'static [Stage] {
+/// The kernels of a program, in their order. [`Stage::Eye`] comes before them where the camera may be in a body. With several lights points
+/// are listed with what these light of them.
+pub fn stages(Kind { program, variant, lighting }: Kind, samples: u32) -> &'static [Stage] {
     if variant == Variant::Panes(Fidelity::Thesis) {
         return &[Stage::Whole];
     }
     match program {
+        RayProgram::DeferredShadows if lighting == Lighting::Lights => &[Stage::Whole],
+        RayProgram::Final if lighting == Lighting::Lights && samples >= SETTLED_SAMPLES => {
+            &[Stage::List, Stage::Settle, Stage::Trace, Stage::Sum]
+        }
+        RayProgram::Final if lighting == Lighting::Lights && samples > 0 => &[Stage::List, Stage::TraceAll, Stage::Sum],
         RayProgram::DeferredShadows => &[Stage::List, Stage::Sum],
         RayProgram::Ssao if samples >= SETTLED_SAMPLES => &[Stage::List, Stage::Settle, Stage::Trace, Stage::Sum],
         RayProgram::Final if samples >= SETTLED_SAMPLES => {
@@ -84,7 +106,7 @@ macro_rules! text {
 /// The programs that are written for this backend.
 const TABLE: &[(RayProgram, &[Text])] = &[
     (RayProgram::Dummy, &[text!("dummy")]),
-    (RayProgram::DeferredShadows, &[text!("deferredShadows")]),
+    (RayProgram::DeferredShadows, &[SHADOWS]),
     (RayProgram::Reflection, &[text!("optics"), text!("reflection")]),
     (
         RayProgram::Refraction,
@@ -102,7 +124,7 @@ const FINAL: &[Text] = &[
     WEIGHTS,
     GLASS,
     LIGHT,
-    text!("light_share"),
+    LIGHT_SHARE,
     text!("glass_thesis"),
     text!("final"),
 ];
@@ -114,13 +136,29 @@ const GLASS: Text = text!("glass");
 /// Light that arrives through glass; programs with bodies use another text.
 const LIGHT: Text = text!("light");
 
-/// The texts that all programs share, except for those that depend on the rounding of products.
+/// The share of the light that reaches a surface; programs with several lights use another text.
+const LIGHT_SHARE: Text = text!("light_share");
+/// How points are listed with their light; programs with several lights use another text.
+const LISTED_LIGHT: Text = text!("list_light");
+/// `deferredShadows`; with several lights it is another text.
+const SHADOWS: Text = text!("deferredShadows");
+
+/// The texts that all programs share, except for those that depend on the rounding of products or on the lights.
 const COMMON: [Text; 6] =
     [text!("params"), text!("wide"), text!("scene"), text!("triangle"), text!("traverse"), text!("surface")];
 
 /// The texts of a kernel, which follow the common ones; `None` if the program is not written for this backend.
-fn texts(program: RayProgram, variant: Variant, stage: Stage, subgroups: bool) -> Option<Vec<Text>> {
-    let texts = of_panes(program, stage, subgroups)?;
+fn texts(Kind { program, variant, lighting }: Kind, stage: Stage, subgroups: bool) -> Option<Vec<Text>> {
+    let mut texts = of_panes(program, stage, subgroups)?;
+    if lighting == Lighting::Lights {
+        let instead = |text: Text| match text {
+            SHADOWS => vec![text!("lights_share"), text!("lights_shadows")],
+            LIGHT_SHARE => vec![text!("lights_share"), text!("lights_final")],
+            LISTED_LIGHT => vec![text!("list_lights")],
+            text => vec![text],
+        };
+        texts = texts.into_iter().flat_map(instead).collect();
+    }
     if !variant.knows_bodies() {
         return Some(texts);
     }
@@ -141,7 +179,7 @@ fn of_panes(program: RayProgram, stage: Stage, subgroups: bool) -> Option<Vec<Te
     let is_final = program == RayProgram::Final;
     let listed = [text!("sampling"), text!("points")];
     let group = if subgroups { text!("group_subgroups") } else { text!("group") };
-    let shadows = [text!("points"), text!("deferredShadows")];
+    let shadows = [text!("points"), SHADOWS];
     let fans = [text!("sampling"), text!("hemisphere"), text!("points"), group, text!("fans")];
     Some(match stage {
         Stage::Eye => vec![text!("optics"), WEIGHTS, text!("find_eye")],
@@ -154,7 +192,16 @@ fn of_panes(program: RayProgram, stage: Stage, subgroups: bool) -> Option<Vec<Te
         }
         Stage::List if is_final => listed
             .into_iter()
-            .chain([text!("optics"), WEIGHTS, LIGHT, text!("light_share"), GLASS, text!("final_list"), text!("list")])
+            .chain([
+                text!("optics"),
+                WEIGHTS,
+                LIGHT,
+                LIGHT_SHARE,
+                GLASS,
+                LISTED_LIGHT,
+                text!("final_list"),
+                text!("list"),
+            ])
             .collect(),
         Stage::List => listed.into_iter().chain([text!("ssao_list"), text!("list")]).collect(),
         Stage::Light => listed.into_iter().chain([text!("optics"), WEIGHTS, LIGHT, text!("final_light")]).collect(),
@@ -179,7 +226,12 @@ fn of_levels(source: &str, lod: TextureLod) -> String {
 }
 
 /// The functions that programs use, without a program, and with the marks of [`of_levels`].
-fn functions(arithmetic: Arithmetic, variant: Variant, split: Split, lod: TextureLod) -> String {
+fn functions(
+    arithmetic: Arithmetic,
+    (variant, lighting): (Variant, Lighting),
+    split: Split,
+    lod: TextureLod,
+) -> String {
     let rounding = match arithmetic.rounding {
         Rounding::Fma => text!("rounding_fma"),
         Rounding::Separate => text!("rounding_separate"),
@@ -189,7 +241,11 @@ fn functions(arithmetic: Arithmetic, variant: Variant, split: Split, lod: Textur
     let product = if arithmetic.fused { text!("product_fused") } else { text!("product_split") };
     let mut source = layout::constants() + &split.text();
     let crossings = if variant.knows_bodies() { text!("crossings_hits") } else { text!("crossings") };
-    COMMON.into_iter().chain([crossings, rounding, product]).for_each(|text| source.push_str(text));
+    let lights = match lighting {
+        Lighting::Sun => text!("sun"),
+        Lighting::Lights => text!("lights"),
+    };
+    COMMON.into_iter().chain([lights, crossings, rounding, product]).for_each(|text| source.push_str(text));
     if lod == TextureLod::Cones {
         source.push_str(text!("ray_cones"));
     }
@@ -197,16 +253,11 @@ fn functions(arithmetic: Arithmetic, variant: Variant, split: Split, lod: Textur
 }
 
 /// The complete source of a kernel; `None` if the program is not written for this backend.
-pub fn source(
-    program: RayProgram,
-    variant: Variant,
-    stage: Stage,
-    (arithmetic, lod): (Arithmetic, TextureLod),
-    split: Split,
-) -> Option<String> {
-    let texts = texts(program, variant, stage, arithmetic.subgroups)?;
+pub fn source(kind: Kind, stage: Stage, (arithmetic, lod): (Arithmetic, TextureLod), split: Split) -> Option<String> {
+    let Kind { program, variant, lighting } = kind;
+    let texts = texts(kind, stage, arithmetic.subgroups)?;
     let function = if variant == Variant::Panes(Fidelity::Thesis) { "thesis" } else { "corrected" };
-    let mut source = functions(arithmetic, variant, split, lod);
+    let mut source = functions(arithmetic, (variant, lighting), split, lod);
     source.push_str(text!("pass"));
     texts.into_iter().for_each(|text| source.push_str(text));
     match stage {
@@ -226,7 +277,8 @@ pub fn source(
 /// The program that traces segments between triangles.
 pub fn segments(arithmetic: Arithmetic) -> String {
     let lod = TextureLod::Zero;
-    let functions = functions(arithmetic, Variant::Panes(Fidelity::Corrected), Split::default(), lod);
+    let kind = (Variant::Panes(Fidelity::Corrected), Lighting::Sun);
+    let functions = functions(arithmetic, kind, Split::default(), lod);
     of_levels(&functions, lod) + text!("segments")
 }
 

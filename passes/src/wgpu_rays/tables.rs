@@ -1,15 +1,16 @@
 //! The data of a pass in addition to the scene: materials, texture sizes, occlusion points, and tables of weights.
 
 use super::layout::{
-    BODY_HEAD, BODY_WORDS, Params, SHADE_CUT, SHADE_GLASS, SHADE_GLOW, SHADE_NORMAL_MAP, SHADE_SHADOW_GLASS,
-    SHADE_VERTEX_COLORS, SHADE_WORDS, SHAPE_OPAQUE, SHAPE_PANE, SHAPE_SOLID, SHAPE_THIN, TEXTURE_WORDS,
-    VERTEX_COLORS_DISPLAY, VERTEX_COLORS_LINEAR, VERTEX_COLORS_NONE, WRAP_CLAMP, WRAP_MIRROR, WRAP_REPEAT,
+    BODY_HEAD, BODY_WORDS, LARGEST_RANGE, LIGHT_CONE, LIGHT_PLACE, LIGHT_WORDS, Params, SHADE_CUT, SHADE_GLASS,
+    SHADE_GLOW, SHADE_NORMAL_MAP, SHADE_SHADOW_GLASS, SHADE_VERTEX_COLORS, SHADE_WORDS, SHAPE_OPAQUE, SHAPE_PANE,
+    SHAPE_SOLID, SHAPE_THIN, TEXTURE_WORDS, VERTEX_COLORS_DISPLAY, VERTEX_COLORS_LINEAR, VERTEX_COLORS_NONE,
+    WRAP_CLAMP, WRAP_MIRROR, WRAP_REPEAT,
 };
-use crate::effects::Preparation;
 use crate::effects::constants::{MAX_DEPTH, NO_TEXTURE, THROUGH_GLASS, THROUGH_GLASS_ENTRIES};
 use crate::effects::dielectric::{facets, spectrum};
+use crate::effects::{Lighting, Preparation};
 use crate::sampling::HemisphereSampler;
-use curitiba_pipeline::backend::{RayJob, Shade};
+use curitiba_pipeline::backend::{Cone, Light, RayJob, Shade};
 use curitiba_pipeline::color::{ColorSpace, DECODED};
 use curitiba_pipeline::glass::{CutoffColor, Dielectric, GlassShadow, Reflectance, Roulette, Shape, Stratum};
 use curitiba_pipeline::programs::{Fidelity, Fresnel, RayParams};
@@ -55,6 +56,8 @@ impl Tables {
             let facets_at = part(facets(job).into_flattened());
             part(bodies(job, [strata_at, facets_at]))
         };
+        // Never at 0, which means one directional light.
+        let lights_at = if Lighting::of(job) == Lighting::Lights { part(lights(job)) } else { 0 };
         let cut = job.fidelity == Fidelity::Corrected && job.shades.iter().any(|shade| shade.alpha_cutoff.is_some());
         let params = Params {
             eye: job.eye.to_array(),
@@ -80,6 +83,7 @@ impl Tables {
             bodies_at,
             cone_width: job.cone.width,
             cone_spread: job.cone.spread,
+            lights_at,
             ..Params::default()
         };
         Ok(Self { words, params })
@@ -143,6 +147,41 @@ fn shades(job: &RayJob<'_>) -> Vec<u32> {
         ]
     };
     job.shades.iter().enumerate().flat_map(shade).collect()
+}
+
+/// The number of lights, the lights, and of each material what its texture adds to them (`programs/lights.wgsl`).
+fn lights(job: &RayJob<'_>) -> Vec<u32> {
+    let emissions = job.shades.iter().flat_map(|shade| shade.emission.truncate().to_array()).map(f32::to_bits);
+    [job.lights.len() as u32].into_iter().chain(job.lights.iter().flat_map(light)).chain(emissions).collect()
+}
+
+fn light(light: &Light) -> [u32; LIGHT_WORDS as usize] {
+    let has_place = if light.place.is_some() { LIGHT_PLACE } else { 0 };
+    let has_cone = if light.cone.is_some() { LIGHT_CONE } else { 0 };
+    let [x, y, z] = light.place.unwrap_or_default().to_array().map(f32::to_bits);
+    let [along_x, along_y, along_z] = light.direction.to_array().map(f32::to_bits);
+    let [red, green, blue] = light.color.to_array().map(f32::to_bits);
+    let [constant, linear, quadratic] = light.attenuation.map(f32::to_bits);
+    let Cone { inner, outer, exponent } = light.cone.unwrap_or(Cone { inner: 0.0, outer: 0.0, exponent: 0.0 });
+    [
+        x,
+        y,
+        z,
+        has_place | has_cone,
+        along_x,
+        along_y,
+        along_z,
+        light.range.min(LARGEST_RANGE).to_bits(),
+        red,
+        green,
+        blue,
+        exponent.to_bits(),
+        constant,
+        linear,
+        quadratic,
+        inner.to_bits(),
+        outer.to_bits(),
+    ]
 }
 
 /// The strata of the spectrum, a wavelength and its weights each.

@@ -3,7 +3,7 @@
 use glam::Vec3;
 
 /// Least divisor of a light's attenuation: so a light arrives with a finite number everywhere.
-const LEAST_DIVISOR: f32 = 1e-12;
+pub const LEAST_DIVISOR: f32 = 1e-12;
 
 /// A light of a pass that has several lights, or one that is not directional. The light of a pass with a single directional light is a
 /// [`Sun`](super::Sun).

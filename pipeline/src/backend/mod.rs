@@ -22,7 +22,7 @@ pub use crate::programs::Query;
 pub use device::{Gpu, Limits};
 pub use effect_job::{Answers, EffectJob, EffectStats, Part};
 pub use error::BackendError;
-pub use light::{Arriving, Cone, Light};
+pub use light::{Arriving, Cone, LEAST_DIVISOR, Light};
 pub use own_shaders::{ComputeJob, OwnMaterial, OwnShaders, OwnTexture, QuadJob, QuadTexture};
 pub use raster_job::{DrawStats, HandOver, LoadStore, RasterJob};
 pub use rasteriser::Rasteriser;

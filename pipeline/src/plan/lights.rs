@@ -6,6 +6,7 @@ use crate::glass::GlassShadow;
 use crate::image::PixelFormat;
 use crate::programs::{Fidelity, RayParams, RayProgram};
 use crate::project::{self, ChannelRef, PassKind, QuadSource};
+use crate::raster_effects::EffectProgram;
 use glam::Vec3;
 
 /// Lights that messages name.
@@ -18,6 +19,17 @@ pub struct Shining {
     pub sun: Option<Sun>,
     /// Several lights, or a light with a place; `sun` is then `None`.
     pub lights: Vec<Light>,
+}
+
+/// What a pass shades by its lights.
+#[derive(Clone, Copy)]
+enum Shaded<'a> {
+    /// What a rasteriser draws.
+    Drawn,
+    /// What rays from a G-buffer find.
+    Traced(RayProgram, &'a RayParams),
+    /// What a raster effect makes of a G-buffer.
+    Estimated(EffectProgram),
 }
 
 impl Plan {
@@ -55,30 +67,47 @@ impl Plan {
         }
     }
 
+    /// Whether these lights are more than a directional one.
+    fn are_more(&self, lights: &[usize]) -> bool {
+        lights.len() > 1 || lights.iter().any(|light| self.project.lights[*light].direction.is_none())
+    }
+
     /// Whether these lights are more than a directional one, in a fidelity that knows them.
     fn are_many(&self, lights: &[usize]) -> bool {
-        let has_place = |light: &usize| self.project.lights[*light].direction.is_none();
-        self.settings.fidelity == Fidelity::Corrected && (lights.len() > 1 || lights.iter().any(has_place))
+        self.settings.fidelity == Fidelity::Corrected && self.are_more(lights)
+    }
+
+    /// What a pass shades by lights that are more than a directional one, in any fidelity; `None` where it reads no such lights.
+    fn shaded<'a>(&'a self, planned: &'a PlannedPass) -> Option<Shaded<'a>> {
+        let pass = self.pass(planned);
+        let shaded = match (&planned.work, &pass.kind) {
+            (Work::Raster { attachments, .. }, PassKind::Raster(raster)) => {
+                let lit = (attachments.color || attachments.position) && !raster.is_all_own();
+                lit.then_some(Shaded::Drawn)
+            }
+            (Work::Rays { params, .. }, PassKind::Ray(ray)) => {
+                let reads = ray.program.info().globals.contains(&"lightDir") && ray.from_camera.is_none();
+                reads.then_some(Shaded::Traced(ray.program, params))
+            }
+            (Work::Effect { .. }, PassKind::Effect(effect)) => {
+                effect.program.info().lit.then_some(Shaded::Estimated(effect.program))
+            }
+            _ => None,
+        };
+        shaded.filter(|_| self.are_more(pass.kind.lights()))
     }
 
     /// The lights beyond a directional one that a pass which starts from a G-buffer asks for, for messages; `None` without such.
     #[must_use]
     pub fn asks_of_lights(&self, planned: &PlannedPass) -> Option<String> {
-        let PassKind::Ray(ray) = &self.pass(planned).kind else { return None };
-        let reads = matches!(planned.work, Work::Rays { .. }) && ray.program.info().globals.contains(&"lightDir");
-        (reads && ray.from_camera.is_none() && self.are_many(&ray.lights)).then(|| self.in_words(&ray.lights))
+        matches!(self.shaded(planned)?, Shaded::Traced(..)).then(|| self.lights_in_words(planned)).flatten()
     }
 
     /// The lights of a pass that are more than a directional one, for messages; `None` where it is not shaded by such.
     #[must_use]
     pub fn lights_in_words(&self, planned: &PlannedPass) -> Option<String> {
-        match (&planned.work, &self.pass(planned).kind) {
-            (Work::Raster { attachments, .. }, PassKind::Raster(raster)) if !raster.is_all_own() => {
-                let lit = attachments.color || attachments.position;
-                (lit && self.are_many(&raster.lights)).then(|| self.in_words(&raster.lights))
-            }
-            _ => self.asks_of_lights(planned),
-        }
+        let known = self.shaded(planned).is_some() && self.settings.fidelity == Fidelity::Corrected;
+        known.then(|| self.in_words(self.pass(planned).kind.lights()))
     }
 
     /// The first pass with lights that its ray backend does not know, and the error with a remedy. `rays_of` gives the backend of a
@@ -125,23 +154,9 @@ impl Plan {
     pub(super) fn explain_lights(&mut self) -> Result<(), PlanError> {
         let mut decisions = Vec::new();
         for planned in &self.passes {
+            let Some(shaded) = self.shaded(planned) else { continue };
             let pass = self.pass(planned);
-            let (lit, params) = match (&planned.work, &pass.kind) {
-                (Work::Raster { attachments, .. }, PassKind::Raster(raster)) => {
-                    ((attachments.color || attachments.position) && !raster.is_all_own(), None)
-                }
-                (Work::Rays { params, .. }, PassKind::Ray(ray)) => {
-                    let reads = ray.program.info().globals.contains(&"lightDir") && ray.from_camera.is_none();
-                    (reads, Some((ray.program, params)))
-                }
-                (Work::Effect { .. }, PassKind::Effect(effect)) => (effect.program.info().lit, None),
-                _ => (false, None),
-            };
             let lights = pass.kind.lights();
-            let has_place = lights.iter().any(|light| self.project.lights[*light].direction.is_none());
-            if !lit || lights.len() < 2 && !has_place {
-                continue;
-            }
             let (what, words) = (format!("lights of pass `{}`", pass.name), self.in_words(lights));
             if self.settings.fidelity == Fidelity::Thesis {
                 let first = lights.iter().map(|light| &self.project.lights[*light]).find(|l| l.direction.is_some());
@@ -159,17 +174,19 @@ impl Plan {
                 decisions.push((what, false, why));
                 continue;
             }
-            if let PassKind::Effect(effect) = &pass.kind {
-                let info = effect.program.info();
+            if let Shaded::Estimated(program) = shaded {
                 return Err(PlanError::new(
                     format!(
                         "{}: pass `{}` has {words}, and raster effects know one directional light",
                         pass.place, pass.name
                     ),
-                    format!("leave one light with a direction in it, or take rays: `{}`", info.counterpart.info().stem),
+                    format!(
+                        "leave one light with a direction in it, or take rays: `{}`",
+                        program.info().counterpart.info().stem
+                    ),
                 ));
             }
-            if let Some((program, RayParams { sun, shadow, .. })) = params {
+            if let Shaded::Traced(program, params) = shaded {
                 let refused = |what: String, remedy: &str| {
                     Err(PlanError::new(
                         format!(
@@ -179,18 +196,18 @@ impl Plan {
                         remedy,
                     ))
                 };
-                if program.asks_of_sun(params.map_or(&RayParams::default(), |(_, params)| params)).is_some() {
+                if program.asks_of_sun(params).is_some() {
                     return refused(
-                        format!("sun={sun}"),
+                        format!("sun={}", params.sun),
                         "set sun=0 on the pass, or leave one light with a direction in it",
                     );
                 }
-                if program.info().reads("shadow") && *shadow == GlassShadow::Caustic {
+                if program.info().reads("shadow") && params.shadow == GlassShadow::Caustic {
                     return refused("shadow=caustic".to_owned(), "set shadow=straight or shadow=report on the pass");
                 }
             }
-            let why = match &pass.kind {
-                PassKind::Ray(ray) if ray.program.info().names("any_hit_shadow") => {
+            let why = match shaded {
+                Shaded::Traced(program, _) if program.info().names("any_hit_shadow") => {
                     format!("{words}; a shadow ray for each whose light arrives at a point")
                 }
                 _ => format!("{words}; their light is added"),

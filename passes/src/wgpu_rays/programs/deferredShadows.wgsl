@@ -17,7 +17,7 @@ fn shadow_from(kind: f32, start: vec3f, way: vec3f) -> vec4f {
 // The colour for a shadow ray from an origin.
 fn shadow_of(origin: vec3f) -> vec4f {
     count(SHADOW);
-    let blocked = occluded(ACCEPT_COVERED, Ray(origin, params.to_light, 0.0, HUGE));
+    let blocked = occluded(ACCEPT_COVERED, Ray(origin, to_light(), 0.0, HUGE));
     return opaque(vec3f(select(1.0, SHADOWED, blocked)));
 }
 // Kinds of starts of shadow rays. TURNED: the surface is turned from the light, no ray; FACING: off the triangle;
@@ -35,12 +35,12 @@ fn shadow_start(triangle: u32, position: vec3f) -> ShadowStart {
         side = normal_at(locate(triangle, point.position));
     }
     let sign = with_sign(1.0, dot3(point.normal, side));
-    if dot3(point.normal, params.to_light) * sign <= 0.0 {
+    if dot3(point.normal, to_light()) * sign <= 0.0 {
         let facing = point.normal * sign;
         let way = lifted(triangle, point, facing);
         return ShadowStart(spawn(point, facing), select(LIFTED, TURNED, all(way == vec3f(0.0))), way);
     }
-    return ShadowStart(spawn(point, params.to_light), FACING, vec3f(0.0));
+    return ShadowStart(spawn(point, to_light()), FACING, vec3f(0.0));
 }
 
 fn thesis(pixel: Pixel) -> vec4f {

@@ -7,7 +7,8 @@ fn visible(color: vec3f, surface: Surface, lit_side: vec3f, triangle: u32, key: 
     return sep3(color * light) * occlusion(ACCEPT_STOPS, surface, key);
 }
 fn seen_through(hit: Hit, surface: Surface, key: u32, weight: Weight⟨, footprint: f32⟩) -> vec3f {
-    return weight * visible(lit_color(hit, surface.normal⟨, footprint⟩), surface, surface.facing, hit.triangle, key);
+    shaded_as_met(hit, surface);
+    return weight * visible(met_color(hit, surface⟨, footprint⟩), surface, surface.facing, hit.triangle, key);
 }
 
 fn thesis_light_share(position: vec3f) -> f32 {
@@ -33,6 +34,7 @@ fn corrected(pixel: Pixel) -> vec4f {
     let key = pixel_key(pixel);
     if is_glass(triangle) { return opaque(glass_color(pixel, triangle, surface, view, key) + missed_color()); }
     let lit_side = select(surface.facing, -surface.facing, dot3(stored, surface.facing) < 0.0);
+    shaded_as_seen(stored);
     return opaque(visible(color.xyz, surface, lit_side, triangle, key));
 }
 

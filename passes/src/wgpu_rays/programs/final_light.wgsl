@@ -10,7 +10,7 @@ fn main(@builtin(workgroup_id) group: vec3u, @builtin(num_workgroups) groups: ve
         var light = SHADOWED * ONE;
         if (bitcast<u32>(start.w) >> 31u) == 0u {
             let facing = point_vector(point, 1u).xyz;
-            let distance = select(start.w, -start.w, dot3(facing, params.to_light) < 0.0);
+            let distance = select(start.w, -start.w, dot3(facing, to_light()) < 0.0);
             light = light_from(start.xyz + sep3(facing * distance));
         }
         let lit = sep3(color * light);

@@ -5,7 +5,7 @@ var<private> head: u32 = NONE;
 var<private> last: u32 = NONE;
 // Called for each end of the tree of rays (`glass.wgsl`); the point's colour is added to the pixel by a later kernel.
 fn seen_through(hit: Hit, surface: Surface, key: u32, weight: Weight⟨, footprint: f32⟩) -> vec3f {
-    let color = weighed_color(weight, lit_color(hit, surface.normal⟨, footprint⟩));
+    let color = weighed_color(weight, met_color(hit, surface⟨, footprint⟩));
     // Black stays black, without tracing a ray.
     if head == NO_ROOM || all(color == vec3f(0.0)) { return vec3f(0.0); }
     let place = atomicAdd(&ray_counts[FOUND], 1u);
@@ -15,19 +15,11 @@ fn seen_through(hit: Hit, surface: Surface, key: u32, weight: Weight⟨, footpri
         head = NO_ROOM;
         return vec3f(0.0);
     }
+    shaded_as_met(hit, surface);
     put_lit_point(place, surface, surface.facing, hit.triangle, key, weight_left(weight), color);
     if head == NONE { head = place; } else { points[POINT * last + 3u].w = place; }
     last = place;
     return vec3f(0.0);
-}
-
-// Stores a point whose light is found by a later kernel. Few triangles are turned away; their light is found now, divided by SHADOWED,
-// because the later kernel multiplies turned points by it.
-fn put_lit_point(place: u32, surface: Surface, lit_side: vec3f, triangle: u32, key: u32, weight: f32, color: vec3f) {
-    let turned = dot3(lit_side, params.to_light) <= 0.0;
-    var lit = color;
-    if turned && any(color != vec3f(0.0)) { lit = sep3(color * turned_share(surface, lit_side, triangle)) * (1.0 / SHADOWED); }
-    put_point(place, surface, turned, key, weight, lit);
 }
 
 fn list(pixel: Pixel, slot: u32) {
@@ -49,6 +41,7 @@ fn list(pixel: Pixel, slot: u32) {
         return;
     }
     let lit_side = select(surface.facing, -surface.facing, dot3(stored, surface.facing) < 0.0);
+    shaded_as_seen(stored);
     put_lit_point(slot, surface, lit_side, triangle, key, 1.0, stored_color(pixel).xyz);
 }
 fn list_nothing(slot: u32) { put_nothing(slot, NONE); }

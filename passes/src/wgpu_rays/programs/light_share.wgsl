@@ -1,9 +1,10 @@
-// The share of the light that reaches a side of a triangle; `light_from` accounts for glass on the way.
+// The share of the light that reaches a side of a triangle; `light_from` accounts for glass on the way. `lights_final.wgsl` stands in its
+// place in passes with several lights.
 
 // The share of the light that reaches a surface on `lit_side`.
 fn light_share(surface: Surface, lit_side: vec3f, triangle: u32) -> Weight {
-    if dot3(lit_side, params.to_light) <= 0.0 { return turned_share(surface, lit_side, triangle); }
-    return light_from(spawn(surface.point, params.to_light));
+    if dot3(lit_side, to_light()) <= 0.0 { return turned_share(surface, lit_side, triangle); }
+    return light_from(spawn(surface.point, to_light()));
 }
 // The same for a side that is turned away from the light.
 fn turned_share(surface: Surface, lit_side: vec3f, triangle: u32) -> Weight {

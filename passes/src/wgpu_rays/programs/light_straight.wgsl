@@ -15,7 +15,7 @@ fn straight_through() -> vec3f {
     for (var i = 0u; i < crossings_stored; i += 1u) {
         let hit = crossing[i];
         let material = material_of(hit.triangle);
-        let enters = line_enters(params.to_light, hit.triangle);
+        let enters = line_enters(to_light(), hit.triangle);
         if kept > 0u {
             let before = crossing[kept - 1u];
             let same = hit.t - before.t <= 16.0 * UNIT_ROUNDOFF * hit.t && material == material_of(before.triangle) && enters == entered[kept - 1u];
@@ -36,7 +36,7 @@ fn straight_through() -> vec3f {
         before = hit.t;
         let material = material_of(hit.triangle);
         let body = body_of(material);
-        let cosine = abs(dot3(normalize_or(normal_at(hit), vec3f(0.0)), params.to_light));
+        let cosine = abs(dot3(normalize_or(normal_at(hit), vec3f(0.0)), to_light()));
         if body.shape == SHAPE_SOLID {
             let ratio = cross_border(&media, material, entered[i]);
             if ratio == 0.0 { continue; }
@@ -50,7 +50,7 @@ fn straight_through() -> vec3f {
             passes *= THROUGH_GLASS;
         }
     }
-    return passes * transmittance(extinction_in(media), HUGE);
+    return passes * transmittance(extinction_in(media), way_left(before));
 }
 
 // The share of the light that reaches the origin of a shadow ray.
@@ -58,9 +58,9 @@ fn light_from(origin: vec3f) -> vec3f {
     count(SHADOW);
     crossings_stored = 0u;
     crossings_beyond = 0u;
-    if occluded(ACCEPT_COUNTS, Ray(origin, params.to_light, 0.0, HUGE)) { return vec3f(SHADOWED); }
+    if occluded(ACCEPT_COUNTS, Ray(origin, to_light(), 0.0, light_end())) { return vec3f(IN_SHADOW); }
     if params.bodies_at == 0u || tables[params.bodies_at] == 0u {
         return vec3f(table_number(params.through_glass_at + min(distinct_crossings(), THROUGH_GLASS_ENTRIES - 1u)));
     }
-    return SHADOWED + (1.0 - SHADOWED) * straight_through();
+    return IN_SHADOW + (1.0 - IN_SHADOW) * straight_through();
 }

@@ -28,7 +28,6 @@ struct Body {
     curve: vec3f,
 }
 fn body_place(material: u32) -> u32 { return params.bodies_at + BODY_HEAD + BODY_WORDS * material; }
-fn table_vector(place: u32) -> vec3f { return vec3f(table_number(place), table_number(place + 1u), table_number(place + 2u)); }
 fn body_of(material: u32) -> Body {
     let place = body_place(material);
     return Body(tables[place], table_number(place + 1u), table_vector(place + 2u), table_vector(place + 5u), tables[place + 8u],

@@ -18,7 +18,7 @@ fn corrected(pixel: Pixel) -> vec4f {
         let footprint = footprint_of(cone, hit.triangle, direction);
         mirror = hit.triangle;
 ⟩        surface = surface_hit(direction, hit⟨, footprint⟩);
-        if !is_glass(hit.triangle) { return opaque(lit_color(hit, surface.normal⟨, footprint⟩)); }
+        if !is_glass(hit.triangle) { return opaque(met_color(hit, surface⟨, footprint⟩)); }
         view = direction;
     }
     return opaque(vec3f(0.0));

@@ -1,7 +1,7 @@
 // `refraction`: glass that reflects and refracts. Other pixels keep their colour.
 
 fn seen_through(hit: Hit, surface: Surface, key: u32, weight: Weight⟨, footprint: f32⟩) -> vec3f {
-    return weight * lit_color(hit, surface.normal⟨, footprint⟩);
+    return weight * met_color(hit, surface⟨, footprint⟩);
 }
 fn thesis_seen(position: vec3f, direction: vec3f, hit: Hit) -> vec3f {
     let normals = thesis_normals(hit);

@@ -101,6 +101,7 @@ fn sample_level(image: Texture, uv: vec2f) -> vec4f {
 
 struct Shade { diffuse: vec3f, flags: u32, texture: u32, cutoff: f32 }
 fn table_number(place: u32) -> f32 { return bitcast<f32>(tables[place]); }
+fn table_vector(place: u32) -> vec3f { return vec3f(table_number(place), table_number(place + 1u), table_number(place + 2u)); }
 fn shade_of(triangle: u32) -> Shade {
     let place = SHADE_WORDS * mesh_at(params.materials_at + triangle);
     let diffuse = vec3f(table_number(place), table_number(place + 1u), table_number(place + 2u));
@@ -144,22 +145,25 @@ fn bent_normal(hit: Hit, vertex_normal: vec3f, flat_normal: vec3f⟨, footprint:
     let texel = sample_numbers(tables[place + 10u], texture_coordinates(hit)⟨, footprint⟩).xyz;
     return bent(texel, table_number(place + 11u), vertex_normal, four_between(params.tangents_at, hit), flat_normal);
 }
-// Whether the interpolated normal faces the light, when turned to the side of the triangle that the bent normal is on.
-fn vertices_face_light(hit: Hit, bent: vec3f) -> bool {
+// Whether the interpolated normal faces a light, when turned to the side of the triangle that the bent normal is on.
+fn vertices_face_light(hit: Hit, bent: vec3f, to_light: vec3f) -> bool {
     let corners = positions_of(hit.triangle);
     let flat_normal = cross3(corners.b - corners.a, corners.c - corners.a);
     let vertex_normal = normal_at(hit);
     let is_turned = (dot3(flat_normal, vertex_normal) < 0.0) != (dot3(flat_normal, bent) < 0.0);
-    let cosine = dot3(vertex_normal, params.to_light);
+    let cosine = dot3(vertex_normal, to_light);
     return select(cosine, -cosine, is_turned) > 0.0;
 }
 
-// Diffuse and ambient light times texture and vertex colour, with this unit normal.
-fn reflected_color(hit: Hit, normal: vec3f⟨, footprint: f32⟩) -> vec3f {
-    let shade = shade_of(hit.triangle);
-    var cosine = max(dot3(params.to_light, normal), 0.0);
-    if (shade.flags & SHADE_NORMAL_MAP) != 0u && !vertices_face_light(hit, normal) { cosine = 0.0; }
-    let lit = sep3(shade.diffuse * (params.light_color * cosine));
+// The cosine of a light on a surface with this unit normal; 0 where the surface is turned away.
+fn cosine_to(shade: Shade, hit: Hit, normal: vec3f, to_light: vec3f) -> f32 {
+    if (shade.flags & SHADE_NORMAL_MAP) != 0u && !vertices_face_light(hit, normal, to_light) { return 0.0; }
+    return max(dot3(to_light, normal), 0.0);
+}
+
+// Diffuse and ambient light times texture and vertex colour; `lights` is the diffuse light on white.
+fn reflected_color(hit: Hit, shade: Shade, lights: vec3f⟨, footprint: f32⟩) -> vec3f {
+    let lit = sep3(shade.diffuse * lights);
     var reflected = lit + sep3(AMBIENT * shade.diffuse);
     if shade.texture != NO_TEXTURE {
         reflected = (lit + vec3f(AMBIENT)) * sample_texture(shade.texture, texture_coordinates(hit)⟨, footprint⟩).xyz;
@@ -168,14 +172,20 @@ fn reflected_color(hit: Hit, normal: vec3f⟨, footprint: f32⟩) -> vec3f {
     return reflected;
 }
 // The reflected colour plus the light that the surface emits.
-fn lit_color(hit: Hit, normal: vec3f⟨, footprint: f32⟩) -> vec3f {
-    let reflected = reflected_color(hit, normal⟨, footprint⟩);
-    if (flags_of(hit.triangle) & SHADE_GLOW) == 0u { return reflected; }
+fn shining_color(hit: Hit, shade: Shade, lights: vec3f⟨, footprint: f32⟩) -> vec3f {
+    let reflected = reflected_color(hit, shade, lights⟨, footprint⟩);
+    if (shade.flags & SHADE_GLOW) == 0u { return reflected; }
     let place = SHADE_WORDS * mesh_at(params.materials_at + hit.triangle) + 6u;
     let glow = vec3f(table_number(place), table_number(place + 1u), table_number(place + 2u));
     let image = tables[place + 3u];
     if image == NO_TEXTURE { return reflected + glow; }
     return reflected + sep3(glow * sample_texture(image, texture_coordinates(hit)⟨, footprint⟩).xyz);
+}
+// The colour in the light of one directional light, with this unit normal.
+fn lit_color(hit: Hit, normal: vec3f⟨, footprint: f32⟩) -> vec3f {
+    let shade = shade_of(hit.triangle);
+    let cosine = cosine_to(shade, hit, normal, params.to_light);
+    return shining_color(hit, shade, params.light_color * cosine⟨, footprint⟩);
 }
 
 // Which candidate hits on transparent materials count for a ray.

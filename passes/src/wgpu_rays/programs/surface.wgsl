@@ -120,7 +120,7 @@ fn lifted(triangle: u32, point: SurfacePoint, facing: vec3f) -> vec3f {
     let normal = weighed(na, nb, nc, at);
     let side = with_sign(1.0, dot3(normal, facing));
     let is_round = dot3(na, facing) * side >= ROUND && dot3(nb, facing) * side >= ROUND && dot3(nc, facing) * side >= ROUND;
-    if !(is_round && dot3(normal, params.to_light) * side > 0.0) { return vec3f(0.0); }
+    if !(is_round && dot3(normal, to_light()) * side > 0.0) { return vec3f(0.0); }
     let corners = positions_of(triangle);
     let a = lift(point.position, corners.a, na * side);
     let b = lift(point.position, corners.b, nb * side);

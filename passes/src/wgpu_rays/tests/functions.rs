@@ -2,13 +2,13 @@
 
 use super::rays;
 use crate::effects::dielectric::Variant;
-use crate::effects::{fresnel, schlick};
+use crate::effects::{Lighting, fresnel, schlick};
 use crate::raster::gpu::AdapterKind;
 use crate::raster::gpu::device::Gpu;
 use crate::sampling::{hash, hemisphere, sine_noise};
 use crate::trace::SurfacePoint;
 use crate::wgpu_rays::layout::Params;
-use crate::wgpu_rays::programs::{Arithmetic, Stage, source};
+use crate::wgpu_rays::programs::{Arithmetic, Kind, Stage, source};
 use crate::wgpu_rays::split::Split;
 use curitiba_pipeline::programs::{Fidelity, RayProgram, TextureLod};
 use curitiba_pipeline::scene::Geometry;
@@ -94,15 +94,9 @@ fn cases() -> (Vec<[f32; GIVEN]>, Geometry) {
 
 /// The device's output for each case.
 fn run(gpu: &Gpu, arithmetic: Arithmetic, cases: &[[f32; GIVEN]], geometry: &Geometry) -> Vec<[u32; WORDS]> {
-    let text = source(
-        RayProgram::Final,
-        Variant::Panes(Fidelity::Corrected),
-        Stage::Whole,
-        (arithmetic, TextureLod::Zero),
-        Split::default(),
-    )
-    .expect("written")
-        + ENTRY;
+    let variant = Variant::Panes(Fidelity::Corrected);
+    let kind = Kind { program: RayProgram::Final, variant, lighting: Lighting::Sun };
+    let text = source(kind, Stage::Whole, (arithmetic, TextureLod::Zero), Split::default()).expect("written") + ENTRY;
     let module = gpu.device.create_shader_module(wgpu::ShaderModuleDescriptor {
         label: Some("functions"),
         source: wgpu::ShaderSource::Wgsl(text.into()),

@@ -1,9 +1,11 @@
 //! Glass as defined by each material, textures that do not repeat and surfaces that emit light, compared with the processor.
 
+use super::lights::lamps;
 use super::pictures::differing;
 use super::{picture, rays};
 use crate::cpu::CpuRays;
 use crate::effects::tests::world::{Shot, World, grid};
+use crate::raster::gpu::AdapterKind;
 use crate::wgpu_rays::selftest;
 use curitiba_pipeline::backend::{Glow, RayBackend, RayJob, RayStats};
 use curitiba_pipeline::glass::{
@@ -129,6 +131,23 @@ fn bodies_walls_and_panes_show_what_the_processors_do() {
         let changed = expected.iter().filter(|pixel| **pixel != expected[0]).count();
         assert!(changed > 1000, "{changed} pixels show something");
     }
+}
+
+#[test]
+fn light_of_several_lights_falls_through_glass_as_on_the_processor() {
+    if rays().is_none_or(|rays| rays.gpu.adapter.kind == AdapterKind::Software) {
+        println!("skipped: software drivers take a minute to compile `final` with bodies");
+        return;
+    }
+    let eye = Vec3::new(0.2, 0.4, 7.0);
+    let world = World { sun: None, lights: lamps(), ..several() };
+    let params = auto(2, GlassShadow::Straight, 0);
+    let Some([found, expected]) = both(&world, eye, RayProgram::Final, params) else { return };
+    let off = differing(&found, &expected, 0.01);
+    assert!(off <= FEW, "{off} pixels are off");
+    let report = auto(2, GlassShadow::Report, 0);
+    let (dimmed, _) = picture_on(&mut CpuRays::new(), &world, eye, RayProgram::Final, report);
+    assert!(differing(&found, &dimmed, 0.01) > 4 * FEW, "what glass takes of light is not seen");
 }
 
 /// Where glass is rough or bends colours apart, and how: tinted block, veiled block, wall.

@@ -2,11 +2,11 @@
 
 use super::{bits, picture, rays};
 use crate::cpu::CpuRays;
-use crate::effects::dielectric::Variant;
 use crate::effects::tests::world::{Shot, World, grid};
 use crate::raster::cpu::CpuRasteriser;
 use crate::raster::gpu::device::Gpu;
 use crate::wgpu_rays::WgpuRays;
+use crate::wgpu_rays::programs::Kind;
 use crate::wgpu_rays::split::Split;
 use curitiba_pipeline::backend::{BackendError, RayBackend, RayJob};
 use curitiba_pipeline::executor::{Engines, Fallback, Observer, Progress, Renderer, Silent, Spare, StepKind};
@@ -166,7 +166,7 @@ fn pictures_are_the_same_without_a_clock_and_in_launches_of_any_size() {
         // One tile a launch in dispatches one group wide, and several launches of which the last is short.
         for (tiles, most) in [(1, 1), (7, 3), (100, 65_535)] {
             alone(rays).limits.max_compute_workgroups_per_dimension = most;
-            rays.sizes.insert((job.program, Variant::of(job)), Some(tiles));
+            rays.sizes.insert(Kind::of(job), Some(tiles));
             let (found, mine) = picture(rays, job);
             assert!(bits(&found) == bits(&expected), "{tiles} tiles a launch");
             assert_eq!((mine.rays.shadow, mine.device_time), (theirs.rays.shadow, None));

@@ -5,6 +5,7 @@ mod cones;
 mod functions;
 mod glass;
 mod leaks;
+mod lights;
 mod limits;
 mod pictures;
 mod texts;

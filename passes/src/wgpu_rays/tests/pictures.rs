@@ -48,7 +48,7 @@ fn both(program: RayProgram, fidelity: Fidelity, params: RayParams) -> Option<[V
     both_of(&world, &shot, program, fidelity, params)
 }
 
-fn both_of(
+pub(super) fn both_of(
     world: &World,
     shot: &Shot<'_>,
     program: RayProgram,

@@ -1,8 +1,9 @@
 //! The sources of the programs, tested without a device.
 
+use crate::effects::Lighting;
 use crate::effects::dielectric::Variant;
 use crate::wgpu_rays::layout::Params;
-use crate::wgpu_rays::programs::{Arithmetic, Rounding, Stage, is_written, source, stages};
+use crate::wgpu_rays::programs::{Arithmetic, Kind, Rounding, Stage, is_written, source, stages};
 use crate::wgpu_rays::split::Split;
 use curitiba_pipeline::programs::{Fidelity, RAY_PROGRAMS, RayProgram, TextureLod};
 use wgpu::naga;
@@ -27,17 +28,14 @@ fn every_text_is_valid_wgsl_that_needs_no_extension() {
         let bodies = [Variant::Bodies, Variant::Ways].into_iter().filter(|_| knows);
         for variant in panes.into_iter().chain(bodies) {
             let eye = variant.knows_bodies().then_some(&Stage::Eye);
-            let kernels = stages(info.program, variant, 100)
-                .iter()
-                .chain(stages(info.program, variant, 1))
-                .chain([&Stage::Whole])
-                .chain(eye);
+            let kind = Kind { program: info.program, variant, lighting: Lighting::Sun };
+            let kernels = stages(kind, 100).iter().chain(stages(kind, 1)).chain([&Stage::Whole]).chain(eye);
             let kernels = kernels.flat_map(|stage| ROUNDINGS.map(|rounding| (*stage, rounding)));
             let cones = info.reads("texturelod") && variant != Variant::Panes(Fidelity::Thesis);
             for ((stage, rounding), fused) in kernels.flat_map(|kernel| [(kernel, false), (kernel, true)]) {
                 let arithmetic = Arithmetic { rounding, fused, subgroups: false };
                 for lod in [TextureLod::Zero, TextureLod::Cones].into_iter().take(1 + usize::from(cones)) {
-                    let text = source(info.program, variant, stage, (arithmetic, lod), Split::default());
+                    let text = source(kind, stage, (arithmetic, lod), Split::default());
                     if let Err(error) = validate(&text.expect("written")) {
                         panic!("{} {variant:?} {stage:?} {rounding:?} {lod:?}: {error}", info.stem);
                     }
@@ -46,13 +44,29 @@ fn every_text_is_valid_wgsl_that_needs_no_extension() {
             }
         }
     }
+    // With several lights, of which arithmetic and cones know nothing.
+    for program in [RayProgram::DeferredShadows, RayProgram::Reflection, RayProgram::Refraction, RayProgram::Final] {
+        let panes = Variant::Panes(Fidelity::Corrected);
+        let knows = Variant::OF_BODIES.contains(&program);
+        for variant in [panes, Variant::Bodies, Variant::Ways].into_iter().filter(|variant| knows || *variant == panes)
+        {
+            let kind = Kind { program, variant, lighting: Lighting::Lights };
+            for stage in stages(kind, 100).iter().chain(stages(kind, 1)).chain([&Stage::Whole]) {
+                for lod in [TextureLod::Zero, TextureLod::Cones] {
+                    let text = source(kind, *stage, (Arithmetic::default(), lod), Split::default()).expect("written");
+                    validate(&text).unwrap_or_else(|error| panic!("{kind:?} {stage:?} {lod:?}: {error}"));
+                    assert!(text.contains("fn arriving"), "{kind:?} {stage:?}");
+                }
+            }
+        }
+    }
     // With arrays in several bindings.
     let split = Split { bindings: [1, 2, 3, 4, 5], bytes: 1 << 27 };
     for program in [RayProgram::Ssao, RayProgram::Final] {
         let variant = Variant::Panes(Fidelity::Corrected);
-        for stage in stages(program, variant, 100) {
-            let text =
-                source(program, variant, *stage, (Arithmetic::default(), TextureLod::Zero), split).expect("written");
+        let kind = Kind { program, variant, lighting: Lighting::Sun };
+        for stage in stages(kind, 100) {
+            let text = source(kind, *stage, (Arithmetic::default(), TextureLod::Zero), split).expect("written");
             validate(&text).unwrap_or_else(|error| panic!("{program:?} {stage:?}: {error}"));
         }
     }
@@ -63,14 +77,10 @@ fn every_text_is_valid_wgsl_that_needs_no_extension() {
 #[test]
 fn parameters_lie_where_the_host_writes_them() {
     let info = RAY_PROGRAMS.iter().find(|info| is_written(info.program)).expect("a program");
-    let text = source(
-        info.program,
-        Variant::Panes(Fidelity::Corrected),
-        Stage::Whole,
-        (Arithmetic::default(), TextureLod::Zero),
-        Split::default(),
-    )
-    .expect("it is written");
+    let variant = Variant::Panes(Fidelity::Corrected);
+    let kind = Kind { program: info.program, variant, lighting: Lighting::Sun };
+    let text = source(kind, Stage::Whole, (Arithmetic::default(), TextureLod::Zero), Split::default());
+    let text = text.expect("it is written");
     let module = validate(&text).expect("valid");
     let named = |ty: &naga::Type| ty.name.as_deref() == Some("Params");
     let (_, params) = module.types.iter().find(|(_, ty)| named(ty)).expect("declared");
@@ -89,7 +99,7 @@ fn parameters_lie_where_the_host_writes_them() {
     same!("origin_x" origin;
         eye zero to_light seed light_color samples scene_low strata scene_high depth width height first_tile end_tile tiles_across
         capacity root materials_at normals_at texcoords_at textures_at points_at open_share_at through_glass_at cut schlick
-        has_normals id_base radius index decoded_at colors_at beyond bodies_at tangents_at cone_width cone_spread);
+        has_normals id_base radius index decoded_at colors_at beyond bodies_at tangents_at cone_width cone_spread lights_at);
     assert_eq!((*span as usize, seen), (size_of::<Params>(), members.len() - 1));
 }
 
@@ -101,9 +111,9 @@ fn programs_that_read_level_0_have_no_word_of_cones() {
             if variant == Variant::Ways && !knows {
                 continue;
             }
+            let kind = Kind { program: info.program, variant, lighting: Lighting::Sun };
             let text = |lod| {
-                let text = source(info.program, variant, Stage::Whole, (Arithmetic::default(), lod), Split::default())
-                    .expect("written");
+                let text = source(kind, Stage::Whole, (Arithmetic::default(), lod), Split::default()).expect("written");
                 // Without the parameters, which all share, and what is only said.
                 let code = text.lines().map(|line| line.split("//").next().unwrap_or_default());
                 code.filter(|line| !line.contains("    cone_")).collect::<Vec<_>>().join("\n")
@@ -113,6 +123,22 @@ fn programs_that_read_level_0_have_no_word_of_cones() {
                 assert!(!zero.contains(word), "{}: {word}", info.stem);
             }
             assert!(cones.contains("fn footprint_of") && !cones.contains(['⟨', '⟩']), "control");
+        }
+    }
+}
+
+#[test]
+fn programs_of_one_light_have_no_word_of_several() {
+    for info in RAY_PROGRAMS.iter().filter(|info| is_written(info.program)) {
+        let variant = Variant::Panes(Fidelity::Corrected);
+        let text = |lighting| {
+            let kind = Kind { program: info.program, variant, lighting };
+            let arithmetic = (Arithmetic::default(), TextureLod::Zero);
+            source(kind, Stage::Whole, arithmetic, Split::default()).expect("written")
+        };
+        let [sun, lights] = [Lighting::Sun, Lighting::Lights].map(text);
+        for word in ["struct Light", "fn arriving", "light_count", "light_direction", "shading."] {
+            assert!(!sun.contains(word) && lights.contains(word), "{}: {word}", info.stem);
         }
     }
 }

@@ -1,0 +1,170 @@
+//! Several lights, and lights with a place: what arrives of them at a point, bit for bit; and the programs that know them, compiled for the
+//! host as those in `glass.rs`.
+
+use super::glass::{Asked, ROUNDING, differences, several};
+use super::{Random, compiled, compiled_with, light_words, run, words};
+use curitiba_pipeline::backend::{Cone, Light, RayJob};
+use curitiba_pipeline::glass::GlassShadow;
+use curitiba_pipeline::programs::{Fidelity, Fresnel, RayParams, RayProgram, TextureLod};
+use curitiba_pipeline::scene::RenderScene;
+use glam::Vec3;
+use std::path::Path;
+
+/// A light of any kind, and a point to which it may shine.
+fn light(random: &mut Random, index: usize) -> (Light, Vec3) {
+    let place = random.cube() * [1.0, 30.0, 1e12][index % 3];
+    let off = random.cube() * [1.0, 1e-6, 20.0, 0.0, 1e20][index / 3 % 5];
+    let outer = 1.9 * random.unit() - 0.95;
+    let inner = if index.is_multiple_of(4) { outer } else { outer + (1.0 - outer) * random.unit() };
+    let exponent = [0.0, 1.0, 8.5, 128.0][index / 2 % 4];
+    let kind = index / 60 % 4;
+    let has_cone = kind > 1;
+    let direction = if has_cone || kind == 0 { random.direction() } else { Vec3::ZERO };
+    let attenuation = [[1.0, 0.0, 0.0], [0.2, 0.3, 0.5], [0.0, 0.0, 1.0]][index / 15 % 3];
+    let range = [f32::INFINITY, 0.5 + 20.0 * random.unit()][index / 7 % 2];
+    let light = Light {
+        place: (kind > 0).then_some(place),
+        direction,
+        color: random.cube().abs(),
+        attenuation,
+        range,
+        cone: has_cone.then_some(Cone { inner, outer, exponent }),
+    };
+    (light, place + off)
+}
+
+/// The lights as the device has them.
+fn of_device(lights: &[Light]) -> Vec<curitiba_cuda::layout::Light> {
+    let scene = RenderScene::default();
+    let job = RayJob {
+        from_camera: None,
+        origin: [0; 2],
+        scene: &scene,
+        program: RayProgram::Final,
+        params: RayParams::default(),
+        fidelity: Fidelity::Corrected,
+        seed: 0,
+        eye: Vec3::ZERO,
+        cone: curitiba_pipeline::backend::PixelCone::default(),
+        lights,
+        sun: None,
+        width: 0,
+        height: 0,
+        position: &[],
+        normal: &[],
+        color: &[],
+        triangle: &[],
+        shared: None,
+        shades: &[],
+        glass: &[],
+        shadow_glass: &[],
+        beyond: Vec3::ZERO,
+        dielectrics: &[],
+    };
+    curitiba_cuda::scene::lights(&job)
+}
+
+/// Of lights at points: how many differ, of which powers by more than their rounding; how many arrive in part; and how many were compared.
+fn arriving_that_differ(program: &Path) -> [usize; 3] {
+    let mut random = Random(11);
+    let cases: Vec<(Light, Vec3)> = (0..24_000).map(|index| light(&mut random, index)).collect();
+    let lights: Vec<Light> = cases.iter().map(|(light, _)| *light).collect();
+    let mut input = Vec::new();
+    for (light, (_, point)) in of_device(&lights).iter().zip(&cases) {
+        input.extend(light_words(light).chain(words([*point])));
+    }
+    let found = run(program, "lights", &input);
+    let (mut differ, mut parts) = (0, 0);
+    for (found, (light, point)) in found.as_chunks::<4>().0.iter().zip(&cases) {
+        let expected = light.at(*point);
+        let towards = [found[0], found[1], found[2]].map(f32::from_bits);
+        // The device rounds powers once, and the processor's library nearly so.
+        let powers = if light.cone.is_some_and(|cone| cone.exponent != 0.0) { 4 } else { 0 };
+        let apart = found[3].abs_diff(expected.factor.to_bits());
+        differ += usize::from(Vec3::from(towards) != expected.towards || apart > powers);
+        parts += usize::from(expected.factor > 0.0 && expected.factor < 1.0);
+    }
+    [differ, parts, found.len() / 4]
+}
+
+#[test]
+fn what_arrives_of_lights_has_the_bits_of_the_processor() {
+    let Some(program) = compiled("lights", None) else { return };
+    let [differ, parts, all] = arriving_that_differ(&program);
+    assert!(differ == 0 && all == 24_000 && parts > 1000, "{differ} of {all} differ, {parts} arrive in part");
+    for (name, header, change) in [
+        ("lights-divisor", "params.cuh", ["LEAST_DIVISOR = 1e-12f", "LEAST_DIVISOR = 1e-9f"]),
+        ("lights-edge", "lights.cuh", ["float edge = share * share", "float edge = share"]),
+    ] {
+        let changed = compiled_with("functions.cpp", name, Some((header, change))).expect("there is a compiler");
+        assert!(arriving_that_differ(&changed)[0] > 0, "{change:?} is not noticed");
+    }
+}
+
+/// A directional light, a lamp whose light ends, one inside of the veiled box, and a spot light.
+fn lamps() -> Vec<Light> {
+    let lamp = |place: Vec3, color: Vec3, range: f32| Light {
+        place: Some(place),
+        direction: Vec3::ZERO,
+        color,
+        attenuation: [0.3, 0.0, 0.1],
+        range,
+        cone: None,
+    };
+    vec![
+        Light {
+            place: None,
+            direction: Vec3::new(-0.4, -0.8, -0.5).normalize(),
+            color: Vec3::new(0.3, 0.3, 0.25),
+            ..lamp(Vec3::ZERO, Vec3::ONE, f32::INFINITY)
+        },
+        lamp(Vec3::new(-2.5, 2.0, 2.0), Vec3::new(1.2, 0.4, 0.1), 8.0),
+        lamp(Vec3::new(0.9, 0.7, 0.1), Vec3::new(0.1, 0.5, 0.2), f32::INFINITY),
+        Light {
+            direction: Vec3::new(-0.5, -0.8, -0.4).normalize(),
+            cone: Some(Cone { inner: 0.95, outer: 0.7, exponent: 2.0 }),
+            ..lamp(Vec3::new(2.0, 3.0, 2.5), Vec3::new(0.2, 0.5, 1.5), f32::INFINITY)
+        },
+    ]
+}
+
+const SOURCES: [(RayProgram, &str); 4] = [
+    (RayProgram::DeferredShadows, "lights_shadows.cpp"),
+    (RayProgram::Reflection, "lights_mirrors.cpp"),
+    (RayProgram::Refraction, "lights_refraction.cpp"),
+    (RayProgram::Final, "lights_final.cpp"),
+];
+
+fn asked(program: RayProgram, shadow: GlassShadow, lights: &[Light]) -> Asked<'_> {
+    Asked { program, fresnel: Fresnel::Exact, shadow, depth: 3, lod: TextureLod::Zero, lights }
+}
+
+#[test]
+fn programs_of_several_lights_show_what_the_processors_do() {
+    let (scene, lights) = (several(), lamps());
+    for (program, source) in SOURCES {
+        let Some(compiled) = compiled_with(source, &format!("lights-{program:?}"), None) else { return };
+        for shadow in [GlassShadow::Straight, GlassShadow::Report] {
+            let (largest, counts, _) = differences(&compiled, &scene, asked(program, shadow, &lights));
+            assert!(largest < ROUNDING && counts == 0, "{program:?} {shadow:?}: {largest}, {counts} counts differ");
+        }
+    }
+}
+
+#[test]
+fn a_wrong_word_of_what_lights_leave_is_noticed() {
+    let (scene, lights) = (several(), lamps());
+    for (header, change) in [
+        // Rays that go on behind a lamp.
+        ("light_share.cuh", ["sqrtf(dot(way, way)) * (1.0f - BEFORE_LIGHT)", "INFINITY"]),
+        // Light that something opaque lets through.
+        ("lights.cuh", ["IN_SHADOW = 0.0f", "IN_SHADOW = 0.5f"]),
+    ] {
+        let Some(compiled) = compiled_with("lights_final.cpp", "lights-changed", Some((header, change))) else {
+            return;
+        };
+        let asked = asked(RayProgram::Final, GlassShadow::Straight, &lights);
+        let (largest, ..) = differences(&compiled, &scene, asked);
+        assert!(largest > 1e-3, "{change:?} is not noticed: {largest}");
+    }
+}

@@ -1,0 +1,3 @@
+// `refraction` of several lights, and of lights with a place.
+#define CURITIBA_LIGHTS
+#include "glass.cpp"

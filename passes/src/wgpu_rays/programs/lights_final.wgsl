@@ -1,0 +1,6 @@
+// The light on surfaces in `final`, of several lights and of lights with a place, by colour.
+
+fn light_reaches(origin: vec3f) -> vec3f { return vec3f(light_from(origin)); }
+fn light_share(surface: Surface, lit_side: vec3f, triangle: u32) -> vec3f {
+    return share_of_lights(ACCEPT_STOPS, surface.point, lit_side, triangle);
+}

@@ -1,0 +1,28 @@
+// `deferredShadows` of several lights, and of lights with a place: what shadows leave of the colour, by colour.
+
+fn light_reaches(origin: vec3f) -> vec3f {
+    count(SHADOW);
+    let blocked = occluded(ACCEPT_COVERED, Ray(origin, to_light(), 0.0, light_end()));
+    return vec3f(select(1.0, 0.0, blocked));
+}
+// The shading normal of a point that the camera sees, which the program is not handed. Normal maps are read at level 0.
+fn normal_of(point: SurfacePoint, hit: Hit) -> vec3f {
+    return normalize_or(bent_normal(hit, normal_at(hit), point.normal⟨, NO_FOOTPRINT⟩), vec3f(0.0));
+}
+
+fn corrected(pixel: Pixel) -> vec4f {
+    let triangle = stored_triangle(pixel);
+    let position = stored_position(pixel);
+    if triangle == NO_TRIANGLE || !(position.w > 0.0) { return vec4f(1.0); }
+    let point = snap(triangle, position.xyz);
+    var side = params.eye - point.position;
+    var normal = point.normal;
+    if params.has_normals != 0u {
+        let hit = locate(triangle, point.position);
+        side = normal_at(hit);
+        normal = normal_of(point, hit);
+    }
+    shaded_as_seen(normal);
+    let facing = point.normal * with_sign(1.0, dot3(point.normal, side));
+    return opaque(share_of_lights(ACCEPT_COVERED, point, facing, triangle));
+}

@@ -1,0 +1,99 @@
+//! Several lights, and lights with a place, compared with the processor's.
+
+use super::pictures::{both_of, differing, world};
+use crate::effects::tests::world::{Shot, World, grid};
+use curitiba_pipeline::backend::{Cone, Light};
+use curitiba_pipeline::programs::{Fidelity, RayParams, RayProgram, TextureLod};
+use glam::{Vec3, Vec4};
+
+const SIDE: u32 = 64;
+/// Number of pixels that may differ by more than a hundredth, where the last bit of a direction decides what a ray hits.
+const FEW: usize = (SIDE * SIDE) as usize / 500;
+
+/// A directional light, a lamp whose light ends, a spot light with a soft edge, and one with a sharp edge that falls off from its axis.
+pub(super) fn lamps() -> Vec<Light> {
+    let spot = |place: Vec3, cone: Cone| Light {
+        place: Some(place),
+        direction: -place.normalize(),
+        color: Vec3::new(0.2, 0.5, 1.4),
+        attenuation: [1.0, 0.02, 0.0],
+        range: f32::INFINITY,
+        cone: Some(cone),
+    };
+    vec![
+        Light {
+            place: None,
+            direction: Vec3::new(0.4, -1.0, 0.3).normalize(),
+            color: Vec3::new(0.3, 0.3, 0.25),
+            attenuation: [1.0, 0.0, 0.0],
+            range: f32::INFINITY,
+            cone: None,
+        },
+        Light {
+            place: Some(Vec3::new(-2.5, 1.5, 4.5)),
+            direction: Vec3::ZERO,
+            color: Vec3::new(1.5, 0.5, 0.1),
+            attenuation: [0.3, 0.0, 0.08],
+            range: 9.0,
+            cone: None,
+        },
+        spot(Vec3::new(3.0, 4.5, 5.0), Cone { inner: 0.9, outer: 0.7, exponent: 0.0 }),
+        spot(Vec3::new(-1.0, 6.0, 3.0), Cone { inner: 0.8, outer: 0.8, exponent: 6.5 }),
+    ]
+}
+
+/// The scattered world of these lights, whose textured surfaces emit light of a colour.
+fn lit_by(lights: Vec<Light>) -> World {
+    let mut world = World { sun: None, lights, ..world() };
+    for shade in world.shades.iter_mut().filter(|shade| shade.texture.is_some()) {
+        shade.emission = Vec4::new(0.3, 0.1, 0.0, 0.0);
+    }
+    world
+}
+
+fn shot(world: &World) -> Shot<'_> {
+    let targets = grid(SIDE, Vec3::ZERO, Vec3::X * 4.5, Vec3::Y * 4.5);
+    Shot::of(world, Vec3::new(0.3, 0.8, 9.0), targets).rows(SIDE)
+}
+
+/// Compares a program on both backends; returns the picture.
+fn agrees(program: RayProgram, params: RayParams) -> Option<Vec<[f32; 4]>> {
+    let world = lit_by(lamps());
+    let [found, expected] = both_of(&world, &shot(&world), program, Fidelity::Corrected, params)?;
+    let off = differing(&found, &expected, 0.01);
+    assert!(off <= FEW, "{program:?} {params:?}: {off} pixels are off");
+    Some(found)
+}
+
+/// Checks that a picture is another one without any of the lights.
+fn shows_each_light(found: &[[f32; 4]], program: RayProgram, params: RayParams) {
+    for left_out in 0..lamps().len() {
+        let mut fewer = lamps();
+        fewer.remove(left_out);
+        let world = lit_by(fewer);
+        let shot = shot(&world);
+        let (without, _) = shot.run_on(&world.tree(), &shot.job(program, Fidelity::Corrected, params));
+        let changed = differing(found, &without, 0.01);
+        assert!(changed > 4 * FEW, "{program:?} without light {left_out}: {changed} pixels change");
+    }
+}
+
+#[test]
+fn each_light_throws_the_shadows_of_the_processor() {
+    let (program, params) = (RayProgram::DeferredShadows, RayParams::default());
+    let Some(found) = agrees(program, params) else { return };
+    shows_each_light(&found, program, params);
+}
+
+#[test]
+fn mirrors_show_what_several_lights_light() {
+    let cones = RayParams { texture_lod: TextureLod::Cones, ..RayParams::default() };
+    let Some(found) = agrees(RayProgram::Reflection, cones) else { return };
+    shows_each_light(&found, RayProgram::Reflection, cones);
+}
+
+/// In several kernels, of which the last contains everything that a single one would.
+#[test]
+fn all_effects_together_know_several_lights() {
+    agrees(RayProgram::Final, RayParams { samples: 9, radius: 1.5, ..RayParams::default() });
+}
