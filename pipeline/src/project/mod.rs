@@ -52,6 +52,7 @@ mod parameters;
 mod passes;
 mod ray;
 mod report;
+mod running;
 mod scenes;
 mod shader_values;
 mod shaders;

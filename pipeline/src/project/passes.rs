@@ -5,6 +5,7 @@ use super::libraries::{Binding, Injected, LibraryMaterial};
 use super::loader::Loader;
 use super::order::Facts;
 use super::report::{Found, Names, Span, shown, suggest};
+use super::running::{RUNNING, script};
 use super::{ChannelRef, Clears, ColorMap, MaterialPattern, Pass, PassKind, PhongMap, Pipeline, TextureMap};
 use crate::glsl;
 use crate::paths::nearest_help;
@@ -74,7 +75,8 @@ pub(super) struct PassContext<'e> {
 impl Loader {
     /// Reads a pipeline and checks the order of its passes.
     pub fn pipeline(&mut self, element: &Element) -> Pipeline {
-        self.expect(element, &["pass"], &["name", "default", "defaultCamera", "mode"]);
+        self.expect(element, &["pass", "preScript", "postScript"], &["name", "default", "defaultCamera", "mode"]);
+        self.warn_of_scripts(element, "the pipeline");
         let default_camera = match element.attribute("defaultCamera") {
             Some(name) => self.cameras.names.resolve(&mut self.report, &name.text, name.span).map(Some),
             None => Some(None),
@@ -82,7 +84,7 @@ impl Loader {
         let (mut names, mut passes, mut facts) = (Names::new("pass of this pipeline"), Vec::new(), Vec::new());
         self.pipeline_name = element.attribute("name").map_or_else(String::new, |name| name.text.clone());
         for pass in element.children_named(&["pass"]) {
-            if self.shows_nothing(pass) {
+            if self.shows_nothing(pass) || !self.runs(pass) {
                 continue;
             }
             let name = self.required(pass, "name");
@@ -113,14 +115,17 @@ impl Loader {
             "it writes the engine's times over the picture"
         } else if class.text.eq_ignore_ascii_case("default")
             && !pass.children.is_empty()
-            && pass.children.iter().all(|child| child.is(&["preScript", "postScript", "mode"]))
+            && pass.children.iter().all(|child| child.is(&RUNNING))
         {
             "it only runs scripts"
         } else {
             return false;
         };
         let name = pass.attribute("name").map_or("", |name| &name.text);
-        self.report.warning(pass.span, format!("pass `{}` is left out: {what}", shown(name)), || None);
+        let scripts: Vec<String> =
+            pass.children_named(&["preScript", "postScript", "testScript"]).map(script).collect();
+        let help = (!scripts.is_empty()).then(|| scripts.join(", "));
+        self.report.warning(pass.span, format!("pass `{}` is left out: {what}", shown(name)), || help);
         true
     }
 
