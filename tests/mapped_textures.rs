@@ -9,6 +9,7 @@ use curitiba::pipeline::executor::Silent;
 use curitiba::pipeline::image::Image;
 use curitiba::pipeline::plan::Settings;
 use curitiba::pipeline::project::{Project, load};
+use curitiba::pipeline::scene::ShapeKind;
 use curitiba::{Choice, RasterChoice};
 use own_shaders::{SIDE, has_driver};
 use std::path::{Path, PathBuf};
@@ -136,6 +137,23 @@ fn primitives_and_scene_files_show_the_texture_of_a_mapped_material_in_the_engin
         }
         let traced = picture(opened(&project(folder.path(), &scene, "quarters", true)), RasterChoice::Cpu);
         assert_eq!(seen(&traced), expected, "{scene}, rays");
+    }
+}
+
+/// The engine numbers columns along x and rows along z, and divides by one more than there are.
+#[test]
+fn a_grid_shows_less_than_the_whole_texture() {
+    for divisions in [1, 4] {
+        let grid = ShapeKind::Grid { divisions, length: 2.0 }.mesh().expect("it has a mesh");
+        let part = divisions as f32 / (divisions as f32 + 1.0);
+        for (position, texcoord) in grid.positions.iter().zip(&grid.texcoords) {
+            let expected = [position.x + 1.0, position.z + 1.0].map(|along| along / 2.0 * part);
+            assert!(
+                (texcoord.x - expected[0]).abs() + (texcoord.y - expected[1]).abs() < 1e-6,
+                "{position}: {texcoord}"
+            );
+        }
+        assert_eq!(grid.positions.len(), grid.texcoords.len());
     }
 }
 

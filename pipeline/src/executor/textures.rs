@@ -1,12 +1,13 @@
 //! What the samplers of own shaders read: image files, and channels.
 
-use super::{RenderError, Renderer, channel_of};
+use super::{RenderError, Renderer, StepKind, channel_of};
 use crate::backend::{BackendError, GBuffer, QuadTexture};
 use crate::plan::{Plan, PlannedPass, Work};
 use crate::project::{MaterialPattern, OwnShader, PassKind, ShaderTexture, TextureMap};
 use crate::scene::texture::Texture;
 use crate::scene::{RenderScene, SceneError, image_file, image_files};
 use std::path::{Path, PathBuf};
+use std::time::Instant;
 
 /// What the samplers of a quad's or compute pass's shader read.
 pub(super) fn sampled<'a>(
@@ -115,11 +116,14 @@ impl Renderer {
         if files.is_empty() || scene.geometry.texcoords.is_empty() {
             return Ok(Vec::new());
         }
+        let start = Instant::now();
         let (project, space) = (&self.plan.project.path, self.plan.display.space);
         let left = self.plan.settings.max_memory.saturating_sub(self.plan.target_bytes());
         let decoded = image_files(&files, space, (project, left), &mut self.warnings);
         let (textures, indices) =
             decoded.map_err(|error| RenderError::Scene { place: project.display().to_string(), error })?;
+        let row = self.timeline.record(StepKind::Load, "textures of materials", start.elapsed());
+        row.note = format!("{} textures", textures.len());
         let first = scene.textures.len() as u32;
         scene.textures.extend(textures);
         let loaded = files.into_iter().zip(indices);
