@@ -99,8 +99,8 @@ impl Renderer {
         Ok(images)
     }
 
-    /// Loads the image files of textures that a scene set's passes map to materials of it, and adds them to the scene's textures. One that cannot be
-    /// decoded is a warning, and the diffuse colour serves.
+    /// Loads the image files of textures that a scene set's passes map to materials of it, and adds them to the scene's textures.
+    /// One that cannot be decoded is a warning, and the diffuse colour serves.
     pub(super) fn load_mapped(
         &mut self,
         set: usize,

@@ -115,8 +115,8 @@ pub(crate) fn image_file(path: &Path, most: u64) -> Result<Texture, SceneError> 
     Ok(Texture::build(source.name(), base, false, ColorSpace::Report))
 }
 
-/// Decodes image files, whose texels take at most `most` bytes, as textures of colours that repeat. Returns by file the index of its texture; a file
-/// that cannot be decoded has none, and is counted as a warning about `by`, the file that names them.
+/// Decodes image files, whose texels take at most `most` bytes, as textures of colours that repeat. Returns by file the index of
+/// its texture; a file that cannot be decoded has none, and is counted as a warning about `by`, the file that names them.
 pub(crate) fn image_files(
     paths: &[PathBuf],
     space: ColorSpace,
