@@ -7,7 +7,9 @@
 //!
 //! Paths in the table are relative to the folder. What is looked at are `.xml` files with a `<project>` element, and scene files;
 //! `--projects` or `--scenes` leaves the others out. `--sheet FILE.png` puts the pictures side by side in the order of the table; what
-//! does not render is a cross there.
+//! does not render is a cross there. `--page FOLDER` makes a contact sheet: a page with the name, time, warnings or reason below each
+//! picture (`index.html`), the pictures, the sheet (`sheet.png`) and the list (`files.json`). Files are rendered one after the other, and
+//! one that fails does not stop the others.
 //!
 //! Scenes that a checkout of projects names and does not hold are refused, unless `--stand-in SCENE` names a scene to take in their place; the
 //! table tells how many files it stood in for.
@@ -17,17 +19,31 @@
 //! ```sh
 //! cargo run --release --features glsl --example survey -- path/to/checkout --projects --stand-in xml_projects/3dsmodels/largoCamoes.cbo
 //! cargo run --release --example survey -- path/to/models --side 300 --sheet models.png
+//! cargo run --release --example survey -- path/to/models --scenes --page models
 //! ```
 
 use clap::Parser;
+use curitiba::args::parse_bytes;
+use curitiba::pipeline::color::Display;
 use curitiba::pipeline::diagnostic::Severity;
 use curitiba::pipeline::executor::Silent;
-use curitiba::pipeline::image::{Image, write_png};
+use curitiba::pipeline::image::Image;
+use curitiba::pipeline::pixel_samples::PixelSamples;
 use curitiba::pipeline::plan::Settings;
 use curitiba::pipeline::project::{Project, SCENE_EXTENSIONS};
 use curitiba::{Choice, OpenError, RasterChoice};
+use image::{Rgb, RgbImage};
+use maud::{DOCTYPE, Markup, PreEscaped, html};
+use serde::Serialize;
 use std::collections::BTreeMap;
+use std::error::Error;
+use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::{Path, PathBuf};
+use std::time::Instant;
+
+const RENDERS: &str = "renders";
+/// Folder of the pictures below that of the page.
+const PICTURES: &str = "pictures";
 
 /// Rays on the processor, which has all programs; own shaders of projects on wgpu.
 const ENGINES: Choice = Choice { raster: RasterChoice::Auto, ..Choice::CPU };
@@ -42,69 +58,156 @@ struct Arguments {
     /// Look at scene files only
     #[arg(long)]
     scenes: bool,
-    /// Pixels a side
-    #[arg(long, default_value_t = 64)]
-    side: u32,
+    /// Pixels a side [default: 64, and 256 with --page]
+    #[arg(long)]
+    side: Option<u32>,
+    /// Samples of every pixel: 1, 2, 4, 8, 16, 32 or 64
+    #[arg(long, value_name = "N", default_value_t = PixelSamples::ONE)]
+    aa: PixelSamples,
     /// Where all pictures go, as one
     #[arg(long, value_name = "FILE.png")]
     sheet: Option<PathBuf>,
     /// Pictures a row of the sheet
     #[arg(long, default_value_t = 4, value_parser = clap::value_parser!(u32).range(1..))]
     across: u32,
+    /// Folder that gets a page of all pictures with their names (index.html), the pictures, all as one (sheet.png) and a list (files.json)
+    #[arg(long, value_name = "FOLDER")]
+    page: Option<PathBuf>,
     /// Scene that projects get in place of the files of theirs that are not there
     #[arg(long, value_name = "SCENE")]
     stand_in: Option<PathBuf>,
-    /// Bytes that each may hold
-    #[arg(long, default_value_t = 2 << 30)]
+    /// Threads of the cpu engines [default: all cores]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
+    threads: Option<u16>,
+    /// Bytes that each may hold, with or without a unit: 512MiB
+    #[arg(long, value_name = "BYTES", default_value = "2GiB", value_parser = parse_bytes)]
     max_memory: u64,
+}
+
+impl Arguments {
+    fn side(&self) -> u32 {
+        self.side.unwrap_or(if self.page.is_some() { 256 } else { 64 })
+    }
 }
 
 /// What became of a file.
 enum Outcome {
-    /// Whether all pixels have one colour, and how many scene files were not there and replaced.
-    Renders(bool, usize),
+    Renders {
+        /// `None` where nobody asked for it.
+        picture: Option<RgbImage>,
+        /// Whether all pixels have one colour.
+        is_blank: bool,
+        /// Number of scene files that were not there and replaced.
+        replaced: usize,
+        warnings: Vec<String>,
+    },
     /// The first reason, and how many others there are.
     Refused(String, usize),
 }
 
-fn main() {
+/// A row of the table.
+#[derive(Serialize)]
+struct Entry {
+    file: String,
+    /// `projects` or `scenes`.
+    kind: &'static str,
+    bytes: u64,
+    outcome: &'static str,
+    /// Why it is refused, or what is odd about its picture.
+    reason: String,
+    warnings: Vec<String>,
+    /// Time to read and render it.
+    milliseconds: u128,
+    /// Below the page's folder.
+    picture: Option<String>,
+}
+
+fn main() -> Result<(), Box<dyn Error>> {
     let arguments = Arguments::parse();
+    curitiba::threads::start(arguments.threads)?;
+    if let Some(page) = &arguments.page {
+        std::fs::create_dir_all(page.join(PICTURES)).map_err(|error| format!("{}: {error}", page.display()))?;
+    }
     let mut files = Vec::new();
     collect(&arguments.folder, &mut files);
     files.sort();
-    let mut pictures = Vec::new();
-    let mut counts: BTreeMap<&'static str, (u32, u32)> = BTreeMap::new();
+    let (mut entries, mut pictures): (Vec<Entry>, Vec<Option<RgbImage>>) = Default::default();
     println!("| file | outcome | reason |\n|---|---|---|");
     for file in files {
         let is_scene = SCENE_EXTENSIONS.contains(&extension(&file).as_str());
         if is_scene && arguments.projects || !is_scene && (arguments.scenes || !is_project(&file)) {
             continue;
         }
-        let mut picture = None;
-        let (outcome, reason) = match outcome(&file, &arguments, &mut picture) {
-            Outcome::Renders(blank, replaced) => {
-                let blank = blank.then(|| "all pixels have one colour".to_owned());
-                let replaced = (replaced > 0).then(|| format!("scene files that are not there: {replaced}"));
-                ("renders", [blank, replaced].into_iter().flatten().collect::<Vec<_>>().join("; "))
-            }
-            Outcome::Refused(reason, 0) => ("refused", reason),
-            Outcome::Refused(reason, more) => ("refused", format!("{reason} (and {more} more)")),
-        };
-        let (rendered, all) = counts.entry(if is_scene { "scenes" } else { "projects" }).or_default();
-        *rendered += u32::from(outcome == "renders");
-        *all += 1;
+        let (mut entry, picture) = entry(&file, if is_scene { "scenes" } else { "projects" }, &arguments);
+        println!("| {} | {} | {} |", entry.file, entry.outcome, entry.reason.replace('|', "\\|"));
+        if let (Some(page), Some(picture)) = (&arguments.page, &picture) {
+            let name = format!("{PICTURES}/{}.png", entries.len() + 1);
+            write_picture(&page.join(&name), picture)?;
+            entry.picture = Some(name);
+        }
+        entries.push(entry);
         pictures.push(picture);
-        println!("| {} | {outcome} | {} |", named(&file, &arguments.folder), reason.replace('|', "\\|"));
     }
     println!();
-    for (kind, (rendered, all)) in counts {
-        println!("Of {all} {kind} {rendered} render.");
+    let mut counts: BTreeMap<&'static str, (u32, u32)> = BTreeMap::new();
+    for entry in &entries {
+        let (rendered, all) = counts.entry(entry.kind).or_default();
+        *rendered += u32::from(entry.outcome == RENDERS);
+        *all += 1;
     }
-    if let Some(path) = &arguments.sheet
-        && let Err(error) = write_png(path, &sheet(&pictures, arguments.side, arguments.across))
-    {
-        eprintln!("{}: {error}", path.display());
-        std::process::exit(1);
+    let counts: Vec<String> =
+        counts.iter().map(|(kind, (rendered, all))| format!("Of {all} {kind} {rendered} render.")).collect();
+    counts.iter().for_each(|count| println!("{count}"));
+    if let Some(path) = &arguments.sheet {
+        write_picture(path, &sheet(&pictures, arguments.side(), arguments.across))?;
+    }
+    if let Some(page) = &arguments.page {
+        write_picture(&page.join("sheet.png"), &sheet(&pictures, arguments.side(), arguments.across))?;
+        let json = serde_json::to_string_pretty(&entries)?;
+        let html = document(&entries, &counts, arguments.side()).into_string();
+        for (name, text) in [("files.json", json), ("index.html", html)] {
+            let path = page.join(name);
+            std::fs::write(&path, text).map_err(|error| format!("{}: {error}", path.display()))?;
+        }
+    }
+    Ok(())
+}
+
+fn write_picture(path: &Path, picture: &RgbImage) -> Result<(), Box<dyn Error>> {
+    Ok(picture.save(path).map_err(|error| format!("{}: {error}", path.display()))?)
+}
+
+/// The row of a file, and its picture. A panic is a reason like any other.
+fn entry(file: &Path, kind: &'static str, arguments: &Arguments) -> (Entry, Option<RgbImage>) {
+    let start = Instant::now();
+    let found = catch_unwind(AssertUnwindSafe(|| outcome(file, arguments))).unwrap_or_else(|panic| {
+        let text = panic.downcast_ref::<String>().map(String::as_str);
+        let text = text.or_else(|| panic.downcast_ref::<&str>().copied()).unwrap_or_default();
+        Outcome::Refused(format!("the program panicked: {text}"), 0)
+    });
+    let mut entry = Entry {
+        file: named(file, &arguments.folder),
+        kind,
+        bytes: std::fs::metadata(file).map_or(0, |metadata| metadata.len()),
+        outcome: RENDERS,
+        reason: String::new(),
+        warnings: Vec::new(),
+        milliseconds: start.elapsed().as_millis(),
+        picture: None,
+    };
+    match found {
+        Outcome::Renders { picture, is_blank, replaced, warnings } => {
+            let is_blank = is_blank.then(|| "all pixels have one colour".to_owned());
+            let replaced = (replaced > 0).then(|| format!("scene files that are not there: {replaced}"));
+            entry.reason = [is_blank, replaced].into_iter().flatten().collect::<Vec<_>>().join("; ");
+            entry.warnings = warnings;
+            (entry, picture)
+        }
+        Outcome::Refused(reason, more) => {
+            entry.outcome = "refused";
+            entry.reason = if more == 0 { reason } else { format!("{reason} (and {more} more)") };
+            (entry, None)
+        }
     }
 }
 
@@ -135,30 +238,83 @@ fn is_project(file: &Path) -> bool {
 }
 
 /// The pictures in rows, on grey; a cross for what there is none of.
-fn sheet(pictures: &[Option<Image>], side: u32, across: u32) -> Image {
+fn sheet(pictures: &[Option<RgbImage>], side: u32, across: u32) -> RgbImage {
     const GAP: u32 = 4;
     let across = across.min(pictures.len().max(1) as u32);
     let cell = side + GAP;
     let rows = (pictures.len() as u32).div_ceil(across).max(1);
-    let mut sheet = Image::filled(across * cell + GAP, rows * cell + GAP, [0.25, 0.25, 0.25, 1.0]);
-    let cross = |x: u32, y: u32| if x.abs_diff(y) < 2 || (x + y).abs_diff(side - 1) < 2 { 0.6 } else { 0.15 };
+    let mut sheet = RgbImage::from_pixel(across * cell + GAP, rows * cell + GAP, Rgb([64; 3]));
+    let is_on_cross = |x: u32, y: u32| x.abs_diff(y) < 2 || (x + y).abs_diff(side - 1) < 2;
     for (number, picture) in (0..).zip(pictures) {
         let (left, top) = (GAP + number % across * cell, GAP + number / across * cell);
         for (x, y) in (0..side).flat_map(|y| (0..side).map(move |x| (x, y))) {
             let pixel = match picture {
-                Some(picture) => picture.pixels[(y * picture.width + x) as usize],
-                None => [cross(x, y), 0.1, 0.1, 1.0],
+                Some(picture) => *picture.get_pixel(x, y),
+                None => Rgb([if is_on_cross(x, y) { 153 } else { 38 }, 26, 26]),
             };
-            sheet.pixels[((top + y) * sheet.width + left + x) as usize] = pixel;
+            sheet.put_pixel(left + x, top + y, pixel);
         }
     }
     sheet
 }
 
-/// What becomes of a file, and its picture as it is displayed where a sheet is asked for.
-fn outcome(file: &Path, arguments: &Arguments, shown: &mut Option<Image>) -> Outcome {
-    let (size, max_memory) = (Some([arguments.side; 2]), arguments.max_memory);
-    let settings = Settings { size, max_memory, ..Settings::default() };
+/// The page: of every file its picture or the reason why there is none.
+fn document(entries: &[Entry], counts: &[String], side: u32) -> Markup {
+    const STYLE: &str = "body{font:14px/1.4 system-ui,sans-serif;margin:1.5em;background:#1d1f21;color:#e6e6e6}a{color:#8ab4f8}\
+        main{display:grid;gap:1em}figure{margin:0;overflow-wrap:anywhere}\
+        figure img{width:100%;height:auto;display:block}figcaption{padding:.3em 0}.refused{border:1px solid #d06c6c;padding:.5em}\
+        .note{color:#b4b4b4}summary{cursor:pointer}";
+    let columns = format!("grid-template-columns:repeat(auto-fill,minmax(min({side}px,100%),1fr))");
+    html! {
+        (DOCTYPE)
+        html lang="en" {
+            head {
+                meta charset="utf-8";
+                meta name="viewport" content="width=device-width,initial-scale=1";
+                title { "Contact sheet" }
+                style { (PreEscaped(STYLE)) }
+            }
+            body {
+                h1 { "Contact sheet" }
+                p { (counts.join(" ")) " " a href="sheet.png" { "All pictures as one" } ", " a href="files.json" { "the list" } "." }
+                main style=(columns) {
+                    @for entry in entries {
+                        figure class=(entry.outcome) {
+                            @if let Some(picture) = &entry.picture {
+                                img src=(picture) width=(side) height=(side) loading="lazy" alt=(entry.file);
+                            }
+                            figcaption {
+                                strong { (entry.file) }
+                                @if entry.outcome != RENDERS { " is refused" }
+                                div class="note" { (entry.milliseconds) " ms, " (entry.bytes.div_ceil(1024)) " KiB" }
+                                @if !entry.reason.is_empty() { div { (entry.reason) } }
+                                @if !entry.warnings.is_empty() {
+                                    details {
+                                        summary { "Warnings: " (entry.warnings.len()) }
+                                        @for warning in &entry.warnings { p class="note" { (warning) } }
+                                    }
+                                }
+                            }
+                        }
+                    }
+                }
+            }
+        }
+    }
+}
+
+/// A picture as it is displayed.
+fn displayed(picture: &Image, display: Display) -> RgbImage {
+    RgbImage::from_fn(picture.width, picture.height, |x, y| {
+        let shown = display.displayed(picture.pixels[(y * picture.width + x) as usize]);
+        Rgb([shown[0], shown[1], shown[2]].map(|value| (value * 255.0).round() as u8))
+    })
+}
+
+/// What becomes of a file, with its picture where a sheet or a page is asked for.
+fn outcome(file: &Path, arguments: &Arguments) -> Outcome {
+    let (size, max_memory) = (Some([arguments.side(); 2]), arguments.max_memory);
+    let settings = Settings { size, max_memory, aa: arguments.aa, ..Settings::default() };
     let mut replaced = 0;
     let opened = settings.open(file).map_err(OpenError::from).and_then(|mut project| {
         if let Some(stand_in) = &arguments.stand_in {
@@ -168,16 +324,19 @@ fn outcome(file: &Path, arguments: &Arguments, shown: &mut Option<Image>) -> Out
     });
     let rendered = opened.and_then(|mut renderer| {
         let display = renderer.plan().display;
-        renderer.frame(&mut Silent).map(|picture| (picture, display)).map_err(OpenError::from)
+        let told = |warning: &dyn std::fmt::Display| in_folder(&warning.to_string(), &arguments.folder);
+        let problems = renderer.plan().project.problems.0.iter();
+        let problems = problems.filter(|problem| problem.severity == Severity::Warning);
+        let mut warnings: Vec<String> = problems.map(|problem| told(&problem.message)).collect();
+        warnings.extend(renderer.warnings().groups().iter().map(|group| told(group)));
+        let picture = renderer.frame(&mut Silent).map_err(OpenError::from)?;
+        let asked_for = arguments.sheet.is_some() || arguments.page.is_some();
+        let is_blank = picture.is_blank();
+        let picture = asked_for.then(|| displayed(&picture, display));
+        Ok(Outcome::Renders { picture, is_blank, replaced, warnings })
     });
     match rendered {
-        Ok((picture, display)) => {
-            if arguments.sheet.is_some() {
-                let pixels = picture.pixels.iter().map(|pixel| display.displayed(*pixel)).collect();
-                *shown = Some(Image { pixels, ..picture.clone() });
-            }
-            Outcome::Renders(picture.is_blank(), replaced)
-        }
+        Ok(outcome) => outcome,
         Err(OpenError::Project(problems)) => {
             let errors: Vec<_> = problems.0.iter().filter(|problem| problem.severity == Severity::Error).collect();
             let first = errors.first().map_or(String::new(), |problem| {

@@ -1,4 +1,4 @@
-//! What the example `survey` says of projects: those of a folder made here, and those of others, where they can be had.
+//! What the example `survey` says of projects and scenes: those of a folder made here, and projects of others, where they can be had.
 
 use std::path::{Path, PathBuf};
 use std::process::Command;
@@ -57,6 +57,42 @@ fn a_scene_that_is_not_there_has_a_stand_in_if_one_is_named() {
         assert!(matches!(place[..], ["wrong.xml", line, column] if line != "0" && column != "0"), "{reason}");
         assert!(message.contains("MineCamera"), "{reason}");
     }
+}
+
+#[test]
+fn a_page_shows_every_scene_or_says_why_not() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let page = tempfile::tempdir().expect("a folder");
+    let triangle = "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n";
+    std::fs::create_dir(folder.path().join("more")).expect("a folder");
+    std::fs::write(folder.path().join("a <b>.obj"), triangle).expect("written");
+    std::fs::write(folder.path().join("broken.obj"), "v 0 0 0\nf 1 2 3\n").expect("written");
+    std::fs::write(folder.path().join("more/last.obj"), triangle).expect("written");
+    let to = page.path().join("new");
+    let rows = survey(folder.path(), &["--scenes", "--side", "32", "--page", to.to_str().expect("UTF-8")]);
+    let outcomes: Vec<[&str; 2]> = rows.iter().map(|[name, outcome, _]| [&**name, &**outcome]).collect();
+    assert_eq!(outcomes, [["a <b>.obj", "renders"], ["broken.obj", "refused"], ["more/last.obj", "renders"]]);
+    let reason = &rows[1][2];
+    assert!(reason.starts_with("broken.obj"), "{reason}");
+
+    let text = std::fs::read_to_string(to.join("index.html")).expect("the page");
+    assert!(text.contains("Of 3 scenes 2 render.") && text.contains("a &lt;b&gt;.obj") && !text.contains("a <b>.obj"));
+    assert_eq!(text.matches("<img ").count(), 2);
+    assert_eq!(text.matches(" is refused").count(), 1);
+    let list = std::fs::read(to.join("files.json")).expect("the list");
+    let list: serde_json::Value = serde_json::from_slice(&list).expect("JSON");
+    assert_eq!((&list[1]["file"], &list[1]["outcome"]), (&"broken.obj".into(), &"refused".into()));
+    assert_eq!((&list[1]["reason"], &list[1]["picture"]), (&reason.as_str().into(), &serde_json::Value::Null));
+    assert_eq!((&list[2]["bytes"], &list[2]["picture"]), (&triangle.len().into(), &"pictures/3.png".into()));
+    assert!(list[2]["milliseconds"].is_u64());
+
+    let picture = |name: &str| image::open(to.join(name)).expect(name).into_rgb8();
+    let (sheet, first) = (picture("sheet.png"), picture("pictures/1.png"));
+    assert_eq!(sheet.dimensions(), (3 * 36 + 4, 36 + 4));
+    assert!(first.pixels().any(|pixel| pixel != first.get_pixel(0, 0)), "the triangle is not seen");
+    assert!(first.enumerate_pixels().all(|(x, y, pixel)| pixel == sheet.get_pixel(4 + x, 4 + y)));
+    assert!(sheet.get_pixel(40 + 16, 4 + 16).0[0] > 2 * sheet.get_pixel(40 + 16, 4 + 2).0[0], "no cross");
+    assert!(!to.join("pictures/2.png").exists());
 }
 
 /// `CURITIBA_PROJECTS` names the projects of 2014.

@@ -142,18 +142,18 @@ fn every_effect_agrees_with_the_processors() {
 #[test]
 fn options_of_effects_agree_with_the_processors() {
     let Some(mut gpu) = rasteriser() else { return };
-    let corrected = |program| EffectParams { parallax: Parallax::Box, ..params() };
-    let filtered = |program, filter| EffectParams { filter, ..params() };
+    let corrected = EffectParams { parallax: Parallax::Box, ..params() };
+    let filtered = |filter| EffectParams { filter, ..params() };
     let sectors = EffectParams { bitmask: true, thickness: 0.3, ..params() };
     for (name, mut shot) in shots() {
         gpu.upload(&shot.scene).expect("uploads");
         for (program, params) in [
-            (EffectProgram::CubeReflection, corrected(EffectProgram::CubeReflection)),
-            (EffectProgram::CubeRefraction, corrected(EffectProgram::CubeRefraction)),
-            (EffectProgram::ScreenReflection, corrected(EffectProgram::ScreenReflection)),
+            (EffectProgram::CubeReflection, corrected),
+            (EffectProgram::CubeRefraction, corrected),
+            (EffectProgram::ScreenReflection, corrected),
             (EffectProgram::HorizonOcclusion, sectors),
-            (EffectProgram::HorizonOcclusion, filtered(EffectProgram::HorizonOcclusion, 2)),
-            (EffectProgram::DepthOcclusion, filtered(EffectProgram::DepthOcclusion, 3)),
+            (EffectProgram::HorizonOcclusion, filtered(2)),
+            (EffectProgram::DepthOcclusion, filtered(3)),
         ] {
             let (expected, _) = shot.effect(program, params);
             let (plain, _) =

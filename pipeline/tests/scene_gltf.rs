@@ -231,6 +231,36 @@ fn materials_and_their_extensions_are_read() {
     assert_eq!((default.name.as_str(), default.diffuse), ("default", Vec4::ONE));
 }
 
+/// Blending leaves a share of the light that meets the surface as it is.
+#[test]
+fn a_blended_pane_lets_through_what_its_alpha_and_its_glass_leave() {
+    let (mut json, binary) = square();
+    let pane = |alpha: f32, mode: &str, extensions: Value| {
+        json!({"alphaMode": mode, "extensions": extensions,
+            "pbrMetallicRoughness": {"baseColorFactor": [0.0, 0.5, 1.0, alpha]}})
+    };
+    let thin = json!({"KHR_materials_transmission": {"transmissionFactor": 0.5}});
+    let solid = json!({"KHR_materials_transmission": {"transmissionFactor": 0.5}, "KHR_materials_volume": {"thicknessFactor": 1.0}});
+    json["materials"] = json!([
+        pane(0.25, "BLEND", thin.clone()),
+        pane(0.25, "OPAQUE", thin.clone()),
+        pane(1.0, "BLEND", thin),
+        pane(0.25, "BLEND", solid)
+    ]);
+    let scene = read(&json, &binary).unwrap();
+    let through = |index: usize| {
+        let material = &scene.materials[index];
+        assert!((material.veil + material.transmission - 1.0).abs() < 1e-6, "{material:?}");
+        material.transmission * material.filter
+    };
+    // Three quarters as it is, and half of the rest in the colour of the glass.
+    assert!(through(0).distance(Vec3::new(0.75, 0.8125, 0.875)) < 1e-6, "{}", through(0));
+    for glass in 1..4 {
+        assert!(through(glass).distance(Vec3::new(0.0, 0.25, 0.5)) < 1e-6, "{}", through(glass));
+    }
+    assert_eq!(count(&scene.warnings, "materials that are blended"), 2, "those with all of their alpha, and of a body");
+}
+
 #[test]
 fn dispersion_is_that_of_the_extension_or_cauchys_equation() {
     let (mut json, binary) = square();

@@ -98,7 +98,7 @@ fn matrix(backend: BackendChoice) {
         if record.backend == "cuda" {
             let (mine, theirs) = (record.rays, cpu);
             assert_eq!(mine.occlusion + mine.certain, theirs.occlusion + theirs.certain, "{words}");
-            let others = |rays: curitiba::pipeline::backend::RayCounts| [rays.shadow, rays.reflected, rays.refracted];
+            let others = |rays: RayCounts| [rays.shadow, rays.reflected, rays.refracted];
             assert_eq!(others(mine), others(theirs), "{words}");
         }
     }
@@ -136,7 +136,7 @@ fn glass(backend: BackendChoice) {
         let cpu = record.cpu_rays.expect("the processor ran");
         assert!(record.rays.refracted > 1000, "no glass is seen: {words}");
         if record.backend == "cuda" {
-            let others = |rays: curitiba::pipeline::backend::RayCounts| [rays.reflected, rays.refracted, rays.lost];
+            let others = |rays: RayCounts| [rays.reflected, rays.refracted, rays.lost];
             assert_eq!(others(record.rays), others(cpu), "{words}");
         }
     }
@@ -177,7 +177,7 @@ fn cones(backend: BackendChoice) {
         assert!(record.within_limits, "farther off than it may be: {words}");
         let cpu = record.cpu_rays.expect("the processor ran");
         if record.backend == "cuda" {
-            let others = |rays: curitiba::pipeline::backend::RayCounts| [rays.reflected, rays.refracted, rays.lost];
+            let others = |rays: RayCounts| [rays.reflected, rays.refracted, rays.lost];
             assert_eq!(others(record.rays), others(cpu), "{words}");
         }
     }

@@ -3,6 +3,7 @@
 //! A setter makes and checks a new plan; the renderer adopts it when the next frame begins. There is no list of which setter
 //! affects which pass: each pass compares its inputs with those of its last run ([`super::dirty`]).
 
+use super::textures::mapped_files;
 use super::{Observer, RenderError, Renderer, prepare};
 use crate::backend::{Attachments, GBuffer, NO_TRIANGLE};
 use crate::memory::Refused;
@@ -302,7 +303,11 @@ impl Renderer {
             sets
         };
         // The remaining memory at load time is not compared: it does not affect the contents of scenes.
-        now.scene_sets == next.scene_sets && now.needs == next.needs && asks(now) == asks(next)
+        let maps_the_same = |set| mapped_files(now, set).eq(mapped_files(next, set));
+        now.scene_sets == next.scene_sets
+            && now.needs == next.needs
+            && asks(now) == asks(next)
+            && (0..now.scene_sets.len()).all(maps_the_same)
     }
 
     /// Adopts the plan. Steps that may fail come first.

@@ -111,6 +111,8 @@ struct LoadedScenes {
     dielectrics: Vec<Dielectric>,
     /// Image files that own shaders read, with their indices in the scene's textures.
     images: Vec<(PathBuf, u32)>,
+    /// Image files of the textures that the project maps to materials, with their indices in the scene's textures.
+    mapped: Vec<(PathBuf, u32)>,
     /// Whether a pass that runs traces rays in the scene.
     structure: bool,
 }

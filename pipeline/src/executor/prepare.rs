@@ -11,9 +11,10 @@ use crate::memory::mebibytes;
 use crate::memory::{self, Refused};
 use crate::plan::{PlannedPass, Traced, Work};
 use crate::programs::{Fidelity, RayParams};
-use crate::project::{CameraStart, ColorMap, MaterialPattern, PassKind};
+use crate::project::{CameraStart, ColorMap, MaterialPattern, PassKind, TextureMap};
 use crate::scene::{BuildOptions, LoadOptions, Material, RenderScene, Sphere};
 use glam::{DVec3, Vec3, Vec4};
+use std::path::PathBuf;
 use std::sync::Arc;
 use std::time::Instant;
 
@@ -77,7 +78,8 @@ impl Renderer {
             let mut scene = self.load(&set, &mut origin, observer)?;
             let dielectrics = self.decide_glass(self.scenes.len(), &mut scene);
             let images = self.load_images(self.scenes.len(), &mut scene)?;
-            self.scenes.push(LoadedScenes { scene: Arc::new(scene), dielectrics, images, structure: false });
+            let mapped = self.load_mapped(self.scenes.len(), &mut scene)?;
+            self.scenes.push(LoadedScenes { scene: Arc::new(scene), dielectrics, images, mapped, structure: false });
         }
         let origin = origin.unwrap_or_default();
         self.plan.move_origin(origin);
@@ -194,9 +196,9 @@ impl Renderer {
             }
         };
         let colors = in_space(colors, self.plan.display.space);
-        let materials = &self.scenes[set].scene.materials;
+        let (materials, mapped) = (&self.scenes[set].scene.materials, &self.scenes[set].mapped);
         let mut resolved = PassMaterials {
-            shades: materials.iter().map(|material| shade(material, &colors, corrected)).collect(),
+            shades: materials.iter().map(|material| shade(material, &colors, mapped, corrected)).collect(),
             ..PassMaterials::default()
         };
         let matching = |patterns: &[MaterialPattern]| -> Vec<bool> {
@@ -425,8 +427,8 @@ fn in_space(colors: &[ColorMap], space: ColorSpace) -> Vec<ColorMap> {
 }
 
 /// The colours of a material in a pass. A colour map of the project changes the colours but not the shape: alpha cutoffs use the
-/// material's own opacity.
-fn shade(material: &Material, colors: &[ColorMap], corrected: bool) -> Shade {
+/// material's own opacity. `mapped` are the files of mapped textures with their indices.
+fn shade(material: &Material, colors: &[ColorMap], mapped: &[(PathBuf, u32)], corrected: bool) -> Shade {
     let mut shade = Shade {
         diffuse: material.diffuse,
         emission: material.emission,
@@ -449,8 +451,11 @@ fn shade(material: &Material, colors: &[ColorMap], corrected: bool) -> Shade {
         if let Some(emission) = map.emission {
             (shade.emission, shade.glow) = (emission, None);
         }
-        if map.drops_texture {
-            shade.texture = None;
+        if map.texture != TextureMap::Kept {
+            shade.texture = match &map.texture {
+                TextureMap::File(path) => mapped.iter().find(|(file, _)| file == path).map(|(_, index)| *index),
+                TextureMap::Kept | TextureMap::Removed => None,
+            };
             shade.vertex_colors = false;
             shade.alpha_cutoff = None;
         }
@@ -474,12 +479,12 @@ mod tests {
         let mask = Vec4::new(1.0, 0.0, 1.0, 0.0);
         let to = MaterialPattern::All;
         let phong = PhongMap::default();
-        let map = ColorMap { to, diffuse: Some(mask), emission: None, phong, drops_texture: false };
+        let map = ColorMap { to, diffuse: Some(mask), emission: None, phong, texture: TextureMap::Kept };
         for (opacity, expected) in [(1.0, 0.25), (0.5, 0.5), (0.0, f32::INFINITY)] {
             let material = cut_out(opacity);
-            let plain = shade(&material, &[], true);
+            let plain = shade(&material, &[], &[], true);
             assert_eq!((plain.diffuse, plain.alpha_cutoff), (material.diffuse, Some(expected)));
-            let mapped = shade(&material, std::slice::from_ref(&map), true);
+            let mapped = shade(&material, std::slice::from_ref(&map), &[], true);
             assert_eq!((mapped.diffuse, mapped.texture, mapped.alpha_cutoff), (mask, Some(4), Some(expected)));
         }
     }
@@ -489,23 +494,46 @@ mod tests {
         let emission = Vec4::new(0.5, 0.0, 2.0, 1.0);
         let lamp = Material { emission, emission_added: true, emission_texture: Some(7), ..cut_out(1.0) };
         let glow = Some(Glow { color: emission.truncate(), texture: Some(7) });
-        let plain = shade(&lamp, &[], true);
+        let plain = shade(&lamp, &[], &[], true);
         assert_eq!((plain.glow, plain.emission), (glow, Vec4::ZERO));
-        let thesis = shade(&lamp, &[], false);
+        let thesis = shade(&lamp, &[], &[], false);
         assert_eq!((thesis.glow, thesis.emission), (None, emission));
         let (to, phong) = (MaterialPattern::All, PhongMap::default());
-        let map = |emission| ColorMap { to: to.clone(), diffuse: None, emission, phong, drops_texture: false };
-        assert_eq!(shade(&lamp, &[map(None)], true).glow, glow);
-        let mapped = shade(&lamp, &[map(Some(Vec4::ONE))], true);
+        let map = |emission| ColorMap { to: to.clone(), diffuse: None, emission, phong, texture: TextureMap::Kept };
+        assert_eq!(shade(&lamp, &[map(None)], &[], true).glow, glow);
+        let mapped = shade(&lamp, &[map(Some(Vec4::ONE))], &[], true);
         assert_eq!((mapped.glow, mapped.emission), (None, Vec4::ONE));
         let dark = Material { emission: Vec4::W, ..lamp };
-        assert_eq!(shade(&dark, &[], true).glow, None);
+        assert_eq!(shade(&dark, &[], &[], true).glow, None);
+    }
+
+    #[test]
+    fn a_mapped_texture_takes_the_place_of_the_materials_own_unless_it_could_not_be_read() {
+        let map = |texture| ColorMap {
+            to: MaterialPattern::All,
+            diffuse: None,
+            emission: None,
+            phong: PhongMap::default(),
+            texture,
+        };
+        let (read, broken) = (PathBuf::from("read.png"), PathBuf::from("broken.png"));
+        let mapped = [(read.clone(), 9)];
+        for (texture, expected) in [
+            (TextureMap::Kept, Some(4)),
+            (TextureMap::Removed, None),
+            (TextureMap::File(read), Some(9)),
+            (TextureMap::File(broken), None),
+        ] {
+            let cut = (texture == TextureMap::Kept).then_some(0.25);
+            let found = shade(&cut_out(1.0), &[map(texture)], &mapped, true);
+            assert_eq!((found.texture, found.alpha_cutoff), (expected, cut));
+        }
     }
 
     #[test]
     fn nothing_is_cut_without_a_texture_or_in_thesis_fidelity() {
-        assert_eq!(shade(&cut_out(1.0), &[], false).alpha_cutoff, None);
+        assert_eq!(shade(&cut_out(1.0), &[], &[], false).alpha_cutoff, None);
         let bare = Material { texture: None, ..cut_out(1.0) };
-        assert_eq!(shade(&bare, &[], true).alpha_cutoff, None);
+        assert_eq!(shade(&bare, &[], &[], true).alpha_cutoff, None);
     }
 }

@@ -1,12 +1,13 @@
 //! What the samplers of own shaders read: image files, and channels.
 
-use super::{RenderError, Renderer, channel_of};
+use super::{RenderError, Renderer, StepKind, channel_of};
 use crate::backend::{BackendError, GBuffer, QuadTexture};
-use crate::plan::Work;
-use crate::project::{OwnShader, PassKind, ShaderTexture};
+use crate::plan::{Plan, PlannedPass, Work};
+use crate::project::{MaterialPattern, OwnShader, PassKind, ShaderTexture, TextureMap};
 use crate::scene::texture::Texture;
-use crate::scene::{RenderScene, SceneError, image_file};
+use crate::scene::{RenderScene, SceneError, image_file, image_files};
 use std::path::{Path, PathBuf};
+use std::time::Instant;
 
 /// What the samplers of a quad's or compute pass's shader read.
 pub(super) fn sampled<'a>(
@@ -33,6 +34,21 @@ pub(super) fn sampled<'a>(
 /// The image of a file among those that are loaded.
 fn image_of<'a>(images: &'a [(PathBuf, Texture)], path: &Path) -> Option<&'a Texture> {
     images.iter().find(|(file, _)| file == path).map(|(_, image)| image)
+}
+
+/// The image files of textures that a scene set's passes map, and to which materials.
+pub(super) fn mapped_files(plan: &Plan, set: usize) -> impl Iterator<Item = (&MaterialPattern, &PathBuf)> {
+    let of_set = move |planned: &&PlannedPass| match planned.work {
+        Work::Raster { scene_set, .. } | Work::Rays { scene_set, .. } | Work::Effect { scene_set, .. } => {
+            scene_set == set
+        }
+        Work::Off { .. } | Work::Quad { .. } | Work::Intersection { .. } | Work::Compute => false,
+    };
+    let maps = plan.passes.iter().filter(of_set).flat_map(|planned| plan.pass(planned).kind.colors());
+    maps.filter_map(|map| match &map.texture {
+        TextureMap::File(file) => Some((&map.to, file)),
+        TextureMap::Kept | TextureMap::Removed => None,
+    })
 }
 
 /// Fails unless the images of every cube map of a shader are square and of one size.
@@ -81,6 +97,37 @@ impl Renderer {
             }
         }
         Ok(images)
+    }
+
+    /// Loads the image files of textures that a scene set's passes map to materials of it, and adds them to the scene's textures.
+    /// One that cannot be decoded is a warning, and the diffuse colour serves.
+    pub(super) fn load_mapped(
+        &mut self,
+        set: usize,
+        scene: &mut RenderScene,
+    ) -> Result<Vec<(PathBuf, u32)>, RenderError> {
+        let mut files: Vec<PathBuf> = Vec::new();
+        for (pattern, file) in mapped_files(&self.plan, set) {
+            let is_used = scene.materials.iter().any(|material| pattern.matches(&material.name));
+            if is_used && !files.contains(file) {
+                files.push(file.clone());
+            }
+        }
+        if files.is_empty() || scene.geometry.texcoords.is_empty() {
+            return Ok(Vec::new());
+        }
+        let start = Instant::now();
+        let (project, space) = (&self.plan.project.path, self.plan.display.space);
+        let left = self.plan.settings.max_memory.saturating_sub(self.plan.target_bytes());
+        let decoded = image_files(&files, space, (project, left), &mut self.warnings);
+        let (textures, indices) =
+            decoded.map_err(|error| RenderError::Scene { place: project.display().to_string(), error })?;
+        let row = self.timeline.record(StepKind::Load, "textures of materials", start.elapsed());
+        row.note = format!("{} textures", textures.len());
+        let first = scene.textures.len() as u32;
+        scene.textures.extend(textures);
+        let loaded = files.into_iter().zip(indices);
+        Ok(loaded.filter_map(|(file, index)| Some((file, first + index?))).collect())
     }
 
     /// Loads the image files that the shader of a quad or compute pass samples, unless they are there.

@@ -12,6 +12,7 @@ use super::parameters::Reads;
 use super::passes::PassContext;
 use super::ray::{DEFAULT_MATERIAL, ENTRY_POINT, GEOMETRY, MAP, MATERIAL_MAP, PROGRAM};
 use super::report::{Span, shown, suggest};
+use super::running::RUNNING;
 use super::{CameraStart, MaterialPattern, RayPass, handed};
 use crate::camera_programs::SurfaceKind;
 use crate::glass::Background;
@@ -153,13 +154,13 @@ impl Loader {
 
     fn expect_camera_children(&mut self, element: &Element) {
         const COMMON: &[&str] =
-            &["scenes", "camera", "viewport", "renderTarget", "lights", "materialMaps", "injectionMaps", "mode"];
+            &["scenes", "camera", "viewport", "renderTarget", "lights", "materialMaps", "injectionMaps"];
         const READ_OVER: &[&str] = &["optixRayTypes", "rtRayTypes"];
         let kinds: Vec<&str> = SurfaceKind::NAMED.iter().map(|(name, _)| *name).collect();
         let values: Vec<&str> =
             self.pass_values.keys().map(String::as_str).chain(["RAYS_PER_PIXEL", "MAX_DEPTH"]).collect();
         let programs = [ENTRY_POINT, DEFAULT_MATERIAL, MATERIAL_MAP, GEOMETRY].concat();
-        let valid: Vec<String> = [COMMON, READ_OVER, handed::ELEMENTS, &programs, &kinds, &values]
+        let valid: Vec<String> = [COMMON, &RUNNING, READ_OVER, handed::ELEMENTS, &programs, &kinds, &values]
             .concat()
             .into_iter()
             .map(str::to_owned)

@@ -5,6 +5,7 @@ use super::dom::Value;
 use super::loader::Loader;
 use super::passes::PassContext;
 use super::report::shown;
+use super::running::{RUNNING, repeats, script};
 use super::shaders::UsedBy;
 use crate::glsl;
 
@@ -24,10 +25,11 @@ impl Loader {
             context.facts.writes_all();
             return None;
         }
-        self.expect_children(element, &["material", "lights", "mode", "testScript"]);
-        if let Some(script) = element.children_named(&["testScript"]).next() {
-            let message = format!("pass `{}` runs as often as a script says, which is not run", shown(&context.name));
-            self.report.error_help(script.span, message, || "valid: a pass for each time".to_owned());
+        self.expect_children(element, &[&["material", "lights"][..], &RUNNING].concat());
+        if let Some(test) = element.children_named(&["testScript"]).find(|test| repeats(test)) {
+            let (name, script) = (shown(&context.name), script(test));
+            let message = format!("pass `{name}` runs as often as {script} says, which is not run");
+            self.report.error_help(test.span, message, || "valid: a pass for each time".to_owned());
             context.facts.stores_unknown();
             return None;
         }

@@ -5,6 +5,7 @@ use super::libraries::{Injected, LibraryMaterial};
 use super::loader::Loader;
 use super::passes::{InjectedShader, MaterialMap, PassContext};
 use super::report::{Found, Span, shown, suggest};
+use super::running::RUNNING;
 use super::shaders::{ShaderUse, UsedBy};
 use super::{Clears, MaterialPattern, QuadPass, QuadSource, RasterPass, SceneDecl, ShaderMap};
 use crate::programs::{QUAD_PROGRAMS, QuadProgram, RASTER_PROGRAMS, RasterProgram, ShaderInfo};
@@ -90,7 +91,7 @@ impl Loader {
             "depth_clear",
         ];
         let element = context.element;
-        self.expect_children(element, &[CHILDREN, others].concat());
+        self.expect_children(element, &[CHILDREN, others, &RUNNING].concat());
         self.no_parameters(context, "default");
         context.facts.writes_first(RASTER_CHANNELS);
         let instances = self.instances(context);
@@ -236,7 +237,7 @@ impl Loader {
             "depth_clear",
         ];
         let element = context.element;
-        self.expect_children(element, CHILDREN);
+        self.expect_children(element, &[CHILDREN, &RUNNING].concat());
         self.no_parameters(context, "quad");
         let writes_color = match element.children_named(&["color_enable"]).find_map(|child| child.attribute("value")) {
             Some(value) => self.boolean(value)?,

@@ -5,6 +5,7 @@ use super::loader::Loader;
 use super::parameters::Reads;
 use super::passes::PassContext;
 use super::report::{shown, suggest};
+use super::running::RUNNING;
 use super::{EffectPass, MaterialPattern};
 use crate::raster_effects::{EFFECT_PARAMS, EFFECT_PROGRAMS, EffectParams, EffectProgramInfo};
 
@@ -24,7 +25,7 @@ impl Loader {
             "input",
         ];
         let element = context.element;
-        self.expect_children(element, CHILDREN);
+        self.expect_children(element, &[CHILDREN, &RUNNING].concat());
         context.facts.writes_first(1);
         context.facts.one_size = true;
         if element.children_named(&["renderTarget"]).next().is_none() {

@@ -4,6 +4,7 @@ use super::dom::{Element, Value};
 use super::loader::Loader;
 use super::passes::PassContext;
 use super::report::{Span, shown};
+use super::running::RUNNING;
 use super::{ChannelRef, IntersectionPass, RaysTraced};
 use crate::glsl;
 use crate::programs::Query;
@@ -22,7 +23,7 @@ impl Loader {
             context.facts.writes_all();
             return None;
         }
-        self.expect_children(element, &["scene", "scenes", "rays", "hits", "rayCount"]);
+        self.expect_children(element, &[&["scene", "scenes", "rays", "hits", "rayCount"][..], &RUNNING].concat());
         self.no_parameters(context, "optixPrime");
         let scenes = self.scenes_hit(context);
         let rays = self.buffer_of(context, "rays", &["buffer", "queryType"]);

@@ -52,6 +52,7 @@ mod parameters;
 mod passes;
 mod ray;
 mod report;
+mod running;
 mod scenes;
 mod shader_values;
 mod shaders;
@@ -438,6 +439,17 @@ pub enum PassKind {
 }
 
 impl PassKind {
+    /// The colours that replace those of materials.
+    #[must_use]
+    pub fn colors(&self) -> &[ColorMap] {
+        match self {
+            Self::Raster(raster) => &raster.colors,
+            Self::Ray(ray) => &ray.colors,
+            Self::Effect(effect) => &effect.colors,
+            Self::Quad(_) | Self::Intersection(_) | Self::Compute(_) => &[],
+        }
+    }
+
     /// The own shader that fills a quad, or that a compute pass runs.
     #[must_use]
     pub fn shader(&self) -> Option<&OwnShader> {
@@ -668,8 +680,20 @@ pub struct ColorMap {
     pub emission: Option<Vec4>,
     /// Colours that only own shaders read.
     pub phong: PhongMap,
-    /// Whether the texture is removed too: a `materialMaps` entry replaces the whole material.
-    pub drops_texture: bool,
+    /// The texture that the material has then.
+    pub texture: TextureMap,
+}
+
+/// What a [`ColorMap`] does to a material's texture, vertex colours and holes.
+#[derive(Debug, Clone, PartialEq, Eq, Default)]
+pub enum TextureMap {
+    /// They stay.
+    #[default]
+    Kept,
+    /// They are removed: a `materialMaps` entry replaces the whole material.
+    Removed,
+    /// This image file takes their place.
+    File(PathBuf),
 }
 
 /// Further colours of a [`ColorMap`], which only own shaders read. `None` keeps the material's own.

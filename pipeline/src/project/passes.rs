@@ -5,8 +5,10 @@ use super::libraries::{Binding, Injected, LibraryMaterial};
 use super::loader::Loader;
 use super::order::Facts;
 use super::report::{Found, Names, Span, shown, suggest};
-use super::{ChannelRef, Clears, ColorMap, MaterialPattern, Pass, PassKind, PhongMap, Pipeline};
+use super::running::{RUNNING, script};
+use super::{ChannelRef, Clears, ColorMap, MaterialPattern, Pass, PassKind, PhongMap, Pipeline, TextureMap};
 use crate::glsl;
+use crate::paths::nearest_help;
 use crate::programs::PARAMS;
 use crate::raster_effects::EFFECT_PARAMS;
 use std::rc::Rc;
@@ -73,7 +75,8 @@ pub(super) struct PassContext<'e> {
 impl Loader {
     /// Reads a pipeline and checks the order of its passes.
     pub fn pipeline(&mut self, element: &Element) -> Pipeline {
-        self.expect(element, &["pass"], &["name", "default", "defaultCamera", "mode"]);
+        self.expect(element, &["pass", "preScript", "postScript"], &["name", "default", "defaultCamera", "mode"]);
+        self.warn_of_scripts(element, "the pipeline");
         let default_camera = match element.attribute("defaultCamera") {
             Some(name) => self.cameras.names.resolve(&mut self.report, &name.text, name.span).map(Some),
             None => Some(None),
@@ -81,7 +84,7 @@ impl Loader {
         let (mut names, mut passes, mut facts) = (Names::new("pass of this pipeline"), Vec::new(), Vec::new());
         self.pipeline_name = element.attribute("name").map_or_else(String::new, |name| name.text.clone());
         for pass in element.children_named(&["pass"]) {
-            if self.shows_nothing(pass) {
+            if self.shows_nothing(pass) || !self.runs(pass) {
                 continue;
             }
             let name = self.required(pass, "name");
@@ -112,14 +115,17 @@ impl Loader {
             "it writes the engine's times over the picture"
         } else if class.text.eq_ignore_ascii_case("default")
             && !pass.children.is_empty()
-            && pass.children.iter().all(|child| child.is(&["preScript", "postScript", "mode"]))
+            && pass.children.iter().all(|child| child.is(&RUNNING))
         {
             "it only runs scripts"
         } else {
             return false;
         };
         let name = pass.attribute("name").map_or("", |name| &name.text);
-        self.report.warning(pass.span, format!("pass `{}` is left out: {what}", shown(name)), || None);
+        let scripts: Vec<String> =
+            pass.children_named(&["preScript", "postScript", "testScript"]).map(script).collect();
+        let help = (!scripts.is_empty()).then(|| scripts.join(", "));
+        self.report.warning(pass.span, format!("pass `{}` is left out: {what}", shown(name)), || help);
         true
     }
 
@@ -341,10 +347,10 @@ impl Loader {
     /// Adds the colours of `<materialMaps>`, whose entries replace whole materials.
     pub fn mapped_colors(&mut self, maps: &[MaterialMap], colors: &mut Vec<ColorMap>) {
         for &MaterialMap { ref to, library, ref material, at } in maps {
-            if !material.textures.is_empty() && !self.is_own_shader(library, material) {
-                let message = format!("material `{}` is drawn without its textures", shown(&material.name));
-                self.report.warning(at, message, || Some("only scene files bring textures".to_owned()));
-            }
+            let texture = match self.is_own_shader(library, material) {
+                true => TextureMap::Removed,
+                false => self.mapped_texture(library, material, at),
+            };
             colors.push(ColorMap {
                 to: to.clone(),
                 diffuse: Some(material.diffuse),
@@ -354,8 +360,37 @@ impl Loader {
                     specular: Some(material.specular),
                     shininess: Some(material.shininess),
                 },
-                drops_texture: true,
+                texture,
             });
+        }
+    }
+
+    /// The texture that a material without an own shader is drawn with: the image file of its unit 0. Reports the textures that are not read.
+    fn mapped_texture(&mut self, library: usize, material: &LibraryMaterial, at: Span) -> TextureMap {
+        let bound = material.textures.iter().rev().find(|binding| binding.unit == 0);
+        let file = bound.and_then(|binding| self.image_file_of(library, binding));
+        let name = shown(&material.name);
+        let all_read = match file {
+            Some(_) => material.textures.iter().all(|binding| binding.unit == 0),
+            None => material.textures.is_empty(),
+        };
+        if !all_read {
+            let how =
+                if file.is_some() { "the texture of unit 0 alone" } else { "its diffuse colour, without its textures" };
+            self.report.warning(at, format!("material `{name}` is drawn with {how}"), || {
+                Some("without an own shader, materials have the image file that is bound to unit 0".to_owned())
+            });
+        }
+        match file {
+            Some(Ok(file)) => TextureMap::File(file),
+            Some(Err((file, span))) => {
+                let message = format!("cannot read {}: there is no such file", file.display());
+                self.report.warning(span, message, || {
+                    Some(format!("material `{name}` is drawn with its diffuse colour; {}", nearest_help(&file)))
+                });
+                TextureMap::Removed
+            }
+            None => TextureMap::Removed,
         }
     }
 
@@ -390,7 +425,7 @@ impl Loader {
                 if let Some(color) = self.single(map, &["color"]) {
                     match (pattern, self.injected_color(color)) {
                         (Some(to), Some((diffuse, emission, phong))) => {
-                            colors.push(ColorMap { to, diffuse, emission, phong, drops_texture: false });
+                            colors.push(ColorMap { to, diffuse, emission, phong, texture: TextureMap::Kept });
                         }
                         _ => shaders = None,
                     }

@@ -7,6 +7,7 @@ use super::loader::Loader;
 use super::parameters::Reads;
 use super::passes::PassContext;
 use super::report::{Span, shown, suggest};
+use super::running::RUNNING;
 use super::{MaterialPattern, RayPass};
 use crate::programs::{PARAMS, PROCS, RAY_PROGRAMS, RayParams, RayProgramInfo, Sampler, procs_of_kind};
 
@@ -106,7 +107,7 @@ impl Loader {
             &["scenes", "camera", "viewport", "renderTarget", "lights", "materialMaps", "injectionMaps"];
         const READ_OVER: &[&str] = &["optixRayTypes", "rtRayTypes"];
         const PROGRAMS: [&[&str]; 4] = [ENTRY_POINT, DEFAULT_MATERIAL, MATERIAL_MAP, GEOMETRY];
-        let valid = [COMMON, &PROGRAMS.concat(), INPUT, READ_OVER, super::handed::ELEMENTS].concat();
+        let valid = [COMMON, &RUNNING, &PROGRAMS.concat(), INPUT, READ_OVER, super::handed::ELEMENTS].concat();
         self.expect_children(element, &valid);
     }
 

@@ -507,6 +507,23 @@ impl Loader {
         self.report.error_help(value.span, message, || crate::paths::nearest_help(&file));
         None
     }
+
+    /// The image file that a material of `library` binds, or the path and the place of one that is not there. `None` if it binds something
+    /// else.
+    pub fn image_file_of(&mut self, library: usize, binding: &Binding) -> Option<Result<PathBuf, (PathBuf, Span)>> {
+        let (library, name) = match binding.name.text.split_once("::") {
+            Some((other, name)) => {
+                (self.libraries.list.iter().position(|library| library.name == other.trim())?, name.trim())
+            }
+            None => (binding.library.unwrap_or(library), binding.name.text.as_str()),
+        };
+        let library = self.libraries.get(library);
+        let (Found::Exact(index) | Found::OtherCase(index)) = library.texture_names.find(name) else { return None };
+        let Texture::File(value) = library.textures[index].clone() else { return None };
+        let folder = library.path.clone();
+        let file = file::Folder::of(&folder).resolve(&mut self.report, &value)?;
+        Some(if file.exists() { Ok(file) } else { Err((file, value.span)) })
+    }
 }
 
 /// Checks that a value has the type of a member; the error says why not.

@@ -121,11 +121,15 @@ impl ShapeKind {
                 },
                 false,
             ),
-            Self::Grid { divisions, length } => net(
-                (divisions, divisions),
-                |u, v| (Vec3::new((u - 0.5) * length, 0.0, (0.5 - v) * length), Vec3::Y),
-                false,
-            ),
+            Self::Grid { divisions, length } => {
+                let at = |u, v| (Vec3::new((u - 0.5) * length, 0.0, (0.5 - v) * length), Vec3::Y);
+                let mut grid = net((divisions, divisions), at, false);
+                // The engine divides the numbers of columns and rows by one more than there are: the last column does not reach 1. Rows count
+                // along z.
+                let part = divisions as f32 / (divisions as f32 + 1.0);
+                grid.texcoords.iter_mut().for_each(|at| *at = Vec2::new(at.x, 1.0 - at.y) * part);
+                grid
+            }
         };
         Some(mesh)
     }

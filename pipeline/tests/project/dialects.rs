@@ -4,7 +4,7 @@ use crate::support::{FINAL, Files, LIBRARY, RASTER, SHADOWS, SHOW, good, line, p
 use curitiba_pipeline::diagnostic::Severity;
 use curitiba_pipeline::image::PixelFormat;
 use curitiba_pipeline::programs::{RasterProgram, RayProgram};
-use curitiba_pipeline::project::{ChannelRef, MaterialPattern, PassKind, Project, QuadSource};
+use curitiba_pipeline::project::{ChannelRef, MaterialPattern, PassKind, Project, QuadSource, TextureMap};
 use glam::{DVec3, Vec3, Vec4};
 
 const OLD: &str = r#"<?xml version="1.0" ?>
@@ -159,11 +159,14 @@ fn colours_are_injected_and_mapped_in_order() {
     let project = good(&project(&raster));
     let PassKind::Raster(raster) = &project.pipelines[0].passes[0].kind else { panic!("a raster pass") };
     let [black, plain, glass] = &raster.colors[..] else { panic!("three maps") };
-    assert_eq!((&black.to, black.diffuse, black.drops_texture), (&MaterialPattern::All, Some(Vec4::W), true));
+    assert_eq!(
+        (&black.to, black.diffuse, &black.texture),
+        (&MaterialPattern::All, Some(Vec4::W), &TextureMap::Removed)
+    );
     assert_eq!(plain.emission, Some(Vec4::new(0.0, 1.0, 0.0, 0.5)));
     assert_eq!(glass.to, MaterialPattern::Named("Vidro".to_owned()));
     assert_eq!((glass.diffuse, glass.emission), (Some(Vec4::new(1.0, 0.0, 1.0, 0.0)), None));
-    assert!(!glass.drops_texture);
+    assert_eq!(glass.texture, TextureMap::Kept);
 }
 
 #[test]

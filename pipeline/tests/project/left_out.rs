@@ -55,6 +55,52 @@ fn passes_that_draw_nothing_are_left_out() {
     assert!(errors(&bad(project(&[RASTER, empty].concat()))).iter().any(|error| error.contains("names no scene")));
 }
 
+/// A picture is that of the engine's second frame: passes of its first two frames have run, in the order of the file.
+#[test]
+fn passes_of_every_mode_but_one_run() {
+    let raster = |mode: &str| RASTER.replacen('>', &format!("><mode value=\"{mode}\"/>"), 1);
+    for mode in ["RUN_ALWAYS", "RUN_ONCE", "SKIP_FIRST_FRAME", "RUN_EVEN", "run_odd"] {
+        let loaded = good(&project(&raster(mode)));
+        assert_eq!((loaded.pipelines[0].passes.len(), loaded.problems.0.len()), (1, 0), "{mode}: {}", loaded.problems);
+    }
+    let never = raster("DONT_RUN").replacen("name=\"", "name=\"never", 1);
+    let loaded = good(&project(&[&never, RASTER].concat()));
+    assert_eq!(loaded.pipelines[0].passes.len(), 1);
+    warns(&loaded, "is left out: its mode is `DONT_RUN`");
+    let said = bad(project(&raster("RUN_TWICE"))).to_string();
+    assert!(said.contains("project.xml:") && said.contains("`RUN_TWICE`") && said.contains("RUN_ONCE"), "{said}");
+}
+
+#[test]
+fn scripts_that_are_not_run_are_named() {
+    let with_script = |script: &str| RASTER.replacen('>', &format!(">{script}"), 1);
+    let cases = [
+        (r#"<testScript file="a.lua" script="b"/>"#, "runs if the script `b` of `a.lua` says, which is not run"),
+        (
+            r#"<testScript file="a.lua" script="b" TEST_MODE="RUN_WHILE"/>"#,
+            "runs as often as the script `b` of `a.lua` says, which is not run",
+        ),
+        (r#"<preScript file="a.lua" script="b"/>"#, "the script `b` of `a.lua` runs before pass `"),
+        (r#"<postScript file="a.lua" script="b"/>"#, "the script `b` of `a.lua` runs after pass `"),
+    ];
+    for (script, what) in cases {
+        let loaded = good(&project(&with_script(script)));
+        warns(&loaded, what);
+        assert_eq!((loaded.pipelines[0].passes.len(), loaded.problems.0.len()), (1, 1), "{}", loaded.problems);
+        let [problem] = &loaded.problems.0[..] else { unreachable!() };
+        let (source, range) = problem.place.as_ref().expect("a place");
+        assert!(
+            source.text[range.start..].starts_with(&script[..script.find(' ').expect("a space")]),
+            "{}",
+            loaded.problems
+        );
+    }
+    let before = r#"<preScript file="a.lua" script="b"/>"#;
+    warns(&good(&project(&[before, RASTER].concat())), "the script `b` of `a.lua` runs before the pipeline");
+    let scripts = r#"<pass class="default" name="moves"><postScript file="c.lua" script="d"/></pass>"#;
+    warns(&good(&project(&[RASTER, scripts].concat())), "the script `d` of `c.lua`");
+}
+
 #[test]
 fn a_camera_among_the_scenes_is_left_out_and_another_name_is_an_error() {
     let loaded = good(&with(&project(RASTER), "<scene>Main</scene>", "<scene>Main</scene><scene>Eye</scene>"));

@@ -73,13 +73,15 @@ fn choose(app: &App, ui: &mut Ui, facts: &Facts, index: usize, side: &mut Option
     };
     let width = ui.available_width() - 14.0 - if rendered.is_some() { ENGINES + 6.0 } else { 0.0 };
     let now = side.as_ref().map_or_else(|| "nothing".to_owned(), Side::name);
-    let combo = ComboBox::from_id_salt(("side", index)).width(width).selected_text(&now).truncate();
+    // What tells outputs apart is the channel, behind the library's name, for which there is no room.
+    let channel = now.rsplit("::").next().unwrap_or(&now);
+    let combo = ComboBox::from_id_salt(("side", index)).width(width).selected_text(channel).truncate();
     // Long names are cut off there: a list grows with its text, and the panel with the list.
     let place_of = vec2(width, ui.spacing().interact_size.y);
     let list = ui.allocate_ui_with_layout(place_of, Layout::left_to_right(Align::Center), |ui| {
         combo.show_ui(ui, |ui| offers(app, ui, facts, index, side))
     });
-    let response = list.inner.response;
+    let response = list.inner.response.on_hover_text(&now);
     named_list(&response, &format!("{place} side"), &now);
     let (Some((what, on)), Some(Side::Rendered { .. })) = (rendered, side.as_ref()) else { return };
     let mut chosen = on;

@@ -53,6 +53,12 @@ fn both_sides_are_chosen_from_one_list_and_the_numbers_name_them() {
     assert_eq!(compared.names, ["result", "SceneNoEffects.exr"]);
     // The left side from its list: a file against an output, with nothing of what is looked at.
     choose(&mut window, "right side", NORM);
+    // The list shows the channel alone, and beside the pointer the whole name.
+    let names = |window: &Window| window.harness.query_all_by_label(NORM).count();
+    let before = names(&window);
+    window.harness.get_by_label("right side").hover();
+    window.harness.run_steps(8);
+    assert_eq!(names(&window), before + 1);
     choose(&mut window, "left side", "result");
     window.harness.state_mut().compare(Side::File(file.clone()), Some(Side::here(What::Output(NORM.to_owned()))));
     window.rest();

@@ -6,7 +6,7 @@
 //! | lights | the options' sun, or the file's lights, or a sun behind the viewer's left shoulder |
 //! | effects | shadows and occlusion; glass if a drawn material transmits at least a tenth of the light |
 //! | glass | by each material (`glass=auto`), in front of the background, with coloured shadows (`shadow=straight`) |
-//! | focus | the box of all triangles, or of most of them if a few far ones (a sky) make it more than twice as large |
+//! | focus | the box of all triangles, or of most of them if a few far ones (a sky) make it more than three times as large |
 //! | textures in and behind glass | filtered by ray cones (`texturelod=cones`) |
 //! | occlusion radius | a twentieth of the diagonal of the focus |
 //! | window | 1024 x 1024 |
@@ -316,8 +316,8 @@ fn extent(scene: &Scene) -> Option<Extent> {
     extent
 }
 
-/// The bounding box of most triangles, if a few far ones (a sky, a plane to the horizon) make the whole box more than twice as
-/// large; otherwise the whole box.
+/// The bounding box of most triangles, if a few far ones (a sky, a plane to the horizon) make the whole box more than three
+/// times as large; otherwise the whole box. The walls of a room around finely tessellated things make it at most that.
 fn focus(scene: &Scene, whole: Extent) -> Extent {
     /// Most triangles that are examined.
     const MOST: usize = 1 << 16;
@@ -356,7 +356,7 @@ fn focus(scene: &Scene, whole: Extent) -> Extent {
     }
     let [low, high] = bounds;
     let most = Extent { low, high };
-    if most.diagonal() > 0.0 && whole.diagonal() > 2.0 * most.diagonal() { most } else { whole }
+    if most.diagonal() > 0.0 && whole.diagonal() > 3.0 * most.diagonal() { most } else { whole }
 }
 
 /// The cameras of the file, and one that is described or placed; the default camera comes first.

@@ -6,7 +6,7 @@ use crate::image::PixelFormat;
 use crate::programs::{RasterProgram, RayParams, RayProgram, TextureLod, Writes};
 use crate::project::{
     Channel, ChannelRef, Clears, ColorMap, EffectPass, MaterialPattern, Pass, PassKind, PhongMap, Pipeline, QuadPass,
-    QuadSource, RasterPass, RayPass, RenderTarget,
+    QuadSource, RasterPass, RayPass, RenderTarget, TextureMap,
 };
 use crate::raster_effects::{EffectParams, EffectProgram};
 use glam::{Vec3, Vec4};
@@ -147,7 +147,7 @@ impl Common<'_> {
             diffuse: Some(GLASS_MARK),
             emission: Some(GLASS_MARK),
             phong: PhongMap::default(),
-            drops_texture: false,
+            texture: TextureMap::Kept,
         };
         self.patterns().into_iter().map(mark).collect()
     }

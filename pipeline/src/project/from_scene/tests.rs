@@ -107,6 +107,20 @@ fn a_few_triangles_far_off_are_not_looked_at() {
 }
 
 #[test]
+fn a_room_around_a_fine_mesh_is_looked_at_as_a_whole() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let path = folder.path().join("room.obj");
+    let mut text = "v -1 0 -1\nv 1 0 -1\nv 1 2 1\nf 1 2 3\n".to_owned();
+    for index in 0..400 {
+        let (x, z) = (f64::from(index % 20) * 0.04, f64::from(index / 20) * 0.04);
+        text += &format!("v {x} 0 {z}\nv {x} 0.8 {z}\nv {} 0 {z}\nf -3 -2 -1\n", x + 0.02);
+    }
+    std::fs::write(&path, text).expect("a file");
+    let project = open(&path, &SceneOptions::default());
+    assert!(!project.problems.to_string().contains("far triangles"), "{}", project.problems);
+}
+
+#[test]
 fn cameras_of_the_file_come_first_unless_one_is_described() {
     let folder = tempfile::tempdir().expect("a folder");
     let path = folder.path().join("c.gltf");

@@ -1,9 +1,9 @@
 //! Writes the material libraries of a project: render targets, and the materials that its passes use.
 
 use super::xml::Xml;
-use super::{WriteError, color};
+use super::{WriteError, color, relative};
 use crate::programs::{QUAD_PROGRAMS, RASTER_PROGRAMS};
-use crate::project::{ChannelRef, ColorMap, Pass, PassKind, Project, QuadSource};
+use crate::project::{ChannelRef, Pass, PassKind, Project, QuadSource, TextureMap};
 use std::path::{Path, PathBuf};
 
 /// Name of the library if the project has no render target.
@@ -43,6 +43,11 @@ pub(super) fn colored((number, pass): (usize, &Pass), map: usize) -> String {
     format!("{number} {} colours {}", pass.name, map + 1)
 }
 
+/// Name of the texture of colour map `map` of a pass.
+fn mapped((number, pass): (usize, &Pass), map: usize) -> String {
+    format!("{number} {} texture {}", pass.name, map + 1)
+}
+
 /// Name of the material with which a quad pass combines two textures.
 pub(super) fn joining((number, pass): (usize, &Pass)) -> String {
     format!("{number} {} combine", pass.name)
@@ -54,18 +59,9 @@ pub(super) fn texture(project: &Project, channel: ChannelRef) -> String {
     format!("{}::{}", target.library, target.channels[channel.channel].name)
 }
 
-/// The colour maps of a pass.
-pub(super) fn colors(pass: &Pass) -> &[ColorMap] {
-    match &pass.kind {
-        PassKind::Raster(raster) => &raster.colors,
-        PassKind::Ray(ray) => &ray.colors,
-        PassKind::Effect(effect) => &effect.colors,
-        PassKind::Quad(_) | PassKind::Intersection(_) | PassKind::Compute(_) => &[],
-    }
-}
-
 impl Library {
-    pub fn document(&self, project: &Project) -> Result<String, WriteError> {
+    /// Its file's text; paths are relative to `folder`.
+    pub fn document(&self, project: &Project, folder: &Path) -> Result<String, WriteError> {
         let mut xml = Xml::new("Render targets and materials of the project beside this file.");
         xml.begin("materialLib", &[("name", &self.name)]);
         xml.begin("renderTargets", &[]);
@@ -87,13 +83,23 @@ impl Library {
         }
         xml.end();
         if self.materials {
-            materials(&mut xml, project);
+            materials(&mut xml, project, folder)?;
         }
         xml.finish()
     }
 }
 
-fn materials(xml: &mut Xml, project: &Project) {
+fn materials(xml: &mut Xml, project: &Project, folder: &Path) -> Result<(), WriteError> {
+    let passes = || project.pipelines.iter().flat_map(|pipeline| &pipeline.passes).enumerate();
+    xml.begin("textures", &[]);
+    for pass in passes() {
+        for (index, map) in pass.1.kind.colors().iter().enumerate() {
+            if let TextureMap::File(path) = &map.texture {
+                xml.empty("texture", &[("name", &mapped(pass, index)), ("filename", &relative(path, folder)?)]);
+            }
+        }
+    }
+    xml.end();
     xml.begin("shaders", &[]);
     let stems = RASTER_PROGRAMS.iter().map(|info| info.stem).chain(QUAD_PROGRAMS.iter().map(|info| info.stem));
     for stem in stems {
@@ -104,8 +110,8 @@ fn materials(xml: &mut Xml, project: &Project) {
     xml.begin("material", &[("name", DRAWS)]);
     xml.empty("shader", &[("name", RASTER_PROGRAMS[0].stem)]);
     xml.end();
-    for pass in project.pipelines.iter().flat_map(|pipeline| &pipeline.passes).enumerate() {
-        for (index, map) in colors(pass.1).iter().enumerate() {
+    for pass in passes() {
+        for (index, map) in pass.1.kind.colors().iter().enumerate() {
             xml.begin("material", &[("name", &colored(pass, index))]);
             xml.begin("color", &[]);
             for (name, value) in [("diffuse", map.diffuse), ("emission", map.emission)] {
@@ -114,6 +120,11 @@ fn materials(xml: &mut Xml, project: &Project) {
                 }
             }
             xml.end();
+            if let TextureMap::File(_) = map.texture {
+                xml.begin("textures", &[]);
+                xml.empty("texture", &[("unit", "0"), ("name", &mapped(pass, index))]);
+                xml.end();
+            }
             xml.end();
         }
         if let PassKind::Quad(quad) = &pass.1.kind
@@ -130,4 +141,5 @@ fn materials(xml: &mut Xml, project: &Project) {
         }
     }
     xml.end();
+    Ok(())
 }

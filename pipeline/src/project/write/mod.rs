@@ -57,7 +57,7 @@ impl Project {
         let folder = std::fs::canonicalize(folder).map_err(|error| WriteError::io(folder, &error))?;
         let mut files = vec![(path.to_owned(), self.document(&folder, &libraries)?)];
         for library in &libraries {
-            files.push((library.path.clone(), library.document(self)?));
+            files.push((library.path.clone(), library.document(self, &folder)?));
         }
         if let Some((path, _)) = files.iter().find(|(path, _)| path.exists()) {
             return Err(WriteError::Exists(path.clone()));

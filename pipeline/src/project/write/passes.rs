@@ -1,12 +1,12 @@
 //! Writes pipelines and their passes.
 
-use super::library::{self, DRAWS, Library, colored, joining, texture};
+use super::library::{DRAWS, Library, colored, joining, texture};
 use super::xml::Xml;
 use crate::programs::{ProcInfo, Query};
 use crate::project::handed::origin;
 use crate::project::{
     ChannelRef, Clears, ComputePass, EffectPass, IntersectionPass, MaterialPattern, Pass, PassKind, Project, QuadPass,
-    QuadSource, RasterPass, RayPass, RaysTraced,
+    QuadSource, RasterPass, RayPass, RaysTraced, TextureMap,
 };
 use std::borrow::Cow;
 
@@ -127,18 +127,18 @@ impl Context<'_> {
 
     /// Writes `<materialMaps>` for colour maps that replace whole materials, then `<injectionMaps>` for the others.
     fn colors(&self, xml: &mut Xml, draws: bool) {
-        let maps = || library::colors(self.pass).iter().enumerate();
+        let maps = || self.pass.kind.colors().iter().enumerate();
         let material = |map: usize| colored((self.number, self.pass), map);
-        if maps().any(|(_, map)| map.drops_texture) {
+        if maps().any(|(_, map)| map.texture != TextureMap::Kept) {
             xml.begin("materialMaps", &[]);
-            for (index, map) in maps().filter(|(_, map)| map.drops_texture) {
+            for (index, map) in maps().filter(|(_, map)| map.texture != TextureMap::Kept) {
                 let from = pattern(xml, &map.to);
                 let to = material(index);
                 xml.empty("map", &[("fromMaterial", &from), ("toLibrary", self.library), ("toMaterial", &to)]);
             }
             xml.end();
         }
-        let rest = || maps().filter(|(_, map)| !map.drops_texture);
+        let rest = || maps().filter(|(_, map)| map.texture == TextureMap::Kept);
         if !draws && rest().next().is_none() {
             return;
         }

@@ -207,13 +207,25 @@ impl Materials {
     }
 }
 
-/// Whether a material is blended evenly: without a texture and with an alpha below 1. One with transmission is glass by that.
-fn is_veil(written: &json::Material) -> bool {
+/// Whether a material is blended evenly: without a texture and with an alpha below 1.
+fn is_even(written: &json::Material) -> bool {
     let pbr = &written.pbr_metallic_roughness;
     written.alpha_mode == Checked::Valid(AlphaMode::Blend)
         && pbr.base_color_texture.is_none()
         && pbr.base_color_factor.0[3] < 1.0
-        && written.extensions.as_ref().is_none_or(|extensions| extensions.transmission.is_none())
+}
+
+/// Whether a material is blended evenly and lets nothing through by itself. One with transmission is glass by that.
+fn is_veil(written: &json::Material) -> bool {
+    is_even(written) && written.extensions.as_ref().is_none_or(|extensions| extensions.transmission.is_none())
+}
+
+/// Whether a material is blended evenly, and is glass that bounds no body.
+fn is_blended_pane(written: &json::Material) -> bool {
+    let thin = |e: &json::extensions::material::Material| {
+        e.transmission.is_some() && e.volume.as_ref().is_none_or(|volume| volume.thickness_factor.0 <= 0.0)
+    };
+    is_even(written) && written.extensions.as_ref().is_some_and(thin)
 }
 
 /// The parameters of a material, without its texture.
@@ -247,7 +259,7 @@ fn surface(written: &json::Material, name: String, context: &Context<'_>, warnin
                 // What is behind shows by what alpha leaves, neither bent nor tinted (glTF 2.0, section 3.9.4).
                 material.transmission = (1.0 - factor.w).clamp(0.0, 1.0);
                 material.veil = 1.0 - material.transmission;
-            } else {
+            } else if !is_blended_pane(written) {
                 warn("materials that are blended", "what is half clear or more in their texture is cut out", "");
             }
         }
@@ -262,6 +274,13 @@ fn surface(written: &json::Material, name: String, context: &Context<'_>, warnin
         material.filter_textured = true;
         material.filter = factor.truncate().clamp(Vec3::ZERO, Vec3::ONE);
         material.roughness = written.pbr_metallic_roughness.roughness_factor.0.clamp(0.0, 1.0);
+        if is_blended_pane(written) {
+            // Alpha is the share of the surface that is there; through the rest what is behind shows as it is (glTF 2.0, section 3.9.4).
+            let (gap, glass) = (1.0 - factor.w.clamp(0.0, 1.0), factor.w.clamp(0.0, 1.0) * material.transmission);
+            material.transmission = gap + glass;
+            material.veil = 1.0 - material.transmission;
+            material.filter = (Vec3::splat(gap) + material.filter * glass) / material.transmission;
+        }
         if transmission.transmission_texture.is_some() {
             warn("texture maps that no program reads", "ignored", "transmission of ");
         }

@@ -12,7 +12,7 @@ use crate::image::decode::{Encoded, Fault, rgba8};
 use image::{ImageDecoder, ImageFormat, ImageReader, RgbaImage};
 use rayon::prelude::*;
 use std::io::{BufReader, Cursor};
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 /// Longest side of a texture, texels.
 const MAX_SIDE: u32 = 16_384;
@@ -113,6 +113,21 @@ pub(crate) fn image_file(path: &Path, most: u64) -> Result<Texture, SceneError> 
     Budget::new(most).take(path, "the texels", cost.texels * 4 * 4 / 3 + cost.working)?;
     let base = decode(&source).map_err(|fault| SceneError::file(path, fault.to_string()))?;
     Ok(Texture::build(source.name(), base, false, ColorSpace::Report))
+}
+
+/// Decodes image files, whose texels take at most `most` bytes, as textures of colours that repeat. Returns by file the index of
+/// its texture; a file that cannot be decoded has none, and is counted as a warning about `by`, the file that names them.
+pub(crate) fn image_files(
+    paths: &[PathBuf],
+    space: ColorSpace,
+    (by, most): (&Path, u64),
+    warnings: &mut Warnings,
+) -> Result<(Vec<Texture>, Vec<Option<u32>>), SceneError> {
+    let sources: Vec<TextureSource> = paths.iter().cloned().map(TextureSource::File).collect();
+    let of = |index| Material { texture: Some(index), ..Material::default() };
+    let mut materials: Vec<Material> = (0..paths.len() as u32).map(of).collect();
+    let textures = decode_used(&mut materials, &sources, space, by, &mut Budget::new(most), warnings)?;
+    Ok((textures, materials.iter().map(|material| material.texture).collect()))
 }
 
 /// Memory for a texture.
