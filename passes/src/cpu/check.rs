@@ -43,21 +43,6 @@ pub fn sun(backend: &'static str, job: &RayJob<'_>) -> Result<(), BackendError> 
     }
 }
 
-/// Refuses several lights and lights with a place, for a backend that knows one directional light.
-///
-/// # Errors
-/// [`BackendError::Unsupported`] for that backend.
-pub fn lights(backend: &'static str, job: &RayJob<'_>) -> Result<(), BackendError> {
-    match job.lights {
-        [] => Ok(()),
-        _ => Err(missing(
-            backend,
-            job,
-            "the pass has several lights, or a point or spot light, and it knows one directional light; the cpu knows all",
-        )),
-    }
-}
-
 /// Refuses what no program knows of several lights, or of a light with a place.
 fn many_lights(backend: &'static str, job: &RayJob<'_>) -> Result<(), BackendError> {
     let info = job.program.info();
