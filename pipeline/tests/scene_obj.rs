@@ -238,6 +238,19 @@ fn material_statements_are_read_in_every_legal_form() {
 }
 
 #[test]
+fn materials_that_tr_would_make_invisible_are_opaque_and_named() {
+    let folder = Folder::new();
+    let scene = mtl(
+        &folder,
+        "newmtl exported\nKd 1 1 1\nTr 1.0\nillum 1\nnewmtl hidden\nTr 1\nd 0\nnewmtl pane\nTr 1\nillum 7\nnewmtl nearly\nTr 0.99\n",
+    );
+    let transmission = |name| named(&scene, name).transmission;
+    assert_eq!(["exported", "hidden", "pane"].map(transmission), [0.0, 1.0, 1.0]);
+    assert!((transmission("nearly") - 0.99).abs() < 1e-6);
+    assert_eq!(count(&scene.warnings, "materials that `Tr 1` would make invisible"), 1);
+}
+
+#[test]
 fn unusable_material_statements_are_counted() {
     let folder = Folder::new();
     let scene = mtl(

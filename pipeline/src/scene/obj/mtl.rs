@@ -138,7 +138,14 @@ impl Library {
         let defaults = Material::default();
         let color = |written: Option<Vec3>, default: Vec4| written.map_or(default, |color| color.extend(1.0));
         let is_glass = is_glass(&written);
-        let dissolve = written.d.or(written.tr.map(|tr| 1.0 - tr)).unwrap_or(1.0).clamp(0.0, 1.0);
+        // Some exporters, MeshLab among them, write the opacity for `Tr`. Nobody models what cannot be seen, but glass may be wholly clear.
+        let is_opacity = written.d.is_none() && !is_glass && written.tr.is_some_and(|tr| tr >= 1.0);
+        if is_opacity {
+            let what = "materials that `Tr 1` would make invisible";
+            warnings.add(context.file, what, "taken for opaque; `d 0` hides them", || format!("`{}`", written.name));
+        }
+        let clear = written.tr.filter(|_| !is_opacity).map(|tr| 1.0 - tr);
+        let dissolve = written.d.or(clear).unwrap_or(1.0).clamp(0.0, 1.0);
         let mut material = Material {
             diffuse: color(written.kd, defaults.diffuse).truncate().extend(dissolve),
             ambient: color(written.ka, defaults.ambient),
