@@ -359,7 +359,7 @@ impl<T: DeviceTracer> OneGpu<T> {
         images.shades.set(device, "the materials", shades(job))?;
         let has_lights = Lighting::of(job) == Lighting::Lights;
         if has_lights {
-            images.lights.set(device, "the lights", lights(job))?;
+            images.lights.set(device, "the lights", lights(job.lights))?;
             images.emissions.set(device, "what textures add to lights", emissions(job))?;
         }
         let has_bodies = job.dielectrics.iter().any(|dielectric| dielectric.shape == Shape::Solid);

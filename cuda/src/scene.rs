@@ -169,9 +169,9 @@ pub fn bodies(job: &RayJob<'_>) -> Vec<Body> {
     job.dielectrics.iter().map(body).collect()
 }
 
-/// The job's lights, where it has several, or one with a place.
+/// The lights of a job that has several, or one with a place, as the device has them.
 #[must_use]
-pub fn lights(job: &RayJob<'_>) -> Vec<Light> {
+pub fn lights(lights: &[backend::Light]) -> Vec<Light> {
     let light = |light: &backend::Light| {
         let has_place = if light.place.is_some() { LIGHT_PLACE } else { 0 };
         let has_cone = if light.cone.is_some() { LIGHT_CONE } else { 0 };
@@ -189,7 +189,7 @@ pub fn lights(job: &RayJob<'_>) -> Vec<Light> {
             outer,
         }
     };
-    job.lights.iter().map(light).collect()
+    lights.iter().map(light).collect()
 }
 
 /// For each material, what its texture adds to the light that is seen on it.

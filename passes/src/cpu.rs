@@ -572,8 +572,8 @@ fn each_tile(
     in_parallel(&mut runs, &each)
 }
 
-/// Computes runs of tiles, and counts their rays. Not generic: of rayon's loop, which is several functions, there is then one, and not one a
-/// program and kind of scene, which were a tenth of this crate's compile time.
+/// Computes runs of tiles, and counts their rays. Not generic: rayon's loop, which is several functions, is compiled once, and not once for
+/// each program and kind of scene.
 fn in_parallel(runs: &mut [Rows<'_>], each: &(dyn Fn(usize, &mut Rows<'_>) -> RayCounts + Sync)) -> RayCounts {
     let add = |mut sum: RayCounts, rays| {
         sum += rays;

@@ -303,7 +303,7 @@ fn serialised(scene: &Scene, seen: &GBuffer, job: &RayJob<'_>) -> Vec<u32> {
     let asks = job.texture_lod() == TextureLod::Cones;
     input.extend([job.cone.width, job.cone.spread].map(|number| if asks { number.to_bits() } else { 0 }));
     input.extend(words([job.beyond, job.eye, -sun.direction, sun.color]));
-    let lights = lights(job);
+    let lights = lights(job.lights);
     input.push(lights.len() as u32);
     input.extend(lights.iter().flat_map(light_words));
     input.extend(emissions(job).into_iter().map(f32::to_bits));

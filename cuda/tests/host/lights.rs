@@ -3,10 +3,10 @@
 
 use super::glass::{Asked, ROUNDING, differences, several};
 use super::{Random, compiled, compiled_with, light_words, run, words};
-use curitiba_pipeline::backend::{Cone, Light, RayJob};
+use curitiba_cuda::scene::lights as device_lights;
+use curitiba_pipeline::backend::{Cone, Light};
 use curitiba_pipeline::glass::GlassShadow;
-use curitiba_pipeline::programs::{Fidelity, Fresnel, RayParams, RayProgram, TextureLod};
-use curitiba_pipeline::scene::RenderScene;
+use curitiba_pipeline::programs::{Fresnel, RayProgram, TextureLod};
 use glam::Vec3;
 use std::path::Path;
 
@@ -33,44 +33,13 @@ fn light(random: &mut Random, index: usize) -> (Light, Vec3) {
     (light, place + off)
 }
 
-/// The lights as the device has them.
-fn of_device(lights: &[Light]) -> Vec<curitiba_cuda::layout::Light> {
-    let scene = RenderScene::default();
-    let job = RayJob {
-        from_camera: None,
-        origin: [0; 2],
-        scene: &scene,
-        program: RayProgram::Final,
-        params: RayParams::default(),
-        fidelity: Fidelity::Corrected,
-        seed: 0,
-        eye: Vec3::ZERO,
-        cone: curitiba_pipeline::backend::PixelCone::default(),
-        lights,
-        sun: None,
-        width: 0,
-        height: 0,
-        position: &[],
-        normal: &[],
-        color: &[],
-        triangle: &[],
-        shared: None,
-        shades: &[],
-        glass: &[],
-        shadow_glass: &[],
-        beyond: Vec3::ZERO,
-        dielectrics: &[],
-    };
-    curitiba_cuda::scene::lights(&job)
-}
-
 /// Of lights at points: how many differ, of which powers by more than their rounding; how many arrive in part; and how many were compared.
 fn arriving_that_differ(program: &Path) -> [usize; 3] {
     let mut random = Random(11);
     let cases: Vec<(Light, Vec3)> = (0..24_000).map(|index| light(&mut random, index)).collect();
     let lights: Vec<Light> = cases.iter().map(|(light, _)| *light).collect();
     let mut input = Vec::new();
-    for (light, (_, point)) in of_device(&lights).iter().zip(&cases) {
+    for (light, (_, point)) in device_lights(&lights).iter().zip(&cases) {
         input.extend(light_words(light).chain(words([*point])));
     }
     let found = run(program, "lights", &input);
