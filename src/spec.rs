@@ -21,7 +21,7 @@ pub const SETTINGS: &[(&str, &str)] = &[
     ("camera", "NAME of a camera of the project"),
     ("size", "WIDTHxHEIGHT of the window"),
     ("seed", "N, of the random numbers"),
-    ("aa", "N, samples of every pixel: 1, 2, 4, 8, 16, 32 or 64"),
+    ("aa", "N or N:TOLERANCE, samples of every pixel: 1, 2, 4, 8, 16, 32 or 64"),
     ("pipeline", "NAME of a pipeline of the project"),
     ("reference", "picture: what `curitiba reference` made of the project is taken, and nothing is rendered"),
     ("effects", "of scene files: shadows, ao, glass with + between, or none"),

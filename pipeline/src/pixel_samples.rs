@@ -12,37 +12,95 @@
 //! * The coordinates are multiples of 1/128 of a pixel: rasterisers that snap corners to 1/256 treat every sample's picture alike.
 //!
 //! The flipped digits were chosen among all `N` possibilities by the coverage error of half-planes at all angles and distances.
+//!
+//! Of an adaptive number, rays are traced for four samples of every pixel first: those that lie nearest to the four of a pixel with four
+//! samples, the rotated grid, in pairs that half turns exchange. For the others they are traced where what rays found in the first four, or
+//! in those of neighbours, differs.
 
 use std::fmt;
 use std::str::FromStr;
 
-/// Number of samples a pixel: 1, 2, 4, 8, 16, 32 or 64.
+/// Number of samples a pixel: 1, 2, 4, 8, 16, 32 or 64; or an adaptive one, of which rays are traced for four where those are alike.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
-pub struct PixelSamples(u32);
+pub struct PixelSamples {
+    count: u32,
+    /// The bits of the tolerance, which is not negative.
+    within: Option<u32>,
+}
 
 impl PixelSamples {
     /// One sample, at the pixel's centre.
-    pub const ONE: Self = Self(1);
+    pub const ONE: Self = Self { count: 1, within: None };
 
     /// The valid numbers.
     pub const COUNTS: [u32; 7] = [1, 2, 4, 8, 16, 32, 64];
 
+    /// Samples of an adaptive number for which rays are traced at every pixel.
+    pub const FIRST: u32 = 4;
+
+    /// The largest tolerance.
+    pub const LARGEST_TOLERANCE: f32 = 1.0;
+
+    /// Bytes of a pixel of a ray pass that decide whether rays are traced for it, of an adaptive number.
+    pub(crate) const SHARE_BYTES: u64 = 64 + 1 + 4;
+
     /// `count` samples; `None` if it is not in [`Self::COUNTS`].
     #[must_use]
     pub fn new(count: u32) -> Option<Self> {
-        Self::COUNTS.contains(&count).then_some(Self(count))
+        Self::COUNTS.contains(&count).then_some(Self { count, within: None })
+    }
+
+    /// As many samples, of which rays are traced for four where what a ray pass leaves of a colour, its share, differs by at most `tolerance`, 0
+    /// to 1, in a pixel and from its neighbours. `None` for another tolerance, or if there are not more than four samples.
+    #[must_use]
+    pub fn within(self, tolerance: f32) -> Option<Self> {
+        let valid = self.count > Self::FIRST && (0.0..=Self::LARGEST_TOLERANCE).contains(&tolerance);
+        // The sum has no negative zero, whose bits are those of a large number.
+        valid.then_some(Self { within: Some((tolerance + 0.0).to_bits()), ..self })
+    }
+
+    /// The tolerance of an adaptive number.
+    #[must_use]
+    pub fn tolerance(self) -> Option<f32> {
+        self.within.map(f32::from_bits)
+    }
+
+    /// As many samples, with rays for all of them.
+    #[must_use]
+    pub fn of_every_pixel(self) -> Self {
+        Self { within: None, ..self }
     }
 
     /// Number of samples.
     #[must_use]
     pub fn count(self) -> u32 {
-        self.0
+        self.count
+    }
+
+    /// The samples in the order in which they are rendered: of an adaptive number the four first for which rays are traced at every pixel.
+    #[must_use]
+    pub fn order(self) -> Vec<u32> {
+        let all = 0..self.count;
+        if self.within.is_none() {
+            return all.collect();
+        }
+        let nearest = |[x, y]: [f32; 2]| {
+            let away = |sample: &u32| {
+                let [left, top] = self.offset(*sample);
+                (left - x).hypot(top - y)
+            };
+            all.clone().min_by(|a, b| away(a).total_cmp(&away(b))).expect("there are samples")
+        };
+        let four = Self { count: Self::FIRST, within: None };
+        let [a, b] = [0, 1].map(|sample| nearest(four.offset(sample)));
+        let first = [a, b, self.count - 1 - b, self.count - 1 - a];
+        first.into_iter().chain(all.filter(|sample| !first.contains(sample))).collect()
     }
 
     /// Whether there is more than one sample.
     #[must_use]
     pub fn are_several(self) -> bool {
-        self.0 > 1
+        self.count > 1
     }
 
     /// Position of a sample: offset in pixels to the right of the pixel's centre and below it, in -1/2..1/2; exact.
@@ -51,18 +109,18 @@ impl PixelSamples {
     /// If `sample` is not below the number of samples.
     #[must_use]
     pub fn offset(self, sample: u32) -> [f32; 2] {
-        assert!(sample < self.0, "sample {sample} of {}", self.0);
-        let digits = self.0.trailing_zeros();
+        assert!(sample < self.count, "sample {sample} of {}", self.count);
+        let digits = self.count.trailing_zeros();
         let reversed = sample.reverse_bits().checked_shr(32 - digits).unwrap_or(0);
-        let flipped = reversed ^ (self.0 - (self.0 >> (digits / 2)));
-        [sample, flipped].map(|cell| (cell as f32 + 0.5) / self.0 as f32 - 0.5)
+        let flipped = reversed ^ (self.count - (self.count >> (digits / 2)));
+        [sample, flipped].map(|cell| (cell as f32 + 0.5) / self.count as f32 - 0.5)
     }
 
     /// Side of the square that a sample stands for, in pixels: the footprint of texture filtering. All samples together then filter
     /// as much as a single sample for the whole pixel.
     #[must_use]
     pub fn side(self) -> f32 {
-        (self.0 as f32).sqrt().recip()
+        (self.count as f32).sqrt().recip()
     }
 
     /// Seed for a sample whose random numbers do not continue those of the sample before. The first sample has the picture's own
@@ -81,7 +139,8 @@ impl Default for PixelSamples {
 
 impl fmt::Display for PixelSamples {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        self.0.fmt(f)
+        self.count.fmt(f)?;
+        self.tolerance().map_or(Ok(()), |tolerance| write!(f, ":{tolerance}"))
     }
 }
 
@@ -90,8 +149,16 @@ impl FromStr for PixelSamples {
 
     fn from_str(text: &str) -> Result<Self, String> {
         let counts = Self::COUNTS.map(|count| count.to_string()).join(", ");
-        text.parse().ok().and_then(Self::new).ok_or_else(|| {
-            format!("`{text}` is no number of samples a pixel; valid: {counts} (powers of two, of which every row and column of a pixel has one)")
+        let (number, tolerance) = text.split_once(':').map_or((text, None), |(number, within)| (number, Some(within)));
+        let samples = number.parse().ok().and_then(Self::new).ok_or_else(|| {
+            format!("`{number}` is no number of samples a pixel; valid: {counts} (powers of two, of which every row and column of a pixel has one)")
+        })?;
+        let Some(tolerance) = tolerance else { return Ok(samples) };
+        tolerance.parse().ok().and_then(|tolerance| samples.within(tolerance)).ok_or_else(|| {
+            format!(
+                "`{text}` is no number of samples with a tolerance; valid: 8, 16, 32 or 64, a colon, and by how much shadows, occlusion and glass \
+                 may differ, 0 to 1, such as 16:0.02"
+            )
         })
     }
 }
@@ -188,6 +255,32 @@ mod tests {
                 "{ours} {theirs} {largest}"
             );
             assert!(along < 1.3 * grid_along / f64::from(side), "{along} {grid_along}");
+        }
+    }
+
+    /// The first four lie in one quarter of the pixel each, and their mean is its centre, so that what changes evenly is not moved.
+    #[test]
+    fn an_adaptive_number_takes_four_samples_around_the_centre_first() {
+        for samples in all() {
+            assert_eq!(samples.order(), Vec::from_iter(0..samples.count()));
+            let Some(adaptive) = samples.within(0.02) else {
+                assert!(samples.count() <= PixelSamples::FIRST);
+                continue;
+            };
+            let order = adaptive.order();
+            assert_eq!(BTreeSet::from_iter(order.iter().copied()), BTreeSet::from_iter(0..samples.count()));
+            let first = order[..4].iter().map(|sample| samples.offset(*sample));
+            let first: Vec<_> = first.collect();
+            assert_eq!([0, 1].map(|axis| first.iter().map(|point| point[axis]).sum::<f32>()), [0.0; 2], "{samples}");
+            let quarters: BTreeSet<_> = first.iter().map(|point| point.map(|side| side < 0.0)).collect();
+            assert_eq!(quarters.len(), 4, "{samples}: {first:?}");
+            assert_eq!((adaptive.to_string().parse(), adaptive.tolerance()), (Ok(adaptive), Some(0.02)));
+            assert_eq!(adaptive.of_every_pixel(), samples);
+        }
+        assert_eq!("16:-0".parse::<PixelSamples>(), "16:0".parse());
+        for text in ["4:0.02", "16:", "16:2", "16:-0.1", "16:nan", "16:0.02:1", ":0.02"] {
+            let error = text.parse::<PixelSamples>().expect_err(text);
+            assert!(error.contains("valid"), "{error}");
         }
     }
 

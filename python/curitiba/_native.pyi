@@ -126,8 +126,8 @@ class Renderer:
     def set_enabled(self, pass_name: str, enabled: bool) -> None:
         """Switches a pass off or on. Off, a ray or effect pass lets the colour through that it reads, or writes a share of light of 1."""
 
-    def set_pixel_samples(self, samples: int) -> None:
-        """Sets the samples of every pixel, 1, 2, 4, 8, 16, 32 or 64, of which a picture is the mean."""
+    def set_pixel_samples(self, samples: int | str) -> None:
+        """Sets the samples of every pixel as `aa` of `open` does, of which a picture is the mean."""
 
     def set_seed(self, seed: int) -> None:
         """Sets the seed of the random numbers, 0 to 2^32 - 1."""
@@ -201,7 +201,7 @@ def open(
     up: Literal["y", "z"] | None = None,
     background: Vector | None = None,
     color: ColorSpace | None = None,
-    aa: int = 1,
+    aa: int | str = 1,
     crop: tuple[int, int, int, int] | None = None,
     bands: int | None = None,
     fallback: Sequence[Backend] = ...,
@@ -212,7 +212,8 @@ def open(
 
     `size` is (width, height) in pixels; `parameters` are those of passes, such as {"pass2.samples": 16}; `off` names passes that are
     switched off; `max_memory` is in bytes; `color` is what the project says, or "linear" for scene files, if None; `aa` is the samples of
-    every pixel, 1, 2, 4, 8, 16, 32 or 64, of which a picture is the mean. `crop` is (column, row, width, height) in pixels from the top left:
+    every pixel, 1, 2, 4, 8, 16, 32 or 64, of which a picture is the mean; "16:0.02" traces rays for four of them, and for the others where
+    shadows, occlusion or glass differ by more than 0.02. `crop` is (column, row, width, height) in pixels from the top left:
     pictures then are (height, width, 4) of that part, the same as in the whole; `bands`, 1 to 1024, renders the picture in so many bands of rows
     at most, one after the other, the same picture in less memory, and None as few as `max_memory` lets. `fallback` names ray backends that
     may take over, in this order, where the one before fails; `Renderer.warnings` then says so. `adapter` is the device of wgpu, by its place in

@@ -145,11 +145,29 @@ impl SceneArguments {
     }
 }
 
+/// A number of samples of every pixel, or a text such as "16:0.02".
+#[derive(FromPyObject)]
+pub enum SamplesArgument {
+    Count(u32),
+    Text(String),
+}
+
+impl SamplesArgument {
+    fn samples(&self, argument: &str) -> PyResult<PixelSamples> {
+        let samples = match self {
+            Self::Count(count) => count.to_string().parse(),
+            Self::Text(text) => text.parse(),
+        };
+        samples.map_err(|why: String| invalid(format!("{argument}: {why}")))
+    }
+}
+
 /// Opens a project file, a scene file (.glb, .gltf, .obj, .cbo, .nbo, .3ds, .mesh.xml) or a folder of scenes.
 ///
 /// `size` is (width, height) in pixels; `parameters` are those of passes, such as {"pass2.samples": 16}; `off` names passes that are
 /// switched off; `max_memory` is in bytes; `color` is what the project says, or "linear" for scene files, if None; `aa` is the samples of
-/// every pixel, 1, 2, 4, 8, 16, 32 or 64, of which a picture is the mean. `crop` is (column, row, width, height) in pixels from the top left:
+/// every pixel, 1, 2, 4, 8, 16, 32 or 64, of which a picture is the mean; "16:0.02" traces rays for four of them, and for the others where
+/// shadows, occlusion or glass differ by more than 0.02. `crop` is (column, row, width, height) in pixels from the top left:
 /// pictures then are (height, width, 4) of that part, the same as in the whole; `bands`, 1 to 1024, renders the picture in so many bands of rows
 /// at most, one after the other, the same picture in less memory, and None as few as `max_memory` lets. `fallback` names ray backends that
 /// may take over, in this order, where the one before fails; `Renderer.warnings` then says so. `adapter` is the device of wgpu, by its place in
@@ -160,7 +178,7 @@ impl SceneArguments {
 #[pyo3(signature = (
     path, *, size = None, camera = None, pipeline = None, backend = "auto", raster = "auto", fidelity = "corrected", seed = 0,
     parameters = None, off = vec![], max_memory = 8 << 30, effects = None, look_from = None, look_at = None, fov = None,
-    sun = None, up = None, background = None, color = None, aa = 1, crop = None, bands = None, fallback = vec![], adapter = None,
+    sun = None, up = None, background = None, color = None, aa = SamplesArgument::Count(1), crop = None, bands = None, fallback = vec![], adapter = None,
     gpus = None
 ))]
 #[expect(clippy::too_many_arguments, reason = "they have names in Python")]
@@ -185,7 +203,7 @@ pub fn open(
     up: Option<String>,
     background: Option<[f32; 3]>,
     color: Option<&str>,
-    aa: u32,
+    aa: SamplesArgument,
     crop: Option<[u32; 4]>,
     bands: Option<u32>,
     fallback: Vec<String>,
@@ -199,7 +217,7 @@ pub fn open(
     let fidelity = named("fidelity", fidelity, &[("corrected", Fidelity::Corrected), ("thesis", Fidelity::Thesis)])?;
     let scene = SceneArguments { effects, look_from, look_at, fov, sun, up, background }.options()?;
     let color = color.map(|color| color.parse().map_err(invalid)).transpose()?;
-    let aa: PixelSamples = aa.to_string().parse().map_err(|why: String| invalid(format!("aa: {why}")))?;
+    let aa = aa.samples("aa")?;
     if let Some(bands) = bands.filter(|bands| !(1..=1024).contains(bands)) {
         return Err(invalid(format!("bands is {bands}; valid: 1 to 1024")));
     }
@@ -417,9 +435,9 @@ impl Renderer {
         self.set(py, move |renderer| renderer.set_enabled(&pass_name, enabled))
     }
 
-    /// Sets the samples of every pixel, 1, 2, 4, 8, 16, 32 or 64, of which a picture is the mean.
-    fn set_pixel_samples(&self, py: Python<'_>, samples: u32) -> PyResult<()> {
-        let samples = samples.to_string().parse().map_err(|why: String| invalid(format!("samples: {why}")))?;
+    /// Sets the samples of every pixel as `aa` of `open` does, of which a picture is the mean.
+    fn set_pixel_samples(&self, py: Python<'_>, samples: SamplesArgument) -> PyResult<()> {
+        let samples = samples.samples("samples")?;
         self.set(py, move |renderer| renderer.set_pixel_samples(samples))
     }
 

@@ -78,9 +78,9 @@ pub struct ProjectArgs {
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=1024))]
     pub bands: Option<u32>,
     /// Samples of every pixel, 1, 2, 4, 8, 16, 32 or 64: every pass runs for each of them, and the picture is their mean, without stairs at
-    /// edges. The mean is of linear radiance with linear colours, before exposure and tone curve, else of display values as they are.
+    /// edges. Of 16:0.02 rays are traced for four samples, and for the others where shadows, occlusion or glass differ by more than 0.02. The mean is of linear radiance with linear colours, before exposure and tone curve, else of display values as they are.
     /// Of --show, colours are averaged too; positions and normals are refused
-    #[arg(long, value_name = "N", default_value_t = PixelSamples::ONE)]
+    #[arg(long, value_name = "N[:TOLERANCE]", default_value_t = PixelSamples::ONE)]
     pub aa: PixelSamples,
     /// Threads of the cpu engines [default: all cores]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]

@@ -77,8 +77,9 @@ pub struct BenchArgs {
     /// Seed of the random numbers
     #[arg(long, value_name = "N", default_value_t = 0)]
     pub seed: u32,
-    /// Samples of every pixel, 1, 2, 4, 8, 16, 32 or 64: a frame has them all, and its error is against a reference that has them, too
-    #[arg(long, value_name = "N", default_value_t = PixelSamples::ONE)]
+    /// Samples of every pixel, 1, 2, 4, 8, 16, 32 or 64: a frame has them all, and its error is against a reference that has them, too;
+    /// 16:0.02 traces rays for fewer where shadows, occlusion and glass differ by at most 0.02, and its reference for all
+    #[arg(long, value_name = "N[:TOLERANCE]", default_value_t = PixelSamples::ONE)]
     pub aa: PixelSamples,
     /// Set a parameter of a ray or effect pass, which `curitiba list` names, or a texture's format: norm.format=RGBA16F
     #[arg(long, value_name = "PASS.NAME=VALUE")]

@@ -46,8 +46,14 @@ impl Request {
                 channel.format = PixelFormat::Rgba32Float;
             }
         }
-        let settings =
-            Settings { fidelity: Fidelity::Corrected, seed: 0, show: Vec::new(), set: Vec::new(), ..settings.clone() };
+        let settings = Settings {
+            fidelity: Fidelity::Corrected,
+            seed: 0,
+            show: Vec::new(),
+            set: Vec::new(),
+            aa: settings.aa.of_every_pixel(),
+            ..settings.clone()
+        };
         let plan = Plan::new(project, settings)?;
         let kind = plan.passes.iter().fold(Kind::Raster, |kind, planned| match (kind, kind_of(&plan, planned)) {
             (Kind::Converged, _) | (_, Kind::Converged) => Kind::Converged,

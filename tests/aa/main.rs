@@ -1,6 +1,7 @@
 //! Several samples per pixel: closed forms of the picture, and everything in which such a picture must agree with one
 //! of a single sample.
 
+mod adaptive;
 mod exact;
 mod frames;
 mod occlusion;

@@ -196,7 +196,7 @@ impl Renderer {
             self.timeline.record(StepKind::Join, name, upload).note = "copied from the host".to_owned();
         }
         let what = format!("{} on {backend}, for what the screen does not answer", program.info().stem);
-        self.record_rays(name, elapsed, stats, &what, self.sample > 0);
+        self.record_rays(name, elapsed, stats, &what, self.taken > 0);
         Ok(())
     }
 

@@ -51,7 +51,7 @@ impl Renderer {
         self.targets[pass.hits].color = hits;
         let stats = traced?;
         let what = format!("intersections on {}", self.engines.rays_of(name).name());
-        self.record_rays(name, elapsed, stats, &what, self.sample > 0);
+        self.record_rays(name, elapsed, stats, &what, self.taken > 0);
         Ok(())
     }
 

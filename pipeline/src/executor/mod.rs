@@ -22,6 +22,7 @@ mod rays;
 mod samples;
 mod save;
 mod shaders;
+mod shares;
 mod show;
 mod storage;
 mod textures;
@@ -52,6 +53,8 @@ use engines::of_frame;
 use glam::Vec4;
 use in_place::{DisplayedWindow, Takes};
 use rays::Traced;
+use shares::Shares;
+use std::collections::BTreeMap;
 use std::path::PathBuf;
 use std::sync::Arc;
 use std::time::Instant;
@@ -195,6 +198,10 @@ pub struct Renderer {
     part: usize,
     /// Number of the sample that passes render, of several samples a pixel.
     sample: u32,
+    /// Samples of the frame that are done.
+    taken: u32,
+    /// What ray passes leave of the colours, by index of the plan, with an adaptive number of samples.
+    shares: BTreeMap<usize, Shares>,
     /// By index of the pipeline: the inputs of each pass's last run; `None` if its picture no longer exists.
     ran: Vec<Option<dirty::Given>>,
     /// The passes that the last frame ran, as indices into the plan's passes.
@@ -253,6 +260,8 @@ impl Renderer {
             frame: 0,
             part: 0,
             sample: 0,
+            taken: 0,
+            shares: BTreeMap::new(),
             timeline: Timeline::default(),
             warnings: plan.warnings.clone(),
             plan,

@@ -73,6 +73,14 @@ impl Renderer {
         let (PassKind::Ray(ray), Some(target)) = (&pass.kind, pass.target) else { return Ok(()) };
         let ray = ray.clone();
         let in_host = !self.is_joined(resident);
+        let tolerance = self.samples().tolerance().filter(|_| reads_triangle && batch.is_none());
+        let mut shares = tolerance.and_then(|_| self.shares.remove(&index)).unwrap_or_default();
+        if tolerance.is_some() {
+            shares.prepare(self.targets[target].color.len()).map_err(|refused| BackendError::Device {
+                backend: self.engines.rays_of(name).name(),
+                message: refused.to_string(),
+            })?;
+        }
         let buffer = std::mem::take(&mut self.targets[target]);
         let mut output = Image { width: buffer.width, height: buffer.height, pixels: buffer.color };
         let targets = &self.targets;
@@ -82,10 +90,12 @@ impl Renderer {
             }
             _ => &[],
         };
+        let colors = read(ray.color, "color_buffer");
         let triangle = match ray.position {
             Some(position) if in_host && reads_triangle => targets[position.target].triangle.as_slice(),
             _ => &[],
         };
+        let triangle = if tolerance.is_some() { shares.traced(self.taken, triangle) } else { triangle };
         let materials = &self.materials[index];
         let scene = Arc::clone(&self.scenes[scene_set].scene);
         let (params, seed) = self.random_of_sample(name, ray.program, params);
@@ -106,7 +116,7 @@ impl Renderer {
             height: output.height,
             position: read(ray.position, "pos_buffer"),
             normal: read(ray.normal, "norm_buffer"),
-            color: read(ray.color, "color_buffer"),
+            color: colors,
             triangle,
             shared: (!in_host).then_some(self.handed_over),
             beyond,
@@ -135,7 +145,10 @@ impl Renderer {
         if traced.is_ok() && in_host && !stays {
             observer.traced(name, &job, &output);
         }
-        let mut sums = self.part > 0 || self.sample > 0;
+        if let (Ok(_), Some(tolerance)) = (&traced, tolerance) {
+            shares.take(&mut output.pixels, colors, output.width, self.taken, tolerance);
+        }
+        let mut sums = self.part > 0 || self.taken > 0;
         let given_up = self.given_up || self.cancellation.is_cancelled();
         if let (Ok(_), Some((estimate, samples)), false) = (&traced, batch, given_up) {
             sums |= estimate.batches() > 0;
@@ -152,6 +165,15 @@ impl Renderer {
         }
         let what = format!("{} on {}", ray.program.info().stem, self.engines.rays_of(name).name());
         self.record_rays(name, elapsed, stats, &what, sums);
+        if tolerance.is_some() {
+            let share = shares.unsettled();
+            let row = self.timeline.rows.iter_mut().find(|row| row.kind == StepKind::Rays && row.name == name);
+            row.into_iter().for_each(|row| {
+                row.all_samples = Some(share);
+                row.note += &format!("; all samples in {:.1} % of the pixels", 100.0 * share);
+            });
+            self.shares.insert(index, shares);
+        }
         Ok(())
     }
 }
@@ -174,6 +196,7 @@ impl Renderer {
             rays += row.rays.unwrap_or_default();
         }
         row.rays = Some(rays);
+        row.all_samples = None;
         row.bytes = stats.held_bytes;
         row.note = format!("{what}{}", by_kind(rays));
         row.adaptive = match (stats.adaptive, row.adaptive.filter(|_| sums)) {

@@ -2,6 +2,7 @@
 //!
 //! Each sample is a complete picture with one sample a pixel, from a camera that is shifted so that the sample positions are its
 //! pixel centres. So every pass works as without supersampling, whatever engine runs it, and only the sums take additional memory.
+//! Of an adaptive number, ray passes skip pixels ([`shares`](super::shares)).
 
 use super::{Observer, RenderError, Renderer};
 use crate::image::Image;
@@ -62,6 +63,11 @@ impl Renderer {
             let (message, most) = (format!("there is no sample {sample} of {samples} a pixel"), samples.count() - 1);
             return Err(PlanError { message, help: Some(format!("valid: 0 to {most}")) }.into());
         }
+        if samples.tolerance().is_some() {
+            let message = format!("what a sample of {samples} is depends on those before");
+            let help = format!("use --aa {}, of which each is a picture of its own", samples.count());
+            return Err(PlanError { message, help: Some(help) }.into());
+        }
         if self.plan.parts.list.len() > 1 {
             let message = "a sample is a whole picture, and this one is rendered in bands".to_owned();
             return Err(PlanError { message, help: Some("raise --max-memory, or leave --bands out".to_owned()) }.into());
@@ -69,6 +75,7 @@ impl Renderer {
         self.begin_frame();
         // Ray counts are summed over the samples of a frame; this sample belongs to no frame.
         self.timeline.rows.iter_mut().for_each(|row| row.rays = None);
+        self.taken = 0;
         let drawn = self.draw_sample(0, sample, self.all_passes(), observer);
         if samples.are_several() {
             // The passes' results are those of this sample alone.
@@ -87,6 +94,7 @@ impl Renderer {
         run: Vec<bool>,
         observer: &mut dyn Observer,
     ) -> Result<(), RenderError> {
+        self.taken = 0;
         if !self.samples().are_several() {
             return self.draw_sample(part, 0, run, observer);
         }
@@ -95,6 +103,7 @@ impl Renderer {
             return Ok(());
         }
         let drawn = self.draw_samples(part, observer);
+        self.shares.clear();
         if drawn.is_err() {
             // After a failure the results are those of one sample, and the window holds no mean.
             self.ran.fill(None);
@@ -108,14 +117,15 @@ impl Renderer {
         let averaged = [None].into_iter().chain(self.plan.shown.iter().copied().map(Some));
         let mut sums: Vec<Sums> =
             averaged.map(|of| Sums::new(of, self.averaged(of).len())).collect::<Result<_, _>>()?;
-        let samples = self.samples().count();
-        for sample in 0..samples {
+        let samples = self.samples();
+        for (taken, sample) in (0..).zip(samples.order()) {
+            self.taken = taken;
             self.draw_sample(part, sample, self.all_passes(), observer)?;
             sums.iter_mut().for_each(|sums| sums.add(self.averaged(sums.of)));
         }
         for sums in &sums {
             let (_, pixels) = self.pixels_mut(sums.of);
-            sums.mean(samples, pixels);
+            sums.mean(samples.count(), pixels);
         }
         Ok(())
     }

@@ -78,6 +78,10 @@ pub struct Row {
     /// What adaptive sampling of stochastic glass spent in one run; only of ray passes with `error`.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub adaptive: Option<PathsSpent>,
+    /// Share of the pixels that took all samples in the last frame; only of ray passes, with an
+    /// [adaptive](crate::pixel_samples::PixelSamples::within) number.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub all_samples: Option<f64>,
     /// Bytes of memory held by the step's result: an acceleration structure, maps, or the lists of a ray pass.
     pub bytes: u64,
     /// Further details, such as numbers of triangles or bytes.
@@ -151,6 +155,7 @@ impl Timeline {
                 rays: None,
                 answers: None,
                 adaptive: None,
+                all_samples: None,
                 bytes: 0,
                 note: String::new(),
                 spans: Vec::new(),

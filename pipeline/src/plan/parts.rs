@@ -237,7 +237,7 @@ impl Plan {
         }
         let depths = left.into_iter().map(|target| 4 * self.held_pixels(self.target_size(target))).sum::<u64>();
         let targets = 16 * self.parts.pixels() + self.targets.iter().map(bytes).sum::<u64>();
-        targets + depths + self.sum_bytes() + self.filter_bytes() + self.adaptive_bytes()
+        targets + depths + self.sum_bytes() + self.share_bytes() + self.filter_bytes() + self.adaptive_bytes()
     }
 
     /// Number of pixels held for a target or window of this size: those of the largest part if it is rendered in parts.

@@ -5,7 +5,9 @@ use crate::backend::Rect;
 use crate::color::ColorSpace;
 use crate::image::Content;
 use crate::memory::mebibytes;
+use crate::pixel_samples::PixelSamples;
 use crate::plan::Work;
+use crate::programs::{Fidelity, RayParams};
 use crate::project::{ChannelRef, PassKind};
 
 /// Bytes of the sum of a pixel's samples: four `f64` numbers.
@@ -48,10 +50,63 @@ impl Plan {
                 "leave --aa out for them; of the channels that --show names, colours are averaged as the window is",
             ));
         }
+        self.check_adaptive_samples()?;
         if let Some(why) = self.cost_of_samples() {
             self.decide(format!("{samples} samples a pixel"), true, format!("--aa asks for them: {why}"));
         }
         Ok(())
+    }
+
+    /// Fails if ray passes cannot skip pixels whose first samples are alike, or would skip none.
+    fn check_adaptive_samples(&self) -> Result<(), PlanError> {
+        let samples = self.settings.aa;
+        if samples.tolerance().is_none() {
+            return Ok(());
+        }
+        let refused = |why: String| {
+            let help = format!("use --aa {}, which traces all samples of every pixel", samples.count());
+            Err(PlanError::new(format!("--aa {samples}: {why}"), help))
+        };
+        if self.settings.fidelity == Fidelity::Thesis {
+            return refused("the report's programs trace from every pixel's position, surface or not".to_owned());
+        }
+        if self.settings.crop.is_some() || self.in_parts() {
+            return refused(
+                "the picture is rendered in parts, and a pixel's neighbours decide how much is traced for it"
+                    .to_owned(),
+            );
+        }
+        for (planned, params) in self.skipping() {
+            let pass = self.pass(planned);
+            if params.filter > 0 {
+                return refused(format!(
+                    "{}: pass `{}` filters what it traced for a pixel's neighbours",
+                    pass.place, pass.name
+                ));
+            }
+        }
+        match self.skipping().next() {
+            Some(_) => Ok(()),
+            None => {
+                refused("no pass traces rays from what a raster pass drew, so that it would save nothing".to_owned())
+            }
+        }
+    }
+
+    /// The ray passes that can skip pixels, with their constants.
+    fn skipping(&self) -> impl Iterator<Item = (&PlannedPass, &RayParams)> {
+        self.passes.iter().filter_map(|planned| match &planned.work {
+            Work::Rays { reads_triangle: true, params, .. } => Some((planned, params)),
+            _ => None,
+        })
+    }
+
+    /// Bytes of what decides which pixels ray passes skip, with an adaptive number of samples.
+    pub(super) fn share_bytes(&self) -> u64 {
+        let bytes = |(planned, _): (&PlannedPass, &RayParams)| {
+            PixelSamples::SHARE_BYTES * self.held_pixels(self.target_size(self.pass(planned).target))
+        };
+        self.settings.aa.tolerance().map_or(0, |_| self.skipping().map(bytes).sum())
     }
 
     /// Description of the effect and cost of several samples a pixel; `None` for one sample.
@@ -62,11 +117,18 @@ impl Plan {
             ColorSpace::Report => "of display values as they are",
             ColorSpace::Linear => "of linear radiance, before exposure and tone curve",
         };
-        let (bytes, side) = (mebibytes(self.sum_bytes()), samples.side());
+        let (bytes, side) = (mebibytes(self.sum_bytes() + self.share_bytes()), samples.side());
+        let times = match samples.tolerance() {
+            None => format!("every pass runs {samples} times"),
+            Some(tolerance) => format!(
+                "every pass runs {} times, of which ray passes trace {} where shadows, occlusion and glass differ by at most {tolerance}",
+                samples.count(),
+                PixelSamples::FIRST
+            ),
+        };
         samples.are_several().then(|| {
             format!(
-                "every pass runs {samples} times; the picture is the mean {of}; the sums take {bytes}; textures are filtered over {side:.2} \
-                 of a pixel's width"
+                "{times}; the picture is the mean {of}; the sums take {bytes}; textures are filtered over {side:.2} of a pixel's width"
             )
         })
     }

@@ -407,8 +407,29 @@ fn filter_task(task: &Task) -> Task {
     Task { texels: 75, ..*task }
 }
 
-/// The time of two consecutive parts.
+/// The time of two consecutive parts, of which one may have no device time: nothing was submitted for it.
 fn together(a: Part, b: Part) -> Part {
-    let device = a.device.map(|time| time + b.device.unwrap_or_default());
+    let device = match (a.device, b.device) {
+        (Some(a), Some(b)) => Some(a + b),
+        (a, b) => a.or(b),
+    };
     Part { host: a.host + b.host, device }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_part_without_device_time_takes_none_from_the_other() {
+        let of = |host, device: Option<u64>| {
+            let [host, device] = [Some(host), device].map(|ms| ms.map(Duration::from_millis));
+            Part { host: host.unwrap_or_default(), device }
+        };
+        for (a, b, sum) in
+            [(Some(2), Some(3), Some(5)), (None, Some(3), Some(3)), (Some(2), None, Some(2)), (None, None, None)]
+        {
+            assert_eq!(together(of(1, a), of(4, b)).device, of(0, sum).device, "{a:?}, {b:?}");
+        }
+    }
 }
