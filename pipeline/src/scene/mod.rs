@@ -120,6 +120,8 @@ pub struct SceneCamera {
     pub up: Vec3,
     /// Vertical field of view, radians, in (0, π).
     pub fov_y: f32,
+    /// Width of the camera's picture divided by its height, above 0; `None` where the file leaves it open.
+    pub aspect: Option<f32>,
     /// Near plane distance, above 0.
     pub near: f32,
     /// Far plane distance, above [`Self::near`]; `None` where the file leaves it open.

@@ -320,7 +320,7 @@ fn cameras(
             name = format!("{base} {number}");
             number += 1;
         }
-        cameras.push(view::of_file(camera, scene.origin, name, contents.whole));
+        cameras.push(view::of_file(camera, scene.origin, name, contents.whole, window));
     }
     let own = (!options.has_camera()).then(|| cameras.first().map(|camera| camera.name.clone())).flatten();
     match &own {

@@ -152,8 +152,8 @@ fn up_for(direction: Vec3) -> Vec3 {
 }
 
 /// A camera of a scene file whose positions are relative to `origin`. If the file gives no far plane, it is placed beyond the
-/// scene.
-pub(super) fn of_file(camera: &SceneCamera, origin: DVec3, name: String, extent: Extent) -> Camera {
+/// scene. Its whole picture is seen in a window of this shape.
+pub(super) fn of_file(camera: &SceneCamera, origin: DVec3, name: String, extent: Extent, window: [u32; 2]) -> Camera {
     let eye = origin + camera.position.as_dvec3();
     let farthest = extent.corners().iter().map(|corner| corner.distance(eye)).fold(0.0, f64::max) as f32;
     let far = camera.far.unwrap_or(farthest * 4.0);
@@ -165,11 +165,26 @@ pub(super) fn of_file(camera: &SceneCamera, origin: DVec3, name: String, extent:
         direction,
         up: up.unwrap_or_else(|| up_for(direction)),
         // Converted through degrees, the unit in project files.
-        fov_y: camera.fov_y.to_degrees().to_radians(),
+        fov_y: whole_fov(camera, window).to_degrees().to_radians(),
         near: camera.near,
         far: if far > camera.near { far } else { camera.near * 1e6 },
         orthographic: None,
         viewport: Some(0),
+    }
+}
+
+/// The vertical field of view in which a window shows the whole picture of a file's camera (glTF 2.0, section 3.10.3: neither
+/// cropped nor stretched). In a window narrower than that picture it is larger than the file's, so that the horizontal one is kept.
+fn whole_fov(camera: &SceneCamera, [width, height]: [u32; 2]) -> f32 {
+    /// The largest that a window makes of it.
+    const WIDEST: f32 = 179.0;
+    let shape = f64::from(width.max(1)) / f64::from(height.max(1));
+    match camera.aspect.map(|aspect| f64::from(aspect) / shape) {
+        Some(more) if more > 1.0 => {
+            let half = ((f64::from(camera.fov_y) * 0.5).tan() * more).atan();
+            ((2.0 * half) as f32).min(WIDEST.to_radians()).max(camera.fov_y)
+        }
+        _ => camera.fov_y,
     }
 }
 
@@ -250,6 +265,34 @@ mod tests {
                 }
             }
         }
+    }
+
+    #[test]
+    fn a_window_narrower_than_a_files_picture_shows_all_of_it() {
+        let camera = |aspect: Option<f32>| SceneCamera {
+            name: String::new(),
+            position: Vec3::ZERO,
+            direction: Vec3::NEG_Z,
+            up: Vec3::Y,
+            fov_y: 1.0,
+            aspect,
+            near: 0.1,
+            far: None,
+        };
+        let across = |aspect: f64| (aspect * 0.5_f64.tan()).atan() as f32;
+        for (aspect, window, half) in [
+            (None, [100, 400], 0.5),
+            (Some(2.0), [400, 100], 0.5),
+            (Some(2.0), [200, 100], 0.5),
+            (Some(2.0), [100, 100], across(2.0)),
+            (Some(1.5), [100, 200], across(3.0)),
+            (Some(0.5), [100, 400], across(2.0)),
+        ] {
+            let found = whole_fov(&camera(aspect), window);
+            assert!((found - 2.0 * half).abs() < 1e-6, "{aspect:?} {window:?}: {found}");
+        }
+        let wide = whole_fov(&camera(Some(f32::MAX)), [1, 1]);
+        assert!(wide.to_degrees() < 180.0, "{wide}");
     }
 
     #[test]
