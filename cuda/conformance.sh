@@ -2,7 +2,7 @@
 # Runs the conformance matrix and the measurements of the ray backends on a machine with an NVIDIA GPU, and writes JSON.
 # Usage: cuda/conformance.sh BINARIES OUTPUT [PROJECTS…], where BINARIES is a folder with `curitiba` and `conformance`, built by
 #   cargo build --release --features cuda && cargo build --release --features cuda --example conformance
-# and, to run the tests as well, the files `cuda-…` and `faults-…` that this command names:
+# and, to run the tests as well, the files `cuda-…`, `faults-…`, `far-…` and `mapped_textures-…` that this command names:
 #   cargo test --workspace --no-run
 # (anywhere: no toolkit, no GPU), and OUTPUT is the folder for the JSON files. Run it in the repository, whose projects it
 # renders, and those in the folders PROJECTS (times only). Nothing is compiled here: the driver alone is needed.
@@ -20,6 +20,9 @@ projects=(xml_projects/SceneDummy.xml xml_projects/SceneShadows.xml xml_projects
 # The tests that need a GPU: none of them may be skipped here.
 for test in "$binaries"/cuda-* "$binaries"/faults-*; do
     if [ -x "$test" ]; then CURITIBA_REQUIRE_CUDA_TESTS=1 "$test" || failed=1; fi
+done
+for test in "$binaries"/far-* "$binaries"/mapped_textures-*; do
+    if [ -x "$test" ]; then CURITIBA_REQUIRE_CUDA_TESTS=1 "$test" nvidia_gpus || failed=1; fi
 done
 
 # Every program, fidelity and tracer against the processor.

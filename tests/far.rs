@@ -1,6 +1,8 @@
 //! Scenes in map coordinates show the picture of the same scene at the origin, bit for bit where the file's numbers
 //! allow it.
 
+mod nvidia;
+
 use curitiba::passes::raster::gpu::{AdapterChoice, WgpuRasteriser};
 use curitiba::pipeline::executor::{Renderer, Silent};
 use curitiba::pipeline::plan::{Plan, Settings};
@@ -74,11 +76,42 @@ fn obj(folder: &Path, moved: DVec3) -> PathBuf {
     file
 }
 
+/// Writes what is of stone as a COLLADA file, which has no glass, displaced by its positions and by its node.
+fn collada(folder: &Path, [by_positions, by_node]: [DVec3; 2]) -> PathBuf {
+    let (points, parts) = corners();
+    let (mut positions, mut primitives, count) = (String::new(), String::new(), points.len());
+    for point in points {
+        let DVec3 { x, y, z } = point + by_positions;
+        write!(positions, "{x} {y} {z} ").expect("a string");
+    }
+    for (_, triangles) in parts.iter().filter(|(material, _)| *material == "stone") {
+        let corners: Vec<String> = triangles.iter().flatten().map(ToString::to_string).collect();
+        let vertices = r##"<input semantic="VERTEX" source="#v" offset="0"/>"##;
+        write!(primitives, r#"<triangles material="stone">{vertices}<p>{}</p></triangles>"#, corners.join(" "))
+            .expect("a string");
+    }
+    let DVec3 { x, y, z } = by_node;
+    let text = format!(
+        r##"<COLLADA version="1.4.1"><library_effects><effect id="e"><profile_COMMON><technique sid="t"><lambert>
+<diffuse><color>0.7 0.6 0.5 1</color></diffuse></lambert></technique></profile_COMMON></effect></library_effects>
+<library_materials><material id="stone" name="stone"><instance_effect url="#e"/></material></library_materials>
+<library_geometries><geometry id="g"><mesh><source id="p"><float_array id="pa" count="{}">{positions}</float_array>
+<technique_common><accessor source="#pa" count="{count}" stride="3"/></technique_common></source>
+<vertices id="v"><input semantic="POSITION" source="#p"/></vertices>{primitives}</mesh></geometry></library_geometries>
+<library_visual_scenes><visual_scene id="s"><node><translate>{x} {y} {z}</translate><instance_geometry url="#g"/></node>
+</visual_scene></library_visual_scenes><scene><instance_visual_scene url="#s"/></scene></COLLADA>"##,
+        3 * count
+    );
+    let file = folder.join(format!("far{}_{}.dae", by_positions.x, by_node.x));
+    std::fs::write(&file, text).expect("the folder is ours");
+    file
+}
+
 /// The project of a displaced scene, and its settings.
 fn opened(file: &Path, moved: DVec3, size: u32, backend: BackendChoice, fidelity: Fidelity) -> (Project, Settings) {
     let scene = SceneOptions {
         // Kernels with glass take software drivers minutes.
-        effects: Some(Effects { shadows: true, occlusion: true, glass: backend == BackendChoice::Cpu }),
+        effects: Some(Effects { shadows: true, occlusion: true, glass: backend != BackendChoice::Wgpu }),
         look_from: Some(DVec3::new(-2.5, 1.75, 3.5) + moved),
         look_at: Some(DVec3::new(0.125, -0.25, 0.0) + moved),
         ..SceneOptions::default()
@@ -114,6 +147,42 @@ fn the_picture_far_away_is_that_at_the_origin() {
         let far = picture(&obj(folder.path(), moved), moved);
         let differ = near.iter().zip(&far).filter(|(near, far)| near != far).count();
         assert_eq!(differ, 0, "{moved}");
+    }
+}
+
+#[test]
+fn a_collada_file_far_away_shows_what_it_shows_at_the_origin() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let near = picture(&collada(folder.path(), [DVec3::ZERO; 2]), DVec3::ZERO);
+    let mut colors = near.clone();
+    colors.sort_unstable();
+    colors.dedup();
+    assert!(colors.len() > 100, "the scene is in the picture");
+    let moved = MOVED[3];
+    for by in [[moved, DVec3::ZERO], [DVec3::ZERO, moved], [MOVED[2], moved - MOVED[2]]] {
+        let far = picture(&collada(folder.path(), by), moved);
+        let differ = near.iter().zip(&far).filter(|(near, far)| near != far).count();
+        assert_eq!(differ, 0, "{by:?}");
+    }
+}
+
+/// The ray backends of NVIDIA GPUs, each compared with itself.
+#[test]
+fn rays_on_nvidia_gpus_show_far_away_what_they_show_at_the_origin() {
+    for backend in [BackendChoice::Cuda, BackendChoice::Optix] {
+        let choice = cpu().traced_by(backend);
+        if nvidia::there(choice).is_none() {
+            continue;
+        }
+        let folder = tempfile::tempdir().expect("a folder");
+        let shown =
+            |moved: DVec3| bits(&mut renderer(&obj(folder.path(), moved), moved, 96, choice, Fidelity::Corrected));
+        let near = shown(DVec3::ZERO);
+        for moved in MOVED {
+            let far = shown(moved);
+            let differ = near.iter().zip(&far).filter(|(near, far)| near != far).count();
+            assert_eq!(differ, 0, "{backend:?} {moved}");
+        }
     }
 }
 

@@ -1,8 +1,9 @@
 //! Textures of a project's material libraries on primitives and scene files, by rasterisers and by rays.
 //!
 //! Pictures of the device need a Vulkan, Metal or DirectX 12 driver (a software driver will do). Without one the tests print `skipped`,
-//! or fail with `CURITIBA_REQUIRE_GPU_TESTS=1`.
+//! or fail with `CURITIBA_REQUIRE_GPU_TESTS=1`. Those of an NVIDIA GPU need one, and `CURITIBA_REQUIRE_CUDA_TESTS=1` does the same for them.
 
+mod nvidia;
 mod own_shaders;
 
 use curitiba::pipeline::executor::Silent;
@@ -10,7 +11,7 @@ use curitiba::pipeline::image::Image;
 use curitiba::pipeline::plan::Settings;
 use curitiba::pipeline::project::{Project, load};
 use curitiba::pipeline::scene::ShapeKind;
-use curitiba::{Choice, RasterChoice};
+use curitiba::{BackendChoice, Choice, RasterChoice};
 use own_shaders::{SIDE, has_driver};
 use std::path::{Path, PathBuf};
 use tempfile::TempDir;
@@ -34,33 +35,71 @@ fn folder() -> TempDir {
         "square.obj",
         "usemtl wall\nvt 0 0\nvt 1 0\nvt 1 1\nvt 0 1\nv -1 -1 0\nv 1 -1 0\nv 1 1 0\nv -1 1 0\nf 1/1 2/2 3/3 4/4\n",
     );
+    write("pane.obj", "usemtl pane\nv -1 -1 2\nv 1 -1 2\nv 1 1 2\nv -1 1 2\nf 1 2 3 4\n");
     write(
         "l.mlib",
         r#"<materialLib name="L">
 <textures><texture name="Quarters" filename="images\quarters.png" mipmap=true/><texture name="Lost" filename="images/lost.png"/></textures>
-<renderTargets><renderTarget name="target"><SIZE width="64" height="64"/><colors><color name="seen" internalFormat="RGBA32F"/></colors></renderTarget></renderTargets>
+<renderTargets><renderTarget name="target"><SIZE width="64" height="64"/><colors><color name="seen" internalFormat="RGBA32F"/></colors></renderTarget>
+<renderTarget name="buffers"><SIZE width="64" height="64"/><CLEAR_VALUES r="0" g="0" b="0" a="1"/>
+<colors><color name="shaded" internalFormat="RGBA32F"/><color name="pos" internalFormat="RGBA32F"/><color name="norm" internalFormat="RGBA32F"/></colors></renderTarget></renderTargets>
 <materials>
 <material name="quarters"><color><DIFFUSE r="1" g="1" b="1"/></color><textures><texture name="Quarters" UNIT="0"/></textures></material>
 <material name="lost"><color><DIFFUSE r="1" g="1" b="0"/></color><textures><texture name="Lost" UNIT="0"/></textures></material>
+<material name="pane"><color><DIFFUSE r="1" g="0" b="1" a="0"/></color></material>
 <material name="second"><color><DIFFUSE r="1" g="1" b="0"/></color><textures><texture name="Quarters" UNIT="1"/></textures></material>
 </materials></materialLib>"#,
     );
     folder
 }
 
+/// How the scene comes into the picture.
+#[derive(Clone, Copy, Debug)]
+enum By {
+    Raster,
+    /// Rays from the camera.
+    Rays,
+    /// Rays from a pane of glass that is before all of the scene.
+    Glass,
+}
+
 /// A project that looks along -z at the scene, and at the window's middle sees from -1 to 1.
-fn project(folder: &Path, scene: &str, material: &str, by_rays: bool) -> PathBuf {
-    let maps =
-        format!(r#"<materialMaps><map fromMaterial="wall" toLibrary="L" toMaterial="{material}"/></materialMaps>"#);
-    let passes = if by_rays {
-        format!(
+fn project(folder: &Path, scene: &str, material: &str, by: By) -> PathBuf {
+    let maps = format!(
+        r#"<materialMaps><map fromMaterial="wall" toLibrary="L" toMaterial="{material}"/>
+<map fromMaterial="pane" toLibrary="L" toMaterial="pane"/></materialMaps>"#
+    );
+    let scenes = r#"<scenes><scene name="S"/></scenes><lights><light name="Sun"/></lights>"#;
+    let passes = match by {
+        By::Rays => format!(
             r#"<pass class="rt" name="rays" program="albedo"><scenes><scene name="S"/></scenes><rendertarget name="target" fromLibrary="L"/>{maps}</pass>
 <pass class="quad" name="show"><texture name="seen" fromLibrary="L"/></pass>"#
-        )
-    } else {
-        format!(
-            r#"<pass class="default" name="draw"><scenes><scene name="S"/></scenes><lights><light name="Sun"/></lights>{maps}</pass>"#
-        )
+        ),
+        By::Raster => format!(r#"<pass class="default" name="draw">{scenes}{maps}</pass>"#),
+        By::Glass => {
+            let program = |kind: &str, name: &str| {
+                format!(r#"<optixProgram type="{kind}" ray="Phong" file="refraction.ptx" proc="{name}"/>"#)
+            };
+            let variable = |name: &str, component: &str| {
+                format!(r#"<valueof optixVar="{name}" type="CURRENT" context="LIGHT" id="0" component="{component}"/>"#)
+            };
+            let buffers = [("pos_buffer", "pos"), ("norm_buffer", "norm"), ("color_buffer", "shaded")]
+                .map(|(name, texture)| format!(r#"<buffer var="{name}" texture="L::{texture}"/>"#));
+            [
+                format!(r#"<pass class="default" name="draw">{scenes}<rendertarget name="buffers" fromLibrary="L"/>{maps}</pass>"#),
+                format!(r#"<pass class="optix" name="rays">{scenes}<rendertarget name="target" fromLibrary="L"/>{maps}"#),
+                r#"<optixEntryPoint><optixProgram type="RayGen" file="refraction.ptx" proc="buffer_camera"/></optixEntryPoint>"#.to_owned(),
+                format!("<optixDefaultMaterial>{}{}</optixDefaultMaterial>", program("Closest_Hit", "closest_hit"), program("Miss", "miss")),
+                format!(r#"<optixMaterialMap><optixMap to="pane">{}</optixMap></optixMaterialMap>"#, program("Closest_Hit", "closest_hit_glass")),
+                r#"<optixVertexAttributes><attribute name="position"/><attribute name="normal"/><attribute name="texCoord0"/></optixVertexAttributes>"#.to_owned(),
+                r#"<optixMaterialAttributes><valueof optixVar="diffuse" type="CURRENT" context="COLOR" component="DIFFUSE"/>
+<valueof optixVar="texCount" type="CURRENT" context="TEXTURE" component="COUNT"/></optixMaterialAttributes>"#.to_owned(),
+                format!("<optixGlobalAttributes>{}{}</optixGlobalAttributes>", variable("lightDir", "DIRECTION"), variable("lightColor", "COLOR")),
+                format!("<optixInput>{}</optixInput></pass>", buffers.concat()),
+                r#"<pass class="quad" name="show"><texture name="seen" fromLibrary="L"/></pass>"#.to_owned(),
+            ]
+            .concat()
+        }
     };
     let text = format!(
         r#"<project name="p" width="{SIDE}" height="{SIDE}"><assets><scenes><scene name="S">{scene}</scene></scenes>
@@ -77,7 +116,10 @@ fn project(folder: &Path, scene: &str, material: &str, by_rays: bool) -> PathBuf
 }
 
 fn picture(project: Project, raster: RasterChoice) -> Image {
-    let choice = Choice { raster, ..Choice::CPU };
+    picture_by(project, Choice { raster, ..Choice::CPU })
+}
+
+fn picture_by(project: Project, choice: Choice) -> Image {
     let opened = curitiba::open_project(project, Settings::default(), choice, &mut Silent);
     let mut renderer = opened.unwrap_or_else(|error| panic!("{}", error.joined()));
     renderer.frame(&mut Silent).expect("it renders")
@@ -132,11 +174,43 @@ fn primitives_and_scene_files_show_the_texture_of_a_mapped_material_in_the_engin
         if has_driver() { &[RasterChoice::Cpu, RasterChoice::Wgpu] } else { &[RasterChoice::Cpu] };
     for (scene, expected) in cases {
         for raster in rasters {
-            let drawn = picture(opened(&project(folder.path(), &scene, "quarters", false)), *raster);
+            let drawn = picture(opened(&project(folder.path(), &scene, "quarters", By::Raster)), *raster);
             assert_eq!(seen(&drawn), expected, "{scene}, {raster:?}");
         }
-        let traced = picture(opened(&project(folder.path(), &scene, "quarters", true)), RasterChoice::Cpu);
+        let traced = picture(opened(&project(folder.path(), &scene, "quarters", By::Rays)), RasterChoice::Cpu);
         assert_eq!(seen(&traced), expected, "{scene}, rays");
+    }
+}
+
+/// Whether rays of a backend read the texture behind a pane of glass.
+fn reads_behind_glass(backend: BackendChoice) {
+    let folder = folder();
+    for (geometry, expected) in [
+        (r#"<geometry name="g" type="BOX" material="wall"/>"#, [RED, GREEN, BLUE, YELLOW]),
+        (r#"<geometry name="g" type="SPHERE" slices="32" stacks="32" material="wall"/>"#, [GREEN, RED, YELLOW, BLUE]),
+    ] {
+        let scene = format!(r#"{geometry}<file name="pane.obj"/>"#);
+        let shown = |material: &str, by: By| {
+            let project = opened(&project(folder.path(), &scene, material, by));
+            seen(&picture_by(project, Choice::CPU.traced_by(backend)))
+        };
+        assert_eq!(shown("quarters", By::Glass), expected, "{geometry}, {backend:?}");
+        assert_eq!(shown("second", By::Glass), [YELLOW; 4], "{geometry}, {backend:?}");
+        assert_eq!(shown("quarters", By::Raster), ['.'; 4], "the pane is before it");
+    }
+}
+
+#[test]
+fn rays_behind_glass_read_the_texture_of_a_mapped_material() {
+    reads_behind_glass(BackendChoice::Cpu);
+}
+
+#[test]
+fn rays_on_nvidia_gpus_read_the_texture_of_a_mapped_material() {
+    for backend in [BackendChoice::Cuda, BackendChoice::Optix] {
+        if nvidia::there(Choice::CPU.traced_by(backend)).is_some() {
+            reads_behind_glass(backend);
+        }
     }
 }
 
@@ -161,9 +235,9 @@ fn a_grid_shows_less_than_the_whole_texture() {
 fn a_written_project_shows_the_same_texture() {
     let folder = folder();
     let scene = r#"<geometry name="g" type="BOX" material="wall"/>"#;
-    for by_rays in [false, true] {
-        let first = opened(&project(folder.path(), scene, "quarters", by_rays));
-        let path = folder.path().join(format!("written{by_rays}.xml"));
+    for (name, by) in [("drawn", By::Raster), ("traced", By::Rays)] {
+        let first = opened(&project(folder.path(), scene, "quarters", by));
+        let path = folder.path().join(format!("{name}.xml"));
         first.write(&path).expect("written");
         let (first, again) = (picture(first, RasterChoice::Cpu), picture(opened(&path), RasterChoice::Cpu));
         assert_eq!(first, again);
@@ -176,7 +250,7 @@ fn a_texture_that_is_not_read_is_a_warning_and_the_diffuse_colour_serves() {
     let folder = folder();
     let scene = r#"<geometry name="g" type="BOX" material="wall"/>"#;
     for (material, warned) in [("lost", Some("lost.png")), ("second", Some("`second`")), ("quarters", None)] {
-        let project = opened(&project(folder.path(), scene, material, false));
+        let project = opened(&project(folder.path(), scene, material, By::Raster));
         let warnings: Vec<String> = project.problems.0.iter().map(ToString::to_string).collect();
         assert_eq!(warnings.len(), usize::from(warned.is_some()), "{warnings:?}");
         if let Some(warned) = warned {
@@ -186,7 +260,7 @@ fn a_texture_that_is_not_read_is_a_warning_and_the_diffuse_colour_serves() {
     }
     // A file that holds no image is found when it is decoded.
     std::fs::write(folder.path().join("images/lost.png"), "none").expect("written");
-    let project = opened(&project(folder.path(), scene, "lost", false));
+    let project = opened(&project(folder.path(), scene, "lost", By::Raster));
     assert!(project.problems.0.is_empty(), "{:?}", project.problems);
     let mut renderer =
         curitiba::open_project(project, Settings::default(), Choice::CPU, &mut Silent).expect("it opens");

@@ -103,6 +103,55 @@ fn a_scene_of_each_format_is_shown_and_its_written_project_shows_the_same() {
     }
 }
 
+/// A file's camera and, at z = 0, where it sees 2 units to each side in a picture twice as wide as high, a marker at each side.
+fn markers(folder: &Path, aspect: &str) -> PathBuf {
+    let data = "data:application/octet-stream;base64,AAAAAAAAAAAAAAAAAACAPwAAAAAAAAAAAAAAAAAAgD8AAAAA";
+    let lens = format!(r#"{{"yfov":0.39479112,"znear":0.1{aspect}}}"#);
+    let text = format!(
+        r#"{{"asset":{{"version":"2.0"}},"scenes":[{{"nodes":[0,1,2]}}],
+        "nodes":[{{"mesh":0,"translation":[1.6,0,0],"scale":[0.3,0.3,0.3]}},
+        {{"mesh":0,"translation":[-1.9,0,0],"scale":[0.3,0.3,0.3]}},{{"camera":0,"translation":[0,0,5]}}],
+        "cameras":[{{"type":"perspective","perspective":{lens}}}],
+        "meshes":[{{"primitives":[{{"attributes":{{"POSITION":0}}}}]}}],
+        "accessors":[{{"bufferView":0,"componentType":5126,"count":3,"type":"VEC3","min":[0,0,0],"max":[1,1,0]}}],
+        "bufferViews":[{{"buffer":0,"byteLength":36}}],"buffers":[{{"byteLength":36,"uri":"{data}"}}]}}"#
+    );
+    let path = folder.join("markers.gltf");
+    std::fs::write(&path, text).expect("a file");
+    path
+}
+
+#[test]
+fn what_a_files_camera_sees_is_seen_in_narrower_windows_as_well() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let folder = folder.path();
+    let render = |what: &str, size: &str, name: &str| {
+        succeeds(folder, &[&["render", what, "--size", size, "-o", name], &CPU[..]].concat());
+        let shown = seen(&folder.join(name)).0;
+        (shown, read_image(&folder.join(name)).expect("a picture").image.pixels)
+    };
+    // The area of both markers beside that of what the window shows, in units.
+    let whole = |found: f64, shown: f64| assert!((found * shown / 0.09 - 1.0).abs() < 0.2, "{found} of {shown}");
+    markers(folder, r#","aspectRatio":2"#);
+    whole(render("markers.gltf", "192x96", "wide.exr").0, 4.0 * 2.0);
+    whole(render("markers.gltf", "288x96", "wider.exr").0, 6.0 * 2.0);
+    let (square, pixels) = render("markers.gltf", "96x96", "square.exr");
+    whole(square, 4.0 * 4.0);
+    whole(render("markers.gltf", "96x192", "high.exr").0, 4.0 * 8.0);
+    succeeds(folder, &["scene", "markers.gltf", "--project", "square.xml", "--size", "96x96"]);
+    assert_eq!(render("square.xml", "96x96", "again.exr").1, pixels, "the project's picture is another");
+    // Without the number, a square window shows one unit to each side.
+    markers(folder, "");
+    assert_eq!(render("markers.gltf", "96x96", "open.exr").0, 0.0);
+    whole(render("markers.gltf", "192x96", "open.exr").0, 4.0 * 2.0);
+    // A number that is none is not read, and the camera is kept.
+    markers(folder, r#","aspectRatio":0"#);
+    let output =
+        curitiba(folder, &[&["render", "markers.gltf", "--size", "96x96", "-o", "none.exr"], &CPU[..]].concat());
+    assert!(String::from_utf8_lossy(&output.stderr).contains("aspect ratios of cameras"), "{output:?}");
+    assert_eq!(seen(&folder.join("none.exr")).0, 0.0);
+}
+
 #[test]
 fn options_describe_camera_sun_background_and_effects() {
     let folder = tempfile::tempdir().expect("a folder");

@@ -515,7 +515,53 @@ fn textures_of_roughness_are_read_of_glass_where_a_pass_asks() {
     let texture = built.materials[0].roughness_texture.unwrap() as usize;
     assert!((built.textures[texture].sample(Vec2::splat(0.5), 0.0).y - 128.0 / 255.0).abs() < 1e-6);
 
-    let (scene, maps) = read(Needs { roughness_maps: false, ..Needs::ALL });
+    let (scene, maps) = read(Needs { glass_maps: false, ..Needs::ALL });
+    assert_eq!(maps, [false; 4]);
+    assert_eq!(count(&scene.warnings, "texture maps that no program reads"), 4);
+}
+
+#[test]
+fn textures_of_transmission_are_read_of_glass_where_a_pass_asks() {
+    let folder = Folder::new();
+    folder.png("t.png", 1, 1, [128, 7, 9, 255]);
+    let (mut json, binary) = square();
+    json["textures"] = json!([{"source": 0}]);
+    json["images"] = json!([{"uri": "t.png"}]);
+    let glass = |map: Value, factor: f64| {
+        let transmission = json!({"transmissionFactor": factor, "transmissionTexture": map});
+        json!({"extensions": {"KHR_materials_transmission": transmission}})
+    };
+    let turned = json!({"index": 0, "extensions": {"KHR_texture_transform": {"scale": [2.0, 2.0]}}});
+    let mut elsewhere = glass(turned, 0.5);
+    elsewhere["normalTexture"] = json!({"index": 0});
+    let mut blended = glass(json!({"index": 0}), 1.0);
+    blended["alphaMode"] = "BLEND".into();
+    blended["pbrMetallicRoughness"] = json!({"baseColorFactor": [1.0, 1.0, 1.0, 0.5]});
+    json["materials"] = json!([glass(json!({"index": 0}), 0.5), glass(json!({"index": 0}), 0.0), elsewhere, blended]);
+    let path = folder.write("a.glb", glb(&json, &binary));
+    let read = |needs: Needs| {
+        let scene =
+            load(std::slice::from_ref(&path), &LoadOptions { needs, ..LoadOptions::default() }, &|_| {}).unwrap();
+        let maps: Vec<bool> = scene.materials.iter().map(|material| material.transmission_texture.is_some()).collect();
+        (scene, maps)
+    };
+    let (scene, maps) = read(Needs::ALL);
+    assert_eq!(maps, [true, false, false, false], "of glass; with the coordinates of its other textures; not blended");
+    assert_eq!(count(&scene.warnings, "transmission textures with coordinates of their own"), 1);
+    assert_eq!(
+        count(&scene.warnings, "texture maps that no program reads"),
+        2,
+        "of what is opaque, and of what is blended"
+    );
+    assert_eq!((scene.materials[0].transmission, scene.materials[0].veil), (0.5, 0.5), "the factor");
+    let texture = scene.materials[0].transmission_texture.unwrap() as usize;
+    assert!(scene.textures[texture].is_data(), "numbers are not decoded from sRGB");
+    let (mut built, _) = RenderScene::build(scene, &BuildOptions::default()).unwrap();
+    let decided = curitiba_pipeline::glass::decide(&mut built, &path);
+    let texture = decided.dielectrics[0].transmission_texture.expect("the glass has it") as usize;
+    assert!((built.textures[texture].sample(Vec2::splat(0.5), 0.0).x - 128.0 / 255.0).abs() < 1e-6);
+
+    let (scene, maps) = read(Needs { glass_maps: false, ..Needs::ALL });
     assert_eq!(maps, [false; 4]);
     assert_eq!(count(&scene.warnings, "texture maps that no program reads"), 4);
 }

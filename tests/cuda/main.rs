@@ -6,11 +6,11 @@
 mod conformance;
 #[path = "../lamps/mod.rs"]
 mod lamps;
+#[path = "../nvidia/mod.rs"]
+mod nvidia;
 mod several;
 
-use curitiba::Choice;
-use curitiba::engines::ray_backend;
-use curitiba::pipeline::backend::RayBackend;
+use nvidia::there;
 use std::path::{Path, PathBuf};
 
 /// The six projects with a ray pass.
@@ -20,17 +20,4 @@ fn project(name: &str) -> PathBuf {
     let built = Path::new(env!("CARGO_MANIFEST_DIR"));
     let root = if built.is_dir() { built } else { Path::new(".") };
     root.join(format!("xml_projects/{name}.xml"))
-}
-
-/// The backend, or `None` with a printed reason.
-fn there(choice: Choice) -> Option<Box<dyn RayBackend>> {
-    match ray_backend(choice) {
-        Ok(rays) => Some(rays),
-        Err(error) => {
-            let required = std::env::var_os("CURITIBA_REQUIRE_CUDA_TESTS").is_some_and(|value| value == "1");
-            assert!(!required, "{error}");
-            println!("skipped: {error}");
-            None
-        }
-    }
 }

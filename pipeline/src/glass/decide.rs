@@ -84,6 +84,7 @@ fn properties(material: &Material) -> Dielectric {
         filter_texture: material.texture.filter(|_| material.filter_textured),
         filter_vertex_colors: material.vertex_colors && material.filter_textured,
         veil: material.veil,
+        transmission_texture: material.transmission_texture,
         thickness: material.thickness,
         priority: material.priority,
     }

@@ -115,6 +115,8 @@ pub struct Dielectric {
     pub filter_vertex_colors: bool,
     /// Share of the entering light that is scattered back with the diffuse colour: 0 to 1.
     pub veil: f32,
+    /// Texture whose red channel multiplies what is not scattered back: index into the scene's textures.
+    pub transmission_texture: Option<u32>,
     /// Thickness of a thin wall that absorbs light, in scene units; otherwise 0.
     pub thickness: f32,
     /// Rank where bodies overlap: the body of the highest priority fills the place; of equal ones the body entered last.

@@ -374,14 +374,14 @@ impl Plan {
         let colors = textures && self.settings.fidelity == Fidelity::Corrected;
         let normals = lit || !hits.is_empty();
         let normal_maps = normals && self.settings.fidelity == Fidelity::Corrected;
-        let roughness_maps = self.settings.fidelity == Fidelity::Corrected
+        let glass_maps = self.settings.fidelity == Fidelity::Corrected
             && self.passes.iter().any(|planned| self.asks_materials(planned));
         self.needs = Needs {
             normals: normals || own.normals,
             textures: textures || own.textures,
             colors,
             normal_maps,
-            roughness_maps,
+            glass_maps,
             tangents: own.tangents,
         };
         let why = match (normals, own.normals) {
@@ -407,8 +407,9 @@ impl Plan {
         if self.needs.colors {
             self.decide("vertex colours".into(), true, "where files have them, they are part of these colours".into());
         }
-        if self.needs.roughness_maps {
-            self.decide("textures of roughness".into(), true, "where glass has them, it is rough by them".into());
+        if self.needs.glass_maps {
+            let why = "where glass has them, it is rough or clear by them";
+            self.decide("textures of roughness and transmission".into(), true, why.into());
         }
         if self.needs.normal_maps {
             let what = "normal maps, and the tangents and texture coordinates that they take";

@@ -120,6 +120,8 @@ pub struct SceneCamera {
     pub up: Vec3,
     /// Vertical field of view, radians, in (0, π).
     pub fov_y: f32,
+    /// Width of the camera's picture divided by its height, above 0; `None` where the file leaves it open.
+    pub aspect: Option<f32>,
     /// Near plane distance, above 0.
     pub near: f32,
     /// Far plane distance, above [`Self::near`]; `None` where the file leaves it open.
@@ -284,6 +286,9 @@ pub struct Material {
     pub single_sided: bool,
     /// Share of the light that enters (glTF `KHR_materials_transmission`), 0..=1.
     pub transmission: f32,
+    /// What that share is multiplied by: the red channel, as a number, at the coordinates of [`Self::texture`] (glTF
+    /// `transmissionTexture`). What does not enter by it is scattered back ([`Self::veil`]). Index into [`Scene::textures`].
+    pub transmission_texture: Option<u32>,
     /// Whether the surface bounds a solid body instead of being a thin wall (glTF `thicknessFactor` above 0; MTL `illum` 6 and 7).
     /// This field and the following ones apply with `glass=auto`; a thin pane has only the program's index of refraction.
     pub volume: bool,
@@ -339,6 +344,7 @@ impl Default for Material {
             vertex_colors: false,
             single_sided: false,
             transmission: 0.0,
+            transmission_texture: None,
             volume: false,
             filter: Vec3::ONE,
             reflection: Vec3::ONE,
@@ -359,13 +365,20 @@ impl Default for Material {
 
 impl Material {
     /// Every reference to a texture.
-    pub(crate) fn textures_mut(&mut self) -> [&mut Option<u32>; 4] {
-        [&mut self.texture, &mut self.emission_texture, &mut self.normal_texture, &mut self.roughness_texture]
+    pub(crate) fn textures_mut(&mut self) -> [&mut Option<u32>; 5] {
+        [
+            &mut self.texture,
+            &mut self.emission_texture,
+            &mut self.normal_texture,
+            &mut self.roughness_texture,
+            &mut self.transmission_texture,
+        ]
     }
 
     /// Every texture.
     pub(crate) fn textures(&self) -> impl Iterator<Item = u32> + use<> {
-        [self.texture, self.emission_texture, self.normal_texture, self.roughness_texture].into_iter().flatten()
+        let of_glass = [self.roughness_texture, self.transmission_texture];
+        [self.texture, self.emission_texture, self.normal_texture].into_iter().chain(of_glass).flatten()
     }
 
     /// Alpha cutoff for the alpha of texture and vertices alone: [`Self::alpha_cutoff`] divided by the diffuse opacity, infinite
@@ -389,8 +402,8 @@ pub struct Needs {
     pub colors: bool,
     /// Normal maps of materials that have them, with their tangents and texture coordinates; only with [`Self::normals`].
     pub normal_maps: bool,
-    /// Roughness textures of glass; only with [`Self::textures`].
-    pub roughness_maps: bool,
+    /// Roughness and transmission textures of glass; only with [`Self::textures`].
+    pub glass_maps: bool,
     /// Tangents of all meshes, for shaders that read them; only with [`Self::normals`] and [`Self::textures`].
     pub tangents: bool,
 }
@@ -398,7 +411,7 @@ pub struct Needs {
 impl Needs {
     /// Everything that files hold, for conversions.
     pub const ALL: Needs =
-        Needs { normals: true, textures: true, colors: true, normal_maps: true, roughness_maps: true, tangents: false };
+        Needs { normals: true, textures: true, colors: true, normal_maps: true, glass_maps: true, tangents: false };
 
     /// Positions only.
     pub const NOTHING: Needs = Needs {
@@ -406,7 +419,7 @@ impl Needs {
         textures: false,
         colors: false,
         normal_maps: false,
-        roughness_maps: false,
+        glass_maps: false,
         tangents: false,
     };
 }

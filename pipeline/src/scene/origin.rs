@@ -4,7 +4,7 @@
 //! of a unit, and products of such coordinates with a matrix lose further digits. So coordinates of a scene far from the origin are
 //! stored relative to a nearer one, and files whose numbers have more digits are read relative to it before rounding.
 
-use super::Mesh;
+use super::{Mesh, Scene};
 use glam::{DMat4, DVec3, Vec3};
 use rayon::prelude::*;
 
@@ -60,6 +60,20 @@ pub(crate) fn placed_bounds(meshes: &[Mesh], placed: impl Iterator<Item = (u32, 
         }
     }
     whole
+}
+
+/// Moves the origin of a scene near its contents, if they lie far from 0; returns it. `exact` has the transform of each object with
+/// all digits.
+pub(crate) fn move_near(scene: &mut Scene, exact: &[DMat4]) -> DVec3 {
+    let placed = scene.objects.iter().zip(exact).map(|(object, exact)| (object.mesh, *exact));
+    let origin = placed_bounds(&scene.meshes, placed).map_or(DVec3::ZERO, origin_for);
+    if origin != DVec3::ZERO {
+        scene.origin = origin;
+        for (object, exact) in scene.objects.iter_mut().zip(exact) {
+            object.transform = (DMat4::from_translation(-origin) * exact).as_mat4();
+        }
+    }
+    origin
 }
 
 #[cfg(test)]

@@ -23,7 +23,16 @@ impl<T: Tracer, C: Coverage> Pass<'_, T, C> {
         } else {
             Vec3::ONE
         };
-        (1.0 - dielectric.veil) * dielectric.filter * texel * vertices
+        (1.0 - self.veil_at(hit, footprint, dielectric)) * dielectric.filter * texel * vertices
+    }
+
+    /// The share of the light that enters at a hit and is scattered back.
+    pub(in crate::effects) fn veil_at(&self, hit: &Hit, footprint: impl Footprint, dielectric: &Dielectric) -> f32 {
+        let texture = dielectric.transmission_texture.filter(|_| self.sphere(hit.triangle).is_none());
+        texture.map_or(dielectric.veil, |texture| {
+            let clear = self.texel(texture, hit, footprint).x;
+            1.0 - (1.0 - dielectric.veil) * clear
+        })
     }
 
     /// The width of the distribution of microfacets at a hit; 0 where the surface is smooth.

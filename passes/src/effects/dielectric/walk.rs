@@ -122,12 +122,11 @@ where
         path: Path<C::Cone>,
         work: &mut Workspace,
     ) -> Vec3 {
-        if dielectric.veil <= 0.0 {
+        let veil = self.pass.veil_at(met.hit, met.footprint, dielectric);
+        if veil <= 0.0 {
             return Vec3::ZERO;
         }
-        dielectric.veil
-            * entering
-            * (self.shade)(met.hit, met.footprint, met.surface, path.media, self.own_key(&path), work)
+        veil * entering * (self.shade)(met.hit, met.footprint, met.surface, path.media, self.own_key(&path), work)
     }
 
     /// A wall with two faces.

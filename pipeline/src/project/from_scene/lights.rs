@@ -1,6 +1,7 @@
 //! Lights of a project made from scene files.
 
-use super::view::{self, Extent, SUN, unit};
+use super::contents::Extent;
+use super::view::{self, SUN, unit};
 use super::{Notes, SceneOptions, clean};
 use crate::color::BRIGHTEST;
 use crate::project::{Camera, Falloff, Light, Spot};

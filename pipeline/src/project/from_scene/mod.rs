@@ -4,14 +4,15 @@
 //! |---|---|
 //! | camera | `Camera`: described by options, or placed to see the whole scene; the file's own cameras come first unless it is described |
 //! | lights | the options' sun, or the file's lights, or a sun behind the viewer's left shoulder |
-//! | effects | shadows and occlusion; glass if a drawn material transmits at least a tenth of the light |
+//! | effects | shadows (unless a shell keeps the sun from everything) and occlusion; glass if a drawn material transmits at least a tenth of the light |
 //! | glass | by each material (`glass=auto`), in front of the background, with coloured shadows (`shadow=straight`) |
-//! | focus | the box of all triangles, or of most of them if a few far ones (a sky) make it more than three times as large |
+//! | focus | the box of all triangles, or of most of them if a few far ones (a sky) make it more than three times as large; without a shell around all else (a sky dome, a closed room), in which the camera stands |
 //! | textures in and behind glass | filtered by ray cones (`texturelod=cones`) |
 //! | occlusion radius | a twentieth of the diagonal of the focus |
 //! | window | 1024 x 1024 |
 //! | colours | linear (`color=linear`) |
 
+mod contents;
 mod lights;
 mod options;
 mod passes;
@@ -25,12 +26,13 @@ use crate::diagnostic::{Problem, Problems, Severity};
 use crate::glass::TRANSPARENT;
 use crate::programs::RayProgram;
 use crate::raster_effects::EffectProgram;
-use crate::scene::{self, LoadOptions, Needs, Object, Placement, Scene, SceneError};
-use glam::{DVec3, Vec3};
+use crate::scene::{self, LoadOptions, Needs, Placement, Scene, SceneError};
+use contents::Contents;
+use glam::Vec3;
 use passes::{Common, Step};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
-use view::{Extent, two_digits};
+use view::two_digits;
 
 /// Default size of the window, pixels.
 const WINDOW: [u32; 2] = [1024, 1024];
@@ -105,19 +107,24 @@ impl SceneProjects {
         window: Option<[u32; 2]>,
     ) -> Result<Self, FromSceneError> {
         let name = name_of(files);
-        let extent = extent(scene).ok_or_else(|| {
+        let contents = Contents::of(scene).ok_or_else(|| {
             let first = files.first().map_or(Path::new(""), PathBuf::as_path);
             SceneError::file(first, "the scene has no triangle: there is nothing to look at")
         })?;
         let window = window.unwrap_or(WINDOW);
         let mut notes = Notes::default();
         notes.add(format!("a project made from {}; `curitiba scene … --project FILE.xml` writes it", listed(files)));
-        let focus = focus(scene, extent);
-        let cameras = cameras(scene, options, (extent, focus), window, &mut notes)?;
+        let focus = contents.focus;
+        let cameras = cameras(scene, options, &contents, window, &mut notes)?;
         let lights = lights::of(scene, options, focus, &cameras[0], &mut notes);
         let glass = glass(scene);
-        let effects = options.effects.unwrap_or(Effects { shadows: true, occlusion: true, glass: !glass.is_empty() });
+        let shade = contents.shell.as_ref().filter(|_| lights.iter().all(|light| light.position.is_none()));
+        let usual = Effects { shadows: shade.is_none(), occlusion: true, glass: !glass.is_empty() };
+        let effects = options.effects.unwrap_or(usual);
         notes.add(effects_in_words(effects, &glass, options));
+        if let (Some(shell), None) = (shade, options.effects) {
+            notes.add(format!("no shadows: all of the scene lies in that of `{}`; `--effects` takes them", shell.name));
+        }
         let radius = two_digits(focus.diagonal() * RADIUS);
         if effects.occlusion {
             notes.add(format!(
@@ -230,9 +237,9 @@ fn check(scene: &Scene) -> Result<(), String> {
             }
         }
     }
-    let texture = |material: &scene::Material| material.texture.max(material.emission_texture);
-    match scene.materials.iter().find(|material| texture(material).is_some_and(|t| t as usize >= scene.textures.len()))
-    {
+    let lost =
+        |material: &&scene::Material| material.textures().any(|texture| texture as usize >= scene.textures.len());
+    match scene.materials.iter().find(lost) {
         Some(material) => Err(format!("material `{}` names a texture that is not there", material.name)),
         None => Ok(()),
     }
@@ -291,83 +298,15 @@ fn turn(scene: &mut Scene, up: Up) {
     }
 }
 
-/// The bounding box of all finite corners of triangles.
-fn extent(scene: &Scene) -> Option<Extent> {
-    let mut extent: Option<Extent> = None;
-    for object in &scene.objects {
-        let mesh = &scene.meshes[object.mesh as usize];
-        let mut used = vec![false; mesh.positions.len()];
-        for corner in mesh.groups.iter().flat_map(|group| &group.triangles).flatten() {
-            if let Some(used) = used.get_mut(*corner as usize) {
-                *used = true;
-            }
-        }
-        for (position, _) in mesh.positions.iter().zip(used).filter(|(_, used)| *used) {
-            let placed = object.transform.transform_point3(*position);
-            if placed.is_finite() {
-                let at: DVec3 = placed.as_dvec3() + scene.origin;
-                extent = Some(match extent {
-                    Some(Extent { low, high }) => Extent { low: low.min(at), high: high.max(at) },
-                    None => Extent { low: at, high: at },
-                });
-            }
-        }
-    }
-    extent
-}
-
-/// The bounding box of most triangles, if a few far ones (a sky, a plane to the horizon) make the whole box more than three
-/// times as large; otherwise the whole box. The walls of a room around finely tessellated things make it at most that.
-fn focus(scene: &Scene, whole: Extent) -> Extent {
-    /// Most triangles that are examined.
-    const MOST: usize = 1 << 16;
-    /// Share of their corners that may lie beyond the box on each side.
-    const BEYOND: f64 = 0.03;
-    let groups = |object: &Object| {
-        let mesh = &scene.meshes[object.mesh as usize];
-        mesh.groups.iter().map(|group| group.triangles.len()).sum::<usize>()
-    };
-    let step = scene.objects.iter().map(groups).sum::<usize>().div_ceil(MOST).max(1);
-    let mut corners: [Vec<f32>; 3] = Default::default();
-    let mut number = 0;
-    for object in &scene.objects {
-        let mesh = &scene.meshes[object.mesh as usize];
-        for triangle in mesh.groups.iter().flat_map(|group| &group.triangles) {
-            number += 1;
-            if number % step != 0 {
-                continue;
-            }
-            let placed = triangle.iter().filter_map(|corner| mesh.positions.get(*corner as usize));
-            let placed = placed.map(|position| object.transform.transform_point3(*position));
-            for corner in placed.filter(|corner| corner.is_finite()) {
-                corners.iter_mut().zip(corner.to_array()).for_each(|(list, value)| list.push(value));
-            }
-        }
-    }
-    let mut bounds = [DVec3::ZERO; 2];
-    for (axis, mut list) in corners.into_iter().enumerate() {
-        if list.is_empty() {
-            return whole;
-        }
-        list.sort_unstable_by(f32::total_cmp);
-        let beyond = (list.len() as f64 * BEYOND) as usize;
-        bounds[0][axis] = scene.origin[axis] + f64::from(list[beyond]);
-        bounds[1][axis] = scene.origin[axis] + f64::from(list[list.len() - 1 - beyond]);
-    }
-    let [low, high] = bounds;
-    let most = Extent { low, high };
-    if most.diagonal() > 0.0 && whole.diagonal() > 3.0 * most.diagonal() { most } else { whole }
-}
-
 /// The cameras of the file, and one that is described or placed; the default camera comes first.
 fn cameras(
     scene: &Scene,
     options: &SceneOptions,
-    (extent, focus): (Extent, Extent),
+    contents: &Contents,
     window: [u32; 2],
     notes: &mut Notes,
 ) -> Result<Vec<Camera>, FromSceneError> {
-    let made = view::camera(options, extent, focus, window).map_err(FromSceneError::Option)?;
+    let made = view::camera(options, contents, window).map_err(FromSceneError::Option)?;
     let mut cameras: Vec<Camera> = Vec::new();
     for camera in &scene.cameras {
         let base = clean(&camera.name).unwrap_or_else(|| "camera".to_owned());
@@ -381,15 +320,20 @@ fn cameras(
             name = format!("{base} {number}");
             number += 1;
         }
-        cameras.push(view::of_file(camera, scene.origin, name, extent));
+        cameras.push(view::of_file(camera, scene.origin, name, contents.whole, window));
     }
     let own = (!options.has_camera()).then(|| cameras.first().map(|camera| camera.name.clone())).flatten();
     match &own {
         Some(name) => notes.add(format!("camera: `{name}` of the scene; `--camera Camera` takes another")),
         None if options.has_camera() => {}
         None => {
-            let what = if focus == extent { "all of the scene" } else { "the scene but for a few far triangles" };
-            notes.add(format!("camera: it sees {what}; `--look-from X,Y,Z` puts it elsewhere"));
+            let sees = match &contents.shell {
+                Some(shell) if shell.hides => format!("it stands inside `{}`, which is around all else", shell.name),
+                Some(shell) => format!("it sees all but `{}`, which is around that and clear from outside", shell.name),
+                None if contents.focus == contents.whole => "it sees all of the scene".to_owned(),
+                None => "it sees the scene but for a few far triangles".to_owned(),
+            };
+            notes.add(format!("camera: {sees}; `--look-from X,Y,Z` puts it elsewhere"));
         }
     }
     let first = if own.is_some() { cameras.len() } else { 0 };

@@ -1,5 +1,7 @@
 use super::*;
 use crate::project::{Light, PassKind, QuadSource};
+use glam::DVec3;
+use std::f64::consts::{FRAC_PI_2, TAU};
 
 /// Writes a scene to a folder: a square of two materials, paint and pane; the pane is glass if `d` is below 1.
 fn scene(folder: &Path, glass_opacity: f32, uses_glass: bool) -> PathBuf {
@@ -118,6 +120,76 @@ fn a_room_around_a_fine_mesh_is_looked_at_as_a_whole() {
     std::fs::write(&path, text).expect("a file");
     let project = open(&path, &SceneOptions::default());
     assert!(!project.problems.to_string().contains("far triangles"), "{}", project.problems);
+}
+
+/// A terrain of 40 by 40 units, and above its middle a dome with a radius of 30 that is open below, as an OBJ file. `inwards`: whether the
+/// dome's faces look at the terrain.
+fn under_a_dome(folder: &Path, inwards: bool, open: bool) -> PathBuf {
+    let mut text = "o terrain\n".to_owned();
+    for corner in 0..121 {
+        let (x, z) = (f64::from(corner % 11) * 4.0 - 20.0, f64::from(corner / 11) * 4.0 - 20.0);
+        text += &format!("v {x} {} {z}\n", (0.4 * x).sin() * (0.3 * z).cos());
+    }
+    for corner in (0..109).filter(|corner| corner % 11 != 10) {
+        text += &format!("f {} {} {} {}\n", corner + 1, corner + 12, corner + 13, corner + 2);
+    }
+    let (rings, sides) = (6, 16);
+    text += "o sky dome\n";
+    for corner in 0..=rings * sides {
+        let (up, around) = (f64::from(corner / sides) / f64::from(rings), f64::from(corner % sides) / f64::from(sides));
+        let ((height, level), (z, x)) = ((FRAC_PI_2 * up).sin_cos(), (TAU * around).sin_cos());
+        text += &format!("v {} {} {}\n", 30.0 * level * x, 30.0 * height, 30.0 * level * z);
+    }
+    let at = |ring: i32, side: i32| 122 + (ring * sides + side % sides).min(rings * sides);
+    for (ring, side) in (0..rings * sides).map(|face| (face / sides, face % sides)) {
+        let [a, b, c, d] = [at(ring, side), at(ring, side + 1), at(ring + 1, side + 1), at(ring + 1, side)];
+        if !(open && side < 4) {
+            text += &if inwards { format!("f {a} {b} {c} {d}\n") } else { format!("f {d} {c} {b} {a}\n") };
+        }
+    }
+    let path = folder.join("dome.obj");
+    std::fs::write(&path, text).expect("a file");
+    path
+}
+
+#[test]
+fn the_camera_of_a_scene_under_a_dome_stands_in_it() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let opened = |path: &Path, options: &SceneOptions| {
+        let project = open(path, options);
+        (project.cameras[0].position, project.problems.to_string(), programs(&project))
+    };
+    let path = under_a_dome(folder.path(), true, false);
+    let (eye, notes, passes) = opened(&path, &SceneOptions::default());
+    assert!(eye.length() < 29.0 && eye.y > 1.0, "{eye}");
+    assert!(notes.contains("inside `sky dome`, which is around all else") && notes.contains("no shadows"), "{notes}");
+    assert_eq!(passes, ["raster", "ssao", "combine"]);
+    let (_, notes, passes) =
+        opened(&path, &SceneOptions { effects: "shadows".parse().ok(), ..SceneOptions::default() });
+    assert_eq!(passes, ["raster", "deferredShadows", "combine"]);
+    assert!(!notes.contains("no shadows"), "{notes}");
+    // A described camera is that.
+    let from = DVec3::new(0.0, 50.0, 100.0);
+    assert_eq!(opened(&path, &SceneOptions { look_from: Some(from), ..SceneOptions::default() }).0, from);
+    let at = opened(&path, &SceneOptions { look_at: Some(DVec3::new(5.0, 0.0, 0.0)), ..SceneOptions::default() }).0;
+    assert!(at.length() < 29.5, "{at}");
+    // Nobody sees a single-sided dome from outside.
+    let scene = scene::load(&[path], &LoadOptions::default(), &|_| {}).expect("a scene");
+    let material = |single_sided: bool| scene::Material { single_sided, ..scene.materials[0].clone() };
+    let seen = |single_sided: bool| {
+        let scene = Scene { materials: vec![material(single_sided)], ..scene.clone() };
+        let project = SceneProjects::in_memory(scene, &SceneOptions::default(), None).expect("a scene").project();
+        (project.cameras[0].position.length(), project.problems.to_string())
+    };
+    let [(near, _), (far, notes)] = [false, true].map(seen);
+    assert!(near < 29.0 && far > 40.0 && notes.contains("clear from outside"), "{near} {far} {notes}");
+    // A dome that shows its outside, or of which a quarter is missing, is looked at as a whole.
+    for (inwards, part) in [(false, false), (true, true)] {
+        let path = under_a_dome(folder.path(), inwards, part);
+        let (eye, notes, passes) = opened(&path, &SceneOptions::default());
+        assert!(eye.length() > 60.0 && notes.contains("all of the scene"), "{eye} {notes}");
+        assert_eq!(passes, ["raster", "final", "show"]);
+    }
 }
 
 #[test]

@@ -1,6 +1,7 @@
 //! Camera and sun of a project made from scene files.
 
 use super::SceneOptions;
+use super::contents::{Contents, Extent, Shell};
 use crate::project::{Camera, Falloff, Light};
 use crate::scene::{SceneCamera, SceneLight};
 use glam::{DVec3, Vec3};
@@ -15,30 +16,10 @@ const MARGIN: f64 = 0.04;
 const RISE: f64 = 0.45;
 /// Elevation for scenes as flat as a terrain.
 const RISE_OF_FLAT: f64 = 0.8;
-
-/// The bounding box of everything that is drawn.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) struct Extent {
-    pub low: DVec3,
-    pub high: DVec3,
-}
-
-impl Extent {
-    pub fn center(self) -> DVec3 {
-        (self.low + self.high) * 0.5
-    }
-
-    pub fn diagonal(self) -> f64 {
-        self.low.distance(self.high)
-    }
-
-    fn corners(self) -> [DVec3; 8] {
-        std::array::from_fn(|corner| {
-            let side = |axis: usize| if corner >> axis & 1 == 0 { self.low[axis] } else { self.high[axis] };
-            DVec3::new(side(0), side(1), side(2))
-        })
-    }
-}
+/// Elevations of a camera that stands before the inside of a shell. With the first the horizon is in the picture.
+const RISES_INSIDE: [f64; 4] = [0.27, 0.5, 1.0, 2.0];
+/// How far such a camera stands from what it looks at, as a share of the way to the shell.
+const BEFORE_SHELL: f64 = 0.9;
 
 /// The unit vector, computed as the loader does, so that writing and reading it again changes nothing.
 pub(super) fn unit(vector: DVec3) -> Option<Vec3> {
@@ -57,20 +38,27 @@ fn rounded(value: DVec3, size: f64) -> DVec3 {
     }
 }
 
-/// The camera of the options, or one that sees all of `focus` in a window of this shape. Its near and far planes enclose `whole`.
+/// The camera of the options, or one that sees all of the focus in a window of this shape, from inside a shell that hides it. Its
+/// near and far planes enclose everything.
 ///
 /// # Errors
 /// If the camera would look at its own position.
-pub(super) fn camera(options: &SceneOptions, whole: Extent, focus: Extent, window: [u32; 2]) -> Result<Camera, String> {
+pub(super) fn camera(options: &SceneOptions, contents: &Contents, window: [u32; 2]) -> Result<Camera, String> {
+    let Contents { whole, focus, ref shell } = *contents;
     let fov = options.fov.unwrap_or(FOV);
     let size = focus.diagonal().max(f64::from(f32::MIN_POSITIVE));
     let target = options.look_at.unwrap_or_else(|| rounded(focus.center(), size));
     let away = away(focus);
-    let (eye, view) = match (options.look_from, options.look_at) {
+    let (mut eye, mut view) = match (options.look_from, options.look_at) {
         (Some(eye), _) => (eye, target - eye),
         (None, Some(_)) => (rounded(target + away * distance(focus, target, away, fov, window), size), -away),
         (None, None) => (rounded(place(focus, target, away, fov, window), size), -rounded(away, 1.0)),
     };
+    let placed = shell.as_ref().filter(|shell| shell.hides && options.look_from.is_none());
+    if let Some(nearer) = placed.and_then(|shell| inside(shell, focus, target, eye)) {
+        eye = rounded(nearer, size);
+        view = target - eye;
+    }
     let direction = unit(view).ok_or_else(|| format!("the camera would stand at {eye} and look at the same point"))?;
     let corners = whole.corners().into_iter().chain(focus.corners());
     let farthest = corners.map(|corner| corner.distance(eye)).fold(size, f64::max);
@@ -137,6 +125,21 @@ fn distance(extent: Extent, target: DVec3, away: DVec3, fov: f32, window: [u32; 
     if farthest > 0.0 { farthest } else { 1.0 }
 }
 
+/// Where a camera stands that would otherwise be outside of the shell, or close to it: as low as the horizon needs, or as high as
+/// it must be to look down on the focus. `None` if it is inside.
+fn inside(shell: &Shell, focus: Extent, target: DVec3, eye: DVec3) -> Option<DVec3> {
+    let (away, distance) = ((eye - target).try_normalize()?, eye.distance(target));
+    let reach = |direction: DVec3| shell.distance(target, direction).map(|distance| distance * BEFORE_SHELL);
+    let most = reach(away).filter(|most| *most < distance)?;
+    let level = DVec3::new(away.x, 0.0, away.z).normalize_or(DVec3::Z);
+    let stand = |rise: f64| {
+        let direction = (level + DVec3::Y * rise).normalize();
+        reach(direction).map(|distance| target + direction * distance)
+    };
+    let above = RISES_INSIDE.into_iter().filter_map(stand).find(|eye| eye.y > focus.high.y);
+    Some(above.unwrap_or(target + away * most))
+}
+
 /// The value rounded to two digits, above 0.
 pub(super) fn two_digits(value: f64) -> f32 {
     let text = format!("{value:.1e}");
@@ -149,8 +152,8 @@ fn up_for(direction: Vec3) -> Vec3 {
 }
 
 /// A camera of a scene file whose positions are relative to `origin`. If the file gives no far plane, it is placed beyond the
-/// scene.
-pub(super) fn of_file(camera: &SceneCamera, origin: DVec3, name: String, extent: Extent) -> Camera {
+/// scene. Its whole picture is seen in a window of this shape.
+pub(super) fn of_file(camera: &SceneCamera, origin: DVec3, name: String, extent: Extent, window: [u32; 2]) -> Camera {
     let eye = origin + camera.position.as_dvec3();
     let farthest = extent.corners().iter().map(|corner| corner.distance(eye)).fold(0.0, f64::max) as f32;
     let far = camera.far.unwrap_or(farthest * 4.0);
@@ -162,11 +165,26 @@ pub(super) fn of_file(camera: &SceneCamera, origin: DVec3, name: String, extent:
         direction,
         up: up.unwrap_or_else(|| up_for(direction)),
         // Converted through degrees, the unit in project files.
-        fov_y: camera.fov_y.to_degrees().to_radians(),
+        fov_y: whole_fov(camera, window).to_degrees().to_radians(),
         near: camera.near,
         far: if far > camera.near { far } else { camera.near * 1e6 },
         orthographic: None,
         viewport: Some(0),
+    }
+}
+
+/// The vertical field of view in which a window shows the whole picture of a file's camera (glTF 2.0, section 3.10.3: neither
+/// cropped nor stretched). In a window narrower than that picture it is larger than the file's, so that the horizontal one is kept.
+fn whole_fov(camera: &SceneCamera, [width, height]: [u32; 2]) -> f32 {
+    /// The largest that a window makes of it.
+    const WIDEST: f32 = 179.0;
+    let shape = f64::from(width.max(1)) / f64::from(height.max(1));
+    match camera.aspect.map(|aspect| f64::from(aspect) / shape) {
+        Some(more) if more > 1.0 => {
+            let half = ((f64::from(camera.fov_y) * 0.5).tan() * more).atan();
+            ((2.0 * half) as f32).min(WIDEST.to_radians()).max(camera.fov_y)
+        }
+        _ => camera.fov_y,
     }
 }
 
@@ -205,6 +223,10 @@ mod tests {
         Extent { low: low.into(), high: high.into() }
     }
 
+    fn alone(extent: Extent) -> Contents {
+        Contents { whole: extent, focus: extent, shell: None }
+    }
+
     /// Positions of the box's corners in the picture, from -1 to 1.
     fn corners_seen(extent: Extent, camera: &Camera, aspect: f32) -> Vec<[f64; 3]> {
         let forward = camera.direction.as_dvec3();
@@ -232,7 +254,7 @@ mod tests {
         ];
         for extent in boxes {
             for window in [[1024, 1024], [1920, 1080], [300, 600]] {
-                let camera = camera(&SceneOptions::default(), extent, extent, window).expect("it looks at the centre");
+                let camera = camera(&SceneOptions::default(), &alone(extent), window).expect("it looks at the centre");
                 // A window wider than high shows the same as a square one, and more on both sides.
                 let aspect = (window[0] as f32 / window[1] as f32).min(1.0);
                 let seen = corners_seen(extent, &camera, aspect);
@@ -246,6 +268,34 @@ mod tests {
     }
 
     #[test]
+    fn a_window_narrower_than_a_files_picture_shows_all_of_it() {
+        let camera = |aspect: Option<f32>| SceneCamera {
+            name: String::new(),
+            position: Vec3::ZERO,
+            direction: Vec3::NEG_Z,
+            up: Vec3::Y,
+            fov_y: 1.0,
+            aspect,
+            near: 0.1,
+            far: None,
+        };
+        let across = |aspect: f64| (aspect * 0.5_f64.tan()).atan() as f32;
+        for (aspect, window, half) in [
+            (None, [100, 400], 0.5),
+            (Some(2.0), [400, 100], 0.5),
+            (Some(2.0), [200, 100], 0.5),
+            (Some(2.0), [100, 100], across(2.0)),
+            (Some(1.5), [100, 200], across(3.0)),
+            (Some(0.5), [100, 400], across(2.0)),
+        ] {
+            let found = whole_fov(&camera(aspect), window);
+            assert!((found - 2.0 * half).abs() < 1e-6, "{aspect:?} {window:?}: {found}");
+        }
+        let wide = whole_fov(&camera(Some(f32::MAX)), [1, 1]);
+        assert!(wide.to_degrees() < 180.0, "{wide}");
+    }
+
+    #[test]
     fn a_described_camera_is_that_and_one_that_looks_nowhere_is_refused() {
         let extent = extent([-1.0; 3], [1.0; 3]);
         let from = |from: [f64; 3], at: Option<[f64; 3]>| SceneOptions {
@@ -254,19 +304,19 @@ mod tests {
             fov: Some(30.0),
             ..SceneOptions::default()
         };
-        let made = camera(&from([0.0, 0.0, 5.0], None), extent, extent, [4, 4]).expect("it looks at the centre");
+        let made = camera(&from([0.0, 0.0, 5.0], None), &alone(extent), [4, 4]).expect("it looks at the centre");
         assert_eq!((made.position, made.direction), (DVec3::new(0.0, 0.0, 5.0), Vec3::NEG_Z));
         assert_eq!(made.fov_y, 30.0_f32.to_radians());
-        let down = camera(&from([0.0, 5.0, 0.0], None), extent, extent, [4, 4]).expect("it looks down");
+        let down = camera(&from([0.0, 5.0, 0.0], None), &alone(extent), [4, 4]).expect("it looks down");
         assert!(down.direction.cross(down.up).length() > 0.9);
-        let error = camera(&from([2.0; 3], Some([2.0; 3])), extent, extent, [4, 4]).expect_err("it looks nowhere");
+        let error = camera(&from([2.0; 3], Some([2.0; 3])), &alone(extent), [4, 4]).expect_err("it looks nowhere");
         assert!(error.contains("the same point"), "{error}");
     }
 
     #[test]
     fn the_sun_shines_from_the_viewers_left_unless_it_is_described() {
         let extent = extent([-1.0; 3], [1.0; 3]);
-        let camera = camera(&SceneOptions::default(), extent, extent, [4, 4]).expect("it looks at the centre");
+        let camera = camera(&SceneOptions::default(), &alone(extent), [4, 4]).expect("it looks at the centre");
         let direction = |options: &SceneOptions| sun(options, &camera).direction.expect("a direction");
         let travels = direction(&SceneOptions::default());
         let right = camera.direction.cross(Vec3::Y);

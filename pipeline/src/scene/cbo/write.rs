@@ -132,6 +132,7 @@ fn losses(material: &Material, scene: &Scene, layout: Layout) -> [(bool, &'stati
         vertex_colors: _,
         single_sided,
         transmission,
+        transmission_texture,
         volume,
         filter,
         reflection,
@@ -155,7 +156,8 @@ fn losses(material: &Material, scene: &Scene, layout: Layout) -> [(bool, &'stati
         || *attenuation_distance != usual.attenuation_distance;
     let body = (*volume, *veil, *priority) != (usual.volume, usual.veil, usual.priority)
         || (*filter, *reflection, *reflectance) != (usual.filter, usual.reflection, usual.reflectance)
-        || (*ior, *dispersion) != (usual.ior, usual.dispersion);
+        || (*ior, *dispersion) != (usual.ior, usual.dispersion)
+        || transmission_texture.is_some();
     let rough = *roughness != usual.roughness || roughness_texture.is_some();
     let wrapped = texture.is_some_and(|index| scene.textures[index as usize].texels().1 != [Wrap::Repeat; 2]);
     [

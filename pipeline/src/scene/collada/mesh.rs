@@ -4,8 +4,9 @@ use super::xml::{Document, Element};
 use crate::diagnostic::Warnings;
 use crate::scene::context::Context;
 use crate::scene::error::{Place, SceneError};
+use crate::scene::origin::{bounds, origin_for};
 use crate::scene::{Group, Mesh};
-use glam::{Vec2, Vec3};
+use glam::{DVec3, Vec2, Vec3};
 use std::collections::HashMap;
 
 /// Marks a missing index.
@@ -21,20 +22,25 @@ pub(super) fn is_not_drawn(name: &str) -> bool {
     matches!(name, "lines" | "linestrips")
 }
 
-/// The meshes read so far, by (primitive, material).
+/// The meshes read so far, by (primitive, material): their indices, and the origins of their positions.
 #[derive(Debug, Default)]
-pub(super) struct Meshes(HashMap<(u32, u32), u32>);
+pub(super) struct Meshes(HashMap<(u32, u32), (u32, DVec3)>);
 
 impl Meshes {
-    pub(super) fn known(&self, primitive: (u32, u32)) -> Option<u32> {
+    pub(super) fn known(&self, primitive: (u32, u32)) -> Option<(u32, DVec3)> {
         self.0.get(&primitive).copied()
     }
 
-    pub(super) fn add(&mut self, primitive: (u32, u32), mesh: Mesh, meshes: &mut Vec<Mesh>) -> u32 {
-        let index = meshes.len() as u32;
+    pub(super) fn add(
+        &mut self,
+        primitive: (u32, u32),
+        (mesh, origin): (Mesh, DVec3),
+        meshes: &mut Vec<Mesh>,
+    ) -> (u32, DVec3) {
+        let added = (meshes.len() as u32, origin);
         meshes.push(mesh);
-        self.0.insert(primitive, index);
-        index
+        self.0.insert(primitive, added);
+        added
     }
 }
 
@@ -42,6 +48,8 @@ impl Meshes {
 struct Attribute {
     offset: usize,
     numbers: Vec<f32>,
+    /// What the numbers of positions are relative to.
+    origin: DVec3,
     first: usize,
     stride: usize,
     count: usize,
@@ -61,14 +69,14 @@ impl Attribute {
 /// The attributes of a corner: position, normal, texture coordinates, colour.
 type Attributes = [Option<Attribute>; 4];
 
-/// Reads a primitive element of a mesh, with its material.
+/// Reads a primitive element of a mesh, with its material. The mesh's positions are relative to the returned origin.
 pub(super) fn read(
     document: &Document<'_>,
     (primitive, material): (u32, u32),
     name: String,
     context: &mut Context<'_>,
     warnings: &mut Warnings,
-) -> Result<Mesh, SceneError> {
+) -> Result<(Mesh, DVec3), SceneError> {
     let element = document.get(primitive);
     let file = context.file;
     let fail = |(at, what): (u64, String)| SceneError::new(file, Place::Byte(at), what);
@@ -89,7 +97,7 @@ pub(super) fn read(
             // Of several sets of an attribute the one with the lowest number is used.
             let Some(slot) = slot.filter(|slot| wanted[*slot] && set < sets[*slot]) else { return Ok(()) };
             sets[slot] = set;
-            attributes[slot] = Some(attribute(document, source, offset, context)?);
+            attributes[slot] = Some(attribute(document, source, offset, slot == 0, context)?);
             Ok::<(), SceneError>(())
         };
         match input.attribute("semantic") {
@@ -112,7 +120,7 @@ pub(super) fn read(
     if builder.attributes[0].is_none() {
         let what = "primitives of COLLADA files without positions";
         warnings.add(file, what, "left out", || format!("`{}`", builder.mesh.name));
-        return Ok(builder.mesh);
+        return Ok((builder.mesh, DVec3::ZERO));
     }
     let kind = element.name();
     let counts = document.children(element, "vcount").next().filter(|_| kind == "polylist");
@@ -151,7 +159,9 @@ pub(super) fn read(
             _ => fan(&corners).for_each(&mut draw),
         }
     }
-    let Builder { mut mesh, triangles, lacking, .. } = builder;
+    let Builder { attributes, mut mesh, triangles, lacking, .. } = builder;
+    let [positions, ..] = &attributes;
+    let origin = positions.as_ref().map_or(DVec3::ZERO, |positions| positions.origin);
     if bad > 0 {
         let what = "triangles with indices of positions out of range";
         warnings.add(file, what, "left out", || format!("{bad} in `{}`", mesh.name));
@@ -161,7 +171,7 @@ pub(super) fn read(
         warnings.add(file, what, "read as zeros", || format!("{lacking} in `{}`", mesh.name));
     }
     mesh.groups.push(Group { material, triangles });
-    Ok(mesh)
+    Ok((mesh, origin))
 }
 
 /// The triangles of a convex polygon.
@@ -169,11 +179,13 @@ fn fan<'c, 'i>(corners: &'c [&'i [u32]]) -> impl Iterator<Item = [&'i [u32]; 3]>
     (2..corners.len()).map(|last| [corners[0], corners[last - 1], corners[last]])
 }
 
-/// Reads the numbers that a source's accessor describes, and checks that all of them exist.
+/// Reads the numbers that a source's accessor describes, and checks that all of them exist. Positions far from 0 are read again,
+/// relative to a nearer origin.
 fn attribute(
     document: &Document<'_>,
     source: u32,
     offset: usize,
+    is_position: bool,
     context: &mut Context<'_>,
 ) -> Result<Attribute, SceneError> {
     let file = context.file;
@@ -193,7 +205,21 @@ fn attribute(
             format!("{count} times {stride} values from {first} on are more than the {} that there are", numbers.len());
         return Err(fail(accessor.wrong(what)));
     }
-    Ok(Attribute { offset, numbers, first, stride, count })
+    let mut read = Attribute { offset, numbers, origin: DVec3::ZERO, first, stride, count };
+    if is_position {
+        context.take("the corners of a mesh", count, size_of::<Vec3>())?;
+        let points: Vec<Vec3> = (0..count).map(|index| Vec3::from(read.at(index as u32))).collect();
+        read.origin = bounds(&points).map_or(DVec3::ZERO, origin_for);
+    }
+    if read.origin != DVec3::ZERO {
+        for (number, exact) in array.numbers::<f64>(context)?.into_iter().enumerate().skip(first).take(count * stride) {
+            let axis = (number - first) % stride;
+            if axis < 3 {
+                read.numbers[number] = (exact - read.origin[axis]) as f32;
+            }
+        }
+    }
+    Ok(read)
 }
 
 struct Builder {

@@ -1,5 +1,6 @@
 //! COLLADA 1.4 and 1.5 (`.dae`): geometry, materials and textures of a visual scene. Positions are converted to metres with y up,
-//! whatever unit and axes the file uses. Skinned and morphed meshes are drawn in the pose in which they were modelled; animations,
+//! whatever unit and axes the file uses; those of a file far from its origin are read relative to a nearer one
+//! ([`super::origin`]). Skinned and morphed meshes are drawn in the pose in which they were modelled; animations,
 //! cameras, lights and physics are skipped.
 
 mod material;
@@ -8,6 +9,7 @@ mod xml;
 
 use super::context::Context;
 use super::error::{Place, SceneError};
+use super::origin::move_near;
 use super::{Object, Scene};
 use crate::diagnostic::Warnings;
 use glam::{DMat4, DVec3};
@@ -33,6 +35,7 @@ pub(crate) fn read(bytes: &[u8], context: &mut Context<'_>) -> Result<Scene, Sce
         scene: Scene::default(),
         materials: Materials::default(),
         meshes: Meshes::default(),
+        places: Vec::new(),
         warnings: Warnings::default(),
     };
     let upright = upright(&document, root, file, &mut walk.warnings);
@@ -46,7 +49,8 @@ pub(crate) fn read(bytes: &[u8], context: &mut Context<'_>) -> Result<Scene, Sce
             }
         }
     }
-    let Walk { mut scene, materials, warnings, .. } = walk;
+    let Walk { mut scene, materials, places, warnings, .. } = walk;
+    move_near(&mut scene, &places);
     (scene.materials, scene.textures, scene.warnings) = (materials.table.materials, materials.textures, warnings);
     Ok(scene)
 }
@@ -75,6 +79,8 @@ struct Walk<'d, 'a> {
     scene: Scene,
     materials: Materials,
     meshes: Meshes,
+    /// The transforms of the scene's objects with all digits.
+    places: Vec<DMat4>,
     warnings: Warnings,
 }
 
@@ -188,15 +194,17 @@ impl Walk<'_, '_> {
         let name = plain(if name.is_empty() { id } else { name }).into_owned();
         for primitive in materials {
             let known = self.meshes.known(primitive);
-            let mesh = match known {
-                Some(mesh) => mesh,
+            let (mesh, origin) = match known {
+                Some(known) => known,
                 None => {
                     let read = mesh::read(document, primitive, plain(id).into_owned(), context, &mut self.warnings)?;
                     self.meshes.add(primitive, read, &mut self.scene.meshes)
                 }
             };
-            context.take("the objects", 1, size_of::<Object>() + name.len())?;
-            self.scene.objects.push(Object { name: name.clone(), mesh, transform: transform.as_mat4() });
+            context.take("the objects", 1, size_of::<Object>() + size_of::<DMat4>() + name.len())?;
+            let exact = transform * DMat4::from_translation(origin);
+            self.scene.objects.push(Object { name: name.clone(), mesh, transform: exact.as_mat4() });
+            self.places.push(exact);
         }
         Ok(())
     }

@@ -1,6 +1,6 @@
 use crate::diagnostic::WarningGroup;
 use crate::scene::{BuildOptions, LoadOptions, Needs, RenderScene, Scene, load};
-use glam::{Vec2, Vec3, Vec4};
+use glam::{DVec3, Vec2, Vec3, Vec4};
 use std::path::Path;
 
 /// A house of a quad and a triangle, in centimetres with z up, placed twice, and a wall drawn through a skin.
@@ -220,4 +220,35 @@ fn a_byte_order_mark_moves_nothing() {
         digits.parse().expect("a number")
     };
     assert_eq!(byte(wrong(&marked)), byte(wrong(HOUSE)) + 3);
+}
+
+#[test]
+fn files_in_map_coordinates_keep_their_digits() {
+    let place = DVec3::new(554_321.123_456, 5_812_345.678_912, 45.25);
+    // By the positions (in centimetres) of the first geometry, and by the nodes around it.
+    let positions = "0 0 0  100 0 0  100 0 200  0 0 200  50 0 300";
+    let numbers: Vec<f64> = positions.split_whitespace().map(|word| word.parse().expect("a number")).collect();
+    let moved = |index: usize| (numbers[index] + 100.0 * place[index % 3]).to_string();
+    let moved = (0..numbers.len()).map(moved).collect::<Vec<_>>().join(" ");
+    let [whole, rest] = [DVec3::new(554_000.003, 5_812_000.0, 0.0), DVec3::new(321.120_456, 345.678_912, 45.25)];
+    let words = |vector: DVec3| format!("{} {} {}", 100.0 * vector.x, 100.0 * vector.y, 100.0 * vector.z);
+    let nested = format!(
+        r##"<node id="c"><translate>{}</translate><node><translate>{}</translate><instance_geometry url="#g"/></node></node>"##,
+        words(whole),
+        words(rest)
+    );
+    let start = HOUSE.find(r#" <node id="a""#).expect("the nodes");
+    let end = HOUSE.find("</visual_scene>").expect("their end");
+    let with = |nodes: &str| [&HOUSE[..start], nodes, &HOUSE[end..]].concat();
+    let plain = r##"<node id="c"><instance_geometry url="#g"/></node>"##;
+    for text in [with(&nested), with(plain).replace(positions, &moved)] {
+        let scene = load_text(&text, Needs::ALL, 1 << 24).expect("it loads");
+        assert!(scene.origin.distance(DVec3::new(place.x, place.z, -place.y)) < 16.0, "{}", scene.origin);
+        let object = &scene.objects[0];
+        let corner = scene.meshes[object.mesh as usize].positions[2].as_dvec3();
+        let found = scene.to_world(object).transform_point3(corner);
+        // (100, 0, 200) cm beside the place, z up.
+        let expected = DVec3::new(place.x + 1.0, place.z + 2.0, -place.y);
+        assert!(found.distance(expected) < 1e-6, "{found}: f32 alone has steps of half a metre");
+    }
 }

@@ -137,17 +137,29 @@ impl Materials {
                 }
             }
             let pbr = &written.pbr_metallic_roughness;
-            let wanted = context.needs.textures && context.needs.roughness_maps && material.roughness > 0.0;
+            let wanted = context.needs.textures && context.needs.glass_maps && material.roughness > 0.0;
             if let Some(info) = pbr.metallic_roughness_texture.as_ref().filter(|_| wanted) {
                 let own = coordinates_of(info);
                 if material.textures().next().is_some() && own != coordinates {
                     let what = "roughness textures with coordinates of their own";
-                    warnings.add(context.file, what, NO_ROUGHNESS_MAP, || format!("`{}`", material.name));
+                    warnings.add(context.file, what, NO_GLASS_MAP, || format!("`{}`", material.name));
                 } else {
                     coordinates = own;
-                    let source = image(info, data, &mut images, (&material.name, NO_ROUGHNESS_MAP), context, warnings)?;
+                    let source = image(info, data, &mut images, (&material.name, NO_GLASS_MAP), context, warnings)?;
                     let source = source.map(TextureSource::data);
                     material.roughness_texture = source.map(|source| add_texture(&mut materials.textures, source));
+                }
+            }
+            if let Some(info) = transmission_texture(written, context) {
+                let own = coordinates_of(info);
+                if material.textures().next().is_some() && own != coordinates {
+                    let what = "transmission textures with coordinates of their own";
+                    warnings.add(context.file, what, NO_GLASS_MAP, || format!("`{}`", material.name));
+                } else {
+                    coordinates = own;
+                    let source = image(info, data, &mut images, (&material.name, NO_GLASS_MAP), context, warnings)?;
+                    let source = source.map(TextureSource::data);
+                    material.transmission_texture = source.map(|source| add_texture(&mut materials.textures, source));
                 }
             }
             let mapped = material.normal_texture.is_some();
@@ -228,6 +240,15 @@ fn is_blended_pane(written: &json::Material) -> bool {
     is_even(written) && written.extensions.as_ref().is_some_and(thin)
 }
 
+/// The texture of a glass material's transmission, where a pass asks for it. Of a pane that is blended evenly it is not read: it
+/// multiplies the share of the glass alone, and not what alpha leaves.
+fn transmission_texture<'a>(written: &'a json::Material, context: &Context<'_>) -> Option<&'a json::texture::Info> {
+    let transmission = written.extensions.as_ref()?.transmission.as_ref()?;
+    let wanted = context.needs.textures && context.needs.glass_maps;
+    let read = wanted && transmission.transmission_factor.0 > 0.0 && !is_blended_pane(written);
+    transmission.transmission_texture.as_ref().filter(|_| read)
+}
+
 /// The parameters of a material, without its texture.
 fn surface(written: &json::Material, name: String, context: &Context<'_>, warnings: &mut Warnings) -> Material {
     let mut warn = |what: &'static str, remedy: &'static str, detail: &str| {
@@ -281,7 +302,7 @@ fn surface(written: &json::Material, name: String, context: &Context<'_>, warnin
             material.veil = 1.0 - material.transmission;
             material.filter = (Vec3::splat(gap) + material.filter * glass) / material.transmission;
         }
-        if transmission.transmission_texture.is_some() {
+        if transmission.transmission_texture.is_some() && transmission_texture(written, context).is_none() {
             warn("texture maps that no program reads", "ignored", "transmission of ");
         }
     }
@@ -353,7 +374,7 @@ fn surface(written: &json::Material, name: String, context: &Context<'_>, warnin
     let pbr = &written.pbr_metallic_roughness;
     let mapped = pbr.metallic_roughness_texture.is_some();
     // The roughness texture of glass is read where a pass asks for it.
-    let rough_glass = material.transmission > 0.0 && context.needs.roughness_maps;
+    let rough_glass = material.transmission > 0.0 && context.needs.glass_maps;
     for (present, what) in [
         (written.occlusion_texture.is_some(), "occlusion of "),
         (mapped && !rough_glass, "metalness and roughness of "),
@@ -430,8 +451,8 @@ fn dispersion(extensions: Option<&json::extensions::material::Material>) -> Resu
 
 /// Remedy in warnings about a missing colour texture.
 const NO_TEXTURE: &str = "the diffuse colour serves";
-/// Remedy in warnings about a missing roughness texture.
-const NO_ROUGHNESS_MAP: &str = "the factor alone serves";
+/// Remedy in warnings about a missing texture of glass.
+const NO_GLASS_MAP: &str = "the factor alone serves";
 
 /// A normal texture in the form of other textures; the crate `gltf` leaves its extensions unparsed.
 fn normal_info(map: &json::material::NormalTexture) -> Result<json::texture::Info, String> {

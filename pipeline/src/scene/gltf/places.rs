@@ -3,7 +3,7 @@
 use super::super::Scene;
 use super::super::context::Context;
 use super::super::error::SceneError;
-use super::super::origin::{origin_for, placed_bounds};
+use super::super::origin::move_near;
 use super::rotation;
 use ::gltf::json;
 use glam::{DMat4, DQuat, DVec3, Vec3};
@@ -71,15 +71,9 @@ impl Places {
 
     /// Moves the scene's origin near its contents, if they lie far from 0.
     pub fn move_origin(self, scene: &mut Scene) {
-        let objects = scene.objects.iter().zip(&self.objects);
-        let bounds = placed_bounds(&scene.meshes, objects.map(|(object, exact)| (object.mesh, *exact)));
-        let origin = bounds.map_or(DVec3::ZERO, origin_for);
+        let origin = move_near(scene, &self.objects);
         if origin == DVec3::ZERO {
             return;
-        }
-        scene.origin = origin;
-        for (object, exact) in scene.objects.iter_mut().zip(self.objects) {
-            object.transform = (DMat4::from_translation(-origin) * exact).as_mat4();
         }
         for (camera, exact) in scene.cameras.iter_mut().zip(self.cameras) {
             camera.position = (exact - origin).as_vec3();

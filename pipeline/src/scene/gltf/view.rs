@@ -36,9 +36,14 @@ pub(super) fn camera(
     let (direction, up) = (direction(transform, Vec3::NEG_Z), direction(transform, Vec3::Y));
     let valid_lens = lens.yfov > 0.0 && lens.yfov < PI && lens.znear > 0.0 && lens.znear.is_finite();
     let far = lens.zfar.filter(|far| *far > lens.znear && far.is_finite());
+    let aspect = lens.aspect_ratio.filter(|aspect| *aspect > 0.0 && aspect.is_finite());
     match (direction, up) {
         (Some(direction), Some(up)) if valid_lens && position.is_finite() => {
-            Some(SceneCamera { name: name(), position, direction, up, fov_y: lens.yfov, near: lens.znear, far })
+            if aspect != lens.aspect_ratio {
+                let what = "aspect ratios of cameras that are no number above 0";
+                warnings.add(file, what, "not read", || format!("`{}`", name()));
+            }
+            Some(SceneCamera { name: name(), position, direction, up, fov_y: lens.yfov, aspect, near: lens.znear, far })
         }
         _ => ignored("has no view, or numbers out of range"),
     }

@@ -244,7 +244,7 @@ impl Library {
     ) {
         let Some(map) = &written.map_pr else { return };
         let needs = context.needs;
-        if !(needs.textures && needs.roughness_maps && material.transmission > 0.0) {
+        if !(needs.textures && needs.glass_maps && material.transmission > 0.0) {
             let what = "roughness maps that no program reads";
             warnings.add(context.file, what, "ignored", || format!("`{}`", material.name));
             return;

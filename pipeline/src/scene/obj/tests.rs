@@ -45,7 +45,7 @@ fn check(file: &Path, bytes: &[u8], needs: Needs, piece: usize, max_run: usize) 
 }
 
 fn needs(textures: bool, normals: bool) -> Needs {
-    Needs { textures, normals, colors: textures, normal_maps: textures, roughness_maps: textures, tangents: false }
+    Needs { textures, normals, colors: textures, normal_maps: textures, glass_maps: textures, tangents: false }
 }
 
 /// Statements as exporters write them, and broken ones.

@@ -206,6 +206,31 @@ fn light_that_a_surface_scatters_back_comes_from_its_colour() {
     assert_close(pixel, mirrored + through * (0.75 + 0.25 * 0.3 * FRONT), 2e-6, "veil");
 }
 
+/// Of a factor of 0.75 one half of the wall lets everything pass, and the other nothing: that is a diffuse surface which mirrors.
+#[test]
+fn a_texture_of_transmission_multiplies_the_factor_by_its_red_channel() {
+    let place = |texels: Option<[[u8; 4]; 2]>| {
+        let mut world = World { beyond: Vec3::ONE, ..World::lit_along(Vec3::Y) };
+        let transmission_texture = texels.map(|texels| {
+            world.picture(texels, None);
+            world.scene.textures.len() as u32 - 1
+        });
+        let glass = world.dielectric(Dielectric { veil: 0.25, transmission_texture, ..thin(1.5) });
+        world.shades[glass as usize].diffuse = FRONT.extend(1.0);
+        world.quad(glass, Vec3::ZERO, Vec3::X * 3.0, Vec3::Y * 3.0);
+        world
+    };
+    let at = |world: &World, x: f32| look(world, Vec3::new(x, 0.4, 5.0), Vec3::NEG_Z, auto(5)).0;
+    let (mirrored, through) = (0.08 / 1.04, 0.96 / 1.04);
+    let expected = |clear: f32| mirrored + through * (clear + (1.0 - clear) * 0.3 * FRONT);
+    assert_close(at(&place(None), 0.3), expected(0.75), 2e-6, "the factor alone");
+    assert_close(at(&place(Some([[102, 255, 255, 255]; 2])), 0.3), expected(0.75 * 0.4), 2e-6, "0.4 of it");
+    // At the centres of both texels.
+    let split = place(Some([[255, 9, 9, 255], [0, 255, 255, 255]]));
+    assert_close(at(&split, -1.5), expected(0.75), 2e-6, "clear");
+    assert_close(at(&split, 1.5), expected(0.0), 2e-6, "opaque");
+}
+
 /// Walls of six colours around bodies of glass at the origin.
 fn room(world: &mut World) {
     for (axis, [one, other]) in [(0, [FRONT, BEHIND]), (1, [Vec3::X, Vec3::ONE]), (2, [Vec3::Y, Vec3::Z])] {
