@@ -50,7 +50,7 @@ fn many_lights(backend: &'static str, job: &RayJob<'_>) -> Result<(), BackendErr
         () if job.lights.is_empty() => return Ok(()),
         () if job.fidelity == Fidelity::Thesis => "thesis fidelity",
         () if info.starts_at_camera() => "a program whose rays start at the camera",
-        () if job.program.asks_of_sun(&job.params).is_some() => "a light with a disc (sun above 0)",
+        () if job.program.asks_of_filter(&job.params).is_some() => "a filter (filter above 0)",
         () if info.reads("shadow") && job.params.shadow == GlassShadow::Caustic => "shadow=caustic",
         () => return Ok(()),
     };

@@ -2,7 +2,7 @@
 //!
 //! A surface reflects `tint * (ambient + lights)`, where `lights` is the sum of the lights that arrive, each by its colour, attenuation,
 //! cone and cosine. Shadows take away the lights that something is in the way of, and ambient light stays. So the share that is left, by
-//! colour, is `(ambient + lights that are seen) / (ambient + lights)`.
+//! colour, is `(ambient + lights that are seen) / (ambient + lights)`. Of a directional light with a disc the part is seen that `sun` finds.
 
 use super::coverage::Coverage;
 use super::interpolate::locate;
@@ -10,8 +10,10 @@ use super::light::share_of_light;
 use super::material::AMBIENT;
 use super::pass::Pass;
 use super::ray_cone::Footprint;
+use super::sun::{Disc, LitSide};
 use super::surface::Surface;
 use super::workspace::Workspace;
+use crate::sampling::hash::light_key;
 use crate::trace::{Hit, Purpose, Ray, SurfacePoint, Tracer};
 use curitiba_pipeline::backend::{Light, RayJob};
 use glam::Vec3;
@@ -55,6 +57,17 @@ pub(super) struct Asked<'s> {
     /// Id of the triangle or sphere.
     pub id: u32,
     pub shading: Shading,
+    /// The key of its random numbers.
+    pub key: u32,
+}
+
+/// How light comes to a point.
+#[derive(Debug, Clone, Copy)]
+pub(super) enum Way<'p> {
+    /// From one direction.
+    Ray(Ray),
+    /// From a disc.
+    Disc(Disc<'p>),
 }
 
 impl<T: Tracer, C: Coverage> Pass<'_, T, C> {
@@ -89,17 +102,17 @@ impl<T: Tracer, C: Coverage> Pass<'_, T, C> {
         towards.dot(normal).clamp(0.0, 1.0)
     }
 
-    /// What shadows leave of the colour of a point, by colour. `reaches` follows a ray from the surface to a light, and returns what of the
+    /// What shadows leave of the colour of a point, by colour. `reaches` follows the way from the surface to a light, and returns what of the
     /// light passes; `stops` says whether a hit cuts a point off from the round surface that it stands for.
     pub(super) fn share_of_lights(
         &self,
         asked: &Asked<'_>,
         work: &mut Workspace,
         stops: impl Fn(&Hit) -> bool,
-        mut reaches: impl FnMut(&Ray, &mut Workspace) -> Vec3,
+        mut reaches: impl FnMut(&Way<'_>, &mut Workspace) -> Vec3,
     ) -> Vec3 {
         let (mut whole, mut left) = (Vec3::ZERO, Vec3::ZERO);
-        for light in self.job.lights {
+        for (number, light) in (0..).zip(self.job.lights) {
             let arriving = light.at(asked.point.position);
             if arriving.factor <= 0.0 {
                 continue;
@@ -109,8 +122,16 @@ impl<T: Tracer, C: Coverage> Pass<'_, T, C> {
                 continue;
             }
             whole += color;
-            if let Some(ray) = self.ray_to(light, arriving.towards, asked, work, &stops) {
-                left += color * reaches(&ray, work);
+            let way = match &self.disc {
+                Some(sampler) if light.place.is_none() => {
+                    let Asked { point, facing, id: triangle, key, .. } = *asked;
+                    let side = LitSide { point, facing, triangle };
+                    Some(Way::Disc(Disc { sampler, center: arriving.towards, key: light_key(key, number), side }))
+                }
+                _ => self.ray_to(light, arriving.towards, asked, work, &stops).map(Way::Ray),
+            };
+            if let Some(way) = way {
+                left += color * reaches(&way, work);
             }
         }
         let shade = &self.job.shades[self.material_of(asked.id) as usize];
@@ -150,13 +171,17 @@ impl<T: Tracer, C: Coverage> Pass<'_, T, C> {
         Some(Ray { origin, direction: way.normalize_or(towards), t_min: 0.0, t_max })
     }
 
-    /// What of the light passes along a ray of `final`: 0 where something opaque is in the way, else 0.9 for each glass surface.
-    pub(super) fn passes_along(&self, ray: &Ray, work: &mut Workspace) -> Vec3 {
+    /// What of the light passes on its way in `final`: 0 where something opaque is in the way, else 0.9 for each glass surface.
+    pub(super) fn passes(&self, way: &Way<'_>, work: &mut Workspace) -> Vec3 {
+        let ray = match way {
+            Way::Ray(ray) => ray,
+            Way::Disc(disc) => return Vec3::splat(self.dimmed_disc((disc, 0.0), work)),
+        };
         work.rays.shadow += 1;
         let crossings = &mut work.crossings;
         crossings.clear();
         self.announce_visibility(Purpose::Shadow, 1.0);
         let blocked = self.tracer.occluded(ray, |hit| self.blocks_light(hit, || crossings.push(hit.t)));
-        Vec3::splat(if blocked { 0.0 } else { share_of_light(false, crossings) })
+        Vec3::splat(share_of_light(0.0, blocked, crossings))
     }
 }
