@@ -6,7 +6,7 @@
 
 use super::coverage::Coverage;
 use super::interpolate::locate;
-use super::light::share_of_light;
+use super::light::{SHADOWED, share_of_light};
 use super::material::AMBIENT;
 use super::pass::Pass;
 use super::ray_cone::Footprint;
@@ -15,7 +15,8 @@ use super::surface::Surface;
 use super::workspace::Workspace;
 use crate::sampling::hash::light_key;
 use crate::trace::{Hit, Purpose, Ray, SurfacePoint, Tracer};
-use curitiba_pipeline::backend::{Light, RayJob};
+use curitiba_pipeline::backend::{Light, RayJob, Sun};
+use curitiba_pipeline::programs::Fidelity;
 use glam::Vec3;
 
 /// Part of the way to a light with a place that shadow rays leave out at the light's end, because lamps hang on ceilings.
@@ -24,9 +25,9 @@ pub const BEFORE_LIGHT: f32 = 1.0 / 1024.0;
 /// What lights a device program was written for. Those of one directional light do not pay for several.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum Lighting {
-    /// One directional light, or none.
+    /// One directional light that is a point, or none.
     Sun,
-    /// Several lights, or lights with a place.
+    /// Several lights, lights with a place, or directional lights that are discs.
     Lights,
 }
 
@@ -34,8 +35,44 @@ impl Lighting {
     /// The one that a job needs.
     #[must_use]
     pub fn of(job: &RayJob<'_>) -> Self {
-        let reads = job.program.info().globals.contains(&"lightDir");
-        if reads && !job.lights.is_empty() { Self::Lights } else { Self::Sun }
+        let info = job.program.info();
+        let discs = job.fidelity == Fidelity::Corrected && info.sun_samples(&job.params) > 0;
+        let reads = info.globals.contains(&"lightDir");
+        if reads && (discs || !job.lights.is_empty()) { Self::Lights } else { Self::Sun }
+    }
+}
+
+/// The lights of a job as device programs for [`Lighting::Lights`] take them.
+#[derive(Debug, Clone, PartialEq)]
+pub struct LightTable {
+    /// All lights; a single directional one is the only entry.
+    pub lights: Vec<Light>,
+    /// What arrives of a light where something opaque is in the way. Above 0 the job has a single directional light, and programs write its own
+    /// share, as those for [`Lighting::Sun`]; at 0 they write what the shadows of all lights leave of the colour.
+    pub hidden: f32,
+}
+
+impl LightTable {
+    /// The one of a job; `None` if its programs are those for [`Lighting::Sun`].
+    #[must_use]
+    pub fn of(job: &RayJob<'_>) -> Option<Self> {
+        if Lighting::of(job) == Lighting::Sun {
+            return None;
+        }
+        Some(match job.sun.filter(|_| job.lights.is_empty()) {
+            None => Self { lights: job.lights.to_vec(), hidden: 0.0 },
+            Some(Sun { direction, color }) => {
+                let range = f32::INFINITY;
+                let sun = Light { place: None, direction, color, attenuation: [1.0, 0.0, 0.0], range, cone: None };
+                Self { lights: vec![sun], hidden: SHADOWED }
+            }
+        })
+    }
+
+    /// Number of lights with a direction, which may be discs.
+    #[must_use]
+    pub fn directional(&self) -> usize {
+        self.lights.iter().filter(|light| light.place.is_none()).count()
     }
 }
 
