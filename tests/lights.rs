@@ -245,6 +245,25 @@ fn rays_of_devices_show_the_same_lights_and_ask_for_no_fallback() {
 }
 
 #[test]
+fn rays_of_devices_show_the_same_discs_of_one_light_and_of_several() {
+    let [several, alone] = [ALL, "<light>Sun</light>"].map(Scene::on_lit_floor);
+    for backend in devices() {
+        for scene in [&several, &alone] {
+            let picture = |sun: &str, choice: Choice| {
+                let set = vec![format!("trace.sun={sun}"), "trace.sunsamples=8".to_owned()];
+                let mut renderer =
+                    scene.open("shadows", Settings { set, ..Settings::default() }, choice).expect("opened");
+                renderer.frame(&mut Silent).expect("it renders")
+            };
+            let device = picture("8", Choice::CPU.traced_by(backend));
+            let error = rmse(&picture("8", Choice::CPU), &device);
+            let hard = rmse(&picture("0", Choice::CPU), &device);
+            assert!(error < 0.25 * hard && hard > 0.002, "{backend:?}: {error} {hard}");
+        }
+    }
+}
+
+#[test]
 fn a_light_that_moves_or_changes_its_colour_is_seen_and_a_share_is_multiplied_by_colour() {
     let scene = Scene::new("<light>Bulb</light><light>Spot</light>");
     let mut renderer = scene.open("shadows", Settings::default(), Choice::CPU).expect("opened");

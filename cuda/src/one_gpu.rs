@@ -15,8 +15,9 @@ use cudarc::driver::{CudaEvent, DeviceRepr};
 use curitiba_passes::cpu::{check, may_trace};
 use curitiba_passes::effects::constants::THROUGH_GLASS;
 use curitiba_passes::effects::dielectric::Variant;
-use curitiba_passes::effects::{Lighting, Preparation};
+use curitiba_passes::effects::{LightTable, Lighting, Preparation};
 use curitiba_passes::sampling::HemisphereSampler;
+use curitiba_passes::sampling::cone::ConeSampler;
 use curitiba_pipeline::backend::{BackendError, BuildStats, PixelCone, RayCounts, RayJob, RayStats};
 use curitiba_pipeline::executor::Progress;
 use curitiba_pipeline::glass::{GlassShadow, Shape};
@@ -79,6 +80,9 @@ pub trait DeviceTracer: Sized + Send {
 /// very expensive, and so that progress is visible.
 const PIXELS_OF_LAUNCH: u32 = 1 << 20;
 
+/// Greatest number of rays to the discs of lights from the points that the pixels of a launch show, for the same reason.
+const DISC_RAYS_OF_LAUNCH: u32 = 1 << 26;
+
 /// Greatest number of launches in flight: enough that the device never waits for the host.
 const LAUNCHES_AHEAD: usize = 3;
 
@@ -117,15 +121,15 @@ pub(crate) struct Launch {
 }
 
 /// The launches for a share of a picture. All stripes have the same number of rows, except perhaps the last, and the same distance. Each
-/// launch takes as many stripes as allowed, since part of the GPU idles at the end of a launch.
-pub(crate) fn launches(stripes: &[Stripe<'_>], width: u32) -> Vec<Launch> {
+/// launch takes as many stripes as allowed, since part of the GPU idles at the end of a launch: as many as have `pixels`.
+pub(crate) fn launches(stripes: &[Stripe<'_>], width: u32, pixels: u32) -> Vec<Launch> {
     let Some(first) = stripes.first() else { return Vec::new() };
     let (stripe, skipped) = match stripes.get(1) {
         Some(second) => (first.rows(width), second.first_row - first.first_row - first.rows(width)),
         None => (BLOCK_HEIGHT, 0),
     };
     let all: u32 = stripes.iter().map(|stripe| stripe.rows(width)).sum();
-    let most = (PIXELS_OF_LAUNCH / width.max(1) / stripe).max(1) * stripe;
+    let most = (pixels / width.max(1) / stripe).max(1) * stripe;
     let launch = |done: u32| Launch {
         first_row: first.first_row + done + done / stripe * skipped,
         rows: most.min(all - done),
@@ -133,6 +137,13 @@ pub(crate) fn launches(stripes: &[Stripe<'_>], width: u32) -> Vec<Launch> {
         skipped,
     };
     (0..all).step_by(most as usize).map(launch).collect()
+}
+
+/// Greatest number of pixels of a launch of this job.
+pub(crate) fn pixels_of_launch(job: &RayJob<'_>) -> u32 {
+    let discs = LightTable::of(job).map_or(0, |table| table.directional() as u32);
+    let rays = discs.saturating_mul(job.program.info().sun_samples(&job.params));
+    PIXELS_OF_LAUNCH.min(DISC_RAYS_OF_LAUNCH / rays.max(1))
 }
 
 /// The message for a code that the exception program reported.
@@ -163,6 +174,8 @@ struct Images {
     around_eye: Buffer<u32>,
     lights: Table<crate::layout::Light>,
     emissions: Table<f32>,
+    /// Points of the discs of lights.
+    disc: Table<u32>,
 }
 
 impl Images {
@@ -170,7 +183,7 @@ impl Images {
     fn bytes(&self) -> u64 {
         let attachments = [&self.position, &self.normal, &self.color, &self.output].map(Buffer::bytes);
         let tables = [self.open_share.buffer.bytes(), self.through_glass.buffer.bytes(), self.sobol.buffer.bytes()];
-        let lights = self.lights.buffer.bytes() + self.emissions.buffer.bytes();
+        let lights = self.lights.buffer.bytes() + self.emissions.buffer.bytes() + self.disc.buffer.bytes();
         let materials = self.shades.buffer.bytes() + self.bodies.buffer.bytes();
         let others = [self.triangle.bytes(), self.counts.bytes(), materials, lights];
         [&attachments[..], &tables, &others].concat().iter().sum()
@@ -336,7 +349,7 @@ impl<T: DeviceTracer> OneGpu<T> {
         let pixels = job.width as usize * job.height as usize;
         device.reserve("the picture", &mut images.output, 4 * pixels)?;
         let prepared = Preparation::of(job).map_err(|why| check::missing(T::NAME, job, &why))?;
-        let Preparation { sampler, open_share, to_light, light_color, disc: _ } = prepared;
+        let Preparation { sampler, open_share, to_light, light_color, disc } = prepared;
         let samples = job.program.info().samples(&job.params);
         if job.params.first > 0 {
             let why = "its table of points is of the beginning of the sequence; use --backend cpu or wgpu".to_owned();
@@ -357,10 +370,14 @@ impl<T: DeviceTracer> OneGpu<T> {
         let through: Vec<f32> = (0..THROUGH_GLASS_ENTRIES as i32).map(|count| THROUGH_GLASS.powi(count)).collect();
         images.through_glass.set(device, "the table of glass", through)?;
         images.shades.set(device, "the materials", shades(job))?;
-        let has_lights = Lighting::of(job) == Lighting::Lights;
-        if has_lights {
-            images.lights.set(device, "the lights", lights(job.lights))?;
+        let of_lights = LightTable::of(job);
+        if let Some(table) = &of_lights {
+            images.lights.set(device, "the lights", lights(&table.lights))?;
             images.emissions.set(device, "what textures add to lights", emissions(job))?;
+        }
+        let disc = disc.filter(|_| of_lights.is_some());
+        if let Some(disc) = &disc {
+            images.disc.set(device, "the points of the lights' discs", disc.points().as_flattened().to_vec())?;
         }
         let has_bodies = job.dielectrics.iter().any(|dielectric| dielectric.shape == Shape::Solid);
         if !job.dielectrics.is_empty() {
@@ -434,9 +451,13 @@ impl<T: DeviceTracer> OneGpu<T> {
             own: 0,
             blocked: 0,
             segment_count: 0,
-            lights: if has_lights { images.lights.address(device) } else { 0 },
-            emissions: if has_lights { images.emissions.address(device) } else { 0 },
-            light_count: if has_lights { images.lights.len() as u64 } else { 0 },
+            lights: if of_lights.is_some() { images.lights.address(device) } else { 0 },
+            emissions: if of_lights.is_some() { images.emissions.address(device) } else { 0 },
+            light_count: of_lights.as_ref().map_or(0, |table| table.lights.len() as u32),
+            in_shadow: of_lights.as_ref().map_or(0.0, |table| table.hidden),
+            disc: if disc.is_some() { images.disc.address(device) } else { 0 },
+            disc_samples: disc.as_ref().map_or(0, ConeSampler::samples),
+            disc_height: disc.as_ref().map_or(0.0, ConeSampler::height),
         })
     }
 
@@ -461,7 +482,7 @@ impl<T: DeviceTracer> OneGpu<T> {
             let mut once = Params { width: 1, rows: 1, asks: params.asks | ASKS_EYE, ..*params };
             self.tracer.launch(device, job, &mut once)?;
         }
-        for Launch { first_row, rows, stripe, skipped } in launches(stripes, job.width) {
+        for Launch { first_row, rows, stripe, skipped } in launches(stripes, job.width, pixels_of_launch(job)) {
             if ahead.len() == LAUNCHES_AHEAD
                 && let Some(first) = ahead.pop_front()
             {
@@ -611,7 +632,8 @@ mod tests {
                     .map(|(first_row, pixels)| Stripe { first_row: *first_row, pixels })
                     .collect();
                 let expected: Vec<u32> = starts.iter().flat_map(|start| *start..*start + rows_from(*start)).collect();
-                let launches = launches(&stripes, width);
+                assert!(launches(&stripes, width, 1).iter().all(|launch| launch.rows <= launch.stripe));
+                let launches = launches(&stripes, width, PIXELS_OF_LAUNCH);
                 let row = |launch: &Launch, row: u32| launch.first_row + row + row / launch.stripe * launch.skipped;
                 let found: Vec<u32> =
                     launches.iter().flat_map(|launch| (0..launch.rows).map(move |index| row(launch, index))).collect();
