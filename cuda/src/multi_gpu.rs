@@ -6,7 +6,8 @@
 
 use crate::device::Device;
 use crate::layout::BLOCK_HEIGHT;
-use crate::one_gpu::{DeviceTracer, OneGpu, Stripe, launches, pixels_of_launch};
+use crate::one_gpu::{DeviceTracer, OneGpu};
+use crate::stripes::{Stripe, launches, pixels_of_launch};
 use crate::{peers, programs, shared_gbuffer};
 use curitiba_passes::cpu::check;
 use curitiba_passes::effects::Lighting;

@@ -68,12 +68,14 @@ impl LightTable {
             }
         })
     }
+}
 
-    /// Number of lights with a direction, which may be discs.
-    #[must_use]
-    pub fn directional(&self) -> usize {
-        self.lights.iter().filter(|light| light.place.is_none()).count()
-    }
+/// Number of rays that a point asks of the discs of all lights in device programs.
+#[must_use]
+pub fn disc_rays(job: &RayJob<'_>) -> u32 {
+    let is_directional = |light: &&Light| light.place.is_none();
+    let discs = LightTable::of(job).map_or(0, |table| table.lights.iter().filter(is_directional).count());
+    (discs as u32).saturating_mul(job.program.info().sun_samples(&job.params))
 }
 
 /// By which normal a surface is shaded.

@@ -68,7 +68,7 @@ mod workspace;
 
 pub use coverage::{AlphaTested, ByCones, Coverage, Opaque};
 pub use light::SHADOWED;
-pub use lights::{LightTable, Lighting};
+pub use lights::{LightTable, Lighting, disc_rays};
 pub use occlusion::open_shares;
 pub use optics::{Interface, fresnel, interface, interface_of, reflect, schlick};
 pub(crate) use pass::opaque;

@@ -23,8 +23,8 @@ pub use programs::Rounding;
 pub use segments::WgpuSegments;
 
 use crate::cpu::{check, may_trace};
-use crate::effects::LightTable;
 use crate::effects::dielectric::{Variant, check_glass};
+use crate::effects::disc_rays;
 use crate::raster::gpu::device::Gpu;
 use crate::raster::gpu::faults::of_rays;
 use crate::raster::gpu::lend::Lending;
@@ -65,12 +65,6 @@ const CUT: &str = "its driver leaves loops that have not ended after some ten th
 /// Greatest depth of paths through bodies of glass on drivers that cut loops: with it, `xml_projects/glass` is complete there; at depth 4
 /// light is missing.
 const CUT_DEPTH: u32 = 2;
-
-/// Number of rays that a point asks of the discs of all lights.
-fn disc_rays(job: &RayJob<'_>) -> u32 {
-    let discs = LightTable::of(job).map_or(0, |table| table.directional() as u32);
-    discs.saturating_mul(job.program.info().sun_samples(&job.params))
-}
 
 /// Traces rays on a GPU, or on a software driver that acts as one.
 #[derive(Debug)]
