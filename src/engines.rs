@@ -161,8 +161,8 @@ impl Choice {
         }
     }
 
-    /// The choice for a plan. If `auto` chooses the ray backend, and a pass asks for glass features beyond the report's panes,
-    /// soft shadows or a filter, the processor becomes a fallback; a message says so when it takes over.
+    /// The choice for a plan. If `auto` chooses the ray backend, and a pass asks for glass features beyond the report's panes
+    /// or a filter, the processor becomes a fallback; a message says so when it takes over.
     ///
     /// If `auto` chooses the rasteriser, and a pass draws with own shaders, the rasteriser is wgpu on any adapter.
     #[must_use]
@@ -173,8 +173,7 @@ impl Choice {
     }
 
     fn rays_for_plan(self, plan: &Plan) -> Self {
-        let asked = |planned| plan.asks_of_glass(planned).or_else(|| plan.asks_of_sun(planned));
-        let more = |planned| asked(planned).or_else(|| plan.asks_of_filter(planned)).is_some();
+        let more = |planned| plan.asks_of_glass(planned).or_else(|| plan.asks_of_filter(planned)).is_some();
         let asks = || plan.passes.iter().any(more);
         match (self.backend, self.fallback) {
             (BackendChoice::Auto, [None, None, None, None]) if asks() => {

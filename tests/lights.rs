@@ -143,6 +143,14 @@ impl Scene {
         Self(folder)
     }
 
+    /// The same with the floor's lit side up.
+    fn on_lit_floor(lights: &str) -> Self {
+        let scene = Self::new(lights);
+        let text = std::fs::read_to_string(scene.path()).expect("written before");
+        std::fs::write(scene.path(), text.replace(r#"w="-90""#, r#"w="90""#)).expect("written");
+        scene
+    }
+
     fn path(&self) -> PathBuf {
         self.0.path().join("p.xml")
     }
@@ -237,6 +245,25 @@ fn rays_of_devices_show_the_same_lights_and_ask_for_no_fallback() {
 }
 
 #[test]
+fn rays_of_devices_show_the_same_discs_of_one_light_and_of_several() {
+    let [several, alone] = [ALL, "<light>Sun</light>"].map(Scene::on_lit_floor);
+    for backend in devices() {
+        for scene in [&several, &alone] {
+            let picture = |sun: &str, choice: Choice| {
+                let set = vec![format!("trace.sun={sun}"), "trace.sunsamples=8".to_owned()];
+                let mut renderer =
+                    scene.open("shadows", Settings { set, ..Settings::default() }, choice).expect("opened");
+                renderer.frame(&mut Silent).expect("it renders")
+            };
+            let device = picture("8", Choice::CPU.traced_by(backend));
+            let error = rmse(&picture("8", Choice::CPU), &device);
+            let hard = rmse(&picture("0", Choice::CPU), &device);
+            assert!(error < 0.25 * hard && hard > 0.002, "{backend:?}: {error} {hard}");
+        }
+    }
+}
+
+#[test]
 fn a_light_that_moves_or_changes_its_colour_is_seen_and_a_share_is_multiplied_by_colour() {
     let scene = Scene::new("<light>Bulb</light><light>Spot</light>");
     let mut renderer = scene.open("shadows", Settings::default(), Choice::CPU).expect("opened");
@@ -252,6 +279,21 @@ fn a_light_that_moves_or_changes_its_colour_is_seen_and_a_share_is_multiplied_by
 }
 
 #[test]
+fn among_several_lights_the_sun_may_be_a_disc() {
+    let set = |sun: &str| Settings { set: vec![format!("trace.sun={sun}")], ..Settings::default() };
+    let picture = |lights: &str, sun: &str| Scene::on_lit_floor(lights).picture("shadows", set(sun), RasterChoice::Cpu);
+    let [hard, soft] = ["0", "8"].map(|sun| picture(ALL, sun));
+    let apart = rmse(&hard, &soft);
+    assert!(apart > 0.002 && apart < 0.05, "{apart}");
+    // Lamps have none.
+    let lamps = "<light>Bulb</light><light>Spot</light>";
+    assert_eq!(picture(lamps, "0"), picture(lamps, "8"));
+    let renderer = Scene::new(ALL).open("shadows", set("8"), Choice::CPU).expect("opened");
+    let decisions = format!("{:?}", renderer.plan().decisions);
+    assert!(decisions.contains("16 to the disc of each with a direction"), "{decisions}");
+}
+
+#[test]
 fn what_knows_one_directional_light_refuses_others_with_a_remedy() {
     let scene = Scene::new(ALL);
     let refused = |pipeline: &str, settings: Settings| match scene.open(pipeline, settings, Choice::CPU) {
@@ -263,9 +305,11 @@ fn what_knows_one_directional_light_refuses_others_with_a_remedy() {
         error.contains("raster effects know one directional light") && error.contains("deferredShadows"),
         "{error}"
     );
-    let set = |set: &str| Settings { set: vec![set.to_owned()], ..Settings::default() };
-    let error = refused("final", set("trace.sun=0.5"));
-    assert!(error.contains("3 lights") && error.contains("set sun=0"), "{error}");
+    let set = |set: &[&str]| Settings { set: set.iter().map(|one| (*one).to_owned()).collect(), ..Settings::default() };
+    let error = refused("shadows", set(&["trace.sun=0.5", "trace.filter=1"]));
+    assert!(error.contains("3 lights") && error.contains("set filter=0"), "{error}");
+    let error = refused("final", set(&["trace.shadow=caustic"]));
+    assert!(error.contains("3 lights") && error.contains("set shadow=straight"), "{error}");
     // Thesis fidelity has the first directional light, as if it were alone.
     let thesis = Settings { fidelity: curitiba::pipeline::programs::Fidelity::Thesis, ..Settings::default() };
     let [all, first] = [ALL, "<light>Sun</light>"]

@@ -463,6 +463,6 @@ template <class Tracer> DEVICE float3 light_through_bodies(Pass<Tracer> &pass, f
     Crossings crossings;
     crossings.stored = crossings.beyond = 0;
     Ray ray = {origin, pass.to_light(), 0.0f, pass.light_end()};
-    if (pass.tracer.template occluded<ACCEPT_COUNTS>(ray, &crossings)) return splat(IN_SHADOW);
-    return splat(IN_SHADOW) + (1.0f - IN_SHADOW) * straight_through(pass, crossings);
+    if (pass.tracer.template occluded<ACCEPT_COUNTS>(ray, &crossings)) return splat(in_shadow(pass.params));
+    return splat(in_shadow(pass.params)) + (1.0f - in_shadow(pass.params)) * straight_through(pass, crossings);
 }

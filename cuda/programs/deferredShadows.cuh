@@ -1,5 +1,5 @@
-// `deferredShadows`: the hard shadow of a directional light, 0.5 in shadow and 1 in light; or what the shadows of several lights leave of
-// the colour, by colour.
+// `deferredShadows`: the shadow of a directional light, 0.5 in shadow and 1 in light; or what the shadows of several lights leave of the
+// colour, by colour.
 #pragma once
 #ifdef CURITIBA_LIGHTS
 #include "light_share.cuh"
@@ -31,12 +31,12 @@ template <class Tracer> DEVICE float4 corrected(Pass<Tracer> &pass) {
         side = normal_at(params, hit);
         normal = normal_seen(params, hit, side, point.normal);
     }
-    pass.shaded_as_seen(normal);
+    pass.shaded_as_seen(normal, pixel_key(pass.pixel.x, pass.pixel.y, params.seed));
     float3 facing = point.normal * copysignf(1.0f, dot(point.normal, side));
     return opaque(share_of_lights<ACCEPT_COVERED>(pass, triangle, point, facing, [](Pass<Tracer> &pass, float3 origin) {
         pass.rays.shadow += 1;
         Ray ray = {origin, pass.to_light(), 0.0f, pass.light_end()};
-        return pass.tracer.template occluded<ACCEPT_COVERED>(ray, nullptr) ? 0.0f : 1.0f;
+        return splat(pass.tracer.template occluded<ACCEPT_COVERED>(ray, nullptr) ? in_shadow(pass.params) : 1.0f);
     }));
 }
 

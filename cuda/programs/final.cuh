@@ -37,7 +37,7 @@ DEVICE float weigh(const End &end, float3 &) { return end.weight; }
 #endif
 
 #ifdef CURITIBA_LIGHTS
-// What the shadows of several lights leave of a surface's colour, on the side to which it is lit. Shares are by colour: these programs know
+// What the shadows of several lights or of a disc leave of a surface's colour, on the side to which it is lit. Shares are by colour: these programs know
 // what each material says.
 template <class Tracer>
 DEVICE Share light_share(Pass<Tracer> &pass, unsigned triangle, const Surface &surface, float3 lit_side) {
@@ -117,7 +117,7 @@ struct PixelSurfaces {
         end.key = pixel_key(pass.pixel.x, pass.pixel.y, params.seed);
         end.weight = share_of(1.0f);
         lit_side = dot(stored_normal, end.surface.facing) < 0.0f ? -end.surface.facing : end.surface.facing;
-        pass.shaded_as_seen(stored_normal);
+        pass.shaded_as_seen(stored_normal, end.key);
         glass = is_glass(params, triangle);
         if (glass) walk.enter_pixel(pass, triangle, end.surface, view, end.key);
         here = !glass;
@@ -128,7 +128,7 @@ struct PixelSurfaces {
         here = walk.advance(pass, end);
         if (!here) return;
         color = met_color(pass.params, end.hit, end.footprint, end.surface);
-        pass.shaded_as_met(end.hit, end.surface);
+        pass.shaded_as_met(end.hit, end.surface, end.key);
         lit_side = end.surface.facing;
         triangle = end.hit.triangle;
     }

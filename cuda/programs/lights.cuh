@@ -1,5 +1,5 @@
-// What arrives of lights at a surface (`effects/lights.rs` and `backend/light.rs`). Programs for one directional light and those for several
-// lights, or for lights with a place, are compiled from the same texts; CURITIBA_LIGHTS tells them apart.
+// What arrives of lights at a surface (`effects/lights.rs` and `backend/light.rs`). Programs for one directional light that is a point and those
+// for several lights, for lights with a place and for discs are compiled from the same texts; CURITIBA_LIGHTS tells them apart.
 #pragma once
 #include "surface.cuh"
 
@@ -37,14 +37,14 @@ DEVICE Arriving arriving(const Light &light, float3 point) {
 }
 
 #ifdef CURITIBA_LIGHTS
-// What arrives of a light where something opaque is in the way.
-constexpr float IN_SHADOW = 0.0f;
+// What arrives of a light where something opaque is in the way: above 0 of a single directional light.
+DEVICE float in_shadow(const Params &params) { return params.in_shadow; }
 
 // The colour of a surface that a ray met.
 DEVICE float3 met_color(const Params &params, const Hit &hit, float footprint, const Surface &surface) {
     const Shade &shade = shade_of(params, hit.triangle);
     float3 sum = splat(0.0f);
-    for (unsigned long long i = 0; i < params.light_count; ++i) {
+    for (unsigned i = 0; i < params.light_count; ++i) {
         const Light &light = params.lights[i];
         Arriving arrives = arriving(light, surface.point.position);
         sum = sum + vector_of(light.color) * (arrives.factor * cosine_to(params, shade, hit, surface.normal, arrives.towards));
@@ -52,14 +52,16 @@ DEVICE float3 met_color(const Params &params, const Hit &hit, float footprint, c
     return shining_color(params, hit, footprint, shade, sum);
 }
 
-// By which normal a surface is shaded whose light is asked for; and where a ray met it, or else the camera sees it.
+// By which normal a surface is shaded whose light is asked for, and the key of its random numbers; and where a ray met it, or else the camera
+// sees it.
 struct Shading {
     float3 normal;
+    unsigned key;
     bool met;
     Hit hit;
 };
 #else
-constexpr float IN_SHADOW = SHADOWED;
+DEVICE float in_shadow(const Params &) { return SHADOWED; }
 
 DEVICE float3 met_color(const Params &params, const Hit &hit, float footprint, const Surface &surface) {
     return lit_color(params, hit, footprint, surface.normal);

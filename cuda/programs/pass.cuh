@@ -67,12 +67,13 @@ template <class Tracer> struct Pass {
     __device__ __forceinline__ float light_end() const { return light_length; }
     __device__ __forceinline__ float way_left(float gone) const { return light_length - gone; }
     // By which normal the next surface is shaded whose light is asked for.
-    __device__ __forceinline__ void shaded_as_seen(float3 normal) {
+    __device__ __forceinline__ void shaded_as_seen(float3 normal, unsigned key) {
         shading.normal = normal;
+        shading.key = key;
         shading.met = false;
     }
-    __device__ __forceinline__ void shaded_as_met(const Hit &hit, const Surface &surface) {
-        shading = {surface.normal, true, hit};
+    __device__ __forceinline__ void shaded_as_met(const Hit &hit, const Surface &surface, unsigned key) {
+        shading = {surface.normal, key, true, hit};
     }
 #else
     __device__ __forceinline__ float3 to_light() const {
@@ -81,8 +82,8 @@ template <class Tracer> struct Pass {
     __device__ __forceinline__ float light_end() const { return INFINITY; }
     __device__ __forceinline__ float way_left(float) const { return INFINITY; }
     // With one light a surface's colour says by which normal it is shaded.
-    __device__ __forceinline__ void shaded_as_seen(float3) {}
-    __device__ __forceinline__ void shaded_as_met(const Hit &, const Surface &) {}
+    __device__ __forceinline__ void shaded_as_seen(float3, unsigned) {}
+    __device__ __forceinline__ void shaded_as_met(const Hit &, const Surface &, unsigned) {}
 #endif
 
     // The point of a triangle that the pixel shows, and the unit direction in which it is seen.
@@ -146,7 +147,7 @@ template <class Tracer> struct Pass {
         Crossings crossings;
         crossings.stored = crossings.beyond = 0;
         Ray ray = {origin, to_light(), 0.0f, light_end()};
-        if (tracer.template occluded<ACCEPT_COUNTS>(ray, &crossings)) return IN_SHADOW;
+        if (tracer.template occluded<ACCEPT_COUNTS>(ray, &crossings)) return in_shadow(params);
         return params.through_glass[min(distinct(crossings), (unsigned)THROUGH_GLASS_ENTRIES - 1)];
     }
 };

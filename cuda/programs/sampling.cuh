@@ -24,6 +24,8 @@ DEVICE uint4 pcg4d(uint4 v) {
 }
 DEVICE unsigned pixel_key(unsigned x, unsigned y, unsigned seed) { return pcg4d(make_uint4(x, y, seed, HASH_PIXEL)).w; }
 DEVICE unsigned path_key(unsigned key, unsigned branch) { return pcg4d(make_uint4(key, branch, 0u, HASH_PATH)).w; }
+// The key for a light of a pass, by its number.
+DEVICE unsigned light_key(unsigned key, unsigned number) { return number == 0 ? key : path_key(key, BRANCH_LIGHTS + number); }
 DEVICE uint2 dimensions(unsigned key, unsigned counter) {
     uint4 v = pcg4d(make_uint4(key, counter, 0u, HASH_DIMENSIONS));
     return make_uint2(v.z, v.w);
@@ -98,6 +100,18 @@ DEVICE float2 concentric_disk(float2 point) {
 DEVICE float3 cosine_direction(float2 point) {
     float2 disk = concentric_disk(point);
     return vec3(disk.x, disk.y, sqrtf(fmaxf(1.0f - (disk.x * disk.x + disk.y * disk.y), 0.0f)));
+}
+
+// Uniform in the solid angle of a cone around z whose spherical cap has this height.
+DEVICE float3 in_cone(float2 point, float height) {
+    float2 disk = concentric_disk(point);
+    float below = (disk.x * disk.x + disk.y * disk.y) * height, stretch = sqrtf(height * (2.0f - below));
+    return vec3(disk.x * stretch, disk.y * stretch, 1.0f - below);
+}
+// A direction to the disc of a light, whose centre is the basis's normal.
+DEVICE float3 disc_direction(uint2 point, uint2 seeds, const Basis &basis, float height) {
+    float2 square = make_float2(unit_of(scramble_reversed(point.x, seeds.x)), unit_of(scramble_reversed(point.y, seeds.y)));
+    return to_world(basis, in_cone(square, height));
 }
 
 // The report's noise and its hemisphere, for thesis fidelity. Sines are taken in double precision and rounded once.

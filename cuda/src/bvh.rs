@@ -58,7 +58,7 @@ const OF_FINAL: [Stage; 4] = [
     SETTLES_SURFACES,
     TRACES_SURFACES,
 ];
-/// The same with several lights: surfaces are listed with what these light of them.
+/// The same with several lights or a disc: surfaces are listed with what these light of them.
 const OF_FINAL_IN_LIGHTS: [Stage; 3] = [LISTS_SURFACES, SETTLES_SURFACES, TRACES_SURFACES];
 
 const LISTS_SURFACES: Stage = Stage { entry: "list_surfaces", dealt: Dealt::Pixels, settles: false };

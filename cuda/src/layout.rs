@@ -92,7 +92,7 @@ shared_structs! {
         priority: u32 = "unsigned",
     }
 
-    /// A light of a pass that has several, or one with a place: `Light` of the pipeline.
+    /// A light of a pass that has several, one with a place or one that is a disc: `Light` of the pipeline.
     struct Light {
         /// Position in the world, relative to the scene's origin; read with [`LIGHT_PLACE`].
         place: [f32; 3] = "float[3]",
@@ -250,12 +250,21 @@ shared_structs! {
         blocked: Address = "unsigned *",
         /// Number of segments.
         segment_count: u64 = "unsigned long long",
-        /// The lights of a pass that has several, or one with a place; 0 where it has one directional light.
+        /// The lights of a pass that has several, one with a place or one that is a disc; 0 where it has one directional light that is a point.
         lights: Address = "const Light *",
         /// For each material, three numbers: what its texture adds to these lights.
         emissions: Address = "const float *",
         /// Number of lights.
-        light_count: u64 = "unsigned long long",
+        light_count: u32 = "unsigned",
+        /// What arrives of a light where something opaque is in the way. Above 0 there is a single directional light, and programs write its own
+        /// share; at 0 they write what the shadows of all lights leave of the colour.
+        in_shadow: f32 = "float",
+        /// Points of the unit square for the discs of directional lights, bits reversed; 0 where these are points.
+        disc: Address = "const uint2 *",
+        /// Number of these points.
+        disc_samples: u32 = "unsigned",
+        /// Height of the cap that a disc is on the sphere of directions.
+        disc_height: f32 = "float",
     }
 }
 
@@ -386,8 +395,10 @@ pub fn header() -> String {
         ("HASH_PATH", effects::PATH),
         ("HASH_DIMENSIONS", effects::DIMENSIONS),
         ("HASH_SCRAMBLE", effects::SCRAMBLE),
+        ("HASH_DISC", effects::DISC),
         ("BRANCH_REFLECTED", effects::REFLECTED),
         ("BRANCH_REFRACTED", effects::REFRACTED),
+        ("BRANCH_LIGHTS", effects::LIGHTS),
         ("MAX_DEPTH", MAX_DEPTH),
         ("MAX_CROSSINGS", MAX_CROSSINGS),
         ("THROUGH_GLASS_ENTRIES", THROUGH_GLASS_ENTRIES),

@@ -21,6 +21,7 @@ pub mod segments;
 mod shared_gbuffer;
 mod sobol_table;
 mod staging;
+mod stripes;
 
 pub use multi_gpu::{CudaRays, DeviceRays, OptixRays};
 pub use segments::{CudaSegments, OptixSegments};

@@ -6,7 +6,8 @@
 
 use crate::device::Device;
 use crate::layout::BLOCK_HEIGHT;
-use crate::one_gpu::{DeviceTracer, OneGpu, Stripe, launches};
+use crate::one_gpu::{DeviceTracer, OneGpu};
+use crate::stripes::{Stripe, launches, pixels_of_launch};
 use crate::{peers, programs, shared_gbuffer};
 use curitiba_passes::cpu::check;
 use curitiba_passes::effects::Lighting;
@@ -169,6 +170,10 @@ impl<T: DeviceTracer> RayBackend for DeviceRays<T> {
         true
     }
 
+    fn traces_sun_discs(&self) -> bool {
+        true
+    }
+
     fn knows_lights(&self) -> bool {
         true
     }
@@ -210,7 +215,6 @@ impl<T: DeviceTracer> RayBackend for DeviceRays<T> {
         }
         if job.program != RayProgram::Dummy {
             check::scene(T::NAME, job, false)?;
-            check::sun(T::NAME, job)?;
             check::filter(T::NAME, job)?;
             check::adaptive(T::NAME, job)?;
             check_glass(T::NAME, false, &job.params, job.dielectrics)?;
@@ -219,7 +223,8 @@ impl<T: DeviceTracer> RayBackend for DeviceRays<T> {
             return Ok(RayStats::default());
         }
         let shares = deal(&mut output.pixels, [job.width, job.height], self.gpus.len());
-        progress.start(shares.iter().map(|share| launches(share, job.width).len() as u64).sum());
+        let pixels = pixels_of_launch(job);
+        progress.start(shares.iter().map(|share| launches(share, job.width, pixels).len() as u64).sum());
         let several = self.gpus.len() > 1;
         let lent = if several && job.shared.is_some() { Some(self.gpus[self.owner].lend(job)?) } else { None };
         let owner = self.owner;

@@ -10,13 +10,15 @@ use crate::scene::{SceneBuffers, bodies, emissions, lights, shades};
 use crate::shared_gbuffer::Joined;
 use crate::sobol_table::table;
 use crate::staging::Staging;
+use crate::stripes::{Launch, Stripe, launches, pixels_of_launch};
 use cudarc::driver::sys::CUevent_flags;
 use cudarc::driver::{CudaEvent, DeviceRepr};
 use curitiba_passes::cpu::{check, may_trace};
 use curitiba_passes::effects::constants::THROUGH_GLASS;
 use curitiba_passes::effects::dielectric::Variant;
-use curitiba_passes::effects::{Lighting, Preparation};
+use curitiba_passes::effects::{LightTable, Lighting, Preparation};
 use curitiba_passes::sampling::HemisphereSampler;
+use curitiba_passes::sampling::cone::ConeSampler;
 use curitiba_pipeline::backend::{BackendError, BuildStats, PixelCone, RayCounts, RayJob, RayStats};
 use curitiba_pipeline::executor::Progress;
 use curitiba_pipeline::glass::{GlassShadow, Shape};
@@ -24,7 +26,6 @@ use curitiba_pipeline::programs::{Fidelity, Fresnel, RayProgram, TextureLod};
 use curitiba_pipeline::scene::RenderScene;
 use curitiba_pipeline::shared::SharedGBuffer;
 use std::collections::VecDeque;
-use std::ops::Range;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
@@ -75,65 +76,8 @@ pub trait DeviceTracer: Sized + Send {
     fn launch(&mut self, device: &Device, job: &RayJob<'_>, params: &mut Params) -> Result<(), BackendError>;
 }
 
-/// Greatest number of pixels of a launch: long passes are split, so that no kernel exceeds a display driver's time limit unless a pixel is
-/// very expensive, and so that progress is visible.
-const PIXELS_OF_LAUNCH: u32 = 1 << 20;
-
 /// Greatest number of launches in flight: enough that the device never waits for the host.
 const LAUNCHES_AHEAD: usize = 3;
-
-/// Consecutive rows of a picture that one GPU computes.
-#[derive(Debug)]
-pub(crate) struct Stripe<'a> {
-    /// The first row.
-    pub first_row: u32,
-    /// The pixels of these rows in the picture.
-    pub pixels: &'a mut [[f32; 4]],
-}
-
-impl Stripe<'_> {
-    /// Indices of these pixels in the picture.
-    fn range(&self, width: u32) -> Range<usize> {
-        let first = self.first_row as usize * width as usize;
-        first..first + self.pixels.len()
-    }
-
-    fn rows(&self, width: u32) -> u32 {
-        (self.pixels.len() / width.max(1) as usize) as u32
-    }
-}
-
-/// Rows of a picture that one launch computes.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(crate) struct Launch {
-    /// The first row.
-    first_row: u32,
-    /// Number of rows.
-    rows: u32,
-    /// Number of consecutive rows in a stripe.
-    stripe: u32,
-    /// Number of rows of other GPUs between two stripes.
-    skipped: u32,
-}
-
-/// The launches for a share of a picture. All stripes have the same number of rows, except perhaps the last, and the same distance. Each
-/// launch takes as many stripes as allowed, since part of the GPU idles at the end of a launch.
-pub(crate) fn launches(stripes: &[Stripe<'_>], width: u32) -> Vec<Launch> {
-    let Some(first) = stripes.first() else { return Vec::new() };
-    let (stripe, skipped) = match stripes.get(1) {
-        Some(second) => (first.rows(width), second.first_row - first.first_row - first.rows(width)),
-        None => (BLOCK_HEIGHT, 0),
-    };
-    let all: u32 = stripes.iter().map(|stripe| stripe.rows(width)).sum();
-    let most = (PIXELS_OF_LAUNCH / width.max(1) / stripe).max(1) * stripe;
-    let launch = |done: u32| Launch {
-        first_row: first.first_row + done + done / stripe * skipped,
-        rows: most.min(all - done),
-        stripe,
-        skipped,
-    };
-    (0..all).step_by(most as usize).map(launch).collect()
-}
 
 /// The message for a code that the exception program reported.
 fn stopped(program: RayProgram, code: i64) -> String {
@@ -163,6 +107,8 @@ struct Images {
     around_eye: Buffer<u32>,
     lights: Table<crate::layout::Light>,
     emissions: Table<f32>,
+    /// Points of the discs of lights.
+    disc: Table<u32>,
 }
 
 impl Images {
@@ -170,7 +116,7 @@ impl Images {
     fn bytes(&self) -> u64 {
         let attachments = [&self.position, &self.normal, &self.color, &self.output].map(Buffer::bytes);
         let tables = [self.open_share.buffer.bytes(), self.through_glass.buffer.bytes(), self.sobol.buffer.bytes()];
-        let lights = self.lights.buffer.bytes() + self.emissions.buffer.bytes();
+        let lights = self.lights.buffer.bytes() + self.emissions.buffer.bytes() + self.disc.buffer.bytes();
         let materials = self.shades.buffer.bytes() + self.bodies.buffer.bytes();
         let others = [self.triangle.bytes(), self.counts.bytes(), materials, lights];
         [&attachments[..], &tables, &others].concat().iter().sum()
@@ -336,7 +282,7 @@ impl<T: DeviceTracer> OneGpu<T> {
         let pixels = job.width as usize * job.height as usize;
         device.reserve("the picture", &mut images.output, 4 * pixels)?;
         let prepared = Preparation::of(job).map_err(|why| check::missing(T::NAME, job, &why))?;
-        let Preparation { sampler, open_share, to_light, light_color, disc: _ } = prepared;
+        let Preparation { sampler, open_share, to_light, light_color, disc } = prepared;
         let samples = job.program.info().samples(&job.params);
         if job.params.first > 0 {
             let why = "its table of points is of the beginning of the sequence; use --backend cpu or wgpu".to_owned();
@@ -357,10 +303,14 @@ impl<T: DeviceTracer> OneGpu<T> {
         let through: Vec<f32> = (0..THROUGH_GLASS_ENTRIES as i32).map(|count| THROUGH_GLASS.powi(count)).collect();
         images.through_glass.set(device, "the table of glass", through)?;
         images.shades.set(device, "the materials", shades(job))?;
-        let has_lights = Lighting::of(job) == Lighting::Lights;
-        if has_lights {
-            images.lights.set(device, "the lights", lights(job.lights))?;
+        let of_lights = LightTable::of(job);
+        if let Some(table) = &of_lights {
+            images.lights.set(device, "the lights", lights(&table.lights))?;
             images.emissions.set(device, "what textures add to lights", emissions(job))?;
+        }
+        let disc = disc.filter(|_| of_lights.is_some());
+        if let Some(disc) = &disc {
+            images.disc.set(device, "the points of the lights' discs", disc.points().as_flattened().to_vec())?;
         }
         let has_bodies = job.dielectrics.iter().any(|dielectric| dielectric.shape == Shape::Solid);
         if !job.dielectrics.is_empty() {
@@ -434,9 +384,13 @@ impl<T: DeviceTracer> OneGpu<T> {
             own: 0,
             blocked: 0,
             segment_count: 0,
-            lights: if has_lights { images.lights.address(device) } else { 0 },
-            emissions: if has_lights { images.emissions.address(device) } else { 0 },
-            light_count: if has_lights { images.lights.len() as u64 } else { 0 },
+            lights: if of_lights.is_some() { images.lights.address(device) } else { 0 },
+            emissions: if of_lights.is_some() { images.emissions.address(device) } else { 0 },
+            light_count: of_lights.as_ref().map_or(0, |table| table.lights.len() as u32),
+            in_shadow: of_lights.as_ref().map_or(0.0, |table| table.hidden),
+            disc: if disc.is_some() { images.disc.address(device) } else { 0 },
+            disc_samples: disc.as_ref().map_or(0, ConeSampler::samples),
+            disc_height: disc.as_ref().map_or(0.0, ConeSampler::height),
         })
     }
 
@@ -461,7 +415,7 @@ impl<T: DeviceTracer> OneGpu<T> {
             let mut once = Params { width: 1, rows: 1, asks: params.asks | ASKS_EYE, ..*params };
             self.tracer.launch(device, job, &mut once)?;
         }
-        for Launch { first_row, rows, stripe, skipped } in launches(stripes, job.width) {
+        for Launch { first_row, rows, stripe, skipped } in launches(stripes, job.width, pixels_of_launch(job)) {
             if ahead.len() == LAUNCHES_AHEAD
                 && let Some(first) = ahead.pop_front()
             {
@@ -591,38 +545,5 @@ mod tests {
         let message = stopped(RayProgram::Final, -1);
         assert!(message.contains("`final`") && message.contains("exception -1: the stack was full"), "{message}");
         assert!(stopped(RayProgram::Ssao, 7).contains("exception 7: see"));
-    }
-
-    #[test]
-    fn launches_cover_the_rows_of_a_share_once_and_in_order() {
-        // Width, rows of a stripe, number of GPUs, rows of the picture.
-        for (width, stripe, gpus, height) in
-            [(1024, 1024, 1, 1024), (2048, 64, 3, 1500), (3, 8, 2, 1), (70_000, 16, 2, 99), (16_384, 40, 1, 333)]
-        {
-            let stripe = if gpus == 1 { height } else { stripe };
-            for gpu in 0..gpus {
-                let starts: Vec<u32> = (0..height).step_by(stripe as usize).skip(gpu).step_by(gpus).collect();
-                let rows_from = |first_row: u32| stripe.min(height - first_row);
-                let mut pixels: Vec<Vec<[f32; 4]>> =
-                    starts.iter().map(|start| vec![[0.0; 4]; (rows_from(*start) * width) as usize]).collect();
-                let stripes: Vec<Stripe<'_>> = starts
-                    .iter()
-                    .zip(&mut pixels)
-                    .map(|(first_row, pixels)| Stripe { first_row: *first_row, pixels })
-                    .collect();
-                let expected: Vec<u32> = starts.iter().flat_map(|start| *start..*start + rows_from(*start)).collect();
-                let launches = launches(&stripes, width);
-                let row = |launch: &Launch, row: u32| launch.first_row + row + row / launch.stripe * launch.skipped;
-                let found: Vec<u32> =
-                    launches.iter().flat_map(|launch| (0..launch.rows).map(move |index| row(launch, index))).collect();
-                assert_eq!(found, expected, "{width} {stripe} {gpus} {height}");
-                for launch in launches {
-                    assert!(
-                        launch.rows * width <= PIXELS_OF_LAUNCH.max(launch.stripe * width)
-                            && launch.stripe % BLOCK_HEIGHT == 0
-                    );
-                }
-            }
-        }
     }
 }

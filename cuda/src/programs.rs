@@ -22,7 +22,7 @@ macro_rules! table {
 }
 macro_rules! lights {
     ($($program:ident $stem:literal),* $(,)?) => {
-        /// PTX of the programs for several lights and for lights with a place, in corrected fidelity, where they see glass as defined by each
+        /// PTX of the programs for several lights, lights with a place and discs, in corrected fidelity, where they see glass as defined by each
         /// material: on our own traversal and on OptiX.
         const LIGHTS: &[(RayProgram, [&str; 2])] = &[$((RayProgram::$program, [
             text!("bvh/lights/", $stem), text!("optix/lights/", $stem),

@@ -169,7 +169,7 @@ pub fn bodies(job: &RayJob<'_>) -> Vec<Body> {
     job.dielectrics.iter().map(body).collect()
 }
 
-/// The lights of a job that has several, or one with a place, as the device has them.
+/// Lights as the device has them.
 #[must_use]
 pub fn lights(lights: &[backend::Light]) -> Vec<Light> {
     let light = |light: &backend::Light| {

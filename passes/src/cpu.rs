@@ -478,11 +478,11 @@ fn run_thesis<'o, T: Tracer, C: Coverage, R: Runner<'o>>(pass: &Pass<'_, T, C>, 
 fn run_corrected<'o, T: Tracer, C: Coverage, R: Runner<'o>>(pass: &Pass<'_, T, C>, pixels: R) -> R::Output {
     match pass.job.program {
         RayProgram::Dummy => pixels.each(alone, |p, _| pass.job.color[p.index]),
-        RayProgram::DeferredShadows if pass.disc.is_some() => {
-            pixels.each(alone, |p, w| deferred_shadows::soft::pixel(pass, p, w))
-        }
         RayProgram::DeferredShadows if !pass.job.lights.is_empty() => {
             pixels.each(alone, |p, w| deferred_shadows::lights::pixel(pass, p, w))
+        }
+        RayProgram::DeferredShadows if pass.disc.is_some() => {
+            pixels.each(alone, |p, w| deferred_shadows::soft::pixel(pass, p, w))
         }
         RayProgram::DeferredShadows => {
             let tile = |area, rows: &mut Rows<'_>, work: &mut Workspace| {

@@ -110,11 +110,10 @@ pub struct Entry {
 }
 
 impl Entry {
-    /// Whether its rays are traced by the cpu alone, whatever the report's backend: those to a disc of the light, and those before a filter.
+    /// Whether its rays are traced by the cpu alone, whatever the report's backend: those before a filter.
     #[must_use]
     pub fn is_for_the_cpu(&self) -> bool {
-        let asks = |set: &String| set == SUN || set.starts_with("pass2.filter=");
-        self.technique == Technique::Rays && self.set.iter().any(asks)
+        self.technique == Technique::Rays && self.set.iter().any(|set| set.starts_with("pass2.filter="))
     }
 }
 

@@ -236,6 +236,57 @@ fn several_lights_on_optix_are_the_processors() {
     lights(BackendChoice::Optix);
 }
 
+/// Lights that are discs: the sun alone, and among a point light and two spot lights; in the square and with glass as each material says.
+fn discs(backend: BackendChoice) {
+    if there(Choice::CPU.traced_by(backend)).is_none() {
+        return;
+    }
+    let found = Arc::new(Mutex::new(Found::default()));
+    let views = ["MainCamera", "Vidro"];
+    let square = ["SceneShadows", "SceneFinal"].into_iter().flat_map(|name| views.map(|view| (name, view)));
+    let glass = [("glass/balls", "MainCamera"), ("glass/panes", "MainCamera")];
+    for (name, camera) in square.chain(glass) {
+        let sets: &[&[&str]] = match name {
+            "SceneShadows" => &[&["pass2.sunsamples=16"], &["pass2.sunsamples=100"]],
+            "SceneFinal" => &[&["pass2.samples=0", "pass2.sunsamples=4"], &["pass2.samples=9", "pass2.sunsamples=4"]],
+            _ => &[
+                &["pass2.samples=9", "pass2.sunsamples=4"],
+                &["pass2.samples=2", "pass2.sunsamples=4", "pass2.shadow=report"],
+            ],
+        };
+        for (set, among_lamps) in sets.iter().flat_map(|set| [(set, false), (set, true)]) {
+            let mut project = project::load(&project(name)).expect("the project loads");
+            if among_lamps {
+                add_lamps(&mut project, camera);
+            }
+            let set = set.iter().copied().chain(["pass2.sun=4"]).map(str::to_owned).collect();
+            record_of(project, backend, name, camera, (Fidelity::Corrected, set), None, &found);
+        }
+    }
+    let found = found.lock().expect("no panic while it was held");
+    assert_eq!(found.records.len(), 2 * (4 + 4 + 2 + 2), "a pass did not run");
+    for record in &found.records {
+        let words = record.in_words();
+        println!("{words}");
+        assert!(record.within_limits, "farther off than it may be: {words}");
+        let cpu = record.cpu_rays.expect("the processor ran");
+        assert!(cpu.shadow > 50_000, "a light throws no shadows: {words}");
+        if record.backend == "cuda" && record.program == "deferredShadows" {
+            assert_eq!(record.rays.shadow, cpu.shadow, "{words}");
+        }
+    }
+}
+
+#[test]
+fn lights_that_are_discs_on_our_own_tracer_are_the_processors() {
+    discs(BackendChoice::Cuda);
+}
+
+#[test]
+fn lights_that_are_discs_on_optix_are_the_processors() {
+    discs(BackendChoice::Optix);
+}
+
 #[test]
 fn ray_cones_on_our_own_tracer_are_the_processors() {
     cones(BackendChoice::Cuda);

@@ -283,7 +283,7 @@ mod tests {
 
     #[test]
     fn launch_parameters_have_no_padding() {
-        let (addresses, words) = (37 * 8, 12 * 4 + 2 * 4 + 6 * 12 + 4 * 4 + 2 * 4);
+        let (addresses, words) = (37 * 8, 12 * 4 + 2 * 4 + 6 * 12 + 4 * 4 + 2 * 4 + 4 * 4);
         assert_eq!(size_of::<Params>(), addresses + words);
     }
 }

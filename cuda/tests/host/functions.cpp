@@ -91,6 +91,21 @@ static void samples() {
     }
 }
 
+// Directions to a disc.
+static void discs() {
+    while (place < input.size()) {
+        unsigned key = word(), number_of_light = word();
+        float height = number();
+        Basis basis = basis_around(vector());
+        uint2 seeds = dimensions(light_key(key, number_of_light), HASH_DISC);
+        for (unsigned points = word(); points > 0; --points) {
+            uint2 point = {word(), 0};
+            point.y = word();
+            put(disc_direction(point, seeds, basis, height));
+        }
+    }
+}
+
 // What arrives of lights at points.
 static void lights() {
     while (place < input.size()) {
@@ -166,6 +181,7 @@ int main(int count, char **arguments) {
     else if (what == "bumps") bumps();
     else if (what == "samples") samples();
     else if (what == "lights") lights();
+    else if (what == "discs") discs();
     else if (what == "cones") cones();
     else if (what == "ray_cones") ray_cones();
     else return 1;

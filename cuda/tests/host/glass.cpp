@@ -125,6 +125,15 @@ int main() {
     params.lights = lights.data();
     params.light_count = lights.size();
     params.emissions = emissions.data();
+    params.in_shadow = number();
+    params.disc_height = number();
+    params.disc_samples = word();
+    std::vector<uint2> disc(params.disc_samples);
+    for (uint2 &point : disc) {
+        point.x = word();
+        point.y = word();
+    }
+    params.disc = disc.data();
     params.width = word();
     params.height = word();
     unsigned pixels = params.width * params.height;

@@ -4,6 +4,7 @@
 use super::{compiled_with, light_words, run, words};
 use curitiba_cuda::scene::{emissions, lights};
 use curitiba_passes::cpu;
+use curitiba_passes::effects::{LightTable, Preparation};
 use curitiba_passes::trace::{Bvh, Hit, Quality, Ray, Tracer};
 use curitiba_pipeline::backend::{Light, NO_TRIANGLE, PixelCone, RayJob, Shade, Sun};
 use curitiba_pipeline::executor::Progress;
@@ -200,6 +201,8 @@ pub(crate) struct Asked<'a> {
     pub lod: TextureLod,
     /// Several lights, or one with a place, in place of a directional one.
     pub lights: &'a [Light],
+    /// Degrees of the discs of directional lights; 0 for points.
+    pub sun: f32,
 }
 
 /// The largest difference of a colour, the number of ray kinds whose counts differ, and the number of pixels that show glass.
@@ -223,6 +226,8 @@ pub(crate) fn differences(program: &Path, scene: &Scene, asked: Asked<'_>) -> (f
         shadow: asked.shadow,
         glass: GlassRule::Auto,
         texture_lod: asked.lod,
+        sun: asked.sun,
+        sun_samples: 5,
         ..RayParams::default()
     };
     let job = RayJob {
@@ -303,10 +308,15 @@ fn serialised(scene: &Scene, seen: &GBuffer, job: &RayJob<'_>) -> Vec<u32> {
     let asks = job.texture_lod() == TextureLod::Cones;
     input.extend([job.cone.width, job.cone.spread].map(|number| if asks { number.to_bits() } else { 0 }));
     input.extend(words([job.beyond, job.eye, -sun.direction, sun.color]));
-    let lights = lights(job.lights);
+    let table = LightTable::of(job).unwrap_or(LightTable { lights: Vec::new(), hidden: 0.0 });
+    let lights = lights(&table.lights);
     input.push(lights.len() as u32);
     input.extend(lights.iter().flat_map(light_words));
     input.extend(emissions(job).into_iter().map(f32::to_bits));
+    let disc = Preparation::of(job).expect("few samples").disc;
+    let (height, points) = disc.as_ref().map_or((0.0, &[][..]), |disc| (disc.height(), disc.points()));
+    input.extend([table.hidden.to_bits(), height.to_bits(), points.len() as u32]);
+    input.extend(points.as_flattened());
     input.extend([job.width, job.height]);
     for pixel in 0..seen.triangle.len() {
         let vectors =
@@ -338,7 +348,7 @@ fn glass_of_the_device_programs_looks_as_on_the_processor() {
                 (Fresnel::Exact, GlassShadow::Straight, 3, TextureLod::Cones),
                 (Fresnel::Schlick, GlassShadow::Report, 0, TextureLod::Cones),
             ] {
-                let asked = Asked { program, fresnel, shadow, depth, lod, lights: &[] };
+                let asked = Asked { program, fresnel, shadow, depth, lod, lights: &[], sun: 0.0 };
                 let (largest, counts, shown) = differences(&compiled, &scene, asked);
                 let what = format!("{program:?}, {fresnel:?}, {shadow:?}, depth {depth}, {lod:?}");
                 assert!(largest < ROUNDING && counts == 0, "{what}: {largest}, {counts} counts differ");
@@ -353,7 +363,7 @@ fn a_wrong_word_of_the_device_programs_is_noticed() {
     let lod = TextureLod::Cones;
     let asked = |program| {
         let (fresnel, shadow) = (Fresnel::Exact, GlassShadow::Straight);
-        Asked { program, fresnel, shadow, depth: 5, lod, lights: &[] }
+        Asked { program, fresnel, shadow, depth: 5, lod, lights: &[], sun: 0.0 }
     };
     for (program, scene, change) in [
         // Absorption over twice the distance.

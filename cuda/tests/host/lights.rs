@@ -1,9 +1,11 @@
-//! Several lights, and lights with a place: what arrives of them at a point, bit for bit; and the programs that know them, compiled for the
-//! host as those in `glass.rs`.
+//! Several lights, lights with a place, and lights that are discs: what arrives of them at a point, bit for bit; and the programs that know
+//! them, compiled for the host as those in `glass.rs`.
 
 use super::glass::{Asked, ROUNDING, differences, several};
 use super::{Random, compiled, compiled_with, light_words, run, words};
 use curitiba_cuda::scene::lights as device_lights;
+use curitiba_passes::sampling::cone::ConeSampler;
+use curitiba_passes::sampling::hash::light_key;
 use curitiba_pipeline::backend::{Cone, Light};
 use curitiba_pipeline::glass::GlassShadow;
 use curitiba_pipeline::programs::{Fresnel, RayProgram, TextureLod};
@@ -105,7 +107,7 @@ const SOURCES: [(RayProgram, &str); 4] = [
 ];
 
 fn asked(program: RayProgram, shadow: GlassShadow, lights: &[Light]) -> Asked<'_> {
-    Asked { program, fresnel: Fresnel::Exact, shadow, depth: 3, lod: TextureLod::Zero, lights }
+    Asked { program, fresnel: Fresnel::Exact, shadow, depth: 3, lod: TextureLod::Zero, lights, sun: 0.0 }
 }
 
 #[test]
@@ -127,7 +129,7 @@ fn a_wrong_word_of_what_lights_leave_is_noticed() {
         // Rays that go on behind a lamp.
         ("light_share.cuh", ["sqrtf(dot(way, way)) * (1.0f - BEFORE_LIGHT)", "INFINITY"]),
         // Light that something opaque lets through.
-        ("lights.cuh", ["IN_SHADOW = 0.0f", "IN_SHADOW = 0.5f"]),
+        ("lights.cuh", ["return params.in_shadow;", "return 0.5f;"]),
     ] {
         let Some(compiled) = compiled_with("lights_final.cpp", "lights-changed", Some((header, change))) else {
             return;
@@ -135,5 +137,81 @@ fn a_wrong_word_of_what_lights_leave_is_noticed() {
         let asked = asked(RayProgram::Final, GlassShadow::Straight, &lights);
         let (largest, ..) = differences(&compiled, &scene, asked);
         assert!(largest > 1e-3, "{change:?} is not noticed: {largest}");
+    }
+}
+
+/// Directions to discs: how many differ, and how many were compared.
+fn directions_that_differ(program: &Path) -> [usize; 2] {
+    let mut random = Random(13);
+    let (mut input, mut expected) = (Vec::new(), Vec::new());
+    for index in 0..2000 {
+        let degrees = [0.0, 1e-3, 0.53, 10.0, 90.0][index % 5];
+        let disc =
+            ConeSampler::new(degrees, random.bits() >> 20, 1 + index as u32 % 7).expect("a part of the sequence");
+        let (key, number, axis) = (random.bits(), index as u32 % 3, random.direction());
+        input.extend([key, number, disc.height().to_bits()].into_iter().chain(words([axis])));
+        input.push(disc.samples());
+        input.extend(disc.points().as_flattened());
+        expected.extend(words(disc.directions(axis, light_key(key, number))));
+    }
+    let found = run(program, "discs", &input);
+    assert_eq!(found.len(), expected.len());
+    [found.iter().zip(&expected).filter(|(found, expected)| found != expected).count(), expected.len() / 3]
+}
+
+#[test]
+fn directions_to_discs_have_the_bits_of_the_processor() {
+    let Some(program) = compiled("discs", None) else { return };
+    let [differ, all] = directions_that_differ(&program);
+    assert!(differ == 0 && all > 7000, "{differ} of {all} differ");
+    for (name, header, change) in [
+        ("discs-cap", "sampling.cuh", ["height * (2.0f - below)", "height * (1.0f - below)"]),
+        ("discs-hash", "params.cuh", ["HASH_DISC = 4294967293u", "HASH_DISC = 4294967295u"]),
+        ("discs-lights", "params.cuh", ["BRANCH_LIGHTS = 536870912u", "BRANCH_LIGHTS = 0u"]),
+    ] {
+        let changed = compiled_with("functions.cpp", name, Some((header, change))).expect("there is a compiler");
+        assert!(directions_that_differ(&changed)[0] > 0, "{change:?} is not noticed");
+    }
+}
+
+/// The lamps with another directional light.
+fn two_suns() -> Vec<Light> {
+    let mut lights = lamps();
+    let direction = Vec3::new(0.6, -0.7, -0.2).normalize();
+    lights.push(Light { direction, color: Vec3::new(0.1, 0.2, 0.4), ..lights[0] });
+    lights
+}
+
+#[test]
+fn programs_of_lights_that_are_discs_show_what_the_processors_do() {
+    let (scene, several) = (several(), two_suns());
+    for (program, source) in [SOURCES[0], SOURCES[3]] {
+        let Some(compiled) = compiled_with(source, &format!("discs-{program:?}"), None) else { return };
+        for lights in [&[][..], &several] {
+            for shadow in [GlassShadow::Straight, GlassShadow::Report] {
+                let soft = Asked { sun: 12.0, ..asked(program, shadow, lights) };
+                let (largest, counts, _) = differences(&compiled, &scene, soft);
+                let what = format!("{program:?} {shadow:?} of {} lights", lights.len().max(1));
+                assert!(largest < ROUNDING && counts == 0, "{what}: {largest}, {counts} counts differ");
+                let exact = program == RayProgram::DeferredShadows && lights.is_empty();
+                assert!(!exact || largest == 0.0, "{what}: {largest}");
+            }
+        }
+    }
+}
+
+#[test]
+fn a_wrong_word_of_the_mean_over_a_disc_is_noticed() {
+    for change in [
+        // What is below the surface counts as if it were not there.
+        ["sum = sum + splat(in_shadow(params));", ""],
+        // Every ray to the centre.
+        ["is_disc ? disc_direction(__ldg(params.disc + i), seeds, basis, params.disc_height) : towards", "towards"],
+    ] {
+        let change = Some(("light_share.cuh", change));
+        let Some(compiled) = compiled_with("lights_shadows.cpp", "discs-changed", change) else { return };
+        let soft = Asked { sun: 90.0, ..asked(RayProgram::DeferredShadows, GlassShadow::Report, &[]) };
+        let (largest, ..) = differences(&compiled, &several(), soft);
+        assert!(largest > 1e-2, "{change:?} is not noticed: {largest}");
     }
 }

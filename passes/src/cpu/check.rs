@@ -28,21 +28,6 @@ pub fn fidelity(backend: &'static str, program: RayProgram, fidelity: Fidelity) 
     Err(BackendError::Unsupported { backend, what: program.info().stem.to_owned(), why })
 }
 
-/// Refuses a light with a disc, for a backend that supports only lights without extent.
-///
-/// # Errors
-/// [`BackendError::Unsupported`] for that backend.
-pub fn sun(backend: &'static str, job: &RayJob<'_>) -> Result<(), BackendError> {
-    match job.program.asks_of_sun(&job.params).filter(|_| job.fidelity == Fidelity::Corrected) {
-        None => Ok(()),
-        Some(asked) => Err(missing(
-            backend,
-            job,
-            &format!("its light has a disc ({asked}), and it knows a point; the cpu knows both"),
-        )),
-    }
-}
-
 /// Refuses what no program knows of several lights, or of a light with a place.
 fn many_lights(backend: &'static str, job: &RayJob<'_>) -> Result<(), BackendError> {
     let info = job.program.info();
@@ -50,7 +35,7 @@ fn many_lights(backend: &'static str, job: &RayJob<'_>) -> Result<(), BackendErr
         () if job.lights.is_empty() => return Ok(()),
         () if job.fidelity == Fidelity::Thesis => "thesis fidelity",
         () if info.starts_at_camera() => "a program whose rays start at the camera",
-        () if job.program.asks_of_sun(&job.params).is_some() => "a light with a disc (sun above 0)",
+        () if job.program.asks_of_filter(&job.params).is_some() => "a filter (filter above 0)",
         () if info.reads("shadow") && job.params.shadow == GlassShadow::Caustic => "shadow=caustic",
         () => return Ok(()),
     };

@@ -38,10 +38,11 @@ impl<T: Tracer, C: Coverage> Pass<'_, T, C> {
     }
 }
 
-/// The share of the light along one ray that is blocked, or else crosses glass at these distances, in any order.
-pub(super) fn share_of_light(blocked: bool, crossings: &mut [f32]) -> f32 {
+/// The share of the light along one ray that is blocked, or else crosses glass at these distances, in any order. `hidden` is the share behind
+/// an opaque surface.
+pub(super) fn share_of_light(hidden: f32, blocked: bool, crossings: &mut [f32]) -> f32 {
     if blocked {
-        SHADOWED
+        hidden
     } else if crossings.is_empty() {
         1.0
     } else {
@@ -50,8 +51,9 @@ pub(super) fn share_of_light(blocked: bool, crossings: &mut [f32]) -> f32 {
 }
 
 /// Calls `each` with every ray's index and light share. `blocked` has one bit for each of `rays` rays; `crossings`
-/// lists glass hits as ray and distance. `distances` is scratch space.
+/// lists glass hits as ray and distance. `hidden` is the share of a blocked ray. `distances` is scratch space.
 pub(super) fn shares_of_light(
+    hidden: f32,
     rays: usize,
     blocked: &[u16],
     crossings: &mut [(u32, f32)],
@@ -66,7 +68,7 @@ pub(super) fn shares_of_light(
             distances.push(*t);
         }
         let stopped = blocked[ray / PACKET] >> (ray % PACKET) & 1 == 1;
-        each(ray, share_of_light(stopped, distances));
+        each(ray, share_of_light(hidden, stopped, distances));
     }
 }
 

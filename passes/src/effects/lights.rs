@@ -2,18 +2,21 @@
 //!
 //! A surface reflects `tint * (ambient + lights)`, where `lights` is the sum of the lights that arrive, each by its colour, attenuation,
 //! cone and cosine. Shadows take away the lights that something is in the way of, and ambient light stays. So the share that is left, by
-//! colour, is `(ambient + lights that are seen) / (ambient + lights)`.
+//! colour, is `(ambient + lights that are seen) / (ambient + lights)`. Of a directional light with a disc the part is seen that `sun` finds.
 
 use super::coverage::Coverage;
 use super::interpolate::locate;
-use super::light::share_of_light;
+use super::light::{SHADOWED, share_of_light};
 use super::material::AMBIENT;
 use super::pass::Pass;
 use super::ray_cone::Footprint;
+use super::sun::{Disc, LitSide};
 use super::surface::Surface;
 use super::workspace::Workspace;
+use crate::sampling::hash::light_key;
 use crate::trace::{Hit, Purpose, Ray, SurfacePoint, Tracer};
-use curitiba_pipeline::backend::{Light, RayJob};
+use curitiba_pipeline::backend::{Light, RayJob, Sun};
+use curitiba_pipeline::programs::Fidelity;
 use glam::Vec3;
 
 /// Part of the way to a light with a place that shadow rays leave out at the light's end, because lamps hang on ceilings.
@@ -22,9 +25,9 @@ pub const BEFORE_LIGHT: f32 = 1.0 / 1024.0;
 /// What lights a device program was written for. Those of one directional light do not pay for several.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum Lighting {
-    /// One directional light, or none.
+    /// One directional light that is a point, or none.
     Sun,
-    /// Several lights, or lights with a place.
+    /// Several lights, lights with a place, or directional lights that are discs.
     Lights,
 }
 
@@ -32,9 +35,47 @@ impl Lighting {
     /// The one that a job needs.
     #[must_use]
     pub fn of(job: &RayJob<'_>) -> Self {
-        let reads = job.program.info().globals.contains(&"lightDir");
-        if reads && !job.lights.is_empty() { Self::Lights } else { Self::Sun }
+        let info = job.program.info();
+        let discs = job.fidelity == Fidelity::Corrected && info.sun_samples(&job.params) > 0;
+        let reads = info.globals.contains(&"lightDir");
+        if reads && (discs || !job.lights.is_empty()) { Self::Lights } else { Self::Sun }
     }
+}
+
+/// The lights of a job as device programs for [`Lighting::Lights`] take them.
+#[derive(Debug, Clone, PartialEq)]
+pub struct LightTable {
+    /// All lights; a single directional one is the only entry.
+    pub lights: Vec<Light>,
+    /// What arrives of a light where something opaque is in the way. Above 0 the job has a single directional light, and programs write its own
+    /// share, as those for [`Lighting::Sun`]; at 0 they write what the shadows of all lights leave of the colour.
+    pub hidden: f32,
+}
+
+impl LightTable {
+    /// The one of a job; `None` if its programs are those for [`Lighting::Sun`].
+    #[must_use]
+    pub fn of(job: &RayJob<'_>) -> Option<Self> {
+        if Lighting::of(job) == Lighting::Sun {
+            return None;
+        }
+        Some(match job.sun.filter(|_| job.lights.is_empty()) {
+            None => Self { lights: job.lights.to_vec(), hidden: 0.0 },
+            Some(Sun { direction, color }) => {
+                let range = f32::INFINITY;
+                let sun = Light { place: None, direction, color, attenuation: [1.0, 0.0, 0.0], range, cone: None };
+                Self { lights: vec![sun], hidden: SHADOWED }
+            }
+        })
+    }
+}
+
+/// Number of rays that a point asks of the discs of all lights in device programs.
+#[must_use]
+pub fn disc_rays(job: &RayJob<'_>) -> u32 {
+    let is_directional = |light: &&Light| light.place.is_none();
+    let discs = LightTable::of(job).map_or(0, |table| table.lights.iter().filter(is_directional).count());
+    (discs as u32).saturating_mul(job.program.info().sun_samples(&job.params))
 }
 
 /// By which normal a surface is shaded.
@@ -55,6 +96,17 @@ pub(super) struct Asked<'s> {
     /// Id of the triangle or sphere.
     pub id: u32,
     pub shading: Shading,
+    /// The key of its random numbers.
+    pub key: u32,
+}
+
+/// How light comes to a point.
+#[derive(Debug, Clone, Copy)]
+pub(super) enum Way<'p> {
+    /// From one direction.
+    Ray(Ray),
+    /// From a disc.
+    Disc(Disc<'p>),
 }
 
 impl<T: Tracer, C: Coverage> Pass<'_, T, C> {
@@ -89,17 +141,17 @@ impl<T: Tracer, C: Coverage> Pass<'_, T, C> {
         towards.dot(normal).clamp(0.0, 1.0)
     }
 
-    /// What shadows leave of the colour of a point, by colour. `reaches` follows a ray from the surface to a light, and returns what of the
+    /// What shadows leave of the colour of a point, by colour. `reaches` follows the way from the surface to a light, and returns what of the
     /// light passes; `stops` says whether a hit cuts a point off from the round surface that it stands for.
     pub(super) fn share_of_lights(
         &self,
         asked: &Asked<'_>,
         work: &mut Workspace,
         stops: impl Fn(&Hit) -> bool,
-        mut reaches: impl FnMut(&Ray, &mut Workspace) -> Vec3,
+        mut reaches: impl FnMut(&Way<'_>, &mut Workspace) -> Vec3,
     ) -> Vec3 {
         let (mut whole, mut left) = (Vec3::ZERO, Vec3::ZERO);
-        for light in self.job.lights {
+        for (number, light) in (0..).zip(self.job.lights) {
             let arriving = light.at(asked.point.position);
             if arriving.factor <= 0.0 {
                 continue;
@@ -109,8 +161,16 @@ impl<T: Tracer, C: Coverage> Pass<'_, T, C> {
                 continue;
             }
             whole += color;
-            if let Some(ray) = self.ray_to(light, arriving.towards, asked, work, &stops) {
-                left += color * reaches(&ray, work);
+            let way = match &self.disc {
+                Some(sampler) if light.place.is_none() => {
+                    let Asked { point, facing, id: triangle, key, .. } = *asked;
+                    let side = LitSide { point, facing, triangle };
+                    Some(Way::Disc(Disc { sampler, center: arriving.towards, key: light_key(key, number), side }))
+                }
+                _ => self.ray_to(light, arriving.towards, asked, work, &stops).map(Way::Ray),
+            };
+            if let Some(way) = way {
+                left += color * reaches(&way, work);
             }
         }
         let shade = &self.job.shades[self.material_of(asked.id) as usize];
@@ -150,13 +210,17 @@ impl<T: Tracer, C: Coverage> Pass<'_, T, C> {
         Some(Ray { origin, direction: way.normalize_or(towards), t_min: 0.0, t_max })
     }
 
-    /// What of the light passes along a ray of `final`: 0 where something opaque is in the way, else 0.9 for each glass surface.
-    pub(super) fn passes_along(&self, ray: &Ray, work: &mut Workspace) -> Vec3 {
+    /// What of the light passes on its way in `final`: 0 where something opaque is in the way, else 0.9 for each glass surface.
+    pub(super) fn passes(&self, way: &Way<'_>, work: &mut Workspace) -> Vec3 {
+        let ray = match way {
+            Way::Ray(ray) => ray,
+            Way::Disc(disc) => return Vec3::splat(self.dimmed_disc((disc, 0.0), work)),
+        };
         work.rays.shadow += 1;
         let crossings = &mut work.crossings;
         crossings.clear();
         self.announce_visibility(Purpose::Shadow, 1.0);
         let blocked = self.tracer.occluded(ray, |hit| self.blocks_light(hit, || crossings.push(hit.t)));
-        Vec3::splat(if blocked { 0.0 } else { share_of_light(false, crossings) })
+        Vec3::splat(share_of_light(0.0, blocked, crossings))
     }
 }

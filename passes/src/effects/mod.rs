@@ -68,7 +68,7 @@ mod workspace;
 
 pub use coverage::{AlphaTested, ByCones, Coverage, Opaque};
 pub use light::SHADOWED;
-pub use lights::Lighting;
+pub use lights::{LightTable, Lighting, disc_rays};
 pub use occlusion::open_shares;
 pub use optics::{Interface, fresnel, interface, interface_of, reflect, schlick};
 pub(crate) use pass::opaque;
@@ -90,7 +90,7 @@ pub mod constants {
     pub use super::optics::{REFLECTED, REFRACTED, SCATTERED};
     pub use super::terminator::ROUND;
     pub use super::thesis::{BOUNCE, EPSILON, REFRACTED_EPSILON};
-    pub use crate::sampling::hash::{DIMENSIONS, FACETS, PATH, PIXEL, ROULETTE, SCRAMBLE};
+    pub use crate::sampling::hash::{DIMENSIONS, DISC, FACETS, LIGHTS, PATH, PIXEL, ROULETTE, SCRAMBLE};
 
     pub use curitiba_pipeline::backend::LEAST_DIVISOR;
 

@@ -3,7 +3,7 @@
 use super::coverage::Coverage;
 use super::light::{SHADOWED, share_of_light};
 use super::pass::Pass;
-use super::sun::LitSide;
+use super::sun::{Disc, LitSide};
 use super::surface::Surface;
 use super::thesis;
 use super::workspace::Workspace;
@@ -126,13 +126,8 @@ impl<T: Tracer, C: Coverage> Pass<'_, T, C> {
         key: u32,
         work: &mut Workspace,
     ) -> f32 {
-        if let Some(disc) = &self.disc {
-            let side = LitSide { point: surface.point(), facing, triangle };
-            let stops = |ray, hit: &Hit, crossings: &mut Vec<(u32, f32)>| {
-                self.blocks_light(hit, || crossings.push((ray, hit.t)))
-            };
-            let buffers = (&mut work.disc, &mut work.rays.shadow);
-            return self.disc_share((disc, key), side, buffers, |hit| self.stops_light(hit), stops);
+        if let Some(disc) = self.disc_of_sun(key, LitSide { point: surface.point(), facing, triangle }) {
+            return self.dimmed_disc((&disc, SHADOWED), work);
         }
         let Some(origin) = self.light_origin(surface, (facing, triangle), work) else { return SHADOWED };
         work.rays.shadow += 1;
@@ -141,7 +136,14 @@ impl<T: Tracer, C: Coverage> Pass<'_, T, C> {
         crossings.clear();
         self.announce_visibility(Purpose::Shadow, 1.0);
         let blocked = self.tracer.occluded(&ray, |hit| self.blocks_light(hit, || crossings.push(hit.t)));
-        share_of_light(blocked, crossings)
+        share_of_light(SHADOWED, blocked, crossings)
+    }
+
+    /// The share of a disc in `final`, with 0.9 for each glass surface on the way; what is not seen of it counts as `hidden`.
+    pub(super) fn dimmed_disc(&self, of: (&Disc<'_>, f32), work: &mut Workspace) -> f32 {
+        let stops =
+            |ray, hit: &Hit, crossings: &mut Vec<(u32, f32)>| self.blocks_light(hit, || crossings.push((ray, hit.t)));
+        self.disc_share(of, (&mut work.disc, &mut work.rays.shadow), |hit| self.stops_light(hit), stops)
     }
 
     /// Origin of the ray to the light from the side of normal `facing`. `None` where that side is dark without a ray:

@@ -45,7 +45,7 @@ pub struct Pass<'a, T, C> {
     pub facets: Vec<[u32; 2]>,
     /// The spheres that focus light, with `shadow=caustic`; else empty.
     pub lenses: Lenses,
-    /// Directions to the light's disc; `None` where the light is a point.
+    /// Directions to the discs of directional lights; `None` where these are points.
     pub disc: Option<ConeSampler>,
     /// Where rays start; `None` for programs that read a G-buffer.
     pub eye: Option<Eye>,

@@ -16,7 +16,7 @@ pub struct Preparation {
     pub open_share: Vec<f32>,
     /// Unit vector towards the light; 0 where there is none.
     pub to_light: Vec3,
-    /// Directions of the rays to the light's disc; `None` where the light is a point, and in thesis fidelity.
+    /// Directions of the rays to the discs of directional lights; `None` where these are points, and in thesis fidelity.
     pub disc: Option<ConeSampler>,
     /// The light's colour, linear; 0 where there is none.
     pub light_color: Vec3,
@@ -41,7 +41,7 @@ impl Preparation {
             Fidelity::Thesis => 0,
         };
         let RayParams { sun, first_sun, .. } = job.params;
-        let disc = (over_disc > 0).then(|| ConeSampler::new(to_light, sun, first_sun, over_disc)).transpose()?;
+        let disc = (over_disc > 0).then(|| ConeSampler::new(sun, first_sun, over_disc)).transpose()?;
         Ok(Self { sampler, open_share, to_light, disc, light_color })
     }
 }

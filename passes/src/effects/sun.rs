@@ -1,4 +1,4 @@
-//! Soft shadows: the light is a disc in the sky, sampled by one ray for each point.
+//! Soft shadows: a directional light is a disc in the sky, sampled by one ray for each point.
 //!
 //! The light's share is the mean over directions that are uniform over the disc's solid angle. Each direction counts as
 //! a point light would: a side of a triangle turned away from it is dark without a ray, unless the round surface that
@@ -25,6 +25,24 @@ pub(super) struct LitSide<'p> {
     pub(super) triangle: u32,
 }
 
+/// A light's disc, as a side of a surface sees it.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Disc<'p> {
+    pub(super) sampler: &'p ConeSampler,
+    /// Unit vector to its centre.
+    pub(super) center: Vec3,
+    /// Scrambles the points of the disc.
+    pub(super) key: u32,
+    pub(super) side: LitSide<'p>,
+}
+
+impl Disc<'_> {
+    /// The part of the light that comes from each of its points.
+    pub(super) fn weight(&self) -> f32 {
+        1.0 / self.sampler.samples() as f32
+    }
+}
+
 /// Buffers for rays to the disc.
 #[derive(Debug, Default)]
 pub(super) struct DiscRays {
@@ -49,8 +67,14 @@ impl DiscRays {
         self.rays += 1;
     }
 
-    /// Traces the rays, and returns the sum of their light shares. `stops` gets the index of the ray with each hit.
-    fn trace<T: Tracer>(&mut self, tracer: &T, stops: &mut impl FnMut(u32, &Hit, &mut Vec<(u32, f32)>) -> bool) -> f64 {
+    /// Traces the rays, and returns the sum of their light shares, `hidden` of those that are blocked. `stops` gets the index of the ray with
+    /// each hit.
+    fn trace<T: Tracer>(
+        &mut self,
+        tracer: &T,
+        hidden: f32,
+        stops: &mut impl FnMut(u32, &Hit, &mut Vec<(u32, f32)>) -> bool,
+    ) -> f64 {
         let Self { packets, rays, blocked, crossings, distances } = self;
         let packets = &packets[..rays.div_ceil(PACKET)];
         blocked.clear();
@@ -58,26 +82,30 @@ impl DiscRays {
         crossings.clear();
         tracer.occluded_packets(packets, blocked, |ray, hit| stops(ray as u32, hit, crossings));
         let mut sum = 0.0;
-        shares_of_light(*rays, blocked, crossings, distances, |_, share| sum += f64::from(share));
+        shares_of_light(hidden, *rays, blocked, crossings, distances, |_, share| sum += f64::from(share));
         *rays = 0;
         sum
     }
 }
 
 impl<T: Tracer, C: Coverage> Pass<'_, T, C> {
-    /// Calls `each` with the origin and the direction of every ray to the disc's points, which `key` scrambles.
+    /// The disc of a pass's only light, as a side of a surface sees it; `None` where the light is a point.
+    pub(super) fn disc_of_sun<'p>(&'p self, key: u32, side: LitSide<'p>) -> Option<Disc<'p>> {
+        self.disc.as_ref().map(|sampler| Disc { sampler, center: self.to_light, key, side })
+    }
+
+    /// Calls `each` with the origin and the direction of every ray to the disc's points.
     /// Directions from which the side is dark get no ray. Where the triangle stands for a round surface, one ray, which
     /// `rays` counts, tests once whether a hit that `stops` cuts off the lifted point.
     pub(super) fn to_disc(
         &self,
-        (disc, key): (&ConeSampler, u32),
-        side: LitSide<'_>,
+        disc: &Disc<'_>,
         rays: &mut u64,
         stops: impl Fn(&Hit) -> bool,
         mut each: impl FnMut(Vec3, Vec3),
     ) {
-        let mut is_cut_off = None;
-        for direction in disc.directions(key) {
+        let (side, mut is_cut_off) = (disc.side, None);
+        for direction in disc.sampler.directions(disc.center, disc.key) {
             if side.facing.dot(direction) > 0.0 {
                 each(side.point.spawn(direction), direction);
             } else if let Some(lifted) = self.lifted(side.triangle, side.point, (side.facing, direction))
@@ -88,31 +116,30 @@ impl<T: Tracer, C: Coverage> Pass<'_, T, C> {
         }
     }
 
-    /// The light's share at a side of a surface: the mean over the disc. `stops` gets the index of the ray with each
-    /// hit, and notes the glass surfaces that the ray crosses; `cuts_off` is the `stops` of [`Self::to_disc`].
+    /// The light's share at a side of a surface: the mean over the disc, of which what is not seen counts as `hidden`. `stops` gets the index
+    /// of the ray with each hit, and notes the glass surfaces that the ray crosses; `cuts_off` is the `stops` of [`Self::to_disc`].
     pub(super) fn disc_share(
         &self,
-        (disc, key): (&ConeSampler, u32),
-        side: LitSide<'_>,
+        (disc, hidden): (&Disc<'_>, f32),
         (buffers, rays): (&mut DiscRays, &mut u64),
         cuts_off: impl Fn(&Hit) -> bool,
         mut stops: impl FnMut(u32, &Hit, &mut Vec<(u32, f32)>) -> bool,
     ) -> f32 {
-        let samples = disc.samples();
+        let samples = disc.sampler.samples();
         let (mut traced, mut sum) = (0, 0.0);
         buffers.rays = 0;
-        self.to_disc((disc, key), side, rays, cuts_off, |origin, direction| {
+        self.to_disc(disc, rays, cuts_off, |origin, direction| {
             buffers.push(origin, direction);
             traced += 1;
             if buffers.rays == TOGETHER * PACKET {
-                self.announce_visibility(Purpose::Shadow, 1.0 / samples as f32);
-                sum += buffers.trace(self.tracer, &mut stops);
+                self.announce_visibility(Purpose::Shadow, disc.weight());
+                sum += buffers.trace(self.tracer, hidden, &mut stops);
             }
         });
-        self.announce_visibility(Purpose::Shadow, 1.0 / samples as f32);
-        sum += buffers.trace(self.tracer, &mut stops);
+        self.announce_visibility(Purpose::Shadow, disc.weight());
+        sum += buffers.trace(self.tracer, hidden, &mut stops);
         *rays += traced;
         let dark = f64::from(samples) - traced as f64;
-        ((sum + f64::from(super::light::SHADOWED) * dark) / f64::from(samples)) as f32
+        ((sum + f64::from(hidden) * dark) / f64::from(samples)) as f32
     }
 }

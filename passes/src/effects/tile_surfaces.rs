@@ -2,7 +2,7 @@
 //! traced together, as packets.
 
 use super::coverage::Coverage;
-use super::light::shares_of_light;
+use super::light::{SHADOWED, shares_of_light};
 use super::pass::{Pass, Pixel};
 use super::surface::{Surface, Surfaces};
 use super::tile::{Area, TILE};
@@ -132,7 +132,7 @@ impl TileSurfaces {
     /// Writes the light's share of every ray to the ray's place.
     fn note_answers(&mut self) {
         let Self { known, places, blocked, crossings, distances, .. } = self;
-        shares_of_light(places.len(), blocked, crossings, distances, |ray, share| {
+        shares_of_light(SHADOWED, places.len(), blocked, crossings, distances, |ray, share| {
             known[usize::from(places[ray])].light = Some(share);
         });
     }

@@ -24,6 +24,9 @@ pub const FACET_ORDER: u32 = ROULETTE + 2;
 /// Branch of [`path_key`] for the second half of a pixel's sample.
 pub const HALF: u32 = 1 << 30;
 
+/// Branch of [`path_key`] for the first of a pass's lights; the others follow. The first light has the pixel's own key.
+pub const LIGHTS: u32 = 1 << 29;
+
 /// Last word of the input of [`pixel_key`]. Each purpose has its own last word, so no input is hashed for two purposes.
 pub const PIXEL: u32 = 0;
 /// Last word of the input of [`path_key`].
@@ -63,6 +66,12 @@ pub fn pixel_key(x: u32, y: u32, seed: u32) -> u32 {
 #[must_use]
 pub fn path_key(key: u32, branch: u32) -> u32 {
     pcg4d([key, branch, 0, PATH])[3]
+}
+
+/// The key for a light of a pass, by its number: the discs of several lights have random numbers of their own.
+#[must_use]
+pub fn light_key(key: u32, number: u32) -> u32 {
+    if number == 0 { key } else { path_key(key, LIGHTS + number) }
 }
 
 /// Two independent random words for a key and a counter, one a dimension.

@@ -15,6 +15,8 @@ const WANTED: Duration = Duration::from_millis(20);
 const WANTED_OF_SOFTWARE: Duration = Duration::from_millis(500);
 /// Tiles of the first launch, when neither program nor device is known.
 const FIRST_TILES: u32 = 64;
+/// Rays of a point to the discs of lights up to which the first launch has so many.
+const FEW_RAYS: u32 = 64;
 /// Greatest factor between the sizes of successive launches.
 const GROWTH: u32 = 8;
 /// Greatest number of kernels whose timestamps are read together.
@@ -86,6 +88,8 @@ pub struct Work<'a> {
     /// The kernels, in the order in which they run.
     pub kernels: Vec<(Stage, &'a wgpu::ComputePipeline)>,
     pub groups: [&'a wgpu::BindGroup; 3],
+    /// Number of tiles of the first launch.
+    pub first_tiles: u32,
     /// Greatest number of tiles of a launch.
     pub most_tiles: u32,
     /// Buffer with the ray counts, and behind them the number of listed points.
@@ -117,6 +121,11 @@ pub(super) fn wanted(gpu: &Gpu) -> Duration {
     if gpu.adapter.kind == AdapterKind::Software { WANTED_OF_SOFTWARE } else { WANTED }
 }
 
+/// Number of tiles of the first launch with so many rays of each point to the discs of lights.
+pub(super) fn first_tiles(disc_rays: u32) -> u32 {
+    (FIRST_TILES * FEW_RAYS / disc_rays.max(FEW_RAYS)).max(1)
+}
+
 /// Number of tiles of the next launch, after a launch of `tiles` tiles took that long.
 pub(super) fn next_size(tiles: u32, took: Duration, wanted: Duration) -> u32 {
     let ratio = wanted.as_secs_f64() / took.as_secs_f64().max(1e-6);
@@ -142,7 +151,7 @@ pub fn run(
     let wanted = wanted(gpu);
     let (mut first, mut slot, mut total, mut least) = (0, 0, Duration::ZERO, u32::MAX);
     while first < tiles {
-        let taken = size.unwrap_or(FIRST_TILES).min(tiles - first).min(work.most_tiles).max(1);
+        let taken = size.unwrap_or(work.first_tiles).min(tiles - first).min(work.most_tiles).max(1);
         (params.first_tile, params.end_tile) = (first, first + taken);
         gpu.queue.write_buffer(work.uniform, 0, bytemuck::bytes_of(&params));
         // The points of pixels have fixed places; points seen through glass are counted from here on.
@@ -198,6 +207,7 @@ mod tests {
         assert_eq!(next_size(64, ms(250), WANTED_OF_SOFTWARE), 128);
         assert_eq!(next_size(1, ms(900), WANTED), 1, "there is no shorter launch");
         assert_eq!(next_size(64, Duration::ZERO, WANTED), 64 * GROWTH);
+        assert_eq!([0, 16, 64, 128, 65_536].map(first_tiles), [64, 64, 64, 32, 1], "many rays to discs, few tiles");
         for (tiles, most) in [(1, 65_535), (65_535, 65_535), (65_536, 65_535), (1 << 22, 65_535), (7, 3)] {
             let [across, down] = rectangle(tiles, most);
             assert!(across <= most && down <= most && across * down >= tiles && across * (down - 1) < tiles);

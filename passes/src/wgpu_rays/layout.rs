@@ -58,6 +58,9 @@ pub const SHAPE_PANE: u32 = 1;
 pub const SHAPE_THIN: u32 = 2;
 /// The surface of a body.
 pub const SHAPE_SOLID: u32 = 3;
+/// Words in front of the lights in the tables: how many there are, what arrives of a hidden one, and of the discs the number of points, the
+/// height of the cap and the offset of the points.
+pub const LIGHT_HEAD: u32 = 5;
 /// Words of a light in the tables.
 pub const LIGHT_WORDS: u32 = 17;
 /// The light has a place.
@@ -77,11 +80,15 @@ pub const RAY_COUNT_SLOTS: u32 = 256;
 /// Kinds of counts: shadow, occlusion, reflected, refracted and certain rays; and paths lost in glass.
 pub const RAY_COUNT_KINDS: u32 = 6;
 
-/// Size in bytes of the ray counts, two words a sum. Behind them, one word counts points, and further words hold the bodies around the
-/// camera.
+/// Size in bytes of the ray counts, two words a sum. Behind them, one word counts points, further words hold the bodies around the camera, and
+/// the word [`CUT_LOOPS`] says whether the driver left a loop before its end.
 pub const COUNT_BYTES: u64 = 8 * (RAY_COUNT_SLOTS * RAY_COUNT_KINDS) as u64;
 /// Size in bytes of the buffer with the counts.
-pub const COUNTS_BUFFER_BYTES: u64 = COUNT_BYTES + 4 * (1 + effects::MOST_BODIES as u64 + 1).next_multiple_of(4);
+pub const COUNTS_BUFFER_BYTES: u64 = COUNT_BYTES + 4 * (CUT_LOOPS as u64 - COUNT_BYTES / 4 + 1).next_multiple_of(4);
+/// Index of the first word with the bodies around the camera.
+const AROUND_EYE: u32 = 2 * RAY_COUNT_SLOTS * RAY_COUNT_KINDS + 1;
+/// Index of the word that is 1 where the driver left a loop before its end.
+pub const CUT_LOOPS: u32 = AROUND_EYE + effects::MOST_BODIES + 1;
 /// Size in bytes of a point: six vectors, see `programs/points.wgsl`.
 pub const POINT_BYTES: u64 = 96;
 /// Size in bytes of the start of a shadow ray of `deferredShadows`: two vectors, see `programs/shadow_list.wgsl`.
@@ -162,6 +169,7 @@ pub fn constants() -> String {
         ("WRAP_REPEAT", WRAP_REPEAT),
         ("WRAP_MIRROR", WRAP_MIRROR),
         ("WRAP_CLAMP", WRAP_CLAMP),
+        ("LIGHT_HEAD", LIGHT_HEAD),
         ("LIGHT_WORDS", LIGHT_WORDS),
         ("LIGHT_PLACE", LIGHT_PLACE),
         ("LIGHT_CONE", LIGHT_CONE),
@@ -175,16 +183,19 @@ pub fn constants() -> String {
         ("MAX_LINE", MAX_LINE),
         ("MOST_BODIES", effects::MOST_BODIES),
         ("MOST_SURFACES", effects::MOST_SURFACES),
-        ("AROUND_EYE", 2 * RAY_COUNT_SLOTS * RAY_COUNT_KINDS + 1),
+        ("AROUND_EYE", AROUND_EYE),
+        ("CUT_LOOPS", CUT_LOOPS),
         ("HASH_PIXEL", effects::PIXEL),
         ("HASH_PATH", effects::PATH),
         ("HASH_DIMENSIONS", effects::DIMENSIONS),
         ("HASH_SCRAMBLE", effects::SCRAMBLE),
+        ("HASH_DISC", effects::DISC),
         ("HASH_FACETS", effects::FACETS),
         ("HASH_ROULETTE", effects::ROULETTE),
         ("BRANCH_REFLECTED", effects::REFLECTED),
         ("BRANCH_REFRACTED", effects::REFRACTED),
         ("BRANCH_SCATTERED", effects::SCATTERED),
+        ("BRANCH_LIGHTS", effects::LIGHTS),
         ("MAX_DEPTH", effects::MAX_DEPTH),
         ("MAX_CROSSINGS", effects::MAX_CROSSINGS),
         ("THROUGH_GLASS_ENTRIES", effects::THROUGH_GLASS_ENTRIES),

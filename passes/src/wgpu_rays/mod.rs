@@ -24,6 +24,7 @@ pub use segments::WgpuSegments;
 
 use crate::cpu::{check, may_trace};
 use crate::effects::dielectric::{Variant, check_glass};
+use crate::effects::disc_rays;
 use crate::raster::gpu::device::Gpu;
 use crate::raster::gpu::faults::of_rays;
 use crate::raster::gpu::lend::Lending;
@@ -41,7 +42,9 @@ use curitiba_pipeline::shared::InPlace;
 use images::{Images, Views};
 use kernels::Kernels;
 use launches::{Clock, Work};
-use layout::{COUNT_BYTES, COUNTS_BUFFER_BYTES, POINT_BYTES, Params, RAY_COUNT_KINDS, START_BYTES, TILE};
+use layout::{
+    COUNTS_BUFFER_BYTES, CUT_LOOPS, POINT_BYTES, Params, RAY_COUNT_KINDS, RAY_COUNT_SLOTS, START_BYTES, TILE,
+};
 use programs::{Arithmetic, Kind, Stage};
 use scene::SceneBuffers;
 use split::Split;
@@ -56,6 +59,9 @@ const NAME: &str = "wgpu";
 const BYTES_PER_TRIANGLE: u64 = 550;
 /// Greatest size of the list of points in bytes: three points a pixel for a picture of 1024 x 1024.
 const LIST_BYTES: u64 = 3 * 1024 * 1024 * POINT_BYTES;
+/// Why a picture is thrown away.
+const CUT: &str = "its driver leaves loops that have not ended after some ten thousand steps, and the rays to the discs of lights take more at a \
+                   pixel; set sunsamples lower on the pass, use --backend cpu, or allow it with --fallback cpu";
 /// Greatest depth of paths through bodies of glass on drivers that cut loops: with it, `xml_projects/glass` is complete there; at depth 4
 /// light is missing.
 const CUT_DEPTH: u32 = 2;
@@ -77,8 +83,8 @@ pub struct WgpuRays {
     built: Option<(Arc<RenderScene>, SceneBuffers)>,
     /// The attachments of a rasteriser on the same device, once they are read in place.
     lending: Option<Arc<Lending>>,
-    /// Number of tiles of the next launch, by what the kernels are written for.
-    sizes: HashMap<Kind, Option<u32>>,
+    /// Number of tiles of the next launch, by what the kernels are written for and the number of rays to the discs of lights.
+    sizes: HashMap<(Kind, u32), Option<u32>>,
 }
 
 impl WgpuRays {
@@ -111,7 +117,7 @@ impl WgpuRays {
         let (copy_to, storage) = (wgpu::BufferUsages::COPY_DST, wgpu::BufferUsages::STORAGE);
         let uniform = gpu.buffer("parameters", wgpu::BufferUsages::UNIFORM | copy_to, size_of::<Params>() as u64)?;
         let counts = gpu.buffer("ray counts", storage | copy_to | wgpu::BufferUsages::COPY_SRC, COUNTS_BUFFER_BYTES)?;
-        let counts_staging = gpu.buffer("ray counts", wgpu::BufferUsages::MAP_READ | copy_to, COUNT_BYTES)?;
+        let counts_staging = gpu.buffer("ray counts", wgpu::BufferUsages::MAP_READ | copy_to, COUNTS_BUFFER_BYTES)?;
         Ok(Self {
             kernels: Kernels::new(&gpu, Split::default())?,
             clock: Clock::new(&gpu)?,
@@ -169,7 +175,7 @@ impl WgpuRays {
         };
         let has_levels = self.require_levels(job)?;
         let tables = Tables::of(job, has_levels).map_err(|why| check::missing(NAME, job, &why))?;
-        let kind = Kind::of(job);
+        let (kind, disc_rays) = (Kind::of(job), disc_rays(job));
         let mut stages = programs::stages(kind, tables.params.samples).to_vec();
         if kind.variant.knows_bodies() && job.dielectrics.iter().any(|dielectric| dielectric.shape == Shape::Solid) {
             stages.insert(0, Stage::Eye);
@@ -208,12 +214,13 @@ impl WgpuRays {
         let work = Work {
             kernels: self.kernels.require(&gpu, job, &stages, self.arithmetic)?,
             groups: groups.each_ref(),
+            first_tiles: launches::first_tiles(disc_rays),
             most_tiles,
             counts: &self.counts,
             uniform: &self.uniform,
             doing: &doing,
         };
-        let size = self.sizes.entry(kind).or_default();
+        let size = self.sizes.entry((kind, disc_rays)).or_default();
         let device_time = launches::run(&gpu, self.clock.as_ref(), &work, params, size, progress)?;
         let start = Instant::now();
         let picture = self.images.output(&gpu, job)?;
@@ -225,7 +232,7 @@ impl WgpuRays {
             None => None,
         };
         let held_bytes = self.images.bytes() + words.size() + self.points.size() + COUNTS_BUFFER_BYTES;
-        Ok(RayStats { rays: self.read_counts()?, adaptive: None, upload, read_back, device_time, held_bytes })
+        Ok(RayStats { rays: self.read_counts(job)?, adaptive: None, upload, read_back, device_time, held_bytes })
     }
 
     /// Copies the mip levels of the scene's textures to the device for the first job that asks for them. Returns whether they are there.
@@ -291,7 +298,6 @@ impl WgpuRays {
     fn check(&self, job: &RayJob<'_>) -> Result<(), BackendError> {
         self.supports(job.program, job.fidelity)?;
         check::scene(NAME, job, false)?;
-        check::sun(NAME, job)?;
         check::filter(NAME, job)?;
         check::adaptive(NAME, job)?;
         check_glass(NAME, true, &job.params, job.dielectrics)?;
@@ -305,20 +311,25 @@ impl WgpuRays {
         self.gpu.submit_and_wait(Some(encoder.finish()), "clearing the ray counts")
     }
 
-    fn read_counts(&self) -> Result<RayCounts, BackendError> {
+    fn read_counts(&self, job: &RayJob<'_>) -> Result<RayCounts, BackendError> {
         let descriptor = wgpu::CommandEncoderDescriptor { label: Some("ray counts") };
         let mut encoder = self.gpu.device.create_command_encoder(&descriptor);
-        encoder.copy_buffer_to_buffer(&self.counts, 0, &self.counts_staging, 0, COUNT_BYTES);
-        let mut kinds = [0_u64; RAY_COUNT_KINDS as usize];
+        encoder.copy_buffer_to_buffer(&self.counts, 0, &self.counts_staging, 0, COUNTS_BUFFER_BYTES);
+        let (mut kinds, mut are_cut) = ([0_u64; RAY_COUNT_KINDS as usize], false);
         let doing = "reading the ray counts";
-        self.gpu.read_mapped(&self.counts_staging, COUNT_BYTES, Some(encoder.finish()), doing, |bytes| {
+        self.gpu.read_mapped(&self.counts_staging, COUNTS_BUFFER_BYTES, Some(encoder.finish()), doing, |bytes| {
+            let words: &[u32] = bytemuck::cast_slice(bytes);
+            are_cut = words[CUT_LOOPS as usize] != 0;
             // Two words a sum, the lower one first.
-            let words: &[[u32; 2]] = bytemuck::cast_slice(bytes);
-            for slot in words.chunks_exact(kinds.len()) {
+            let sums = words[..(2 * RAY_COUNT_SLOTS * RAY_COUNT_KINDS) as usize].as_chunks::<2>().0;
+            for slot in sums.chunks_exact(kinds.len()) {
                 let sums = slot.iter().map(|[low, high]| u64::from(*high) << 32 | u64::from(*low));
                 kinds.iter_mut().zip(sums).for_each(|(kind, count)| *kind += count);
             }
         })?;
+        if are_cut {
+            return Err(check::missing(NAME, job, CUT));
+        }
         let [shadow, occlusion, reflected, refracted, certain, lost] = kinds;
         Ok(RayCounts { shadow, occlusion, reflected, refracted, certain, lost, ..RayCounts::default() })
     }
@@ -375,6 +386,10 @@ impl RayBackend for WgpuRays {
             return Err(BackendError::Unsupported { backend: NAME, what, why });
         }
         Ok(())
+    }
+
+    fn traces_sun_discs(&self) -> bool {
+        true
     }
 
     fn traces_cones(&self) -> bool {

@@ -71,8 +71,8 @@ pub enum Stage {
 /// Least number of occlusion rays a point for which rays are settled; fewer are traced directly.
 pub const SETTLED_SAMPLES: u32 = 6;
 
-/// The kernels of a program, in their order. [`Stage::Eye`] comes before them where the camera may be in a body. With several lights points
-/// are listed with what these light of them.
+/// The kernels of a program, in their order. [`Stage::Eye`] comes before them where the camera may be in a body. With several lights or a disc
+/// points are listed with what these light of them.
 pub fn stages(Kind { program, variant, lighting }: Kind, samples: u32) -> &'static [Stage] {
     if variant == Variant::Panes(Fidelity::Thesis) {
         return &[Stage::Whole];
@@ -136,11 +136,11 @@ const GLASS: Text = text!("glass");
 /// Light that arrives through glass; programs with bodies use another text.
 const LIGHT: Text = text!("light");
 
-/// The share of the light that reaches a surface; programs with several lights use another text.
+/// The share of the light that reaches a surface; programs with several lights or a disc use another text.
 const LIGHT_SHARE: Text = text!("light_share");
-/// How points are listed with their light; programs with several lights use another text.
+/// How points are listed with their light; programs with several lights or a disc use another text.
 const LISTED_LIGHT: Text = text!("list_light");
-/// `deferredShadows`; with several lights it is another text.
+/// `deferredShadows`; with several lights or a disc it is another text.
 const SHADOWS: Text = text!("deferredShadows");
 
 /// The texts that all programs share, except for those that depend on the rounding of products or on the lights.
@@ -152,7 +152,7 @@ fn texts(Kind { program, variant, lighting }: Kind, stage: Stage, subgroups: boo
     let mut texts = of_panes(program, stage, subgroups)?;
     if lighting == Lighting::Lights {
         let instead = |text: Text| match text {
-            SHADOWS => vec![text!("lights_share"), text!("lights_shadows")],
+            SHADOWS => vec![text!("sampling"), text!("lights_share"), text!("lights_shadows")],
             LIGHT_SHARE => vec![text!("lights_share"), text!("lights_final")],
             LISTED_LIGHT => vec![text!("list_lights")],
             text => vec![text],

@@ -1,15 +1,16 @@
 //! The data of a pass in addition to the scene: materials, texture sizes, occlusion points, and tables of weights.
 
 use super::layout::{
-    BODY_HEAD, BODY_WORDS, LARGEST_RANGE, LIGHT_CONE, LIGHT_PLACE, LIGHT_WORDS, Params, SHADE_CUT, SHADE_GLASS,
-    SHADE_GLOW, SHADE_NORMAL_MAP, SHADE_SHADOW_GLASS, SHADE_VERTEX_COLORS, SHADE_WORDS, SHAPE_OPAQUE, SHAPE_PANE,
-    SHAPE_SOLID, SHAPE_THIN, TEXTURE_WORDS, VERTEX_COLORS_DISPLAY, VERTEX_COLORS_LINEAR, VERTEX_COLORS_NONE,
-    WRAP_CLAMP, WRAP_MIRROR, WRAP_REPEAT,
+    BODY_HEAD, BODY_WORDS, LARGEST_RANGE, LIGHT_CONE, LIGHT_HEAD, LIGHT_PLACE, LIGHT_WORDS, Params, SHADE_CUT,
+    SHADE_GLASS, SHADE_GLOW, SHADE_NORMAL_MAP, SHADE_SHADOW_GLASS, SHADE_VERTEX_COLORS, SHADE_WORDS, SHAPE_OPAQUE,
+    SHAPE_PANE, SHAPE_SOLID, SHAPE_THIN, TEXTURE_WORDS, VERTEX_COLORS_DISPLAY, VERTEX_COLORS_LINEAR,
+    VERTEX_COLORS_NONE, WRAP_CLAMP, WRAP_MIRROR, WRAP_REPEAT,
 };
 use crate::effects::constants::{MAX_DEPTH, NO_TEXTURE, THROUGH_GLASS, THROUGH_GLASS_ENTRIES};
 use crate::effects::dielectric::{facets, spectrum};
-use crate::effects::{Lighting, Preparation};
+use crate::effects::{LightTable, Preparation};
 use crate::sampling::HemisphereSampler;
+use crate::sampling::cone::ConeSampler;
 use curitiba_pipeline::backend::{Cone, Light, RayJob, Shade};
 use curitiba_pipeline::color::{ColorSpace, DECODED};
 use curitiba_pipeline::glass::{CutoffColor, Dielectric, GlassShadow, Reflectance, Roulette, Shape, Stratum};
@@ -29,7 +30,7 @@ impl Tables {
     /// # Errors
     /// If the number of samples is not valid; the message says why.
     pub fn of(job: &RayJob<'_>, has_levels: bool) -> Result<Self, String> {
-        let Preparation { sampler, open_share, to_light, light_color, disc: _ } = Preparation::of(job)?;
+        let Preparation { sampler, open_share, to_light, light_color, disc } = Preparation::of(job)?;
         let (strata, points) = match sampler {
             None => (0, Vec::new()),
             Some(HemisphereSampler::Strata { side }) => (side, Vec::new()),
@@ -57,7 +58,13 @@ impl Tables {
             part(bodies(job, [strata_at, facets_at]))
         };
         // Never at 0, which means one directional light.
-        let lights_at = if Lighting::of(job) == Lighting::Lights { part(lights(job)) } else { 0 };
+        let lights_at = match LightTable::of(job) {
+            Some(table) => {
+                let disc_at = part(disc.as_ref().map_or(Vec::new(), |disc| disc.points().as_flattened().to_vec()));
+                part(lights(job, &table, (disc.as_ref(), disc_at)))
+            }
+            None => 0,
+        };
         let cut = job.fidelity == Fidelity::Corrected && job.shades.iter().any(|shade| shade.alpha_cutoff.is_some());
         let params = Params {
             eye: job.eye.to_array(),
@@ -149,10 +156,14 @@ fn shades(job: &RayJob<'_>) -> Vec<u32> {
     job.shades.iter().enumerate().flat_map(shade).collect()
 }
 
-/// The number of lights, the lights, and of each material what its texture adds to them (`programs/lights.wgsl`).
-fn lights(job: &RayJob<'_>) -> Vec<u32> {
+/// What the programs know of all lights ([`LIGHT_HEAD`]), the lights, and of each material what its texture adds to them
+/// (`programs/lights.wgsl`). `disc_at` is the place of the points of the discs.
+fn lights(job: &RayJob<'_>, table: &LightTable, (disc, disc_at): (Option<&ConeSampler>, u32)) -> Vec<u32> {
+    let (samples, height) = disc.map_or((0, 0.0), |disc| (disc.samples(), disc.height()));
+    let head: [u32; LIGHT_HEAD as usize] =
+        [table.lights.len() as u32, table.hidden.to_bits(), samples, height.to_bits(), disc_at];
     let emissions = job.shades.iter().flat_map(|shade| shade.emission.truncate().to_array()).map(f32::to_bits);
-    [job.lights.len() as u32].into_iter().chain(job.lights.iter().flat_map(light)).chain(emissions).collect()
+    head.into_iter().chain(table.lights.iter().flat_map(light)).chain(emissions).collect()
 }
 
 fn light(light: &Light) -> [u32; LIGHT_WORDS as usize] {

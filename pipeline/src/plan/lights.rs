@@ -196,19 +196,21 @@ impl Plan {
                         remedy,
                     ))
                 };
-                if program.asks_of_sun(params).is_some() {
-                    return refused(
-                        format!("sun={}", params.sun),
-                        "set sun=0 on the pass, or leave one light with a direction in it",
-                    );
+                // What is filtered is one share for all colours.
+                if let Some(asked) = program.asks_of_filter(params) {
+                    return refused(asked, "set filter=0 on the pass, or leave one light with a direction in it");
                 }
                 if program.info().reads("shadow") && params.shadow == GlassShadow::Caustic {
                     return refused("shadow=caustic".to_owned(), "set shadow=straight or shadow=report on the pass");
                 }
             }
             let why = match shaded {
-                Shaded::Traced(program, _) if program.info().names("any_hit_shadow") => {
-                    format!("{words}; a shadow ray for each whose light arrives at a point")
+                Shaded::Traced(program, params) if program.info().names("any_hit_shadow") => {
+                    let rays = match program.info().sun_samples(params) {
+                        0 => String::new(),
+                        rays => format!(", {rays} to the disc of each with a direction"),
+                    };
+                    format!("{words}; a shadow ray for each whose light arrives at a point{rays}")
                 }
                 _ => format!("{words}; their light is added"),
             };

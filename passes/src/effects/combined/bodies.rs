@@ -3,10 +3,11 @@
 use super::corrected::{self, Side};
 use crate::effects::dielectric::{AllWays, Lit, Media, Sample, Walk, Ways};
 use crate::effects::light::SHADOWED;
+use crate::effects::lights::Way;
 use crate::effects::surface::{FootprintOf, Surface};
 use crate::effects::tile_surfaces::Known;
 use crate::effects::{Area, Coverage, Pass, Pixel, Workspace, opaque};
-use crate::trace::{Hit, Ray, Tracer};
+use crate::trace::{Hit, Tracer};
 use curitiba_pipeline::glass::GlassShadow;
 use glam::{Vec3, Vec4};
 
@@ -87,8 +88,11 @@ fn visible<T: Tracer, C: Coverage>(
     let mut light = match known.light {
         Some(share) => Vec3::splat(share),
         None if pass.has_lights() => {
-            let straight = |ray: &Ray, work: &mut Workspace| pass.straight_along(ray, 1.0, None, work);
-            pass.share_of_lights(&corrected::asked(surface, side), work, |hit| pass.stops_light(hit), straight)
+            let straight = |way: &Way<'_>, work: &mut Workspace| match way {
+                Way::Ray(ray) => pass.straight_along(ray, 1.0, None, work),
+                Way::Disc(disc) => pass.straight_over(disc, work),
+            };
+            pass.share_of_lights(&corrected::asked(surface, side, key), work, |hit| pass.stops_light(hit), straight)
         }
         None => pass.straight_light(surface, (side.facing, side.id), key, work),
     };

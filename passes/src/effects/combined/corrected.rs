@@ -1,12 +1,12 @@
 //! The program with every numbered difference mended.
 
 use crate::effects::light::SHADOWED;
-use crate::effects::lights::{Asked, Shading};
+use crate::effects::lights::{Asked, Shading, Way};
 use crate::effects::refraction::corrected::{Glass, Seen};
 use crate::effects::surface::{FootprintOf, Surface};
 use crate::effects::tile_surfaces::{Known, prepare_light};
 use crate::effects::{Area, Coverage, Pass, Pixel, Workspace, opaque, tile_occlusion};
-use crate::trace::{Hit, Ray, Tracer};
+use crate::trace::{Hit, Tracer};
 use glam::{Vec3, Vec4};
 
 /// The colour of glass, or else the shadowed and occluded colour; alpha 1. Background pixels keep their colour.
@@ -81,8 +81,8 @@ pub(super) fn met(hit: &Hit, surface: &Surface) -> Shading {
 }
 
 /// What a side of a surface asks of several lights.
-pub(super) fn asked<'s>(surface: &'s Surface, Side { facing, id, shading }: Side) -> Asked<'s> {
-    Asked { point: surface.point(), facing, id, shading }
+pub(super) fn asked<'s>(surface: &'s Surface, Side { facing, id, shading }: Side, key: u32) -> Asked<'s> {
+    Asked { point: surface.point(), facing, id, shading, key }
 }
 
 /// A colour times the light's share and the ambient occlusion. What `known` lacks of the two is computed, on a side of the surface. Black
@@ -100,8 +100,8 @@ pub(super) fn visible<T: Tracer, C: Coverage>(
     }
     if pass.has_lights() && known.light.is_none() {
         let stops = |hit: &Hit| pass.stops_light(hit);
-        let passes = |ray: &Ray, work: &mut Workspace| pass.passes_along(ray, work);
-        let light = pass.share_of_lights(&asked(surface, side), work, stops, passes);
+        let passes = |way: &Way<'_>, work: &mut Workspace| pass.passes(way, work);
+        let light = pass.share_of_lights(&asked(surface, side, key), work, stops, passes);
         let open = known.occlusion.unwrap_or_else(|| pass.occlusion(surface, key, work, stops));
         return color * light * open;
     }

@@ -2,7 +2,7 @@
 
 use super::light::{is_lit, side};
 use crate::effects::interpolate::{interpolate, locate};
-use crate::effects::lights::{Asked, Shading};
+use crate::effects::lights::{Asked, Shading, Way};
 use crate::effects::{Coverage, LevelZero, Pass, Pixel, Workspace, opaque};
 use crate::trace::{Hit, Purpose, SurfacePoint, Tracer};
 use glam::Vec3;
@@ -14,13 +14,20 @@ pub fn pixel<T: Tracer, C: Coverage>(pass: &Pass<'_, T, C>, pixel: Pixel, work: 
     let facing = point.normal * side(pass, id, &point);
     let shading = Shading { normal: normal(pass, id, &point), hit: None };
     let share = pass.share_of_lights(
-        &Asked { point: &point, facing, id, shading },
+        &Asked { point: &point, facing, id, shading, key: pass.key(pixel) },
         work,
         |hit| pass.covers(hit),
-        |ray, work| {
-            work.rays.shadow += 1;
-            pass.announce_visibility(Purpose::Shadow, 1.0);
-            Vec3::splat(if pass.tracer.occluded(ray, |hit| pass.covers(hit)) { 0.0 } else { 1.0 })
+        |way, work| match way {
+            Way::Ray(ray) => {
+                work.rays.shadow += 1;
+                pass.announce_visibility(Purpose::Shadow, 1.0);
+                Vec3::splat(if pass.tracer.occluded(ray, |hit| pass.covers(hit)) { 0.0 } else { 1.0 })
+            }
+            Way::Disc(disc) => {
+                let buffers = (&mut work.disc, &mut work.rays.shadow);
+                let covers = |hit: &Hit| pass.covers(hit);
+                Vec3::splat(pass.disc_share((disc, 0.0), buffers, covers, |_, hit, _| pass.covers(hit)))
+            }
         },
     );
     opaque(share)

@@ -5,7 +5,7 @@ use super::slab::{kept_across, slab};
 use crate::effects::interpolate::interpolate;
 use crate::effects::light::{SHADOWED, THROUGH_GLASS};
 use crate::effects::optics::interface_of;
-use crate::effects::sun::LitSide;
+use crate::effects::sun::{Disc, LitSide};
 use crate::effects::surface::Surface;
 use crate::effects::{Coverage, LevelZero, Pass, Workspace};
 use crate::trace::{Hit, Purpose, Ray, Tracer};
@@ -26,16 +26,19 @@ impl<T: Tracer, C: Coverage> Pass<'_, T, C> {
         key: u32,
         work: &mut Workspace,
     ) -> Vec3 {
-        let Some(disc) = &self.disc else {
+        let (facing, triangle) = side;
+        let Some(disc) = self.disc_of_sun(key, LitSide { point: surface.point(), facing, triangle }) else {
             let Some(origin) = self.light_origin(surface, side, work) else { return Vec3::splat(SHADOWED) };
             return SHADOWED + (1.0 - SHADOWED) * self.straight_along(&self.light_ray(origin), 1.0, None, work);
         };
-        let ((facing, triangle), weight) = (side, 1.0 / disc.samples() as f32);
-        let side = LitSide { point: surface.point(), facing, triangle };
-        let (mut rays, mut sum) = (0, Vec3::ZERO);
+        SHADOWED + (1.0 - SHADOWED) * self.straight_over(&disc, work)
+    }
+
+    /// The share of a disc's light that comes straight to a surface, by colour: the mean of [`Self::straight_along`].
+    pub(in crate::effects) fn straight_over(&self, disc: &Disc<'_>, work: &mut Workspace) -> Vec3 {
+        let (weight, mut rays, mut sum) = (disc.weight(), 0, Vec3::ZERO);
         self.to_disc(
-            (disc, key),
-            side,
+            disc,
             &mut rays,
             |hit| self.stops_light(hit),
             |origin, direction| {
@@ -44,7 +47,7 @@ impl<T: Tracer, C: Coverage> Pass<'_, T, C> {
             },
         );
         work.rays.shadow += rays;
-        SHADOWED + (1.0 - SHADOWED) * weight * sum
+        weight * sum
     }
 
     /// The share of light that comes along a ray, by colour: 0 where something opaque is in the way, or glass that sends the light elsewhere.

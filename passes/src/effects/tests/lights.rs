@@ -1,5 +1,6 @@
 //! Several lights, and lights with a place, against closed forms: the share of a floor's colour that shadows leave.
 
+use super::sun::open_beyond_plane;
 use super::world::{SUN_COLOR, Shot, World, assert_close, grid};
 use crate::effects::Preparation;
 use curitiba_pipeline::backend::{Cone, Light, Sun};
@@ -33,10 +34,14 @@ fn points() -> impl Iterator<Item = Vec3> + Clone {
 
 /// The shares that `deferredShadows` writes for points of the floor, which nothing may cover.
 fn shares(world: &World, targets: impl IntoIterator<Item = Vec3>) -> Vec<Vec4> {
+    shares_of(world, targets, RayParams::default())
+}
+
+fn shares_of(world: &World, targets: impl IntoIterator<Item = Vec3>, params: RayParams) -> Vec<Vec4> {
     let mut seen = floor(&world.lights);
     seen.sun = world.sun;
     let shot = Shot::of(&seen, EYE, targets).in_world(world);
-    let (pixels, _) = shot.run(DeferredShadows, Corrected, RayParams::default());
+    let (pixels, _) = shot.run(DeferredShadows, Corrected, params);
     pixels.into_iter().map(Vec4::from_array).collect()
 }
 
@@ -212,6 +217,83 @@ fn what_rays_meet_is_lit_by_all_lights() {
     }
 }
 
+fn sun(direction: Vec3, color: Vec3) -> Light {
+    Light { place: None, direction: direction.normalize(), attenuation: [1.0, 0.0, 0.0], ..lamp(Vec3::ZERO, color) }
+}
+
+/// A floor of these lights under a roof whose edge is the line x = 0, z = 1.
+fn roofed(lights: &[Light]) -> World {
+    let mut world = floor(lights);
+    world.quad(0, Vec3::new(-20.0, 0.0, 1.0), Vec3::X * 20.0, Vec3::Y * 20.0);
+    world
+}
+
+#[test]
+fn of_each_directional_light_the_part_of_its_disc_is_seen_that_an_edge_leaves() {
+    // Both penumbrae are where nothing covers the floor.
+    let directions = [Vec3::new(-0.5, 0.1, -1.0), Vec3::new(-0.3, 0.4, -1.0)];
+    let lights = [sun(directions[0], Vec3::X * 0.7), sun(directions[1], Vec3::Z * 0.9)];
+    let params = RayParams { sun: 20.0, sun_samples: 256, ..RayParams::default() };
+    let targets = || grid(24, Vec3::new(-0.35, 0.3, 0.0), Vec3::X * 0.3, Vec3::Y * 0.2);
+    // From the side, below the roof.
+    let look = |world: &World, program: RayProgram, params: RayParams| {
+        let shot = Shot::of(world, Vec3::new(3.0, 0.3, 0.8), targets());
+        let color = shot.color.clone();
+        (color, shot.run(program, Corrected, params))
+    };
+    let world = roofed(&lights);
+    let (color, (soft, rays)) = look(&world, DeferredShadows, params);
+    assert_eq!(rays.shadow, 2 * 24 * 24 * 256);
+    let half = 10f64.to_radians();
+    for (channel, light) in [(0, &lights[0]), (2, &lights[1])] {
+        let towards = -light.direction.as_dvec3();
+        let (mut squares, mut partly) = (0.0, 0);
+        for (target, share) in targets().zip(&soft) {
+            assert_eq!(share[1], 1.0, "no light is green");
+            let arrives = f64::from(light.color[channel]) * towards.z;
+            let seen = (f64::from(share[channel]) * (AMBIENT + arrives) - AMBIENT) / arrives;
+            // The plane through the point and the edge, with its normal towards the open side.
+            let normal = DVec3::new(1.0, 0.0, f64::from(target.x)).normalize();
+            let expected = open_beyond_plane(normal.dot(towards).asin(), half);
+            squares += (seen - expected).powi(2);
+            partly += usize::from((0.05..0.95).contains(&expected));
+        }
+        let error = (squares / 576.0).sqrt();
+        assert!(error < 0.008 && partly > 150, "channel {channel}: {error}, {partly} in the penumbra");
+    }
+    // `final` has the product, with each kind of shadow; there is no glass.
+    for shadow in [GlassShadow::Report, GlassShadow::Straight] {
+        let mut world = roofed(&lights);
+        world.bodies = true;
+        let (_, (combined, rays)) = look(&world, Final, RayParams { shadow, samples: 0, ..params });
+        assert_eq!(rays.shadow, 2 * 24 * 24 * 256);
+        for ((color, combined), share) in color.iter().zip(combined).zip(&soft) {
+            assert_close(combined, (Vec4::from(*color) * Vec4::from(*share)).truncate(), 1e-6, "the product");
+        }
+    }
+    // Two lights of one direction have samples of their own.
+    let twins = roofed(&[lights[0], sun(directions[0], Vec3::Z * 0.7)]);
+    let (_, (soft, _)) = look(&twins, DeferredShadows, RayParams { sun_samples: 4, ..params });
+    assert!(soft.iter().filter(|share| share[0] != share[2]).count() > 100);
+}
+
+#[test]
+fn discs_that_are_points_give_the_hard_shadows_of_several_lights_and_lamps_are_points() {
+    let lights = [
+        sun(Vec3::new(-0.5, 0.1, -1.0), Vec3::new(0.4, 0.3, 0.1)),
+        lamp(Vec3::new(1.5, 0.0, 4.0), Vec3::new(2.0, 3.0, 4.0)),
+        sun(Vec3::new(0.3, 0.2, -1.0), Vec3::splat(0.2)),
+    ];
+    let mut world = floor(&lights);
+    world.quad(0, Vec3::Z * 2.0, Vec3::X * 0.5, Vec3::Y * 0.5);
+    let soft = |degrees| RayParams { sun: degrees, sun_samples: 16, ..RayParams::default() };
+    let hard = shares(&world, points());
+    assert_eq!(shares_of(&world, points(), soft(f32::MIN_POSITIVE)), hard);
+    assert!(shares_of(&world, points(), soft(6.0)) != hard, "a disc of visible size is seen");
+    world.lights = vec![lights[1]];
+    assert_eq!(shares_of(&world, points(), soft(6.0)), shares(&world, points()), "a lamp has no disc");
+}
+
 #[test]
 fn what_is_not_known_of_several_lights_is_refused() {
     let world = floor(&[lamp(Vec3::Z, Vec3::ONE)]);
@@ -223,7 +305,7 @@ fn what_is_not_known_of_several_lights_is_refused() {
     };
     let plain = RayParams::default();
     refused(DeferredShadows, Thesis, plain);
-    refused(DeferredShadows, Corrected, RayParams { sun: 1.0, ..plain });
+    refused(DeferredShadows, Corrected, RayParams { sun: 1.0, filter: 1, ..plain });
     refused(Final, Corrected, RayParams { shadow: GlassShadow::Caustic, ..plain });
     refused(Whitted, Corrected, plain);
     let job = shot.job(DeferredShadows, Corrected, plain);

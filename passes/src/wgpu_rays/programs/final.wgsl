@@ -7,7 +7,7 @@ fn visible(color: vec3f, surface: Surface, lit_side: vec3f, triangle: u32, key: 
     return sep3(color * light) * occlusion(ACCEPT_STOPS, surface, key);
 }
 fn seen_through(hit: Hit, surface: Surface, key: u32, weight: Weight⟨, footprint: f32⟩) -> vec3f {
-    shaded_as_met(hit, surface);
+    shaded_as_met(hit, surface, key);
     return weight * visible(met_color(hit, surface⟨, footprint⟩), surface, surface.facing, hit.triangle, key);
 }
 
@@ -34,7 +34,7 @@ fn corrected(pixel: Pixel) -> vec4f {
     let key = pixel_key(pixel);
     if is_glass(triangle) { return opaque(glass_color(pixel, triangle, surface, view, key) + missed_color()); }
     let lit_side = select(surface.facing, -surface.facing, dot3(stored, surface.facing) < 0.0);
-    shaded_as_seen(stored);
+    shaded_as_seen(stored, key);
     return opaque(visible(color.xyz, surface, lit_side, triangle, key));
 }
 

@@ -15,7 +15,7 @@ fn seen_through(hit: Hit, surface: Surface, key: u32, weight: Weight⟨, footpri
         head = NO_ROOM;
         return vec3f(0.0);
     }
-    shaded_as_met(hit, surface);
+    shaded_as_met(hit, surface, key);
     put_lit_point(place, surface, surface.facing, hit.triangle, key, weight_left(weight), color);
     if head == NONE { head = place; } else { points[POINT * last + 3u].w = place; }
     last = place;
@@ -41,7 +41,7 @@ fn list(pixel: Pixel, slot: u32) {
         return;
     }
     let lit_side = select(surface.facing, -surface.facing, dot3(stored, surface.facing) < 0.0);
-    shaded_as_seen(stored);
+    shaded_as_seen(stored, key);
     put_lit_point(slot, surface, lit_side, triangle, key, 1.0, stored_color(pixel).xyz);
 }
 fn list_nothing(slot: u32) { put_nothing(slot, NONE); }

@@ -1,4 +1,5 @@
-// Several lights, and lights with a place: what arrives of them at a surface (`effects/lights.rs` and `backend/light.rs`).
+// Several lights, lights with a place, and directional lights that are discs: what arrives of them at a surface (`effects/lights.rs` and
+// `backend/light.rs`).
 
 // A light (`layout.rs`).
 struct Light {
@@ -13,15 +14,19 @@ struct Light {
     outer: f32,
 }
 fn light_count() -> u32 { return tables[params.lights_at]; }
+// What arrives of a light where something opaque is in the way: above 0 of a single directional light.
+fn in_shadow() -> f32 { return table_number(params.lights_at + 1u); }
+// Number of rays to the disc of each directional light; 0 where they are points.
+fn disc_samples() -> u32 { return tables[params.lights_at + 2u]; }
 fn light_at(index: u32) -> Light {
-    let place = params.lights_at + 1u + LIGHT_WORDS * index;
+    let place = params.lights_at + LIGHT_HEAD + LIGHT_WORDS * index;
     return Light(table_vector(place), tables[place + 3u], table_vector(place + 4u), table_number(place + 7u),
                  table_vector(place + 8u), table_number(place + 11u), table_vector(place + 12u), table_number(place + 15u),
                  table_number(place + 16u));
 }
 // What a textured material adds to the light that is seen on it.
 fn emission_of(triangle: u32) -> vec3f {
-    return table_vector(params.lights_at + 1u + LIGHT_WORDS * light_count() + 3u * mesh_at(params.materials_at + triangle));
+    return table_vector(params.lights_at + LIGHT_HEAD + LIGHT_WORDS * light_count() + 3u * mesh_at(params.materials_at + triangle));
 }
 
 // The share of a spot light at an angle of this cosine from its axis.
@@ -61,7 +66,6 @@ var<private> light_length: f32;
 fn to_light() -> vec3f { return light_direction; }
 fn light_end() -> f32 { return light_length; }
 fn way_left(gone: f32) -> f32 { return light_length - gone; }
-const IN_SHADOW: f32 = 0.0;
 
 // The colour of a surface that a ray met.
 fn met_color(hit: Hit, surface: Surface⟨, footprint: f32⟩) -> vec3f {
@@ -76,11 +80,13 @@ fn met_color(hit: Hit, surface: Surface⟨, footprint: f32⟩) -> vec3f {
     return shining_color(hit, shade, sum⟨, footprint⟩);
 }
 
-// By which normal the next surface is shaded whose light is asked for; and where a ray met it, or else the camera sees it.
-struct Shading { normal: vec3f, is_met: bool, hit: Hit }
+// By which normal the next surface is shaded whose light is asked for, and the key of its random numbers; and where a ray met it, or else the
+// camera sees it.
+struct Shading { normal: vec3f, key: u32, is_met: bool, hit: Hit }
 var<private> shading: Shading;
-fn shaded_as_seen(normal: vec3f) {
+fn shaded_as_seen(normal: vec3f, key: u32) {
     shading.normal = normal;
+    shading.key = key;
     shading.is_met = false;
 }
-fn shaded_as_met(hit: Hit, surface: Surface) { shading = Shading(surface.normal, true, hit); }
+fn shaded_as_met(hit: Hit, surface: Surface, key: u32) { shading = Shading(surface.normal, key, true, hit); }

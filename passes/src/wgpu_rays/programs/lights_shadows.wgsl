@@ -1,9 +1,10 @@
-// `deferredShadows` of several lights, and of lights with a place: what shadows leave of the colour, by colour.
+// `deferredShadows` of several lights, and of lights with a place: what shadows leave of the colour, by colour. Of a single light that is a
+// disc: its share, 0.5 where all of it is hidden.
 
 fn light_reaches(origin: vec3f) -> vec3f {
     count(SHADOW);
     let blocked = occluded(ACCEPT_COVERED, Ray(origin, to_light(), 0.0, light_end()));
-    return vec3f(select(1.0, 0.0, blocked));
+    return vec3f(select(1.0, in_shadow(), blocked));
 }
 // The shading normal of a point that the camera sees, which the program is not handed. Normal maps are read at level 0.
 fn normal_of(point: SurfacePoint, hit: Hit) -> vec3f {
@@ -22,7 +23,7 @@ fn corrected(pixel: Pixel) -> vec4f {
         side = normal_at(hit);
         normal = normal_of(point, hit);
     }
-    shaded_as_seen(normal);
+    shaded_as_seen(normal, pixel_key(pixel));
     let facing = point.normal * with_sign(1.0, dot3(point.normal, side));
     return opaque(share_of_lights(ACCEPT_COVERED, point, facing, triangle));
 }

@@ -11,9 +11,84 @@ fn light_cosine(shade: Shade, triangle: u32, position: vec3f, towards: vec3f) ->
     return clamp(dot3(towards, shading.normal), 0.0, 1.0);
 }
 
-// By colour, what shadows leave at a point of a triangle on the side of the unit normal `facing`. `accept` says which hits cut a point off
-// from the round surface that its triangle stands for.
+// A direction to the disc of a light: uniform in the solid angle of a cone around the basis's normal (`sampling/cone.rs`).
+fn disc_direction(sample: u32, seeds: vec2u, basis: Basis) -> vec3f {
+    let place = tables[params.lights_at + 4u] + 2u * sample;
+    let point = vec2f(unit_of(scramble_reversed(tables[place], seeds.x)), unit_of(scramble_reversed(tables[place + 1u], seeds.y)));
+    let height = table_number(params.lights_at + 3u);
+    let disk = concentric_disk(point);
+    let below = sep((sep(disk.x * disk.x) + sep(disk.y * disk.y)) * height);
+    let stretch = sep(sqrt(sep(height * (2.0 - below))));
+    return to_world(basis, vec3f(sep(disk.x * stretch), sep(disk.y * stretch), 1.0 - below));
+}
+// The key of the random numbers of a light.
+fn light_key(number: u32) -> u32 {
+    if number == 0u { return shading.key; }
+    return path_key(shading.key, BRANCH_LIGHTS + number);
+}
+
+// Notes where the driver has left a loop before its end: from then on it leaves each loop after one step.
+fn note_cut_loops() {
+    var steps = 0u;
+    while steps < 2u + params.zero { steps += 1u; }
+    if steps < 2u { atomicStore(&ray_counts[CUT_LOOPS], 1u); }
+}
+
+// By colour, what reaches a point of a light in the direction `towards`: of a disc the mean over it. A direction from which the side is dark
+// brings what is in shadow, without a ray. What cuts the point off from the round surface that its triangle stands for is asked once.
+fn light_seen(accept: u32, point: SurfacePoint, facing: vec3f, triangle: u32, light: Light, towards: vec3f, number: u32) -> vec3f {
+    let has_place = (light.flags & LIGHT_PLACE) != 0u;
+    let is_disc = disc_samples() > 0u && !has_place;
+    var samples = 1u;
+    var basis: Basis;
+    var seeds: vec2u;
+    if is_disc {
+        samples = disc_samples();
+        basis = basis_around(towards);
+        seeds = dimensions(light_key(number), HASH_DISC);
+    }
+    var is_asked = false;
+    var is_open = false;
+    var raised = vec3f(0.0);
+    var sum = vec3f(0.0);
+    for (var sample = 0u; sample < samples; sample += 1u) {
+        light_direction = towards;
+        if is_disc { light_direction = disc_direction(sample, seeds, basis); }
+        var origin = raised;
+        if dot3(facing, light_direction) > 0.0 {
+            origin = spawn(point, light_direction);
+        } else {
+            let way = lifted(triangle, point, facing);
+            let is_dark = all(way == vec3f(0.0));
+            if !is_dark && !is_asked {
+                let start = spawn(point, facing);
+                is_asked = true;
+                is_open = !is_cut_off(accept, start, way);
+                raised = sep3(start + way);
+            }
+            if is_dark || !is_open {
+                sum += vec3f(in_shadow());
+                continue;
+            }
+            origin = raised;
+        }
+        light_length = HUGE;
+        if has_place {
+            let way = light.place - origin;
+            light_length = sep(sqrt(dot3(way, way))) * (1.0 - BEFORE_LIGHT);
+            light_direction = normalize_or(way, towards);
+        }
+        sum += light_reaches(origin);
+    }
+    if !is_disc { return sum; }
+    note_cut_loops();
+    return sum / f32(samples);
+}
+
+// By colour, what shadows leave at a point of a triangle on the side of the unit normal `facing`: the share of a single directional light, or
+// of what all lights make of the surface. `accept` says which hits cut a point off from the round surface that its triangle stands for.
 fn share_of_lights(accept: u32, point: SurfacePoint, facing: vec3f, triangle: u32) -> vec3f {
+    let is_alone = in_shadow() > 0.0;
     let shade = shade_of(triangle);
     var whole = vec3f(0.0);
     var left = vec3f(0.0);
@@ -21,28 +96,15 @@ fn share_of_lights(accept: u32, point: SurfacePoint, facing: vec3f, triangle: u3
         let light = light_at(index);
         let arrives = arriving(light, point.position);
         if arrives.factor <= 0.0 { continue; }
-        let color = sep3(light.color * sep(arrives.factor * light_cosine(shade, triangle, point.position, arrives.towards)));
-        if all(color == vec3f(0.0)) { continue; }
-        whole += color;
-        light_direction = arrives.towards;
-        var origin: vec3f;
-        if dot3(facing, arrives.towards) > 0.0 {
-            origin = spawn(point, arrives.towards);
-        } else {
-            let way = lifted(triangle, point, facing);
-            let start = spawn(point, facing);
-            if all(way == vec3f(0.0)) { continue; }
-            if is_cut_off(accept, start, way) { continue; }
-            origin = sep3(start + way);
+        var color = vec3f(1.0);
+        if !is_alone {
+            color = sep3(light.color * sep(arrives.factor * light_cosine(shade, triangle, point.position, arrives.towards)));
+            if all(color == vec3f(0.0)) { continue; }
+            whole += color;
         }
-        light_length = HUGE;
-        if (light.flags & LIGHT_PLACE) != 0u {
-            let way = light.place - origin;
-            light_length = sep(sqrt(dot3(way, way))) * (1.0 - BEFORE_LIGHT);
-            light_direction = normalize_or(way, arrives.towards);
-        }
-        left += sep3(color * light_reaches(origin));
+        left += sep3(color * light_seen(accept, point, facing, triangle, light, arrives.towards, index));
     }
+    if is_alone { return left; }
     var ambient = AMBIENT * shade.diffuse;
     if shade.texture != NO_TEXTURE {
         ambient = vec3f(AMBIENT);

@@ -52,7 +52,8 @@ struct Params {
     // The cone of a pixel: its width at the eye, and by how much it grows for each scene unit.
     cone_width: f32,
     cone_spread: f32,
-    // Offset in `tables` of the lights of a pass that has several, or one with a place; 0 where it has one directional light.
+    // Offset in `tables` of the lights of a pass that has several, one with a place or a disc; 0 where it has one directional light that is a
+    // point.
     lights_at: u32,
 }
 

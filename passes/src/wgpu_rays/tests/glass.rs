@@ -134,7 +134,7 @@ fn bodies_walls_and_panes_show_what_the_processors_do() {
 }
 
 #[test]
-fn light_of_several_lights_falls_through_glass_as_on_the_processor() {
+fn light_of_several_lights_and_of_discs_falls_through_glass_as_on_the_processor() {
     if rays().is_none_or(|rays| rays.gpu.adapter.kind == AdapterKind::Software) {
         println!("skipped: software drivers take a minute to compile `final` with bodies");
         return;
@@ -148,6 +148,13 @@ fn light_of_several_lights_falls_through_glass_as_on_the_processor() {
     let report = auto(2, GlassShadow::Report, 0);
     let (dimmed, _) = picture_on(&mut CpuRays::new(), &world, eye, RayProgram::Final, report);
     assert!(differing(&found, &dimmed, 0.01) > 4 * FEW, "what glass takes of light is not seen");
+    // Discs, of several lights and of one.
+    let soft = RayParams { sun: 8.0, sun_samples: 4, ..params };
+    for world in [world, several()] {
+        let Some([found, expected]) = both(&world, eye, RayProgram::Final, soft) else { return };
+        let off = differing(&found, &expected, 0.01);
+        assert!(off <= FEW, "{} lights that may be discs: {off} pixels are off", world.lights.len());
+    }
 }
 
 /// Where glass is rough or bends colours apart, and how: tinted block, veiled block, wall.

@@ -1,6 +1,7 @@
-//! Several lights, and lights with a place, compared with the processor's.
+//! Several lights, lights with a place, and lights that are discs, compared with the processor's.
 
-use super::pictures::{both_of, differing, world};
+use super::pictures::{both_of, both_on, differing, world};
+use super::rays;
 use crate::effects::tests::world::{Shot, World, grid};
 use curitiba_pipeline::backend::{Cone, Light};
 use curitiba_pipeline::programs::{Fidelity, RayParams, RayProgram, TextureLod};
@@ -92,8 +93,43 @@ fn mirrors_show_what_several_lights_light() {
     shows_each_light(&found, RayProgram::Reflection, cones);
 }
 
+/// The lamps with a second directional light.
+fn two_suns() -> Vec<Light> {
+    let mut lights = lamps();
+    let direction = Vec3::new(-0.5, -1.0, -0.2).normalize();
+    lights.push(Light { direction, color: Vec3::new(0.1, 0.2, 0.5), ..lights[0] });
+    lights
+}
+
+fn soft(sun_samples: u32) -> RayParams {
+    RayParams { sun: 8.0, sun_samples, ..RayParams::default() }
+}
+
+#[test]
+fn discs_throw_the_soft_shadows_of_the_processor() {
+    let (program, fidelity) = (RayProgram::DeferredShadows, Fidelity::Corrected);
+    for world in [world(), lit_by(lamps()), lit_by(two_suns())] {
+        let shot = shot(&world);
+        let Some([found, expected]) = both_of(&world, &shot, program, fidelity, soft(9)) else { return };
+        let count = world.lights.len();
+        let off = differing(&found, &expected, 0.01);
+        assert!(off <= FEW, "{count} lights: {off} pixels are off");
+        let (hard, _) = shot.run_on(&world.tree(), &shot.job(program, fidelity, RayParams::default()));
+        let changed = differing(&found, &hard, 0.01);
+        assert!(changed > 20 * FEW, "{count} lights: {changed} pixels are in a penumbra");
+    }
+}
+
 /// In several kernels, of which the last contains everything that a single one would.
 #[test]
-fn all_effects_together_know_several_lights() {
-    agrees(RayProgram::Final, RayParams { samples: 9, radius: 1.5, ..RayParams::default() });
+fn all_effects_together_know_several_lights_and_discs() {
+    let Some(mut rays) = rays() else { return };
+    let hard = RayParams { samples: 9, radius: 1.5, ..RayParams::default() };
+    let soft = RayParams { sun: 8.0, sun_samples: 4, ..hard };
+    for (world, params) in [(lit_by(lamps()), hard), (lit_by(two_suns()), soft), (world(), soft)] {
+        let shot = shot(&world);
+        let [found, expected] = both_on(&mut rays, &world, &shot, RayProgram::Final, Fidelity::Corrected, params);
+        let off = differing(&found, &expected, 0.01);
+        assert!(off <= FEW, "{} lights, sun {}: {off} pixels are off", world.lights.len(), params.sun);
+    }
 }

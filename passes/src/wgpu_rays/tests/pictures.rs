@@ -5,6 +5,7 @@ use crate::cpu::CpuRays;
 use crate::effects::tests::terminator::sphere;
 use crate::effects::tests::world::{Shot, World, grid};
 use crate::raster::gpu::AdapterKind;
+use crate::wgpu_rays::WgpuRays;
 use curitiba_pipeline::backend::RayBackend;
 use curitiba_pipeline::programs::{Fidelity, RayParams, RayProgram};
 use curitiba_pipeline::scene::RenderScene;
@@ -55,7 +56,18 @@ pub(super) fn both_of(
     fidelity: Fidelity,
     params: RayParams,
 ) -> Option<[Vec<[f32; 4]>; 2]> {
-    let mut rays = rays()?;
+    Some(both_on(&mut rays()?, world, shot, program, fidelity, params))
+}
+
+/// As [`both_of`], on a device of which programs may be compiled already.
+pub(super) fn both_on(
+    rays: &mut WgpuRays,
+    world: &World,
+    shot: &Shot<'_>,
+    program: RayProgram,
+    fidelity: Fidelity,
+    params: RayParams,
+) -> [Vec<[f32; 4]>; 2] {
     // A job identifies its scene by address.
     let scene: Arc<RenderScene> = Arc::new(world.scene.clone());
     let job = curitiba_pipeline::backend::RayJob { scene: &scene, ..shot.job(program, fidelity, params) };
@@ -63,7 +75,7 @@ pub(super) fn both_of(
     let filtered = vec![true; scene.materials.len()];
     rays.build(&scene, &filtered).expect("built");
     cpu.build(&scene, &filtered).expect("built");
-    let ((found, mine), (expected, theirs)) = (picture(&mut rays, &job), picture(&mut cpu, &job));
+    let ((found, mine), (expected, theirs)) = (picture(rays, &job), picture(&mut cpu, &job));
     if !matches!(program, RayProgram::Final | RayProgram::Refraction) {
         assert_eq!(mine.rays.shadow, theirs.rays.shadow, "{program:?} {fidelity:?}");
         let all = |rays: curitiba_pipeline::backend::RayCounts| rays.occlusion + rays.certain;
@@ -75,7 +87,7 @@ pub(super) fn both_of(
     if rays.gpu.adapter.kind == AdapterKind::Software {
         println!("{program:?} {fidelity:?}: {} of {} differ", differing(&found, &expected, 0.0), found.len());
     }
-    Some([found, expected])
+    [found, expected]
 }
 
 #[test]
