@@ -185,7 +185,7 @@ pub struct Setting {
     pub value: String,
 }
 
-/// What a scaling plot has on its lower axis. Not the number of lights: a pass is lit by one, the first that its project names.
+/// What a scaling plot has on its lower axis. Not the number of lights: the projects have one each.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Against {

@@ -524,7 +524,7 @@ fn samples_and_threads_are_told_by_the_line_and_not_by_the_row() {
     assert!(plots::scaling_plot(&data, scaling).is_some_and(|plot| plot.inline.contains("depths read")));
     let html = page::build(&data).html;
     assert!(html.contains("Against samples") && html.contains("plots/scaling-samples.svg"));
-    assert!(html.contains("Against lights there is no curve: a pass is lit by one directional light"));
+    assert!(html.contains("Against lights there is no curve: the projects have one each."));
     assert_well_formed(&html);
 }
 

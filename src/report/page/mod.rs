@@ -368,8 +368,7 @@ fn scaling(data: &ReportData, plots: &mut Plots) -> Markup {
                 (table::scaling(data, scaling))
             }
             p.note {
-                "Against lights there is no curve: a pass is lit by one directional light, the first that its project names for it, and a "
-                "warning says that the others do not shine."
+                "Against lights there is no curve: the projects have one each. Where a pass has several, rays are traced to each of them."
             }
         }
     }
