@@ -316,7 +316,7 @@ fn real_scenes_are_shown() {
         let picture = folder.path().join("picture.exr");
         let path = file.to_str().expect("test paths are UTF-8");
         let output = picture.to_str().expect("test paths are UTF-8");
-        let options = ["--size", "48x48", "--set", "pass2.samples=1", "-o", output];
+        let options = ["--size", "48x48", "-o", output];
         succeeds(folder.path(), &[&["render", path], &CPU[..], &options].concat());
         let (share, _) = seen(&picture);
         // A bridge on thin pillars fills less than a hundredth of a square window.
