@@ -115,7 +115,10 @@ fn what_knows_one_directional_light_says_so() {
     let soft = Settings { set: vec!["shadows.sun=1".to_owned()], ..Settings::default() };
     let passes = [RASTER, SHADOWS, SHOW].concat();
     let both = "<light>Sun</light><light>Lamp</light>";
-    let error = plan(both, &passes, soft.clone()).expect_err("a disc").to_string();
-    assert!(error.contains("sun=1 is of one directional light") && error.contains("set sun=0"), "{error}");
-    assert!(plan("<light>Sun</light>", &passes, soft).is_ok());
+    let planned = plan(both, &passes, soft.clone()).expect("the sun is a disc, and the lamp a point");
+    assert!(planned.decisions.iter().any(|decision| decision.why.contains("16 to the disc of each with a direction")));
+    let filtered = Settings { set: [&soft.set[..], &["shadows.filter=1".to_owned()]].concat(), ..soft.clone() };
+    let error = plan(both, &passes, filtered.clone()).expect_err("the shares have colours").to_string();
+    assert!(error.contains("filter=1 is of one directional light"), "{error}");
+    assert!([soft, filtered].into_iter().all(|settings| plan("<light>Sun</light>", &passes, settings).is_ok()));
 }
