@@ -35,10 +35,8 @@ impl Lighting {
     /// The one that a job needs.
     #[must_use]
     pub fn of(job: &RayJob<'_>) -> Self {
-        let info = job.program.info();
-        let discs = job.fidelity == Fidelity::Corrected && info.sun_samples(&job.params) > 0;
-        let reads = info.globals.contains(&"lightDir");
-        if reads && (discs || !job.lights.is_empty()) { Self::Lights } else { Self::Sun }
+        let reads = job.program.info().globals.contains(&"lightDir");
+        if reads && (disc_samples(job) > 0 || !job.lights.is_empty()) { Self::Lights } else { Self::Sun }
     }
 }
 
@@ -70,12 +68,20 @@ impl LightTable {
     }
 }
 
+/// Number of rays that a point asks of the disc of each directional light; 0 where these are points, as in thesis fidelity.
+pub(super) fn disc_samples(job: &RayJob<'_>) -> u32 {
+    match job.fidelity {
+        Fidelity::Corrected => job.program.info().sun_samples(&job.params),
+        Fidelity::Thesis => 0,
+    }
+}
+
 /// Number of rays that a point asks of the discs of all lights in device programs.
 #[must_use]
 pub fn disc_rays(job: &RayJob<'_>) -> u32 {
     let is_directional = |light: &&Light| light.place.is_none();
     let discs = LightTable::of(job).map_or(0, |table| table.lights.iter().filter(is_directional).count());
-    (discs as u32).saturating_mul(job.program.info().sun_samples(&job.params))
+    (discs as u32).saturating_mul(disc_samples(job))
 }
 
 /// By which normal a surface is shaded.

@@ -1,5 +1,6 @@
 //! What a pass prepares from its job, once for all pixels and on every backend.
 
+use super::lights::disc_samples;
 use super::occlusion::open_shares;
 use crate::sampling::HemisphereSampler;
 use crate::sampling::cone::ConeSampler;
@@ -36,10 +37,7 @@ impl Preparation {
         let sampler = (samples > 0).then(|| HemisphereSampler::from(kind, job.params.first, samples)).transpose()?;
         let open_share = if samples == 0 { Vec::new() } else { open_shares(samples, job.params.intensity) };
         let (to_light, light_color) = job.sun.map_or((Vec3::ZERO, Vec3::ZERO), |sun| (-sun.direction, sun.color));
-        let over_disc = match job.fidelity {
-            Fidelity::Corrected => job.program.info().sun_samples(&job.params),
-            Fidelity::Thesis => 0,
-        };
+        let over_disc = disc_samples(job);
         let RayParams { sun, first_sun, .. } = job.params;
         let disc = (over_disc > 0).then(|| ConeSampler::new(sun, first_sun, over_disc)).transpose()?;
         Ok(Self { sampler, open_share, to_light, disc, light_color })

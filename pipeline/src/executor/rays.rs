@@ -69,18 +69,14 @@ impl Renderer {
         let Work::Rays { scene_set, view, viewport, params, beyond, reads_triangle, resident } = planned.work else {
             return Ok(());
         };
+        let mut shares = match reads_triangle && batch.is_none() {
+            true => self.shares_of(index, planned, name)?,
+            false => None,
+        };
         let pass = self.plan.pass(planned);
         let (PassKind::Ray(ray), Some(target)) = (&pass.kind, pass.target) else { return Ok(()) };
         let ray = ray.clone();
         let in_host = !self.is_joined(resident);
-        let tolerance = self.samples().tolerance().filter(|_| reads_triangle && batch.is_none());
-        let mut shares = tolerance.and_then(|_| self.shares.remove(&index)).unwrap_or_default();
-        if tolerance.is_some() {
-            shares.prepare(self.targets[target].color.len()).map_err(|refused| BackendError::Device {
-                backend: self.engines.rays_of(name).name(),
-                message: refused.to_string(),
-            })?;
-        }
         let buffer = std::mem::take(&mut self.targets[target]);
         let mut output = Image { width: buffer.width, height: buffer.height, pixels: buffer.color };
         let targets = &self.targets;
@@ -95,7 +91,10 @@ impl Renderer {
             Some(position) if in_host && reads_triangle => targets[position.target].triangle.as_slice(),
             _ => &[],
         };
-        let triangle = if tolerance.is_some() { shares.traced(self.taken, triangle) } else { triangle };
+        let triangle = match &mut shares {
+            Some(shares) => shares.traced(self.taken, triangle),
+            None => triangle,
+        };
         let materials = &self.materials[index];
         let scene = Arc::clone(&self.scenes[scene_set].scene);
         let (params, seed) = self.random_of_sample(name, ray.program, params);
@@ -145,8 +144,8 @@ impl Renderer {
         if traced.is_ok() && in_host && !stays {
             observer.traced(name, &job, &output);
         }
-        if let (Ok(_), Some(tolerance)) = (&traced, tolerance) {
-            shares.take(&mut output.pixels, colors, output.width, self.taken, tolerance);
+        if let (Ok(_), Some(shares)) = (&traced, &mut shares) {
+            shares.take(&mut output.pixels, colors, output.width, self.taken);
         }
         let mut sums = self.part > 0 || self.taken > 0;
         let given_up = self.given_up || self.cancellation.is_cancelled();
@@ -165,14 +164,8 @@ impl Renderer {
         }
         let what = format!("{} on {}", ray.program.info().stem, self.engines.rays_of(name).name());
         self.record_rays(name, elapsed, stats, &what, sums);
-        if tolerance.is_some() {
-            let share = shares.unsettled();
-            let row = self.timeline.rows.iter_mut().find(|row| row.kind == StepKind::Rays && row.name == name);
-            row.into_iter().for_each(|row| {
-                row.all_samples = Some(share);
-                row.note += &format!("; all samples in {:.1} % of the pixels", 100.0 * share);
-            });
-            self.shares.insert(index, shares);
+        if let Some(shares) = shares {
+            self.keep_shares(index, name, shares);
         }
         Ok(())
     }

@@ -5,9 +5,12 @@
 //! pixel is settled if the shares of its first samples are near each other, and near those of its neighbours. In the samples that follow it
 //! has no triangle, so that nothing is traced for it on any backend, and its output is the sample's colour times the mean share.
 
+use super::{Renderer, StepKind};
+use crate::backend::BackendError;
 use crate::gbuffer::NO_TRIANGLE;
 use crate::memory::{self, Refused};
 use crate::pixel_samples::PixelSamples;
+use crate::plan::PlannedPass;
 use rayon::prelude::*;
 
 /// A channel of at most this is dark: light is no share of it.
@@ -17,8 +20,10 @@ const DARK: f32 = 1e-4;
 const TOGETHER: usize = 4096;
 
 /// The shares of a ray pass's pixels in a frame.
-#[derive(Debug, Default)]
+#[derive(Debug)]
 pub(super) struct Shares {
+    /// By how much the shares of a settled pixel differ at most.
+    tolerance: f32,
     pixels: Vec<Share>,
     /// Which pixels are settled; none until all first samples are there.
     settled: Vec<bool>,
@@ -92,16 +97,14 @@ fn color(colors: &[[f32; 4]], index: usize) -> [f32; 4] {
 }
 
 impl Shares {
-    /// Takes the memory for so many pixels.
-    pub(super) fn prepare(&mut self, pixels: usize) -> Result<(), Refused> {
-        if self.pixels.len() != pixels {
-            *self = Self {
-                pixels: memory::filled(Share::NONE, pixels)?,
-                settled: memory::filled(false, pixels)?,
-                triangles: memory::zeroed(pixels)?,
-            };
-        }
-        Ok(())
+    /// Those of so many pixels, before the first sample.
+    fn new(pixels: usize, tolerance: f32) -> Result<Self, Refused> {
+        Ok(Self {
+            tolerance,
+            pixels: memory::filled(Share::NONE, pixels)?,
+            settled: memory::filled(false, pixels)?,
+            triangles: memory::zeroed(pixels)?,
+        })
     }
 
     /// The triangles for which a sample is traced, of those that it shows.
@@ -116,14 +119,7 @@ impl Shares {
 
     /// Adds what was traced for one of the first samples, the last of which settles pixels; or completes a later sample. `taken` samples were
     /// there before, and a row has `width` pixels.
-    pub(super) fn take(
-        &mut self,
-        output: &mut [[f32; 4]],
-        colors: &[[f32; 4]],
-        width: u32,
-        taken: u32,
-        tolerance: f32,
-    ) {
+    pub(super) fn take(&mut self, output: &mut [[f32; 4]], colors: &[[f32; 4]], width: u32, taken: u32) {
         if taken >= PixelSamples::FIRST {
             let pixels = output.par_iter_mut().zip(&self.pixels).zip(&self.settled).enumerate();
             pixels
@@ -135,12 +131,12 @@ impl Shares {
         let pixels = self.pixels.par_iter_mut().zip(&*output).enumerate().with_min_len(TOGETHER);
         pixels.for_each(|(index, (share, output))| share.add(*output, color(colors, index)));
         if taken + 1 == PixelSamples::FIRST {
-            self.settle(width as usize, tolerance);
+            self.settle(width as usize);
         }
     }
 
-    fn settle(&mut self, width: usize, tolerance: f32) {
-        let pixels = &self.pixels;
+    fn settle(&mut self, width: usize) {
+        let (pixels, tolerance) = (&self.pixels, self.tolerance);
         let height = pixels.len().checked_div(width).unwrap_or(0);
         self.settled.par_iter_mut().enumerate().with_min_len(TOGETHER).for_each(|(index, settled)| {
             let around = |at: usize, end: usize| at.saturating_sub(1)..(at + 2).min(end);
@@ -152,9 +148,40 @@ impl Shares {
     }
 
     /// The part of the pixels that are not settled.
-    pub(super) fn unsettled(&self) -> f64 {
+    fn unsettled(&self) -> f64 {
         let settled = self.settled.iter().filter(|settled| **settled).count();
         1.0 - settled as f64 / self.settled.len().max(1) as f64
+    }
+}
+
+impl Renderer {
+    /// The shares of the ray pass at an index of the plan; `None` without an adaptive number of samples.
+    pub(super) fn shares_of(
+        &mut self,
+        index: usize,
+        planned: &PlannedPass,
+        name: &str,
+    ) -> Result<Option<Shares>, BackendError> {
+        let (target, tolerance) = (self.plan.pass(planned).target, self.samples().tolerance());
+        let (Some(target), Some(tolerance)) = (target, tolerance) else { return Ok(None) };
+        if let Some(known) = self.shares.remove(&index) {
+            return Ok(Some(known));
+        }
+        Shares::new(self.targets[target].color.len(), tolerance).map(Some).map_err(|refused| {
+            let backend = self.engines.rays_of(name).name();
+            BackendError::Device { backend, message: refused.to_string() }
+        })
+    }
+
+    /// Keeps the shares of a pass for its next sample, and notes in its row how many pixels have all samples.
+    pub(super) fn keep_shares(&mut self, index: usize, name: &str, shares: Shares) {
+        let share = shares.unsettled();
+        let row = self.timeline.rows.iter_mut().find(|row| row.kind == StepKind::Rays && row.name == name);
+        row.into_iter().for_each(|row| {
+            row.all_samples = Some(share);
+            row.note += &format!("; all samples in {:.1} % of the pixels", 100.0 * share);
+        });
+        self.shares.insert(index, shares);
     }
 }
 
@@ -166,12 +193,11 @@ mod tests {
 
     /// Four samples of a row of pixels, each an output and a colour.
     fn of(pixels: &[[([f32; 4], [f32; 4]); 4]]) -> Shares {
-        let mut shares = Shares::default();
-        shares.prepare(pixels.len()).expect("memory");
+        let mut shares = Shares::new(pixels.len(), TOLERANCE).expect("memory");
         for taken in 0..4 {
             let mut output: Vec<_> = pixels.iter().map(|samples| samples[taken].0).collect();
             let colors: Vec<_> = pixels.iter().map(|samples| samples[taken].1).collect();
-            shares.take(&mut output, &colors, pixels.len() as u32, taken as u32, TOLERANCE);
+            shares.take(&mut output, &colors, pixels.len() as u32, taken as u32);
         }
         shares
     }
@@ -188,7 +214,7 @@ mod tests {
         assert_eq!(shares.traced(4, &[7]), [NO_TRIANGLE]);
         assert_eq!(shares.traced(3, &[7]), [7]);
         let mut output = [gray(1.0)];
-        shares.take(&mut output, &[gray(0.8)], 1, 4, TOLERANCE);
+        shares.take(&mut output, &[gray(0.8)], 1, 4);
         assert_eq!(output, [gray(0.4)]);
     }
 
