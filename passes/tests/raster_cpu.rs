@@ -51,6 +51,16 @@ fn random_soups_cover_the_pixels_that_exact_arithmetic_says() {
 }
 
 #[test]
+fn of_a_sky_its_colour_alone_is_written() {
+    let shades = [grey(); 2];
+    let [with, without] = [true, false].map(common::before);
+    let asked = [ALL, Attachments { triangle: true, ..Attachments::default() }];
+    let drawn = |scene: &RenderScene, asked| draw(&job(scene, &shades, camera(1.25), 150, 120, asked));
+    common::hides_sky(&drawn(&with, asked[0]), &drawn(&without, asked[0]));
+    assert!(drawn(&with, asked[1]).triangle == drawn(&with, asked[0]).triangle, "ids alone");
+}
+
+#[test]
 fn the_comparison_finds_a_picture_that_is_one_pixel_off() {
     let (scene, shades) = (soup(0, 300, 0), [grey()]);
     let job = job(&scene, &shades, camera(1.25), 150, 120, ALL);

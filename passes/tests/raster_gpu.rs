@@ -66,6 +66,22 @@ fn attachments_not_asked_for_are_neither_created_nor_change_the_others() {
 }
 
 #[test]
+fn of_a_sky_its_colour_alone_is_written() {
+    let Some(mut rasteriser) = rasteriser() else { return };
+    let shades = [common::grey(); 2];
+    let mut drawn = |is_sky: bool, asked: Attachments| {
+        let scene = Arc::new(common::before(is_sky));
+        rasteriser.upload(&scene).expect("uploads");
+        render(&mut rasteriser, &common::job(&scene, &shades, common::camera(1.25), 150, 120, asked), 150, 120)
+    };
+    let (with, without) = (drawn(true, ALL), drawn(false, ALL));
+    common::hides_sky(&with, &without);
+    // Where only ids are asked for, draws of different materials are one, but not with that of a sky.
+    let ids = Attachments { triangle: true, ..Attachments::default() };
+    assert!(drawn(true, ids).triangle == with.triangle);
+}
+
+#[test]
 fn attachments_in_16_bit_floats_take_half_the_memory_and_are_the_32_bit_ones_rounded() {
     let Some(mut rasteriser) = rasteriser() else { return };
     let setup = hills(20);

@@ -4,9 +4,9 @@
 
 pub mod reference;
 
-use curitiba_pipeline::backend::{Attachments, LoadStore, RasterJob, Rect, Shade, Sun, View};
+use curitiba_pipeline::backend::{Attachments, GBuffer, LoadStore, NO_TRIANGLE, RasterJob, Rect, Shade, Sun, View};
 use curitiba_pipeline::programs::RasterProgram;
-use curitiba_pipeline::scene::{Batch, Geometry, Material, RenderScene};
+use curitiba_pipeline::scene::{Batch, Geometry, Material, RenderScene, TriangleRanges};
 use glam::{Mat4, Vec2, Vec3, Vec4};
 
 /// All attachments.
@@ -86,6 +86,31 @@ pub fn scene(positions: Vec<Vec3>, triangles: Vec<[u32; 3]>) -> RenderScene {
 pub fn triangles(corners: &[[Vec3; 3]]) -> RenderScene {
     let positions = corners.iter().flatten().copied().collect();
     scene(positions, (0..corners.len() as u32).map(|i| [3 * i, 3 * i + 1, 3 * i + 2]).collect())
+}
+
+/// A triangle of one material before a large one of another, which may be a sky.
+pub fn before(is_sky: bool) -> RenderScene {
+    let near = [Vec3::new(-1.0, -1.0, -4.0), Vec3::new(1.5, -0.5, -4.0), Vec3::new(0.0, 1.2, -4.5)];
+    let far = [Vec3::new(-30.0, -9.0, -9.0), Vec3::new(30.0, -9.0, -9.0), Vec3::new(0.0, 9.0, -12.0)];
+    let mut scene = triangles(&[near, far]);
+    scene.geometry.batches = [0, 1].map(|material| Batch { material, first: material, count: 1 }).to_vec();
+    scene.materials = [false, is_sky].map(|sky| Material { sky, ..Material::default() }).to_vec();
+    scene.geometry.sky = TriangleRanges::of_triangles(&scene.geometry, &scene.skies());
+    scene
+}
+
+/// Asserts that a picture of [`before`] with a sky is that without one, but for all attachments of the sky except its colour.
+#[track_caller]
+pub fn hides_sky(with: &GBuffer, without: &GBuffer) {
+    assert!(with.color == without.color);
+    let mut seen = [0, 0];
+    for (index, id) in without.triangle.iter().enumerate().filter(|(_, id)| **id != NO_TRIANGLE) {
+        let written = |buffer: &GBuffer| (buffer.position[index], buffer.normal[index], buffer.triangle[index]);
+        let expected = if *id == 1 { ([0.0; 4], [0.0; 4], NO_TRIANGLE) } else { written(without) };
+        assert_eq!(written(with), expected, "pixel {index}");
+        seen[*id as usize] += 1;
+    }
+    assert!(seen.iter().all(|count| *count > 500), "{seen:?}");
 }
 
 /// A plain material.

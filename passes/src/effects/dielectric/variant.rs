@@ -10,7 +10,7 @@ use glam::Vec3;
 pub enum Variant {
     /// In a fidelity, with the report's panes.
     Panes(Fidelity),
-    /// In corrected fidelity, with smooth glass as each material says and a background.
+    /// In corrected fidelity, with smooth glass as each material says, and a background or a sky.
     Bodies,
     /// The same with glass that is rough, bends colours apart or has a reflectance of its own, and with paths that are cut off.
     Ways,
@@ -23,7 +23,7 @@ impl Variant {
     /// The one that a job needs.
     #[must_use]
     pub fn of(job: &RayJob<'_>) -> Self {
-        let asks = !job.dielectrics.is_empty() || job.beyond != Vec3::ZERO;
+        let asks = !job.dielectrics.is_empty() || job.beyond != Vec3::ZERO || !job.scene.geometry.sky.is_empty();
         let has = Self::OF_BODIES.contains(&job.program);
         match () {
             () if !(asks && has && job.fidelity == Fidelity::Corrected) => Self::Panes(job.fidelity),

@@ -12,7 +12,7 @@ use curitiba_pipeline::glass::{
     CutoffColor, Dielectric, GlassRule, GlassShadow, PathLimits, Reflectance, Roulette, Shape,
 };
 use curitiba_pipeline::programs::{Fidelity, Fresnel, RayParams, RayProgram};
-use curitiba_pipeline::scene::RenderScene;
+use curitiba_pipeline::scene::{RenderScene, TriangleRanges};
 use curitiba_pipeline::scene::texture::Wrap;
 use glam::Vec3;
 use std::sync::Arc;
@@ -34,7 +34,8 @@ fn block(world: &mut World, material: u32, center: Vec3, half: Vec3) {
     }
 }
 
-/// Tinted, veiled and overlapping bodies, one inside another, an absorbing wall and a pane, over a floor with a textured block.
+/// Tinted, veiled and overlapping bodies, one inside another, an absorbing wall and a pane, over a floor with a textured block. A texture
+/// says where the veiled body and the wall let light enter.
 fn several() -> World {
     several_of([Dielectric::default(); 3])
 }
@@ -276,6 +277,50 @@ fn the_camera_may_be_in_a_body() {
         return;
     };
     let off = differing(&found, &expected, 0.01);
+/// A sky around [`several`].
+fn under_a_sky() -> World {
+    let mut world = several();
+    let sky = world.paint(Vec3::ZERO);
+    world.shades[sky as usize].glow = Some(Glow { color: Vec3::new(0.2, 0.5, 0.9), texture: None });
+    block(&mut world, sky, Vec3::ZERO, Vec3::splat(12.0));
+    world.scene.materials[sky as usize].sky = true;
+    world.scene.geometry.sky = TriangleRanges::of_triangles(&world.scene.geometry, &world.scene.skies());
+    world
+}
+
+#[test]
+fn a_sky_is_in_the_way_of_nothing_and_glass_shows_it_as_the_processors_does() {
+    let (world, eye) = (under_a_sky(), Vec3::new(0.2, 0.4, 7.0));
+    let mut panes = under_a_sky();
+    panes.bodies = false;
+    let is_blue = |pixel: &[f32; 4]| pixel[2] > 0.8 && pixel[0] < 0.3;
+    // Software drivers take minutes to compile all of them.
+    let left_out = [RayProgram::DeferredShadows, RayProgram::Ssao, RayProgram::Final];
+    let some = rays().is_some_and(|rays| rays.gpu.adapter.kind == AdapterKind::Software);
+    let all = [
+        (&world, RayProgram::DeferredShadows, RayParams::default()),
+        (&world, RayProgram::Ssao, auto(1, GlassShadow::Report, 8)),
+        (&world, RayProgram::Refraction, auto(3, GlassShadow::Report, 0)),
+        (&panes, RayProgram::Final, RayParams { glass: GlassRule::Pane, ..auto(2, GlassShadow::Report, 2) }),
+    ];
+    for (world, program, params) in all.into_iter().filter(|(_, program, _)| !(some && left_out.contains(program))) {
+        let Some([found, expected]) = both(world, eye, program, params) else { return };
+        let off = differing(&found, &expected, 0.01);
+        assert!(off <= FEW, "{program:?}: {off} pixels are off");
+        if program == RayProgram::Refraction || program == RayProgram::Final {
+            // What the camera sees of the sky itself is not in this G-buffer.
+            let seen = expected.iter().filter(|pixel| is_blue(pixel)).count();
+            assert!(seen > 100, "{program:?}: {seen} pixels show it");
+        } else {
+            let mut roof = several();
+            let sky = roof.paint(Vec3::ZERO);
+            block(&mut roof, sky, Vec3::ZERO, Vec3::splat(12.0));
+            let (dark, _) = picture_on(&mut CpuRays::new(), &roof, eye, program, RayParams { radius: 30.0, ..params });
+            assert!(differing(&dark, &expected, 0.1) > 500, "{program:?}: a roof is noticed");
+        }
+    }
+}
+
     assert!(off <= FEW, "{off} pixels are off");
     // Control: with a camera taken to be in air, refraction and absorption differ.
     let outside = World { dielectrics: vec![solid(1.33), solid(1.0)], ..world };
