@@ -30,7 +30,7 @@ pub const WRAP_MIRROR: u32 = 1;
 /// The texels at the border continue.
 pub const WRAP_CLAMP: u32 = 2;
 /// Words of a material as rays in glass see it.
-pub const BODY_WORDS: u32 = 22;
+pub const BODY_WORDS: u32 = 23;
 /// Words in front of them, of what a pass asks of paths in glass: whether light falls straight through; then by [`HEAD`].
 pub const BODY_HEAD: u32 = 1 + HEAD.len() as u32;
 /// What programs call the places of these words, from the second on.

@@ -264,5 +264,6 @@ fn body(job: &RayJob<'_>, dielectric: &Dielectric) -> [u32; BODY_WORDS as usize]
         minimum.to_bits(),
         maximum.to_bits(),
         exponent.to_bits(),
+        dielectric.transmission_texture.unwrap_or(NO_TEXTURE),
     ]
 }

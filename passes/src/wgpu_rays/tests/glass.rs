@@ -8,12 +8,13 @@ use crate::effects::tests::world::{Shot, World, grid};
 use crate::raster::gpu::AdapterKind;
 use crate::wgpu_rays::selftest;
 use curitiba_pipeline::backend::{Glow, RayBackend, RayJob, RayStats};
+use curitiba_pipeline::color::ColorSpace;
 use curitiba_pipeline::glass::{
     CutoffColor, Dielectric, GlassRule, GlassShadow, PathLimits, Reflectance, Roulette, Shape,
 };
 use curitiba_pipeline::programs::{Fidelity, Fresnel, RayParams, RayProgram};
+use curitiba_pipeline::scene::texture::{Texture, Wrap};
 use curitiba_pipeline::scene::{RenderScene, TriangleRanges};
-use curitiba_pipeline::scene::texture::Wrap;
 use glam::Vec3;
 use std::sync::Arc;
 
@@ -51,6 +52,11 @@ fn several_of(surfaces: [Dielectric; 3]) -> World {
         ..plain
     };
     let mut world = World { beyond: Vec3::new(0.2, 0.5, 0.9), ..World::lit_along(Vec3::new(-0.4, -0.8, -0.5)) };
+    // Colours are decoded, what the first texture says is not.
+    let texture = |texels: [[u8; 4]; 2]| Texture::new("clear".to_owned(), 2, 1, texels.to_vec());
+    let clear = texture([[255, 0, 0, 255], [90, 255, 255, 255]]);
+    world.scene.textures = vec![clear, Texture { space: ColorSpace::Linear, ..texture([[9; 4]; 2]) }];
+    let transmission_texture = Some(0);
     let floor = world.paint(Vec3::new(0.8, 0.7, 0.5));
     block(&mut world, floor, Vec3::new(0.0, -2.0, 0.0), Vec3::new(9.0, 0.2, 9.0));
     let tinted = with(tinted, Dielectric { extinction: Vec3::new(0.1, 0.4, 0.9), ..solid(1.5) });
@@ -58,7 +64,8 @@ fn several_of(surfaces: [Dielectric; 3]) -> World {
     block(&mut world, tinted, Vec3::new(-1.6, 0.2, 0.3), Vec3::new(0.9, 1.1, 0.8));
     let water = world.dielectric(solid(1.33));
     block(&mut world, water, Vec3::new(-1.6, 0.1, 0.3), Vec3::new(0.5, 0.6, 0.4));
-    let plain = Dielectric { veil: 0.3, filter: Vec3::new(0.9, 1.0, 0.8), priority: 1, ..solid(1.8) };
+    let filter = Vec3::new(0.9, 1.0, 0.8);
+    let plain = Dielectric { veil: 0.3, filter, priority: 1, transmission_texture, ..solid(1.8) };
     let veiled = with(veiled, plain);
     let veiled = world.dielectric(veiled);
     block(&mut world, veiled, Vec3::new(1.3, -0.6, -0.4), Vec3::new(0.7, 0.8, 0.7));
@@ -70,6 +77,7 @@ fn several_of(surfaces: [Dielectric; 3]) -> World {
         thickness: 0.2,
         extinction: Vec3::new(2.0, 0.5, 0.1),
         filter: Vec3::new(1.0, 0.8, 0.9),
+        transmission_texture,
         ..Dielectric::default()
     };
     let wall = world.dielectric(with(wall, plain));
@@ -131,6 +139,10 @@ fn bodies_walls_and_panes_show_what_the_processors_do() {
         assert!(off <= FEW, "{program:?} {params:?}: {off} pixels are off");
         let changed = expected.iter().filter(|pixel| **pixel != expected[0]).count();
         assert!(changed > 1000, "{changed} pixels show something");
+        let mut clear = several();
+        clear.dielectrics.iter_mut().for_each(|dielectric| dielectric.transmission_texture = None);
+        let (without, _) = picture_on(&mut CpuRays::new(), &clear, eye, program, params);
+        assert!(differing(&without, &expected, 0.02) > 5 * FEW, "a texture of transmission is seen");
     }
 }
 
@@ -265,18 +277,6 @@ fn panes_before_a_background_show_it() {
     }
 }
 
-#[test]
-fn the_camera_may_be_in_a_body() {
-    let mut world = World { beyond: Vec3::splat(0.8), ..World::lit_along(Vec3::NEG_Y) };
-    let water = world.dielectric(Dielectric { extinction: Vec3::new(0.3, 0.1, 0.02), ..solid(1.33) });
-    block(&mut world, water, Vec3::ZERO, Vec3::splat(2.0));
-    let bubble = world.dielectric(Dielectric { priority: 1, ..solid(1.0) });
-    block(&mut world, bubble, Vec3::new(0.2, 0.1, -0.8), Vec3::splat(0.4));
-    let params = auto(6, GlassShadow::Report, 0);
-    let Some([found, expected]) = both(&world, Vec3::new(0.1, 0.2, 1.5), RayProgram::Refraction, params) else {
-        return;
-    };
-    let off = differing(&found, &expected, 0.01);
 /// A sky around [`several`].
 fn under_a_sky() -> World {
     let mut world = several();
@@ -321,6 +321,18 @@ fn a_sky_is_in_the_way_of_nothing_and_glass_shows_it_as_the_processors_does() {
     }
 }
 
+#[test]
+fn the_camera_may_be_in_a_body() {
+    let mut world = World { beyond: Vec3::splat(0.8), ..World::lit_along(Vec3::NEG_Y) };
+    let water = world.dielectric(Dielectric { extinction: Vec3::new(0.3, 0.1, 0.02), ..solid(1.33) });
+    block(&mut world, water, Vec3::ZERO, Vec3::splat(2.0));
+    let bubble = world.dielectric(Dielectric { priority: 1, ..solid(1.0) });
+    block(&mut world, bubble, Vec3::new(0.2, 0.1, -0.8), Vec3::splat(0.4));
+    let params = auto(6, GlassShadow::Report, 0);
+    let Some([found, expected]) = both(&world, Vec3::new(0.1, 0.2, 1.5), RayProgram::Refraction, params) else {
+        return;
+    };
+    let off = differing(&found, &expected, 0.01);
     assert!(off <= FEW, "{off} pixels are off");
     // Control: with a camera taken to be in air, refraction and absorption differ.
     let outside = World { dielectrics: vec![solid(1.33), solid(1.0)], ..world };
