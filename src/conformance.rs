@@ -268,6 +268,10 @@ impl RayBackend for Beside {
         self.others.iter().all(|other| other.knows_lights())
     }
 
+    fn sees_skies(&self) -> bool {
+        self.others.iter().all(|other| other.sees_skies())
+    }
+
     fn traces_cones(&self) -> bool {
         self.others.iter().all(|other| other.traces_cones())
     }

@@ -55,6 +55,10 @@ impl RayBackend for Fake {
         self.inner.supports_glass(program, params, dielectrics)
     }
 
+    fn sees_skies(&self) -> bool {
+        self.inner.sees_skies()
+    }
+
     fn traces_cones(&self) -> bool {
         self.inner.traces_cones()
     }

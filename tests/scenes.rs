@@ -2,7 +2,12 @@
 //! same.
 
 use curitiba::pipeline::color::decode;
+use curitiba::pipeline::executor::{Renderer, Silent};
 use curitiba::pipeline::image::read_image;
+use curitiba::pipeline::plan::{Plan, Settings};
+use curitiba::pipeline::project::{Project, SceneOptions, SceneProjects};
+use curitiba::{Choice, RasterChoice};
+use glam::DVec3;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
 
@@ -100,6 +105,102 @@ fn a_scene_of_each_format_is_shown_and_its_written_project_shows_the_same() {
         let [a, b] = [&picture, &again].map(|file| read_image(&folder.join(file)).expect("a picture").image.pixels);
         let bits = |pixels: &[[f32; 4]]| pixels.iter().flatten().map(|value| value.to_bits()).collect::<Vec<_>>();
         assert!(bits(&a) == bits(&b), "{name}: the project's picture is another");
+    }
+}
+
+/// The room under a dome of these faces, as a file.
+fn under_a_dome(folder: &Path, name: &str, material: &str, with_dome: bool) {
+    let room = std::fs::read_to_string(folder.join("room.obj")).expect("a file");
+    let mut text = format!("{room}o far\nusemtl {material}\n");
+    let (rings, sides) = (4, 12);
+    for corner in 0..=rings * sides {
+        let (up, around) = (f64::from(corner / sides) / f64::from(rings), f64::from(corner % sides) / f64::from(sides));
+        let ((height, level), (z, x)) =
+            ((std::f64::consts::FRAC_PI_2 * up).sin_cos(), (std::f64::consts::TAU * around).sin_cos());
+        text += &format!("v {} {} {}\n", 8.0 * level * x, 8.0 * height - 0.1, 8.0 * level * z);
+    }
+    let at = |ring: i32, side: i32| 17 + (ring * sides + side % sides).min(rings * sides);
+    for (ring, side) in (0..rings * sides).map(|face| (face / sides, face % sides)).filter(|_| with_dome) {
+        let [a, b, c, d] = [at(ring, side), at(ring, side + 1), at(ring + 1, side + 1), at(ring + 1, side)];
+        text += &format!("f {a} {b} {c} {d}\n");
+    }
+    std::fs::write(folder.join(name), text).expect("a file");
+}
+
+#[test]
+fn a_sky_dome_is_seen_and_leaves_a_scene_its_shadows_by_rays_and_by_maps() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let folder = folder.path();
+    obj(folder);
+    let library = std::fs::read_to_string(folder.join("room.mtl")).expect("a file");
+    std::fs::write(folder.join("room.mtl"), format!("{library}newmtl blue\nKd 0.1 0.3 0.9\n")).expect("a file");
+    under_a_dome(folder, "sky.obj", "blue", true);
+    under_a_dome(folder, "none.obj", "blue", false);
+    let view = ["--look-from", "3,3,6", "--look-at", "0,0.5,0", "--sun", "1,2,1", "--size", "64x48"];
+    let render = |what: &str, options: &[&str]| {
+        let printed = succeeds(folder, &[&["render", what, "-o", "p.exr"], &CPU[..], &view, options].concat());
+        (printed, read_image(&folder.join("p.exr")).expect("a picture").image.pixels)
+    };
+    let color = [0.1_f32, 0.3, 0.9].map(decode);
+    let is_sky = |pixel: &[f32; 4]| (0..3).all(|i| (pixel[i] - color[i]).abs() < 2e-3);
+    let effects = ["--effects", "shadows,ao"];
+    let planned = succeeds(folder, &["plan", "sky.obj"]);
+    assert!(planned.contains("`blue` shows as it is") && planned.contains("effects: shadows+ao+glass"), "{planned}");
+    let (_, with) = render("sky.obj", &effects);
+    let (_, without) = render("none.obj", &effects);
+    let (mut skies, mut others) = (0, 0);
+    for (with, without) in with.iter().zip(&without) {
+        let same = (0..3).all(|i| (with[i] - without[i]).abs() < 1e-6);
+        skies += usize::from(is_sky(with));
+        others += usize::from(!is_sky(with) && same);
+    }
+    // The occlusion radius is that of what is under the sky.
+    assert!(skies > 300 && skies + others == with.len(), "{skies} {others} of {}", with.len());
+    // By default with glass, which shows it; by maps; and as a project, where it can be left out.
+    let (printed, glazed) = render("sky.obj", &[]);
+    assert!(printed.contains("final on cpu") && glazed.iter().filter(|pixel| is_sky(pixel)).count() > 300, "{printed}");
+    succeeds(folder, &[&["scene", "sky.obj", "--project", "sky.xml", "--effects", "shadows"], &view[..]].concat());
+    let project = std::fs::read_to_string(folder.join("sky.xml")).expect("a file");
+    assert!(project.contains("<sky material=\"blue\"/>"), "{project}");
+    std::fs::write(folder.join("roof.xml"), project.replace("<sky material=\"blue\"/>", "")).expect("a file");
+    let lit = |file: &str| {
+        succeeds(folder, &[&["render", file, "-o", "p.exr"], &CPU[..]].concat());
+        let pixels = read_image(&folder.join("p.exr")).expect("a picture").image.pixels;
+        pixels.iter().map(|pixel| f64::from(pixel[0])).sum::<f64>() / pixels.len() as f64
+    };
+    let (sky, roof) = (lit("sky.xml"), lit("roof.xml"));
+    assert!(roof < 0.7 * sky, "{roof} under a roof, {sky} under the sky");
+}
+
+#[test]
+fn a_sky_is_in_no_shadow_map() {
+    let folder = tempfile::tempdir().expect("a folder");
+    obj(folder.path());
+    under_a_dome(folder.path(), "sky.obj", "blue", true);
+    let options = SceneOptions { look_from: Some(DVec3::new(3.0, 3.0, 6.0)), ..SceneOptions::default() };
+    let projects = SceneProjects::new(&[folder.path().join("sky.obj")], &options, Some([64, 48]), 1 << 28);
+    let projects = projects.expect("a scene").by_technique();
+    let named = |name: &str| projects.iter().find(|(file, _)| *file == name).expect("a project").1.clone();
+    let mean = |project: Project, choice: Choice, is_sky: bool| {
+        let mut project = project;
+        if !is_sky {
+            project.scenes[0].sky.clear();
+        }
+        let engines = curitiba::engines::choose(choice).ok()?;
+        let plan = Plan::new(project, Settings::default()).expect("a plan");
+        let mut renderer = Renderer::new(plan, engines, &mut Silent).expect("prepared");
+        let pixels = renderer.frame(&mut Silent).expect("a frame").pixels;
+        Some(pixels.iter().map(|pixel| f64::from(pixel[0])).sum::<f64>() / pixels.len() as f64)
+    };
+    let maps = named("raster/SceneShadowMap.xml");
+    let by_rays = mean(named("SceneShadows.xml"), Choice::CPU, true).expect("the cpu is there");
+    for raster in [RasterChoice::Cpu, RasterChoice::Wgpu] {
+        let of = |is_sky: bool| mean(maps.clone(), Choice { raster, ..Choice::CPU }, is_sky);
+        let (Some(sky), Some(roof)) = (of(true), of(false)) else {
+            println!("skipped: there is no device");
+            continue;
+        };
+        assert!((sky / by_rays - 1.0).abs() < 0.02 && roof < 0.8 * sky, "{sky} {roof}, and {by_rays} by rays");
     }
 }
 

@@ -104,6 +104,12 @@ DEVICE float decoded(float encoded) {
     double value = encoded;
     return (float)(value <= 0.04045 ? value / 12.92 : pow((value + 0.055) / 1.055, 2.4));
 }
+// The share of the light that enters at a hit and is scattered back.
+DEVICE float veil_at(const Params &params, const Body &body, const Hit &hit, float footprint) {
+    if (body.transmission_texture == NO_TEXTURE) return body.veil;
+    float clear = sample_numbers(params, body.transmission_texture, texture_coordinates(params, hit), footprint).x;
+    return 1.0f - (1.0f - body.veil) * clear;
+}
 // The share of the light that passes, by colour, of that which is not reflected.
 DEVICE float3 filter_of(const Params &params, const Body &body, const Hit &hit, float footprint) {
     float3 texel = splat(1.0f);
@@ -117,7 +123,7 @@ DEVICE float3 filter_of(const Params &params, const Body &body, const Hit &hit, 
         vertices = xyz(vertex_color(params, hit));
         if (body.filter_vertex_colors == VERTEX_COLORS_DISPLAY) vertices = vec3(decoded(vertices.x), decoded(vertices.y), decoded(vertices.z));
     }
-    return (1.0f - body.veil) * vector_of(body.filter) * texel * vertices;
+    return (1.0f - veil_at(params, body, hit, footprint)) * vector_of(body.filter) * texel * vertices;
 }
 
 // The barycentric coordinates of a point in the plane of a triangle, as a hit at distance 0.
@@ -221,7 +227,7 @@ struct BodyWalk {
         float3 filter = filter_of(params, body, met.hit, met.footprint);
         if (border.ratio == 1.0f) {
             follow_refracted(pass, met.surface, path, met.view, filter, border.after, 0, path.cone);
-            scatter_back(met, body, splat(1.0f), path);
+            scatter_back(params, met, body, splat(1.0f), path);
             return;
         }
         float3 normal, refracted;
@@ -229,7 +235,7 @@ struct BodyWalk {
         bool enters = bend(params, met, border.ratio, normal, interface, refracted);
         split(pass, met.surface, path, reflect(met.view, normal), splat(interface.reflectance), enters, refracted,
               (1.0f - interface.reflectance) * filter, border.after, cones_of(params, met, path, normal, interface, border.ratio));
-        scatter_back(met, body, splat(1.0f - interface.reflectance), path);
+        scatter_back(params, met, body, splat(1.0f - interface.reflectance), path);
     }
 
     template <class Tracer> DEVICE_MEMBER void thin(Pass<Tracer> &pass, const Met &met, const Body &body, const Path &path) {
@@ -241,7 +247,7 @@ struct BodyWalk {
               wall.transmitted * filter_of(params, body, met.hit, met.footprint), path.media,
               // Its two faces undo each other's bending.
               {cones_of(params, met, path, normal, interface, 1.0f).mirrored, path.cone});
-        scatter_back(met, body, wall.transmitted, path);
+        scatter_back(params, met, body, wall.transmitted, path);
     }
 
     // The report's pane: light enters it at every bounce, and those after the first dim it.
@@ -276,9 +282,10 @@ struct BodyWalk {
     }
 
     // What a surface scatters back of the light of which it takes the share `entering`.
-    DEVICE_MEMBER void scatter_back(const Met &met, const Body &body, float3 entering, const Path &path) {
-        if (body.veil <= 0.0f) return;
-        veil = {met.hit, met.surface, path.weight * (body.veil * entering), path.key, met.footprint};
+    DEVICE_MEMBER void scatter_back(const Params &params, const Met &met, const Body &body, float3 entering, const Path &path) {
+        float scattered = veil_at(params, body, met.hit, met.footprint);
+        if (scattered <= 0.0f) return;
+        veil = {met.hit, met.surface, path.weight * (scattered * entering), path.key, met.footprint};
         veiled = true;
     }
 

@@ -120,8 +120,9 @@ struct Body {
     float veil;
     float thickness;
     unsigned priority;
+    unsigned transmission_texture;
 };
-static_assert(sizeof(Body) == 52, "Body");
+static_assert(sizeof(Body) == 56, "Body");
 static_assert(offsetof(Body, shape) == 0, "Body::shape");
 static_assert(offsetof(Body, index) == 4, "Body::index");
 static_assert(offsetof(Body, extinction) == 8, "Body::extinction");
@@ -131,6 +132,7 @@ static_assert(offsetof(Body, filter_vertex_colors) == 36, "Body::filter_vertex_c
 static_assert(offsetof(Body, veil) == 40, "Body::veil");
 static_assert(offsetof(Body, thickness) == 44, "Body::thickness");
 static_assert(offsetof(Body, priority) == 48, "Body::priority");
+static_assert(offsetof(Body, transmission_texture) == 52, "Body::transmission_texture");
 
 struct Light {
     float place[3];

@@ -90,6 +90,8 @@ shared_structs! {
         thickness: f32 = "float",
         /// Where bodies overlap, the one with the highest priority is the medium.
         priority: u32 = "unsigned",
+        /// Texture whose red channel multiplies the share that is not scattered back: an index into [`Params::textures`], or [`NO_TEXTURE`].
+        transmission_texture: u32 = "unsigned",
     }
 
     /// A light of a pass that has several, one with a place or one that is a disc: `Light` of the pipeline.

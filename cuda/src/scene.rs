@@ -165,6 +165,7 @@ pub fn bodies(job: &RayJob<'_>) -> Vec<Body> {
         veil: dielectric.veil,
         thickness: dielectric.thickness,
         priority: dielectric.priority.into(),
+        transmission_texture: dielectric.transmission_texture.unwrap_or(NO_TEXTURE),
     };
     job.dielectrics.iter().map(body).collect()
 }

@@ -97,6 +97,10 @@ impl RayBackend for CpuRays {
         true
     }
 
+    fn sees_skies(&self) -> bool {
+        true
+    }
+
     fn traces_cones(&self) -> bool {
         true
     }

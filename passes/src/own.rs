@@ -88,6 +88,10 @@ impl<F: Fn(At<'_>) -> [f32; 4] + Sync> RayBackend for OwnProgram<F> {
         self.rays.samples_adaptively()
     }
 
+    fn sees_skies(&self) -> bool {
+        self.rays.sees_skies()
+    }
+
     fn traces_cones(&self) -> bool {
         self.rays.traces_cones()
     }

@@ -51,6 +51,16 @@ fn random_soups_cover_the_pixels_that_exact_arithmetic_says() {
 }
 
 #[test]
+fn of_a_sky_its_colour_alone_is_written() {
+    let shades = [grey(); 2];
+    let [with, without] = [true, false].map(common::before);
+    let asked = [ALL, Attachments { triangle: true, ..Attachments::default() }];
+    let drawn = |scene: &RenderScene, asked| draw(&job(scene, &shades, camera(1.25), 150, 120, asked));
+    common::hides_sky(&drawn(&with, asked[0]), &drawn(&without, asked[0]));
+    assert!(drawn(&with, asked[1]).triangle == drawn(&with, asked[0]).triangle, "ids alone");
+}
+
+#[test]
 fn the_comparison_finds_a_picture_that_is_one_pixel_off() {
     let (scene, shades) = (soup(0, 300, 0), [grey()]);
     let job = job(&scene, &shades, camera(1.25), 150, 120, ALL);
@@ -617,33 +627,6 @@ fn corners_that_are_no_numbers_draw_nothing_and_jobs_that_do_not_fit_are_refused
     assert!(rasteriser.draw(&empty, &mut target.clone()).is_ok());
 }
 
-/// Triangles of a square of `cells` x `cells` cells, whose inner corners are moved within the square, so that two
-/// layers share no corners.
-fn layer(half: f32, cells: u32, toward: f32, seed: u32, tilt: f32) -> (Vec<Vec3>, Vec<[u32; 3]>) {
-    let (up, normal) = (Vec3::new(0.0, tilt.cos(), -tilt.sin()), Vec3::new(0.0, tilt.sin(), tilt.cos()));
-    let mut state = seed;
-    let mut random = || {
-        state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
-        (state >> 8) as f32 / (1 << 24) as f32 - 0.5
-    };
-    let mut positions = Vec::new();
-    for row in 0..=cells {
-        for column in 0..=cells {
-            let inner = row > 0 && row < cells && column > 0 && column < cells;
-            let jitter = if inner { [random(), random()] } else { [0.0; 2] };
-            let [x, y] = [(column, jitter[0]), (row, jitter[1])]
-                .map(|(cell, jitter)| ((cell as f32 + 0.6 * jitter) / cells as f32 * 2.0 - 1.0) * half);
-            positions.push(Vec3::X * x + up * y + normal * toward + Vec3::NEG_Z * 60.0);
-        }
-    }
-    let at = |row: u32, column: u32| row * (cells + 1) + column;
-    let cell = |(row, column)| {
-        let [a, b, c, d] = [at(row, column), at(row, column + 1), at(row + 1, column), at(row + 1, column + 1)];
-        [[a, b, c], [c, b, d]]
-    };
-    (positions, (0..cells).flat_map(|row| (0..cells).map(move |column| (row, column))).flat_map(cell).collect())
-}
-
 /// The depth of a triangle is that of its own plane, not of a plane through the snapped corners. So a layer 0.8 mm
 /// behind another, seen from 60 m, is visible nowhere, whatever the near plane.
 #[test]
@@ -651,12 +634,7 @@ fn of_two_layers_close_together_the_nearer_one_is_seen() {
     let (mut covered, mut snapped) = (0, 0);
     for tilt in [0.3, 0.8, 1.1, 1.3] {
         for seed in 0..4 {
-            let (mut positions, mut triangles) = layer(12.0, 23, 0.0, 2 * seed, tilt);
-            let behind = triangles.len() as u32;
-            let (nearer, more) = layer(12.5, 29, 8e-4, 2 * seed + 1, tilt);
-            triangles.extend(more.iter().map(|corners| corners.map(|corner| corner + positions.len() as u32)));
-            positions.extend(nearer);
-            let (scene, shades) = (common::scene(positions, triangles), [grey()]);
+            let ((scene, behind), shades) = (common::layers(seed, tilt, 8e-4), [grey()]);
             for near in [0.01, 0.1, 1.0, 10.0] {
                 let view = View::new(common::perspective(1.0, 1.0, near, 100.0), Vec3::ZERO);
                 let job = job(&scene, &shades, view, 128, 128, ALL);

@@ -7,7 +7,7 @@ mod support;
 
 use common::ALL;
 use curitiba_passes::raster::gpu::{AdapterChoice, AdapterKind, WgpuRasteriser, adapters};
-use curitiba_pipeline::backend::{Attachments, GBuffer, NO_TRIANGLE, RasterJob, Rasteriser, Rect};
+use curitiba_pipeline::backend::{Attachments, GBuffer, NO_TRIANGLE, RasterJob, Rasteriser, Rect, View};
 use curitiba_pipeline::image::PixelFormat;
 use curitiba_pipeline::scene::texture::Texture;
 use curitiba_pipeline::scene::{Batch, Geometry, RenderScene};
@@ -63,6 +63,49 @@ fn attachments_not_asked_for_are_neither_created_nor_change_the_others() {
         };
         assert!(target == expected, "{attachments:?} differs from the full set");
     }
+}
+
+#[test]
+fn of_a_sky_its_colour_alone_is_written() {
+    let Some(mut rasteriser) = rasteriser() else { return };
+    let shades = [common::grey(); 2];
+    let mut drawn = |is_sky: bool, asked: Attachments| {
+        let scene = Arc::new(common::before(is_sky));
+        rasteriser.upload(&scene).expect("uploads");
+        render(&mut rasteriser, &common::job(&scene, &shades, common::camera(1.25), 150, 120, asked), 150, 120)
+    };
+    let (with, without) = (drawn(true, ALL), drawn(false, ALL));
+    common::hides_sky(&with, &without);
+    // Where only ids are asked for, draws of different materials are one, but not with that of a sky.
+    let ids = Attachments { triangle: true, ..Attachments::default() };
+    assert!(drawn(true, ids).triangle == with.triangle);
+}
+
+/// Devices compute depth from corners that they snap, each in its own way: this bound is far above what a farther layer may show.
+#[test]
+fn of_two_layers_close_together_few_pixels_show_the_farther_one() {
+    let Some(mut rasteriser) = rasteriser() else { return };
+    let mut seen = |gap: f32| {
+        let (mut nearer, mut farther) = (0, 0);
+        for (tilt, seed) in [0.3, 0.8, 1.1, 1.3].into_iter().flat_map(|tilt| (0..4).map(move |seed| (tilt, seed))) {
+            let (scene, behind) = common::layers(seed, tilt, gap);
+            let (scene, shades) = (Arc::new(scene), [common::grey()]);
+            rasteriser.upload(&scene).expect("uploads");
+            for near in [0.01, 0.1, 1.0, 10.0] {
+                let view = View::new(common::perspective(1.0, 1.0, near, 100.0), Vec3::ZERO);
+                let ids = Attachments { triangle: true, ..Attachments::default() };
+                let drawn = render(&mut rasteriser, &common::job(&scene, &shades, view, 128, 128, ids), 128, 128);
+                for id in drawn.triangle.into_iter().filter(|id| *id != NO_TRIANGLE) {
+                    *if id < behind { &mut farther } else { &mut nearer } += 1;
+                }
+            }
+        }
+        (nearer, farther)
+    };
+    // 60 m away a float's last bit is 4 micrometres: layers nearer to each other than that mix.
+    let ((nearer, farther), (_, mixed)) = (seen(8e-4), seen(2e-6));
+    println!("{farther} of {} pixels; of layers 2 micrometres apart {mixed}", nearer + farther);
+    assert!(nearer > 50_000 && farther * 20 < nearer && mixed > 1000, "{farther}, {nearer}, {mixed}");
 }
 
 #[test]

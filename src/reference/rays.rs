@@ -69,6 +69,10 @@ impl RayBackend for ReferenceRays {
         true
     }
 
+    fn sees_skies(&self) -> bool {
+        true
+    }
+
     fn traces_cones(&self) -> bool {
         true
     }

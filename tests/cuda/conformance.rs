@@ -34,7 +34,7 @@ fn record(
 }
 
 /// As [`record`], of a project that was loaded.
-fn record_of(
+pub(crate) fn record_of(
     project: Project,
     backend: BackendChoice,
     name: &str,

@@ -8,6 +8,7 @@ mod conformance;
 mod lamps;
 #[path = "../nvidia/mod.rs"]
 mod nvidia;
+mod scenes;
 mod several;
 
 use nvidia::there;

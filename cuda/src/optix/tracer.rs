@@ -12,7 +12,7 @@ use curitiba_passes::effects::Lighting;
 use curitiba_passes::effects::dielectric::Variant;
 use curitiba_pipeline::backend::{BackendError, BuildStats, RayJob};
 use curitiba_pipeline::programs::RayProgram;
-use curitiba_pipeline::scene::RenderScene;
+use curitiba_pipeline::scene::{Geometry, RenderScene};
 
 /// OptiX's structure of a scene, and the programs loaded so far.
 #[derive(Debug)]
@@ -63,6 +63,12 @@ fn flags(materials: usize, filtered: &[bool]) -> Vec<u32> {
         _ => GEOMETRY_FLAG_DISABLE_ANYHIT,
     };
     (0..materials.max(1)).map(flag).collect()
+}
+
+/// The triangles, those of the sky without area, so that nothing hits them.
+fn without_sky(geometry: &Geometry) -> Vec<[u32; 3]> {
+    let corners = |(id, corners): (u32, &[u32; 3])| if geometry.sky.contains(id) { [0; 3] } else { *corners };
+    (0..).zip(&geometry.triangles).map(corners).collect()
 }
 
 /// Copies the launch parameters to the device; returns their address and length in bytes.
@@ -126,7 +132,12 @@ impl DeviceTracer for OptixTracer {
         }
         self.materials = scene.materials.len();
         let flags = flags(self.materials, filtered);
-        let [positions, triangles, materials] = buffers.mesh(device);
+        let [positions, mut triangles, materials] = buffers.mesh(device);
+        let mut ground = Buffer::default();
+        if !geometry.sky.is_empty() {
+            ground = device.upload("the triangles without the sky", without_sky(geometry).as_flattened())?;
+            triangles = ground.address(device);
+        }
         let mesh = Mesh {
             positions,
             vertices: geometry.positions.len() as u32,
@@ -161,6 +172,7 @@ impl DeviceTracer for OptixTracer {
         } else {
             (output, handle)
         };
+        drop(ground);
         // OptiX does not report its number of nodes.
         Ok(BuildStats { bytes: self.structure.bytes(), nodes: 0 })
     }

@@ -98,6 +98,7 @@ int main() {
         bodies[i].veil = number();
         bodies[i].thickness = number();
         bodies[i].priority = word();
+        bodies[i].transmission_texture = word();
         shades[i] = {};
         shades[i].texture = shades[i].glow_texture = NO_TEXTURE;
         numbers(shades[i].diffuse);

@@ -2,6 +2,7 @@
 //! that tests all triangles, compared with the processor's programs.
 
 use super::{compiled_with, light_words, run, words};
+use curitiba_cuda::layout::NO_TEXTURE;
 use curitiba_cuda::scene::{emissions, lights};
 use curitiba_passes::cpu;
 use curitiba_passes::effects::{LightTable, Preparation};
@@ -118,7 +119,8 @@ pub(crate) fn several() -> Scene {
     let tinted = Dielectric { extinction: Vec3::new(0.1, 0.4, 0.9), ..solid(1.5) };
     scene.add(tinted, Vec3::ONE, &ball(center, 0.9), round);
     scene.add(solid(1.33), Vec3::ONE, &ball(center, 0.6), round);
-    let veiled = Dielectric { veil: 0.3, filter: Vec3::new(0.9, 1.0, 0.8), priority: 1, ..solid(1.8) };
+    let filter = Vec3::new(0.9, 1.0, 0.8);
+    let veiled = Dielectric { veil: 0.3, filter, priority: 1, transmission_texture: Some(0), ..solid(1.8) };
     scene.add(veiled, Vec3::splat(0.6), &cuboid(Vec3::new(0.6, 0.1, -0.5), Vec3::new(1.4, 1.3, 0.4)), flat);
     scene.add(solid(1.2), Vec3::ONE, &cuboid(Vec3::new(1.1, 0.2, -0.3), Vec3::new(2.0, 0.9, 0.2)), flat);
     let wall = Dielectric {
@@ -299,6 +301,7 @@ fn serialised(scene: &Scene, seen: &GBuffer, job: &RayJob<'_>) -> Vec<u32> {
         input.extend(words([dielectric.extinction, dielectric.filter]));
         input.extend([dielectric.veil, dielectric.thickness].map(f32::to_bits));
         input.push(dielectric.priority.into());
+        input.push(dielectric.transmission_texture.unwrap_or(NO_TEXTURE));
         input.extend(words([*diffuse]));
     }
     let sun = job.sun.unwrap_or(Sun { direction: Vec3::ZERO, color: Vec3::ZERO });
@@ -383,6 +386,9 @@ fn a_wrong_word_of_the_device_programs_is_noticed() {
         ),
         // Of overlapping bodies with equal priority, the one entered first.
         (RayProgram::Refraction, several(), ["priority <= priority) ++place", "priority < priority) ++place"]),
+        // A texture that is not read.
+        (RayProgram::Refraction, several(), ["1.0f - (1.0f - body.veil) * clear", "body.veil"]),
+        (RayProgram::Final, several(), ["1.0f - (1.0f - body.veil) * clear", "body.veil"]),
         // Cones that the distance does not widen.
         (RayProgram::Refraction, several(), ["cone_along(next.cone, hit.t)", "next.cone"]),
         // A camera that is in no body.

@@ -84,6 +84,11 @@ impl<T: Tracer, C: Coverage> Pass<'_, T, C> {
         Some(self.job.triangle[pixel.index]).filter(|triangle| *triangle != NO_TRIANGLE)
     }
 
+    /// Whether a triangle is a sky, which shows as it is.
+    pub(super) fn is_sky(&self, triangle: u32) -> bool {
+        self.job.scene.geometry.sky.contains(triangle)
+    }
+
     pub(super) fn is_glass(&self, triangle: u32) -> bool {
         self.glass.contains(triangle)
     }

@@ -64,7 +64,7 @@ impl<'w, 's> Sample<'w, 's> {
     fn traced(&self, job: &Job<'_>, pass: &Traced<'_>, color: &Value<'_>) -> DVec4 {
         let own = || self.value(job, color);
         let gray = |share: f64| DVec3::splat(share).extend(1.0);
-        let Some(surface) = &self.seen else {
+        let Some(surface) = self.seen.as_ref().filter(|surface| !self.world.is_sky(surface.triangle)) else {
             return match pass.program {
                 RayProgram::DeferredShadows | RayProgram::Ssao => gray(1.0),
                 _ => own(),
@@ -115,7 +115,7 @@ impl<'w, 's> Sample<'w, 's> {
         (facing, is_seen): (DVec3, bool),
         path: (f64, u64),
     ) -> DVec3 {
-        if pass.program != RayProgram::Final || color == DVec3::ZERO {
+        if pass.program != RayProgram::Final || color == DVec3::ZERO || self.world.is_sky(surface.triangle) {
             return color;
         }
         let light = if pass.look.lights.is_empty() {

@@ -77,6 +77,11 @@ impl<'a> World<'a> {
         texel(&self.scene.textures[texture as usize], uv)
     }
 
+    /// Whether a triangle is a sky, which shows as it is.
+    pub fn is_sky(&self, triangle: u32) -> bool {
+        self.scene.geometry.sky.contains(triangle)
+    }
+
     pub fn material(&self, triangle: u32) -> usize {
         self.scene.geometry.material_of(triangle) as usize
     }

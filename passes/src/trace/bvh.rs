@@ -1,6 +1,6 @@
 //! The tracer of the processor backend: the wide tree, and every traversal compiled for the processor's instruction set.
 
-use super::build::{self, Quality, Triangles};
+use super::build::{self, Built, Quality, Triangles};
 use super::fan::{Candidates, ClearAbove, CountOpen, Gather, Neighbourhood};
 use super::packet;
 use super::parallel::{self, Decided, Estimates};
@@ -20,9 +20,13 @@ use glam::Vec3;
 ///   distance, is a function of the ray, the triangle and the bounds of the scene; of equal distances the lowest id wins.
 /// * Triangles with a corner that is not finite, or with an index out of range, are left out. Degenerate triangles are
 ///   kept and never hit. Coordinates above 10¹⁸ overflow the triangle test and are missed.
+/// * The triangles of a sky ([`Geometry::sky`]) are in a tree of their own, which only the search for the nearest hit asks: the nearest
+///   is then that of both, and of equal distances the one that is no sky.
 /// * Memory is [`Self::bytes`], 65 to 90 bytes a triangle; while it is built, 110 to 160 in all.
 pub struct Bvh {
     pub(crate) tree: WideTree,
+    /// The tree of the sky.
+    sky: Option<Box<WideTree>>,
     instruction_set: Detected,
 }
 
@@ -61,9 +65,16 @@ impl Bvh {
         quality: Quality,
         progress: &Progress,
     ) -> Option<Self> {
-        let built = build::build_until::<Leaf>(&Triangles::new(geometry, transparent), quality, progress)?;
-        let tree = WideTree { nodes: built.nodes, leaves: built.leaves, root: built.root, bounds: built.bounds };
-        Some(Self { tree, instruction_set: Detected::best() })
+        let whole = |built: Built<Leaf>| WideTree {
+            nodes: built.nodes,
+            leaves: built.leaves,
+            root: built.root,
+            bounds: built.bounds,
+        };
+        let tree = whole(build::build_until(&Triangles::new(geometry, transparent), quality, progress)?);
+        let sky = Triangles::new(geometry, transparent).sky();
+        let sky = sky.map(|sky| Box::new(whole(build::build(&sky, quality))));
+        Some(Self { tree, sky, instruction_set: Detected::best() })
     }
 
     /// The same tree, traversed with another instruction set; `None` if the processor lacks it. For tests and benches.
@@ -87,14 +98,24 @@ impl Bvh {
     /// Memory of nodes and triangles, bytes.
     #[must_use]
     pub fn bytes(&self) -> usize {
-        size_of_val(self.tree.nodes.as_slice()) + size_of_val(self.tree.leaves.as_slice())
+        let of = |tree: &WideTree| size_of_val(tree.nodes.as_slice()) + size_of_val(tree.leaves.as_slice());
+        of(&self.tree) + self.sky.as_ref().map_or(0, |sky| of(sky))
     }
 }
 
 /// The traversals. `accept` is called for transparent triangles only, so it is a trait object and each traversal is compiled once.
 impl Bvh {
     fn find_closest(&self, ray: &Ray, accept: &mut dyn FnMut(&Hit) -> bool) -> Option<Hit> {
-        self.instruction_set.run(Closest { tree: &self.tree, ray, accept })
+        let hit = self.instruction_set.run(Closest { tree: &self.tree, ray, accept: &mut *accept });
+        if self.sky.is_some() { self.before_sky(ray, hit, accept) } else { hit }
+    }
+
+    /// A hit on the sky if it is nearer than this one.
+    #[cold]
+    fn before_sky(&self, ray: &Ray, hit: Option<Hit>, accept: &mut dyn FnMut(&Hit) -> bool) -> Option<Hit> {
+        let Some(tree) = &self.sky else { return hit };
+        let ray = &Ray { t_max: hit.map_or(ray.t_max, |hit| hit.t), ..*ray };
+        self.instruction_set.run(Closest { tree, ray, accept }).or(hit)
     }
 
     fn find_any(&self, ray: &Ray, accept: &mut dyn FnMut(&Hit) -> bool) -> bool {
@@ -119,7 +140,19 @@ impl Bvh {
         hits: &mut [PacketHits],
         accept: &mut dyn FnMut(usize, &Hit) -> bool,
     ) {
-        self.instruction_set.run(ClosestPackets { tree: &self.tree, packets, hits, accept });
+        let all = ClosestPackets { tree: &self.tree, packets, hits: &mut *hits, accept: &mut *accept };
+        self.instruction_set.run(all);
+        if self.sky.is_none() {
+            return;
+        }
+        for (index, (packet, hits)) in packets.iter().zip(hits).enumerate() {
+            for lane in packet.lanes() {
+                let mut accept = |hit: &Hit| accept(index * PACKET + lane, hit);
+                if let Some(hit) = self.before_sky(&packet.ray(lane), hits.get(lane), &mut accept) {
+                    hits.set(lane, &hit);
+                }
+            }
+        }
     }
 
     fn find_any_of_packets<const LISTS: bool>(

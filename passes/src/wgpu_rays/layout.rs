@@ -17,6 +17,8 @@ pub const SHADE_VERTEX_COLORS: u32 = 8;
 pub const SHADE_GLOW: u32 = 16;
 /// A normal map bends the material's shading normals.
 pub const SHADE_NORMAL_MAP: u32 = 32;
+/// The material is a sky, which shows as it is.
+pub const SHADE_SKY: u32 = 64;
 /// Words of a material in the tables.
 pub const SHADE_WORDS: u32 = 12;
 /// Words of a texture in the tables.
@@ -28,7 +30,7 @@ pub const WRAP_MIRROR: u32 = 1;
 /// The texels at the border continue.
 pub const WRAP_CLAMP: u32 = 2;
 /// Words of a material as rays in glass see it.
-pub const BODY_WORDS: u32 = 22;
+pub const BODY_WORDS: u32 = 23;
 /// Words in front of them, of what a pass asks of paths in glass: whether light falls straight through; then by [`HEAD`].
 pub const BODY_HEAD: u32 = 1 + HEAD.len() as u32;
 /// What programs call the places of these words, from the second on.
@@ -144,6 +146,8 @@ pub struct Params {
     pub cone_width: f32,
     pub cone_spread: f32,
     pub lights_at: u32,
+    pub whole: u32,
+    pub unused: [u32; 3],
 }
 
 /// The constants of the programs, as WGSL.
@@ -164,6 +168,7 @@ pub fn constants() -> String {
         ("SHADE_VERTEX_COLORS", SHADE_VERTEX_COLORS),
         ("SHADE_GLOW", SHADE_GLOW),
         ("SHADE_NORMAL_MAP", SHADE_NORMAL_MAP),
+        ("SHADE_SKY", SHADE_SKY),
         ("SHADE_WORDS", SHADE_WORDS),
         ("TEXTURE_WORDS", TEXTURE_WORDS),
         ("WRAP_REPEAT", WRAP_REPEAT),

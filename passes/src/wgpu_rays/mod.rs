@@ -392,6 +392,10 @@ impl RayBackend for WgpuRays {
         true
     }
 
+    fn sees_skies(&self) -> bool {
+        true
+    }
+
     fn traces_cones(&self) -> bool {
         true
     }

@@ -125,7 +125,8 @@ impl TreeBuffers {
 /// Parameters that describe a tree.
 fn params_of(tree: &BinaryTree) -> Params {
     let [low, high] = tree.bounds;
-    Params { root: tree.root.unwrap_or(NONE), scene_low: low, scene_high: high, ..Params::default() }
+    let [root, whole] = [tree.root, tree.whole].map(|root| root.unwrap_or(NONE));
+    Params { root, whole, scene_low: low, scene_high: high, ..Params::default() }
 }
 
 impl SceneBuffers {
@@ -201,9 +202,9 @@ impl SceneBuffers {
 
     /// Writes the parameters that describe the buffers into those of a launch.
     pub fn fill(&self, params: &mut Params) {
-        let Params { root, scene_low, scene_high, materials_at, .. } = self.params;
+        let Params { root, whole, scene_low, scene_high, materials_at, .. } = self.params;
         let Params { normals_at, texcoords_at, colors_at, tangents_at, has_normals, .. } = self.params;
-        *params = Params { root, scene_low, scene_high, materials_at, ..*params };
+        *params = Params { root, whole, scene_low, scene_high, materials_at, ..*params };
         *params = Params { normals_at, texcoords_at, colors_at, tangents_at, has_normals, ..*params };
     }
 

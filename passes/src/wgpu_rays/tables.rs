@@ -2,8 +2,8 @@
 
 use super::layout::{
     BODY_HEAD, BODY_WORDS, LARGEST_RANGE, LIGHT_CONE, LIGHT_HEAD, LIGHT_PLACE, LIGHT_WORDS, Params, SHADE_CUT,
-    SHADE_GLASS, SHADE_GLOW, SHADE_NORMAL_MAP, SHADE_SHADOW_GLASS, SHADE_VERTEX_COLORS, SHADE_WORDS, SHAPE_OPAQUE,
-    SHAPE_PANE, SHAPE_SOLID, SHAPE_THIN, TEXTURE_WORDS, VERTEX_COLORS_DISPLAY, VERTEX_COLORS_LINEAR,
+    SHADE_GLASS, SHADE_GLOW, SHADE_NORMAL_MAP, SHADE_SHADOW_GLASS, SHADE_SKY, SHADE_VERTEX_COLORS, SHADE_WORDS,
+    SHAPE_OPAQUE, SHAPE_PANE, SHAPE_SOLID, SHAPE_THIN, TEXTURE_WORDS, VERTEX_COLORS_DISPLAY, VERTEX_COLORS_LINEAR,
     VERTEX_COLORS_NONE, WRAP_CLAMP, WRAP_MIRROR, WRAP_REPEAT,
 };
 use crate::effects::constants::{MAX_DEPTH, NO_TEXTURE, THROUGH_GLASS, THROUGH_GLASS_ENTRIES};
@@ -127,7 +127,8 @@ fn shades(job: &RayJob<'_>) -> Vec<u32> {
             | if cutoff.is_some() { SHADE_CUT } else { 0 }
             | if shade.vertex_colors { SHADE_VERTEX_COLORS } else { 0 }
             | if shade.glow.is_some() { SHADE_GLOW } else { 0 }
-            | if shade.normal_map.is_some() { SHADE_NORMAL_MAP } else { 0 };
+            | if shade.normal_map.is_some() { SHADE_NORMAL_MAP } else { 0 }
+            | if job.scene.materials.get(material).is_some_and(|material| material.sky) { SHADE_SKY } else { 0 };
         let glow = shade.glow.map_or([0; 3], |glow| glow.color.to_array().map(f32::to_bits));
         let glow_texture = shade.glow.and_then(|glow| glow.texture).unwrap_or(NO_TEXTURE);
         let [red, green, blue, _] = shade.diffuse.to_array().map(f32::to_bits);
@@ -263,5 +264,6 @@ fn body(job: &RayJob<'_>, dielectric: &Dielectric) -> [u32; BODY_WORDS as usize]
         minimum.to_bits(),
         maximum.to_bits(),
         exponent.to_bits(),
+        dielectric.transmission_texture.unwrap_or(NO_TEXTURE),
     ]
 }

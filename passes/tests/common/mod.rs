@@ -4,9 +4,9 @@
 
 pub mod reference;
 
-use curitiba_pipeline::backend::{Attachments, LoadStore, RasterJob, Rect, Shade, Sun, View};
+use curitiba_pipeline::backend::{Attachments, GBuffer, LoadStore, NO_TRIANGLE, RasterJob, Rect, Shade, Sun, View};
 use curitiba_pipeline::programs::RasterProgram;
-use curitiba_pipeline::scene::{Batch, Geometry, Material, RenderScene};
+use curitiba_pipeline::scene::{Batch, Geometry, Material, RenderScene, TriangleRanges};
 use glam::{Mat4, Vec2, Vec3, Vec4};
 
 /// All attachments.
@@ -86,6 +86,31 @@ pub fn scene(positions: Vec<Vec3>, triangles: Vec<[u32; 3]>) -> RenderScene {
 pub fn triangles(corners: &[[Vec3; 3]]) -> RenderScene {
     let positions = corners.iter().flatten().copied().collect();
     scene(positions, (0..corners.len() as u32).map(|i| [3 * i, 3 * i + 1, 3 * i + 2]).collect())
+}
+
+/// A triangle of one material before a large one of another, which may be a sky.
+pub fn before(is_sky: bool) -> RenderScene {
+    let near = [Vec3::new(-1.0, -1.0, -4.0), Vec3::new(1.5, -0.5, -4.0), Vec3::new(0.0, 1.2, -4.5)];
+    let far = [Vec3::new(-30.0, -9.0, -9.0), Vec3::new(30.0, -9.0, -9.0), Vec3::new(0.0, 9.0, -12.0)];
+    let mut scene = triangles(&[near, far]);
+    scene.geometry.batches = [0, 1].map(|material| Batch { material, first: material, count: 1 }).to_vec();
+    scene.materials = [false, is_sky].map(|sky| Material { sky, ..Material::default() }).to_vec();
+    scene.geometry.sky = TriangleRanges::of_triangles(&scene.geometry, &scene.skies());
+    scene
+}
+
+/// Asserts that a picture of [`before`] with a sky is that without one, but for all attachments of the sky except its colour.
+#[track_caller]
+pub fn hides_sky(with: &GBuffer, without: &GBuffer) {
+    assert!(with.color == without.color);
+    let mut seen = [0, 0];
+    for (index, id) in without.triangle.iter().enumerate().filter(|(_, id)| **id != NO_TRIANGLE) {
+        let written = |buffer: &GBuffer| (buffer.position[index], buffer.normal[index], buffer.triangle[index]);
+        let expected = if *id == 1 { ([0.0; 4], [0.0; 4], NO_TRIANGLE) } else { written(without) };
+        assert_eq!(written(with), expected, "pixel {index}");
+        seen[*id as usize] += 1;
+    }
+    assert!(seen.iter().all(|count| *count > 500), "{seen:?}");
 }
 
 /// A plain material.
@@ -181,4 +206,42 @@ pub fn terrain(cells: u32) -> (RenderScene, View) {
     let view = world_from_view.inverse();
     let clip_from_world = perspective(60f32.to_radians(), 1.0, 0.1, 100.0) * view;
     (scene(positions, triangles), View::new(clip_from_world, eye))
+}
+
+/// Triangles of a square of `cells` x `cells` cells, whose inner corners are moved within the square, so that two
+/// layers share no corners.
+fn layer(half: f32, cells: u32, toward: f32, seed: u32, tilt: f32) -> (Vec<Vec3>, Vec<[u32; 3]>) {
+    let (up, normal) = (Vec3::new(0.0, tilt.cos(), -tilt.sin()), Vec3::new(0.0, tilt.sin(), tilt.cos()));
+    let mut state = seed;
+    let mut random = || {
+        state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+        (state >> 8) as f32 / (1 << 24) as f32 - 0.5
+    };
+    let mut positions = Vec::new();
+    for row in 0..=cells {
+        for column in 0..=cells {
+            let inner = row > 0 && row < cells && column > 0 && column < cells;
+            let jitter = if inner { [random(), random()] } else { [0.0; 2] };
+            let [x, y] = [(column, jitter[0]), (row, jitter[1])]
+                .map(|(cell, jitter)| ((cell as f32 + 0.6 * jitter) / cells as f32 * 2.0 - 1.0) * half);
+            positions.push(Vec3::X * x + up * y + normal * toward + Vec3::NEG_Z * 60.0);
+        }
+    }
+    let at = |row: u32, column: u32| row * (cells + 1) + column;
+    let cell = |(row, column)| {
+        let [a, b, c, d] = [at(row, column), at(row, column + 1), at(row + 1, column), at(row + 1, column + 1)];
+        [[a, b, c], [c, b, d]]
+    };
+    (positions, (0..cells).flat_map(|row| (0..cells).map(move |column| (row, column))).flat_map(cell).collect())
+}
+
+/// Two such layers 60 m from [`camera`], tilted by so much, the nearer one `gap` before the other; and the number of triangles of the
+/// farther one, which come first.
+pub fn layers(seed: u32, tilt: f32, gap: f32) -> (RenderScene, u32) {
+    let (mut positions, mut triangles) = layer(12.0, 23, 0.0, 2 * seed, tilt);
+    let behind = triangles.len() as u32;
+    let (nearer, more) = layer(12.5, 29, gap, 2 * seed + 1, tilt);
+    triangles.extend(more.iter().map(|corners| corners.map(|corner| corner + positions.len() as u32)));
+    positions.extend(nearer);
+    (scene(positions, triangles), behind)
 }

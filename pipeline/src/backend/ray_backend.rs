@@ -57,6 +57,11 @@ pub trait RayBackend {
     fn traces_spheres(&self) -> bool {
         false
     }
+    /// Whether the rays of its mirrors and glass see a sky ([`Geometry::sky`](crate::scene::Geometry::sky)), which is in the way of
+    /// neither light nor occlusion, in corrected fidelity.
+    fn sees_skies(&self) -> bool {
+        false
+    }
     /// Whether the backend traces the rays of a storage buffer.
     ///
     /// # Errors
@@ -87,7 +92,8 @@ pub trait RayBackend {
         false
     }
     /// Builds the acceleration structure; the executor times this step. `filtered` says by material index whether rays of any pass
-    /// may pass through it (alpha-cut textures, glass that shadow rays pass), so that hits need an any-hit test.
+    /// may pass through it (alpha-cut textures, glass that shadow rays pass), so that hits need an any-hit test. Shadow and occlusion rays
+    /// do not hit the triangles of a sky ([`Geometry::sky`](crate::scene::Geometry::sky)).
     ///
     /// # Errors
     /// If the device cannot hold it.

@@ -1,8 +1,9 @@
 //! Fallbacks: ray backends that take over after a failure, if the user allowed it.
 
 use super::{Fallback, Observer, RenderError, Renderer};
-use crate::backend::BackendError;
+use crate::backend::{BackendError, RayBackend};
 use crate::plan::Traced;
+use crate::programs::RayProgram;
 
 impl Renderer {
     /// Every ray backend that failed so far, and its replacement.
@@ -77,15 +78,34 @@ impl Renderer {
         }
         self.plan.passes.iter().enumerate().find_map(|(index, planned)| {
             let pass = self.plan.pass(planned);
-            let Traced { program, .. } = self.plan.traced(planned)?;
+            let Traced { program, scene_set, .. } = self.plan.traced(planned)?;
             let rays = rays_of(&pass.name);
             let Some((program, params)) = program else {
                 return Some((pass.name.clone(), rays.supports_intersections().err()?));
             };
             let materials = self.materials.get(index).filter(|materials| materials.glass.contains(&true));
             let glass = || materials.map_or(Ok(()), |m| rays.supports_glass(program, &params, &m.dielectrics));
-            let error = rays.supports(program, self.plan.settings.fidelity).and_then(|()| glass()).err()?;
+            let sky = || self.unseen_sky(index, scene_set, (program, rays)).map_or(Ok(()), Err);
+            let supported = rays.supports(program, self.plan.settings.fidelity);
+            let error = supported.and_then(|()| glass()).and_then(|()| sky()).err()?;
             Some((pass.name.clone(), error))
+        })
+    }
+
+    /// The error for a sky that the glass of a pass would show and its backend does not.
+    fn unseen_sky(
+        &self,
+        index: usize,
+        scene_set: usize,
+        (program, rays): (RayProgram, &dyn RayBackend),
+    ) -> Option<BackendError> {
+        let mirrors = program.info().names("closest_hit_glass") && self.materials.get(index)?.glass.contains(&true);
+        let is_there = !self.scenes.get(scene_set)?.scene.geometry.sky.is_empty();
+        (mirrors && is_there && !rays.sees_skies()).then(|| {
+            let what = format!("{} with a sky that its glass shows", program.info().stem);
+            let why = "its rays do not see skies; use --backend cpu, or allow it with --fallback cpu, or leave <sky> out of \
+                       the scene, which then throws shadows as any surface does";
+            BackendError::Unsupported { backend: rays.name(), what, why: why.to_owned() }
         })
     }
 }

@@ -158,8 +158,10 @@ impl Renderer {
             self.warnings.append(std::mem::take(&mut loaded.warnings));
             let thesis = self.plan.settings.fidelity == Fidelity::Thesis;
             if thesis {
-                // The report's programs have no alpha test, so textures get plain mip levels.
-                loaded.materials.iter_mut().for_each(|material| material.alpha_cutoff = None);
+                // The report's programs have no alpha test, so textures get plain mip levels, and know no sky.
+                for material in &mut loaded.materials {
+                    (material.alpha_cutoff, material.sky) = (None, false);
+                }
             }
             let (needs, model_space_normals) = (self.plan.needs, thesis);
             let color = self.plan.display.space;
@@ -201,6 +203,10 @@ impl Renderer {
             shades: materials.iter().map(|material| shade(material, &colors, mapped, corrected)).collect(),
             ..PassMaterials::default()
         };
+        if !matches!(&pass.kind, PassKind::Ray(ray) if ray.from_camera.is_some()) {
+            let skies = resolved.shades.iter_mut().zip(materials).filter(|(_, material)| material.sky);
+            skies.for_each(|(shade, _)| *shade = shining(shade));
+        }
         let matching = |patterns: &[MaterialPattern]| -> Vec<bool> {
             let matches = |material: &Material| patterns.iter().any(|pattern| pattern.matches(&material.name));
             materials.iter().map(matches).collect()
@@ -461,6 +467,21 @@ fn shade(material: &Material, colors: &[ColorMap], mapped: &[(PathBuf, u32)], co
         }
     }
     shade
+}
+
+/// How a sky looks: its light, or else its own colours, whatever the light of the pass. One whose vertices have colours looks as in the light.
+fn shining(shade: &Shade) -> Shade {
+    /// Light that every surface reflects, as in the report.
+    const AMBIENT: f32 = 0.3;
+    if shade.vertex_colors {
+        return *shade;
+    }
+    // A texture that cuts holes stays, with its ambient light; any other becomes that of the light.
+    let texture = shade.texture.filter(|_| shade.alpha_cutoff.is_some());
+    let ambient = if texture.is_some() { AMBIENT } else { 0.0 };
+    let glow = shade.glow.unwrap_or(Glow { color: shade.diffuse.truncate(), texture: shade.texture });
+    let glow = Glow { color: glow.color - ambient, ..glow };
+    Shade { diffuse: Vec3::ZERO.extend(shade.diffuse.w), emission: Vec4::ZERO, texture, glow: Some(glow), ..*shade }
 }
 
 #[cfg(test)]

@@ -55,6 +55,7 @@ impl Loader {
             place: Placement::default(),
             swap_yz: false,
             unitize: false,
+            sky: Vec::new(),
         }));
         self.scenes.items.len() - 1
     }

@@ -178,10 +178,12 @@ pub struct SceneDecl {
     pub swap_yz: bool,
     /// `param="UNITIZE"`: centres the scene at the origin and scales it into [-1, 1].
     pub unitize: bool,
+    /// `<sky material="…"/>`: the materials that are a sky around the scene ([`Material::sky`](scene::Material::sky)).
+    pub sky: Vec<MaterialPattern>,
 }
 
 impl SceneDecl {
-    /// Reads its files and adds its primitives.
+    /// Reads its files, adds its primitives, and marks the materials of its sky.
     ///
     /// # Errors
     /// As [`scene::load`], or if the primitives need more memory than allowed.
@@ -193,6 +195,14 @@ impl SceneDecl {
         };
         let named = self.files.first().map_or(Path::new(&self.name), |file| &file.path);
         shapes::add(&mut scene, &self.shapes, named, options.max_bytes)?;
+        for pattern in &self.sky {
+            let mut skies = scene.materials.iter_mut().filter(|material| pattern.matches(&material.name)).peekable();
+            if let (None, MaterialPattern::Named(name)) = (skies.peek(), pattern) {
+                let what = "skies of a material that the scene does not have";
+                scene.warnings.add(named, what, "overlooked", || format!("`{}`", shown(name)));
+            }
+            skies.for_each(|material| material.sky = true);
+        }
         Ok(scene)
     }
 

@@ -20,9 +20,9 @@ impl Loader {
     /// Reads a `<scene>`.
     pub fn scene(&mut self, element: &Element) {
         self.stray_text(element);
-        self.expect_children(element, &[&["file", "folder", "geometry", "buffers"], PLACES].concat());
+        self.expect_children(element, &[&["file", "folder", "geometry", "buffers", "sky"], PLACES].concat());
         self.expect_attributes(element, &[&["name", "type", "param", "filename"], PLACE_ATTRIBUTES].concat());
-        let (mut files, mut shapes, mut exact) = (Vec::new(), Vec::new(), None);
+        let (mut files, mut shapes, mut exact, mut sky) = (Vec::new(), Vec::new(), None, Vec::new());
         let mut whole = true;
         if let Some(path) = element.attribute("filename") {
             whole &= self.scene_file(element, path, &mut files).is_some();
@@ -45,6 +45,13 @@ impl Loader {
                         }
                         shapes.extend(shape);
                     }
+                    None => whole = false,
+                }
+            } else if child.is(&["sky"]) {
+                self.expect(child, &[], &["material"]);
+                let material = self.required(child, "material");
+                match material.and_then(|material| self.material_pattern(material)) {
+                    Some(pattern) => sky.push(pattern),
                     None => whole = false,
                 }
             }
@@ -72,7 +79,7 @@ impl Loader {
         if let Some(name) = self.required(element, "name") {
             let item = place.filter(|_| whole).map(|place| {
                 let name = name.text.clone();
-                SceneDecl { name, files, memory: None, shapes, exact, place, swap_yz, unitize }
+                SceneDecl { name, files, memory: None, shapes, exact, place, swap_yz, unitize, sky }
             });
             self.scenes.add(&mut self.report, name, item);
         }

@@ -281,6 +281,9 @@ pub struct Material {
     /// Whether some triangles of the material have vertex colours ([`Geometry::colors`]). [`RenderScene::build`] sets it; `false`
     /// before.
     pub vertex_colors: bool,
+    /// Whether it is a sky around the scene: in corrected fidelity it is seen as it is, whatever the light, and it is in the way of neither
+    /// light nor ambient occlusion. Projects say so ([`SceneDecl::sky`](crate::project::SceneDecl::sky)), scene files do not.
+    pub sky: bool,
     /// Whether cameras cull its back faces, whose corners run clockwise on screen (glTF unless `doubleSided`). Rays hit both sides:
     /// light that entered glass must leave it, and a wall blocks light from either side.
     pub single_sided: bool,
@@ -342,6 +345,7 @@ impl Default for Material {
             normal_scale: 1.0,
             alpha_cutoff: None,
             vertex_colors: false,
+            sky: false,
             single_sided: false,
             transmission: 0.0,
             transmission_texture: None,
@@ -454,6 +458,9 @@ pub struct Geometry {
     /// Exact spheres, in ascending order of their materials. Their normals point outwards; they have neither texture coordinates
     /// nor vertex colours.
     pub spheres: Vec<Sphere>,
+    /// The triangles of a sky ([`Material::sky`]): cameras and the rays of mirrors and glass see them, shadow and occlusion rays do not.
+    /// Rasterisers write their colour alone, as if nothing were drawn there.
+    pub sky: TriangleRanges,
 }
 
 /// An exact sphere in world space.
@@ -533,14 +540,26 @@ impl TriangleRanges {
     /// Replaces the ranges by those of the marked materials; materials beyond the end of `marked` are not marked.
     pub fn find(&mut self, geometry: &Geometry, marked: &[bool]) {
         self.0.clear();
-        let is_marked = |batch: &&Batch| batch.count > 0 && marked.get(batch.material as usize) == Some(&true);
-        for &Batch { first, count, .. } in geometry.batches.iter().filter(is_marked) {
-            self.add(first, count);
-        }
+        self.find_triangles(geometry, marked);
         for (sphere, id) in geometry.spheres.iter().zip(geometry.triangles.len() as u32..) {
             if marked.get(sphere.material as usize) == Some(&true) {
                 self.add(id, 1);
             }
+        }
+    }
+
+    /// The triangles whose material is marked, without the spheres.
+    #[must_use]
+    pub fn of_triangles(geometry: &Geometry, marked: &[bool]) -> Self {
+        let mut ranges = Self::default();
+        ranges.find_triangles(geometry, marked);
+        ranges
+    }
+
+    fn find_triangles(&mut self, geometry: &Geometry, marked: &[bool]) {
+        let is_marked = |batch: &&Batch| batch.count > 0 && marked.get(batch.material as usize) == Some(&true);
+        for &Batch { first, count, .. } in geometry.batches.iter().filter(is_marked) {
+            self.add(first, count);
         }
     }
 
@@ -555,6 +574,13 @@ impl TriangleRanges {
     #[must_use]
     pub fn as_slice(&self) -> &[[u32; 2]] {
         &self.0
+    }
+
+    /// Whether there is none.
+    #[inline]
+    #[must_use]
+    pub fn is_empty(&self) -> bool {
+        self.0.is_empty()
     }
 
     /// Whether a surface id is in one of the ranges.
@@ -581,6 +607,12 @@ pub struct RenderScene {
 }
 
 impl RenderScene {
+    /// By material: whether it is [a sky](Material::sky).
+    #[must_use]
+    pub fn skies(&self) -> Vec<bool> {
+        self.materials.iter().map(|material| material.sky).collect()
+    }
+
     /// Appends another scene's triangles, materials and textures.
     ///
     /// # Panics
@@ -610,6 +642,9 @@ impl RenderScene {
         let (materials, textures) = (index(self.materials.len()), index(self.textures.len()));
         index(whole);
         index(geometry.surfaces() + other.geometry.surfaces());
+        for &[first, end] in other.geometry.sky.as_slice() {
+            geometry.sky.add(first + triangles, end - first);
+        }
         geometry.positions.extend(other.geometry.positions);
         geometry.normals.extend(other.geometry.normals);
         let normals = geometry.normals.len();

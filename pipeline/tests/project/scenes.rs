@@ -100,6 +100,33 @@ fn exact_spheres_are_placed_as_meshes_are() {
 }
 
 #[test]
+fn materials_of_a_scene_may_be_its_sky() {
+    let boxes = "<geometry name=a type=BOX material=blue/><geometry name=b type=BOX material=earth/>
+        <sky material=\"blue\"/>";
+    let scene = built(&with(&project(RASTER), FILE, boxes));
+    let named = |name: &str| scene.materials.iter().find(|material| material.name == name).expect("it is there").sky;
+    assert_eq!((named("blue"), named("earth")), (true, false));
+    let ids: Vec<bool> = (0..24).map(|id| scene.geometry.sky.contains(id)).collect();
+    let of_material = |id: u32| scene.materials[scene.geometry.material_of(id) as usize].sky;
+    assert_eq!(ids, (0..24).map(of_material).collect::<Vec<_>>());
+    assert_eq!(ids.iter().filter(|sky| **sky).count(), 12);
+    let mut both = scene.clone();
+    both.append(scene.clone());
+    assert!((0..48).all(|id| both.geometry.sky.contains(id) == ids[id as usize % 24]), "of scenes together");
+    let all = built(&with(&project(RASTER), FILE, &boxes.replace("\"blue\"/>", "\"*\"/>")));
+    assert_eq!(all.geometry.sky.as_slice(), [[0, 24]]);
+    one_error(
+        &with(&project(RASTER), FILE, "<sky material=\"@b*\"/>"),
+        "`b*` is not a material's name",
+        "one whole name",
+    );
+    one_error(&with(&project(RASTER), FILE, "@<sky/>"), "<sky> lacks `material`", "material=");
+    let other = good(&with(&project(RASTER), FILE, &boxes.replace("\"blue\"/>", "\"Blue\"/>"))).scenes.swap_remove(0);
+    let warnings = other.load(&LoadOptions::default(), &|_| {}).expect("it needs no file").warnings;
+    assert!(format!("{warnings:?}").contains("skies of a material that the scene does not have"), "{warnings:?}");
+}
+
+#[test]
 fn exact_spheres_stay_spheres_or_are_refused_with_their_place() {
     let wrong =
         |old: &str, new: &str, message: &str, help: &str| one_error(&with(&project(RASTER), old, new), message, help);

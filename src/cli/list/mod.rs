@@ -139,6 +139,7 @@ fn ray_support(rays: &dyn RayBackend) -> Vec<String> {
         ("filter above 0", rays.filters_shares()),
         ("error above 0", rays.samples_adaptively()),
         ("texturelod", rays.traces_cones()),
+        ("a sky in glass", rays.sees_skies()),
     ];
     let verdict = |does| if does { "yes" } else { "no: use --backend cpu" };
     lines.extend(more.map(|(asked, does)| format!("    {asked:14}  {}", verdict(does))));

@@ -82,7 +82,8 @@ fn visible<T: Tracer, C: Coverage>(
     key: u32,
     work: &mut Workspace,
 ) -> Vec3 {
-    if color == Vec3::ZERO || !matters(pass) || (known.light.is_some() && pass.lenses.is_empty()) {
+    let is_certain = color == Vec3::ZERO || pass.is_sky(side.id);
+    if is_certain || !matters(pass) || (known.light.is_some() && pass.lenses.is_empty()) {
         return corrected::visible(pass, color, surface, (side, known), key, work);
     }
     let mut light = match known.light {

@@ -86,7 +86,7 @@ pub(super) fn asked<'s>(surface: &'s Surface, Side { facing, id, shading }: Side
 }
 
 /// A colour times the light's share and the ambient occlusion. What `known` lacks of the two is computed, on a side of the surface. Black
-/// stays black, without a ray.
+/// stays black, and a sky as it is, without a ray.
 pub(super) fn visible<T: Tracer, C: Coverage>(
     pass: &Pass<'_, T, C>,
     color: Vec3,
@@ -95,7 +95,7 @@ pub(super) fn visible<T: Tracer, C: Coverage>(
     key: u32,
     work: &mut Workspace,
 ) -> Vec3 {
-    if color == Vec3::ZERO {
+    if color == Vec3::ZERO || pass.is_sky(side.id) {
         return color;
     }
     if pass.has_lights() && known.light.is_none() {

@@ -10,7 +10,7 @@ use glam::Vec3;
 pub enum Variant {
     /// In a fidelity, with the report's panes.
     Panes(Fidelity),
-    /// In corrected fidelity, with smooth glass as each material says and a background.
+    /// In corrected fidelity, with smooth glass as each material says, and a background or a sky.
     Bodies,
     /// The same with glass that is rough, bends colours apart or has a reflectance of its own, and with paths that are cut off.
     Ways,
@@ -23,7 +23,7 @@ impl Variant {
     /// The one that a job needs.
     #[must_use]
     pub fn of(job: &RayJob<'_>) -> Self {
-        let asks = !job.dielectrics.is_empty() || job.beyond != Vec3::ZERO;
+        let asks = !job.dielectrics.is_empty() || job.beyond != Vec3::ZERO || !job.scene.geometry.sky.is_empty();
         let has = Self::OF_BODIES.contains(&job.program);
         match () {
             () if !(asks && has && job.fidelity == Fidelity::Corrected) => Self::Panes(job.fidelity),
@@ -56,8 +56,8 @@ fn asks_of_ways(params: &RayParams, dielectrics: &[Dielectric]) -> Option<(&'sta
     }
 }
 
-/// Refuses what device programs lack of the glass that a pass finds: textures of transmission and light that spheres focus; and where they know no
-/// [`Variant::Ways`], bodies that bend colours apart, rough surfaces, reflectances of their own, and paths that are cut off.
+/// Refuses what device programs lack of the glass that a pass finds: light that spheres focus; and where they know no [`Variant::Ways`],
+/// bodies that bend colours apart, rough surfaces, reflectances of their own, and paths that are cut off.
 ///
 /// # Errors
 /// [`BackendError::Unsupported`], with what would help.
@@ -67,11 +67,6 @@ pub fn check_glass(
     params: &RayParams,
     dielectrics: &[Dielectric],
 ) -> Result<(), BackendError> {
-    if dielectrics.iter().any(|dielectric| dielectric.transmission_texture.is_some()) {
-        let what = "glass with a texture of its transmission".to_owned();
-        let why = "its programs read none; use --backend cpu, or allow it with --fallback cpu".to_owned();
-        return Err(BackendError::Unsupported { backend, what, why });
-    }
     let unknown = if knows_ways { None } else { asks_of_ways(params, dielectrics) };
     let focuses = params.shadow == GlassShadow::Caustic && !dielectrics.is_empty();
     let focused = focuses.then_some(("shadow=caustic", "set shadow=straight on the pass, use --backend cpu"));
@@ -113,11 +108,6 @@ mod tests {
         let limits = PathLimits { cutoff: 0.01, ..PathLimits::DEFAULT };
         let params = RayParams { limits, ..RayParams::default() };
         assert!(check_glass("wgpu", true, &params, &glass).is_ok());
-        let mapped = [Dielectric { transmission_texture: Some(0), ..glass[0] }];
-        for knows_ways in [false, true] {
-            let refused = check_glass("wgpu", knows_ways, &params, &mapped).expect_err("it has a texture").to_string();
-            assert!(refused.contains("a texture of its transmission"), "{refused}");
-        }
         let caustic = RayParams { shadow: GlassShadow::Caustic, ..params };
         let focused = check_glass("wgpu", true, &caustic, &glass).expect_err("it focuses").to_string();
         assert!(focused.contains("shadow=caustic") && !focused.contains("one index"), "{focused}");

@@ -3,6 +3,7 @@
 mod agreement;
 pub(crate) mod cones;
 mod lights;
+mod sky;
 mod spheres;
 mod sun;
 pub mod terminator;

@@ -8,7 +8,7 @@ use super::surface::{TILE, TileSurface};
 use super::tile::{LANES, Tile};
 use curitiba_pipeline::backend::{NO_TRIANGLE, Shade};
 use curitiba_pipeline::scene::texture::{Place, Texture};
-use curitiba_pipeline::scene::{Batch, normal_map};
+use curitiba_pipeline::scene::{Batch, TriangleRanges, normal_map};
 use glam::{Vec2, Vec3, Vec4};
 use std::ops::Range;
 
@@ -242,6 +242,10 @@ impl Rows {
             let [r, g, b, a] = &self.unlit;
             store(pixels, &self.triangle, [r, g, b, a], frame.job.clear_color.to_array(), over);
         }
+        let sky = &frame.geometry.sky;
+        if !sky.is_empty() {
+            self.hide_sky(sky);
+        }
         if let Some(pixels) = surface.position(row) {
             let [x, y, z] = &self.position[0];
             store(pixels, &self.triangle, [x, y, z, &self.light], [0.0; 4], over);
@@ -251,12 +255,25 @@ impl Rows {
             store(pixels, &self.triangle, [x, y, z, &[0.0; ROW]], [0.0; 4], over);
         }
         if let Some(pixels) = surface.triangle(row) {
-            if over {
-                let drawn = pixels.iter_mut().zip(&self.triangle).filter(|(_, id)| **id != NO_TRIANGLE);
-                drawn.for_each(|(pixel, id)| *pixel = *id);
+            if over || !sky.is_empty() {
+                let shown = |id: u32| if sky.contains(id) { NO_TRIANGLE } else { id };
+                let drawn = pixels.iter_mut().zip(&self.triangle).filter(|(_, id)| !over || **id != NO_TRIANGLE);
+                drawn.for_each(|(pixel, id)| *pixel = shown(*id));
             } else {
                 pixels.copy_from_slice(&self.triangle[..pixels.len()]);
             }
+        }
+    }
+
+    /// Leaves nothing of a sky but its colour.
+    #[cold]
+    fn hide_sky(&mut self, sky: &TriangleRanges) {
+        let Self { triangle, position: [position, ..], normal: [normal, ..], light, .. } = self;
+        for (column, _) in triangle.iter().enumerate().filter(|(_, id)| sky.contains(**id)) {
+            for axis in 0..3 {
+                (position[axis][column], normal[axis][column]) = (0.0, 0.0);
+            }
+            light[column] = 0.0;
         }
     }
 

@@ -17,11 +17,18 @@ impl Bounds {
     /// The box of no points.
     pub const EMPTY: Self = Self { min: Vec3::INFINITY, max: Vec3::NEG_INFINITY };
 
-    /// The box around all triangles.
+    /// The box around all triangles but the sky's.
     #[must_use]
     pub fn of_scene(geometry: &Geometry) -> Self {
         if geometry.triangles.is_empty() {
             return Self::EMPTY;
+        }
+        if !geometry.sky.is_empty() {
+            let ids = (0..geometry.triangles.len() as u32).into_par_iter().with_min_len(1 << 14);
+            let boxes = ids
+                .filter(|id| !geometry.sky.contains(*id))
+                .map(|id| geometry.corners(id).into_iter().fold(Self::EMPTY, Self::with));
+            return boxes.reduce(|| Self::EMPTY, Self::union);
         }
         // Every vertex belongs to a triangle, so all vertices count.
         let chunks = geometry.positions.par_chunks(1 << 16);

@@ -109,7 +109,8 @@ impl DrawList {
             let wrapped =
                 beyond(shade.texture.filter(|_| variant.textured)) || beyond(glow_texture) || beyond(normal_texture);
             let (mirrored, many) = (job.view.clip_plane.is_some(), self.many);
-            let variant = Variant { culled, wrapped, mirrored, many, ..variant };
+            let sky = job.scene.materials.get(part.material as usize).is_some_and(|material| material.sky);
+            let variant = Variant { culled, wrapped, mirrored, many, sky: sky && variant.writes(), ..variant };
             if let Some(last) = self.draws.last_mut() {
                 let adjacent = last.chunk == part.chunk && last.first + last.count == part.first;
                 if adjacent && last.variant == variant && !variant.reads_material() {

@@ -13,6 +13,7 @@
 //   VERTEX_COLOR                        the vertices carry colours, and COLOR or ALPHA_CUT reads them
 //   ALPHA_CUT                           where alpha is below the material's cutoff there is no surface
 //   LIGHTS                              several lights, or one with a place, in place of the light of `Frame`
+//   SKY                                 nothing but the colour is left
 //   MIRRORED                            seen by a mirrored camera: nothing is behind the mirror
 //#if TRIANGLE
 enable primitive_index;
@@ -372,6 +373,17 @@ fn fragment_main(
 //#endif
 //#endif
 //#endif
+//#if SKY
+//#if POSITION
+    out.position = vec4<f32>(0.0);
+//#endif
+//#if NORMAL
+    out.normal = vec4<f32>(0.0);
+//#endif
+//#if TRIANGLE
+    out.triangle = 0u;
+//#endif
+//#else
 //#if POSITION
     out.position = vec4<f32>(in.world, cosine);
 //#endif
@@ -380,6 +392,7 @@ fn fragment_main(
 //#endif
 //#if TRIANGLE
     out.triangle = draw.first_triangle + primitive;
+//#endif
 //#endif
     return out;
 //#endif

@@ -37,6 +37,8 @@ pub(super) struct Variant {
     pub mirrored: bool,
     /// Adds several lights, or one with a place; with `vertex_normal` it also computes the place in the world.
     pub many: bool,
+    /// Leaves nothing but the colour, as of a sky.
+    pub sky: bool,
     /// Leaves back faces out. The text does not depend on it.
     pub culled: bool,
 }
@@ -63,6 +65,7 @@ impl Variant {
             wrapped: false,
             mirrored: false,
             many: false,
+            sky: false,
             culled: false,
         }
     }
@@ -110,6 +113,7 @@ impl Variant {
             "GLOW" => self.glow,
             "WRAPPED" => self.wrapped,
             "MIRRORED" => self.mirrored,
+            "SKY" => self.sky,
             "GLOW_TEXTURED" => self.glow_textured,
             _ => return None,
         })
@@ -271,6 +275,7 @@ mod tests {
                     bent: bit(11),
                     mirrored: bit(12),
                     many: false,
+                    sky: false,
                     culled: false,
                 }
             })
@@ -333,6 +338,25 @@ mod tests {
             count += u32::from(variant.lights());
         }
         assert!(count > 20, "{count}");
+    }
+
+    #[test]
+    fn of_a_sky_nothing_is_written_but_the_colour() {
+        let mut count = 0;
+        for variant in variants().filter(|v| !v.wrapped && !v.mirrored && v.writes()) {
+            let [plain, sky] = [false, true].map(|sky| Variant { sky, ..variant }.source());
+            validate(&sky, naga::valid::Capabilities::all()).unwrap_or_else(|error| panic!("{variant:?}\n{error}"));
+            for (written, surface, nothing) in [
+                (variant.position, "out.position = vec4<f32>(in.world, cosine);", "out.position = vec4<f32>(0.0);"),
+                (variant.normal, "out.normal = vec4<f32>(normal, 0.0);", "out.normal = vec4<f32>(0.0);"),
+                (variant.triangle, "out.triangle = draw.first_triangle + primitive;", "out.triangle = 0u;"),
+            ] {
+                assert_eq!([plain.contains(surface), sky.contains(nothing)], [written; 2], "{variant:?}");
+                assert!(!plain.contains(nothing) && !sky.contains(surface), "{variant:?}");
+            }
+            count += 1;
+        }
+        assert!(count > 100, "{count}");
     }
 
     #[test]

@@ -20,8 +20,8 @@ pub const TRANSPARENT: u32 = tree::TRANSPARENT;
 pub const LEAF: u32 = 1 << 31;
 /// Shift of the bits that hold a leaf's count of triangles, less 1.
 pub const COUNT_SHIFT: u32 = 29;
-/// Entries of the traversal stack: at most one child a level waits.
-pub const STACK: usize = DEEPEST;
+/// Entries of the traversal stack: at most one child a level waits, and a sky is one level more.
+pub const STACK: usize = DEEPEST + 1;
 /// The error bounds of the device programs, with their names in device code.
 pub const BOUNDS: &[(&str, f32)] = rounding::OF_DEVICE;
 /// Bounds of the plane test (`packet/plane_test.rs`), named as in [`BOUNDS`].
@@ -61,12 +61,14 @@ pub struct BinaryNode {
 /// The tree, ready to be copied to a device.
 #[derive(Debug, Clone, Default)]
 pub struct BinaryTree {
-    /// Nodes, each before its subtrees.
+    /// Nodes, each before its subtrees but the one that joins a sky to all else.
     pub nodes: Vec<BinaryNode>,
     /// Three corners a triangle, as the bits of `f32`. The fourth component of the first corner is the triangle's id, with [`TRANSPARENT`].
     pub triangles: Vec<[[u32; 4]; 3]>,
-    /// The node or leaf at the root; `None` if the tree holds no triangle.
+    /// The node or leaf at the root of all but the sky ([`Geometry::sky`]); `None` if there is no such triangle.
     pub root: Option<u32>,
+    /// That of all triangles.
+    pub whole: Option<u32>,
     /// Low and high corner of the bounds of all triangles.
     pub bounds: [[f32; 3]; 2],
 }
@@ -80,21 +82,30 @@ impl BinaryTree {
     #[must_use]
     pub fn build(geometry: &Geometry, transparent: &[bool], quality: Quality) -> Self {
         assert!(geometry.triangles.len() < MOST_TRIANGLES, "a tree holds fewer than 2^29 triangles");
-        let triangles = Triangles::new(geometry, transparent);
-        let to_the_end = &Progress::default();
-        let survey = Survey::new(&triangles, MOST as usize, to_the_end).expect("nobody asks to give it up");
-        let (bounds, count) = (survey.bounds, survey.triangles);
-        let binary = binary_tree(&triangles, survey, quality.effort(count), to_the_end);
-        let binary = binary.expect("nobody asks to give it up");
-        if binary.nodes.is_empty() {
-            return Self::default();
-        }
-        let part = Source { triangles: &triangles, binary: &binary }.side_by_side(0, 0);
+        let ground = Part::of(&Triangles::new(geometry, transparent), quality);
+        let sky = Triangles::new(geometry, transparent).sky().and_then(|sky| Part::of(&sky, quality));
+        let root = ground.as_ref().map(|part| part.top.reference);
+        let part = match (ground, sky) {
+            (Some(ground), Some(sky)) => {
+                let mut both = Part::new();
+                let [ground, sky] = [ground, sky].map(|part| both.append(part));
+                let (place, bounds) = (both.nodes.len(), ground.bounds.union(sky.bounds));
+                both.nodes.push(node_of(ground, sky));
+                both.top = Top { reference: place as u32, bounds, cost: 0.0 };
+                both
+            }
+            (one, other) => match one.or(other) {
+                Some(part) => part,
+                None => return Self::default(),
+            },
+        };
+        let Bounds { low, high } = part.top.bounds;
         Self {
             nodes: part.nodes,
             triangles: part.triangles,
-            root: Some(part.top.reference),
-            bounds: [bounds.low.to_array(), bounds.high.to_array()],
+            root,
+            whole: Some(part.top.reference),
+            bounds: [low.to_array(), high.to_array()],
         }
     }
 
@@ -156,6 +167,21 @@ impl Part {
     fn new() -> Self {
         let bounds = Bounds::EMPTY;
         Self { nodes: Vec::new(), triangles: Vec::new(), top: Top { reference: 0, bounds, cost: 0.0 } }
+    }
+
+    /// The tree over some triangles; `None` without any.
+    fn of(triangles: &Triangles<'_>, quality: Quality) -> Option<Self> {
+        let to_the_end = &Progress::default();
+        let survey = Survey::new(triangles, MOST as usize, to_the_end).expect("nobody asks to give it up");
+        let (bounds, count) = (survey.bounds, survey.triangles);
+        let binary = binary_tree(triangles, survey, quality.effort(count), to_the_end);
+        let binary = binary.expect("nobody asks to give it up");
+        if binary.nodes.is_empty() {
+            return None;
+        }
+        let mut part = Source { triangles, binary: &binary }.side_by_side(0, 0);
+        part.top.bounds = bounds;
+        Some(part)
     }
 
     /// Appends a part, and returns its root as it is numbered here.

@@ -15,14 +15,29 @@ pub(crate) struct Triangles<'a> {
     geometry: &'a Geometry,
     /// For each material, whether it is transparent; empty if none is.
     transparent: &'a [bool],
+    /// Whether the tree is that of the sky, instead of that of all but the sky.
+    of_sky: bool,
 }
 
 impl<'a> Triangles<'a> {
+    /// All but the sky.
+    ///
     /// # Panics
     /// If there are 2³¹ triangles or more.
     pub(crate) fn new(geometry: &'a Geometry, transparent: &'a [bool]) -> Self {
         assert!(geometry.triangles.len() < TRANSPARENT as usize, "a tree holds fewer than 2^31 triangles");
-        Self { geometry, transparent: if transparent.contains(&true) { transparent } else { &[] } }
+        Self { geometry, transparent: if transparent.contains(&true) { transparent } else { &[] }, of_sky: false }
+    }
+
+    /// The triangles of the sky instead, if there are any.
+    pub(crate) fn sky(self) -> Option<Self> {
+        (!self.geometry.sky.is_empty()).then_some(Self { of_sky: true, ..self })
+    }
+
+    /// Whether a triangle is in the tree.
+    #[inline]
+    fn is_in(&self, id: u32) -> bool {
+        self.geometry.sky.contains(id) == self.of_sky
     }
 
     /// The corners of a triangle; NaN for a corner whose index is out of range.
@@ -88,7 +103,7 @@ impl InputLeaf {
 
 /// What the first pass over all triangles finds.
 pub(crate) struct Survey {
-    /// Bounds of the kept triangles: those whose corners are all finite.
+    /// Bounds of the kept triangles: those of the tree whose corners are all finite.
     pub(crate) bounds: Bounds,
     /// Number of kept triangles.
     pub(crate) triangles: usize,
@@ -126,7 +141,7 @@ impl Survey {
             let corners = triangles.wide_corners(id as u32);
             // `x * 0` is NaN where a coordinate `x` is not finite.
             let [a, b, c] = corners;
-            if a * 0.0 + b * 0.0 + c * 0.0 != Vec3A::ZERO {
+            if a * 0.0 + b * 0.0 + c * 0.0 != Vec3A::ZERO || !triangles.is_in(id as u32) {
                 alone = None;
                 continue;
             }

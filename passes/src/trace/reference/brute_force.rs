@@ -2,7 +2,7 @@
 
 use crate::trace::ray::{Hit, Ray};
 use crate::trace::tracer::Tracer;
-use curitiba_pipeline::scene::Geometry;
+use curitiba_pipeline::scene::{Geometry, TriangleRanges};
 use glam::{DVec3, Vec3};
 
 /// Tests every triangle in `f64`: a reference for tests, far too slow for pictures.
@@ -12,13 +12,15 @@ use glam::{DVec3, Vec3};
 #[derive(Debug, Clone)]
 pub struct BruteForce {
     triangles: Vec<([DVec3; 3], u32, bool)>,
+    /// What is in the way of no shadow or occlusion ray.
+    sky: TriangleRanges,
 }
 
 impl BruteForce {
     /// Takes all triangles whose corners are finite; `transparent` as in [`Bvh::build`](crate::trace::Bvh::build).
     #[must_use]
     pub fn new(geometry: &Geometry, transparent: &[bool]) -> Self {
-        Self { triangles: finite_triangles(geometry, transparent) }
+        Self { triangles: finite_triangles(geometry, transparent), sky: geometry.sky.clone() }
     }
 
     /// All candidates of a ray, in the order of their ids: (distance, barycentric coordinates of corners 1 and 2) in
@@ -82,6 +84,7 @@ impl Tracer for BruteForce {
     }
 
     fn occluded(&self, ray: &Ray, mut accept: impl FnMut(&Hit) -> bool) -> bool {
-        self.candidates(ray).any(|candidate| !candidate.2 || accept(&hit(candidate)))
+        let mut candidates = self.candidates(ray).filter(|candidate| !self.sky.contains(candidate.1));
+        candidates.any(|candidate| !candidate.2 || accept(&hit(candidate)))
     }
 }

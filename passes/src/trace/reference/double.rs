@@ -3,7 +3,7 @@
 use super::brute_force::{finite_triangles, hit, intersect};
 use crate::trace::ray::{Hit, Ray};
 use crate::trace::tracer::Tracer;
-use curitiba_pipeline::scene::Geometry;
+use curitiba_pipeline::scene::{Geometry, TriangleRanges};
 use glam::DVec3;
 
 /// A binary tree over triangles in `f64`, which gives exactly the answers of [`BruteForce`](crate::trace::BruteForce).
@@ -18,6 +18,8 @@ use glam::DVec3;
 pub struct Double {
     nodes: Vec<Node>,
     triangles: Vec<([DVec3; 3], u32, bool)>,
+    /// What is in the way of no shadow or occlusion ray.
+    sky: TriangleRanges,
     /// By how much boxes were enlarged. Also the distance by which a box must begin behind the nearest hit to be skipped.
     slack: f64,
 }
@@ -159,7 +161,7 @@ impl Double {
             node.bounds.high += slack;
         }
         let triangles = items.iter().map(|item| unsorted[item.index as usize]).collect();
-        Self { nodes, triangles, slack }
+        Self { nodes, triangles, sky: geometry.sky.clone(), slack }
     }
 
     /// Number of nodes.
@@ -191,11 +193,12 @@ impl Double {
         best.map(DoubleHit::of)
     }
 
-    /// Whether any hit exists: on an opaque triangle, or on a transparent one that `accept` accepts.
+    /// Whether any hit exists but on the sky: on an opaque triangle, or on a transparent one that `accept` accepts.
     pub fn any(&self, ray: &DoubleRay, mut accept: impl FnMut(&DoubleHit) -> bool) -> bool {
         let mut blocked = false;
         self.walk(ray, |candidate| {
-            blocked = blocked || !candidate.2 || accept(&DoubleHit::of(candidate));
+            let stops = !self.sky.contains(candidate.1) && (!candidate.2 || accept(&DoubleHit::of(candidate)));
+            blocked = blocked || stops;
             if blocked { f64::NEG_INFINITY } else { f64::INFINITY }
         });
         blocked
@@ -264,7 +267,8 @@ impl Tracer for Double {
     fn occluded(&self, ray: &Ray, mut accept: impl FnMut(&Hit) -> bool) -> bool {
         let mut blocked = false;
         self.walk(&ray.into(), |candidate| {
-            blocked = blocked || !candidate.2 || accept(&hit(candidate));
+            let stops = !self.sky.contains(candidate.1) && (!candidate.2 || accept(&hit(candidate)));
+            blocked = blocked || stops;
             if blocked { f64::NEG_INFINITY } else { f64::INFINITY }
         });
         blocked

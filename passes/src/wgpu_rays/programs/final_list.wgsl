@@ -3,11 +3,12 @@
 // The first and the last point of the pixel so far.
 var<private> head: u32 = NONE;
 var<private> last: u32 = NONE;
-// Called for each end of the tree of rays (`glass.wgsl`); the point's colour is added to the pixel by a later kernel.
+// Called for each end of the tree of rays (`glass.wgsl`); the point's colour is added to the pixel by a later kernel, that of a sky here.
 fn seen_through(hit: Hit, surface: Surface, key: u32, weight: Weight⟨, footprint: f32⟩) -> vec3f {
     let color = weighed_color(weight, met_color(hit, surface⟨, footprint⟩));
     // Black stays black, without tracing a ray.
     if head == NO_ROOM || all(color == vec3f(0.0)) { return vec3f(0.0); }
+    if HAS_BODIES && is_sky(hit.triangle) { return color; }
     let place = atomicAdd(&ray_counts[FOUND], 1u);
     if place >= params.capacity {
         // The points of this pixel that were listed before are discarded.
@@ -34,10 +35,10 @@ fn list(pixel: Pixel, slot: u32) {
     let surface = surface_of(point, stored, view);
     let key = pixel_key(pixel);
     if is_glass(triangle) {
-        let nothing = glass_color(pixel, triangle, surface, view, key);
+        let sky = glass_color(pixel, triangle, surface, view, key);
         if head == NO_ROOM { rays = array<u32, RAY_COUNT_KINDS>(); }
         put_nothing(slot, head);
-        if HAS_BODIES { put_missed(slot, missed_color()); }
+        if HAS_BODIES { put_missed(slot, missed_color() + sky); }
         return;
     }
     let lit_side = select(surface.facing, -surface.facing, dot3(stored, surface.facing) < 0.0);

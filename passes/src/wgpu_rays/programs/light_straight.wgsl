@@ -35,7 +35,7 @@ fn straight_through() -> vec3f {
         passes *= transmittance(extinction_in(media), hit.t - before);
         before = hit.t;
         let material = material_of(hit.triangle);
-        let body = body_of(material);
+        let body = body_at(material, hit⟨, NO_FOOTPRINT⟩);
         let cosine = abs(dot3(normalize_or(normal_at(hit), vec3f(0.0)), to_light()));
         if body.shape == SHAPE_SOLID {
             let ratio = cross_border(&media, material, entered[i]);

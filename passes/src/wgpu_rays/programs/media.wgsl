@@ -26,6 +26,8 @@ struct Body {
     // What is kept of reflected light; minimum, maximum and exponent of a reflectance of its own, the last below 0 where there is none.
     mirrors: vec3f,
     curve: vec3f,
+    // What the share is multiplied by that is not scattered back.
+    transmission_texture: u32,
 }
 fn body_place(material: u32) -> u32 { return params.bodies_at + BODY_HEAD + BODY_WORDS * material; }
 fn body_of(material: u32) -> Body {
@@ -33,7 +35,16 @@ fn body_of(material: u32) -> Body {
     return Body(tables[place], table_number(place + 1u), table_vector(place + 2u), table_vector(place + 5u), tables[place + 8u],
                 table_number(place + 9u), table_number(place + 10u), tables[place + 11u], tables[place + 12u],
                 table_number(place + 13u), table_number(place + 14u), tables[place + 15u],
-                table_vector(place + 16u), table_vector(place + 19u));
+                table_vector(place + 16u), table_vector(place + 19u), tables[place + 22u]);
+}
+// The same at a hit, where a texture may say what is scattered back.
+fn body_at(material: u32, hit: Hit⟨, footprint: f32⟩) -> Body {
+    var body = body_of(material);
+    if body.transmission_texture != NO_TEXTURE {
+        let clear = sample_numbers(body.transmission_texture, texture_coordinates(hit)⟨, footprint⟩).x;
+        body.veil = 1.0 - (1.0 - body.veil) * clear;
+    }
+    return body;
 }
 fn material_of(triangle: u32) -> u32 { return mesh_at(params.materials_at + triangle); }
 fn shape_of(material: u32) -> u32 { return tables[body_place(material)]; }

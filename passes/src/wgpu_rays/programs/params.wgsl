@@ -22,7 +22,7 @@ struct Params {
     end_tile: u32,
     tiles_across: u32,
     capacity: u32,
-    // Root of the tree, or NONE. Then the offsets of the parts of `mesh`, `vertices` and `tables`.
+    // Root of the tree of all but the sky, or NONE. Then the offsets of the parts of `mesh`, `vertices` and `tables`.
     root: u32,
     materials_at: u32,
     normals_at: u32,
@@ -55,6 +55,8 @@ struct Params {
     // Offset in `tables` of the lights of a pass that has several, one with a place or a disc; 0 where it has one directional light that is a
     // point.
     lights_at: u32,
+    // Root of the tree that a sky is in as well, or NONE.
+    whole: u32,
 }
 
 @group(0) @binding(0) var<uniform> params: Params;

@@ -109,6 +109,7 @@ fn shade_of(triangle: u32) -> Shade {
 }
 fn flags_of(triangle: u32) -> u32 { return tables[SHADE_WORDS * mesh_at(params.materials_at + triangle) + 3u]; }
 fn is_glass(triangle: u32) -> bool { return (flags_of(triangle) & SHADE_GLASS) != 0u; }
+fn is_sky(triangle: u32) -> bool { return (flags_of(triangle) & SHADE_SKY) != 0u; }
 fn passes_light(triangle: u32) -> bool { return (flags_of(triangle) & SHADE_SHADOW_GLASS) != 0u; }
 // Whether there is a surface at this point of the triangle, that is, no cut-out.
 fn covers(hit: Hit) -> bool {

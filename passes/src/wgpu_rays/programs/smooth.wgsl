@@ -69,7 +69,7 @@ fn meet(hit: Hit, surface: Surface, view: vec3f, path: Path⟨, footprint: f32�
     var shape = SHAPE_PANE;
     var body: Body;
     if params.bodies_at != 0u {
-        body = body_of(material);
+        body = body_at(material, hit⟨, footprint⟩);
         shape = body.shape;
     }
     var after = path.media;

@@ -74,11 +74,11 @@ fn next_candidate(descent: ptr<function, Descent>, query: ptr<function, Query>, 
     return NONE;
 }
 
-// The nearest accepted hit; of several at one distance, that of the lowest triangle.
+// The nearest accepted hit, on a sky as well; of several at one distance, that of the lowest triangle.
 fn closest(accept: u32, ray: Ray, best: ptr<function, Hit>) -> bool {
     var query: Query;
-    if params.root == NONE || !prepare(ray, &query) { return false; }
-    var descent = begin_descent(&query, params.root, query.t_min);
+    if params.whole == NONE || !prepare(ray, &query) { return false; }
+    var descent = begin_descent(&query, params.whole, query.t_min);
     var limit = query.t_max;
     var any = false;
     loop {

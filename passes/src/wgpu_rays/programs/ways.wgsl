@@ -270,7 +270,7 @@ fn meet(part: u32, is_flat: bool) -> vec3f {
         return vec3f(0.0);
     }
     let material = material_of(now.hit.triangle);
-    let body = body_of(material);
+    let body = body_at(material, now.hit⟨, now.footprint⟩);
     let divides = now.path.sample == NONE && asked(HEAD_FACET_COUNT) > 0u && body.alpha > 0.0;
     if body.shape != SHAPE_SOLID {
         if body.shape == SHAPE_THIN && divides && alpha_at(body, now.hit⟨, now.footprint⟩) > 0.0 {

@@ -8,12 +8,13 @@ use crate::effects::tests::world::{Shot, World, grid};
 use crate::raster::gpu::AdapterKind;
 use crate::wgpu_rays::selftest;
 use curitiba_pipeline::backend::{Glow, RayBackend, RayJob, RayStats};
+use curitiba_pipeline::color::ColorSpace;
 use curitiba_pipeline::glass::{
     CutoffColor, Dielectric, GlassRule, GlassShadow, PathLimits, Reflectance, Roulette, Shape,
 };
 use curitiba_pipeline::programs::{Fidelity, Fresnel, RayParams, RayProgram};
-use curitiba_pipeline::scene::RenderScene;
-use curitiba_pipeline::scene::texture::Wrap;
+use curitiba_pipeline::scene::texture::{Texture, Wrap};
+use curitiba_pipeline::scene::{RenderScene, TriangleRanges};
 use glam::Vec3;
 use std::sync::Arc;
 
@@ -34,7 +35,8 @@ fn block(world: &mut World, material: u32, center: Vec3, half: Vec3) {
     }
 }
 
-/// Tinted, veiled and overlapping bodies, one inside another, an absorbing wall and a pane, over a floor with a textured block.
+/// Tinted, veiled and overlapping bodies, one inside another, an absorbing wall and a pane, over a floor with a textured block. A texture
+/// says where the veiled body and the wall let light enter.
 fn several() -> World {
     several_of([Dielectric::default(); 3])
 }
@@ -50,6 +52,11 @@ fn several_of(surfaces: [Dielectric; 3]) -> World {
         ..plain
     };
     let mut world = World { beyond: Vec3::new(0.2, 0.5, 0.9), ..World::lit_along(Vec3::new(-0.4, -0.8, -0.5)) };
+    // Colours are decoded, what the first texture says is not.
+    let texture = |texels: [[u8; 4]; 2]| Texture::new("clear".to_owned(), 2, 1, texels.to_vec());
+    let clear = texture([[255, 0, 0, 255], [90, 255, 255, 255]]);
+    world.scene.textures = vec![clear, Texture { space: ColorSpace::Linear, ..texture([[9; 4]; 2]) }];
+    let transmission_texture = Some(0);
     let floor = world.paint(Vec3::new(0.8, 0.7, 0.5));
     block(&mut world, floor, Vec3::new(0.0, -2.0, 0.0), Vec3::new(9.0, 0.2, 9.0));
     let tinted = with(tinted, Dielectric { extinction: Vec3::new(0.1, 0.4, 0.9), ..solid(1.5) });
@@ -57,7 +64,8 @@ fn several_of(surfaces: [Dielectric; 3]) -> World {
     block(&mut world, tinted, Vec3::new(-1.6, 0.2, 0.3), Vec3::new(0.9, 1.1, 0.8));
     let water = world.dielectric(solid(1.33));
     block(&mut world, water, Vec3::new(-1.6, 0.1, 0.3), Vec3::new(0.5, 0.6, 0.4));
-    let plain = Dielectric { veil: 0.3, filter: Vec3::new(0.9, 1.0, 0.8), priority: 1, ..solid(1.8) };
+    let filter = Vec3::new(0.9, 1.0, 0.8);
+    let plain = Dielectric { veil: 0.3, filter, priority: 1, transmission_texture, ..solid(1.8) };
     let veiled = with(veiled, plain);
     let veiled = world.dielectric(veiled);
     block(&mut world, veiled, Vec3::new(1.3, -0.6, -0.4), Vec3::new(0.7, 0.8, 0.7));
@@ -69,6 +77,7 @@ fn several_of(surfaces: [Dielectric; 3]) -> World {
         thickness: 0.2,
         extinction: Vec3::new(2.0, 0.5, 0.1),
         filter: Vec3::new(1.0, 0.8, 0.9),
+        transmission_texture,
         ..Dielectric::default()
     };
     let wall = world.dielectric(with(wall, plain));
@@ -130,6 +139,10 @@ fn bodies_walls_and_panes_show_what_the_processors_do() {
         assert!(off <= FEW, "{program:?} {params:?}: {off} pixels are off");
         let changed = expected.iter().filter(|pixel| **pixel != expected[0]).count();
         assert!(changed > 1000, "{changed} pixels show something");
+        let mut clear = several();
+        clear.dielectrics.iter_mut().for_each(|dielectric| dielectric.transmission_texture = None);
+        let (without, _) = picture_on(&mut CpuRays::new(), &clear, eye, program, params);
+        assert!(differing(&without, &expected, 0.02) > 5 * FEW, "a texture of transmission is seen");
     }
 }
 
@@ -261,6 +274,50 @@ fn panes_before_a_background_show_it() {
         assert_eq!(differing(&found, &expected, 1e-4), 0, "{program:?}");
         let blue = expected.iter().filter(|pixel| pixel[2] > 0.8 && pixel[0] < 0.4).count();
         assert!(blue > 500, "{program:?}: {blue} pixels show the background in or through glass");
+    }
+}
+
+/// A sky around [`several`].
+fn under_a_sky() -> World {
+    let mut world = several();
+    let sky = world.paint(Vec3::ZERO);
+    world.shades[sky as usize].glow = Some(Glow { color: Vec3::new(0.2, 0.5, 0.9), texture: None });
+    block(&mut world, sky, Vec3::ZERO, Vec3::splat(12.0));
+    world.scene.materials[sky as usize].sky = true;
+    world.scene.geometry.sky = TriangleRanges::of_triangles(&world.scene.geometry, &world.scene.skies());
+    world
+}
+
+#[test]
+fn a_sky_is_in_the_way_of_nothing_and_glass_shows_it_as_the_processors_does() {
+    let (world, eye) = (under_a_sky(), Vec3::new(0.2, 0.4, 7.0));
+    let mut panes = under_a_sky();
+    panes.bodies = false;
+    let is_blue = |pixel: &[f32; 4]| pixel[2] > 0.8 && pixel[0] < 0.3;
+    // Software drivers take minutes to compile all of them.
+    let left_out = [RayProgram::DeferredShadows, RayProgram::Ssao, RayProgram::Final];
+    let some = rays().is_some_and(|rays| rays.gpu.adapter.kind == AdapterKind::Software);
+    let all = [
+        (&world, RayProgram::DeferredShadows, RayParams::default()),
+        (&world, RayProgram::Ssao, auto(1, GlassShadow::Report, 8)),
+        (&world, RayProgram::Refraction, auto(3, GlassShadow::Report, 0)),
+        (&panes, RayProgram::Final, RayParams { glass: GlassRule::Pane, ..auto(2, GlassShadow::Report, 2) }),
+    ];
+    for (world, program, params) in all.into_iter().filter(|(_, program, _)| !(some && left_out.contains(program))) {
+        let Some([found, expected]) = both(world, eye, program, params) else { return };
+        let off = differing(&found, &expected, 0.01);
+        assert!(off <= FEW, "{program:?}: {off} pixels are off");
+        if program == RayProgram::Refraction || program == RayProgram::Final {
+            // What the camera sees of the sky itself is not in this G-buffer.
+            let seen = expected.iter().filter(|pixel| is_blue(pixel)).count();
+            assert!(seen > 100, "{program:?}: {seen} pixels show it");
+        } else {
+            let mut roof = several();
+            let sky = roof.paint(Vec3::ZERO);
+            block(&mut roof, sky, Vec3::ZERO, Vec3::splat(12.0));
+            let (dark, _) = picture_on(&mut CpuRays::new(), &roof, eye, program, RayParams { radius: 30.0, ..params });
+            assert!(differing(&dark, &expected, 0.1) > 500, "{program:?}: a roof is noticed");
+        }
     }
 }
 

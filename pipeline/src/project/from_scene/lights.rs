@@ -1,6 +1,6 @@
 //! Lights of a project made from scene files.
 
-use super::contents::Extent;
+use super::extent::Extent;
 use super::view::{self, SUN, unit};
 use super::{Notes, SceneOptions, clean};
 use crate::color::BRIGHTEST;

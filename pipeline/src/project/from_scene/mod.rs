@@ -4,7 +4,8 @@
 //! |---|---|
 //! | camera | `Camera`: described by options, or placed to see the whole scene; the file's own cameras come first unless it is described |
 //! | lights | the options' sun, or the file's lights, or a sun behind the viewer's left shoulder |
-//! | effects | shadows (unless a shell keeps the sun from everything) and occlusion; glass if a drawn material transmits at least a tenth of the light |
+//! | sky | a dome or box around all else that is named so, is round, or is a box of pictures; its materials are a `<sky>` |
+//! | effects | shadows (unless a closed room keeps the sun from everything) and occlusion; glass if a drawn material transmits at least a tenth of the light |
 //! | glass | by each material (`glass=auto`), in front of the background, with coloured shadows (`shadow=straight`) |
 //! | focus | the box of all triangles, or of most of them if a few far ones (a sky) make it more than three times as large; without a shell around all else (a sky dome, a closed room), in which the camera stands |
 //! | textures in and behind glass | filtered by ray cones (`texturelod=cones`) |
@@ -13,14 +14,16 @@
 //! | colours | linear (`color=linear`) |
 
 mod contents;
+mod extent;
 mod lights;
 mod options;
 mod passes;
+mod shell;
 mod view;
 
 pub use options::{Effects, SceneOptions, Up};
 
-use super::{Camera, Project, SceneDecl, SceneFile, Viewport};
+use super::{Camera, MaterialPattern, Project, SceneDecl, SceneFile, Viewport};
 use crate::color::ColorSpace;
 use crate::diagnostic::{Problem, Problems, Severity};
 use crate::glass::TRANSPARENT;
@@ -118,10 +121,15 @@ impl SceneProjects {
         let cameras = cameras(scene, options, &contents, window, &mut notes)?;
         let lights = lights::of(scene, options, focus, &cameras[0], &mut notes);
         let glass = glass(scene);
-        let shade = contents.shell.as_ref().filter(|_| lights.iter().all(|light| light.position.is_none()));
+        let shade = contents.shell.as_ref().filter(|shell| !shell.is_sky);
+        let shade = shade.filter(|_| lights.iter().all(|light| light.position.is_none()));
         let usual = Effects { shadows: shade.is_none(), occlusion: true, glass: !glass.is_empty() };
         let effects = options.effects.unwrap_or(usual);
         notes.add(effects_in_words(effects, &glass, options));
+        for sky in &contents.skies {
+            let name = &scene.materials[*sky as usize].name;
+            notes.add(format!("sky: `{name}` shows as it is, and is in the way of neither light nor occlusion"));
+        }
         if let (Some(shell), None) = (shade, options.effects) {
             notes.add(format!("no shadows: all of the scene lies in that of `{}`; `--effects` takes them", shell.name));
         }
@@ -146,6 +154,7 @@ impl SceneProjects {
                 place: Placement::default(),
                 swap_yz: options.up == Up::Z,
                 unitize: false,
+                sky: sky(scene, &contents),
             }],
             viewports: vec![Viewport {
                 name: "Window".to_owned(),
@@ -354,6 +363,12 @@ fn glass(scene: &Scene) -> Vec<String> {
         .filter(|(material, drawn)| *drawn && material.transmission >= TRANSPARENT)
         .map(|(m, _)| m.name.clone())
         .collect()
+}
+
+/// The materials of the skies.
+fn sky(scene: &Scene, contents: &Contents) -> Vec<MaterialPattern> {
+    let names = contents.skies.iter().map(|material| scene.materials[*material as usize].name.clone());
+    names.map(MaterialPattern::Named).collect()
 }
 
 fn effects_in_words(effects: Effects, glass: &[String], options: &SceneOptions) -> String {

@@ -1,5 +1,5 @@
 use super::*;
-use crate::project::{Light, PassKind, QuadSource};
+use crate::project::{Light, MaterialPattern, PassKind, QuadSource};
 use glam::DVec3;
 use std::f64::consts::{FRAC_PI_2, TAU};
 
@@ -190,6 +190,116 @@ fn the_camera_of_a_scene_under_a_dome_stands_in_it() {
         assert!(eye.length() > 60.0 && notes.contains("all of the scene"), "{eye} {notes}");
         assert_eq!(passes, ["raster", "final", "show"]);
     }
+}
+
+/// The materials of the skies of a project, its passes and its notes.
+fn sky_of(path: &Path) -> (Vec<MaterialPattern>, Vec<&'static str>, String) {
+    let project = open(path, &SceneOptions::default());
+    (project.scenes[0].sky.clone(), programs(&project), project.problems.to_string())
+}
+
+fn named(names: &[&str]) -> Vec<MaterialPattern> {
+    names.iter().map(|name| MaterialPattern::Named((*name).to_owned())).collect()
+}
+
+/// The scene of [`under_a_dome`] with a material for the terrain and one for the dome, which are called so.
+fn of_materials(folder: &Path, inwards: bool, [object, material]: [&str; 2]) -> PathBuf {
+    let path = under_a_dome(folder, inwards, false);
+    let text = std::fs::read_to_string(&path).expect("a file");
+    let text = text.replace("o terrain\n", "mtllib dome.mtl\no terrain\nusemtl grass\n");
+    let text = text.replace("o sky dome\n", &format!("o {object}\nusemtl {material}\n"));
+    std::fs::write(&path, text).expect("a file");
+    std::fs::write(folder.join("dome.mtl"), format!("newmtl grass\nnewmtl {material}\n")).expect("a file");
+    path
+}
+
+#[test]
+fn a_dome_with_a_material_of_its_own_is_a_sky_that_leaves_the_scene_its_shadows() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let all = ["raster", "final", "show"];
+    for (inwards, names) in
+        [(true, ["Sphere 3", "blue"]), (false, ["Sphere 3", "Sky_Material"]), (false, ["SkyDome", "blue"])]
+    {
+        let (sky, passes, notes) = sky_of(&of_materials(folder.path(), inwards, names));
+        assert_eq!((sky, passes), (named(&names[1..]), all.to_vec()), "{names:?}: {notes}");
+        let note = format!("sky: `{}` shows as it is", names[1]);
+        assert!(notes.contains(&note) && notes.contains("which is around all else"), "{notes}");
+    }
+    // Who looks outwards and is not named so is a ball, and a skylight is no sky.
+    for material in ["blue", "skylight"] {
+        let (sky, passes, _) = sky_of(&of_materials(folder.path(), false, ["Sphere 3", material]));
+        assert_eq!((sky, passes), (Vec::new(), all.to_vec()), "{material}");
+    }
+    // Without a material of its own it is a shell like the walls of a room.
+    let (sky, passes, _) = sky_of(&under_a_dome(folder.path(), true, false));
+    assert_eq!((sky, passes), (Vec::new(), vec!["raster", "ssao", "combine"]));
+}
+
+#[test]
+fn clouds_in_a_dome_are_a_sky_as_well_and_the_camera_stands_below_them() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let path = of_materials(folder.path(), true, ["SkyDome", "blue"]);
+    let text = std::fs::read_to_string(&path).expect("a file");
+    // The same dome, somewhat smaller: its vertices follow those of the terrain and the dome.
+    let (dome, clouds) = (text.split("o SkyDome\nusemtl blue\n").nth(1).expect("a dome"), "o Clouds\nusemtl grey\n");
+    let vertices = dome.lines().filter(|line| line.starts_with("v ")).count();
+    let mut text = format!("{text}{clouds}");
+    for line in dome.lines() {
+        let mut words = line.split(' ');
+        let kind = words.next().expect("a word");
+        text += kind;
+        for word in words {
+            text += &match kind {
+                "v" => format!(" {}", word.parse::<f64>().expect("a number") * 0.96),
+                _ => format!(" {}", word.parse::<usize>().expect("a number") + vertices),
+            };
+        }
+        text += "\n";
+    }
+    std::fs::write(&path, text).expect("a file");
+    std::fs::write(folder.path().join("dome.mtl"), "newmtl grass\nnewmtl blue\nnewmtl grey\n").expect("a file");
+    let (sky, passes, notes) = sky_of(&path);
+    assert_eq!((sky, passes), (named(&["blue", "grey"]), vec!["raster", "final", "show"]), "{notes}");
+    let eye = open(&path, &SceneOptions::default()).cameras[0].position;
+    assert!(eye.length() < 0.96 * 30.0, "{eye}");
+}
+
+/// Six sides around a small block, a material each; `bottom` is the lower end of the block.
+fn in_a_box(folder: &Path, names: [&str; 6], bottom: f64) -> PathBuf {
+    let (mut text, mut library) = ("mtllib box.mtl\n".to_owned(), "newmtl stone\n".to_owned());
+    for (side, name) in names.iter().enumerate() {
+        let (axis, sign) = (side / 2, if side % 2 == 0 { -1.0 } else { 1.0 });
+        text += &format!("o side {side}\nusemtl {name}\n");
+        library += &format!("newmtl {name}\n");
+        for (u, v) in [(-1.0, -1.0), (1.0, -1.0), (1.0, 1.0), (-1.0, 1.0)] {
+            let mut at = [0.0; 3];
+            (at[axis], at[(axis + 1) % 3], at[(axis + 2) % 3]) = (10.0 * sign, -10.0 * sign * u, 10.0 * v);
+            text += &format!("v {} {} {}\n", at[0], at[1], at[2]);
+        }
+        text += "f -4 -3 -2 -1\n";
+    }
+    text += "o block\nusemtl stone\n";
+    for (x, y, z) in [(-1.0, 0.0, -1.0), (1.0, 0.0, -1.0), (0.0, 0.0, 1.0), (0.0, 2.0, 0.0)] {
+        text += &format!("v {x} {} {z}\n", y + bottom);
+    }
+    text += "f -4 -3 -2\nf -4 -1 -3\nf -3 -1 -2\nf -2 -1 -4\n";
+    let path = folder.join("box.obj");
+    std::fs::write(&path, text).expect("a file");
+    std::fs::write(folder.join("box.mtl"), library).expect("a file");
+    path
+}
+
+#[test]
+fn a_box_of_six_materials_is_a_sky_if_it_is_named_so_or_far_around_what_floats_in_it() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let plain = ["px", "nx", "py", "ny", "pz", "nz"];
+    let skies = ["sky_l", "sky_r", "sky_d", "sky_u", "sky_b", "sky_f"];
+    let of = |names: [&str; 6], bottom: f64| sky_of(&in_a_box(folder.path(), names, bottom)).0;
+    assert_eq!(of(plain, -1.0), named(&plain));
+    assert_eq!(of(skies, -10.0), named(&skies));
+    // What stands on the bottom stands in a room, and two walls of one material are none of a sky box.
+    assert_eq!(of(plain, -10.0), []);
+    assert_eq!(of(["wall", "wall", "floor", "ceiling", "wall", "wall"], -1.0), []);
 }
 
 #[test]

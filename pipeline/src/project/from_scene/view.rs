@@ -1,7 +1,9 @@
 //! Camera and sun of a project made from scene files.
 
 use super::SceneOptions;
-use super::contents::{Contents, Extent, Shell};
+use super::contents::Contents;
+use super::extent::Extent;
+use super::shell::Shell;
 use crate::project::{Camera, Falloff, Light};
 use crate::scene::{SceneCamera, SceneLight};
 use glam::{DVec3, Vec3};
@@ -44,7 +46,7 @@ fn rounded(value: DVec3, size: f64) -> DVec3 {
 /// # Errors
 /// If the camera would look at its own position.
 pub(super) fn camera(options: &SceneOptions, contents: &Contents, window: [u32; 2]) -> Result<Camera, String> {
-    let Contents { whole, focus, ref shell } = *contents;
+    let Contents { whole, focus, ref shell, .. } = *contents;
     let fov = options.fov.unwrap_or(FOV);
     let size = focus.diagonal().max(f64::from(f32::MIN_POSITIVE));
     let target = options.look_at.unwrap_or_else(|| rounded(focus.center(), size));
@@ -224,7 +226,7 @@ mod tests {
     }
 
     fn alone(extent: Extent) -> Contents {
-        Contents { whole: extent, focus: extent, shell: None }
+        Contents { whole: extent, focus: extent, shell: None, skies: Vec::new() }
     }
 
     /// Positions of the box's corners in the picture, from -1 to 1.

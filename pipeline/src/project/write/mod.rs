@@ -164,6 +164,10 @@ fn write_scene(xml: &mut Xml, scene: &SceneDecl, folder: &Path) -> Result<(), Wr
         xml.text("file", &relative(&file.path, folder)?);
     }
     scene.shapes.iter().for_each(|shape| write_shape(xml, shape));
+    for pattern in &scene.sky {
+        let material = passes::pattern(xml, pattern);
+        xml.empty("sky", &[("material", &material)]);
+    }
     write_place(xml, &scene.place);
     xml.end();
     Ok(())

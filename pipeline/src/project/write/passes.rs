@@ -292,7 +292,7 @@ fn program(xml: &mut Xml, file: &str, proc: &ProcInfo) {
 }
 
 /// A pattern as text; a name that contains an asterisk cannot be written.
-fn pattern<'p>(xml: &mut Xml, pattern: &'p MaterialPattern) -> Cow<'p, str> {
+pub(super) fn pattern<'p>(xml: &mut Xml, pattern: &'p MaterialPattern) -> Cow<'p, str> {
     match pattern {
         MaterialPattern::All => Cow::Borrowed("*"),
         MaterialPattern::Named(name) => {

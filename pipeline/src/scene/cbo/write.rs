@@ -130,6 +130,7 @@ fn losses(material: &Material, scene: &Scene, layout: Layout) -> [(bool, &'stati
         normal_scale: _,
         alpha_cutoff,
         vertex_colors: _,
+        sky: _,
         single_sided,
         transmission,
         transmission_texture,

@@ -7,7 +7,7 @@ mod tangents;
 pub(crate) mod texture;
 
 use super::error::{Budget, SceneError};
-use super::{Geometry, Material, Needs, RenderScene, Scene};
+use super::{Geometry, Material, Needs, RenderScene, Scene, TriangleRanges};
 use crate::color::{BRIGHTEST, ColorSpace, in_range};
 use crate::diagnostic::Warnings;
 use glam::{DVec3, Mat4, Vec3, Vec4};
@@ -69,6 +69,7 @@ impl RenderScene {
     ///   result's origin.
     /// - Textures that no triangle's material uses are not decoded. A texture that cannot be decoded is counted, and its material
     ///   then has none.
+    /// - The triangles of materials that are [a sky](Material::sky) are noted in [`Geometry::sky`].
     /// - Exact spheres are sorted by material. They have no texture coordinates and are shown without textures; spheres of textured
     ///   materials are counted.
     /// - If a placed mesh has vertex colours, the vertices of meshes without them are white.
@@ -101,6 +102,8 @@ impl RenderScene {
         }
         mark_colored(&geometry, &mut materials);
         keep_normal_maps(&geometry, &mut materials);
+        let sky: Vec<bool> = materials.iter().map(|material| material.sky).collect();
+        geometry.sky = TriangleRanges::of_triangles(&geometry, &sky);
         for sphere in geometry.spheres.iter().filter(|_| options.needs.textures) {
             let material = &materials[sphere.material as usize];
             if material.textures().next().is_some() {

@@ -160,10 +160,11 @@ impl Effects {
         if self.shadows.len() < maps {
             self.shadows.resize_with(maps, DepthMap::default);
         }
+        let skies = job.scene.skies();
         for (fit, map) in cascades.fits.iter().zip(&mut self.shadows) {
             map.resize(size);
             let map_job = map_job(job, fit.view, None, square(size), Attachments::default());
-            let drawn = raster.render(&map_job, &[], Target::Depth(map), &progress.part())?;
+            let drawn = raster.render(&map_job, &skies, Target::Depth(map), &progress.part())?;
             stats.triangles += drawn.triangles;
             progress.advance(1);
         }

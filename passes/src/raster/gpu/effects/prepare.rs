@@ -46,7 +46,8 @@ impl Effects {
             progress.start(u64::from(count) + task.submissions());
             self.shots.clear();
             self.shots.extend(cascades.fits.iter().zip(0..).map(|(fit, layer)| Shot::whole(fit.view, layer)));
-            let (part, triangles) = maps::draw(context, &mut self.draws, &maps, job, &self.shots, &[], progress)?;
+            let (part, triangles) =
+                maps::draw(context, &mut self.draws, &maps, job, &self.shots, &job.scene.skies(), progress)?;
             (stats.maps, stats.triangles, stats.map_count, stats.bytes) = (Some(part), triangles, count, maps.bytes);
         }
         let params = bytemuck::bytes_of(&ShadowUniform::new(job, &cascades)).to_vec();

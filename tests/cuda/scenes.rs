@@ -1,0 +1,88 @@
+//! Scenes with a sky, and with glass whose transmission has a texture.
+
+use super::conformance::record_of;
+use super::there;
+use curitiba::conformance::Found;
+use curitiba::pipeline::image::{Image, write_png};
+use curitiba::pipeline::programs::Fidelity;
+use curitiba::pipeline::project::{Project, SceneOptions, SceneProjects};
+use curitiba::{BackendChoice, Choice};
+use glam::DVec3;
+use std::path::Path;
+use std::sync::{Arc, Mutex};
+
+/// A floor with a wall on it in a box that is called a sky.
+fn under_a_sky(folder: &Path) -> Project {
+    let mut text =
+        "mtllib s.mtl\no floor\nusemtl stone\nv -4 0 -4\nv 4 0 -4\nv 4 0 4\nv -4 0 4\nf 4 3 2 1\n".to_owned();
+    text += "o wall\nusemtl brick\nv -2 0 0\nv 2 0 0\nv 2 2 0\nv -2 2 0\nf 5 6 7 8\no box\nusemtl sky\n";
+    for corner in 0..8 {
+        let at = |axis: u32| if corner >> axis & 1 == 0 { -20 } else { 20 };
+        text += &format!("v {} {} {}\n", at(0), at(1), at(2));
+    }
+    text += "f 9 10 12 11\nf 13 15 16 14\nf 9 13 14 10\nf 11 12 16 15\nf 9 11 15 13\nf 10 14 16 12\n";
+    std::fs::write(folder.join("s.obj"), text).expect("a file");
+    std::fs::write(folder.join("s.mtl"), "newmtl stone\nnewmtl brick\nnewmtl sky\nKd 0.2 0.5 0.9\n").expect("a file");
+    made(folder, "s.obj", "shadows,ao")
+}
+
+/// A pane before a wall; two of the four texels of its transmission are 0.
+fn mapped(folder: &Path) -> Project {
+    let corners = [[-1.0_f32, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]];
+    let positions = corners.iter().flat_map(|[x, y]| [*x, *y, 0.0]);
+    let coordinates = corners.iter().flatten().map(|at| 0.5 + 0.5 * at);
+    let mut bytes: Vec<u8> = positions.chain(coordinates).flat_map(f32::to_le_bytes).collect();
+    bytes.extend([0_u16, 1, 2, 0, 2, 3].into_iter().flat_map(u16::to_le_bytes));
+    std::fs::write(folder.join("m.bin"), bytes).expect("a file");
+    let texels = [1.0, 0.0, 0.0, 0.6].map(|clear| [clear, 0.3, 0.9, 1.0]).to_vec();
+    write_png(&folder.join("m.png"), &Image { width: 2, height: 2, pixels: texels }).expect("a file");
+    let text = r#"{"asset":{"version":"2.0"},"scenes":[{"nodes":[0,1]}],"extensionsUsed":["KHR_materials_transmission"],
+"nodes":[{"mesh":0},{"mesh":1,"translation":[0.3,0.2,-1],"scale":[2,2,1]}],
+"images":[{"uri":"m.png"}],"textures":[{"source":0}],
+"materials":[{"name":"pane","doubleSided":true,"extensions":{"KHR_materials_transmission":{"transmissionFactor":0.9,"transmissionTexture":{"index":0}}}},
+{"name":"wall","doubleSided":true,"pbrMetallicRoughness":{"baseColorFactor":[0.8,0.2,0.1,1]}}],
+"meshes":[{"primitives":[{"attributes":{"POSITION":0,"TEXCOORD_0":1},"indices":2,"material":0}]},
+{"primitives":[{"attributes":{"POSITION":0,"TEXCOORD_0":1},"indices":2,"material":1}]}],
+"accessors":[{"bufferView":0,"componentType":5126,"count":4,"type":"VEC3","min":[-1,-1,0],"max":[1,1,0]},
+{"bufferView":1,"componentType":5126,"count":4,"type":"VEC2"},{"bufferView":2,"componentType":5123,"count":6,"type":"SCALAR"}],
+"bufferViews":[{"buffer":0,"byteLength":48},{"buffer":0,"byteOffset":48,"byteLength":32},{"buffer":0,"byteOffset":80,"byteLength":12}],
+"buffers":[{"uri":"m.bin","byteLength":92}]}"#;
+    std::fs::write(folder.join("m.gltf"), text).expect("a file");
+    made(folder, "m.gltf", "shadows,glass")
+}
+
+fn made(folder: &Path, file: &str, effects: &str) -> Project {
+    let from = Some(DVec3::new(1.5, 1.2, 3.5));
+    let options = SceneOptions { effects: effects.parse().ok(), look_from: from, ..SceneOptions::default() };
+    SceneProjects::new(&[folder.join(file)], &options, None, 1 << 28).expect("a scene").project()
+}
+
+fn agrees(backend: BackendChoice) {
+    if there(Choice::CPU.traced_by(backend)).is_none() {
+        return;
+    }
+    let (folder, found) = (tempfile::tempdir().expect("a folder"), Arc::new(Mutex::new(Found::default())));
+    let skies = under_a_sky(folder.path());
+    assert_eq!(skies.scenes[0].sky.len(), 1);
+    for (name, project) in [("sky", skies), ("mapped", mapped(folder.path()))] {
+        record_of(project, backend, name, "Camera", (Fidelity::Corrected, Vec::new()), None, &found);
+    }
+    let found = found.lock().expect("no panic while it was held");
+    assert_eq!(found.records.len(), 2, "a pass did not run");
+    for record in &found.records {
+        let words = record.in_words();
+        println!("{words}");
+        assert!(record.within_limits, "farther off than it may be: {words}");
+        assert!(record.rays.shadow > 1000, "{words}");
+    }
+}
+
+#[test]
+fn skies_and_textures_of_transmission_on_our_own_tracer_are_the_processors() {
+    agrees(BackendChoice::Cuda);
+}
+
+#[test]
+fn skies_and_textures_of_transmission_on_optix_are_the_processors() {
+    agrees(BackendChoice::Optix);
+}
