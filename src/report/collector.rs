@@ -3,7 +3,7 @@
 use super::Told;
 use super::folder::{Folder, FolderError};
 use super::graph;
-use super::model::{Effect, FlipMap, Picture, ReportData, Scaling, SceneFacts, Section, Setting, Without};
+use super::model::{Against, Effect, FlipMap, Picture, ReportData, Scaling, SceneFacts, Section, Setting, Without};
 use super::plan::{self, Entry, Stage, TimePlan, Wanted};
 use crate::bench::model::{BenchFile, BenchRow, FORMAT, RowError, Technique, ThesisFigure, Unavailable};
 use crate::bench::table2::{self, TableRow};
@@ -105,6 +105,8 @@ pub(super) struct Place<'a> {
     pub projects: &'a Path,
     pub size: [u32; 2],
     pub triangles: Option<u64>,
+    /// Lights of a copy of the projects, if it is one that has so many.
+    pub lights: Option<u32>,
     /// Threads of the processor, if not all.
     pub threads: Option<usize>,
     pub stage: Stage,
@@ -232,6 +234,10 @@ impl<'a> Collector<'a> {
             // Temporary folders have names that mean nothing to anybody.
             case.key = format!("square of {triangles} triangles | {} | {:?} | {:?}", entry.file, place.size, entry.set);
         }
+        if let Some(lights) = place.lights {
+            let lights = plan::scaling_name(Against::Lights, lights.into());
+            case.key = format!("{lights} | {} | {:?} | {:?}", entry.file, place.size, entry.set);
+        }
         if let Some(threads) = place.threads {
             case.key += &format!(" | {threads} threads");
         }
@@ -302,7 +308,8 @@ impl<'a> Collector<'a> {
             triangles: row.triangles as f64,
             frame_ms: row.frame.median,
         };
-        if !entry.on_cpu && place.threads.is_none() {
+        // Rows of many lights are far from those that follow.
+        if !entry.on_cpu && place.threads.is_none() && place.lights.is_none_or(|lights| lights == 1) {
             self.known.insert((entry.file.to_owned(), entry.panes, entry.beside), known);
         }
         Ok((case, row, picture))
@@ -316,8 +323,14 @@ impl<'a> Collector<'a> {
         observer: &mut dyn Observer,
     ) -> Result<(), ReportError> {
         let projects = &self.request.projects;
-        let place =
-            Place { projects, size: self.request.wanted.size, triangles: None, threads: None, stage: entry.stage };
+        let place = Place {
+            projects,
+            size: self.request.wanted.size,
+            triangles: None,
+            lights: None,
+            threads: None,
+            stage: entry.stage,
+        };
         let (case, mut row, picture) = match self.row(entry, &place, told, observer) {
             Ok(measured) => measured,
             Err(why) => {
@@ -353,8 +366,14 @@ impl<'a> Collector<'a> {
     pub fn rounds(&mut self, told: &mut dyn FnMut(Told<'_>), observer: &mut dyn Observer) {
         let measured = std::mem::take(&mut self.measured);
         let projects = &self.request.projects;
-        let place =
-            Place { projects, size: self.request.wanted.size, triangles: None, threads: None, stage: Stage::Rounds };
+        let place = Place {
+            projects,
+            size: self.request.wanted.size,
+            triangles: None,
+            lights: None,
+            threads: None,
+            stage: Stage::Rounds,
+        };
         for _ in 1..plan::ROUNDS {
             for (entry, key) in &measured {
                 match self.row(entry, &place, told, observer) {

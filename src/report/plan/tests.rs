@@ -86,6 +86,22 @@ fn threads_are_doubled_up_to_all() {
 }
 
 #[test]
+fn each_light_asks_for_rays_of_its_own_and_soft_shadows_are_left_to_the_long_report() {
+    let [long, quick] = [false, true].map(|quick| light_lines(&Wanted::new(quick, None)));
+    let techniques = |lines: &[Entry]| lines.iter().map(|line| line.technique).collect::<Vec<_>>();
+    assert_eq!(techniques(&quick), [Technique::None, Technique::Rays]);
+    assert_eq!(techniques(&long), [Technique::None, Technique::Rays, Technique::Rays]);
+    assert!(long[2].set.contains(&SUN.to_owned()));
+    for line in &long {
+        let eight = lit_by(line, 8);
+        let times = if line.technique == Technique::Rays { 8.0 } else { 1.0 };
+        assert_eq!((eight.weight, eight.stage), (times * line.weight, Stage::Lights));
+    }
+    assert!(Stage::Pixels.until() < Stage::Lights.until() && Stage::Lights.until() < Stage::Threads.until());
+    assert_eq!([1, 2].map(|count| scaling_name(Against::Lights, count)), ["1 light", "2 lights"]);
+}
+
+#[test]
 fn window_sizes_grow_by_four_around_the_reports() {
     let sizes = pixel_sizes(&Wanted::new(false, Some([512, 256])));
     assert_eq!(sizes, [[128, 64], [256, 128], [512, 256], [1024, 512], [2048, 1024]]);
