@@ -73,6 +73,8 @@ pub(super) struct Collector<'a> {
     /// The report's ray backend, and the others that are there.
     backend: BackendChoice,
     pub beside: Vec<BackendChoice>,
+    /// Whether the report's ray backend has the filter after rays. The cpu has it.
+    filters: bool,
     start: Instant,
     references: References,
     table: Vec<String>,
@@ -136,6 +138,7 @@ impl<'a> Collector<'a> {
             gpu: false,
             backend: request.choice.backend,
             beside: Vec::new(),
+            filters: false,
             start: Instant::now(),
             references: References::new(
                 request.references.clone(),
@@ -185,8 +188,9 @@ impl<'a> Collector<'a> {
             match ray_backend(choice.traced_by(backend)) {
                 Ok(rays) => {
                     self.file.environment.add_gpus(rays.as_ref());
-                    if backend != self.backend {
-                        self.beside.push(backend);
+                    match backend == self.backend {
+                        true => self.filters = rays.filters_shares(),
+                        false => self.beside.push(backend),
                     }
                 }
                 Err(error) if backend == self.backend => return Err(error),
@@ -218,7 +222,7 @@ impl<'a> Collector<'a> {
             max_memory: self.request.max_memory,
             ..Settings::default()
         };
-        let backend = if entry.is_for_the_cpu() { BackendChoice::Cpu } else { self.backend };
+        let backend = if entry.is_filtered() && !self.filters { BackendChoice::Cpu } else { self.backend };
         let mut choice = self.request.choice.traced_by(entry.beside.unwrap_or(backend));
         if entry.on_cpu {
             choice.raster = RasterChoice::Cpu;

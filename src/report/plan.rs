@@ -113,9 +113,9 @@ pub struct Entry {
 }
 
 impl Entry {
-    /// Whether its rays are traced by the cpu alone, whatever the report's backend: those before a filter.
+    /// Whether a filter follows its rays, which not every backend has.
     #[must_use]
-    pub fn is_for_the_cpu(&self) -> bool {
+    pub fn is_filtered(&self) -> bool {
         self.technique == Technique::Rays && self.set.iter().any(|set| set.starts_with("pass2.filter="))
     }
 }
@@ -179,7 +179,7 @@ pub fn entries(wanted: &Wanted, gpu: bool, beside: &[BackendChoice]) -> Vec<Entr
     entries.extend(elsewhere());
     let traced: Vec<Entry> = entries.iter().filter(|e| e.technique == Technique::Rays).cloned().collect();
     for backend in beside {
-        entries.extend(traced.iter().filter(|entry| !entry.is_for_the_cpu()).cloned().map(|entry| Entry {
+        entries.extend(traced.iter().filter(|entry| !entry.is_filtered()).cloned().map(|entry| Entry {
             beside: Some(*backend),
             label: format!("{}, {}", entry.label, backend.name()),
             setting: entry.setting.map(|(series, value)| (format!("{series}, {}", backend.name()), value)),

@@ -10,6 +10,7 @@
 mod ask;
 mod bindings;
 mod depths;
+pub(crate) mod filter;
 mod inputs;
 mod kept;
 mod maps;
@@ -43,6 +44,7 @@ use curitiba_pipeline::image::Image;
 use curitiba_pipeline::raster_effects::EffectProgram;
 use curitiba_pipeline::scene::TriangleRanges;
 use depths::Depths;
+use filter::{Filtered, ShareFilter};
 use inputs::{Inputs, Ready};
 use kept::Kept;
 use maps::{Maps, MapsKey, Shot};
@@ -54,7 +56,7 @@ use std::collections::HashMap;
 use std::time::{Duration, Instant};
 use survey::Surveyor;
 use table::Table;
-use uniforms::{AskUniform, FilterUniform};
+use uniforms::AskUniform;
 
 /// The parts of the rasteriser that effects use.
 pub(super) struct Context<'a> {
@@ -92,6 +94,7 @@ pub(super) struct Effects {
     surveyor: Option<Surveyor>,
     marching: Option<Marching>,
     depths: Option<Depths>,
+    filter: Option<ShareFilter>,
     plane_of: Vec<u32>,
     probes: Probes,
     /// The rasteriser that draws the surroundings from which proxies are computed.
@@ -175,6 +178,7 @@ impl Effects {
             surveyor: None,
             marching: None,
             depths: None,
+            filter: None,
             plane_of: Vec::new(),
             probes: Probes::default(),
             surroundings: None,
@@ -229,7 +233,7 @@ impl Effects {
         let task = Task { width: job.width, height: job.height, id_base, texels: texels(job), apart: 1 };
         let mut stats = EffectStats::default();
         // Programs that draw maps restart the progress.
-        progress.start(task.submissions() + filter_task(&task, 0).submissions() * u64::from(levels(job)));
+        progress.start(task.submissions() + filter::submissions((job.width, job.height)) * u64::from(levels(job)));
         let prepared = match job.program {
             EffectProgram::ShadowMap => self.shadow_maps(context, job, called, &task, &mut stats, progress)?,
             EffectProgram::CubeReflection | EffectProgram::CubeRefraction => {
@@ -266,7 +270,7 @@ impl Effects {
         // The levels write alternately to the two outputs.
         self.ends_in_filtered = levels(job) % 2 == 1;
         if levels(job) > 0 {
-            let part = self.filter(context, job, &gbuffer, &task, progress)?;
+            let part = self.average(context, job, &gbuffer, progress)?;
             stats.pixels = together(stats.pixels, part);
         }
         stats.pixels.host += asking;
@@ -294,37 +298,26 @@ impl Effects {
     }
 
     /// Filters an ambient occlusion, in as many levels as the job asks for.
-    fn filter(
+    fn average(
         &mut self,
         context: &Context<'_>,
         job: &EffectJob<'_>,
         gbuffer: &wgpu::BindGroup,
-        task: &Task,
         progress: &Progress,
     ) -> Result<Part, BackendError> {
         let gpu = context.gpu;
-        if !self.programs.contains_key(&Variant::FILTER) {
-            self.programs.insert(Variant::FILTER, Program::new(gpu, &self.inputs, Variant::FILTER)?);
-        }
+        let filter = match &mut self.filter {
+            Some(filter) => filter,
+            none => none.insert(ShareFilter::new(gpu, &self.inputs)?),
+        };
         let size = (job.width, job.height);
         self.filtered.require(gpu, size, |(width, height)| Output::new(gpu, *width, *height))?;
-        let (Some(program), Some(first), Some(second)) =
-            (self.programs.get(&Variant::FILTER), self.outputs.last(), self.filtered.last())
-        else {
+        let (Some(first), Some(second)) = (self.outputs.last(), self.filtered.last()) else {
             return Err(failure("a filter was not prepared"));
         };
-        let mut part = Part::default();
-        for level in 0..levels(job) {
-            let task = filter_task(task, level);
-            let (from, to) = if level % 2 == 0 { (first, second) } else { (second, first) };
-            let group = program.bind(gpu, &to.view, &[wgpu::BindingResource::TextureView(&from.view)])?;
-            let exponent = if level + 1 == levels(job) { job.params.intensity } else { 1.0 };
-            let uniform = FilterUniform { step: 1 << level, exponent };
-            let bound = Bound { groups: &[gbuffer, &group], before: None };
-            let level = program.run(gpu, context.timer, &bound, bytemuck::bytes_of(&uniform), &task, progress)?;
-            part = together(part, level);
-        }
-        Ok(part)
+        let (levels, exponent) = (levels(job), job.params.intensity);
+        let pictures = [&first.view, &second.view];
+        filter.run(gpu, context.timer, &Filtered { size, gbuffer, pictures, levels, exponent }, progress)
     }
 
     /// Nearest and farthest depth of the pixels that need the program's maps, 0 if these are glass pixels. `None` if no
@@ -415,11 +408,6 @@ fn occludes(program: EffectProgram) -> bool {
 /// Number of filter levels after an ambient occlusion.
 fn levels(job: &EffectJob<'_>) -> u32 {
     if occludes(job.program) { job.params.filter } else { 0 }
-}
-
-/// The work of a filter level, for a program's own task: a weight for each of 25 pixels.
-fn filter_task(task: &Task, level: u32) -> Task {
-    Task { texels: 25, apart: 1 << level, ..*task }
 }
 
 /// The time of two consecutive parts, of which one may have no device time: nothing was submitted for it.
