@@ -82,6 +82,19 @@ fn a_report_is_one_folder_whose_links_all_resolve_and_whose_page_works_in_a_brow
     let markdown = std::fs::read_to_string(folder.join("data.md")).expect("the table");
     assert!(markdown.contains("| effect | view |") && linked.contains("data.md"));
 
+    assert!(linked.contains("plots/scaling-lights.svg"));
+    let traced = |lights: u32, rows: &[serde_json::Value]| -> u64 {
+        let of = |row: &&serde_json::Value| {
+            let key = row["key"].as_str().unwrap_or_default();
+            key.starts_with(&format!("{lights} light")) && key.contains("| SceneShadows.xml |")
+        };
+        let row = rows.iter().find(of).unwrap_or_else(|| panic!("{lights} lights"));
+        let steps = row["steps"].as_array().expect("steps").iter();
+        steps.filter_map(|step| step["rays"]["shadow"].as_u64()).sum()
+    };
+    let [one, two, eight] = [1, 2, 8].map(|lights| traced(lights, rows));
+    assert!(one > 100 && two > one && eight > 2 * two, "{one} {two} {eight} shadow rays");
+
     look_in_a_browser(&folder);
 }
 

@@ -103,6 +103,7 @@ fn described(value: &Value<'_>) -> String {
             if info.reads("samples") {
                 words.push(format!("occlusion {}", pass.params.samples > 0));
             }
+            words.extend((info.sun_samples(&pass.params) > 0).then(|| format!("sun {}", pass.params.sun)));
             let shades = bounces(pass.program);
             if shades || pass.program == RayProgram::DeferredShadows {
                 words.push(format!("{:?}", look.sun));

@@ -1,4 +1,4 @@
-//! Carries out what is planned: rows, rounds, and time against size.
+//! Carries out what is planned: rows, rounds, and time against sizes and numbers.
 
 use super::collector::{Collector, ReportError, Request};
 use super::folder::Folder;
@@ -25,7 +25,8 @@ pub fn collect(
     let threads = plan::thread_counts(rayon::current_num_threads());
     collector.to_do = entries.len() * plan::ROUNDS as usize
         + late.len()
-        + plan::scaling_lines(&request.wanted).len() * (sizes.len() + threads.len() + request.wanted.triangles.len());
+        + plan::scaling_lines(&request.wanted).len() * (sizes.len() + threads.len() + request.wanted.triangles.len())
+        + plan::light_lines(&request.wanted).len() * plan::LIGHT_COUNTS.len();
     for entry in &entries {
         collector.entry(entry, folder, told, observer)?;
     }
@@ -36,11 +37,12 @@ pub fn collect(
     }
     collector.rounds(told, observer);
     let pixels = scale::by_pixels(&mut collector, &sizes, told, observer);
+    let lights = scale::by_lights(&mut collector, folder, told, observer);
     let threads = scale::by_threads(&mut collector, &threads, told, observer);
     let triangles = scale::by_triangles(&mut collector, folder, told, observer);
     let samples = scale::by_samples(&collector);
     for entry in &late {
         collector.entry(entry, folder, told, observer)?;
     }
-    Ok(collector.finish(vec![triangles, pixels, samples, threads]))
+    Ok(collector.finish(vec![triangles, pixels, lights, samples, threads]))
 }

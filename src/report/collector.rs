@@ -3,7 +3,7 @@
 use super::Told;
 use super::folder::{Folder, FolderError};
 use super::graph;
-use super::model::{Effect, FlipMap, Picture, ReportData, Scaling, SceneFacts, Section, Setting, Without};
+use super::model::{Against, Effect, FlipMap, Picture, ReportData, Scaling, SceneFacts, Section, Setting, Without};
 use super::plan::{self, Entry, Stage, TimePlan, Wanted};
 use crate::bench::model::{BenchFile, BenchRow, FORMAT, RowError, Technique, ThesisFigure, Unavailable};
 use crate::bench::table2::{self, TableRow};
@@ -73,6 +73,8 @@ pub(super) struct Collector<'a> {
     /// The report's ray backend, and the others that are there.
     backend: BackendChoice,
     pub beside: Vec<BackendChoice>,
+    /// Whether the report's ray backend has the filter after rays. The cpu has it.
+    filters: bool,
     start: Instant,
     references: References,
     table: Vec<String>,
@@ -105,6 +107,8 @@ pub(super) struct Place<'a> {
     pub projects: &'a Path,
     pub size: [u32; 2],
     pub triangles: Option<u64>,
+    /// Lights of a copy of the projects, if it is one that has so many.
+    pub lights: Option<u32>,
     /// Threads of the processor, if not all.
     pub threads: Option<usize>,
     pub stage: Stage,
@@ -134,6 +138,7 @@ impl<'a> Collector<'a> {
             gpu: false,
             backend: request.choice.backend,
             beside: Vec::new(),
+            filters: false,
             start: Instant::now(),
             references: References::new(
                 request.references.clone(),
@@ -183,8 +188,9 @@ impl<'a> Collector<'a> {
             match ray_backend(choice.traced_by(backend)) {
                 Ok(rays) => {
                     self.file.environment.add_gpus(rays.as_ref());
-                    if backend != self.backend {
-                        self.beside.push(backend);
+                    match backend == self.backend {
+                        true => self.filters = rays.filters_shares(),
+                        false => self.beside.push(backend),
                     }
                 }
                 Err(error) if backend == self.backend => return Err(error),
@@ -216,7 +222,7 @@ impl<'a> Collector<'a> {
             max_memory: self.request.max_memory,
             ..Settings::default()
         };
-        let backend = if entry.is_for_the_cpu() { BackendChoice::Cpu } else { self.backend };
+        let backend = if entry.is_filtered() && !self.filters { BackendChoice::Cpu } else { self.backend };
         let mut choice = self.request.choice.traced_by(entry.beside.unwrap_or(backend));
         if entry.on_cpu {
             choice.raster = RasterChoice::Cpu;
@@ -231,6 +237,10 @@ impl<'a> Collector<'a> {
         if let Some(triangles) = place.triangles {
             // Temporary folders have names that mean nothing to anybody.
             case.key = format!("square of {triangles} triangles | {} | {:?} | {:?}", entry.file, place.size, entry.set);
+        }
+        if let Some(lights) = place.lights {
+            let lights = plan::scaling_name(Against::Lights, lights.into());
+            case.key = format!("{lights} | {} | {:?} | {:?}", entry.file, place.size, entry.set);
         }
         if let Some(threads) = place.threads {
             case.key += &format!(" | {threads} threads");
@@ -302,7 +312,8 @@ impl<'a> Collector<'a> {
             triangles: row.triangles as f64,
             frame_ms: row.frame.median,
         };
-        if !entry.on_cpu && place.threads.is_none() {
+        // Rows of many lights are far from those that follow.
+        if !entry.on_cpu && place.threads.is_none() && place.lights.is_none_or(|lights| lights == 1) {
             self.known.insert((entry.file.to_owned(), entry.panes, entry.beside), known);
         }
         Ok((case, row, picture))
@@ -316,8 +327,14 @@ impl<'a> Collector<'a> {
         observer: &mut dyn Observer,
     ) -> Result<(), ReportError> {
         let projects = &self.request.projects;
-        let place =
-            Place { projects, size: self.request.wanted.size, triangles: None, threads: None, stage: entry.stage };
+        let place = Place {
+            projects,
+            size: self.request.wanted.size,
+            triangles: None,
+            lights: None,
+            threads: None,
+            stage: entry.stage,
+        };
         let (case, mut row, picture) = match self.row(entry, &place, told, observer) {
             Ok(measured) => measured,
             Err(why) => {
@@ -353,8 +370,14 @@ impl<'a> Collector<'a> {
     pub fn rounds(&mut self, told: &mut dyn FnMut(Told<'_>), observer: &mut dyn Observer) {
         let measured = std::mem::take(&mut self.measured);
         let projects = &self.request.projects;
-        let place =
-            Place { projects, size: self.request.wanted.size, triangles: None, threads: None, stage: Stage::Rounds };
+        let place = Place {
+            projects,
+            size: self.request.wanted.size,
+            triangles: None,
+            lights: None,
+            threads: None,
+            stage: Stage::Rounds,
+        };
         for _ in 1..plan::ROUNDS {
             for (entry, key) in &measured {
                 match self.row(entry, &place, told, observer) {

@@ -8,6 +8,7 @@ pub mod collect;
 mod collector;
 pub mod folder;
 mod graph;
+mod lights;
 pub mod model;
 pub mod number;
 pub mod page;

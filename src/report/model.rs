@@ -30,7 +30,7 @@ pub struct ReportData {
     pub table: Vec<String>,
     /// One for each effect.
     pub sections: Vec<Section>,
-    /// Time against triangles, pixels, samples and threads.
+    /// Time against triangles, pixels, lights, samples and threads.
     pub scalings: Vec<Scaling>,
 }
 
@@ -185,7 +185,7 @@ pub struct Setting {
     pub value: String,
 }
 
-/// What a scaling plot has on its lower axis. Not the number of lights: the projects have one each.
+/// What a scaling plot has on its lower axis.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Against {
@@ -193,6 +193,8 @@ pub enum Against {
     Triangles,
     /// Pixels of the window.
     Pixels,
+    /// Lights that shine.
+    Lights,
     /// Rays, or depths that are read, for each point.
     Samples,
     /// Threads of the processor.
@@ -240,7 +242,7 @@ impl ReportData {
             let amount = match against {
                 Against::Triangles => row.triangles as f64,
                 Against::Pixels => f64::from(row.size[0]) * f64::from(row.size[1]),
-                Against::Samples | Against::Threads => *series.amounts.get(index)?,
+                Against::Lights | Against::Samples | Against::Threads => *series.amounts.get(index)?,
             };
             Some((row, amount))
         })

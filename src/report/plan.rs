@@ -54,6 +54,8 @@ pub enum Stage {
     Rounds,
     /// Other window sizes.
     Pixels,
+    /// Other numbers of lights.
+    Lights,
     /// Pools of fewer threads.
     Threads,
     /// Other scenes.
@@ -70,8 +72,9 @@ impl Stage {
             Self::Effects => 0.48,
             Self::Settings => 0.60,
             Self::Rounds => 0.72,
-            Self::Pixels => 0.77,
-            Self::Threads => 0.82,
+            Self::Pixels => 0.76,
+            Self::Lights => 0.80,
+            Self::Threads => 0.84,
             Self::Triangles => 0.96,
             Self::OtherView => 0.98,
         }
@@ -110,9 +113,9 @@ pub struct Entry {
 }
 
 impl Entry {
-    /// Whether its rays are traced by the cpu alone, whatever the report's backend: those before a filter.
+    /// Whether a filter follows its rays, which not every backend has.
     #[must_use]
-    pub fn is_for_the_cpu(&self) -> bool {
+    pub fn is_filtered(&self) -> bool {
         self.technique == Technique::Rays && self.set.iter().any(|set| set.starts_with("pass2.filter="))
     }
 }
@@ -176,7 +179,7 @@ pub fn entries(wanted: &Wanted, gpu: bool, beside: &[BackendChoice]) -> Vec<Entr
     entries.extend(elsewhere());
     let traced: Vec<Entry> = entries.iter().filter(|e| e.technique == Technique::Rays).cloned().collect();
     for backend in beside {
-        entries.extend(traced.iter().filter(|entry| !entry.is_for_the_cpu()).cloned().map(|entry| Entry {
+        entries.extend(traced.iter().filter(|entry| !entry.is_filtered()).cloned().map(|entry| Entry {
             beside: Some(*backend),
             label: format!("{}, {}", entry.label, backend.name()),
             setting: entry.setting.map(|(series, value)| (format!("{series}, {}", backend.name()), value)),
@@ -470,14 +473,38 @@ pub fn thread_counts(all: usize) -> Vec<usize> {
     doubled.chain(Some(all.max(1))).collect()
 }
 
+/// Numbers of lights of the scaling by lights: doubled, as what they cost is expected to.
+pub const LIGHT_COUNTS: [u32; 4] = [1, 2, 4, 8];
+
+/// Rays to the disc of each light in the scaling by lights.
+const LIGHT_SAMPLES: u32 = 4;
+
+/// The lines of the scaling by lights: without effects, hard shadows and, where the time suffices, soft shadows. They are
+/// traced: raster effects know one light, and occlusion none.
+#[must_use]
+pub fn light_lines(wanted: &Wanted) -> Vec<Entry> {
+    let soft = (!wanted.quick).then(|| rays(Effect::SoftShadows, Some((LIGHT_SAMPLES, "sobol"))));
+    let lines = [whole().swap_remove(0), rays(Effect::Shadows, None)].into_iter().chain(soft);
+    lines.map(|line| Entry { setting: None, picture: None, in_table: false, stage: Stage::Lights, ..line }).collect()
+}
+
+/// A line of the scaling by lights where `count` shine: each asks for rays of its own.
+#[must_use]
+pub fn lit_by(line: &Entry, count: u32) -> Entry {
+    let times = if line.technique == Technique::Rays { f64::from(count) } else { 1.0 };
+    Entry { weight: times * line.weight, ..line.clone() }
+}
+
 /// What a scaling stage is called where it is left out.
 #[must_use]
 pub fn scaling_name(against: Against, amount: u64) -> String {
+    let plural = if amount == 1 { "" } else { "s" };
     match against {
         Against::Triangles => format!("the square of {} triangles", super::number::grouped(amount)),
         Against::Pixels => format!("the window of {} pixels", super::number::grouped(amount)),
+        Against::Lights => format!("{amount} light{plural}"),
         Against::Samples => format!("{} samples", super::number::grouped(amount)),
-        Against::Threads => format!("{amount} thread{}", if amount == 1 { "" } else { "s" }),
+        Against::Threads => format!("{amount} thread{plural}"),
     }
 }
 

@@ -1,14 +1,17 @@
-//! Time against pixels, triangles, samples and threads.
+//! Time against pixels, triangles, lights, samples and threads.
 
 use super::Told;
 use super::collector::{Collector, Place};
 use super::folder::Folder;
+use super::lights;
 use super::model::{Against, Effect, Scaling, ScalingSeries};
 use super::plan::{self, Entry, Stage};
 use crate::BackendChoice;
 use crate::bench::model::Technique;
+use crate::pipeline::diagnostic::Problems;
 use crate::pipeline::executor::Observer;
 use crate::pipeline::files::{self, TemporaryFolder};
+use crate::pipeline::project;
 use crate::pipeline::square;
 use std::fs;
 use std::io;
@@ -39,7 +42,14 @@ pub(super) fn by_pixels(
     let mut series = empty(&lines);
     let projects = collector.request.projects.clone();
     for size in sizes {
-        let place = Place { projects: &projects, size: *size, triangles: None, threads: None, stage: Stage::Pixels };
+        let place = Place {
+            projects: &projects,
+            size: *size,
+            triangles: None,
+            lights: None,
+            threads: None,
+            stage: Stage::Pixels,
+        };
         let name = plan::scaling_name(Against::Pixels, u64::from(size[0]) * u64::from(size[1]));
         measure_lines(collector, &lines, &mut series, &place, &name, told, observer);
     }
@@ -61,15 +71,43 @@ pub(super) fn by_threads(
     let mut series = empty(&lines);
     let (projects, size) = (collector.request.projects.clone(), collector.request.wanted.size);
     for count in counts {
-        let place = Place { projects: &projects, size, triangles: None, threads: Some(*count), stage: Stage::Threads };
+        let place = Place {
+            projects: &projects,
+            size,
+            triangles: None,
+            lights: None,
+            threads: Some(*count),
+            stage: Stage::Threads,
+        };
         let name = plan::scaling_name(Against::Threads, *count as u64);
-        let before: Vec<usize> = series.iter().map(|line| line.rows.len()).collect();
         measure_lines(collector, &lines, &mut series, &place, &name, told, observer);
-        for (line, before) in series.iter_mut().zip(before) {
-            line.amounts.extend((line.rows.len() > before).then_some(*count as f64));
-        }
     }
     Scaling { against: Against::Threads, series }
+}
+
+/// The user's scene with other numbers of lights, in temporary copies of the projects.
+pub(super) fn by_lights(
+    collector: &mut Collector<'_>,
+    folder: &Folder,
+    told: &mut dyn FnMut(Told<'_>),
+    observer: &mut dyn Observer,
+) -> Scaling {
+    let lines = plan::light_lines(&collector.request.wanted);
+    let mut series = empty(&lines);
+    let (projects, size) = (collector.request.projects.clone(), collector.request.wanted.size);
+    for count in plan::LIGHT_COUNTS {
+        let name = plan::scaling_name(Against::Lights, count.into());
+        let lit: Vec<Entry> = lines.iter().map(|line| plan::lit_by(line, count)).collect();
+        match copy_with_lights(&projects, folder, &lines, count) {
+            Ok(copy) => {
+                let (lights, stage) = (Some(count), Stage::Lights);
+                let place = Place { projects: copy.path(), size, triangles: None, lights, threads: None, stage };
+                measure_lines(collector, &lit, &mut series, &place, &name, told, observer);
+            }
+            Err(why) => collector.miss(&name, why),
+        }
+    }
+    Scaling { against: Against::Lights, series }
 }
 
 /// The settings of the effects that differ in their samples alone: nothing is measured again.
@@ -146,7 +184,7 @@ pub(super) fn by_triangles(
                 generation_s = start.elapsed().as_secs_f64();
                 let size = collector.request.wanted.size;
                 let (projects, triangles, stage) = (copy.path(), Some(triangles.into()), Stage::Triangles);
-                let place = Place { projects, size, triangles, threads: None, stage };
+                let place = Place { projects, size, triangles, lights: None, threads: None, stage };
                 measure_lines(collector, &lines, &mut series, &place, &name, told, observer);
             }
             Err(error) => collector.miss(&name, format!("it cannot be written: {error}")),
@@ -173,6 +211,8 @@ fn measure_lines(
                 row.project = line.file.into();
                 row.error = crate::bench::model::RowError::Missing("only the time was asked for".to_owned());
                 series.rows.push(row.key.clone());
+                let lights = place.lights.map(f64::from);
+                series.amounts.extend(lights.or(place.threads.map(|threads| threads as f64)));
                 if collector.file.rows.iter().all(|other| other.key != row.key) {
                     collector.file.rows.push(row);
                 }
@@ -180,6 +220,25 @@ fn measure_lines(
             Err(why) => collector.miss(&shown.label, why),
         }
     }
+}
+
+/// Copies the projects of some lines into a temporary folder, each of their passes with so many lights.
+fn copy_with_lights(projects: &Path, folder: &Folder, lines: &[Entry], count: u32) -> Result<TemporaryFolder, String> {
+    let copy = folder.scratch().map_err(|error| format!("no copy of the projects can be made: {error}"))?;
+    let mut files: Vec<&str> = lines.iter().map(|line| line.file).collect();
+    files.dedup();
+    for file in files {
+        let from = projects.join(file);
+        let named = |why: String| format!("{}: {why}", from.display());
+        let mut project = project::load(&from).map_err(|problems| named(joined(&problems)))?;
+        lights::shine(&mut project, count as usize).map_err(named)?;
+        project.write(&copy.path().join(file)).map_err(|error| error.to_string())?;
+    }
+    Ok(copy)
+}
+
+fn joined(problems: &Problems) -> String {
+    problems.0.iter().map(ToString::to_string).collect::<Vec<_>>().join("; ")
 }
 
 /// Copies project files and material libraries into a temporary folder, with a generated square in the scene's place.

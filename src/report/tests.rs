@@ -524,8 +524,25 @@ fn samples_and_threads_are_told_by_the_line_and_not_by_the_row() {
     assert!(plots::scaling_plot(&data, scaling).is_some_and(|plot| plot.inline.contains("depths read")));
     let html = page::build(&data).html;
     assert!(html.contains("Against samples") && html.contains("plots/scaling-samples.svg"));
-    assert!(html.contains("Against lights there is no curve: the projects have one each."));
     assert_well_formed(&html);
+}
+
+#[test]
+fn lights_have_a_curve_of_their_own() {
+    let mut data = report(1.0, (4.0, against(0.01)), (3.0, against(0.05)));
+    let (label, technique) = ("Shadows by rays".to_owned(), Technique::Rays);
+    let rows = ["none", "shadow map", "shadow <rays>"].map(str::to_owned).to_vec();
+    let series = vec![ScalingSeries { label, technique, rows, amounts: vec![1.0, 2.0, 8.0] }];
+    data.scalings.push(Scaling { against: Against::Lights, series });
+    let html = page::build(&data).html;
+    assert!(html.contains("Against lights") && html.contains("plots/scaling-lights.svg"));
+    assert!(html.contains("turned about the vertical"));
+    let plot = plots::scaling_plot(&data, &data.scalings[1]).expect("a plot").inline;
+    // 1, 3 and 4 ms for 1, 2 and 8 lights.
+    assert!(plot.contains("exponent 0.60") && plot.contains("Frame time against lights"), "{plot}");
+    assert_well_formed(&html);
+    data.scalings[1].series[0].rows.clear();
+    assert!(page::build(&data).html.contains("No number of lights was measured."));
 }
 
 #[test]

@@ -38,7 +38,8 @@ pub(super) fn filtered<R>(
     let exponent = if job.program.info().reads("intensity") { job.params.intensity } else { 1.0 };
     let traced = trace(&RayJob { params: RayParams { intensity: 1.0, ..job.params }, ..*job }, output)?;
     let refused = |refused: curitiba_pipeline::memory::Refused| check::missing(super::NAME, job, &refused.to_string());
-    filter.load(job.width, &output.pixels, |index| surface(job, index)).map_err(refused)?;
+    let stored = job.program.info().buffers.contains(&"norm_buffer");
+    filter.load(job.width, &output.pixels, |index| surface(job, index, stored)).map_err(refused)?;
     let shares = filter.run(levels, progress);
     let finish = |(pixel, share): (&mut [f32; 4], &f32)| {
         let share = share.clamp(0.0, 1.0);
@@ -49,16 +50,16 @@ pub(super) fn filtered<R>(
     Ok(traced)
 }
 
-/// Position, and a normal on the viewer's side; 0 where nothing is seen.
-fn surface(job: &RayJob<'_>, index: usize) -> [[f32; 3]; 2] {
+/// Position, and a normal on the viewer's side, the `stored` one or that of the triangle; 0 where nothing is seen.
+fn surface(job: &RayJob<'_>, index: usize, stored: bool) -> [[f32; 3]; 2] {
     let triangle = job.triangle[index];
     if triangle == NO_TRIANGLE {
         return [[0.0; 3]; 2];
     }
     let position = Vec4::from_array(job.position[index]).truncate();
-    let normal = match job.normal.get(index) {
-        Some(stored) => Vec4::from_array(*stored).truncate(),
-        None => flat(job, triangle, position),
+    let normal = match stored {
+        true => Vec4::from_array(job.normal[index]).truncate(),
+        false => flat(job, triangle, position),
     };
     let to_viewer = job.eye - position;
     let facing = if normal.dot(to_viewer) < 0.0 { -normal } else { normal };

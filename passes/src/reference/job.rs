@@ -68,9 +68,6 @@ impl Traced<'_> {
         if !known.contains(&program) {
             return Some(format!("`{}`, whose rays start at the camera, has no reference of its picture", info.stem));
         }
-        if info.sun_samples(params) > 0 {
-            return Some("soft shadows have no reference of the picture: set sun=0".to_owned());
-        }
         if has_bodies && info.reads("glass") {
             return Some(
                 "glass as its materials say (glass=auto) has no reference of the picture: set glass=pane".to_owned(),

@@ -107,21 +107,22 @@ impl Look<'_> {
         glow.color.as_dvec3() * texel
     }
 
-    /// Whether light reaches the side of normal `facing`, with glass as an obstacle: the light of `deferredShadows`.
-    pub(super) fn is_lit(&self, world: &World<'_>, surface: &Surface, facing: DVec3) -> bool {
+    /// Whether light from a direction reaches the side of normal `facing`, with glass as an obstacle: the light of
+    /// `deferredShadows`.
+    pub(super) fn is_lit(&self, world: &World<'_>, surface: &Surface, (facing, to_light): (DVec3, DVec3)) -> bool {
         let stops = |hit: &DoubleHit| world.covers(self.shades, hit);
-        self.start_to_light(world, surface, (facing, self.toward_light()), stops)
-            .is_some_and(|origin| !world.is_blocked(origin, self.toward_light(), f64::INFINITY, stops))
+        self.start_to_light(world, surface, (facing, to_light), stops)
+            .is_some_and(|origin| !world.is_blocked(origin, to_light, f64::INFINITY, stops))
     }
 
-    /// The light share on that side in `final`: each glass surface on the way dims it.
-    pub(super) fn light_share(&self, world: &World<'_>, surface: &Surface, facing: DVec3) -> f64 {
+    /// The share of the light from a direction on that side in `final`: each glass surface on the way dims it.
+    pub(super) fn light_share(&self, world: &World<'_>, surface: &Surface, (facing, to_light): (DVec3, DVec3)) -> f64 {
         let stops = |hit: &DoubleHit| self.stops_light(world, hit);
-        let Some(origin) = self.start_to_light(world, surface, (facing, self.toward_light()), stops) else {
+        let Some(origin) = self.start_to_light(world, surface, (facing, to_light), stops) else {
             return SHADOWED;
         };
         let mut crossings = Vec::new();
-        let blocked = world.is_blocked(origin, self.toward_light(), f64::INFINITY, |hit| {
+        let blocked = world.is_blocked(origin, to_light, f64::INFINITY, |hit| {
             let covers = world.covers(self.shades, hit);
             let glass = self.shadow_glass[world.material(hit.triangle)];
             if covers && glass {

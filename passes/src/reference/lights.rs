@@ -1,5 +1,6 @@
 //! Several lights, and lights with a place: what arrives of them, and what their shadows leave.
 
+use super::disc::{self, Discs};
 use super::job::Look;
 use super::light::{AMBIENT, ONE_SURFACE, THROUGH_GLASS};
 use super::world::{Surface, World};
@@ -57,24 +58,19 @@ impl Look<'_> {
 
     /// What shadows leave of a surface's colour, on a side: ambient light and the light that arrives, divided by ambient light and the
     /// light that would arrive. `is_seen` says whether the camera sees the surface itself. Hits that `stops` stop a ray; others that
-    /// `dims` dim it.
+    /// `dims` dim it. Of a light with a disc the part arrives that is seen.
     pub(super) fn share_of_lights(
         &self,
-        world: &World<'_>,
+        (world, discs): (&World<'_>, Option<Discs>),
         (surface, facing, is_seen): (&Surface, DVec3, bool),
         cosine: impl Fn(DVec3) -> f64,
         stops: impl Fn(&DoubleHit) -> bool,
         dims: impl Fn(&DoubleHit) -> bool,
     ) -> DVec3 {
         let (mut whole, mut left) = (DVec3::ZERO, DVec3::ZERO);
-        for light in &self.lights {
-            let (towards, color) = arriving(light, surface.position);
-            let color = color * cosine(towards);
-            if color == DVec3::ZERO {
-                continue;
-            }
-            whole += color;
-            let Some(origin) = self.start_to_light(world, surface, (facing, towards), &stops) else { continue };
+        // The part of a light from a direction that nothing takes away.
+        let part = |light: &Light, towards: DVec3| {
+            let Some(origin) = self.start_to_light(world, surface, (facing, towards), &stops) else { return 0.0 };
             let (direction, reach) = match light.place {
                 None => (towards, f64::INFINITY),
                 Some(place) => {
@@ -90,11 +86,22 @@ impl Look<'_> {
                 }
                 stops(hit)
             });
-            if !blocked {
-                crossings.sort_unstable_by(f64::total_cmp);
-                let again = crossings.windows(2).filter(|pair| pair[1] - pair[0] <= ONE_SURFACE * pair[1]).count();
-                left += color * THROUGH_GLASS.powi((crossings.len() - again) as i32);
+            if blocked {
+                return 0.0;
             }
+            crossings.sort_unstable_by(f64::total_cmp);
+            let again = crossings.windows(2).filter(|pair| pair[1] - pair[0] <= ONE_SURFACE * pair[1]).count();
+            THROUGH_GLASS.powi((crossings.len() - again) as i32)
+        };
+        for (number, light) in self.lights.iter().enumerate() {
+            let (towards, color) = arriving(light, surface.position);
+            let color = color * cosine(towards);
+            if color == DVec3::ZERO {
+                continue;
+            }
+            whole += color;
+            let discs = discs.filter(|_| light.place.is_none());
+            left += color * disc::over(discs, number, towards, |towards| part(light, towards));
         }
         let shade = &self.shades[surface.material];
         let diffuse = shade.diffuse.as_dvec4().truncate();
@@ -113,7 +120,7 @@ impl Look<'_> {
     /// [`Self::share_of_lights`] in `final`, where glass dims light.
     pub(super) fn lights_in_final(
         &self,
-        world: &World<'_>,
+        (world, discs): (&World<'_>, Option<Discs>),
         surface: &Surface,
         (facing, is_seen): (DVec3, bool),
     ) -> DVec3 {
@@ -124,6 +131,6 @@ impl Look<'_> {
         let glass = |hit: &DoubleHit| self.shadow_glass[world.material(hit.triangle)];
         let covers = |hit: &DoubleHit| world.covers(self.shades, hit);
         let (stops, dims) = (|hit: &DoubleHit| !glass(hit) && covers(hit), |hit: &DoubleHit| glass(hit) && covers(hit));
-        self.share_of_lights(world, (surface, facing, is_seen), cosine, stops, dims)
+        self.share_of_lights((world, discs), (surface, facing, is_seen), cosine, stops, dims)
     }
 }

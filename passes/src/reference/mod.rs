@@ -17,11 +17,13 @@
 //! | program | here |
 //! |---|---|
 //! | `deferredShadows`, `reflection`, `refraction`, `ssao`, `final`, `dummy` | as in corrected fidelity |
-//! | rays from the camera, soft shadows, glass as its materials say | [not known](Traced::unsupported) |
+//! | soft shadows | four directions to the disc of a light for a sample; its sequence continues from sample to sample |
+//! | rays from the camera, glass as its materials say | [not known](Traced::unsupported) |
 //!
 //! May use: `trace` (the tree in `f64`, [`Double`](crate::trace::Double), alone).
 
 mod camera;
+mod disc;
 mod glass;
 mod job;
 mod light;

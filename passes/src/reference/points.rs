@@ -12,6 +12,8 @@ pub(super) enum Purpose {
     OcclusionA = 2,
     /// Occlusion directions, the second batch.
     OcclusionB = 3,
+    /// Directions to the disc of a light.
+    Disc = 4,
 }
 
 /// A bijection of 64 bits whose result looks random: the finaliser of SplitMix64 (Steele, Lea and Flood, "Fast splittable pseudorandom

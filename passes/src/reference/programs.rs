@@ -1,5 +1,6 @@
 //! The value of a picture for one sample of a pixel.
 
+use super::disc::{self, Discs};
 use super::job::{Job, Traced, Value};
 use super::light::SHADOWED;
 use super::points::{Points, Purpose, cosine_direction};
@@ -78,14 +79,17 @@ impl<'w, 's> Sample<'w, 's> {
                 }
                 // The shaded side is the one that the vertex normals point to.
                 let facing = if surface.flat.dot(surface.vertex) < 0.0 { -surface.flat } else { surface.flat };
+                let discs = Discs::of(pass, self.key, self.index);
                 if !pass.look.lights.is_empty() {
                     let cosine = |towards: DVec3| pass.look.cosine_seen(surface, towards);
                     let covers = |hit: &crate::trace::DoubleHit| self.world.covers(pass.look.shades, hit);
-                    let share =
-                        pass.look.share_of_lights(self.world, (surface, facing, true), cosine, covers, |_| false);
+                    let place = (surface, facing, true);
+                    let share = pass.look.share_of_lights((self.world, discs), place, cosine, covers, |_| false);
                     return share.extend(1.0);
                 }
-                gray(if pass.look.is_lit(self.world, surface, facing) { 1.0 } else { SHADOWED })
+                gray(disc::over(discs, 0, pass.look.toward_light(), |towards| {
+                    if pass.look.is_lit(self.world, surface, (facing, towards)) { 1.0 } else { SHADOWED }
+                }))
             }
             RayProgram::Ssao => {
                 let stops = |hit: &crate::trace::DoubleHit| self.world.covers(pass.look.shades, hit);
@@ -118,10 +122,13 @@ impl<'w, 's> Sample<'w, 's> {
         if pass.program != RayProgram::Final || color == DVec3::ZERO || self.world.is_sky(surface.triangle) {
             return color;
         }
+        let discs = Discs::of(pass, path.1, self.index);
         let light = if pass.look.lights.is_empty() {
-            DVec3::splat(pass.look.light_share(self.world, surface, facing))
+            DVec3::splat(disc::over(discs, 0, pass.look.toward_light(), |towards| {
+                pass.look.light_share(self.world, surface, (facing, towards))
+            }))
         } else {
-            pass.look.lights_in_final(self.world, surface, (facing, is_seen))
+            pass.look.lights_in_final((self.world, discs), surface, (facing, is_seen))
         };
         color * light * self.open_share(pass, surface, path, |hit| pass.look.stops_light(self.world, hit))
     }

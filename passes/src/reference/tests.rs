@@ -210,6 +210,54 @@ fn a_square_throws_its_shadow_along_the_light() {
     assert!(off(&reds(&found), shadow(0.2)) > 3.0 * error, "control: a shadow that is moved goes unnoticed");
 }
 
+/// The part of a disc of `degrees` straight above that is seen at a distance from the edge of a half-plane 6 units above.
+fn seen_beside_an_edge(degrees: f64, distance: f64) -> f64 {
+    const STEPS: usize = 256;
+    let height = 1.0 - (degrees / 2.0).to_radians().cos();
+    let at = |step: usize| (step as f64 + 0.5) / STEPS as f64;
+    let seen = |cell: usize| {
+        let cosine = 1.0 - height * at(cell % STEPS);
+        let slope = (1.0 - cosine * cosine).sqrt() / cosine;
+        6.0 * slope * (std::f64::consts::TAU * at(cell / STEPS)).cos() < distance
+    };
+    (0..STEPS * STEPS).filter(|cell| seen(*cell)).count() as f64 / (STEPS * STEPS) as f64
+}
+
+#[test]
+fn a_disc_throws_the_penumbra_of_the_part_that_is_seen() {
+    // A half-plane from x = 8 on, 6 above the ground: it is seen itself, and is lit.
+    let mut stage = Stage::default();
+    stage.quad(Vec3::splat(0.3), Vec3::new(8.0, -8.0, 0.0), Vec3::X * 40.0, Vec3::Y * 40.0);
+    stage.quad(Vec3::splat(0.3), Vec3::new(48.0, -8.0, 6.0), Vec3::X * 40.0, Vec3::Y * 40.0);
+    let sun = Sun { direction: Vec3::NEG_Z, color: Vec3::splat(0.7) };
+    let params = |sun| RayParams { sun, sun_samples: 1, samples: 0, ..RayParams::default() };
+    // Of ambient light 0.3 and a light of 0.7 a point without that has 0.3.
+    let share = |dark: f64, degrees: f64| {
+        let table: Vec<f64> = (0..=512).map(|step| seen_beside_an_edge(degrees, f64::from(step) / 64.0)).collect();
+        let lit = move |seen: f64| dark + (1.0 - dark) * seen;
+        move |index: usize| {
+            over_pixel(index, 16, |at| match at.x < 8.0 {
+                true => lit(table[((8.0 - at.x) * 64.0).round() as usize]),
+                false => lit(1.0),
+            })
+        }
+    };
+    let light = Light { place: None, direction: Vec3::NEG_Z, color: sun.color, ..lamp(Vec3::ZERO, Vec3::ONE) };
+    for (several, program, dark) in [
+        (false, RayProgram::DeferredShadows, 0.5),
+        (true, RayProgram::DeferredShadows, 0.3),
+        (false, RayProgram::Final, 0.5),
+        (true, RayProgram::Final, 0.3),
+    ] {
+        (stage.sun, stage.lights) = if several { (None, vec![light]) } else { (Some(sun), Vec::new()) };
+        let found = picture(&stage.job(from_above(16), [16, 16], stage.traced(program, params(40.0))));
+        let (error, own) = (off(&reds(&found), share(dark, 40.0)), own_error(&found));
+        assert!(error < 2.0 * own && own < 0.006, "{program:?}, {several}: {error}, told {own}");
+        let other = off(&reds(&found), share(dark, 34.0));
+        assert!(other > 2.0 * error && other > 0.004, "control: {program:?}, {several}: {other} for {error}");
+    }
+}
+
 #[test]
 fn beside_a_wall_the_open_share_is_the_closed_form_whatever_its_power() {
     let mut stage = Stage::default();
@@ -382,9 +430,6 @@ fn what_it_cannot_do_is_refused_and_it_can_be_given_up() {
         assert_eq!(refused(program, plain, false), None);
     }
     assert!(refused(RayProgram::PathTracing, plain, false).is_some_and(|why| why.contains("camera")));
-    let disc = RayParams { sun: 2.0, ..plain };
-    assert!(refused(RayProgram::Final, disc, false).is_some_and(|why| why.contains("sun=0")));
-    assert_eq!(refused(RayProgram::Reflection, disc, false), None, "it asks for no shadow");
     assert!(refused(RayProgram::Refraction, plain, true).is_some_and(|why| why.contains("glass=pane")));
     assert_eq!(refused(RayProgram::DeferredShadows, plain, true), None);
 }

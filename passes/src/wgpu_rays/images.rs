@@ -25,6 +25,8 @@ pub struct Images {
     unread: [wgpu::TextureView; 4],
     channels: [Option<wgpu::Texture>; 4],
     output: Option<wgpu::Texture>,
+    /// Of a filter: the normals of what pixels show, and the picture that its levels write to in turn with the output.
+    filter: [Option<wgpu::Texture>; 2],
 }
 
 fn texture(
@@ -65,7 +67,7 @@ impl Images {
     pub fn new(gpu: &Gpu) -> Result<Self, BackendError> {
         let unread = CHANNEL_FORMATS.map(|format| whole(&texture(gpu, "unread", format, [1, 1], READ)));
         gpu.check("creation of the images of rays")?;
-        Ok(Self { unread, channels: [const { None }; 4], output: None })
+        Ok(Self { unread, channels: [const { None }; 4], output: None, filter: [const { None }; 2] })
     }
 
     /// Refuses pictures that are larger than the device's textures may be.
@@ -107,23 +109,46 @@ impl Images {
         Ok(output)
     }
 
+    /// The textures of a filter: the normals of what pixels show, and the picture that levels write to in turn with the output.
+    pub fn for_filter(&mut self, gpu: &Gpu, job: &RayJob<'_>) -> Result<[&wgpu::Texture; 2], BackendError> {
+        let size = [job.width, job.height];
+        let textures = self
+            .filter
+            .each_mut()
+            .map(|slot| kept(slot, size, || texture(gpu, "filter of rays", OUTPUT_FORMAT, size, PICTURE_USAGE)));
+        gpu.check("creation of the pictures of a filter")?;
+        Ok(textures)
+    }
+
+    /// Makes the other picture of a filter the output, because the last level wrote to it.
+    pub fn swap_filtered(&mut self) {
+        std::mem::swap(&mut self.output, &mut self.filter[1]);
+    }
+
     /// Replaces the picture's texture (`None`: a new one is made when needed), and returns the previous one.
     pub fn exchange_output(&mut self, other: Option<wgpu::Texture>) -> Option<wgpu::Texture> {
         std::mem::replace(&mut self.output, other)
     }
 
-    /// The bindings of group 0 from binding 1 on: the channels of a G-buffer, and the picture. `None` without a
-    /// picture.
-    pub fn views(&self, views: &Views) -> Option<[wgpu::TextureView; 5]> {
-        let output = whole(self.output.as_ref()?);
-        let [color, position, normal, triangle] =
-            std::array::from_fn(|channel| views.channels[channel].as_ref().unwrap_or(&self.unread[channel]).clone());
-        Some([color, position, normal, triangle, output])
+    /// The bindings of group 0 from binding 1 on: the channels of a G-buffer, and the picture that is written.
+    pub fn views(&self, views: &Views, picture: &wgpu::Texture) -> [wgpu::TextureView; 5] {
+        let [color, position, normal, triangle] = std::array::from_fn(|channel| self.channel(views, channel).clone());
+        [color, position, normal, triangle, whole(picture)]
+    }
+
+    /// A channel of a G-buffer, or what is bound in its place.
+    fn channel<'a>(&'a self, views: &'a Views, channel: usize) -> &'a wgpu::TextureView {
+        views.channels[channel].as_ref().unwrap_or(&self.unread[channel])
+    }
+
+    /// The positions of a G-buffer.
+    pub fn positions<'a>(&'a self, views: &'a Views) -> &'a wgpu::TextureView {
+        self.channel(views, 1)
     }
 
     /// Size in bytes of device memory.
     pub fn bytes(&self) -> u64 {
-        let textures = self.channels.iter().chain([&self.output]).flatten();
+        let textures = self.channels.iter().chain([&self.output]).chain(&self.filter).flatten();
         let bytes = |texture: &wgpu::Texture| {
             let texel = texture.format().block_copy_size(None).unwrap_or(16);
             u64::from(texture.width()) * u64::from(texture.height()) * u64::from(texel)

@@ -29,7 +29,7 @@ use crate::raster::gpu::device::Gpu;
 use crate::raster::gpu::faults::of_rays;
 use crate::raster::gpu::lend::Lending;
 use crate::raster::gpu::targets::{CHANNELS, Staging};
-use crate::raster::gpu::{AdapterChoice, RAY_BUFFERS, SharedDevice};
+use crate::raster::gpu::{AdapterChoice, RAY_BUFFERS, RayFilter, SharedDevice};
 use curitiba_pipeline::backend::{
     BackendError, BuildStats, Gpu as Device, Limits, RayBackend, RayCounts, RayJob, RayStats,
 };
@@ -74,6 +74,7 @@ pub struct WgpuRays {
     kernels: Kernels,
     clock: Option<Clock>,
     images: Images,
+    filter: Option<RayFilter>,
     staging: Staging,
     uniform: wgpu::Buffer,
     counts: wgpu::Buffer,
@@ -122,6 +123,7 @@ impl WgpuRays {
             kernels: Kernels::new(&gpu, Split::default())?,
             clock: Clock::new(&gpu)?,
             images: Images::new(&gpu)?,
+            filter: None,
             points: gpu.buffer("points", storage, POINT_BYTES)?,
             arithmetic: selftest::arithmetic(&gpu)?,
             gpu,
@@ -145,9 +147,9 @@ impl WgpuRays {
         self.gpu.device.create_bind_group(&wgpu::BindGroupDescriptor { label: Some(label), layout, entries })
     }
 
-    /// Bind group 0: the G-buffer, the picture and the parameters.
-    fn bind_images(&self, views: &Views) -> Result<wgpu::BindGroup, BackendError> {
-        let channels = self.images.views(views).into_iter().flatten().collect::<Vec<_>>();
+    /// Bind group 0: the G-buffer, the picture that is written, and the parameters.
+    fn bind_images(&self, views: &Views, picture: &wgpu::Texture) -> Result<wgpu::BindGroup, BackendError> {
+        let channels = self.images.views(views, picture);
         let mut entries = vec![wgpu::BindGroupEntry { binding: 0, resource: self.uniform.as_entire_binding() }];
         entries.extend((1..).zip(&channels).map(|(binding, view)| wgpu::BindGroupEntry {
             binding,
@@ -169,6 +171,10 @@ impl WgpuRays {
     ) -> Result<RayStats, BackendError> {
         let gpu = Arc::clone(&self.gpu);
         let start = Instant::now();
+        let (levels, exponent) = filter(job);
+        // Filtering comes before the power: the mean of powers is not the power of the mean.
+        let plain = RayJob { params: RayParams { intensity: 1.0, ..job.params }, ..*job };
+        let job = if levels > 0 { &plain } else { job };
         let (views, upload) = match job.shared {
             Some(value) => (self.in_place(job, value)?, None),
             None => (self.images.upload(&gpu, job)?, Some(start.elapsed())),
@@ -200,11 +206,11 @@ impl WgpuRays {
         if self.kernels.split != scene.split {
             self.kernels = Kernels::new(&gpu, scene.split)?;
         }
-        self.images.output(&gpu, job)?;
+        let picture = self.images.output(&gpu, job)?.clone();
         let words = buffers::upload(&gpu, "the tables of the pass", bytemuck::cast_slice(&tables.words))?;
         let table = wgpu::BindGroupEntry { binding: 0, resource: words.as_entire_binding() };
         let groups = [
-            self.bind_images(&views)?,
+            self.bind_images(&views, &picture)?,
             self.group(1, "rays: scene", &scene.entries()),
             self.group(2, "rays: tables", &[table]),
         ];
@@ -221,7 +227,34 @@ impl WgpuRays {
             doing: &doing,
         };
         let size = self.sizes.entry((kind, disc_rays)).or_default();
-        let device_time = launches::run(&gpu, self.clock.as_ref(), &work, params, size, progress)?;
+        let mut device_time = launches::run(&gpu, self.clock.as_ref(), &work, params, size, progress)?;
+        if levels > 0 {
+            let [normals, other] = self.images.for_filter(&gpu, job)?.map(wgpu::Texture::clone);
+            let group = self.bind_images(&views, &normals)?;
+            let work = Work {
+                kernels: self.kernels.require(&gpu, job, &[Stage::Surfaces], self.arithmetic)?,
+                groups: [&group, &groups[1], &groups[2]],
+                first_tiles: u32::MAX,
+                most_tiles: u32::MAX,
+                counts: &self.counts,
+                uniform: &self.uniform,
+                doing: &doing,
+            };
+            let clock = self.clock.as_ref();
+            let found = launches::run(&gpu, clock, &work, params, &mut None, &Progress::default())?;
+            let filter = match &mut self.filter {
+                Some(filter) => filter,
+                none => none.insert(RayFilter::new(&gpu)?),
+            };
+            let normals = normals.create_view(&wgpu::TextureViewDescriptor::default());
+            let surfaces = [self.images.positions(&views), &normals];
+            let averaged = filter.run(&gpu, surfaces, [&picture, &other], (levels, exponent))?;
+            if levels % 2 == 1 {
+                self.images.swap_filtered();
+            }
+            let times = [device_time, found, averaged];
+            device_time = times.into_iter().sum();
+        }
         let start = Instant::now();
         let picture = self.images.output(&gpu, job)?;
         let read_back = match output {
@@ -298,7 +331,6 @@ impl WgpuRays {
     fn check(&self, job: &RayJob<'_>) -> Result<(), BackendError> {
         self.supports(job.program, job.fidelity)?;
         check::scene(NAME, job, false)?;
-        check::filter(NAME, job)?;
         check::adaptive(NAME, job)?;
         check_glass(NAME, true, &job.params, job.dielectrics)?;
         Images::check_size(&self.gpu, job)
@@ -332,6 +364,17 @@ impl WgpuRays {
         }
         let [shadow, occlusion, reflected, refracted, certain, lost] = kinds;
         Ok(RayCounts { shadow, occlusion, reflected, refracted, certain, lost, ..RayCounts::default() })
+    }
+}
+
+/// Levels of the filter that a job asks for, and the exponent of its result.
+fn filter(job: &RayJob<'_>) -> (u32, f32) {
+    let info = job.program.info();
+    match job.fidelity {
+        Fidelity::Corrected => {
+            (info.filter_levels(&job.params), if info.reads("intensity") { job.params.intensity } else { 1.0 })
+        }
+        Fidelity::Thesis => (0, 1.0),
     }
 }
 
@@ -393,6 +436,10 @@ impl RayBackend for WgpuRays {
     }
 
     fn sees_skies(&self) -> bool {
+        true
+    }
+
+    fn filters_shares(&self) -> bool {
         true
     }
 

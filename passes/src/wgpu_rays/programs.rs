@@ -66,6 +66,8 @@ pub enum Stage {
     TraceAll,
     /// Sums the points of each pixel; for `deferredShadows`, traces the pixels' rays.
     Sum,
+    /// Writes the normals of the surfaces over which a filter averages what the others wrote.
+    Surfaces,
 }
 
 /// Least number of occlusion rays a point for which rays are settled; fewer are traced directly.
@@ -183,6 +185,10 @@ fn of_panes(program: RayProgram, stage: Stage, subgroups: bool) -> Option<Vec<Te
     let fans = [text!("sampling"), text!("hemisphere"), text!("points"), group, text!("fans")];
     Some(match stage {
         Stage::Eye => vec![text!("optics"), WEIGHTS, text!("find_eye")],
+        Stage::Surfaces if program.info().buffers.contains(&"norm_buffer") => {
+            vec![text!("surfaces"), text!("surfaces_stored"), text!("whole")]
+        }
+        Stage::Surfaces => vec![text!("surfaces"), text!("surfaces_flat"), text!("whole")],
         Stage::Whole => whole.iter().copied().chain([text!("whole")]).collect(),
         Stage::List if program == RayProgram::DeferredShadows => {
             shadows.into_iter().chain([text!("shadow_list"), text!("list")]).collect()

@@ -127,11 +127,11 @@ impl<'a> Oracle<'a> {
                         continue;
                     };
                     let Some(delta) = self.difference(seen, position) else { continue };
-                    decided &= (delta.length() / radius - 1.0).abs() > self.margin;
                     let moved = delta - shear * delta.dot(aside);
                     let (x, y) = (side * moved.dot(across), moved.dot(to_eye));
+                    decided &= (x.hypot(y) / radius - 1.0).abs() > self.margin;
                     decided &= x.abs() > self.margin * delta.length();
-                    if delta.length() <= radius && x > 0.0 {
+                    if x.hypot(y) <= radius && x > 0.0 {
                         horizon = f64::max(horizon, y / x.hypot(y));
                     }
                 }

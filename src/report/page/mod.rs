@@ -355,6 +355,7 @@ fn scaling(data: &ReportData, plots: &mut Plots) -> Markup {
                 @let (id, title, missing) = match scaling.against {
                     Against::Triangles => ("triangles", "Against triangles", "No scene of another size was measured."),
                     Against::Pixels => ("pixels", "Against pixels", "No other window size was measured."),
+                    Against::Lights => ("lights", "Against lights", "No number of lights was measured."),
                     Against::Samples => ("samples", "Against samples", "No other number of samples was measured."),
                     Against::Threads => ("threads", "Against threads", "No other number of threads was measured."),
                 };
@@ -367,9 +368,6 @@ fn scaling(data: &ReportData, plots: &mut Plots) -> Markup {
                 ))
                 (table::scaling(data, scaling))
             }
-            p.note {
-                "Against lights there is no curve: the projects have one each. Where a pass has several, rays are traced to each of them."
-            }
         }
     }
 }
@@ -380,6 +378,10 @@ fn scaling_caption(data: &ReportData, scaling: &super::model::Scaling) -> Markup
         @match scaling.against {
             Against::Triangles => { "The generated square at other densities, " (width) " × " (height) " pixels." },
             Against::Pixels => { (data.scene.file) " in windows of other sizes." },
+            Against::Lights => {
+                "Copies of the projects with so many lights: their own, and copies of it that are turned about the vertical. "
+                "Rays are traced to each light that arrives at a point. Raster effects know one light, and have no line."
+            },
             Against::Samples => {
                 "The settings of the sections above that differ in their samples alone: rays of a point, and depths that a raster effect reads for it."
             },

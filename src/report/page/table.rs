@@ -295,6 +295,7 @@ pub fn scaling(data: &ReportData, scaling: &Scaling) -> Markup {
     let quantity = match scaling.against {
         Against::Triangles => "Triangles",
         Against::Pixels => "Pixels",
+        Against::Lights => "Lights",
         Against::Samples => "Samples",
         Against::Threads => "Threads",
     };

@@ -33,19 +33,19 @@ fn a_machine_with_a_gpu_measures_the_cpu_rasteriser_beside_it() {
 }
 
 #[test]
-fn rays_to_a_disc_are_of_the_reports_backend_and_those_before_a_filter_of_the_cpu() {
+fn some_rays_to_a_disc_have_a_filter() {
     let entries = entries(&Wanted::new(true, None), false, &[]);
     let soft = |e: &&Entry| e.technique == Technique::Rays && e.set.iter().any(|set| set == SUN);
-    let (of_cpu, others): (Vec<_>, Vec<_>) = entries.iter().filter(soft).partition(|entry| entry.is_for_the_cpu());
-    assert!(others.len() > 2 && of_cpu.len() == 2, "{} and {}", others.len(), of_cpu.len());
-    assert!(of_cpu.iter().all(|entry| entry.set.iter().any(|set| set == "pass2.filter=1")));
+    let (filtered, others): (Vec<_>, Vec<_>) = entries.iter().filter(soft).partition(|entry| entry.is_filtered());
+    assert!(others.len() > 2 && filtered.len() == 2, "{} and {}", others.len(), filtered.len());
+    assert!(filtered.iter().all(|entry| entry.set.iter().any(|set| set == "pass2.filter=1")));
 }
 
 #[test]
 fn every_usual_row_by_rays_is_measured_on_the_other_ray_backends_too() {
     let wanted = Wanted::new(true, None);
     let alone = entries(&wanted, false, &[]);
-    let usual = |entry: &&Entry| entry.technique == Technique::Rays && entry.in_table && !entry.is_for_the_cpu();
+    let usual = |entry: &&Entry| entry.technique == Technique::Rays && entry.in_table && !entry.is_filtered();
     let backends = [BackendChoice::Cpu, BackendChoice::Optix];
     let all = entries(&wanted, false, &backends);
     for backend in backends {
@@ -83,6 +83,22 @@ fn threads_are_doubled_up_to_all() {
     assert_eq!(thread_counts(2), [1, 2]);
     assert_eq!(thread_counts(6), [1, 2, 4, 6]);
     assert_eq!(thread_counts(16), [1, 2, 4, 8, 16]);
+}
+
+#[test]
+fn each_light_asks_for_rays_of_its_own_and_soft_shadows_are_left_to_the_long_report() {
+    let [long, quick] = [false, true].map(|quick| light_lines(&Wanted::new(quick, None)));
+    let techniques = |lines: &[Entry]| lines.iter().map(|line| line.technique).collect::<Vec<_>>();
+    assert_eq!(techniques(&quick), [Technique::None, Technique::Rays]);
+    assert_eq!(techniques(&long), [Technique::None, Technique::Rays, Technique::Rays]);
+    assert!(long[2].set.contains(&SUN.to_owned()));
+    for line in &long {
+        let eight = lit_by(line, 8);
+        let times = if line.technique == Technique::Rays { 8.0 } else { 1.0 };
+        assert_eq!((eight.weight, eight.stage), (times * line.weight, Stage::Lights));
+    }
+    assert!(Stage::Pixels.until() < Stage::Lights.until() && Stage::Lights.until() < Stage::Threads.until());
+    assert_eq!([1, 2].map(|count| scaling_name(Against::Lights, count)), ["1 light", "2 lights"]);
 }
 
 #[test]

@@ -1,4 +1,4 @@
-//! Time against the number of triangles, pixels, samples or threads, with the fitted exponent.
+//! Time against the number of triangles, pixels, lights, samples or threads, with the fitted exponent.
 
 use super::Plot;
 use super::canvas::{Entry, LogAxis, Mark, draw, lay_out, legend, log_chart};
@@ -70,6 +70,7 @@ pub fn scaling_plot(data: &ReportData, scaling: &Scaling) -> Option<Plot> {
     let (title, axis) = match scaling.against {
         Against::Triangles => ("Frame time against triangles", "triangles of the scene"),
         Against::Pixels => ("Frame time against pixels", "pixels of the window"),
+        Against::Lights => ("Frame time against lights", "lights"),
         Against::Samples => ("Frame time against samples", "rays, or depths read, for each point"),
         Against::Threads => ("Frame time against threads", "threads"),
     };

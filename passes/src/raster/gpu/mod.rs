@@ -29,6 +29,7 @@ mod timer;
 
 pub(crate) use adapter::RAY_BUFFERS;
 pub use adapter::{AdapterChoice, AdapterKind, AdapterSummary, abilities, adapters, named};
+pub(crate) use effects::filter::RayFilter;
 
 use crate::raster::effects::SceneCache;
 use curitiba_pipeline::backend::{

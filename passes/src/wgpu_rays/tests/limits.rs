@@ -133,16 +133,6 @@ fn more_rays_to_a_disc_than_a_driver_takes_in_one_loop_are_refused() {
 }
 
 #[test]
-fn a_filter_is_refused() {
-    with_job(|rays, scene, job| {
-        rays.build(scene, &[]).expect("it fits");
-        let params = RayParams { filter: 1, ..job.params };
-        let message = failure(rays, &RayJob { program: RayProgram::Ssao, params, ..*job }).to_string();
-        assert!(message.contains("is to be filtered (filter=1)") && !rays.filters_shares(), "{message}");
-    });
-}
-
-#[test]
 fn sampling_to_an_error_is_refused() {
     with_job(|rays, scene, job| {
         rays.build(scene, &[]).expect("it fits");

@@ -102,6 +102,32 @@ fn shadows_are_the_processors_bit_by_bit() {
 }
 
 #[test]
+fn filtered_shares_are_the_processors() {
+    let Some(mut rays) = rays() else { return };
+    let world = world();
+    let shot = Shot::of(&world, Vec3::new(0.3, 0.8, 9.0), grid(96, Vec3::ZERO, Vec3::X * 4.5, Vec3::Y * 4.5)).rows(96);
+    let soft = RayParams { sun: 12.0, sun_samples: 4, ..RayParams::default() };
+    let open = RayParams { samples: 4, radius: 1.0, ..RayParams::default() };
+    for (program, params, filter) in
+        [(RayProgram::DeferredShadows, soft, 1), (RayProgram::DeferredShadows, soft, 2), (RayProgram::Ssao, open, 3)]
+    {
+        let mut of =
+            |filter| both_on(&mut rays, &world, &shot, program, Fidelity::Corrected, RayParams { filter, ..params });
+        let ([plain, _], [found, expected]) = (of(0), of(filter));
+        let (off, changed) = (differing(&found, &expected, 2e-3), differing(&found, &plain, 0.02));
+        println!("{program:?}, {filter} levels: {off} off, {changed} changed");
+        assert!(off <= FEW && changed > 20 * FEW, "{program:?}, {filter}: {off} off, {changed} changed");
+        assert!(found.iter().all(|pixel| pixel[3] == 1.0));
+    }
+    // In thesis fidelity nothing is filtered.
+    let mut thesis = |filter| {
+        let params = RayParams { filter, ..open };
+        both_on(&mut rays, &world, &shot, RayProgram::Ssao, Fidelity::Thesis, params)
+    };
+    assert!(bits(&thesis(0)[0]) == bits(&thesis(2)[0]));
+}
+
+#[test]
 fn dummy_writes_what_it_reads() {
     for fidelity in FIDELITIES {
         let Some([found, expected]) = both(RayProgram::Dummy, fidelity, RayParams::default()) else { return };

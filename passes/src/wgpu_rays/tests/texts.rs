@@ -29,7 +29,9 @@ fn every_text_is_valid_wgsl_that_needs_no_extension() {
         for variant in panes.into_iter().chain(bodies) {
             let eye = variant.knows_bodies().then_some(&Stage::Eye);
             let kind = Kind { program: info.program, variant, lighting: Lighting::Sun };
-            let kernels = stages(kind, 100).iter().chain(stages(kind, 1)).chain([&Stage::Whole]).chain(eye);
+            let filtered = info.reads("filter").then_some(&Stage::Surfaces);
+            let kernels =
+                stages(kind, 100).iter().chain(stages(kind, 1)).chain([&Stage::Whole]).chain(eye).chain(filtered);
             let kernels = kernels.flat_map(|stage| ROUNDINGS.map(|rounding| (*stage, rounding)));
             let cones = info.reads("texturelod") && variant != Variant::Panes(Fidelity::Thesis);
             for ((stage, rounding), fused) in kernels.flat_map(|kernel| [(kernel, false), (kernel, true)]) {

@@ -1,7 +1,8 @@
 //! Values that all pixels of an ambient occlusion share.
 
+use crate::raster::effects::screen::camera::ScreenCamera;
 use curitiba_pipeline::backend::EffectJob;
-use glam::Vec3;
+use glam::{Vec3, Vec4};
 
 /// Values that all pixels of an ambient occlusion share.
 #[derive(Debug, Clone)]
@@ -9,9 +10,10 @@ pub struct Occlusion<'a> {
     /// The G-buffer, by pixel. A position of four zeros shows nothing; a normal of 0 marks the background.
     pub(super) position: &'a [[f32; 4]],
     pub(super) normal: &'a [[f32; 4]],
-    /// Rows of the matrix from a world position to `(column w, row w, w)`; columns and rows are in pixels from the
-    /// upper left corner.
+    /// Rows of the matrix from a position, relative to [`Self::from`], to `(column w, row w, w)`; columns and rows are in
+    /// pixels from the upper left corner.
     pub(super) rows: [[f32; 4]; 3],
+    pub(super) from: Vec3,
     pub(super) eye: Vec3,
     pub(super) width: u32,
     pub(super) height: u32,
@@ -28,7 +30,10 @@ impl<'a> Occlusion<'a> {
     /// The values of a job, whose buffers must fit together and whose parameters must be valid.
     #[must_use]
     pub fn new(job: &EffectJob<'a>) -> Self {
-        let [x, y, w] = [0, 1, 3].map(|row| job.view.clip_from_world.row(row));
+        // Through a degenerate camera no other pixel is found.
+        let camera = ScreenCamera::new(&job.view, job.width, job.height);
+        let camera = camera.unwrap_or_else(bytemuck::Zeroable::zeroed);
+        let w = if camera.perspective() { camera.depths } else { Vec4::W };
         let turn = |index: u32| {
             let (sin, cos) = (std::f64::consts::PI * f64::from(index) / f64::from(job.params.slices)).sin_cos();
             [cos as f32, sin as f32]
@@ -36,8 +41,8 @@ impl<'a> Occlusion<'a> {
         Self {
             position: job.position,
             normal: job.normal,
-            rows: [(x + w) * (0.5 * job.width as f32), (w - y) * (0.5 * job.height as f32), w]
-                .map(|row| row.to_array()),
+            rows: [camera.columns, camera.rows, w].map(|row| row.to_array()),
+            from: camera.from.truncate(),
             eye: job.view.eye,
             width: job.width,
             height: job.height,

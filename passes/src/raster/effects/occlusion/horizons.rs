@@ -31,7 +31,8 @@ pub(super) struct Plane {
 /// - Slices are uniform in the angle around `V`, not in the picture's angle.
 /// - Where a pixel's centre is off the slice's plane, its position is moved into the plane along the tangent plane. So
 ///   a flat surface seen at a grazing angle does not occlude itself.
-/// - Positions farther than the radius are ignored, without a falloff, as a ray of this length would not reach them.
+/// - Positions farther than the radius in that plane are ignored, without a falloff, as a ray of this length would not
+///   reach them.
 /// - The sum is divided by that of the unoccluded slices, `|n_p| (cos γ + γ sin γ)`, not by their number. The parts
 ///   that horizons take away are summed, so that an open plane is exactly 1.
 /// - A horizon is kept as a direction `(x, y)` along `T` and `V`, and compared by `y / x`: no root and no quotient in a
@@ -213,7 +214,7 @@ impl Plane {
             let dz = seen[2] - pixels.position[2].0[lane];
             let to_side = towards * (dx * across[0][lane] + dy * across[1][lane] + dz * across[2][lane]);
             let upward = dx * up[0][lane] + dy * up[1][lane] + dz * up[2][lane];
-            let within = dx * dx + dy * dy + dz * dz <= farthest;
+            let within = to_side * to_side + upward * upward <= farthest;
             // The move into the plane may bring a near pixel to the other side. For the pixel itself all differences
             // are 0.
             let higher = (to_side > 0.0) & (upward * x[lane] > y[lane] * to_side);

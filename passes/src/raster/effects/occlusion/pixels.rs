@@ -102,7 +102,12 @@ impl Pixels {
         }
         let [columns, rows, depths] = occlusion.rows;
         for lane in 0..WIDE {
-            let p = [position[0].0[lane], position[1].0[lane], position[2].0[lane]];
+            // Relative to the eye digits stay that a camera far from the origin loses.
+            let p = [
+                position[0].0[lane] - occlusion.from.x,
+                position[1].0[lane] - occlusion.from.y,
+                position[2].0[lane] - occlusion.from.z,
+            ];
             let w = along(depths, p) + depths[3];
             let place = [(along(columns, p) + columns[3]) / w, (along(rows, p) + rows[3]) / w];
             pixels.place[0][lane] = place[0];

@@ -18,14 +18,6 @@ struct Frame {
 @group(1) @binding(1) var<uniform> params: Params;
 @group(1) @binding(2) var output: texture_storage_2d<rgba32float, write>;
 
-@compute @workgroup_size(GROUP, GROUP)
-fn main(@builtin(global_invocation_id) id: vec3<u32>) {
-    let pixel = vec2<u32>(id.x, id.y + frame.first_row);
-    if pixel.x < frame.size.x && pixel.y < frame.size.y {
-        textureStore(output, pixel, compute(pixel));
-    }
-}
-
 // The unit direction from the eye to a position, and the unit normal turned to the eye.
 struct Facing {
     view: vec3<f32>,

@@ -9,60 +9,88 @@ struct Params {
 
 @group(1) @binding(3) var shares: texture_2d<f32>;
 
-struct Surface {
-    position: vec3<f32>,
-    normal: vec3<f32>,
-    // False where the pixel has no surface.
-    shown: bool,
+// Pixels along a side of what a workgroup reads: its own, and two on each side.
+const TILE = GROUP + 4u;
+
+// By pixel of the tile: position and share.
+var<workgroup> places: array<vec4<f32>, TILE * TILE>;
+// Unit normal, and 1 where there is a surface, else 0.
+var<workgroup> surfaces: array<vec4<f32>, TILE * TILE>;
+
+// The pixels of a workgroup are `step` apart, as the taps are, so that it reads each pixel of its tile once. The groups of a square of
+// `step` times `step` have the pixels between.
+@compute @workgroup_size(GROUP, GROUP)
+fn main(
+    @builtin(workgroup_id) group: vec3<u32>,
+    @builtin(local_invocation_id) local: vec3<u32>,
+    @builtin(local_invocation_index) index: u32,
+) {
+    let step = u32(params.step);
+    let corner = vec2<i32>(group.xy / step * (GROUP * step) + group.xy % step + vec2<u32>(0u, frame.first_row))
+        - 2 * params.step;
+    for (var at = index; at < TILE * TILE; at += GROUP * GROUP) {
+        load(at, corner + params.step * vec2<i32>(vec2<u32>(at % TILE, at / TILE)));
+    }
+    workgroupBarrier();
+    let pixel = corner + params.step * vec2<i32>(local.xy + 2u);
+    if all(pixel < vec2<i32>(frame.size)) {
+        let share = power(filtered((local.y + 2u) * TILE + local.x + 2u), params.exponent);
+        textureStore(output, pixel, vec4<f32>(vec3<f32>(share), 1.0));
+    }
 }
 
-fn compute(pixel: vec2<u32>) -> vec4<f32> {
-    let own = textureLoad(shares, pixel, 0).x;
-    let here = surface_at(pixel);
-    if !here.shown {
-        return vec4<f32>(vec3<f32>(power(own, params.exponent)), 1.0);
+// Reads a pixel into a place of the tile. Beyond the picture there is no surface.
+fn load(at: u32, pixel: vec2<i32>) {
+    places[at] = vec4<f32>(0.0);
+    surfaces[at] = vec4<f32>(0.0);
+    if any(pixel < vec2<i32>(0)) || any(pixel >= vec2<i32>(frame.size)) {
+        return;
     }
-    var sum = 0.0;
-    var weight = SPLINE_0 * SPLINE_0;
-    for (var down = -2; down <= 2; down++) {
-        for (var across = -2; across <= 2; across++) {
-            let at = vec2<i32>(pixel) + params.step * vec2<i32>(across, down);
-            if any(at < vec2<i32>(0)) || any(at >= vec2<i32>(frame.size)) || (down == 0 && across == 0) {
-                continue;
-            }
-            let there = surface_at(vec2<u32>(at));
-            if !there.shown {
-                continue;
-            }
-            let away = there.position - here.position;
-            let cosine = dot(here.normal, there.normal);
-            let aside = max(abs(dot(away, here.normal)), abs(dot(away, there.normal)));
-            let alongside = 1.0 - aside * aside / (MOST_OFF * MOST_OFF * dot(away, away));
-            if !(alongside > 0.0) || cosine <= LEAST_NORMALS {
-                continue;
-            }
-            let alike = (cosine - LEAST_NORMALS) / (1.0 - LEAST_NORMALS);
-            let squared = alike * alike;
-            let w = spline(down) * spline(across) * squared * squared * squared * squared * alongside * alongside;
-            sum += w * (textureLoad(shares, at, 0).x - own);
-            weight += w;
-        }
-    }
-    return vec4<f32>(vec3<f32>(power(own + sum / weight, params.exponent)), 1.0);
-}
-
-fn surface_at(pixel: vec2<u32>) -> Surface {
     let position = textureLoad(position_buffer, pixel, 0).xyz;
     let normal = textureLoad(normal_buffer, pixel, 0).xyz;
     let length_ = length(normal);
     let shown = length_ > 0.0 && length_ < LARGEST && all(abs(position) < vec3<f32>(LARGEST));
-    return Surface(position, normal / select(1.0, length_, shown), shown);
+    places[at] = vec4<f32>(select(vec3<f32>(0.0), position, shown), textureLoad(shares, pixel, 0).x);
+    surfaces[at] = select(vec4<f32>(0.0), vec4<f32>(normal / length_, 1.0), shown);
 }
 
-// Weights of the cubic B-spline.
-fn spline(place: i32) -> f32 {
-    let outer = select(SPLINE_2, SPLINE_1, abs(place) == 1);
-    return select(outer, SPLINE_0, place == 0);
+// The average around a pixel of the tile.
+fn filtered(middle: u32) -> f32 {
+    let here = places[middle];
+    let surface = surfaces[middle];
+    if surface.w == 0.0 {
+        return here.w;
+    }
+    let above = row(here, surface, middle - 2u * TILE, SPLINE_2) + row(here, surface, middle - TILE, SPLINE_1);
+    let below = row(here, surface, middle + TILE, SPLINE_1) + row(here, surface, middle + 2u * TILE, SPLINE_2);
+    let sums = above + row(here, surface, middle, SPLINE_0) + below;
+    return here.w + sums.x / (sums.y + SPLINE_0 * SPLINE_0);
+}
+
+// The taps of a row around a pixel of the tile: the weighted differences from `here`, and the weights. The taps are written out, so
+// that no compiler leaves them in a loop.
+fn row(here: vec4<f32>, surface: vec4<f32>, at: u32, spline: f32) -> vec2<f32> {
+    return SPLINE_2 * spline * (tap(here, surface, at - 2u) + tap(here, surface, at + 2u))
+        + SPLINE_1 * spline * (tap(here, surface, at - 1u) + tap(here, surface, at + 1u))
+        + SPLINE_0 * spline * tap(here, surface, at);
+}
+
+// A tap with a weight that tells whether it shows the same surface. In the middle, where there is no distance, that is 0.
+fn tap(here: vec4<f32>, surface: vec4<f32>, at: u32) -> vec2<f32> {
+    let there = places[at];
+    let other = surfaces[at];
+    let away = there.xyz - here.xyz;
+    let distance_squared = dot(away, away);
+    // Without a surface, the normal is 0.
+    let alike = max((dot(surface.xyz, other.xyz) - LEAST_NORMALS) * (1.0 / (1.0 - LEAST_NORMALS)), 0.0);
+    let aside = vec2<f32>(dot(away, surface.xyz), dot(away, other.xyz));
+    let squares = aside * aside;
+    let bound = max(MOST_OFF * MOST_OFF * distance_squared, SMALLEST);
+    let alongside = max(1.0 - max(squares.x, squares.y) / bound, 0.0);
+    let squared = alike * alike;
+    let root = squared * squared * alongside;
+    let weight = select(0.0, root * root, distance_squared > 0.0);
+    return vec2<f32>(weight * (there.w - here.w), weight);
 }
 
 // `x` in 0..1 to a power of at least 0.

@@ -9,6 +9,8 @@
 
 mod ask;
 mod bindings;
+mod depths;
+pub(crate) mod filter;
 mod inputs;
 mod kept;
 mod maps;
@@ -41,10 +43,12 @@ use curitiba_pipeline::executor::Progress;
 use curitiba_pipeline::image::Image;
 use curitiba_pipeline::raster_effects::EffectProgram;
 use curitiba_pipeline::scene::TriangleRanges;
+use depths::Depths;
+use filter::{Filtered, ShareFilter};
 use inputs::{Inputs, Ready};
 use kept::Kept;
 use maps::{Maps, MapsKey, Shot};
-use programs::{OUTPUT_FORMAT, Program, Task};
+use programs::{Bound, OUTPUT_FORMAT, Program, Task};
 use rayon::prelude::*;
 use screen::Marching;
 use shader::Variant;
@@ -52,7 +56,7 @@ use std::collections::HashMap;
 use std::time::{Duration, Instant};
 use survey::Surveyor;
 use table::Table;
-use uniforms::{AskUniform, FilterUniform, OcclusionUniform};
+use uniforms::AskUniform;
 
 /// The parts of the rasteriser that effects use.
 pub(super) struct Context<'a> {
@@ -89,6 +93,8 @@ pub(super) struct Effects {
     mirrors: Table,
     surveyor: Option<Surveyor>,
     marching: Option<Marching>,
+    depths: Option<Depths>,
+    filter: Option<ShareFilter>,
     plane_of: Vec<u32>,
     probes: Probes,
     /// The rasteriser that draws the surroundings from which proxies are computed.
@@ -171,6 +177,8 @@ impl Effects {
             mirrors: Table::new(gpu)?,
             surveyor: None,
             marching: None,
+            depths: None,
+            filter: None,
             plane_of: Vec::new(),
             probes: Probes::default(),
             surroundings: None,
@@ -179,13 +187,14 @@ impl Effects {
         })
     }
 
-    /// Bytes of device memory: maps, outputs, pyramids and uploaded G-buffers.
+    /// Bytes of device memory: maps, outputs, pyramids, depths and uploaded G-buffers.
     pub fn bytes(&self) -> u64 {
         let maps: u64 = self.maps.values().map(|maps| maps.bytes).sum();
         let pixels = |output: &Output| u64::from(output.texture.width()) * u64::from(output.texture.height());
         let marching = self.marching.as_ref().map_or(0, Marching::bytes);
+        let depths = self.depths.as_ref().map_or(0, Depths::bytes);
         let outputs = self.outputs.values().chain(self.filtered.values()).map(pixels);
-        maps + marching + 16 * outputs.sum::<u64>() + self.inputs.bytes()
+        maps + marching + depths + 16 * outputs.sum::<u64>() + self.inputs.bytes()
     }
 
     /// Runs a pass. `drawn` is the last draw, if that is a whole picture. Without an `output` the picture stays on the
@@ -221,10 +230,10 @@ impl Effects {
         };
         let asking = start.elapsed();
 
-        let task = Task { width: job.width, height: job.height, id_base, texels: texels(job) };
+        let task = Task { width: job.width, height: job.height, id_base, texels: texels(job), apart: 1 };
         let mut stats = EffectStats::default();
         // Programs that draw maps restart the progress.
-        progress.start(task.submissions() + filter_task(&task).submissions() * u64::from(levels(job)));
+        progress.start(task.submissions() + filter::submissions((job.width, job.height)) * u64::from(levels(job)));
         let prepared = match job.program {
             EffectProgram::ShadowMap => self.shadow_maps(context, job, called, &task, &mut stats, progress)?,
             EffectProgram::CubeReflection | EffectProgram::CubeRefraction => {
@@ -234,9 +243,7 @@ impl Effects {
                 self.screen(context, job, called.is_some(), &gbuffer, &task, &mut stats, progress)?
             }
             EffectProgram::PlanarReflection => self.pictures(context, job, &mirrors, &task, &mut stats, progress)?,
-            EffectProgram::DepthOcclusion | EffectProgram::HorizonOcclusion => {
-                Prepared { params: bytemuck::bytes_of(&OcclusionUniform::new(job)).to_vec(), ..Prepared::default() }
-            }
+            EffectProgram::DepthOcclusion | EffectProgram::HorizonOcclusion => self.occlusion(gpu, job)?,
         };
 
         let size = (job.width, job.height);
@@ -251,12 +258,19 @@ impl Effects {
             _ => None,
         };
         let groups: Vec<&wgpu::BindGroup> = [&gbuffer, &group].into_iter().chain(&behind).collect();
-        let part = program.run(gpu, context.timer, &groups, &prepared.params, &task, progress)?;
+        let depths = self.depths.as_ref().filter(|_| occludes(job.program));
+        let before = |pass: &mut wgpu::ComputePass<'_>| {
+            if let Some(depths) = depths {
+                depths.record(pass, &gbuffer);
+            }
+        };
+        let bound = Bound { groups: &groups, before: Some(&before) };
+        let part = program.run(gpu, context.timer, &bound, &prepared.params, &task, progress)?;
         stats.pixels = together(part, prepared.building);
         // The levels write alternately to the two outputs.
         self.ends_in_filtered = levels(job) % 2 == 1;
         if levels(job) > 0 {
-            let part = self.filter(context, job, &gbuffer, &task, progress)?;
+            let part = self.average(context, job, &gbuffer, progress)?;
             stats.pixels = together(stats.pixels, part);
         }
         stats.pixels.host += asking;
@@ -284,37 +298,26 @@ impl Effects {
     }
 
     /// Filters an ambient occlusion, in as many levels as the job asks for.
-    fn filter(
+    fn average(
         &mut self,
         context: &Context<'_>,
         job: &EffectJob<'_>,
         gbuffer: &wgpu::BindGroup,
-        task: &Task,
         progress: &Progress,
     ) -> Result<Part, BackendError> {
         let gpu = context.gpu;
-        if !self.programs.contains_key(&Variant::FILTER) {
-            self.programs.insert(Variant::FILTER, Program::new(gpu, &self.inputs, Variant::FILTER)?);
-        }
+        let filter = match &mut self.filter {
+            Some(filter) => filter,
+            none => none.insert(ShareFilter::new(gpu, &self.inputs)?),
+        };
         let size = (job.width, job.height);
         self.filtered.require(gpu, size, |(width, height)| Output::new(gpu, *width, *height))?;
-        let (Some(program), Some(first), Some(second)) =
-            (self.programs.get(&Variant::FILTER), self.outputs.last(), self.filtered.last())
-        else {
+        let (Some(first), Some(second)) = (self.outputs.last(), self.filtered.last()) else {
             return Err(failure("a filter was not prepared"));
         };
-        let task = filter_task(task);
-        let mut part = Part::default();
-        for level in 0..levels(job) {
-            let (from, to) = if level % 2 == 0 { (first, second) } else { (second, first) };
-            let group = program.bind(gpu, &to.view, &[wgpu::BindingResource::TextureView(&from.view)])?;
-            let exponent = if level + 1 == levels(job) { job.params.intensity } else { 1.0 };
-            let uniform = FilterUniform { step: 1 << level, exponent };
-            let groups = [gbuffer, &group];
-            let level = program.run(gpu, context.timer, &groups, bytemuck::bytes_of(&uniform), &task, progress)?;
-            part = together(part, level);
-        }
-        Ok(part)
+        let (levels, exponent) = (levels(job), job.params.intensity);
+        let pictures = [&first.view, &second.view];
+        filter.run(gpu, context.timer, &Filtered { size, gbuffer, pictures, levels, exponent }, progress)
     }
 
     /// Nearest and farthest depth of the pixels that need the program's maps, 0 if these are glass pixels. `None` if no
@@ -384,6 +387,9 @@ impl Effects {
         if let Some(marching) = marching {
             resources.extend(marching.resources().into_iter().flatten());
         }
+        if let (Some(depths), true) = (self.depths.as_ref(), occludes(variant.program)) {
+            resources.extend(depths.view().map(wgpu::BindingResource::TextureView));
+        }
         if matches!(maps, Some(MapsKey::Mirrors { .. })) {
             resources.push(self.runs.buffer.as_entire_binding());
             resources.push(self.mirrors.buffer.as_entire_binding());
@@ -394,17 +400,14 @@ impl Effects {
     }
 }
 
-/// Number of filter levels after an ambient occlusion.
-fn levels(job: &EffectJob<'_>) -> u32 {
-    match job.program {
-        EffectProgram::DepthOcclusion | EffectProgram::HorizonOcclusion => job.params.filter,
-        _ => 0,
-    }
+/// Whether a program is an ambient occlusion.
+fn occludes(program: EffectProgram) -> bool {
+    matches!(program, EffectProgram::DepthOcclusion | EffectProgram::HorizonOcclusion)
 }
 
-/// The work of a filter level, for a program's own task: 25 pixels with three texels each.
-fn filter_task(task: &Task) -> Task {
-    Task { texels: 75, ..*task }
+/// Number of filter levels after an ambient occlusion.
+fn levels(job: &EffectJob<'_>) -> u32 {
+    if occludes(job.program) { job.params.filter } else { 0 }
 }
 
 /// The time of two consecutive parts, of which one may have no device time: nothing was submitted for it.

@@ -1,11 +1,14 @@
 //! What a program needs before it runs: maps that are drawn, the pyramid of the picture, and its uniforms.
 
+use super::depths::Depths;
 use super::inputs::Ready;
 use super::maps::{self, Maps, MapsKey, Shot};
 use super::programs::Task;
 use super::screen::Marching;
 use super::survey::Surveyor;
-use super::uniforms::{CubeUniform, MirrorPlane, PlanarUniform, ProbeBox, ScreenUniform, ShadowUniform};
+use super::uniforms::{
+    CubeUniform, MirrorPlane, OcclusionUniform, PlanarUniform, ProbeBox, ScreenUniform, ShadowUniform,
+};
 use super::{Context, Effects, Prepared, shader, together};
 use crate::raster::cpu::find_proxy;
 use crate::raster::effects::cascades::Cascades;
@@ -20,6 +23,23 @@ use curitiba_pipeline::executor::Progress;
 use curitiba_pipeline::raster_effects::{EffectProgram, Missing, Parallax};
 
 impl Effects {
+    /// Makes the depths available from which an ambient occlusion computes positions.
+    pub(super) fn occlusion(&mut self, gpu: &Gpu, job: &EffectJob<'_>) -> Result<Prepared, BackendError> {
+        // Through a degenerate camera nothing is known of the picture: all depths are 0.
+        let camera = ScreenCamera::new(&job.view, job.width, job.height);
+        let camera = camera.unwrap_or_else(bytemuck::Zeroable::zeroed);
+        let depths = match &mut self.depths {
+            Some(depths) => depths,
+            none => none.insert(Depths::new(gpu, &self.inputs)?),
+        };
+        if depths.require(gpu, (job.width, job.height))? {
+            self.groups.clear();
+        }
+        depths.look(gpu, camera);
+        let params = bytemuck::bytes_of(&OcclusionUniform::new(job, camera)).to_vec();
+        Ok(Prepared { params, ..Prepared::default() })
+    }
+
     /// Draws the cascaded depth maps.
     pub(super) fn shadow_maps(
         &mut self,

@@ -51,7 +51,11 @@ pub fn compute_pipeline(
         layout: Some(&layout),
         module: &module,
         entry_point: Some(shader::ENTRY),
-        compilation_options: wgpu::PipelineCompilationOptions::default(),
+        compilation_options: wgpu::PipelineCompilationOptions {
+            // Programs write what they read of it.
+            zero_initialize_workgroup_memory: false,
+            ..wgpu::PipelineCompilationOptions::default()
+        },
         cache: None,
     })
 }
@@ -72,8 +76,18 @@ fn resources(variant: Variant) -> Vec<wgpu::BindingType> {
             let colors = wgpu::TextureSampleType::Float { filterable: false };
             vec![texture(colors, D2Array), storage(true), storage(true), storage(true), storage(false)]
         }
-        EffectProgram::DepthOcclusion | EffectProgram::HorizonOcclusion => Vec::new(),
+        EffectProgram::DepthOcclusion | EffectProgram::HorizonOcclusion => {
+            vec![texture(wgpu::TextureSampleType::Float { filterable: false }, wgpu::TextureViewDimension::D2)]
+        }
     }
+}
+
+/// What a program reads.
+pub struct Bound<'a> {
+    /// Its bind groups.
+    pub groups: &'a [&'a wgpu::BindGroup],
+    /// Records what is computed before it, if anything is.
+    pub before: Option<&'a dyn Fn(&mut wgpu::ComputePass<'_>)>,
 }
 
 impl Program {
@@ -128,7 +142,7 @@ impl Program {
         &self,
         gpu: &Gpu,
         timer: Option<&Timer>,
-        groups: &[&wgpu::BindGroup],
+        bound: &Bound<'_>,
         params: &[u8],
         task: &Task,
         progress: &Progress,
@@ -149,11 +163,15 @@ impl Program {
                     label: Some("effect"),
                     timestamp_writes: timer.and_then(|timer| timer.compute_span(is_first, is_last)),
                 });
+                if let Some(before) = bound.before.filter(|_| is_first) {
+                    before(&mut pass);
+                }
                 pass.set_pipeline(&self.pipeline);
-                for (index, group) in (0..).zip(groups.iter().copied()) {
+                for (index, group) in (0..).zip(bound.groups.iter().copied()) {
                     pass.set_bind_group(index, group, &[]);
                 }
-                pass.dispatch_workgroups(task.width.div_ceil(GROUP), (band.end - band.start).div_ceil(GROUP), 1);
+                let groups = |pixels: u32| pixels.div_ceil(GROUP * task.apart) * task.apart;
+                pass.dispatch_workgroups(groups(task.width), groups(band.end - band.start), 1);
             }
             device = submit(gpu, timer, encoder, is_last, doing)?;
             progress.advance(1);
@@ -170,6 +188,8 @@ pub struct Task {
     pub id_base: u32,
     /// Approximate number of texels read for each pixel.
     pub texels: u64,
+    /// Distance between neighbouring pixels of a workgroup.
+    pub apart: u32,
 }
 
 impl Task {
@@ -197,7 +217,7 @@ mod tests {
         for (width, height, texels) in
             [(1, 1, 1), (1024, 1024, 3), (3840, 2160, 8192), (16_384, 16_384, 8192), (8, 9, 9)]
         {
-            let task = Task { width, height, id_base: 0, texels };
+            let task = Task { width, height, id_base: 0, texels, apart: 1 };
             let mut next = 0;
             for band in task.bands() {
                 assert_eq!(band.start, next);

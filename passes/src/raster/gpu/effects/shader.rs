@@ -20,10 +20,15 @@ use std::fmt::Write;
 pub const ENTRY: &str = "main";
 /// Pixels along a side of a workgroup.
 pub const GROUP: u32 = 8;
+/// The same where depths are computed: with more threads a group, that little work takes half the time.
+pub const DEPTHS_GROUP: u32 = 16;
 
 /// Shared by all programs. It comes last in the text, so that compiler messages count the lines of the program's own
 /// file.
 const COMMON: &str = include_str!("common.wgsl");
+
+/// The entry point of programs that compute every pixel on its own.
+const PIXELS: &str = include_str!("pixels.wgsl");
 
 /// Shared by programs that look up glass triangles.
 const GLASS: &str = concat!(include_str!("ranges.wgsl"), include_str!("glass.wgsl"));
@@ -37,7 +42,7 @@ const CUBES: &str = concat!(include_str!("probes.wgsl"), include_str!("ranges.wg
 /// Weights of the reflected and the refracted ray of a pane.
 const FRESNEL: &str = include_str!("fresnel.wgsl");
 
-/// Shared by the march through the picture and by its pyramid.
+/// Shared by the march through the picture and its pyramid, and by occlusions and their depths.
 const SCREEN_CAMERA: &str = include_str!("screen_camera.wgsl");
 
 /// Number of sums over which the counts of pixels are distributed, so that few atomic additions collide.
@@ -48,6 +53,12 @@ pub const SEGMENT: u32 = 16;
 
 /// Squared weight below which a slice does not count, as in `raster::effects::occlusion`.
 const LEAST_WEIGHT: f32 = 1e-6;
+
+/// The depth of pixels that show nothing, beyond any radius. Squares of it times the side of a picture are within the range of `f32`.
+const FAR: f32 = 1e14;
+
+/// Added to a number below 2²², it rounds that to an integer, which the sum holds in its low bits.
+const ROUND: f32 = 12_582_912.0;
 
 /// The choices with which a program is compiled.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
@@ -108,6 +119,9 @@ pub fn source(Variant { program, soft, bitmask, filter }: Variant) -> String {
         })
     });
     source.push_str(COMMON);
+    if !filter {
+        source.push_str(PIXELS);
+    }
     match program {
         EffectProgram::CubeReflection | EffectProgram::CubeRefraction => source.push_str(CUBES),
         EffectProgram::ScreenReflection | EffectProgram::ScreenRefraction => {
@@ -115,6 +129,7 @@ pub fn source(Variant { program, soft, bitmask, filter }: Variant) -> String {
             source.push_str(SCREEN_CAMERA);
         }
         EffectProgram::PlanarReflection => source.push_str(GLAZING),
+        EffectProgram::DepthOcclusion | EffectProgram::HorizonOcclusion if !filter => source.push_str(SCREEN_CAMERA),
         EffectProgram::ShadowMap | EffectProgram::DepthOcclusion | EffectProgram::HorizonOcclusion => {}
     }
     if program.refracts() {
@@ -132,6 +147,13 @@ pub fn reads_behind(program: EffectProgram) -> bool {
 /// The shader that computes a level of the pyramid of nearest surfaces.
 pub fn pyramid_source() -> String {
     let mut source = [include_str!("pyramid.wgsl"), SCREEN_CAMERA].concat();
+    push_constants(&mut source);
+    source
+}
+
+/// The shader that computes the depths of an occlusion.
+pub fn depths_source() -> String {
+    let mut source = [include_str!("depths.wgsl"), SCREEN_CAMERA].concat();
     push_constants(&mut source);
     source
 }
@@ -178,6 +200,8 @@ fn push_constants(source: &mut String) {
         ("ROUNDING", ROUNDING),
         ("NOTHING", NOTHING),
         ("LEFT", Answers::LEFT),
+        ("FAR", FAR),
+        ("ROUND", ROUND),
     ];
     for (name, value) in floats {
         // Writing to a string does not fail. `{:e}` is the shortest text that reads back as the same number.
@@ -188,10 +212,12 @@ fn push_constants(source: &mut String) {
         ("SEARCH_TAPS", SEARCH_TAPS as u32),
         ("FILTER_TAPS", FILTER_TAPS as u32),
         ("GROUP", GROUP),
+        ("DEPTHS_GROUP", DEPTHS_GROUP),
         ("SEGMENT", SEGMENT),
         ("SUMS", SUMS),
         ("MAX_LEVELS", MAX_LEVELS as u32),
         ("NO_PLANE", NO_PLANE),
+        ("ROUND_BITS", ROUND.to_bits()),
         ("HASH_PIXEL", hash::PIXEL),
         ("HASH_DIMENSIONS", hash::DIMENSIONS),
     ];
@@ -238,8 +264,8 @@ pub mod tests {
     }
 
     #[test]
-    fn the_pyramid_and_the_survey_parse_and_validate() {
-        for source in [pyramid_source(), survey_source(), source(Variant::FILTER)] {
+    fn the_pyramid_the_survey_and_the_depths_parse_and_validate() {
+        for source in [pyramid_source(), survey_source(), depths_source(), source(Variant::FILTER)] {
             validate(&source).unwrap_or_else(|error| panic!("{error}"));
         }
     }
@@ -254,7 +280,7 @@ pub mod tests {
         let bitmask = source(Variant { bitmask: true, ..hard(EffectProgram::HorizonOcclusion) });
         assert!(bitmask.contains("fn shut_by(") && !has(EffectProgram::HorizonOcclusion, "fn shut_by("));
         validate(&bitmask).unwrap_or_else(|error| panic!("{error}"));
-        assert!(has(EffectProgram::HorizonOcclusion, "fn arc(") && !has(EffectProgram::DepthOcclusion, "fn arc("));
+        assert!(has(EffectProgram::HorizonOcclusion, "fn lost(") && !has(EffectProgram::DepthOcclusion, "fn lost("));
     }
 
     #[test]

@@ -11,7 +11,7 @@ use crate::raster::effects::soft::{FILTER_TAPS, SEARCH_TAPS, TAPS, Tap};
 use curitiba_pipeline::backend::EffectJob;
 use curitiba_pipeline::programs::Fresnel;
 use curitiba_pipeline::raster_effects::{EffectProgram, MAX_CASCADES, Missing};
-use glam::{Mat4, Vec4};
+use glam::{Mat4, Vec2, Vec4};
 /// Size of a program's own uniforms, in bytes.
 pub const fn params_bytes(variant: Variant) -> usize {
     match variant.program {
@@ -268,23 +268,26 @@ pub struct FilterUniform {
 #[derive(Debug, Clone, Copy, PartialEq, bytemuck::Pod, bytemuck::Zeroable)]
 #[repr(C)]
 pub struct OcclusionUniform {
-    clip_from_world: Mat4,
+    camera: ScreenCamera,
     eye: Vec4,
+    turn: Vec2,
     radius: f32,
     intensity: f32,
     slices: u32,
     steps: u32,
     seed: u32,
     thickness: f32,
-    padding: [u32; 2],
 }
 
 impl OcclusionUniform {
-    pub fn new(job: &EffectJob<'_>) -> Self {
+    pub fn new(job: &EffectJob<'_>, camera: ScreenCamera) -> Self {
         let params = &job.params;
+        let (sin, cos) = (std::f64::consts::PI / f64::from(params.slices)).sin_cos();
         Self {
-            clip_from_world: job.view.clip_from_world,
-            eye: job.view.eye.extend(0.0),
+            camera,
+            // A 1 that compilers do not know.
+            eye: job.view.eye.extend(1.0),
+            turn: Vec2::new(cos as f32, sin as f32),
             radius: params.radius,
             // If there is a filter, it applies the exponent to the averages.
             intensity: if params.filter > 0 { 1.0 } else { params.intensity },
@@ -292,15 +295,21 @@ impl OcclusionUniform {
             steps: params.steps,
             seed: job.seed,
             thickness: job.params.thickness,
-            padding: [0; 2],
         }
     }
+}
+
+/// `Params` of `depths.wgsl`.
+#[derive(Debug, Clone, Copy, PartialEq, bytemuck::Pod, bytemuck::Zeroable)]
+#[repr(C)]
+pub struct DepthsUniform {
+    pub camera: ScreenCamera,
 }
 
 #[cfg(test)]
 mod tests {
     use super::super::shader::tests::{hard, validate};
-    use super::super::shader::{ask_source, pyramid_source, source, survey_source};
+    use super::super::shader::{ask_source, depths_source, pyramid_source, source, survey_source};
     use super::*;
     use curitiba_pipeline::raster_effects::EFFECT_PROGRAMS;
     use std::mem::offset_of;
@@ -358,6 +367,7 @@ mod tests {
         }
         let params = |source: &str| layout_in(&validate(source).expect("valid"), "Params");
         assert_eq!(params(&source(Variant::FILTER)), offsets!(FilterUniform: step, exponent));
+        assert_eq!(params(&depths_source()), offsets!(DepthsUniform: camera));
         assert_eq!(params(&pyramid_source()), offsets!(PyramidUniform: camera, fine, coarse, base));
         assert_eq!(params(&survey_source()), offsets!(SurveyUniform: size, id_base, ranges));
         for glass in [false, true] {
@@ -367,7 +377,7 @@ mod tests {
         assert_eq!(layout(PlanarReflection, "Mirror"), offsets!(MirrorPlane: normal, plane, layer));
         for program in [HorizonOcclusion, DepthOcclusion] {
             let occlusion =
-                offsets!(OcclusionUniform: clip_from_world, eye, radius, intensity, slices, steps, seed, thickness);
+                offsets!(OcclusionUniform: camera, eye, turn, radius, intensity, slices, steps, seed, thickness);
             assert_eq!(layout(program, "Params"), occlusion);
         }
     }

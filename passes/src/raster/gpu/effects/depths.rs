@@ -1,0 +1,101 @@
+//! The depths of a picture on the device, from which occlusions compute positions.
+//!
+//! A step of an occlusion reads one texel of another pixel. A depth takes 4 bytes there, where a position takes 16. The position that
+//! belongs to it is the one on the line of sight through the pixel's centre. Rasterisers draw positions on that line, up to the
+//! rounding of vertices to a part of a pixel; 16-bit positions are farther off it.
+
+use super::bindings::{bind, layout, uniform};
+use super::inputs::Inputs;
+use super::kept::Kept;
+use super::programs::compute_pipeline;
+use super::shader::{self, DEPTHS_GROUP};
+use super::uniforms::DepthsUniform;
+use crate::raster::effects::screen::camera::ScreenCamera;
+use crate::raster::gpu::device::Gpu;
+use curitiba_pipeline::backend::BackendError;
+
+/// The format of depths.
+const FORMAT: wgpu::TextureFormat = wgpu::TextureFormat::R32Float;
+
+/// Resources kept from picture to picture.
+#[derive(Debug)]
+pub struct Depths {
+    pipeline: wgpu::ComputePipeline,
+    layout: wgpu::BindGroupLayout,
+    uniform: wgpu::Buffer,
+    pictures: Kept<(u32, u32), Picture>,
+}
+
+/// The depths of pictures of one size.
+#[derive(Debug)]
+struct Picture {
+    size: (u32, u32),
+    view: wgpu::TextureView,
+    group: wgpu::BindGroup,
+}
+
+impl Depths {
+    pub fn new(gpu: &Gpu, inputs: &Inputs) -> Result<Self, BackendError> {
+        let doing = "building the program of depths";
+        let output = wgpu::BindingType::StorageTexture {
+            access: wgpu::StorageTextureAccess::WriteOnly,
+            format: FORMAT,
+            view_dimension: wgpu::TextureViewDimension::D2,
+        };
+        let layout = layout(&gpu.device, "depths", [uniform(size_of::<DepthsUniform>()), output]);
+        let pipeline = compute_pipeline(gpu, Some("depths"), shader::depths_source(), &[&inputs.layout, &layout]);
+        gpu.check(doing)?;
+        let usage = wgpu::BufferUsages::UNIFORM | wgpu::BufferUsages::COPY_DST;
+        let uniform = gpu.buffer(doing, usage, size_of::<DepthsUniform>() as u64)?;
+        Ok(Self { pipeline, layout, uniform, pictures: Kept::default() })
+    }
+
+    /// Bytes of device memory of all pictures.
+    pub fn bytes(&self) -> u64 {
+        self.pictures.values().map(|picture| 4 * u64::from(picture.size.0) * u64::from(picture.size.1)).sum()
+    }
+
+    /// Makes a picture available; returns whether it is new.
+    pub fn require(&mut self, gpu: &Gpu, size: (u32, u32)) -> Result<bool, BackendError> {
+        let (layout, uniform) = (&self.layout, &self.uniform);
+        let made = self.pictures.require(gpu, size, |(width, height)| {
+            let texture = gpu.device.create_texture(&wgpu::TextureDescriptor {
+                label: Some("depths"),
+                size: wgpu::Extent3d { width: *width, height: *height, depth_or_array_layers: 1 },
+                mip_level_count: 1,
+                sample_count: 1,
+                dimension: wgpu::TextureDimension::D2,
+                format: FORMAT,
+                usage: wgpu::TextureUsages::STORAGE_BINDING | wgpu::TextureUsages::TEXTURE_BINDING,
+                view_formats: &[],
+            });
+            gpu.check("creation of the depths of an occlusion")?;
+            let view = texture.create_view(&wgpu::TextureViewDescriptor::default());
+            let resources = [uniform.as_entire_binding(), wgpu::BindingResource::TextureView(&view)];
+            let group = bind(&gpu.device, "depths", layout, resources);
+            gpu.check("binding of the depths of an occlusion")?;
+            Ok(Picture { size: (*width, *height), view, group })
+        })?;
+        Ok(made.1)
+    }
+
+    /// The last required picture.
+    pub fn view(&self) -> Option<&wgpu::TextureView> {
+        self.pictures.last().map(|picture| &picture.view)
+    }
+
+    /// Sets the camera of the picture.
+    pub fn look(&self, gpu: &Gpu, camera: ScreenCamera) {
+        gpu.queue.write_buffer(&self.uniform, 0, bytemuck::bytes_of(&DepthsUniform { camera }));
+    }
+
+    /// Records the computation of the last required picture from a G-buffer of its size.
+    pub fn record(&self, pass: &mut wgpu::ComputePass<'_>, gbuffer: &wgpu::BindGroup) {
+        let Some(picture) = self.pictures.last() else { return };
+        pass.set_pipeline(&self.pipeline);
+        pass.set_bind_group(0, gbuffer, &[]);
+        pass.set_bind_group(1, &picture.group, &[]);
+        let (width, height) = picture.size;
+        pass.dispatch_workgroups(width.div_ceil(DEPTHS_GROUP), height.div_ceil(DEPTHS_GROUP), 1);
+    }
+}

@@ -1,0 +1,102 @@
+//! The edge-avoiding filter on the device: [`crate::raster::effects::filter`]. Ambient occlusions and ray passes share it.
+
+use super::inputs::Inputs;
+use super::programs::{Bound, Program, Task};
+use super::shader::Variant;
+use super::together;
+use super::uniforms::FilterUniform;
+use crate::raster::gpu::device::Gpu;
+use crate::raster::gpu::timer::Timer;
+use curitiba_pipeline::backend::{BackendError, Part};
+use curitiba_pipeline::executor::Progress;
+use std::time::Duration;
+
+/// The compiled filter.
+#[derive(Debug)]
+pub(crate) struct ShareFilter {
+    program: Program,
+}
+
+/// What is filtered, and how.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Filtered<'a> {
+    /// Columns and rows.
+    pub size: (u32, u32),
+    /// The bind group with positions and normals.
+    pub gbuffer: &'a wgpu::BindGroup,
+    /// The shares, and a picture of the same size and format. The levels write alternately to the second and the first.
+    pub pictures: [&'a wgpu::TextureView; 2],
+    /// Number of levels.
+    pub levels: u32,
+    /// Exponent of the result.
+    pub exponent: f32,
+}
+
+impl ShareFilter {
+    pub fn new(gpu: &Gpu, inputs: &Inputs) -> Result<Self, BackendError> {
+        Ok(Self { program: Program::new(gpu, inputs, Variant::FILTER)? })
+    }
+
+    /// Filters, and waits.
+    pub fn run(
+        &self,
+        gpu: &Gpu,
+        timer: Option<&Timer>,
+        filtered: &Filtered<'_>,
+        progress: &Progress,
+    ) -> Result<Part, BackendError> {
+        let [first, second] = filtered.pictures;
+        let mut part = Part::default();
+        for level in 0..filtered.levels {
+            let (from, to) = if level % 2 == 0 { (first, second) } else { (second, first) };
+            let group = self.program.bind(gpu, to, &[wgpu::BindingResource::TextureView(from)])?;
+            let exponent = if level + 1 == filtered.levels { filtered.exponent } else { 1.0 };
+            let uniform = FilterUniform { step: 1 << level, exponent };
+            let bound = Bound { groups: &[filtered.gbuffer, &group], before: None };
+            let task = task(filtered.size, level);
+            part = together(part, self.program.run(gpu, timer, &bound, bytemuck::bytes_of(&uniform), &task, progress)?);
+        }
+        Ok(part)
+    }
+}
+
+/// Number of submissions of a level.
+pub(super) fn submissions(size: (u32, u32)) -> u64 {
+    task(size, 0).submissions()
+}
+
+/// The work of a level: a weight for each of 25 pixels.
+fn task((width, height): (u32, u32), level: u32) -> Task {
+    Task { width, height, id_base: 0, texels: 25, apart: 1 << level }
+}
+
+/// The filter after ray passes, which have neither a timer nor a layout of G-buffers for it.
+#[derive(Debug)]
+pub(crate) struct RayFilter {
+    inputs: Inputs,
+    filter: ShareFilter,
+    timer: Option<Timer>,
+}
+
+impl RayFilter {
+    pub fn new(gpu: &Gpu) -> Result<Self, BackendError> {
+        let inputs = Inputs::new(gpu)?;
+        Ok(Self { filter: ShareFilter::new(gpu, &inputs)?, timer: Timer::new(gpu)?, inputs })
+    }
+
+    /// Filters shares over the surfaces of these positions and normals, and waits. The last of the levels, which write alternately to
+    /// the second picture and the first, takes the power. Returns the time by the device's clock, if it has one.
+    pub fn run(
+        &self,
+        gpu: &Gpu,
+        [position, normal]: [&wgpu::TextureView; 2],
+        pictures: [&wgpu::Texture; 2],
+        (levels, exponent): (u32, f32),
+    ) -> Result<Option<Duration>, BackendError> {
+        let gbuffer = self.inputs.bind(gpu, [None, Some(position), Some(normal), None]);
+        let size = (pictures[0].width(), pictures[0].height());
+        let views = pictures.map(|picture| picture.create_view(&wgpu::TextureViewDescriptor::default()));
+        let filtered = Filtered { size, gbuffer: &gbuffer, pictures: views.each_ref(), levels, exponent };
+        Ok(self.filter.run(gpu, self.timer.as_ref(), &filtered, &Progress::default())?.device)
+    }
+}
