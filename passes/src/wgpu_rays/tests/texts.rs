@@ -101,7 +101,7 @@ fn parameters_lie_where_the_host_writes_them() {
     same!("origin_x" origin;
         eye zero to_light seed light_color samples scene_low strata scene_high depth width height first_tile end_tile tiles_across
         capacity root materials_at normals_at texcoords_at textures_at points_at open_share_at through_glass_at cut schlick
-        has_normals id_base radius index decoded_at colors_at beyond bodies_at tangents_at cone_width cone_spread lights_at);
+        has_normals id_base radius index decoded_at colors_at beyond bodies_at tangents_at cone_width cone_spread lights_at whole);
     assert_eq!((*span as usize, seen), (size_of::<Params>(), members.len() - 1));
 }
 
