@@ -39,7 +39,7 @@ fn mapped(folder: &Path) -> Project {
     let text = r#"{"asset":{"version":"2.0"},"scenes":[{"nodes":[0,1]}],"extensionsUsed":["KHR_materials_transmission"],
 "nodes":[{"mesh":0},{"mesh":1,"translation":[0.3,0.2,-1],"scale":[2,2,1]}],
 "images":[{"uri":"m.png"}],"textures":[{"source":0}],
-"materials":[{"name":"pane","doubleSided":true,"extensions":{"KHR_materials_transmission":{"transmissionFactor":0.9,"transmissionTexture":{"index":0}}}},
+"materials":[{"name":"pane","doubleSided":true,"pbrMetallicRoughness":{"roughnessFactor":0},"extensions":{"KHR_materials_transmission":{"transmissionFactor":0.9,"transmissionTexture":{"index":0}}}},
 {"name":"wall","doubleSided":true,"pbrMetallicRoughness":{"baseColorFactor":[0.8,0.2,0.1,1]}}],
 "meshes":[{"primitives":[{"attributes":{"POSITION":0,"TEXCOORD_0":1},"indices":2,"material":0}]},
 {"primitives":[{"attributes":{"POSITION":0,"TEXCOORD_0":1},"indices":2,"material":1}]}],
