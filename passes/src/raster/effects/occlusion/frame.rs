@@ -30,9 +30,7 @@ impl<'a> Occlusion<'a> {
     /// The values of a job, whose buffers must fit together and whose parameters must be valid.
     #[must_use]
     pub fn new(job: &EffectJob<'a>) -> Self {
-        // Through a degenerate camera no other pixel is found.
-        let camera = ScreenCamera::new(&job.view, job.width, job.height);
-        let camera = camera.unwrap_or_else(bytemuck::Zeroable::zeroed);
+        let camera = ScreenCamera::or_blind(&job.view, job.width, job.height);
         let w = if camera.perspective() { camera.depths } else { Vec4::W };
         let turn = |index: u32| {
             let (sin, cos) = (std::f64::consts::PI * f64::from(index) / f64::from(job.params.slices)).sin_cos();

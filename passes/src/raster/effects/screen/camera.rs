@@ -38,6 +38,12 @@ pub struct ScreenCamera {
 }
 
 impl ScreenCamera {
+    /// The same as [`ScreenCamera::new`], all zeros for a degenerate matrix: no pixel is found through it, and all depths are 0.
+    #[must_use]
+    pub fn or_blind(view: &View, width: u32, height: u32) -> Self {
+        Self::new(view, width, height).unwrap_or_else(bytemuck::Zeroable::zeroed)
+    }
+
     /// The camera of a view for pictures of this size; `None` for a degenerate matrix.
     #[must_use]
     pub fn new(view: &View, width: u32, height: u32) -> Option<Self> {

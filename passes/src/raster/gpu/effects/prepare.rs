@@ -25,9 +25,7 @@ use curitiba_pipeline::raster_effects::{EffectProgram, Missing, Parallax};
 impl Effects {
     /// Makes the depths available from which an ambient occlusion computes positions.
     pub(super) fn occlusion(&mut self, gpu: &Gpu, job: &EffectJob<'_>) -> Result<Prepared, BackendError> {
-        // Through a degenerate camera nothing is known of the picture: all depths are 0.
-        let camera = ScreenCamera::new(&job.view, job.width, job.height);
-        let camera = camera.unwrap_or_else(bytemuck::Zeroable::zeroed);
+        let camera = ScreenCamera::or_blind(&job.view, job.width, job.height);
         let depths = match &mut self.depths {
             Some(depths) => depths,
             none => none.insert(Depths::new(gpu, &self.inputs)?),
