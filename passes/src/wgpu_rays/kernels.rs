@@ -47,7 +47,7 @@ impl Kernels {
             view_dimension: wgpu::TextureViewDimension::D2,
         };
         let counts = buffer(wgpu::BufferBindingType::Storage { read_only: false });
-        let mut images = vec![entry(0, buffer(wgpu::BufferBindingType::Uniform))];
+        let mut images = vec![entry(0, buffer(gpu.parameters.binding()))];
         images.extend((0..4).map(channel));
         images.extend([entry(5, picture), entry(6, counts), entry(7, counts)]);
         let scene: Vec<_> = (0..split.count()).map(|binding| entry(binding, read_only())).collect();
@@ -91,7 +91,7 @@ impl Kernels {
     }
 }
 
-/// Compiles a WGSL source with the entry `main`. Without a layout, the layout is derived from what the entry uses.
+/// Compiles a WGSL source with the entry `main`, whose parameters are declared as uniform. Without a layout, the layout is derived from what the entry uses.
 pub fn compile(
     gpu: &Gpu,
     layout: Option<&wgpu::PipelineLayout>,
@@ -100,7 +100,7 @@ pub fn compile(
 ) -> Result<wgpu::ComputePipeline, BackendError> {
     let module = gpu.device.create_shader_module(wgpu::ShaderModuleDescriptor {
         label: Some(doing),
-        source: wgpu::ShaderSource::Wgsl(source.into()),
+        source: wgpu::ShaderSource::Wgsl(gpu.parameters.declared(source)),
     });
     gpu.check(doing)?;
     let pipeline = gpu.device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {

@@ -10,8 +10,7 @@ use std::time::{Duration, Instant};
 
 /// Wanted duration of a launch: systems reset devices that do not respond for 2 s, and a desktop stutters long before.
 const WANTED: Duration = Duration::from_millis(20);
-/// The same for drivers that compute on the processor, which nobody resets. Some take 20 ms and 3 MB for a launch of any size (Mesa 22.3
-/// with LLVM 15), so short launches would take a hundred times as long as their work.
+/// The same for drivers that compute on the processor, which nobody resets.
 const WANTED_OF_SOFTWARE: Duration = Duration::from_millis(500);
 /// Tiles of the first launch, when neither program nor device is known.
 const FIRST_TILES: u32 = 64;

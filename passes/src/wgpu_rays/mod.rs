@@ -116,7 +116,7 @@ impl WgpuRays {
 
     fn prepare(gpu: Arc<Gpu>) -> Result<Self, BackendError> {
         let (copy_to, storage) = (wgpu::BufferUsages::COPY_DST, wgpu::BufferUsages::STORAGE);
-        let uniform = gpu.buffer("parameters", wgpu::BufferUsages::UNIFORM | copy_to, size_of::<Params>() as u64)?;
+        let uniform = gpu.buffer("parameters", gpu.parameters.usage() | copy_to, size_of::<Params>() as u64)?;
         let counts = gpu.buffer("ray counts", storage | copy_to | wgpu::BufferUsages::COPY_SRC, COUNTS_BUFFER_BYTES)?;
         let counts_staging = gpu.buffer("ray counts", wgpu::BufferUsages::MAP_READ | copy_to, COUNTS_BUFFER_BYTES)?;
         Ok(Self {

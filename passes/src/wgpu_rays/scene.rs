@@ -38,7 +38,7 @@ pub fn too_large(gpu: &Gpu, what: &str, bytes: u64, most: u64) -> BackendError {
     BackendError::Unsupported { backend: NAME, what: "the scene".to_owned(), why }
 }
 
-/// Storage buffers that programs bind in addition to the scene: counts, points and tables.
+/// Storage buffers that programs bind in addition to the scene: counts, points and tables. Parameters may lie in another.
 const OTHER_BUFFERS: u32 = 3;
 
 /// The arrays of a scene, in the order of their bindings; [`Split`] has the same.
@@ -57,7 +57,8 @@ fn texels(scene: &RenderScene, has_levels: bool) -> Vec<[u8; 4]> {
 fn split_of(gpu: &Gpu, sizes: [u64; 5]) -> Result<Split, BackendError> {
     let most = gpu.limits.max_storage_buffer_binding_size.min(gpu.max_buffer_bytes);
     let split = Split::new(sizes, most);
-    let bindings = gpu.limits.max_storage_buffers_per_shader_stage.saturating_sub(OTHER_BUFFERS);
+    let others = OTHER_BUFFERS + gpu.parameters.storage_buffers();
+    let bindings = gpu.limits.max_storage_buffers_per_shader_stage.saturating_sub(others);
     if split.count() > bindings {
         return Err(too_many(gpu, std::array::from_fn(|array| (ARRAYS[array], sizes[array])), most, bindings));
     }

@@ -59,7 +59,7 @@ impl WgpuSegments {
         let tree = TreeBuffers::new(&gpu, geometry, see_through)?;
         let source = programs::segments(selftest::arithmetic(&gpu)?);
         let pipeline = compile(&gpu, None, &source, "compiling the program of segments")?;
-        let (uniform, copied) = (wgpu::BufferUsages::UNIFORM, wgpu::BufferUsages::COPY_DST);
+        let (uniform, copied) = (gpu.parameters.usage(), wgpu::BufferUsages::COPY_DST);
         Ok(Self {
             uniform: gpu.upload_buffer("parameters", uniform, bytemuck::bytes_of(&tree.params))?,
             part: gpu.buffer("part", uniform | copied, PART_BYTES)?,

@@ -7,7 +7,7 @@ use std::sync::OnceLock;
 
 /// Greatest size of a buffer, whatever the device allows: Vulkan guarantees allocations of 1 GiB only.
 pub(super) const MAX_BUFFER_BYTES: u64 = 1 << 30;
-/// Number of storage buffers that a ray program binds.
+/// Number of storage buffers that a ray program binds, without its parameters.
 pub(crate) const RAY_BUFFERS: u32 = 8;
 
 /// The adapters that may be chosen.

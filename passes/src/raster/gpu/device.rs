@@ -3,15 +3,62 @@
 //! wgpu reports most failures to a callback, which by default ends the program. Here the callbacks only record the
 //! first failure, and every operation ends with a call of [`Gpu::check`], which returns it.
 
-use super::adapter::{AdapterChoice, AdapterKind, AdapterSummary, MAX_BUFFER_BYTES, select};
+use super::adapter::{AdapterChoice, AdapterKind, AdapterSummary, MAX_BUFFER_BYTES, RAY_BUFFERS, select};
 use super::faults::{failure, unsupported};
 use curitiba_pipeline::backend::BackendError;
 use curitiba_pipeline::memory;
+use std::borrow::Cow;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::{Arc, Mutex, PoisonError};
 
 /// Bytes of an upload that are handed over at once; bounds the driver's staging memory.
 const UPLOAD_PIECE: usize = 32 << 20;
+
+/// How the programs of rays read their parameters, which differ from launch to launch.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Parameters {
+    /// In a uniform buffer.
+    Uniform,
+    /// In a storage buffer. Mesa's driver for processors takes the numbers in a uniform buffer for constants of the program, and compiles it
+    /// again whenever they change: of small programs that takes 20 ms a launch, of large ones seconds (Mesa 22.3).
+    Storage,
+}
+
+impl Parameters {
+    fn of(adapter: &AdapterSummary, limits: &wgpu::Limits) -> Self {
+        let has_room = limits.max_storage_buffers_per_shader_stage > RAY_BUFFERS;
+        if adapter.kind == AdapterKind::Software && has_room { Self::Storage } else { Self::Uniform }
+    }
+
+    /// The type of their binding.
+    pub fn binding(self) -> wgpu::BufferBindingType {
+        match self {
+            Self::Uniform => wgpu::BufferBindingType::Uniform,
+            Self::Storage => wgpu::BufferBindingType::Storage { read_only: true },
+        }
+    }
+
+    /// What their buffer is for.
+    pub fn usage(self) -> wgpu::BufferUsages {
+        match self {
+            Self::Uniform => wgpu::BufferUsages::UNIFORM,
+            Self::Storage => wgpu::BufferUsages::STORAGE,
+        }
+    }
+
+    /// The number of storage buffers that they take.
+    pub fn storage_buffers(self) -> u32 {
+        u32::from(self == Self::Storage)
+    }
+
+    /// A WGSL source, which declares them as uniform, with their declarations as they are bound.
+    pub fn declared(self, source: &str) -> Cow<'_, str> {
+        match self {
+            Self::Uniform => source.into(),
+            Self::Storage => source.replace("var<uniform>", "var<storage, read>").into(),
+        }
+    }
+}
 
 /// A device and its queue.
 #[derive(Debug)]
@@ -20,6 +67,7 @@ pub(crate) struct Gpu {
     pub queue: wgpu::Queue,
     pub limits: wgpu::Limits,
     pub adapter: AdapterSummary,
+    pub parameters: Parameters,
     /// Greatest buffer, in bytes, for data whose size depends on the scene or the frame.
     pub max_buffer_bytes: u64,
     /// Least and greatest number of threads of a subgroup.
@@ -93,7 +141,8 @@ impl Gpu {
         let info = adapter.get_info();
         let subgroup = [info.subgroup_min_size, info.subgroup_max_size];
         let counted = Mutex::new(0);
-        Ok(Self { device, queue, limits, adapter: summary, max_buffer_bytes, subgroup, faults, counted })
+        let parameters = Parameters::of(&summary, &limits);
+        Ok(Self { device, queue, limits, adapter: summary, parameters, max_buffer_bytes, subgroup, faults, counted })
     }
 
     /// Whether the device has `feature`.

@@ -4,6 +4,7 @@ use super::{bits, picture, rays};
 use crate::cpu::CpuRays;
 use crate::effects::tests::world::{Shot, World, grid};
 use crate::raster::cpu::CpuRasteriser;
+use crate::raster::gpu::RAY_BUFFERS;
 use crate::raster::gpu::device::Gpu;
 use crate::wgpu_rays::programs::Kind;
 use crate::wgpu_rays::split::Split;
@@ -49,7 +50,8 @@ fn scenes_that_no_bindings_hold_are_refused_by_what_is_too_large() {
         rays.build(scene, &[]).expect("it fits");
         let (expected, _) = picture(rays, job);
         alone(rays).limits.max_storage_buffer_binding_size = 5000;
-        alone(rays).limits.max_storage_buffers_per_shader_stage = 8;
+        let gpu = alone(rays);
+        gpu.limits.max_storage_buffers_per_shader_stage = RAY_BUFFERS + gpu.parameters.storage_buffers();
         let message = rays.build(scene, &[]).expect_err("refused").to_string();
         for part in ["its arrays take", "binds 5 buffers of 5000 bytes for them", "--backend cpu"] {
             assert!(message.contains(part), "{message}");
