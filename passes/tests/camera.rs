@@ -134,10 +134,12 @@ impl World {
         run_job(&scene, &filters, &self.job(&scene, program, params, &filters))
     }
 
-    /// The colour in the middle of a picture.
+    /// The colour in the middle of a picture, of which no other pixel is traced.
     fn middle(&self, program: RayProgram, params: RayParams) -> Vec3 {
-        let image = self.run(program, params);
-        Vec4::from_array(image.pixels[(SIDE * SIDE / 2 + SIDE / 2) as usize]).truncate()
+        let (scene, filters) = (Arc::new(self.scene.clone()), self.filters());
+        let whole = self.job(&scene, program, params, &filters);
+        let image = run_job(&scene, &filters, &RayJob { origin: [SIDE / 2; 2], width: 1, height: 1, ..whole });
+        Vec4::from_array(image.pixels[0]).truncate()
     }
 
     /// The rasteriser's G-buffer.

@@ -14,10 +14,11 @@ use curitiba_passes::trace::{Bvh, Hit, Quality, Ray, SurfacePoint, Tracer};
 use curitiba_pipeline::scene::texture::Texture;
 use curitiba_pipeline::scene::{Batch, Geometry, normal_map};
 use glam::{Vec2, Vec3};
+use std::collections::BTreeMap;
 use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
-use std::sync::OnceLock;
+use std::sync::{Mutex, OnceLock, PoisonError};
 
 /// The first C++ compiler that runs.
 fn compiler() -> Option<String> {
@@ -36,12 +37,22 @@ fn compiled(name: &str, change: Option<[&str; 2]>) -> Option<PathBuf> {
 }
 
 /// A host program from a source of this folder and the headers; `change` (file, from and to) is applied to one of them before it is
-/// compiled.
+/// compiled. Without a change a source is compiled once, whatever its name.
 fn compiled_with(source: &str, name: &str, change: Option<(&str, [&str; 2])>) -> Option<PathBuf> {
+    static UNCHANGED: Mutex<BTreeMap<String, PathBuf>> = Mutex::new(BTreeMap::new());
     let Some(compiler) = compiler() else {
         println!("skipped: there is no C++ compiler (c++, g++ or clang++)");
         return None;
     };
+    if change.is_some() {
+        return Some(compile(&compiler, source, name, change));
+    }
+    let mut unchanged = UNCHANGED.lock().unwrap_or_else(PoisonError::into_inner);
+    let compiled = || compile(&compiler, source, source.trim_end_matches(".cpp"), None);
+    Some(unchanged.entry(source.to_owned()).or_insert_with(compiled).clone())
+}
+
+fn compile(compiler: &str, source: &str, name: &str, change: Option<(&str, [&str; 2])>) -> PathBuf {
     let crate_folder = Path::new(env!("CARGO_MANIFEST_DIR"));
     let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join(format!("device-on-host-{name}"));
     std::fs::create_dir_all(&folder).expect("the folder for temporary files can be written");
@@ -70,7 +81,7 @@ fn compiled_with(source: &str, name: &str, change: Option<(&str, [&str; 2])>) ->
         .output()
         .expect("the compiler runs");
     assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
-    Some(program)
+    program
 }
 
 /// Runs a function of the compiled headers on a table of words, and returns its output.

@@ -168,7 +168,8 @@ pub(crate) fn known_distance(from: DVec3, to: DVec3) -> f64 {
 /// from it. A negative distance also takes segments that end as near as that to the plane.
 pub(crate) fn blocks(triangle: &Triangle, from: DVec3, to: DVec3, distance: f64) -> bool {
     let [a, b, c] = triangle.map(|corner| corner.as_dvec3());
-    let [before, behind] = [from, to].map(|end| normal(triangle).dot(end - a));
+    let normal = normal(triangle);
+    let [before, behind] = [from, to].map(|end| normal.dot(end - a));
     if before.signum() == behind.signum() && before.abs().min(behind.abs()) > -distance {
         return false;
     }
