@@ -94,7 +94,7 @@ pub struct Work<'a> {
     /// Buffer with the ray counts, and behind them the number of listed points.
     pub counts: &'a wgpu::Buffer,
     /// Buffer for the parameters.
-    pub uniform: &'a wgpu::Buffer,
+    pub parameters: &'a wgpu::Buffer,
     /// What is being done, for messages.
     pub doing: &'a str,
 }
@@ -152,7 +152,7 @@ pub fn run(
     while first < tiles {
         let taken = size.unwrap_or(work.first_tiles).min(tiles - first).min(work.most_tiles).max(1);
         (params.first_tile, params.end_tile) = (first, first + taken);
-        gpu.queue.write_buffer(work.uniform, 0, bytemuck::bytes_of(&params));
+        gpu.queue.write_buffer(work.parameters, 0, bytemuck::bytes_of(&params));
         // The points of pixels have fixed places; points seen through glass are counted from here on.
         gpu.queue.write_buffer(work.counts, COUNT_BYTES, bytemuck::bytes_of(&(taken * TILE * TILE)));
         let mut encoder = gpu.device.create_command_encoder(&wgpu::CommandEncoderDescriptor { label: Some("rays") });

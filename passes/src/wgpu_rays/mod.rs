@@ -76,7 +76,7 @@ pub struct WgpuRays {
     images: Images,
     filter: Option<RayFilter>,
     staging: Staging,
-    uniform: wgpu::Buffer,
+    parameters: wgpu::Buffer,
     counts: wgpu::Buffer,
     counts_staging: wgpu::Buffer,
     /// Points of surfaces whose light and occlusion are found by successive kernels.
@@ -116,7 +116,7 @@ impl WgpuRays {
 
     fn prepare(gpu: Arc<Gpu>) -> Result<Self, BackendError> {
         let (copy_to, storage) = (wgpu::BufferUsages::COPY_DST, wgpu::BufferUsages::STORAGE);
-        let uniform = gpu.buffer("parameters", gpu.parameters.usage() | copy_to, size_of::<Params>() as u64)?;
+        let parameters = gpu.buffer("parameters", gpu.parameters.usage() | copy_to, size_of::<Params>() as u64)?;
         let counts = gpu.buffer("ray counts", storage | copy_to | wgpu::BufferUsages::COPY_SRC, COUNTS_BUFFER_BYTES)?;
         let counts_staging = gpu.buffer("ray counts", wgpu::BufferUsages::MAP_READ | copy_to, COUNTS_BUFFER_BYTES)?;
         Ok(Self {
@@ -128,7 +128,7 @@ impl WgpuRays {
             arithmetic: selftest::arithmetic(&gpu)?,
             gpu,
             staging: Staging::default(),
-            uniform,
+            parameters,
             counts,
             counts_staging,
             built: None,
@@ -150,7 +150,7 @@ impl WgpuRays {
     /// Bind group 0: the G-buffer, the picture that is written, and the parameters.
     fn bind_images(&self, views: &Views, picture: &wgpu::Texture) -> Result<wgpu::BindGroup, BackendError> {
         let channels = self.images.views(views, picture);
-        let mut entries = vec![wgpu::BindGroupEntry { binding: 0, resource: self.uniform.as_entire_binding() }];
+        let mut entries = vec![wgpu::BindGroupEntry { binding: 0, resource: self.parameters.as_entire_binding() }];
         entries.extend((1..).zip(&channels).map(|(binding, view)| wgpu::BindGroupEntry {
             binding,
             resource: wgpu::BindingResource::TextureView(view),
@@ -223,7 +223,7 @@ impl WgpuRays {
             first_tiles: launches::first_tiles(disc_rays),
             most_tiles,
             counts: &self.counts,
-            uniform: &self.uniform,
+            parameters: &self.parameters,
             doing: &doing,
         };
         let size = self.sizes.entry((kind, disc_rays)).or_default();
@@ -237,7 +237,7 @@ impl WgpuRays {
                 first_tiles: u32::MAX,
                 most_tiles: u32::MAX,
                 counts: &self.counts,
-                uniform: &self.uniform,
+                parameters: &self.parameters,
                 doing: &doing,
             };
             let clock = self.clock.as_ref();

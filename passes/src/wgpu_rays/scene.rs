@@ -38,7 +38,7 @@ pub fn too_large(gpu: &Gpu, what: &str, bytes: u64, most: u64) -> BackendError {
     BackendError::Unsupported { backend: NAME, what: "the scene".to_owned(), why }
 }
 
-/// Storage buffers that programs bind in addition to the scene: counts, points and tables. Parameters may lie in another.
+/// Storage buffers that programs bind in addition to the scene: counts, points and tables. The parameters may take one more.
 const OTHER_BUFFERS: u32 = 3;
 
 /// The arrays of a scene, in the order of their bindings; [`Split`] has the same.

@@ -19,7 +19,7 @@ use std::time::Instant;
 const GROUP: u32 = 64;
 /// Workgroups of the first launch, when the device is unknown.
 const FIRST_GROUPS: u32 = 64;
-/// Size in bytes of the uniform that holds a launch's range of segments.
+/// Size in bytes of the buffer that holds a launch's range of segments.
 const PART_BYTES: u64 = 16;
 
 /// Traces segments on a GPU, or on a software driver that acts as one.
@@ -28,7 +28,7 @@ pub struct WgpuSegments {
     gpu: Arc<Gpu>,
     tree: TreeBuffers,
     pipeline: wgpu::ComputePipeline,
-    uniform: wgpu::Buffer,
+    parameters: wgpu::Buffer,
     part: wgpu::Buffer,
     /// Buffers for segments, their pairs, the answers, and the answers as the host reads them.
     room: Option<[wgpu::Buffer; 4]>,
@@ -59,10 +59,10 @@ impl WgpuSegments {
         let tree = TreeBuffers::new(&gpu, geometry, see_through)?;
         let source = programs::segments(selftest::arithmetic(&gpu)?);
         let pipeline = compile(&gpu, None, &source, "compiling the program of segments")?;
-        let (uniform, copied) = (gpu.parameters.usage(), wgpu::BufferUsages::COPY_DST);
+        let (usage, copied) = (gpu.parameters.usage(), wgpu::BufferUsages::COPY_DST);
         Ok(Self {
-            uniform: gpu.upload_buffer("parameters", uniform, bytemuck::bytes_of(&tree.params))?,
-            part: gpu.buffer("part", uniform | copied, PART_BYTES)?,
+            parameters: gpu.upload_buffer("parameters", usage, bytemuck::bytes_of(&tree.params))?,
+            part: gpu.buffer("part", usage | copied, PART_BYTES)?,
             gpu,
             tree,
             pipeline,
@@ -114,7 +114,7 @@ impl WgpuSegments {
                 entries: &entries,
             })
         };
-        let buffers = [(0, &self.uniform), (8, &all), (9, &pairs), (10, &found), (11, &self.part)];
+        let buffers = [(0, &self.parameters), (8, &all), (9, &pairs), (10, &found), (11, &self.part)];
         let groups = [group(0, &buffers), group(1, &[(0, &self.tree.nodes), (1, &self.tree.triangles)])];
         gpu.check("binding of the segments")?;
         let count = segments.len() as u32;

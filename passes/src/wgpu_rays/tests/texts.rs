@@ -32,17 +32,14 @@ fn every_text_is_valid_wgsl_that_needs_no_extension() {
             let filtered = info.reads("filter").then_some(&Stage::Surfaces);
             let kernels =
                 stages(kind, 100).iter().chain(stages(kind, 1)).chain([&Stage::Whole]).chain(eye).chain(filtered);
+            let kernels = kernels.flat_map(|stage| ROUNDINGS.map(|rounding| (*stage, rounding)));
             let cones = info.reads("texturelod") && variant != Variant::Panes(Fidelity::Thesis);
-            for (place, stage) in kernels.enumerate() {
-                for (index, rounding) in ROUNDINGS.into_iter().enumerate() {
-                    // Whether products are fused, and how textures are read, in turns: each of the four pairs beside every rounding
-                    // in four kernels in a row.
-                    let turn = place + index;
-                    let arithmetic = Arithmetic { rounding, fused: turn % 2 == 1, subgroups: false };
-                    let lod = if cones && turn / 2 % 2 == 1 { TextureLod::Cones } else { TextureLod::Zero };
-                    let text = source(kind, *stage, (arithmetic, lod), Split::default());
+            for ((stage, rounding), fused) in kernels.flat_map(|kernel| [(kernel, false), (kernel, true)]) {
+                let arithmetic = Arithmetic { rounding, fused, subgroups: false };
+                for lod in [TextureLod::Zero, TextureLod::Cones].into_iter().take(1 + usize::from(cones)) {
+                    let text = source(kind, stage, (arithmetic, lod), Split::default());
                     if let Err(error) = validate(&text.expect("written")) {
-                        panic!("{} {variant:?} {stage:?} {arithmetic:?} {lod:?}: {error}", info.stem);
+                        panic!("{} {variant:?} {stage:?} {rounding:?} {lod:?}: {error}", info.stem);
                     }
                     written += 1;
                 }
