@@ -65,7 +65,7 @@ fn frames(criterion: &mut Criterion) {
     for (name, case) in cases() {
         let mut renderer = open(&case);
         group.bench_function(BenchmarkId::new(name, engine()), |bencher| {
-            bencher.iter(|| renderer.frame(&mut Silent).expect("a frame"));
+            bencher.iter(|| renderer.draw_frame(&mut Silent).expect("a frame"));
         });
     }
     group.finish();
@@ -88,7 +88,7 @@ fn effects(criterion: &mut Criterion) {
 
 fn effect_time(renderer: &mut Renderer) -> Duration {
     renderer.forget_frames();
-    renderer.frame(&mut Silent).expect("a frame");
+    renderer.draw_frame(&mut Silent).expect("a frame");
     let steps = renderer.timeline().rows.iter();
     let steps = steps.filter(|row| matches!(row.kind, StepKind::Rays | StepKind::Maps | StepKind::Effect));
     let ms: f64 = steps.flat_map(|row| row.host_ms.iter()).sum();

@@ -171,7 +171,7 @@ fn frame_ms(scene: crate::pipeline::scene::Scene, choice: Choice) -> Result<f64,
         let (begun, mut times) = (Instant::now(), Vec::new());
         while times.len() < least || begun.elapsed() < time {
             let start = Instant::now();
-            renderer.frame(&mut Silent)?;
+            renderer.draw_frame(&mut Silent)?;
             times.push(start.elapsed().as_secs_f64() * 1e3);
         }
         Ok::<_, OpenError>(times)

@@ -8,6 +8,9 @@ use crate::environment::peak_memory;
 use crate::pipeline::executor::{Observer, RenderError, Renderer, Row, StepKind};
 use crate::pipeline::image::Image;
 
+/// What frames are drawn for: a file of this kind, which is not written.
+pub(super) const AS_WRITTEN: &str = "picture.png";
+
 /// Number of frames of a measurement.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct MeasureOptions {
@@ -35,9 +38,9 @@ pub struct Measured {
 
 /// Opens a case, renders its frames and collects the times of all steps.
 ///
-/// Whole frames are timed around [`Renderer::frame`], including its copy of the picture. If the rasteriser's device fills the
-/// window, they are timed around [`Renderer::displayed_frame`], whose picture has 4 bytes a pixel; then one more, untimed frame
-/// gives the picture in floats.
+/// Whole frames are timed around [`Renderer::draw_frame_for`] a PNG file, as `curitiba render` draws them: the picture is in the host's memory, and
+/// nothing is encoded or written. If the rasteriser's device fills the window, that picture has 4 bytes a pixel; then one more, untimed frame gives
+/// it in floats.
 ///
 /// # Errors
 /// If the case cannot be opened or a frame fails.
@@ -57,26 +60,19 @@ pub fn measure_with(
     observer: &mut dyn Observer,
 ) -> Result<Measured, RenderError> {
     let on_device = renderer.fills_window_on_device();
-    let mut picture = Image::default();
-    let mut frame = |renderer: &mut Renderer| match on_device {
-        true => renderer.displayed_frame(observer).map(|_| ()),
-        false => renderer.frame(observer).map(|frame| picture = frame),
-    };
     for _ in 0..options.warmup {
-        frame(&mut renderer)?;
+        renderer.draw_frame_for(AS_WRITTEN.as_ref(), observer)?;
     }
     renderer.forget_frames();
     let mut samples = Vec::with_capacity(options.frames.max(1) as usize);
     for _ in 0..options.frames.max(1) {
         let begun = Clocked::now();
-        frame(&mut renderer)?;
+        renderer.draw_frame_for(AS_WRITTEN.as_ref(), observer)?;
         samples.push(Clocked::since(begun));
     }
     let row = row(&renderer, case, &samples);
-    if on_device {
-        // Errors are computed from floats.
-        picture = renderer.frame(observer)?;
-    }
+    // Errors are computed from floats.
+    let picture = if on_device { renderer.frame(observer)? } else { renderer.update(observer)? };
     Ok(Measured { row, renderer, picture })
 }
 

@@ -7,7 +7,7 @@ pub mod text;
 pub use file::{ThreadsCase, ThreadsFile, ThreadsPoint, ThreadsStep};
 
 use super::case::Case;
-use super::measure::MeasureOptions;
+use super::measure::{AS_WRITTEN, MeasureOptions};
 use super::model::Stats;
 use crate::OpenError;
 use crate::pipeline::executor::{Observer, StepKind};
@@ -94,14 +94,13 @@ fn open_and_render(
         let mut renderer = crate::open(&case.project, case.settings.clone(), case.choice, &mut clock)?;
         clock.pause();
         for _ in 0..options.warmup {
-            renderer.frame(&mut clock).map_err(OpenError::from)?;
+            renderer.draw_frame_for(AS_WRITTEN.as_ref(), &mut clock).map_err(OpenError::from)?;
         }
         clock.go_on();
         for _ in 0..options.frames.max(1) {
             let begun = Clocked::now();
-            let picture = renderer.frame(&mut clock).map_err(OpenError::from)?;
+            renderer.draw_frame_for(AS_WRITTEN.as_ref(), &mut clock).map_err(OpenError::from)?;
             clock.frame(begun);
-            drop(picture);
         }
         let samples = clock.samples();
         let scenes = || renderer.scenes();
