@@ -58,7 +58,7 @@ DEVICE Share turned_share(Pass<Tracer> &pass, unsigned triangle, const Surface &
 // The same on the side to which it is lit, whichever that is.
 template <class Tracer>
 DEVICE Share light_share(Pass<Tracer> &pass, unsigned triangle, const Surface &surface, float3 lit_side) {
-    if (dot(lit_side, pass.to_light()) <= 0.0f) return turned_share(pass, triangle, surface, lit_side);
+    if (is_turned(pass.params, triangle, surface.point, lit_side, pass.to_light())) return turned_share(pass, triangle, surface, lit_side);
     pass.rays.shadow += 1;
     return light_from(pass, spawn(surface.point, pass.to_light()));
 }

@@ -76,7 +76,7 @@ DEVICE void list_surfaces(Pass<Bvh> &pass) {
         bool turned = false;
         color = color * light_share(pass, surfaces.triangle, surface, surfaces.lit_side);
 #else
-        bool turned = dot(surfaces.lit_side, pass.to_light()) <= 0.0f;
+        bool turned = is_turned(params, surfaces.triangle, surface.point, surfaces.lit_side, pass.to_light());
         // Light on turned sides, which few have, is found now: what is left of it will be halved.
         if (turned) color = color * turned_share(pass, surfaces.triangle, surface, surfaces.lit_side) * (1.0f / SHADOWED);
 #endif

@@ -35,8 +35,14 @@ DEVICE float3 light_seen(Pass<Tracer> &pass, unsigned number, float3 towards, un
     }
     bool asked = false, open = false;
     float3 raised = splat(0.0f), sum = raised;
+    // A light that is a point is not asked below the horizon: its cosine there is 0.
+    float3 side = is_disc ? horizon(params, triangle, point, facing) : facing;
     for (unsigned i = 0; i < samples; ++i) {
         pass.light_direction = is_disc ? disc_direction(__ldg(params.disc + i), seeds, basis, params.disc_height) : towards;
+        if (is_disc && dot(side, pass.light_direction) <= 0.0f) {
+            sum = sum + splat(in_shadow(params));
+            continue;
+        }
         float3 origin;
         if (dot(facing, pass.light_direction) > 0.0f) {
             origin = spawn(point, pass.light_direction);

@@ -91,23 +91,49 @@ DEVICE Hit locate(const Params &params, unsigned triangle, float3 position) {
 DEVICE float3 lift(float3 position, float3 corner, float3 normal) {
     return normal * fmaxf(0.0f, -dot(position - corner, normal));
 }
-// From a point of a triangle that is turned away from the light, on the side of normal `facing`, onto the round surface that it stands
-// for; 0 where no light falls there (`effects/terminator.rs`).
-DEVICE float3 lifted(const Params &params, unsigned triangle, const SurfacePoint &point, float3 facing, float3 to_light) {
-    const float3 none = splat(0.0f);
-    if (params.normals == nullptr) return none;
+// The normals at a triangle's corners, turned to the side of `facing`; false where the triangle stands for no round surface
+// (`effects/terminator.rs`).
+struct Round {
+    float3 a, b, c;
+};
+DEVICE float3 weighed(const Round &of, const Hit &at) { return of.a * (1.0f - at.u - at.v) + of.b * at.u + of.c * at.v; }
+DEVICE bool round_normals(const Params &params, unsigned triangle, float3 facing, Round &normals) {
+    if (params.normals == nullptr) return false;
     uint3 i = corners_of(params, triangle);
     float3 na = vector_at(params.normals, i.x), nb = vector_at(params.normals, i.y), nc = vector_at(params.normals, i.z);
-    if (equal(na, nb) && equal(nb, nc)) return none;
+    if (equal(na, nb) && equal(nb, nc)) return false;
+    float a = dot(na, facing), b = dot(nb, facing), c = dot(nc, facing);
+    bool above = a >= ROUND && b >= ROUND && c >= ROUND, below = -a >= ROUND && -b >= ROUND && -c >= ROUND;
+    normals = below ? Round{-na, -nb, -nc} : Round{na, nb, nc};
+    return above || below;
+}
+// The normal that decides what light reaches a side: that of the round surface that the triangle stands for, else `facing`.
+DEVICE float3 horizon(const Params &params, unsigned triangle, const SurfacePoint &point, float3 facing) {
+    Round normals;
+    if (!round_normals(params, triangle, facing, normals)) return facing;
+    return weighed(normals, locate(params, triangle, point.position));
+}
+// Whether a side gets no light at points like this: the triangle is turned away from it, or the round surface is that it stands for.
+DEVICE bool is_turned(const Params &params, unsigned triangle, const SurfacePoint &point, float3 facing, float3 to_light) {
+    if (dot(facing, to_light) <= 0.0f) return true;
+    Round normals;
+    if (!round_normals(params, triangle, facing, normals)) return false;
+    // Where all corners are lit, so is what lies between.
+    if (dot(normals.a, to_light) > 0.0f && dot(normals.b, to_light) > 0.0f && dot(normals.c, to_light) > 0.0f) return false;
+    return dot(weighed(normals, locate(params, triangle, point.position)), to_light) <= 0.0f;
+}
+// From a point of a triangle that is turned away from the light, on the side of normal `facing`, onto the round surface; 0 where no light
+// falls there.
+DEVICE float3 lifted(const Params &params, unsigned triangle, const SurfacePoint &point, float3 facing, float3 to_light) {
+    const float3 none = splat(0.0f);
+    Round normals;
+    if (!round_normals(params, triangle, facing, normals)) return none;
     Hit at = locate(params, triangle, point.position);
-    float3 normal = na * (1.0f - at.u - at.v) + nb * at.u + nc * at.v;
-    float side = copysignf(1.0f, dot(normal, facing));
-    bool round = dot(na, facing) * side >= ROUND && dot(nb, facing) * side >= ROUND && dot(nc, facing) * side >= ROUND;
-    if (!(round && dot(normal, to_light) * side > 0.0f)) return none;
+    if (dot(weighed(normals, at), to_light) <= 0.0f) return none;
     Corners corners = positions_of(params, triangle);
-    float3 a = lift(point.position, corners.a, na * side), b = lift(point.position, corners.b, nb * side);
-    float3 c = lift(point.position, corners.c, nc * side);
-    float3 way = a * (1.0f - at.u - at.v) + b * at.u + c * at.v;
+    Round lifts = {lift(point.position, corners.a, normals.a), lift(point.position, corners.b, normals.b),
+                   lift(point.position, corners.c, normals.c)};
+    float3 way = weighed(lifts, at);
     return is_finite(way) ? way : none;
 }
 

@@ -55,6 +55,9 @@ static void lifts() {
         SurfacePoint point = snap(scene.params, triangle, position);
         float3 facing = point.normal * (dot(point.normal, to_light) > 0.0f ? -1.0f : 1.0f);
         put(lifted(scene.params, triangle, point, facing, to_light));
+        // The side that the light falls on.
+        put(horizon(scene.params, triangle, point, -facing));
+        put((unsigned)is_turned(scene.params, triangle, point, -facing, to_light));
     }
 }
 

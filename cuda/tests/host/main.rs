@@ -6,7 +6,9 @@
 mod glass;
 mod lights;
 
-use curitiba_passes::effects::{Cone, Footprint, RayCone, curvature, fresnel, schlick, way_onto_round};
+use curitiba_passes::effects::{
+    Cone, Footprint, RayCone, curvature, fresnel, horizon, is_turned, schlick, way_onto_round,
+};
 use curitiba_passes::sampling::hash::{dimensions, path_key, pixel_key, unit};
 use curitiba_passes::sampling::hemisphere::{Basis, cosine};
 use curitiba_passes::sampling::owen_sobol::scramble_reversed;
@@ -265,10 +267,11 @@ fn points_and_offsets_of_the_device_have_the_bits_of_the_processor() {
     }
 }
 
-/// Vectors from triangles to curved surfaces: how many differ, how many are 0, and how many were compared.
-fn ways_that_differ(program: &Path) -> [usize; 3] {
+/// Vectors from triangles to round surfaces, and the sides that light reaches: how many differ, how many vectors are 0, how many sides face the
+/// light on a round surface that does not, and how many were compared.
+fn ways_that_differ(program: &Path) -> [usize; 4] {
     let mut random = Random(5);
-    let (mut differ, mut none, mut all) = (0, 0, 0);
+    let (mut differ, mut none, mut turned, mut all) = (0, 0, 0, 0);
     for center in CENTERS {
         let mut geometry = soup(&mut random, 60, center);
         for triangle in 0..60 {
@@ -291,24 +294,29 @@ fn ways_that_differ(program: &Path) -> [usize; 3] {
             let to_light = (across + point.normal * 0.1 * random.cube().x).normalize_or(Vec3::X);
             let facing = point.normal * if point.normal.dot(to_light) > 0.0 { -1.0 } else { 1.0 };
             input.extend([triangle].into_iter().chain(words([position, to_light])));
-            expected.push(way_onto_round(&geometry, triangle, &point, (facing, to_light)));
+            let way = way_onto_round(&geometry, triangle, &point, (facing, to_light));
+            let side = horizon(&geometry, triangle, &point, -facing);
+            let is_turned = is_turned(&geometry, triangle, &point, (-facing, to_light));
+            turned += usize::from(is_turned);
+            expected.push((way, side, u32::from(is_turned)));
         }
-        for (found, expected) in run(program, "lifts", &input).as_chunks::<3>().0.iter().zip(expected) {
-            differ += usize::from(Vec3::from(found.map(f32::from_bits)) != expected);
-            none += usize::from(expected == Vec3::ZERO);
+        for (found, expected) in run(program, "lifts", &input).as_chunks::<7>().0.iter().zip(expected) {
+            let vector = |at: usize| Vec3::from_array(std::array::from_fn(|i| f32::from_bits(found[at + i])));
+            differ += usize::from((vector(0), vector(3), found[6]) != expected);
+            none += usize::from(expected.0 == Vec3::ZERO);
             all += 1;
         }
     }
-    [differ, none, all]
+    [differ, none, turned, all]
 }
 
 #[test]
 fn points_are_lifted_by_the_device_as_by_the_processor() {
     let Some(program) = compiled("lifts", None) else { return };
-    let [differ, none, all] = ways_that_differ(&program);
+    let [differ, none, turned, all] = ways_that_differ(&program);
     assert!(
-        differ == 0 && all == 18_000 && (3000..17_000).contains(&none),
-        "{differ} of {all} ways differ, {none} are none"
+        differ == 0 && all == 18_000 && (3000..17_000).contains(&none) && (500..9000).contains(&turned),
+        "{differ} of {all} ways differ, {none} are none, of {turned} sides only the round surface is turned away"
     );
     let change = ["ROUND = 8.5e-1f", "ROUND = 9.5e-1f"];
     let changed = compiled("round", Some(change)).expect("there is a compiler");

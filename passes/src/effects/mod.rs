@@ -75,7 +75,7 @@ pub(crate) use pass::opaque;
 pub use pass::{Pass, Pixel};
 pub use preparation::Preparation;
 pub use ray_cone::{Cone, Footprint, LevelZero, RayCone, TextureArea, curvature};
-pub use terminator::way_onto_round;
+pub use terminator::{horizon, is_turned, way_onto_round};
 pub use tile::{Area, TILE};
 pub use tile_surfaces::TileSurfaces;
 pub use workspace::Workspace;

@@ -147,16 +147,15 @@ impl<T: Tracer, C: Coverage> Pass<'_, T, C> {
     }
 
     /// Origin of the ray to the light from the side of normal `facing`. `None` where that side is dark without a ray:
-    /// it is turned away from the light, and so is the round surface that it may stand for, or something opaque lies
-    /// between the two.
+    /// the round surface that the triangle stands for is turned away from the light, or the triangle is, and it stands for none or something
+    /// opaque lies between the two.
     pub(super) fn light_origin(
         &self,
         surface: &Surface,
         (facing, triangle): (Vec3, u32),
         work: &mut Workspace,
     ) -> Option<Vec3> {
-        let is_turned_away = facing.dot(self.to_light) <= 0.0;
-        if !is_turned_away {
+        if !self.is_turned(triangle, surface.point(), (facing, self.to_light)) {
             return Some(surface.origin(self.to_light));
         }
         let lifted = self.lifted(triangle, surface.point(), (facing, self.to_light))?;

@@ -105,7 +105,11 @@ impl<T: Tracer, C: Coverage> Pass<'_, T, C> {
         mut each: impl FnMut(Vec3, Vec3),
     ) {
         let (side, mut is_cut_off) = (disc.side, None);
+        let horizon = self.horizon(side.triangle, side.point, side.facing);
         for direction in disc.sampler.directions(disc.center, disc.key) {
+            if horizon.dot(direction) <= 0.0 {
+                continue;
+            }
             if side.facing.dot(direction) > 0.0 {
                 each(side.point.spawn(direction), direction);
             } else if let Some(lifted) = self.lifted(side.triangle, side.point, (side.facing, direction))

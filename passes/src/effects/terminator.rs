@@ -1,11 +1,14 @@
-//! The shadow terminator: light on triangles that are turned away from the light while the smooth surface that they
-//! approximate is not.
+//! The shadow terminator: light on triangles that stand for a smooth surface, where the triangle and that surface
+//! are not both turned to the light.
 //!
-//! A point of such a triangle is lifted onto the smooth surface, which the normals at the corners describe. The point
+//! A triangle that faces the light is dark where the smooth surface is turned away, so that the border of the light is
+//! a smooth curve and does not follow the edges of triangles.
+//!
+//! A point of a triangle that is turned away, while the smooth surface is not, is lifted onto the smooth surface, which the normals at the corners describe. The point
 //! is projected onto the tangent plane at each corner, where it lies below that plane, and the three projections are
 //! weighted by the barycentric coordinates (Hanika, "Hacking the Shadow Terminator", Ray Tracing Gems II, 2021, chapter
 //! 4). The shadow ray starts at the lifted point. A second ray tests the way from the triangle to the lifted point, so
-//! that no light comes through what lies between. Triangles that face the light are treated as without vertex normals.
+//! that no light comes through what lies between.
 
 use super::coverage::Coverage;
 use super::interpolate::locate;
@@ -41,11 +44,63 @@ impl Lifted {
     }
 }
 
+/// The normals at a triangle's corners, turned to the side of unit normal `facing`. `None` where the triangle stands for no round surface: where
+/// there are no vertex normals, where they are equal, or where one is more than 32 degrees off the triangle's ([`ROUND`]).
+fn round_normals(geometry: &Geometry, triangle: u32, facing: Vec3) -> Option<[Vec3; 3]> {
+    if geometry.normals.is_empty() {
+        return None;
+    }
+    let normals = geometry.triangles[triangle as usize].map(|corner| geometry.normals[corner as usize]);
+    if normals[0] == normals[1] && normals[1] == normals[2] {
+        return None;
+    }
+    let cosines = normals.map(|normal| normal.dot(facing));
+    if cosines.iter().all(|cosine| *cosine >= ROUND) {
+        Some(normals)
+    } else if cosines.iter().all(|cosine| -*cosine >= ROUND) {
+        Some(normals.map(|normal| -normal))
+    } else {
+        None
+    }
+}
+
+/// Weighs three vectors by the barycentric coordinates of a hit.
+fn weighed([a, b, c]: [Vec3; 3], at: &Hit) -> Vec3 {
+    a * (1.0 - at.u - at.v) + b * at.u + c * at.v
+}
+
+/// The normal that decides what light reaches a point of a triangle on the side of unit normal `facing`: that of the smooth surface, of any length
+/// above 0, where the triangle stands for a round one, else `facing`.
+///
+/// # Panics
+/// If there is no such triangle.
+#[must_use]
+pub fn horizon(geometry: &Geometry, triangle: u32, point: &SurfacePoint, facing: Vec3) -> Vec3 {
+    round_normals(geometry, triangle, facing)
+        .map_or(facing, |normals| weighed(normals, &locate(geometry, triangle, point.position)))
+}
+
+/// Whether light from the unit direction `to_light` reaches no point like this on the side of unit normal `facing`: the triangle is turned away
+/// from it, or the round surface is that it stands for.
+///
+/// # Panics
+/// If there is no such triangle.
+#[must_use]
+pub fn is_turned(geometry: &Geometry, triangle: u32, point: &SurfacePoint, (facing, to_light): (Vec3, Vec3)) -> bool {
+    if facing.dot(to_light) <= 0.0 {
+        return true;
+    }
+    round_normals(geometry, triangle, facing).is_some_and(|normals| {
+        // Where all corners are lit, so is what lies between.
+        let is_lit = normals.iter().all(|normal| normal.dot(to_light) > 0.0);
+        !is_lit && weighed(normals, &locate(geometry, triangle, point.position)).dot(to_light) <= 0.0
+    })
+}
+
 /// Vector from a point of a triangle to the smooth surface. The point is on the side of unit normal `facing`, which is
 /// turned away from the light; `to_light` is the unit direction to the light.
 ///
-/// The vector is 0 where the shading normal gets no light, where a corner's normal is more than 32 degrees off the
-/// triangle's ([`ROUND`], so the triangle stands for an edge and no round body), and where the triangle is flat.
+/// The vector is 0 where the smooth surface is turned away as well, and where the triangle stands for no round one.
 ///
 /// # Panics
 /// If there is no such triangle.
@@ -56,23 +111,14 @@ pub fn way_onto_round(
     point: &SurfacePoint,
     (facing, to_light): (Vec3, Vec3),
 ) -> Vec3 {
-    if geometry.normals.is_empty() {
-        return Vec3::ZERO;
-    }
-    let [na, nb, nc] = geometry.triangles[triangle as usize].map(|corner| geometry.normals[corner as usize]);
-    if na == nb && nb == nc {
-        return Vec3::ZERO;
-    }
+    let Some(normals) = round_normals(geometry, triangle, facing) else { return Vec3::ZERO };
     let at = locate(geometry, triangle, point.position);
-    let normal = na * (1.0 - at.u - at.v) + nb * at.u + nc * at.v;
-    let side = 1f32.copysign(normal.dot(facing));
-    let round = |normal: Vec3| normal.dot(facing) * side >= ROUND;
-    if !(normal.dot(to_light) * side > 0.0 && round(na) && round(nb) && round(nc)) {
+    if weighed(normals, &at).dot(to_light) <= 0.0 {
         return Vec3::ZERO;
     }
-    let [a, b, c] = geometry.corners(triangle);
+    let corners = geometry.corners(triangle);
     let lift = |corner: Vec3, normal: Vec3| normal * higher(0.0, -(point.position - corner).dot(normal));
-    let way = lift(a, na * side) * (1.0 - at.u - at.v) + lift(b, nb * side) * at.u + lift(c, nc * side) * at.v;
+    let way = weighed(std::array::from_fn(|i| lift(corners[i], normals[i])), &at);
     if way.is_finite() { way } else { Vec3::ZERO }
 }
 
@@ -90,6 +136,22 @@ impl<T: Tracer, C> Pass<'_, T, C> {
         }
         let way = way_onto_round(&self.job.scene.geometry, triangle, point, (facing, to_light));
         (way != Vec3::ZERO).then(|| Lifted { from: point.spawn(facing), way })
+    }
+
+    /// [`is_turned`] of the scene's triangles; of spheres only the side of normal `facing` decides.
+    pub(super) fn is_turned(&self, triangle: u32, point: &SurfacePoint, (facing, to_light): (Vec3, Vec3)) -> bool {
+        match self.sphere(triangle) {
+            Some(_) => facing.dot(to_light) <= 0.0,
+            None => is_turned(&self.job.scene.geometry, triangle, point, (facing, to_light)),
+        }
+    }
+
+    /// [`horizon`] of the scene's triangles; of spheres it is `facing`.
+    pub(super) fn horizon(&self, triangle: u32, point: &SurfacePoint, facing: Vec3) -> Vec3 {
+        match self.sphere(triangle) {
+            Some(_) => facing,
+            None => horizon(&self.job.scene.geometry, triangle, point, facing),
+        }
     }
 }
 

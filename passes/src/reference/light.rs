@@ -145,9 +145,9 @@ impl Look<'_> {
 
     /// Origin of the ray from a side of a surface to the light; `None` where that side is dark without a ray.
     ///
-    /// A side that is turned away from the light is dark, unless the round surface that it stands for faces the light.
-    /// Then the ray starts on that surface (Hanika, "Hacking the Shadow Terminator", Ray Tracing Gems II, 2021), if
-    /// nothing that stops light lies between the two.
+    /// A side is dark where the round surface that the triangle stands for is turned away from the light, and a triangle that is turned away
+    /// is dark where it stands for none. Where the triangle alone is turned away, the ray starts on the round surface (Hanika, "Hacking the
+    /// Shadow Terminator", Ray Tracing Gems II, 2021), if nothing that stops light lies between the two.
     pub(super) fn start_to_light(
         &self,
         world: &World<'_>,
@@ -155,34 +155,39 @@ impl Look<'_> {
         (facing, to_light): (DVec3, DVec3),
         stops: impl FnMut(&DoubleHit) -> bool,
     ) -> Option<DVec3> {
+        let round = round_normals(world, surface, facing);
+        if round.is_some_and(|(side, _)| surface.vertex.dot(to_light) * side <= 0.0) {
+            return None;
+        }
         if facing.dot(to_light) > 0.0 {
             return Some(world.leaving(surface, to_light));
         }
-        let way = way_onto_round(world, surface, facing, to_light)?;
+        let way = way_onto_round(world, surface, round?)?;
         let (from, length) = (world.leaving(surface, facing), way.length());
         (!world.is_blocked(from, way / length, length, stops)).then_some(from + way)
     }
 }
 
-/// Vector from a point of a triangle, on the side of normal `facing`, to the round surface that the normals at the
-/// corners describe. The point is projected onto the tangent planes at the corners, where it lies below them, and the
-/// projections are weighted by its barycentric coordinates. `None` where the surface is flat or not round, or faces
-/// away from the light.
-fn way_onto_round(world: &World<'_>, surface: &Surface, facing: DVec3, to_light: DVec3) -> Option<DVec3> {
+/// The normals at the corners of a triangle that stands for a round surface, and 1 if they look to the side of normal `facing`, else -1. `None`
+/// where they are equal, or one of them is far from the triangle's.
+fn round_normals(world: &World<'_>, surface: &Surface, facing: DVec3) -> Option<(f64, [DVec3; 3])> {
     let geometry = &world.scene.geometry;
     if geometry.normals.is_empty() {
         return None;
     }
     let corners = geometry.triangles[surface.triangle as usize];
     let normals = corners.map(|corner| geometry.normals[corner as usize].as_dvec3());
-    if normals[0] == normals[1] && normals[1] == normals[2] {
-        return None;
-    }
     let side = 1.0_f64.copysign(surface.vertex.dot(facing));
-    let round = normals.iter().all(|normal| normal.dot(facing) * side >= ROUND);
-    if !round || surface.vertex.dot(to_light) * side <= 0.0 {
-        return None;
-    }
+    let is_flat = normals[0] == normals[1] && normals[1] == normals[2];
+    let is_round = !is_flat && normals.iter().all(|normal| normal.dot(facing) * side >= ROUND);
+    is_round.then_some((side, normals))
+}
+
+/// Vector from a point of a triangle to the round surface that the normals at the corners describe. The point is projected onto the tangent
+/// planes at the corners, where it lies below them, and the projections are weighted by its barycentric coordinates. `None` where it is on it.
+fn way_onto_round(world: &World<'_>, surface: &Surface, (side, normals): (f64, [DVec3; 3])) -> Option<DVec3> {
+    let geometry = &world.scene.geometry;
+    let corners = geometry.triangles[surface.triangle as usize];
     let lift = |index: usize| {
         let normal = normals[index] * side;
         let corner = geometry.positions[corners[index] as usize].as_dvec3();

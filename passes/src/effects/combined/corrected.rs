@@ -40,11 +40,12 @@ pub fn prepare<T: Tracer, C: Coverage>(pass: &Pass<'_, T, C>, area: Area, work: 
         return tile_occlusion::prepare(pass, area, work, |hit| pass.stops_light(hit));
     }
     let origin = |pixel: Pixel, known: &Known| {
-        let Some((surface, _)) = known.surface else { return (None, None) };
-        if lit_side(&surface, pass.normal(pixel)).dot(pass.to_light) <= 0.0 {
-            // On a round surface the pixel may be lit nevertheless: it is left to compute its own light.
-            let is_flat = pass.job.scene.geometry.normals.is_empty();
-            return (is_flat.then_some(SHADOWED), None);
+        let Some(((surface, _), triangle)) = known.surface.zip(pass.triangle(pixel)) else { return (None, None) };
+        let facing = lit_side(&surface, pass.normal(pixel));
+        if pass.is_turned(triangle, surface.point(), (facing, pass.to_light)) {
+            // On a round surface the pixel of a triangle that is turned away may be lit nevertheless: it is left to compute its own light.
+            let is_dark = facing.dot(pass.to_light) > 0.0 || pass.job.scene.geometry.normals.is_empty();
+            return (is_dark.then_some(SHADOWED), None);
         }
         (None, Some(surface.origin(pass.to_light)))
     };

@@ -1,6 +1,7 @@
 //! The shadow terminator: how much of a coarse, smooth-shaded sphere lies in the shadow of its own triangles.
 
 use super::world::{Shot, World, grid};
+use crate::effects::SHADOWED;
 use curitiba_pipeline::backend::NO_TRIANGLE;
 use curitiba_pipeline::programs::Fidelity::Corrected;
 use curitiba_pipeline::programs::{RayParams, RayProgram};
@@ -83,6 +84,60 @@ fn smooth_spheres_are_hardly_in_their_own_shadow() {
         );
         assert!(share <= 0.005 && lost < 1e-4, "{rings}: {share} {cos} {lost}");
     }
+}
+
+/// The light's share in `final` of pixels of a coarse, smooth-shaded sphere, each with the light's cosine on the sphere it stands for: the pixel's
+/// colour beside the one that it was lit with, without occlusion.
+fn shares_in_final(rings: u32, params: RayParams) -> Vec<(f32, f32)> {
+    let world = sphere(rings, true);
+    let to_light = Vec3::new(0.62, -0.55, 0.56).normalize();
+    let mut found = Vec::new();
+    for eye in [Vec3::new(4.0, 3.0, 5.0), Vec3::new(-5.0, 2.0, -3.0), Vec3::new(1.0, -6.0, 2.0)] {
+        let side = eye.any_orthonormal_vector();
+        let shot = Shot::of(&world, eye, grid(96, Vec3::ZERO, side, side.cross(eye).normalize()));
+        let (pixels, _) = shot.run_on(&world.tree(), &shot.job(RayProgram::Final, Corrected, params.clone()));
+        let seen = pixels.iter().zip(&shot.color).zip(&shot.normal).zip(&shot.triangle);
+        found.extend(seen.filter(|(_, id)| **id != NO_TRIANGLE).map(|(((pixel, color), normal), _)| {
+            (Vec3::from_slice(normal).normalize().dot(to_light), pixel[0] / color[0])
+        }));
+    }
+    found
+}
+
+/// The border of the light follows the smooth surface, not the edges of triangles: what the surface is turned from is dark although its
+/// triangle is not, and what it faces is lit.
+#[test]
+fn the_border_of_the_light_is_that_of_the_smooth_surface() {
+    for rings in [4, 8, 16] {
+        let shares = shares_in_final(rings, RayParams { samples: 0, ..RayParams::default() });
+        let of = |lit: bool| shares.iter().filter(move |(cosine, _)| cosine.abs() > 1e-5 && (*cosine > 0.0) == lit);
+        let (lit, dark) = (of(true).count(), of(false).count());
+        assert!(lit > 3000 && dark > 3000, "{rings}: {lit} {dark}");
+        assert_eq!(of(false).filter(|(_, share)| *share != SHADOWED).count(), 0, "{rings}: light on the far side");
+        let falsely = of(true).filter(|(_, share)| *share != 1.0).count();
+        assert!((falsely as f64) <= 0.005 * lit as f64, "{rings}: {falsely} of {lit} are dark");
+    }
+}
+
+/// The same of a disc: beyond half its angle from the border all of it is below the horizon, or above, and at the border half of it.
+#[test]
+fn the_penumbra_on_a_smooth_sphere_is_a_band_around_its_border() {
+    let (sun, rings) = (12.0_f32, 8);
+    let params = RayParams { sun, sun_samples: 64, samples: 0, ..RayParams::default() };
+    let shares = shares_in_final(rings, params);
+    let half = (sun / 2.0).to_radians().sin();
+    let (mut border, mut dark) = (Vec::new(), 0);
+    for (cosine, share) in &shares {
+        if *cosine < -1.01 * half {
+            assert_eq!(*share, SHADOWED, "cosine {cosine}");
+            dark += 1;
+        } else if cosine.abs() < 0.05 * half {
+            border.push(f64::from(*share));
+        }
+    }
+    let mean = border.iter().sum::<f64>() / border.len() as f64;
+    assert!(dark > 2000 && border.len() > 30, "{dark} {}", border.len());
+    assert!((mean - 0.75).abs() < 0.02, "at the border half of the disc is seen: {mean}");
 }
 
 /// Light cosine and light share of every pixel that shows a surface, seen from `eye`.

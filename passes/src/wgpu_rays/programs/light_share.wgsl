@@ -3,7 +3,7 @@
 
 // The share of the light that reaches a surface on `lit_side`.
 fn light_share(surface: Surface, lit_side: vec3f, triangle: u32) -> Weight {
-    if dot3(lit_side, to_light()) <= 0.0 { return turned_share(surface, lit_side, triangle); }
+    if is_turned(triangle, surface.point, lit_side) { return turned_share(surface, lit_side, triangle); }
     return light_from(spawn(surface.point, to_light()));
 }
 // The same for a side that is turned away from the light.

@@ -51,9 +51,18 @@ fn light_seen(accept: u32, point: SurfacePoint, facing: vec3f, triangle: u32, li
     var is_open = false;
     var raised = vec3f(0.0);
     var sum = vec3f(0.0);
+    // A light that is a point is not asked below the horizon: its cosine there is 0.
+    var side = facing;
+    if is_disc { side = horizon(triangle, point, facing); }
     for (var sample = 0u; sample < samples; sample += 1u) {
         light_direction = towards;
-        if is_disc { light_direction = disc_direction(sample, seeds, basis); }
+        if is_disc {
+            light_direction = disc_direction(sample, seeds, basis);
+            if dot3(side, light_direction) <= 0.0 {
+                sum += vec3f(in_shadow());
+                continue;
+            }
+        }
         var origin = raised;
         if dot3(facing, light_direction) > 0.0 {
             origin = spawn(point, light_direction);

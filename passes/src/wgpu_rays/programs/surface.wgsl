@@ -109,22 +109,46 @@ fn locate(triangle: u32, position: vec3f) -> Hit {
 fn lift(position: vec3f, corner: vec3f, normal: vec3f) -> vec3f {
     return sep3(normal * max(0.0, -dot3(position - corner, normal)));
 }
-// For a point of a triangle that is turned away from the light: the vector to the curved surface that the vertex normals (on the side of
-// `facing`) describe; 0 where no light falls there (`effects/terminator.rs`).
-fn lifted(triangle: u32, point: SurfacePoint, facing: vec3f) -> vec3f {
-    if params.has_normals == 0u { return vec3f(0.0); }
+// The normals at a triangle's corners, turned to the side of `facing`; not round where the triangle stands for no round surface
+// (`effects/terminator.rs`).
+struct Round { a: vec3f, b: vec3f, c: vec3f, is_round: bool }
+fn round_normals(triangle: u32, facing: vec3f) -> Round {
+    var normals = Round(facing, facing, facing, false);
+    if params.has_normals == 0u { return normals; }
     let i = corners_of(triangle) * 3u + vec3u(params.normals_at);
     let na = vector_at(i.x); let nb = vector_at(i.y); let nc = vector_at(i.z);
-    if all(na == nb) && all(nb == nc) { return vec3f(0.0); }
+    if all(na == nb) && all(nb == nc) { return normals; }
+    let cosines = vec3f(dot3(na, facing), dot3(nb, facing), dot3(nc, facing));
+    if all(cosines >= vec3f(ROUND)) { normals = Round(na, nb, nc, true); }
+    if all(-cosines >= vec3f(ROUND)) { normals = Round(-na, -nb, -nc, true); }
+    return normals;
+}
+fn weighed_normals(normals: Round, at: Hit) -> vec3f { return weighed(normals.a, normals.b, normals.c, at); }
+// The normal that decides what light reaches a side: that of the round surface that the triangle stands for, else `facing`.
+fn horizon(triangle: u32, point: SurfacePoint, facing: vec3f) -> vec3f {
+    let normals = round_normals(triangle, facing);
+    if !normals.is_round { return facing; }
+    return weighed_normals(normals, locate(triangle, point.position));
+}
+// Whether a side gets no light at points like this: the triangle is turned away from it, or the round surface is that it stands for.
+fn is_turned(triangle: u32, point: SurfacePoint, facing: vec3f) -> bool {
+    if dot3(facing, to_light()) <= 0.0 { return true; }
+    let normals = round_normals(triangle, facing);
+    if !normals.is_round { return false; }
+    // Where all corners are lit, so is what lies between.
+    if dot3(normals.a, to_light()) > 0.0 && dot3(normals.b, to_light()) > 0.0 && dot3(normals.c, to_light()) > 0.0 { return false; }
+    return dot3(weighed_normals(normals, locate(triangle, point.position)), to_light()) <= 0.0;
+}
+// For a point of a triangle that is turned away from the light: the vector to the round surface; 0 where no light falls there.
+fn lifted(triangle: u32, point: SurfacePoint, facing: vec3f) -> vec3f {
+    let normals = round_normals(triangle, facing);
+    if !normals.is_round { return vec3f(0.0); }
     let at = locate(triangle, point.position);
-    let normal = weighed(na, nb, nc, at);
-    let side = with_sign(1.0, dot3(normal, facing));
-    let is_round = dot3(na, facing) * side >= ROUND && dot3(nb, facing) * side >= ROUND && dot3(nc, facing) * side >= ROUND;
-    if !(is_round && dot3(normal, to_light()) * side > 0.0) { return vec3f(0.0); }
+    if dot3(weighed_normals(normals, at), to_light()) <= 0.0 { return vec3f(0.0); }
     let corners = positions_of(triangle);
-    let a = lift(point.position, corners.a, na * side);
-    let b = lift(point.position, corners.b, nb * side);
-    let way = sep3(weighed(a, b, lift(point.position, corners.c, nc * side), at));
+    let a = lift(point.position, corners.a, normals.a);
+    let b = lift(point.position, corners.b, normals.b);
+    let way = sep3(weighed(a, b, lift(point.position, corners.c, normals.c), at));
     return select(vec3f(0.0), way, is_finite3(way));
 }
 
