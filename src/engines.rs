@@ -162,7 +162,7 @@ impl Choice {
     }
 
     /// The choice for a plan. If `auto` chooses the ray backend, and a pass asks for glass features beyond the report's panes
-    /// or a filter, or a scene has a sky, the processor becomes a fallback; a message says so when it takes over.
+    /// or a filter, the processor becomes a fallback; a message says so when it takes over.
     ///
     /// If `auto` chooses the rasteriser, and a pass draws with own shaders, the rasteriser is wgpu on any adapter.
     #[must_use]
@@ -174,9 +174,8 @@ impl Choice {
 
     fn rays_for_plan(self, plan: &Plan) -> Self {
         let more = |planned| plan.asks_of_glass(planned).or_else(|| plan.asks_of_filter(planned)).is_some();
-        let asks = || plan.passes.iter().any(more) || plan.project.scenes.iter().any(|scene| !scene.sky.is_empty());
         match (self.backend, self.fallback) {
-            (BackendChoice::Auto, [None, None, None, None]) if asks() => {
+            (BackendChoice::Auto, [None, None, None, None]) if plan.passes.iter().any(more) => {
                 Self { fallback: [Some(BackendChoice::Cpu), None, None, None], ..self }
             }
             _ => self,

@@ -335,7 +335,7 @@ struct BodyWalk {
             follows = false;
             float3 extinction = extinction_in(params, next.media);
             Hit hit;
-            if (!pass.closest(next.origin, next.direction, hit)) {
+            if (!pass.closest_or_sky(next.origin, next.direction, hit)) {
                 missed = missed + next.weight * transmittance(extinction, INFINITY) * vector_of(params.beyond);
                 continue;
             }
@@ -395,7 +395,7 @@ template <class Tracer> DEVICE void find_bodies_around_eye(Pass<Tracer> &pass) {
     float3 direction = normalize_or(vec3(0.352071f, 0.631593f, 0.690733f), splat(0.0f)), origin = pass.eye();
     for (unsigned step = 0; step < MOST_STEPS; ++step) {
         Hit hit;
-        if (!pass.closest(origin, direction, hit)) break;
+        if (!pass.closest_or_sky(origin, direction, hit)) break;
         Surface surface = surface_hit(params, direction, hit, NO_FOOTPRINT);
         if (is_solid(params, hit.triangle)) {
             unsigned material = __ldg(params.materials + hit.triangle);

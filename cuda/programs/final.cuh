@@ -64,15 +64,24 @@ DEVICE Share light_share(Pass<Tracer> &pass, unsigned triangle, const Surface &s
 }
 #endif
 
-// A colour times the light's share and ambient occlusion. Black stays black, without a ray. All threads of a warp call it
+// Whether a surface keeps its colour without a ray: black, and a sky. Where glass is panes there is no sky (`Variant` of the processor).
+DEVICE bool keeps_color(const Params &params, float3 color, unsigned triangle) {
+#ifdef CURITIBA_BODIES
+    return is_black(color) || is_sky(params, triangle);
+#else
+    return is_black(color);
+#endif
+}
+
+// A colour times the light's share and ambient occlusion, but for colours that are kept. All threads of a warp call it
 // together, those that have no surface with black.
 template <class Tracer>
 static __device__ OUTLINED float3 visible(Pass<Tracer> &pass, float3 color, unsigned triangle, const Surface &surface,
                                               float3 lit_side, unsigned key) {
-    bool black = is_black(color);
-    Share light = black ? share_of(0.0f) : light_share(pass, triangle, surface, lit_side);
-    float open = pass.template occlusion<ACCEPT_STOPS>(!black, surface, key);
-    return black ? color : color * light * open;
+    bool kept = keeps_color(pass.params, color, triangle);
+    Share light = kept ? share_of(0.0f) : light_share(pass, triangle, surface, lit_side);
+    float open = pass.template occlusion<ACCEPT_STOPS>(!kept, surface, key);
+    return kept ? color : color * light * open;
 }
 
 template <class Tracer> DEVICE float thesis_light_share(Pass<Tracer> &pass, float3 position) {

@@ -46,6 +46,13 @@ DEVICE void list_surfaces(Pass<Bvh> &pass) {
         // Black stays black, without a ray.
         bool wanted = surfaces.here && head != NO_ROOM && !is_black(color);
         surfaces.here = false;
+#ifdef CURITIBA_BODIES
+        // A sky is not lit: its colour is added now.
+        if (wanted && is_sky(params, surfaces.triangle)) {
+            surfaces.walk.missed = surfaces.walk.missed + color;
+            wanted = false;
+        }
+#endif
         unsigned mask = __ballot_sync(WHOLE_WARP, wanted), first = 0;
         if (mask == 0) continue;
         if (lane == 0) first = atomicAdd(params.progress + FOUND, 32u);

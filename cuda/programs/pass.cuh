@@ -1,6 +1,8 @@
 // A pixel of a pass, the counts of its rays, and the rays that only ask whether something is in the way
 // (`effects/occlusion.rs`). Generic over the tracer, which has
 //   bool closest<Accept>(ray, hit)          the nearest accepted hit; of several at one distance, the lowest triangle
+//   bool has_sky()                          whether the scene has a sky, which no other query finds
+//   bool closest_on_sky<Accept>(ray, hit)   the nearest accepted hit on it; without one, `hit` is left as it was
 //   bool occluded<Accept>(ray, crossings)   whether any accepted hit exists
 //   unsigned count_open<Accept>(wanted, fan, samples, rays)  how many rays of a fan nothing stops; counts the rays
 //   bool any(value)                         whether it is true in any thread that works together with this one
@@ -100,6 +102,13 @@ template <class Tracer> struct Pass {
     // The nearest surface from an origin that lies off its own.
     __device__ __forceinline__ bool closest(float3 origin, float3 direction, Hit &hit) const {
         return tracer.template closest<ACCEPT_COVERED>({origin, direction, 0.0f, INFINITY}, hit);
+    }
+    // The same of mirrors and glass, which show a sky as well; of equal distances, that of all else.
+    __device__ __forceinline__ bool closest_or_sky(float3 origin, float3 direction, Hit &hit) const {
+        bool found = closest(origin, direction, hit);
+        if (!tracer.has_sky()) return found;
+        float t_max = found ? hit.t : INFINITY;
+        return tracer.template closest_on_sky<ACCEPT_COVERED>({origin, direction, 0.0f, t_max}, hit) || found;
     }
     // The first hit farther than `t_min`. A ray that is not made of numbers meets nothing.
     __device__ __forceinline__ bool thesis_closest(float3 origin, float3 direction, float t_min, Hit &hit) const {

@@ -17,7 +17,7 @@ template <class Tracer> DEVICE float4 corrected(Pass<Tracer> &pass) {
         cone = cone_mirrored(cone, curvature_of(params, triangle, surface.facing), -dot(normal, view));
         pass.rays.reflected += 1;
         Hit hit;
-        if (!pass.closest(spawn(surface.point, direction), direction, hit)) return opaque(vector_of(params.beyond));
+        if (!pass.closest_or_sky(spawn(surface.point, direction), direction, hit)) return opaque(vector_of(params.beyond));
         cone = cone_along(cone, hit.t);
         float footprint = footprint_of(params, cone, hit.triangle, direction);
         surface = surface_hit(params, direction, hit, footprint);

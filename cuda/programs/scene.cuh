@@ -150,6 +150,8 @@ DEVICE const Shade &shade_of(const Params &params, unsigned triangle) {
     return params.shades[__ldg(params.materials + triangle)];
 }
 DEVICE bool is_glass(const Params &params, unsigned triangle) { return shade_of(params, triangle).flags & SHADE_GLASS; }
+// Whether it shows as it is, without shadows and occlusion.
+DEVICE bool is_sky(const Params &params, unsigned triangle) { return shade_of(params, triangle).flags & SHADE_SKY; }
 DEVICE bool passes_light(const Params &params, unsigned triangle) {
     return shade_of(params, triangle).flags & SHADE_SHADOW_GLASS;
 }

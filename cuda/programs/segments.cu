@@ -42,7 +42,7 @@ extern "C" __global__ void __raygen__segments() {
     Ray ray = segment_at(params, index, own);
     // Payloads 1 and 2: the triangles that do not block. Nothing but the miss program writes payload 0.
     unsigned p[PAYLOADS] = {0, own.x, own.y, 0, 0, 0};
-    trace(ray, RADIANCE, RAY_TERMINATE_ON_FIRST_HIT | RAY_DISABLE_CLOSEST_HIT, p);
+    trace(params.handle, ray, RADIANCE, RAY_TERMINATE_ON_FIRST_HIT | RAY_DISABLE_CLOSEST_HIT, p);
     if (p[0] != NO_TRIANGLE) atomicOr(params.blocked + index / 32, 1u << index % 32);
 }
 // On opaque materials.

@@ -223,6 +223,20 @@ struct Bvh {
         return blocked;
     }
 
+    __device__ __forceinline__ bool has_sky() const { return params.sky != nullptr; }
+    template <Accept ACCEPT> __device__ __forceinline__ bool closest_on_sky(const Ray &ray, Hit &hit) const {
+        Hit found = nearest_in<ACCEPT>(*params.sky, ray);
+        if (found.triangle == NO_TRIANGLE) return false;
+        hit = found;
+        return true;
+    }
+    // The nearest hit in the tree of these parameters. Called, so that scenes without a sky do not carry it along.
+    template <Accept ACCEPT> static __device__ OUTLINED Hit nearest_in(const Params &params, Ray ray) {
+        Hit hit;
+        if (!Bvh{params}.template closest<ACCEPT>(ray, hit)) hit.triangle = NO_TRIANGLE;
+        return hit;
+    }
+
     // Each thread alone. Where they work together, kernels of their own do (`count_open.cuh`).
     template <Accept ACCEPT, class Rays>
     DEVICE_MEMBER unsigned count_open(bool wanted, const Rays &fan, unsigned samples, RayCounts &rays) const {

@@ -54,8 +54,8 @@ DEVICE void report_hit(const Hit &hit) {
 DEVICE void report_miss() { set_payload<0>(NO_TRIANGLE); }
 DEVICE Crossings *asked_crossings() { return (Crossings *)(payload<4>() | (unsigned long long)payload<5>() << 32); }
 
-// Traces a ray; `p` are the payloads, as written by the programs that ran.
-DEVICE void trace(const Ray &ray, RayType type, unsigned flags, unsigned (&p)[PAYLOADS]) {
+// Traces a ray through a structure; `p` are the payloads, as written by the programs that ran.
+DEVICE void trace(unsigned long long handle, const Ray &ray, RayType type, unsigned flags, unsigned (&p)[PAYLOADS]) {
     // The function takes and returns 32 payloads, used or not.
     unsigned none = 0, types = RAY_TYPES;
     [[maybe_unused]] unsigned rest[32 - PAYLOADS];
@@ -74,7 +74,7 @@ DEVICE void trace(const Ray &ray, RayType type, unsigned flags, unsigned (&p)[PA
                    "=r"(rest[12]), "=r"(rest[13]), "=r"(rest[14]), "=r"(rest[15]), "=r"(rest[16]),
                    "=r"(rest[17]), "=r"(rest[18]), "=r"(rest[19]), "=r"(rest[20]), "=r"(rest[21]),
                    "=r"(rest[22]), "=r"(rest[23]), "=r"(rest[24])
-                 : "r"(none), "l"(params.handle), "f"(ray.origin.x), "f"(ray.origin.y), "f"(ray.origin.z),
+                 : "r"(none), "l"(handle), "f"(ray.origin.x), "f"(ray.origin.y), "f"(ray.origin.z),
                    "f"(ray.direction.x), "f"(ray.direction.y), "f"(ray.direction.z), "f"(ray.t_min),
                    "f"(t_max), "f"(0.0f), "r"(255u), "r"(flags), "r"((unsigned)type), "r"(types),
                    "r"((unsigned)type), "r"(PAYLOADS), "r"(p[0]), "r"(p[1]), "r"(p[2]), "r"(p[3]), "r"(p[4]), "r"(p[5]),
@@ -92,15 +92,25 @@ struct Optix {
 
     template <Accept> __device__ __forceinline__ bool closest(const Ray &ray, Hit &hit) const {
         unsigned p[PAYLOADS] = {NO_TRIANGLE, 0, 0, 0, 0, 0};
-        trace(ray, RADIANCE, 0, p);
+        trace(params.handle, ray, RADIANCE, 0, p);
         hit = {__uint_as_float(p[1]), p[0], __uint_as_float(p[2]), __uint_as_float(p[3])};
         return p[0] != NO_TRIANGLE;
+    }
+    __device__ __forceinline__ bool has_sky() const { return params.sky_handle != 0; }
+    template <Accept> __device__ __forceinline__ bool closest_on_sky(const Ray &ray, Hit &hit) const {
+        unsigned p[PAYLOADS] = {NO_TRIANGLE, 0, 0, 0, 0, 0};
+        trace(params.sky_handle, ray, RADIANCE, 0, p);
+        float t = __uint_as_float(p[1]);
+        // Whether OptiX takes a hit at the end of a ray for one is not said.
+        if (p[0] == NO_TRIANGLE || !(t < ray.t_max)) return false;
+        hit = {t, p[0], __uint_as_float(p[2]), __uint_as_float(p[3])};
+        return true;
     }
     template <Accept> __device__ __forceinline__ bool occluded(const Ray &ray, Crossings *crossings) const {
         unsigned long long where = (unsigned long long)crossings;
         unsigned p[PAYLOADS] = {0, 0, 0, 0, (unsigned)where, (unsigned)(where >> 32)};
         // Nothing but the miss program writes the answer, and where something stopped the ray it does not run.
-        trace(ray, SHADOW, RAY_TERMINATE_ON_FIRST_HIT | RAY_DISABLE_CLOSEST_HIT, p);
+        trace(params.handle, ray, SHADOW, RAY_TERMINATE_ON_FIRST_HIT | RAY_DISABLE_CLOSEST_HIT, p);
         return p[0] != NO_TRIANGLE;
     }
     template <Accept ACCEPT, class Rays>

@@ -113,14 +113,58 @@ struct Kernel {
     function: CudaFunction,
 }
 
-/// The tree on the device, and the kernels loaded so far.
+/// A tree on the device.
 #[derive(Debug, Default)]
-pub struct BvhTracer {
-    kernels: Vec<Kernel>,
+struct Tree {
     nodes: Buffer<u32>,
     leaves: Buffer<f32>,
     node_count: u32,
     bounds: [[f32; 3]; 2],
+}
+
+impl Tree {
+    fn upload(device: &Device, tree: &DeviceTree) -> Result<Self, BackendError> {
+        let nodes: Vec<WideNode> = tree.nodes.par_iter().with_min_len(GRAIN).map(WideNode::from).collect();
+        Ok(Self {
+            nodes: device.upload("the nodes of the tree", bytemuck::cast_slice(&nodes))?,
+            leaves: device.upload("the triangles of the tree", tree.triangles.as_flattened().as_flattened())?,
+            node_count: tree.nodes.len() as u32,
+            bounds: tree.bounds,
+        })
+    }
+
+    /// Writes the addresses and bounds of the tree into the parameters of a launch.
+    fn fill(&self, device: &Device, params: &mut Params) {
+        params.nodes = self.nodes.address(device);
+        params.leaves = self.leaves.address(device);
+        params.node_count = self.node_count;
+        [params.scene_low, params.scene_high] = self.bounds;
+    }
+
+    /// Size in bytes of device memory.
+    fn bytes(&self) -> u64 {
+        self.nodes.bytes() + self.leaves.bytes()
+    }
+}
+
+/// What the processor builds of a scene.
+#[derive(Debug)]
+pub struct Trees {
+    /// The tree of all but the sky.
+    ground: DeviceTree,
+    sky: Option<DeviceTree>,
+}
+
+/// The trees on the device, and the kernels loaded so far.
+#[derive(Debug, Default)]
+pub struct BvhTracer {
+    kernels: Vec<Kernel>,
+    /// The tree of all but the sky.
+    ground: Tree,
+    /// That of the sky, which the rays of mirrors and glass see.
+    sky: Option<Tree>,
+    /// The parameters of the last launch with the tree of the sky.
+    params_of_sky: Buffer<Params>,
     surfaces: Buffer<f32>,
     first_surface: Buffer<u32>,
     progress: Buffer<u32>,
@@ -148,27 +192,30 @@ impl BvhTracer {
     /// # Errors
     /// If the device cannot hold it.
     pub(crate) fn upload(&mut self, device: &Device, tree: &DeviceTree) -> Result<(), BackendError> {
-        let nodes: Vec<WideNode> = tree.nodes.par_iter().with_min_len(GRAIN).map(WideNode::from).collect();
-        self.nodes = device.upload("the nodes of the tree", bytemuck::cast_slice(&nodes))?;
-        self.leaves = device.upload("the triangles of the tree", tree.triangles.as_flattened().as_flattened())?;
-        self.node_count = tree.nodes.len() as u32;
-        self.bounds = tree.bounds;
+        self.ground = Tree::upload(device, tree)?;
         Ok(())
     }
 
-    /// Writes the addresses and bounds of the tree into the parameters of a launch.
+    /// Writes the addresses and bounds of the tree of all but the sky into the parameters of a launch.
     pub(crate) fn fill(&self, device: &Device, params: &mut Params) {
-        params.nodes = self.nodes.address(device);
-        params.leaves = self.leaves.address(device);
-        params.node_count = self.node_count;
-        [params.scene_low, params.scene_high] = self.bounds;
+        self.ground.fill(device, params);
+    }
+
+    /// Copies the parameters of a launch to the device with the tree of the sky in them, and refers to them.
+    fn fill_sky(&mut self, device: &Device, params: &mut Params) -> Result<(), BackendError> {
+        let Some(sky) = &self.sky else { return Ok(()) };
+        let mut own = Params { sky: 0, ..*params };
+        sky.fill(device, &mut own);
+        device.replace("the parameters of the sky", &mut self.params_of_sky, &[own])?;
+        params.sky = self.params_of_sky.address(device);
+        Ok(())
     }
 
     /// Limits on the lengths of lists of nearby triangles, for the parts of the radius. Measured on an H100: long lists pay, except where
     /// far too many triangles are in reach for any list.
     fn listed(&self, radius: f32) -> [u32; REACHES as usize - 1] {
-        let [low, high] = self.bounds.map(Vec3::from_array);
-        let triangles = (self.leaves.bytes() / BYTES_OF_TRIANGLE) as f32;
+        let [low, high] = self.ground.bounds.map(Vec3::from_array);
+        let triangles = (self.ground.leaves.bytes() / BYTES_OF_TRIANGLE) as f32;
         let within = triangles * (radius / (high - low).length()).powi(2);
         if within > TOO_MANY_WITHIN { [192, 512] } else { [LISTED, 512] }
     }
@@ -232,10 +279,13 @@ impl DeviceTracer for BvhTracer {
     /// About 115 on the device, plus about 500 on the host during the build, for obvhs's tree, its collapse and the copy.
     const BYTES_PER_TRIANGLE: u64 = 610;
 
-    type Prepared = DeviceTree;
+    type Prepared = Trees;
 
-    fn prepare(scene: &RenderScene, filtered: &[bool]) -> DeviceTree {
-        DeviceTree::build(&scene.geometry, filtered, Quality::default())
+    fn prepare(scene: &RenderScene, filtered: &[bool]) -> Trees {
+        Trees {
+            ground: DeviceTree::build(&scene.geometry, filtered, Quality::default()),
+            sky: DeviceTree::of_sky(&scene.geometry, filtered, Quality::default()),
+        }
     }
 
     fn new(_: &Device) -> Result<Self, BackendError> {
@@ -251,11 +301,16 @@ impl DeviceTracer for BvhTracer {
         device: &Device,
         _: &RenderScene,
         _: &[bool],
-        tree: &DeviceTree,
+        trees: &Trees,
         _: &SceneBuffers,
     ) -> Result<BuildStats, BackendError> {
-        self.upload(device, tree)?;
-        Ok(BuildStats { bytes: self.nodes.bytes() + self.leaves.bytes(), nodes: tree.nodes.len() as u64 })
+        self.upload(device, &trees.ground)?;
+        self.sky = trees.sky.as_ref().map(|sky| Tree::upload(device, sky)).transpose()?;
+        let held = || std::iter::once(&self.ground).chain(&self.sky);
+        Ok(BuildStats {
+            bytes: held().map(Tree::bytes).sum(),
+            nodes: held().map(|tree| u64::from(tree.node_count)).sum(),
+        })
     }
 
     fn program(program: RayProgram, variant: Variant, lighting: Lighting) -> Option<&'static str> {
@@ -263,14 +318,14 @@ impl DeviceTracer for BvhTracer {
     }
 
     fn clear(&mut self) {
-        (self.nodes, self.leaves, self.node_count) = (Buffer::default(), Buffer::default(), 0);
+        (self.ground, self.sky) = (Tree::default(), None);
         (self.surfaces, self.first_surface) = (Buffer::default(), Buffer::default());
         self.settled = Buffer::default();
     }
 
     fn held_bytes(&self) -> u64 {
         let lists = [&self.first_surface, &self.progress, &self.settled].map(Buffer::bytes);
-        self.surfaces.bytes() + lists.iter().sum::<u64>()
+        self.surfaces.bytes() + lists.iter().sum::<u64>() + self.params_of_sky.bytes()
     }
 
     fn load(&mut self, device: &Device, job: &RayJob<'_>) -> Result<(), BackendError> {
@@ -296,6 +351,7 @@ impl DeviceTracer for BvhTracer {
     fn launch(&mut self, device: &Device, job: &RayJob<'_>, params: &mut Params) -> Result<(), BackendError> {
         self.fill(device, params);
         params.listed = self.listed(params.radius);
+        self.fill_sky(device, params)?;
         let index = self.kernels.iter().position(|kernel| kernel.is_of(job)).expect("loaded before");
         let failed = |error| device.fault(&format!("running `{}`", job.program.info().stem), &error);
         if let Some(find_eye) = self.kernels[index].find_eye.as_ref().filter(|_| params.asks & ASKS_EYE != 0) {

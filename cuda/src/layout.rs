@@ -54,7 +54,8 @@ shared_structs! {
     struct Shade {
         /// Diffuse colour.
         diffuse: [f32; 3] = "float[3]",
-        /// Flags: [`SHADE_GLASS`], [`SHADE_SHADOW_GLASS`], [`SHADE_CUT`], [`SHADE_GLOW`], [`SHADE_VERTEX_COLORS`], [`SHADE_NORMAL_MAP`].
+        /// Flags: [`SHADE_GLASS`], [`SHADE_SHADOW_GLASS`], [`SHADE_CUT`], [`SHADE_GLOW`], [`SHADE_VERTEX_COLORS`], [`SHADE_NORMAL_MAP`],
+        /// [`SHADE_SKY`].
         flags: u32 = "unsigned",
         /// Colour texture: an index into [`Params::textures`], or [`NO_TEXTURE`].
         texture: u32 = "unsigned",
@@ -267,6 +268,10 @@ shared_structs! {
         disc_samples: u32 = "unsigned",
         /// Height of the cap that a disc is on the sphere of directions.
         disc_height: f32 = "float",
+        /// On our own traversal: these parameters with the tree of a sky in place of that of all else; 0 without one.
+        sky: Address = "const Params *",
+        /// Handle of the acceleration structure that OptiX built of a sky; 0 without one.
+        sky_handle: Address = "unsigned long long",
     }
 }
 
@@ -303,6 +308,8 @@ pub const SHADE_GLOW: u32 = 8;
 pub const SHADE_VERTEX_COLORS: u32 = 16;
 /// A normal map bends the material's shading normals.
 pub const SHADE_NORMAL_MAP: u32 = 32;
+/// The material is a sky, which shows as it is.
+pub const SHADE_SKY: u32 = 64;
 /// Light passes glass in a straight line, weakened as each material defines; if unset, each surface of glass dims it by the same factor.
 pub const ASKS_STRAIGHT: u32 = 1;
 /// The launch is a single thread, which finds the bodies that the camera is in.
@@ -377,6 +384,7 @@ pub fn header() -> String {
         ("SHADE_GLOW", SHADE_GLOW),
         ("SHADE_VERTEX_COLORS", SHADE_VERTEX_COLORS),
         ("SHADE_NORMAL_MAP", SHADE_NORMAL_MAP),
+        ("SHADE_SKY", SHADE_SKY),
         ("ASKS_STRAIGHT", ASKS_STRAIGHT),
         ("ASKS_EYE", ASKS_EYE),
         ("SHAPE_OPAQUE", SHAPE_OPAQUE),

@@ -178,6 +178,10 @@ impl<T: DeviceTracer> RayBackend for DeviceRays<T> {
         true
     }
 
+    fn sees_skies(&self) -> bool {
+        true
+    }
+
     fn build(&mut self, scene: &Arc<RenderScene>, filtered: &[bool]) -> Result<BuildStats, BackendError> {
         self.gpus.iter_mut().for_each(OneGpu::clear);
         let prepared = T::prepare(scene, filtered);

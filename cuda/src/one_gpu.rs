@@ -391,6 +391,8 @@ impl<T: DeviceTracer> OneGpu<T> {
             disc: if disc.is_some() { images.disc.address(device) } else { 0 },
             disc_samples: disc.as_ref().map_or(0, ConeSampler::samples),
             disc_height: disc.as_ref().map_or(0.0, ConeSampler::height),
+            sky: 0,
+            sky_handle: 0,
         })
     }
 

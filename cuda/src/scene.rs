@@ -3,8 +3,8 @@
 use crate::device::{Address, Buffer, Device};
 use crate::layout::{
     Body, LIGHT_CONE, LIGHT_PLACE, Light, NO_TEXTURE, Params, SHADE_CUT, SHADE_GLASS, SHADE_GLOW, SHADE_NORMAL_MAP,
-    SHADE_SHADOW_GLASS, SHADE_VERTEX_COLORS, SHAPE_OPAQUE, SHAPE_PANE, SHAPE_SOLID, SHAPE_THIN, Shade, TextureInfo,
-    VERTEX_COLORS_DISPLAY, VERTEX_COLORS_LINEAR, VERTEX_COLORS_NONE, WRAP_CLAMP, WRAP_MIRROR, WRAP_REPEAT,
+    SHADE_SHADOW_GLASS, SHADE_SKY, SHADE_VERTEX_COLORS, SHAPE_OPAQUE, SHAPE_PANE, SHAPE_SOLID, SHAPE_THIN, Shade,
+    TextureInfo, VERTEX_COLORS_DISPLAY, VERTEX_COLORS_LINEAR, VERTEX_COLORS_NONE, WRAP_CLAMP, WRAP_MIRROR, WRAP_REPEAT,
 };
 use curitiba_pipeline::backend::{self, BackendError, RayJob};
 use curitiba_pipeline::color::{ColorSpace, DECODED};
@@ -132,7 +132,8 @@ pub fn shades(job: &RayJob<'_>) -> Vec<Shade> {
                 | if cutoff.is_some() { SHADE_CUT } else { 0 }
                 | if shade.glow.is_some() { SHADE_GLOW } else { 0 }
                 | if shade.vertex_colors { SHADE_VERTEX_COLORS } else { 0 }
-                | if shade.normal_map.is_some() { SHADE_NORMAL_MAP } else { 0 },
+                | if shade.normal_map.is_some() { SHADE_NORMAL_MAP } else { 0 }
+                | if job.scene.materials.get(material).is_some_and(|material| material.sky) { SHADE_SKY } else { 0 },
             texture: shade.texture.unwrap_or(NO_TEXTURE),
             cutoff: cutoff.unwrap_or(0.0),
             glow: shade.glow.map_or([0.0; 3], |glow| glow.color.to_array()),

@@ -1,13 +1,15 @@
 //! Scenes with a sky, and with glass whose transmission has a texture.
 
 use super::conformance::record_of;
-use super::there;
+use super::lamps::add_lamps;
+use super::{project, there};
 use curitiba::conformance::Found;
+use curitiba::pipeline::backend::RayCounts;
 use curitiba::pipeline::image::{Image, write_png};
 use curitiba::pipeline::programs::Fidelity;
-use curitiba::pipeline::project::{Project, SceneOptions, SceneProjects};
+use curitiba::pipeline::project::{self, MaterialPattern, Project, SceneOptions, SceneProjects};
 use curitiba::{BackendChoice, Choice};
-use glam::DVec3;
+use glam::{DVec3, Vec3};
 use std::path::Path;
 use std::sync::{Arc, Mutex};
 
@@ -24,6 +26,52 @@ fn under_a_sky(folder: &Path) -> Project {
     std::fs::write(folder.join("s.obj"), text).expect("a file");
     std::fs::write(folder.join("s.mtl"), "newmtl stone\nnewmtl brick\nnewmtl sky\nKd 0.2 0.5 0.9\n").expect("a file");
     made(folder, "s.obj", "shadows,ao")
+}
+
+/// A pane and a cube of glass under a dome with a picture and a cloud that shines.
+fn glass_under_a_sky(folder: &Path) -> Project {
+    let (mut text, mut vertices) = ("mtllib g.mtl\n".to_owned(), 0);
+    let mut add = |name: &str, corners: &[[f32; 3]], faces: &[[usize; 4]]| {
+        text += &format!("o {name}\nusemtl {name}\n");
+        for [x, y, z] in corners {
+            text += &format!("v {x} {y} {z}\nvt {} {}\n", 0.07 * x + 0.3 * y, 0.05 * z - 0.2 * y);
+        }
+        for face in faces {
+            let corners = face.map(|corner| format!("{0}/{0}", vertices + corner + 1));
+            text += &format!("f {}\n", corners.join(" "));
+        }
+        vertices += corners.len();
+    };
+    let corners = |low: [f32; 3], high: [f32; 3]| -> Vec<[f32; 3]> {
+        let at = |corner: usize, axis: usize| if corner >> axis & 1 == 0 { low[axis] } else { high[axis] };
+        (0..8).map(|corner| [0, 1, 2].map(|axis| at(corner, axis))).collect()
+    };
+    let outwards = [[0, 4, 6, 2], [1, 3, 7, 5], [0, 1, 5, 4], [2, 6, 7, 3], [0, 2, 3, 1], [4, 5, 7, 6]];
+    let inwards = outwards.map(|[a, b, c, d]| [d, c, b, a]);
+    add("dome", &corners([-30.0, -25.0, -28.0], [31.0, 40.0, 29.0]), &inwards);
+    add("stone", &corners([-4.0, -0.3, -4.0], [4.0, 0.0, 4.0]), &outwards);
+    add("pane", &[[-2.0, 0.1, -1.0], [0.5, 0.1, -1.3], [0.5, 2.2, -1.3], [-2.0, 2.2, -1.0]], &[[0, 1, 2, 3]]);
+    add("cube", &corners([0.3, 0.2, -0.6], [1.4, 1.3, 0.5]), &outwards);
+    // Of equal distances, the wall is seen, and not the cloud.
+    add("cloud", &corners([-3.0, 0.0, -3.0], [-2.4, 1.5, 1.0]), &outwards);
+    add("wall", &corners([-3.0, 0.0, -3.0], [-2.4, 1.5, 1.0]), &outwards);
+    add("cloud", &corners([-9.0, 9.0, -12.0], [3.0, 9.5, 14.0]), &outwards);
+    std::fs::write(folder.join("g.obj"), text).expect("a file");
+    let texel = |i: u32| [i * 37, i * 23, i * 11, 63].map(|code| (code % 64) as f32 / 63.0);
+    let image = Image { width: 8, height: 8, pixels: (0..64).map(texel).collect() };
+    write_png(&folder.join("g.png"), &image).expect("a file");
+    let glass = "Kd 1 1 1\nd 0.2\nNi 1.5\nillum 7\n";
+    let materials = format!(
+        "newmtl dome\nKd 1 1 1\nmap_Kd g.png\nnewmtl stone\nKd 0.6 0.6 0.5\nnewmtl pane\n{glass}newmtl cube\n{glass}\
+         newmtl cloud\nKd 0 0 0\nKe 0.9 0.7 0.4\nnewmtl wall\nKd 0.8 0.2 0.1\n"
+    );
+    std::fs::write(folder.join("g.mtl"), materials).expect("a file");
+    let mut project = made(folder, "g.obj", "shadows,glass");
+    // At the glass; by itself the camera looks at the middle of all, between floor and cloud.
+    let camera = project.cameras.iter_mut().find(|camera| camera.name == "Camera").expect("the one in use");
+    camera.direction = Vec3::new(-1.7, -0.4, -3.5).normalize();
+    project.scenes[0].sky = ["dome", "cloud"].map(|name| MaterialPattern::Named(name.to_owned())).to_vec();
+    project
 }
 
 /// A pane before a wall; two of the four texels of its transmission are 0.
@@ -85,4 +133,63 @@ fn skies_and_textures_of_transmission_on_our_own_tracer_are_the_processors() {
 #[test]
 fn skies_and_textures_of_transmission_on_optix_are_the_processors() {
     agrees(BackendChoice::Optix);
+}
+
+/// Mirrors and glass that see a sky: a dome and clouds around glass of bodies; and in the square the stone of the fronts, by one light, by
+/// several and by discs.
+fn glass_shows_skies(backend: BackendChoice) {
+    if there(Choice::CPU.traced_by(backend)).is_none() {
+        return;
+    }
+    let (folder, found) = (tempfile::tempdir().expect("a folder"), Arc::new(Mutex::new(Found::default())));
+    let words = |set: &[&str]| set.iter().map(|one| (*one).to_owned()).collect::<Vec<_>>();
+    for set in [&[][..], &["pass2.samples=9", "pass2.sun=4", "pass2.sunsamples=4"]] {
+        record_of(
+            glass_under_a_sky(folder.path()),
+            backend,
+            "glass",
+            "Camera",
+            (Fidelity::Corrected, words(set)),
+            None,
+            &found,
+        );
+    }
+    for (name, set) in [
+        ("SceneReflect", &[][..]),
+        ("SceneRefract", &[]),
+        ("SceneFinal", &["pass2.samples=25"]),
+        ("SceneFinal", &["pass2.samples=2", "pass2.sun=4", "pass2.sunsamples=4"]),
+    ] {
+        for (camera, among_lamps) in [("MainCamera", false), ("Vidro", false), ("Vidro", true)] {
+            let mut square = project::load(&project(name)).expect("the project loads");
+            square.scenes[0].sky = vec![MaterialPattern::Named("Cantaria".to_owned())];
+            if among_lamps {
+                add_lamps(&mut square, camera);
+            }
+            record_of(square, backend, name, camera, (Fidelity::Corrected, words(set)), None, &found);
+        }
+    }
+    let found = found.lock().expect("no panic while it was held");
+    assert_eq!(found.records.len(), 2 + 4 * 3, "a pass did not run");
+    for record in &found.records {
+        let words = record.in_words();
+        println!("{words}");
+        assert!(record.within_limits, "farther off than it may be: {words}");
+        assert!(record.rays.reflected > 1000, "nothing mirrors: {words}");
+        if record.backend == "cuda" {
+            let cpu = record.cpu_rays.expect("the processor ran");
+            let glass = |rays: RayCounts| [rays.reflected, rays.refracted, rays.lost];
+            assert_eq!(glass(record.rays), glass(cpu), "{words}");
+        }
+    }
+}
+
+#[test]
+fn mirrors_and_glass_on_our_own_tracer_show_skies_as_the_processors_do() {
+    glass_shows_skies(BackendChoice::Cuda);
+}
+
+#[test]
+fn mirrors_and_glass_on_optix_show_skies_as_the_processors_do() {
+    glass_shows_skies(BackendChoice::Optix);
 }

@@ -60,6 +60,8 @@ pub struct Mesh<'a> {
     pub triangles: DevicePointer,
     /// Number of triangles.
     pub count: u32,
+    /// Id of the first triangle; those of the others follow.
+    pub first: u32,
     /// For each triangle, its material as 32 bits.
     pub materials: DevicePointer,
     /// For each material (at least one): [`GEOMETRY_FLAG_NONE`] where any-hit programs are called, else [`GEOMETRY_FLAG_DISABLE_ANYHIT`].
@@ -340,7 +342,7 @@ impl Api {
                 sbt_index_offset_buffer: if mesh.flags.len() > 1 { mesh.materials } else { 0 },
                 sbt_index_offset_size: 4,
                 sbt_index_offset_stride: 4,
-                primitive_index_offset: 0,
+                primitive_index_offset: mesh.first,
                 transform_format: 0,
                 opacity_micromap: OptixBuildInputOpacityMicromap {
                     indexing_mode: 0,

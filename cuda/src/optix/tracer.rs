@@ -12,7 +12,8 @@ use curitiba_passes::effects::Lighting;
 use curitiba_passes::effects::dielectric::Variant;
 use curitiba_pipeline::backend::{BackendError, BuildStats, RayJob};
 use curitiba_pipeline::programs::RayProgram;
-use curitiba_pipeline::scene::{Geometry, RenderScene};
+use curitiba_pipeline::scene::{Geometry, RenderScene, TriangleRanges};
+use std::ops::Range;
 
 /// OptiX's structure of a scene, and the programs loaded so far.
 #[derive(Debug)]
@@ -20,11 +21,20 @@ pub struct OptixTracer {
     api: Api,
     rt_cores: u32,
     programs: Vec<Loaded>,
-    structure: Buffer<u8>,
-    handle: u64,
+    /// All but the sky.
+    ground: Structure,
+    /// The sky, which the rays of mirrors and glass see; empty without one.
+    sky: Structure,
     /// Number of materials in the structure.
     materials: usize,
     params: Buffer<u8>,
+}
+
+/// A structure on the device; the handle of an empty one, which nothing hits, is 0.
+#[derive(Debug, Default)]
+struct Structure {
+    memory: Buffer<u8>,
+    handle: u64,
 }
 
 /// A program, with the shader binding table of its last pass.
@@ -65,10 +75,16 @@ fn flags(materials: usize, filtered: &[bool]) -> Vec<u32> {
     (0..materials.max(1)).map(flag).collect()
 }
 
-/// The triangles, those of the sky without area, so that nothing hits them.
-fn without_sky(geometry: &Geometry) -> Vec<[u32; 3]> {
-    let corners = |(id, corners): (u32, &[u32; 3])| if geometry.sky.contains(id) { [0; 3] } else { *corners };
-    (0..).zip(&geometry.triangles).map(corners).collect()
+/// Some triangles in a row, those of the sky or else (`of_sky`) all others without area, so that nothing hits them.
+fn masked(geometry: &Geometry, ids: Range<u32>, of_sky: bool) -> Vec<[u32; 3]> {
+    let corners = |id| if geometry.sky.contains(id) == of_sky { geometry.triangles[id as usize] } else { [0; 3] };
+    ids.map(corners).collect()
+}
+
+/// The triangles from the first of a sky to its last.
+fn span(sky: &TriangleRanges) -> Option<Range<u32>> {
+    let (first, last) = (sky.as_slice().first()?, sky.as_slice().last()?);
+    Some(first[0]..last[1])
 }
 
 /// Copies the launch parameters to the device; returns their address and length in bytes.
@@ -85,9 +101,43 @@ fn room(device: &Device, what: &str, bytes: usize) -> Result<Buffer<u8>, Backend
     Ok(Buffer(Some(made.map_err(|error| device.fault(&format!("making room for {what}"), &error))?)))
 }
 
+impl OptixTracer {
+    /// Builds the structure of a mesh, compacted.
+    #[allow(unsafe_code, reason = "hands device memory to OptiX")]
+    fn structure(&self, device: &Device, mesh: &Mesh<'_>) -> Result<Structure, BackendError> {
+        let refused = |why| refused(device, "building OptiX's structure", why);
+        let sizes: BuildSizes = self.api.build_sizes(mesh).map_err(refused)?;
+        let output = room(device, "OptiX's structure", sizes.output)?;
+        let temporary = room(device, "OptiX's build", sizes.temporary)?;
+        let compacted = device.upload("a number", &[0_u64])?;
+        let stream = device.stream().cu_stream().cast();
+        let addresses = (output.address(device), temporary.address(device), compacted.address(device));
+        // SAFETY: the buffers have the sizes that were asked for, and live until the stream is synchronised below, as those of the
+        // mesh do, which the caller holds.
+        let handle = unsafe { self.api.build(stream, mesh, sizes, addresses) }.map_err(refused)?;
+        let fault = |error| device.fault("building OptiX's structure", &error);
+        let mut needed = [0_u64];
+        if let Some(compacted) = &compacted.0 {
+            device.stream().memcpy_dtoh(compacted, &mut needed).map_err(fault)?;
+        }
+        device.stream().synchronize().map_err(fault)?;
+        let needed = needed[0] as usize;
+        if needed == 0 || needed >= sizes.output {
+            return Ok(Structure { memory: output, handle });
+        }
+        let smaller = room(device, "OptiX's structure", needed)?;
+        // SAFETY: as above; both live until the stream is synchronised.
+        let moved = unsafe { self.api.compact(stream, handle, smaller.address(device), needed) };
+        let handle = moved.map_err(refused)?;
+        device.stream().synchronize().map_err(fault)?;
+        Ok(Structure { memory: smaller, handle })
+    }
+}
+
 impl DeviceTracer for OptixTracer {
     const NAME: &'static str = "optix";
-    /// An upper estimate of the device memory that OptiX takes while it builds.
+    /// An upper estimate of the device memory that OptiX takes while it builds. A sky is built when all else was compacted, to well below half
+    /// of this: both fit where the triangles from the first of the sky to its last are no more than half of the scene.
     const BYTES_PER_TRIANGLE: u64 = 250;
 
     /// Nothing: OptiX builds on the GPU.
@@ -102,8 +152,8 @@ impl DeviceTracer for OptixTracer {
             api,
             rt_cores,
             programs: Vec::new(),
-            structure: Buffer::default(),
-            handle: 0,
+            ground: Structure::default(),
+            sky: Structure::default(),
             materials: 0,
             params: Buffer::default(),
         })
@@ -117,7 +167,6 @@ impl DeviceTracer for OptixTracer {
         format!("OptiX interface {}, {cores}", self.api.version())
     }
 
-    #[allow(unsafe_code, reason = "hands device memory to OptiX")]
     fn build(
         &mut self,
         device: &Device,
@@ -132,49 +181,29 @@ impl DeviceTracer for OptixTracer {
         }
         self.materials = scene.materials.len();
         let flags = flags(self.materials, filtered);
-        let [positions, mut triangles, materials] = buffers.mesh(device);
-        let mut ground = Buffer::default();
-        if !geometry.sky.is_empty() {
-            ground = device.upload("the triangles without the sky", without_sky(geometry).as_flattened())?;
-            triangles = ground.address(device);
-        }
-        let mesh = Mesh {
-            positions,
-            vertices: geometry.positions.len() as u32,
-            triangles,
-            count: geometry.triangles.len() as u32,
-            materials,
-            flags: &flags,
-        };
-        let refused = |why| refused(device, "building OptiX's structure", why);
-        let sizes: BuildSizes = self.api.build_sizes(&mesh).map_err(refused)?;
-        let output = room(device, "OptiX's structure", sizes.output)?;
-        let temporary = room(device, "OptiX's build", sizes.temporary)?;
-        let compacted = device.upload("a number", &[0_u64])?;
-        let stream = device.stream().cu_stream().cast();
-        let addresses = (output.address(device), temporary.address(device), compacted.address(device));
-        // SAFETY: the buffers have the sizes that were asked for, and live until the stream is synchronised below.
-        let handle = unsafe { self.api.build(stream, &mesh, sizes, addresses) }.map_err(refused)?;
-        let fault = |error| device.fault("building OptiX's structure", &error);
-        let mut needed = [0_u64];
-        if let Some(compacted) = &compacted.0 {
-            device.stream().memcpy_dtoh(compacted, &mut needed).map_err(fault)?;
-        }
-        device.stream().synchronize().map_err(fault)?;
-        let needed = needed[0] as usize;
-        (self.structure, self.handle) = if needed > 0 && needed < sizes.output {
-            let smaller = room(device, "OptiX's structure", needed)?;
-            // SAFETY: as above; both live until the stream is synchronised.
-            let moved = unsafe { self.api.compact(stream, handle, smaller.address(device), needed) };
-            let moved = moved.map_err(refused)?;
-            device.stream().synchronize().map_err(fault)?;
-            (smaller, moved)
+        let [positions, triangles, materials] = buffers.mesh(device);
+        let count = geometry.triangles.len() as u32;
+        let vertices = geometry.positions.len() as u32;
+        let whole = Mesh { positions, vertices, triangles, count, first: 0, materials, flags: &flags };
+        if let Some(ids) = span(&geometry.sky) {
+            let ground =
+                device.upload("the triangles without the sky", masked(geometry, 0..count, false).as_flattened())?;
+            self.ground = self.structure(device, &Mesh { triangles: ground.address(device), ..whole })?;
+            drop(ground);
+            let sky = device.upload("the triangles of the sky", masked(geometry, ids.clone(), true).as_flattened())?;
+            let sky_mesh = Mesh {
+                triangles: sky.address(device),
+                count: ids.len() as u32,
+                first: ids.start,
+                materials: materials + u64::from(ids.start) * size_of::<u32>() as u64,
+                ..whole
+            };
+            self.sky = self.structure(device, &sky_mesh)?;
         } else {
-            (output, handle)
-        };
-        drop(ground);
+            self.ground = self.structure(device, &whole)?;
+        }
         // OptiX does not report its number of nodes.
-        Ok(BuildStats { bytes: self.structure.bytes(), nodes: 0 })
+        Ok(BuildStats { bytes: self.ground.memory.bytes() + self.sky.memory.bytes(), nodes: 0 })
     }
 
     fn program(program: RayProgram, variant: Variant, lighting: Lighting) -> Option<&'static str> {
@@ -182,8 +211,8 @@ impl DeviceTracer for OptixTracer {
     }
 
     fn clear(&mut self) {
-        self.structure = Buffer::default();
-        (self.handle, self.materials) = (0, 0);
+        (self.ground, self.sky) = (Structure::default(), Structure::default());
+        self.materials = 0;
     }
 
     fn held_bytes(&self) -> u64 {
@@ -208,7 +237,7 @@ impl DeviceTracer for OptixTracer {
 
     #[allow(unsafe_code, reason = "launches a pipeline")]
     fn launch(&mut self, device: &Device, job: &RayJob<'_>, params: &mut Params) -> Result<(), BackendError> {
-        params.handle = self.handle;
+        (params.handle, params.sky_handle) = (self.ground.handle, self.sky.handle);
         let parameters = describe(device, &mut self.params, params)?;
         let loaded = self.programs.iter().find(|loaded| loaded.is_of(job));
         let Loaded { pipeline, records, .. } = loaded.expect("loaded before");
@@ -256,7 +285,7 @@ impl SegmentPipeline {
     #[allow(unsafe_code, reason = "launches a pipeline")]
     pub fn launch(&mut self, device: &Device, params: &mut Params) -> Result<(), BackendError> {
         let Self { tracer, pipeline, records } = self;
-        params.handle = tracer.handle;
+        params.handle = tracer.ground.handle;
         let parameters = describe(device, &mut tracer.params, params)?;
         let stream = device.stream().cu_stream().cast();
         let records = (records.address(device), records.len());
@@ -285,6 +314,7 @@ impl Drop for OptixTracer {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use curitiba_pipeline::scene::Batch;
 
     #[test]
     fn any_hit_programs_are_called_on_filtered_materials_alone() {
@@ -294,8 +324,23 @@ mod tests {
     }
 
     #[test]
+    fn a_sky_and_all_else_are_each_without_area_in_the_structure_of_the_other() {
+        let triangles: Vec<[u32; 3]> = (1..=6).map(|id| [id, id + 1, id + 2]).collect();
+        let count = |material, first, count| Batch { material, first, count };
+        let batches = vec![count(0, 0, 1), count(1, 1, 2), count(0, 3, 1), count(1, 4, 1), count(0, 5, 1)];
+        let mut geometry = Geometry { triangles, batches, ..Geometry::default() };
+        assert_eq!(span(&geometry.sky), None);
+        geometry.sky = TriangleRanges::of_triangles(&geometry, &[false, true]);
+        let whole = geometry.triangles.clone();
+        let none = [0; 3];
+        assert_eq!(masked(&geometry, 0..6, false), [whole[0], none, none, whole[3], none, whole[5]]);
+        assert_eq!(span(&geometry.sky), Some(1..5));
+        assert_eq!(masked(&geometry, 1..5, true), [whole[1], whole[2], none, whole[4]]);
+    }
+
+    #[test]
     fn launch_parameters_have_no_padding() {
-        let (addresses, words) = (37 * 8, 12 * 4 + 2 * 4 + 6 * 12 + 4 * 4 + 2 * 4 + 4 * 4);
+        let (addresses, words) = (39 * 8, 12 * 4 + 2 * 4 + 6 * 12 + 4 * 4 + 2 * 4 + 4 * 4);
         assert_eq!(size_of::<Params>(), addresses + words);
     }
 }

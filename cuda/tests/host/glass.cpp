@@ -23,6 +23,14 @@
 struct AllTriangles {
     const Params &params;
     unsigned count;
+    // Whether it asks those of the sky instead of all others.
+    bool of_sky = false;
+
+    bool asks(unsigned id) const { return is_sky(params, id) == of_sky; }
+    bool has_sky() const { return params.sky != nullptr; }
+    template <Accept ACCEPT> bool closest_on_sky(const Ray &ray, Hit &hit) const {
+        return AllTriangles{*params.sky, count, true}.closest<ACCEPT>(ray, hit);
+    }
 
     template <Accept ACCEPT> bool closest(const Ray &ray, Hit &best) const {
         Query query;
@@ -30,6 +38,7 @@ struct AllTriangles {
         float limit = query.t_max;
         bool any = false;
         for (unsigned id = 0; id < count; ++id) {
+            if (!asks(id)) continue;
             Corners corners = positions_of(params, id);
             Hit hit;
             if (!intersect(params, query, corners.a, corners.b, corners.c, limit, hit) || hit.t >= limit) continue;
@@ -45,6 +54,7 @@ struct AllTriangles {
         Query query;
         if (!prepare(ray, query)) return false;
         for (unsigned id = 0; id < count; ++id) {
+            if (!asks(id)) continue;
             Corners corners = positions_of(params, id);
             Hit hit;
             float limit = query.t_max;
@@ -100,15 +110,17 @@ int main() {
         bodies[i].priority = word();
         bodies[i].transmission_texture = word();
         shades[i] = {};
-        shades[i].texture = shades[i].glow_texture = NO_TEXTURE;
         numbers(shades[i].diffuse);
-        if (bodies[i].shape == SHAPE_OPAQUE) shades[i].texture = 0;
-        shades[i].flags = bodies[i].shape != SHAPE_OPAQUE ? SHADE_GLASS | SHADE_SHADOW_GLASS : 0;
+        shades[i].texture = word();
+        shades[i].flags = word();
+        numbers(shades[i].glow);
+        shades[i].glow_texture = word();
     }
     params.normals = normals.data();
     params.materials = materials.data();
     params.bodies = bodies.data();
     params.shades = shades.data();
+    scene.bound([&](unsigned id) { return !is_sky(params, id); });
     params.index = number();
     params.depth = word();
     params.schlick = word();
@@ -156,6 +168,9 @@ int main() {
     params.through_glass = through.data();
     Media around_eye;
     params.around_eye = &around_eye;
+    Scene around = scene;
+    around.bound([&](unsigned id) { return is_sky(params, id); });
+    if (around.params.scene_low[0] <= around.params.scene_high[0]) params.sky = &around.params;
     AllTriangles tracer = {params, scene.count()};
     Pass<AllTriangles> eye = {params, tracer, {}, true, {}};
     find_bodies_around_eye(eye);

@@ -3,17 +3,17 @@
 
 use super::{compiled_with, light_words, run, words};
 use curitiba_cuda::layout::NO_TEXTURE;
-use curitiba_cuda::scene::{emissions, lights};
+use curitiba_cuda::scene::{emissions, lights, shades};
 use curitiba_passes::cpu;
 use curitiba_passes::effects::{LightTable, Preparation};
 use curitiba_passes::trace::{Bvh, Hit, Quality, Ray, Tracer};
-use curitiba_pipeline::backend::{Light, NO_TRIANGLE, PixelCone, RayJob, Shade, Sun};
+use curitiba_pipeline::backend::{Glow, Light, NO_TRIANGLE, PixelCone, RayJob, Shade, Sun};
 use curitiba_pipeline::executor::Progress;
 use curitiba_pipeline::glass::{Dielectric, GlassRule, GlassShadow, Shape};
 use curitiba_pipeline::image::Image;
 use curitiba_pipeline::programs::{Fidelity, Fresnel, RayParams, RayProgram, TextureLod};
 use curitiba_pipeline::scene::texture::Texture;
-use curitiba_pipeline::scene::{Batch, Geometry, Material, RenderScene};
+use curitiba_pipeline::scene::{Batch, Geometry, Material, RenderScene, TriangleRanges};
 use glam::{Vec2, Vec3, Vec4};
 use std::path::Path;
 
@@ -25,6 +25,8 @@ pub(crate) struct Scene {
     scene: RenderScene,
     dielectrics: Vec<Dielectric>,
     diffuse: Vec<Vec3>,
+    /// What the materials that are a sky show.
+    sky: Vec<Option<Glow>>,
     eye: Vec3,
     target: Vec3,
 }
@@ -36,7 +38,7 @@ impl Scene {
             (0..64 * 48_u32).map(|i| [i, i * i, i * 7, 0].map(|code| (code.wrapping_mul(0x9e37_79b9) >> 24) as u8));
         let texture = Texture::new("random".to_owned(), 64, 48, texels.collect());
         let scene = RenderScene { textures: vec![texture], ..RenderScene::default() };
-        Self { scene, dielectrics: Vec::new(), diffuse: Vec::new(), eye, target }
+        Self { scene, dielectrics: Vec::new(), diffuse: Vec::new(), sky: Vec::new(), eye, target }
     }
 
     /// Adds triangles with a new material and their own vertices; `normal` gives the normal of a corner from its position and the flat
@@ -58,6 +60,15 @@ impl Scene {
         self.scene.materials.push(Material::default());
         self.dielectrics.push(what);
         self.diffuse.push(diffuse);
+        self.sky.push(None);
+    }
+
+    /// Adds triangles that are a sky, whose material is new.
+    fn add_sky(&mut self, glow: Glow, triangles: &[[Vec3; 3]]) {
+        self.add(Dielectric::default(), Vec3::ZERO, triangles, flat);
+        self.sky[self.diffuse.len() - 1] = Some(glow);
+        self.scene.materials[self.diffuse.len() - 1].sky = true;
+        self.scene.geometry.sky = TriangleRanges::of_triangles(&self.scene.geometry, &self.scene.skies());
     }
 }
 
@@ -110,10 +121,29 @@ fn solid(index: f32) -> Dielectric {
 
 /// A tinted ball with water in it, a veiled box that overlaps another of a higher priority, an absorbing wall and a pane, over a floor.
 pub(crate) fn several() -> Scene {
+    with_several(Scene::new(Vec3::new(0.3, 1.4, 5.0), Vec3::new(0.0, 0.7, 0.0)))
+}
+
+/// [`several`] in a sky of pictures with a cloud in it. Another part of the sky lies on the faces of a box, which come later: of equal
+/// distances, they are seen.
+pub(crate) fn under_a_sky() -> Scene {
     let mut scene = Scene::new(Vec3::new(0.3, 1.4, 5.0), Vec3::new(0.0, 0.7, 0.0));
+    let picture = Glow { color: Vec3::new(0.6, 0.8, 1.0), texture: Some(0) };
+    scene.add_sky(picture, &cuboid(Vec3::splat(-30.0), Vec3::splat(31.0)));
+    let cloud = Glow { color: Vec3::new(2.0, 1.5, 1.0), texture: None };
+    scene.add_sky(cloud, &cuboid(BOX[0], BOX[1]));
+    let mut scene = with_several(scene);
+    scene.add_sky(cloud, &cuboid(Vec3::new(-9.0, 2.0, -9.0), Vec3::new(-3.0, 2.5, 12.0)));
+    scene
+}
+
+/// A box of [`several`].
+const BOX: [Vec3; 2] = [Vec3::new(-0.4, 0.1, -2.5), Vec3::new(0.4, 1.6, -2.0)];
+
+fn with_several(mut scene: Scene) -> Scene {
     let opaque = Dielectric::default();
     scene.add(opaque, Vec3::new(0.8, 0.7, 0.5), &cuboid(Vec3::new(-6.0, -0.5, -6.0), Vec3::new(6.0, 0.0, 6.0)), flat);
-    scene.add(opaque, Vec3::new(0.9, 0.1, 0.2), &cuboid(Vec3::new(-0.4, 0.1, -2.5), Vec3::new(0.4, 1.6, -2.0)), flat);
+    scene.add(opaque, Vec3::new(0.9, 0.1, 0.2), &cuboid(BOX[0], BOX[1]), flat);
     let center = Vec3::new(-1.2, 1.0, 0.0);
     let round = move |corner: Vec3, _: Vec3| (corner - center).normalize();
     let tinted = Dielectric { extinction: Vec3::new(0.1, 0.4, 0.9), ..solid(1.5) };
@@ -173,7 +203,9 @@ fn rasterised(scene: &Scene, tree: &Bvh) -> GBuffer {
         let [x, y] = [pixel % SIZE, pixel / SIZE].map(|i| (i as f32 + 0.5) / SIZE as f32 - 0.5);
         let direction = (forward + right * x - up * y).normalize();
         let ray = Ray { origin: scene.eye, direction, t_min: 0.0, t_max: f32::INFINITY };
-        let Some(hit) = tree.closest(&ray, |_: &Hit| true) else {
+        // Of a sky nothing is written but the colour.
+        let shown = tree.closest(&ray, |_: &Hit| true).filter(|hit| !geometry.sky.contains(hit.triangle));
+        let Some(hit) = shown else {
             seen.position.push([0.0; 4]);
             seen.normal.push([0.0; 4]);
             seen.color.push(BEYOND.extend(1.0).to_array());
@@ -212,12 +244,15 @@ pub(crate) fn differences(program: &Path, scene: &Scene, asked: Asked<'_>) -> (f
     let geometry = &scene.scene.geometry;
     let tree = Bvh::build(geometry, &vec![true; scene.dielectrics.len()], Quality::default());
     let seen = rasterised(scene, &tree);
-    let shade = |(diffuse, dielectric): (&Vec3, &Dielectric)| {
+    let shade = |((diffuse, dielectric), sky): ((&Vec3, &Dielectric), &Option<Glow>)| {
+        if sky.is_some() {
+            return Shade { diffuse: Vec4::W, glow: *sky, ..Shade::default() };
+        }
         let texture = (dielectric.shape == Shape::Opaque).then_some(0);
         let emission = if asked.lights.is_empty() { Vec4::ZERO } else { Vec4::new(0.2, 0.1, 0.0, 0.0) };
         Shade { diffuse: diffuse.extend(1.0), texture, emission, ..Shade::default() }
     };
-    let shades: Vec<Shade> = scene.diffuse.iter().zip(&scene.dielectrics).map(shade).collect();
+    let shades: Vec<Shade> = scene.diffuse.iter().zip(&scene.dielectrics).zip(&scene.sky).map(shade).collect();
     let glass: Vec<bool> = scene.dielectrics.iter().map(|dielectric| dielectric.shape != Shape::Opaque).collect();
     let sun = Sun { direction: Vec3::new(-0.4, -0.8, -0.5).normalize(), color: Vec3::new(0.9, 0.8, 0.7) };
     let params = RayParams {
@@ -295,14 +330,17 @@ fn serialised(scene: &Scene, seen: &GBuffer, job: &RayJob<'_>) -> Vec<u32> {
     input.extend([texture.levels[0].width, texture.levels[0].height, texels.clone().count() as u32]);
     input.extend(texels.map(|texel| u32::from_le_bytes(*texel)));
     input.push(scene.dielectrics.len() as u32);
-    for (dielectric, diffuse) in scene.dielectrics.iter().zip(&scene.diffuse) {
+    for (dielectric, shade) in scene.dielectrics.iter().zip(shades(job)) {
         input.push(dielectric.shape as u32);
         input.push(dielectric.index.to_bits());
         input.extend(words([dielectric.extinction, dielectric.filter]));
         input.extend([dielectric.veil, dielectric.thickness].map(f32::to_bits));
         input.push(dielectric.priority.into());
         input.push(dielectric.transmission_texture.unwrap_or(NO_TEXTURE));
-        input.extend(words([*diffuse]));
+        input.extend(shade.diffuse.map(f32::to_bits));
+        input.extend([shade.texture, shade.flags]);
+        input.extend(shade.glow.map(f32::to_bits));
+        input.push(shade.glow_texture);
     }
     let sun = job.sun.unwrap_or(Sun { direction: Vec3::ZERO, color: Vec3::ZERO });
     input.extend([job.params.index.to_bits(), job.params.depth]);
@@ -343,7 +381,7 @@ fn glass_of_the_device_programs_looks_as_on_the_processor() {
     for program in [RayProgram::Refraction, RayProgram::Final] {
         let name = format!("glass-{program:?}");
         let Some(compiled) = compiled_program(program, &name, None) else { return };
-        for scene in [several(), under_water()] {
+        for scene in [several(), under_water(), under_a_sky()] {
             for (fresnel, shadow, depth, lod) in [
                 (Fresnel::Exact, GlassShadow::Straight, 5, TextureLod::Zero),
                 (Fresnel::Schlick, GlassShadow::Report, 2, TextureLod::Zero),
@@ -397,6 +435,12 @@ fn a_wrong_word_of_the_device_programs_is_noticed() {
             under_water(),
             ["params.around_eye ? *(const Media *)params.around_eye : no_media()", "no_media()"],
         ),
+        // Mirrors and glass that see no sky.
+        (
+            RayProgram::Refraction,
+            under_a_sky(),
+            ["if (!pass.closest_or_sky(next.origin", "if (!pass.closest(next.origin"],
+        ),
         // Shadows by the cosine inside.
         (
             RayProgram::Final,
@@ -406,6 +450,28 @@ fn a_wrong_word_of_the_device_programs_is_noticed() {
     ] {
         let Some(compiled) = compiled_program(program, "glass-changed", Some(("bodies.cuh", change))) else { return };
         let (largest, _, _) = differences(&compiled, &scene, asked(program));
+        assert!(largest > 1e-3, "{change:?} is not noticed: {largest}");
+    }
+}
+
+#[test]
+fn a_wrong_word_of_what_is_said_of_a_sky_is_noticed() {
+    let (fresnel, shadow, lod) = (Fresnel::Exact, GlassShadow::Straight, TextureLod::Zero);
+    for (program, header, change) in [
+        // A sky before what is at the same distance.
+        (
+            RayProgram::Refraction,
+            "pass.cuh",
+            ["float t_max = found ? hit.t : INFINITY;", "float t_max = found ? hit.t * 1.00001f : INFINITY;"],
+        ),
+        // One before all else.
+        (RayProgram::Final, "pass.cuh", ["float t_max = found ? hit.t : INFINITY;", "float t_max = INFINITY;"]),
+        // One that is lit.
+        (RayProgram::Final, "final.cuh", ["is_black(color) || is_sky(params, triangle)", "is_black(color)"]),
+    ] {
+        let Some(compiled) = compiled_program(program, "sky-changed", Some((header, change))) else { return };
+        let asked = Asked { program, fresnel, shadow, depth: 5, lod, lights: &[], sun: 0.0 };
+        let (largest, _, _) = differences(&compiled, &under_a_sky(), asked);
         assert!(largest > 1e-3, "{change:?} is not noticed: {largest}");
     }
 }

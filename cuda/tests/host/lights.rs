@@ -1,7 +1,7 @@
 //! Several lights, lights with a place, and lights that are discs: what arrives of them at a point, bit for bit; and the programs that know
 //! them, compiled for the host as those in `glass.rs`.
 
-use super::glass::{Asked, ROUNDING, differences, several};
+use super::glass::{Asked, ROUNDING, differences, several, under_a_sky};
 use super::{Random, compiled, compiled_with, light_words, run, words};
 use curitiba_cuda::scene::lights as device_lights;
 use curitiba_passes::sampling::cone::ConeSampler;
@@ -112,14 +112,28 @@ fn asked(program: RayProgram, shadow: GlassShadow, lights: &[Light]) -> Asked<'_
 
 #[test]
 fn programs_of_several_lights_show_what_the_processors_do() {
-    let (scene, lights) = (several(), lamps());
+    let lights = lamps();
     for (program, source) in SOURCES {
         let Some(compiled) = compiled_with(source, &format!("lights-{program:?}"), None) else { return };
-        for shadow in [GlassShadow::Straight, GlassShadow::Report] {
-            let (largest, counts, _) = differences(&compiled, &scene, asked(program, shadow, &lights));
-            assert!(largest < ROUNDING && counts == 0, "{program:?} {shadow:?}: {largest}, {counts} counts differ");
+        for (scene, around) in [(several(), "nothing"), (under_a_sky(), "a sky")] {
+            for shadow in [GlassShadow::Straight, GlassShadow::Report] {
+                let (largest, counts, _) = differences(&compiled, &scene, asked(program, shadow, &lights));
+                let what = format!("{program:?} {shadow:?} in {around}");
+                assert!(largest < ROUNDING && counts == 0, "{what}: {largest}, {counts} counts differ");
+            }
         }
     }
+}
+
+#[test]
+fn mirrors_of_several_lights_that_see_no_sky_are_noticed() {
+    let change = ["if (!pass.closest_or_sky(spawn(", "if (!pass.closest(spawn("];
+    let change = Some(("reflection.cuh", change));
+    let Some(compiled) = compiled_with("lights_mirrors.cpp", "mirrors-changed", change) else { return };
+    let lights = lamps();
+    let (largest, ..) =
+        differences(&compiled, &under_a_sky(), asked(RayProgram::Reflection, GlassShadow::Report, &lights));
+    assert!(largest > 1e-1, "{largest}");
 }
 
 #[test]
@@ -184,13 +198,13 @@ fn two_suns() -> Vec<Light> {
 
 #[test]
 fn programs_of_lights_that_are_discs_show_what_the_processors_do() {
-    let (scene, several) = (several(), two_suns());
+    let (scene, lamps, sky) = (several(), two_suns(), under_a_sky());
     for (program, source) in [SOURCES[0], SOURCES[3]] {
         let Some(compiled) = compiled_with(source, &format!("discs-{program:?}"), None) else { return };
-        for lights in [&[][..], &several] {
+        for (lights, scene) in [(&[][..], &scene), (&lamps, &scene), (&lamps, &sky)] {
             for shadow in [GlassShadow::Straight, GlassShadow::Report] {
                 let soft = Asked { sun: 12.0, ..asked(program, shadow, lights) };
-                let (largest, counts, _) = differences(&compiled, &scene, soft);
+                let (largest, counts, _) = differences(&compiled, scene, soft);
                 let what = format!("{program:?} {shadow:?} of {} lights", lights.len().max(1));
                 assert!(largest < ROUNDING && counts == 0, "{what}: {largest}, {counts} counts differ");
                 let exact = program == RayProgram::DeferredShadows && lights.is_empty();

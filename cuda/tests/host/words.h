@@ -32,10 +32,15 @@ struct Scene {
         for (unsigned i = 0; i < 3 * count; ++i) triangles.push_back(i);
         params.positions = positions.data();
         params.triangles = triangles.data();
+        bound([](unsigned) { return true; });
+    }
+    // Takes the bounds of some triangles for those of the scene.
+    template <class Counts> void bound(Counts &&counts) {
         for (int axis = 0; axis < 3; ++axis) {
             params.scene_low[axis] = INFINITY;
             params.scene_high[axis] = -INFINITY;
             for (unsigned i = axis; i < positions.size(); i += 3) {
+                if (!counts(i / 9)) continue;
                 params.scene_low[axis] = fminf(params.scene_low[axis], positions[i]);
                 params.scene_high[axis] = fmaxf(params.scene_high[axis], positions[i]);
             }

@@ -67,7 +67,7 @@ pub struct DeviceTree {
     /// Three vectors a triangle: its corners. The fourth component of the first one holds the bits of the triangle's id, with
     /// [`TRANSPARENT`].
     pub triangles: Vec<[[f32; 4]; 3]>,
-    /// Low and high corner of the bounds of all triangles.
+    /// Low and high corner of the bounds of its triangles.
     pub bounds: [[f32; 3]; 2],
 }
 
@@ -99,15 +99,28 @@ impl LeafFormat for Members {
 }
 
 impl DeviceTree {
-    /// Builds the tree over all triangles, with rayon's global pool; arguments as for [`Bvh::build`](crate::trace::Bvh::build).
+    /// Builds the tree over all triangles but those of a sky ([`Geometry::sky`]), with rayon's global pool; arguments as for
+    /// [`Bvh::build`](crate::trace::Bvh::build).
     ///
     /// # Panics
     /// If there are 2³¹ triangles or more.
     #[must_use]
     pub fn build(geometry: &Geometry, transparent: &[bool], quality: Quality) -> Self {
-        let triangles = Triangles::new(geometry, transparent);
+        Self::over(&Triangles::new(geometry, transparent), quality)
+    }
+
+    /// Builds the tree over the triangles of the sky, as [`Self::build`] does over the others; `None` if there is no sky.
+    ///
+    /// # Panics
+    /// As [`Self::build`].
+    #[must_use]
+    pub fn of_sky(geometry: &Geometry, transparent: &[bool], quality: Quality) -> Option<Self> {
+        Triangles::new(geometry, transparent).sky().map(|sky| Self::over(&sky, quality))
+    }
+
+    fn over(triangles: &Triangles<'_>, quality: Quality) -> Self {
         let Built { mut nodes, leaves, mut root, bounds, triangles: count } =
-            builder::build::<Members>(&triangles, quality);
+            builder::build::<Members>(triangles, quality);
         if root == Child::NONE {
             return Self::default();
         }
@@ -307,6 +320,7 @@ fn towards(slot: usize) -> Vec3 {
 mod tests {
     use super::super::soup::soup;
     use super::*;
+    use curitiba_pipeline::scene::TriangleRanges;
 
     /// Checks that every triangle below a node lies in all boxes on its path, and returns the number of levels.
     fn check(tree: &DeviceTree, index: usize, inside: &[[[f32; 3]; 2]], seen: &mut Vec<u32>) -> usize {
@@ -353,6 +367,28 @@ mod tests {
             let expected: Vec<u32> = (0..count).map(|id| if id < count / 2 { id } else { id | TRANSPARENT }).collect();
             assert_eq!(seen, expected);
             assert_eq!(tree.triangles.len(), count as usize);
+        }
+    }
+
+    #[test]
+    fn a_sky_is_in_a_tree_of_its_own() {
+        let mut geometry = soup(900, 0.0, 0.1);
+        assert!(DeviceTree::of_sky(&geometry, &[], Quality::Balanced).is_none());
+        // The second material.
+        geometry.sky = TriangleRanges::of_triangles(&geometry, &[false, true]);
+        let ground = DeviceTree::build(&geometry, &[false, true], Quality::Balanced);
+        let sky = DeviceTree::of_sky(&geometry, &[false, true], Quality::Balanced).expect("there is one");
+        for (tree, expected) in [(ground, 0..450), (sky, 450 | TRANSPARENT..900 | TRANSPARENT)] {
+            let mut seen = Vec::new();
+            check(&tree, 0, &[], &mut seen);
+            seen.sort_unstable();
+            assert_eq!(seen, expected.collect::<Vec<u32>>());
+            let corners = || tree.triangles.iter().flatten();
+            for axis in 0..3 {
+                let (low, high) = (tree.bounds[0][axis], tree.bounds[1][axis]);
+                assert_eq!(corners().map(|corner| corner[axis]).fold(f32::INFINITY, f32::min), low);
+                assert_eq!(corners().map(|corner| corner[axis]).fold(f32::NEG_INFINITY, f32::max), high);
+            }
         }
     }
 
