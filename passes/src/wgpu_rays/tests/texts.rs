@@ -2,8 +2,9 @@
 
 use crate::effects::Lighting;
 use crate::effects::dielectric::Variant;
+use crate::raster::gpu::device::Parameters;
 use crate::wgpu_rays::layout::Params;
-use crate::wgpu_rays::programs::{Arithmetic, Kind, Rounding, Stage, is_written, source, stages};
+use crate::wgpu_rays::programs::{Arithmetic, Kind, Rounding, Stage, is_written, segments, source, stages};
 use crate::wgpu_rays::split::Split;
 use curitiba_pipeline::programs::{Fidelity, RAY_PROGRAMS, RayProgram, TextureLod};
 use wgpu::naga;
@@ -74,6 +75,27 @@ fn every_text_is_valid_wgsl_that_needs_no_extension() {
     }
     assert!(written >= 100, "{written}");
     assert!(validate("fn f() -> u32 { return 1.5; }").is_err(), "the check can fail");
+}
+
+#[test]
+fn parameters_in_a_storage_buffer_are_copied_before_anything_else() {
+    for program in [RayProgram::DeferredShadows, RayProgram::Ssao, RayProgram::Final] {
+        let kind = Kind { program, variant: Variant::Panes(Fidelity::Corrected), lighting: Lighting::Sun };
+        for stage in stages(kind, 100).iter().chain(stages(kind, 1)).chain([&Stage::Whole]) {
+            let text = source(kind, *stage, (Arithmetic::default(), TextureLod::Zero), Split::default());
+            let text = text.expect("written");
+            let stored = Parameters::Storage.declared(&text);
+            validate(&stored).unwrap_or_else(|error| panic!("{program:?} {stage:?}: {error}"));
+            let body = stored.split_once("fn main(").and_then(|(_, main)| main.split_once('{')).expect("an entry").1;
+            assert!(body.starts_with(" params = stored_params;"), "{program:?} {stage:?}");
+            assert!(!stored.contains("var<uniform>") && text.contains("var<uniform>"), "{program:?} {stage:?}");
+            assert_eq!(Parameters::Uniform.declared(&text), text);
+        }
+    }
+    let segments = segments(Arithmetic::default());
+    let stored = Parameters::Storage.declared(&segments);
+    validate(&stored).unwrap_or_else(|error| panic!("segments: {error}"));
+    assert!(!stored.contains("var<uniform>") && segments.contains("var<uniform>"));
 }
 
 #[test]
