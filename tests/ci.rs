@@ -137,6 +137,31 @@ fn a_command_that_nobody_runs_is_found_out() {
     assert_eq!(with("no blocks at all\n").status.code(), Some(1), "a README without commands is noticed");
 }
 
+/// What other workspaces must be told to take the dependencies that are compiled already.
+#[test]
+fn the_profile_of_tests_is_printed_whole_save_for_what_a_variable_sets() {
+    let printed = |variable: Option<&str>| {
+        let mut command = Command::new("bash");
+        command.arg(root(".ci/profile")).env_remove("CARGO_PROFILE_DEV_DEBUG");
+        if let Some(value) = variable {
+            command.env("CARGO_PROFILE_DEV_DEBUG", value);
+        }
+        text(&command.output().expect("bash starts").stdout)
+    };
+    let manifest = std::fs::read_to_string(root("Cargo.toml")).expect("read");
+    let settings = |text: &str| {
+        let lines = text.lines().filter(|line| !line.starts_with('#') && !line.is_empty());
+        lines.map(str::to_owned).collect::<Vec<_>>()
+    };
+    let start = manifest.find("[profile.dev]").expect("a profile");
+    let end = manifest.find("[profile.release]").expect("another after it");
+    let mut expected = settings(&manifest[start..end]);
+    assert!(expected.len() > 20, "{expected:?}");
+    assert_eq!(settings(&printed(None)), expected);
+    expected.retain(|line| !line.starts_with("debug = "));
+    assert_eq!(settings(&printed(Some("0"))), expected);
+}
+
 /// Runs `.ci/api`; `None` where Python is not installed.
 fn api(arguments: &[&Path]) -> Option<Output> {
     let output = Command::new("python3").arg(root(".ci/api")).args(arguments).output();

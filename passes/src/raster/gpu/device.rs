@@ -51,12 +51,27 @@ impl Parameters {
         u32::from(self == Self::Storage)
     }
 
-    /// A WGSL source, which declares them as uniform, with their declarations as they are bound.
+    /// A WGSL source with the entry `main`, which declares them as uniform, with their declarations as they are bound. In a storage buffer
+    /// they are copied once a thread: Mesa's driver does not see that reads of such a buffer give the same numbers, and large programs read
+    /// them at ten thousand places.
     pub fn declared(self, source: &str) -> Cow<'_, str> {
-        match self {
-            Self::Uniform => source.into(),
-            Self::Storage => source.replace("var<uniform>", "var<storage, read>").into(),
+        if self == Self::Uniform {
+            return source.into();
         }
+        let (mut text, mut copies) = (String::with_capacity(source.len() + 256), String::new());
+        for line in source.lines() {
+            match line.split_once("var<uniform> ").and_then(|(binding, rest)| Some((binding, rest.split_once(':')?))) {
+                Some((binding, (name, ty))) => {
+                    text += &format!("{binding}var<storage, read> stored_{name}:{ty}\nvar<private> {name}:{ty}\n");
+                    copies += &format!(" {name} = stored_{name};");
+                }
+                None => text.extend([line, "\n"]),
+            }
+        }
+        if let Some(body) = text.find("fn main(").and_then(|main| Some(main + text[main..].find('{')? + 1)) {
+            text.insert_str(body, &copies);
+        }
+        text.into()
     }
 }
 

@@ -23,19 +23,30 @@ fn thesis_seen(position: vec3f, direction: vec3f, hit: Hit) -> vec3f {
     return color * thesis_occlusion(ACCEPT_OPAQUE, position, normal);
 }
 
+// The surface that a pixel shows, with the stored normal and the unit direction to it.
+struct Shown { surface: Surface, stored: vec3f, view: vec3f }
+fn shown_by(pixel: Pixel, triangle: u32) -> Shown {
+    let stored = stored_normal(pixel);
+    let point = snap(triangle, stored_position(pixel).xyz);
+    let view = normalize_or(point.position - params.eye, -point.normal);
+    return Shown(surface_of(point, stored, view), stored, view);
+}
+// A pixel that shows glass.
+fn glass_pixel(pixel: Pixel, triangle: u32, shown: Shown) -> vec4f {
+    return opaque(glass_color(pixel, triangle, shown.surface, shown.view, pixel_key(pixel)) + missed_color());
+}
+
 fn corrected(pixel: Pixel) -> vec4f {
     let triangle = stored_triangle(pixel);
     let color = stored_color(pixel);
     if triangle == NO_TRIANGLE { return color; }
-    let stored = stored_normal(pixel);
-    let point = snap(triangle, stored_position(pixel).xyz);
-    let view = normalize_or(point.position - params.eye, -point.normal);
-    let surface = surface_of(point, stored, view);
+    let shown = shown_by(pixel, triangle);
+    if is_glass(triangle) { return glass_pixel(pixel, triangle, shown); }
+    let facing = shown.surface.facing;
+    let lit_side = select(facing, -facing, dot3(shown.stored, facing) < 0.0);
     let key = pixel_key(pixel);
-    if is_glass(triangle) { return opaque(glass_color(pixel, triangle, surface, view, key) + missed_color()); }
-    let lit_side = select(surface.facing, -surface.facing, dot3(stored, surface.facing) < 0.0);
-    shaded_as_seen(stored, key);
-    return opaque(visible(color.xyz, surface, lit_side, triangle, key));
+    shaded_as_seen(shown.stored, key);
+    return opaque(visible(color.xyz, shown.surface, lit_side, triangle, key));
 }
 
 fn thesis(pixel: Pixel) -> vec4f {

@@ -4,8 +4,10 @@ fn picture(pixel: Pixel) -> vec4f {
     if triangle == NO_TRIANGLE { return stored_color(pixel); }
     let slot = slot_of(pixel);
     var point = slot;
-    if is_glass(triangle) { point = next_of(slot); }
-    if point == NO_ROOM { return corrected(pixel); }
+    if is_glass(triangle) {
+        point = next_of(slot);
+        if point == NO_ROOM { return glass_pixel(pixel, triangle, shown_by(pixel, triangle)); }
+    }
     var sum = vec3f(0.0);
     if HAS_BODIES && point != slot { sum = missed_of(slot); }
     while point != NONE {

@@ -1,16 +1,23 @@
 // The share of the light that reaches a side of a triangle; `light_from` accounts for glass on the way. `lights_final.wgsl` stands in its
 // place in passes with several lights.
 
+// Where a ray to the light starts from a side of a triangle; none does where `is_dark`.
+struct RayStart { origin: vec3f, is_dark: bool }
+// The start for a side that is turned away from the light.
+fn turned_start(surface: Surface, lit_side: vec3f, triangle: u32) -> RayStart {
+    let way = lifted(triangle, surface.point, lit_side);
+    if all(way == vec3f(0.0)) { return RayStart(vec3f(0.0), true); }
+    let start = spawn(surface.point, lit_side);
+    return RayStart(sep3(start + way), is_cut_off(ACCEPT_STOPS, start, way));
+}
+// The share of the light that reaches a start.
+fn share_at(start: RayStart) -> Weight {
+    if start.is_dark { return SHADOWED * ONE; }
+    return light_from(start.origin);
+}
 // The share of the light that reaches a surface on `lit_side`.
 fn light_share(surface: Surface, lit_side: vec3f, triangle: u32) -> Weight {
-    if is_turned(triangle, surface.point, lit_side) { return turned_share(surface, lit_side, triangle); }
-    return light_from(spawn(surface.point, to_light()));
-}
-// The same for a side that is turned away from the light.
-fn turned_share(surface: Surface, lit_side: vec3f, triangle: u32) -> Weight {
-    let way = lifted(triangle, surface.point, lit_side);
-    if all(way == vec3f(0.0)) { return SHADOWED * ONE; }
-    let start = spawn(surface.point, lit_side);
-    if is_cut_off(ACCEPT_STOPS, start, way) { return SHADOWED * ONE; }
-    return light_from(sep3(start + way));
+    var start = RayStart(spawn(surface.point, to_light()), false);
+    if is_turned(triangle, surface.point, lit_side) { start = turned_start(surface, lit_side, triangle); }
+    return share_at(start);
 }

@@ -3,6 +3,6 @@
 fn put_lit_point(place: u32, surface: Surface, lit_side: vec3f, triangle: u32, key: u32, weight: f32, color: vec3f) {
     let turned = is_turned(triangle, surface.point, lit_side);
     var lit = color;
-    if turned && any(color != vec3f(0.0)) { lit = sep3(color * turned_share(surface, lit_side, triangle)) * (1.0 / SHADOWED); }
+    if turned && any(color != vec3f(0.0)) { lit = sep3(color * share_at(turned_start(surface, lit_side, triangle))) * (1.0 / SHADOWED); }
     put_point(place, surface, turned, key, weight, lit);
 }

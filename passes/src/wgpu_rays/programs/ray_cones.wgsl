@@ -68,12 +68,14 @@ fn next_level(image: Texture) -> Texture {
 // Trilinear filtering.
 fn sample_levels(image: Texture, uv: vec2f, footprint: f32) -> vec4f {
     let area = min(footprint * (f32(image.width) * f32(image.height)), MOST_AREA);
-    if !(area > 1.0) { return sample_level(image, uv); }
-    let last = f32(firstLeadingBit(max(image.width, image.height)));
-    let lod = min(0.5 * log2(area), last);
     var fine = image;
-    for (var level = 0u; level < u32(lod); level += 1u) { fine = next_level(fine); }
-    let blend = lod - floor(lod);
+    var blend = 0.0;
+    if area > 1.0 {
+        let last = f32(firstLeadingBit(max(image.width, image.height)));
+        let lod = min(0.5 * log2(area), last);
+        for (var level = 0u; level < u32(lod); level += 1u) { fine = next_level(fine); }
+        blend = lod - floor(lod);
+    }
     let color = sample_level(fine, uv);
     if blend == 0.0 { return color; }
     return between(color, sample_level(next_level(fine), uv), blend);

@@ -88,9 +88,13 @@ fn sample_image(image: Texture, uv: vec2f⟨, footprint: f32⟩) -> vec4f {
 ⟨    return sample_levels(image, uv, footprint);
 }
 fn sample_level(image: Texture, uv: vec2f) -> vec4f {
-⟩    if !(is_finite(uv.x) && is_finite(uv.y)) { return texel(image, 0, 0); }
-    let x = sep(share_of_side(uv.x, image.wrap_u) * f32(image.width)) - 0.5;
-    let y = sep((1.0 - sep(share_of_side(uv.y, image.wrap_v))) * f32(image.height)) - 0.5;
+⟩    var x = sep(share_of_side(uv.x, image.wrap_u) * f32(image.width)) - 0.5;
+    var y = sep((1.0 - sep(share_of_side(uv.y, image.wrap_v))) * f32(image.height)) - 0.5;
+    // The first texel alone, where there are no coordinates.
+    if !(is_finite(uv.x) && is_finite(uv.y)) {
+        x = 0.0;
+        y = 0.0;
+    }
     let left = floor(x); let top = floor(y);
     let fx = x - left; let fy = y - top;
     let l = i32(left); let t = i32(top);
@@ -197,16 +201,11 @@ const ACCEPT_OPAQUE: u32 = 3u;  // hits except on glass that shadow rays pass (t
 const ACCEPT_COUNTS: u32 = 4u;  // as ACCEPT_STOPS; the covered glass on the way is counted
 
 fn accepts(accept: u32, hit: Hit) -> bool {
-    switch accept {
-        case ACCEPT_ALL: { return true; }
-        case ACCEPT_COVERED: { return covers(hit); }
-        case ACCEPT_STOPS: { return !passes_light(hit.triangle) && covers(hit); }
-        case ACCEPT_OPAQUE: { return !passes_light(hit.triangle); }
-        default: {
-            if !covers(hit) { return false; }
-            if !passes_light(hit.triangle) { return true; }
-            add_crossing(hit);
-            return false;
-        }
-    }
+    if accept == ACCEPT_ALL { return true; }
+    let passes = accept != ACCEPT_COVERED && passes_light(hit.triangle);
+    if accept == ACCEPT_OPAQUE { return !passes; }
+    // Drivers write out every call of a function: whether the hit is covered is asked in one place.
+    if (accept == ACCEPT_STOPS && passes) || !covers(hit) { return false; }
+    if passes { add_crossing(hit); }
+    return !passes;
 }

@@ -1,7 +1,7 @@
 //! Texture lookups by ray cones, compared with the processor's.
 
 use super::pictures::differing;
-use super::{bits, picture, rays};
+use super::{bits, picture, rays, rays_in_turn};
 use crate::cpu::CpuRays;
 use crate::effects::tests::cones::{at_court, court, solid};
 use crate::effects::tests::world::World;
@@ -20,7 +20,7 @@ fn params(texture_lod: TextureLod) -> RayParams {
 
 /// Compares the pictures of a world; at level 0 they are others.
 fn agrees(world: &World, program: RayProgram, cones: RayParams) {
-    let Some(mut rays) = rays() else { return };
+    let Some(mut rays) = rays_in_turn() else { return };
     let scene: Arc<RenderScene> = Arc::new(world.scene.clone());
     let shot = at_court(world);
     let mut cpu = CpuRays::new();
@@ -28,7 +28,7 @@ fn agrees(world: &World, program: RayProgram, cones: RayParams) {
     rays.build(&scene, &filtered).expect("built");
     cpu.build(&scene, &filtered).expect("built");
     let job = |params| RayJob { scene: &scene, ..shot.job(program, Fidelity::Corrected, params) };
-    let (found, mine) = picture(&mut rays, &job(cones));
+    let (found, mine) = picture(&mut *rays, &job(cones));
     let (expected, theirs) = picture(&mut cpu, &job(cones));
     let (zero, _) = picture(&mut cpu, &job(RayParams { texture_lod: TextureLod::Zero, ..cones }));
     let [off, changed] = [&found, &zero].map(|pictures| differing(pictures, &expected, 0.01));

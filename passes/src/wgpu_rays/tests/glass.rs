@@ -2,7 +2,7 @@
 
 use super::lights::lamps;
 use super::pictures::differing;
-use super::{picture, rays};
+use super::{picture, rays, rays_in_turn};
 use crate::cpu::CpuRays;
 use crate::effects::tests::world::{Shot, World, grid};
 use crate::raster::gpu::AdapterKind;
@@ -91,8 +91,8 @@ fn several_of(surfaces: [Dielectric; 3]) -> World {
 
 /// Pictures of a world on both backends, whose rays are counted alike.
 fn both(world: &World, eye: Vec3, program: RayProgram, params: RayParams) -> Option<[Vec<[f32; 4]>; 2]> {
-    let mut rays = rays()?;
-    let (found, mine) = picture_on(&mut rays, world, eye, program, params);
+    let mut rays = rays_in_turn()?;
+    let (found, mine) = picture_on(&mut *rays, world, eye, program, params);
     let (expected, theirs) = picture_on(&mut CpuRays::new(), world, eye, program, params);
     let counts = |rays: curitiba_pipeline::backend::RayCounts| [rays.reflected, rays.refracted];
     println!("{program:?}: {:?} {:?}", mine.rays, theirs.rays);

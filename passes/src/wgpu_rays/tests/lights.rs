@@ -1,7 +1,7 @@
 //! Several lights, lights with a place, and lights that are discs, compared with the processor's.
 
 use super::pictures::{both_of, both_on, differing, world};
-use super::rays;
+use super::rays_in_turn;
 use crate::effects::tests::world::{Shot, World, grid};
 use curitiba_pipeline::backend::{Cone, Light};
 use curitiba_pipeline::programs::{Fidelity, RayParams, RayProgram, TextureLod};
@@ -123,7 +123,7 @@ fn discs_throw_the_soft_shadows_of_the_processor() {
 /// In several kernels, of which the last contains everything that a single one would.
 #[test]
 fn all_effects_together_know_several_lights_and_discs() {
-    let Some(mut rays) = rays() else { return };
+    let Some(mut rays) = rays_in_turn() else { return };
     let hard = RayParams { samples: 9, radius: 1.5, ..RayParams::default() };
     let soft = RayParams { sun: 8.0, sun_samples: 4, ..hard };
     for (world, params) in [(lit_by(lamps()), hard), (lit_by(two_suns()), soft), (world(), soft)] {

@@ -11,6 +11,8 @@ mod pictures;
 mod texts;
 
 use super::*;
+use std::ops::{Deref, DerefMut};
+use std::sync::{Mutex, PoisonError};
 
 /// A backend; `None`, after printing why, where this machine has no device.
 fn rays() -> Option<WgpuRays> {
@@ -22,6 +24,40 @@ fn rays() -> Option<WgpuRays> {
             None
         }
     }
+}
+
+/// Backends that no test uses now. Their kernels are compiled; software drivers take seconds for each.
+static WAITING: Mutex<Vec<WgpuRays>> = Mutex::new(Vec::new());
+
+/// A backend that tests use one after the other. One that fails does not hand it on.
+struct InTurn(Option<WgpuRays>);
+
+impl Deref for InTurn {
+    type Target = WgpuRays;
+
+    fn deref(&self) -> &WgpuRays {
+        self.0.as_ref().expect("there until it is dropped")
+    }
+}
+
+impl DerefMut for InTurn {
+    fn deref_mut(&mut self) -> &mut WgpuRays {
+        self.0.as_mut().expect("there until it is dropped")
+    }
+}
+
+impl Drop for InTurn {
+    fn drop(&mut self) {
+        if !std::thread::panicking() {
+            WAITING.lock().unwrap_or_else(PoisonError::into_inner).extend(self.0.take());
+        }
+    }
+}
+
+/// As [`rays`], for tests that change nothing of the backend itself.
+fn rays_in_turn() -> Option<InTurn> {
+    let waiting = WAITING.lock().unwrap_or_else(PoisonError::into_inner).pop();
+    Some(InTurn(Some(waiting.or_else(rays)?)))
 }
 
 /// The picture of a job on a backend, with its statistics.

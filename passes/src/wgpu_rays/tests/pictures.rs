@@ -1,6 +1,6 @@
 //! Pictures of small worlds, compared with the processor's.
 
-use super::{bits, picture, rays};
+use super::{bits, picture, rays_in_turn};
 use crate::cpu::CpuRays;
 use crate::effects::tests::terminator::sphere;
 use crate::effects::tests::world::{Shot, World, grid};
@@ -56,7 +56,7 @@ pub(super) fn both_of(
     fidelity: Fidelity,
     params: RayParams,
 ) -> Option<[Vec<[f32; 4]>; 2]> {
-    Some(both_on(&mut rays()?, world, shot, program, fidelity, params))
+    Some(both_on(&mut *rays_in_turn()?, world, shot, program, fidelity, params))
 }
 
 /// As [`both_of`], on a device of which programs may be compiled already.
@@ -103,7 +103,7 @@ fn shadows_are_the_processors_bit_by_bit() {
 
 #[test]
 fn filtered_shares_are_the_processors() {
-    let Some(mut rays) = rays() else { return };
+    let Some(mut rays) = rays_in_turn() else { return };
     let world = world();
     let shot = Shot::of(&world, Vec3::new(0.3, 0.8, 9.0), grid(96, Vec3::ZERO, Vec3::X * 4.5, Vec3::Y * 4.5)).rows(96);
     let soft = RayParams { sun: 12.0, sun_samples: 4, ..RayParams::default() };
@@ -199,7 +199,7 @@ fn round_bodies_are_lit_as_by_the_processor() {
 /// A part of a picture has the same pixels as in the whole picture: random numbers depend on the place in the picture.
 #[test]
 fn parts_of_a_picture_are_those_of_the_whole() {
-    let Some(mut rays) = rays() else { return };
+    let Some(mut rays) = rays_in_turn() else { return };
     let world = world();
     let shot = Shot::of(&world, Vec3::new(0.3, 0.8, 9.0), grid(48, Vec3::ZERO, Vec3::X * 4.5, Vec3::Y * 4.5)).rows(48);
     let scene: Arc<RenderScene> = Arc::new(world.scene.clone());
@@ -207,7 +207,7 @@ fn parts_of_a_picture_are_those_of_the_whole() {
     let job =
         curitiba_pipeline::backend::RayJob { scene: &scene, ..shot.job(RayProgram::Ssao, Fidelity::Corrected, params) };
     rays.build(&scene, &vec![true; scene.materials.len()]).expect("built");
-    let (whole, _) = picture(&mut rays, &job);
+    let (whole, _) = picture(&mut *rays, &job);
     let lower = 16 * 48;
     let part = curitiba_pipeline::backend::RayJob {
         origin: [0, 16],
@@ -218,8 +218,8 @@ fn parts_of_a_picture_are_those_of_the_whole() {
         triangle: &job.triangle[lower..],
         ..job
     };
-    let (found, _) = picture(&mut rays, &part);
+    let (found, _) = picture(&mut *rays, &part);
     assert!(bits(&found) == bits(&whole[lower..]));
     let elsewhere = curitiba_pipeline::backend::RayJob { origin: [0, 17], ..part };
-    assert!(bits(&picture(&mut rays, &elsewhere).0) != bits(&found), "the comparison can fail");
+    assert!(bits(&picture(&mut *rays, &elsewhere).0) != bits(&found), "the comparison can fail");
 }

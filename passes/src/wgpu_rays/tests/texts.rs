@@ -2,10 +2,13 @@
 
 use crate::effects::Lighting;
 use crate::effects::dielectric::Variant;
+use crate::raster::gpu::device::Parameters;
 use crate::wgpu_rays::layout::Params;
-use crate::wgpu_rays::programs::{Arithmetic, Kind, Rounding, Stage, is_written, source, stages};
+use crate::wgpu_rays::programs::{Arithmetic, Kind, Rounding, Stage, is_written, segments, source, stages};
 use crate::wgpu_rays::split::Split;
 use curitiba_pipeline::programs::{Fidelity, RAY_PROGRAMS, RayProgram, TextureLod};
+use rayon::iter::{IntoParallelRefIterator, ParallelIterator};
+use std::collections::HashMap;
 use wgpu::naga;
 
 pub const ROUNDINGS: [Rounding; 4] = [Rounding::Fma, Rounding::Separate, Rounding::Driver, Rounding::Fused];
@@ -19,9 +22,13 @@ fn validate(source: &str) -> Result<naga::Module, String> {
     Ok(module)
 }
 
-#[test]
-fn every_text_is_valid_wgsl_that_needs_no_extension() {
-    let mut written = 0;
+/// The texts of all kernels by what they are written for; kernels that several numbers of samples share are here once.
+fn every_text() -> HashMap<String, String> {
+    let mut texts = HashMap::new();
+    let mut add = |kind: Kind, stage: Stage, arithmetic: Arithmetic, lod: TextureLod, split: Split| {
+        let text = || source(kind, stage, (arithmetic, lod), split).expect("written");
+        texts.entry(format!("{kind:?} {stage:?} {arithmetic:?} {lod:?} {split:?}")).or_insert_with(text);
+    };
     for info in RAY_PROGRAMS.iter().filter(|info| is_written(info.program)) {
         let panes = [Fidelity::Corrected, Fidelity::Thesis].map(Variant::Panes);
         let knows = Variant::OF_BODIES.contains(&info.program);
@@ -37,11 +44,7 @@ fn every_text_is_valid_wgsl_that_needs_no_extension() {
             for ((stage, rounding), fused) in kernels.flat_map(|kernel| [(kernel, false), (kernel, true)]) {
                 let arithmetic = Arithmetic { rounding, fused, subgroups: false };
                 for lod in [TextureLod::Zero, TextureLod::Cones].into_iter().take(1 + usize::from(cones)) {
-                    let text = source(kind, stage, (arithmetic, lod), Split::default());
-                    if let Err(error) = validate(&text.expect("written")) {
-                        panic!("{} {variant:?} {stage:?} {rounding:?} {lod:?}: {error}", info.stem);
-                    }
-                    written += 1;
+                    add(kind, stage, arithmetic, lod, Split::default());
                 }
             }
         }
@@ -55,9 +58,7 @@ fn every_text_is_valid_wgsl_that_needs_no_extension() {
             let kind = Kind { program, variant, lighting: Lighting::Lights };
             for stage in stages(kind, 100).iter().chain(stages(kind, 1)).chain([&Stage::Whole]) {
                 for lod in [TextureLod::Zero, TextureLod::Cones] {
-                    let text = source(kind, *stage, (Arithmetic::default(), lod), Split::default()).expect("written");
-                    validate(&text).unwrap_or_else(|error| panic!("{kind:?} {stage:?} {lod:?}: {error}"));
-                    assert!(text.contains("fn arriving"), "{kind:?} {stage:?}");
+                    add(kind, *stage, Arithmetic::default(), lod, Split::default());
                 }
             }
         }
@@ -68,12 +69,44 @@ fn every_text_is_valid_wgsl_that_needs_no_extension() {
         let variant = Variant::Panes(Fidelity::Corrected);
         let kind = Kind { program, variant, lighting: Lighting::Sun };
         for stage in stages(kind, 100) {
-            let text = source(kind, *stage, (Arithmetic::default(), TextureLod::Zero), split).expect("written");
-            validate(&text).unwrap_or_else(|error| panic!("{program:?} {stage:?}: {error}"));
+            add(kind, *stage, Arithmetic::default(), TextureLod::Zero, split);
         }
     }
-    assert!(written >= 100, "{written}");
+    texts
+}
+
+#[test]
+fn every_text_is_valid_wgsl_that_needs_no_extension() {
+    let texts = every_text();
+    assert!(texts.len() >= 100, "{}", texts.len());
+    texts.par_iter().for_each(|(kernel, text)| {
+        if let Err(error) = validate(text) {
+            panic!("{kernel}: {error}");
+        }
+        assert_eq!(text.contains("fn arriving"), kernel.contains("lighting: Lights"), "{kernel}");
+    });
     assert!(validate("fn f() -> u32 { return 1.5; }").is_err(), "the check can fail");
+}
+
+#[test]
+fn parameters_in_a_storage_buffer_are_copied_before_anything_else() {
+    for program in [RayProgram::DeferredShadows, RayProgram::Ssao, RayProgram::Final] {
+        let kind = Kind { program, variant: Variant::Panes(Fidelity::Corrected), lighting: Lighting::Sun };
+        for stage in stages(kind, 100).iter().chain(stages(kind, 1)).chain([&Stage::Whole]) {
+            let text = source(kind, *stage, (Arithmetic::default(), TextureLod::Zero), Split::default());
+            let text = text.expect("written");
+            let stored = Parameters::Storage.declared(&text);
+            validate(&stored).unwrap_or_else(|error| panic!("{program:?} {stage:?}: {error}"));
+            let body = stored.split_once("fn main(").and_then(|(_, main)| main.split_once('{')).expect("an entry").1;
+            assert!(body.starts_with(" params = stored_params;"), "{program:?} {stage:?}");
+            assert!(!stored.contains("var<uniform>") && text.contains("var<uniform>"), "{program:?} {stage:?}");
+            assert_eq!(Parameters::Uniform.declared(&text), text);
+        }
+    }
+    let segments = segments(Arithmetic::default());
+    let stored = Parameters::Storage.declared(&segments);
+    validate(&stored).unwrap_or_else(|error| panic!("segments: {error}"));
+    assert!(!stored.contains("var<uniform>") && segments.contains("var<uniform>"));
 }
 
 #[test]
