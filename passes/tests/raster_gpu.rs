@@ -7,11 +7,14 @@ mod support;
 
 use common::ALL;
 use curitiba_passes::raster::gpu::{AdapterChoice, AdapterKind, WgpuRasteriser, adapters};
-use curitiba_pipeline::backend::{Attachments, GBuffer, NO_TRIANGLE, RasterJob, Rasteriser, Rect, View};
+use curitiba_pipeline::backend::{
+    Attachments, GBuffer, Glow, LoadStore, NO_TRIANGLE, RasterJob, Rasteriser, Rect, Shade, View,
+};
 use curitiba_pipeline::image::PixelFormat;
+use curitiba_pipeline::pixel_samples::PixelSamples;
 use curitiba_pipeline::scene::texture::Texture;
 use curitiba_pipeline::scene::{Batch, Geometry, RenderScene};
-use glam::{Vec2, Vec3, Vec4};
+use glam::{DMat4, DVec3, DVec4, Mat4, Vec2, Vec3, Vec4};
 use scenes::{Setup, hills, marked, plain};
 use std::sync::Arc;
 use support::rasteriser;
@@ -81,31 +84,197 @@ fn of_a_sky_its_colour_alone_is_written() {
     assert!(drawn(true, ids).triangle == with.triangle);
 }
 
-/// Devices compute depth from corners that they snap, each in its own way: this bound is far above what a farther layer may show.
+/// Depth is stored.
+const STORED: LoadStore = LoadStore { load_color: false, load_depth: false, store_depth: true };
+/// Side of the pictures that the depth of planes is tested in.
+const SIDE: u32 = 128;
+
+/// The last `SIDE` columns and rows of a job's picture.
+fn last_pixels(rasteriser: &mut WgpuRasteriser, job: &RasterJob<'_>) -> GBuffer {
+    let origin = [job.viewport.width, job.viewport.height].map(|side| side - SIDE);
+    let mut target = GBuffer { origin, ..marked(SIDE, SIDE, job.attachments) };
+    if job.load_store.store_depth {
+        target.depth = vec![f32::NAN; target.triangle.len()];
+    }
+    rasteriser.draw(job, &mut target).expect("draws");
+    rasteriser.read_back(job, job.attachments, &mut target).expect("reads back");
+    target
+}
+
+/// The same pixels as those of a picture of `SIDE` x `SIDE`, in the lower right corner of a picture that is `times` as wide and high.
+fn in_the_corner_of(times: u32, job: RasterJob<'_>) -> RasterJob<'_> {
+    let (scale, side) = (1.0 / f64::from(times), SIDE * times);
+    let map = DMat4::from_translation(DVec3::new(1.0 - scale, scale - 1.0, 0.0))
+        * DMat4::from_scale(DVec3::new(scale, scale, 1.0));
+    RasterJob { view: job.view.mapped(map), viewport: Rect { x: 0, y: 0, width: side, height: side }, ..job }
+}
+
+/// Counts pixels that show the nearer and the farther of two layers. The farther one has the triangles below `behind`.
+fn count(seen: &mut [usize; 2], drawn: &GBuffer, behind: u32) {
+    for id in drawn.triangle.iter().filter(|id| **id != NO_TRIANGLE) {
+        seen[usize::from(*id < behind)] += 1;
+    }
+}
+
+const IDS: Attachments = Attachments { color: false, position: false, normal: false, triangle: true };
+
+/// How many pixels show the nearer and the farther of two layers of small triangles, 60 m from the eye.
+fn seen_of_layers(rasteriser: &mut WgpuRasteriser, gap: f32, times: u32, snapped_depth: bool) -> [usize; 2] {
+    let mut seen = [0; 2];
+    for (tilt, seed) in [0.3, 0.8, 1.1, 1.3].into_iter().flat_map(|tilt| (0..4).map(move |seed| (tilt, seed))) {
+        let (scene, behind) = common::layers(seed, tilt, gap);
+        let (scene, shades) = (Arc::new(scene), [common::grey()]);
+        rasteriser.upload(&scene).expect("uploads");
+        for near in [0.01, 0.1, 1.0, 10.0] {
+            let view = View::new(common::perspective(1.0, 1.0, near, 100.0), Vec3::ZERO);
+            let job = RasterJob { snapped_depth, ..common::job(&scene, &shades, view, SIDE, SIDE, IDS) };
+            count(&mut seen, &last_pixels(rasteriser, &in_the_corner_of(times, job)), behind);
+        }
+    }
+    seen
+}
+
+/// The depth of a triangle is that of its own plane. Devices interpolate it between corners that they snap, or in a picture's far corner
+/// with fewer digits.
 #[test]
-fn of_two_layers_close_together_few_pixels_show_the_farther_one() {
+fn of_two_layers_close_together_the_nearer_one_is_seen() {
     let Some(mut rasteriser) = rasteriser() else { return };
-    let mut seen = |gap: f32| {
-        let (mut nearer, mut farther) = (0, 0);
-        for (tilt, seed) in [0.3, 0.8, 1.1, 1.3].into_iter().flat_map(|tilt| (0..4).map(move |seed| (tilt, seed))) {
-            let (scene, behind) = common::layers(seed, tilt, gap);
-            let (scene, shades) = (Arc::new(scene), [common::grey()]);
-            rasteriser.upload(&scene).expect("uploads");
-            for near in [0.01, 0.1, 1.0, 10.0] {
-                let view = View::new(common::perspective(1.0, 1.0, near, 100.0), Vec3::ZERO);
-                let ids = Attachments { triangle: true, ..Attachments::default() };
-                let drawn = render(&mut rasteriser, &common::job(&scene, &shades, view, 128, 128, ids), 128, 128);
-                for id in drawn.triangle.into_iter().filter(|id| *id != NO_TRIANGLE) {
-                    *if id < behind { &mut farther } else { &mut nearer } += 1;
-                }
+    let mut interpolated = [0; 4];
+    for ((gap, times), interpolated) in
+        [(8e-4, 1), (1e-4, 1), (8e-4, 16), (1e-4, 16)].into_iter().zip(&mut interpolated)
+    {
+        let [nearer, farther] = seen_of_layers(&mut rasteriser, gap, times, false);
+        [_, *interpolated] = seen_of_layers(&mut rasteriser, gap, times, true);
+        let side = times * SIDE;
+        println!(
+            "{gap} m apart, side {side}: {farther} of {} pixels, as interpolated {interpolated}",
+            nearer + farther
+        );
+        assert!(nearer > 50_000, "{nearer}");
+        assert_eq!(farther, 0, "{gap} m apart, side {side}, {}", rasteriser.adapter());
+    }
+    assert!(interpolated[3] > 1000, "control: {interpolated:?}");
+    // 60 m away a float's last bit is 4 micrometres: layers nearer to each other than that mix.
+    let [_, mixed] = seen_of_layers(&mut rasteriser, 2e-6, 1, false);
+    assert!(mixed > 1000, "control: {mixed} of layers 2 micrometres apart");
+}
+
+/// The exact depth of a triangle's plane at a pixel's centre, and by how much it changes if a corner moves by `unit` of its distance from
+/// the eye, or from the middle of what a camera without perspective sees.
+fn exact_depth(job: &RasterJob<'_>, id: u32, [x, y]: [f64; 2], unit: f64) -> [f64; 2] {
+    let (matrix, offset) = job.view.projection();
+    let inverse = matrix.as_dmat4().inverse();
+    let [a, b, c] = job.scene.geometry.corners(id).map(|corner| corner.as_dvec3() - offset.as_dvec3());
+    let normal = (b - a).cross(c - a).normalize();
+    let plane = normal.extend(-normal.dot(a));
+    let [width, height] = [job.viewport.width, job.viewport.height].map(f64::from);
+    let start = inverse * DVec4::new(2.0 * x / width - 1.0, 1.0 - 2.0 * y / height, 0.0, 1.0);
+    let depth = -plane.dot(start) / plane.dot(inverse.z_axis);
+    let is_parallel = matrix.row(3).truncate() == Vec3::ZERO;
+    let middle = if is_parallel { inverse.w_axis + inverse.z_axis * 0.5 } else { inverse.z_axis };
+    let middle = middle.truncate() / middle.w;
+    let farthest = [a, b, c].map(|corner| (corner - middle).length()).into_iter().fold(0.0, f64::max);
+    let at = start + inverse.z_axis * depth;
+    [depth, unit * farthest * (at.w / plane.dot(inverse.z_axis)).abs()]
+}
+
+/// Cameras of all kinds, and triangles that reach behind the eye.
+#[test]
+fn depth_is_that_of_planes_through_corners_that_are_off_by_a_few_units_in_the_last_place() {
+    let Some(mut rasteriser) = rasteriser() else { return };
+    let shades = [common::grey()];
+    let (tilted, _) = common::layers(3, 1.2, 0.5);
+    let mut far = tilted.clone();
+    let eye = Vec3::new(100_000.0, 2000.0, -30_000.0);
+    far.geometry.positions.iter_mut().for_each(|position| *position += eye);
+    let corner = |x: f32, z: f32| Vec3::new(1000.0 * x, -1.7 + 3.0 * x - 0.2 * z, 1000.0 * z);
+    let [left, right] = [-1.0, 1.0].map(|x| [corner(x, 1.0), corner(x, -1.0)]);
+    let floor = common::triangles(&[[left[0], right[0], left[1]], [left[1], right[0], right[1]]]);
+    let lens = common::perspective(1.0, 1.0, 0.1, 100.0);
+    let parallel = Mat4::from_cols(
+        Vec4::new(0.08, 0.0, 0.0, 0.0),
+        Vec4::new(0.0, 0.08, 0.0, 0.0),
+        Vec4::new(0.0, 0.0, 0.01, 0.0),
+        Vec4::new(0.0, 0.0, 1.0, 1.0),
+    );
+    let centred = View::new(lens, Vec3::ZERO);
+    let moved = View::new(lens * Mat4::from_translation(-eye), eye);
+    let mirrored = centred.mapped(DMat4::from_scale(DVec3::new(-1.0, 1.0, 1.0)));
+    let whole = Rect { x: 0, y: 0, width: SIDE, height: SIDE };
+    let [tilted, far, floor] = [tilted, far, floor].map(Arc::new);
+    let cases = [
+        ("perspective", &tilted, centred, 1),
+        ("far from the origin", &far, View { clip_from_eye: Some(lens), ..moved }, 1),
+        ("without perspective", &tilted, View::new(parallel, Vec3::ZERO), 1),
+        ("one of several samples", &tilted, centred.of_sample(whole, PixelSamples::new(4).expect("valid"), 1), 1),
+        ("mirrored", &tilted, View { clip_plane: Some(Vec4::new(0.0, 0.0, -1.0, -55.0)), ..mirrored }, 1),
+        ("reaching behind the eye", &floor, centred, 1),
+        ("in a corner", &tilted, centred, 16),
+    ];
+    for (name, scene, view, times) in cases {
+        rasteriser.upload(scene).expect("uploads");
+        let drawn = [false, true].map(|snapped_depth| {
+            let job = RasterJob { snapped_depth, ..common::job(scene, &shades, view, SIDE, SIDE, ALL) };
+            last_pixels(&mut rasteriser, &in_the_corner_of(times, RasterJob { load_store: STORED, ..job }))
+        });
+        let job = in_the_corner_of(times, common::job(scene, &shades, view, SIDE, SIDE, ALL));
+        let off = |buffer: &GBuffer, pixel: usize| {
+            let [x, y] = [pixel as u32 % SIDE, pixel as u32 / SIDE].map(|at| at + SIDE * (times - 1));
+            let [exact, unit] = exact_depth(
+                &job,
+                buffer.triangle[pixel],
+                [x, y].map(|at| f64::from(at) + 0.5),
+                f64::from(f32::EPSILON),
+            );
+            (f64::from(buffer.depth[pixel]) - exact).abs() / (unit + exact * f64::from(f32::EPSILON))
+        };
+        let (mut covered, mut changed, mut worst) = (0, 0, [0.0; 2]);
+        for pixel in (0..drawn[0].triangle.len()).filter(|pixel| drawn[0].triangle[*pixel] != NO_TRIANGLE) {
+            covered += 1;
+            if drawn[1].triangle[pixel] == drawn[0].triangle[pixel] {
+                changed += usize::from(drawn[0].depth[pixel].to_bits() != drawn[1].depth[pixel].to_bits());
+                worst[1] = off(&drawn[1], pixel).max(worst[1]);
+            }
+            worst[0] = off(&drawn[0], pixel).max(worst[0]);
+        }
+        println!(
+            "{name}: off by {:.2} units, the device's depth by {:.2}; {changed} of {covered} differ",
+            worst[0], worst[1]
+        );
+        // In the corner pixels are as many as a lens of 165 degrees has between them and the middle.
+        let most = if times == 1 { 3.0 } else { 12.0 };
+        assert!(covered > 400 && worst[0] < most, "{name}: {covered}, {worst:?}");
+        assert!(changed * 10 > covered, "{name}: the device's depth was kept, {changed} of {covered}");
+    }
+}
+
+/// Slivers, edges of planes and triangles of all kinds, with corners behind the eye among them.
+#[test]
+fn every_depth_is_a_number_near_the_corners_of_its_triangle() {
+    let Some(mut rasteriser) = rasteriser() else { return };
+    let (shades, mut looked_at) = ([common::grey()], 0);
+    for kind in 0..6 {
+        let scene = Arc::new(common::soup(kind, 400, 7));
+        rasteriser.upload(&scene).expect("uploads");
+        let job = common::job(&scene, &shades, common::camera(1.0), SIDE, SIDE, ALL);
+        let drawn = last_pixels(&mut rasteriser, &RasterJob { load_store: STORED, ..job });
+        for (id, depth) in drawn.triangle.iter().zip(&drawn.depth) {
+            assert!((0.0..=1.0).contains(depth), "{kind}: {depth}");
+            if *id == NO_TRIANGLE {
+                continue;
+            }
+            let corners = scene.geometry.corners(*id).map(|corner| job.view.clip_from_world * corner.extend(1.0));
+            if corners.iter().all(|corner| corner.w > 0.1) {
+                let depths = corners.map(|corner| corner.z / corner.w);
+                let [low, high] =
+                    [depths.iter().copied().fold(1.0, f32::min), depths.iter().copied().fold(0.0, f32::max)];
+                let beyond = (low - depth).max(depth - high);
+                assert!(beyond <= (high - low) + 1e-6 * high, "{kind}: triangle {id}: {depth} of {low} to {high}");
+                looked_at += 1;
             }
         }
-        (nearer, farther)
-    };
-    // 60 m away a float's last bit is 4 micrometres: layers nearer to each other than that mix.
-    let ((nearer, farther), (_, mixed)) = (seen(8e-4), seen(2e-6));
-    println!("{farther} of {} pixels; of layers 2 micrometres apart {mixed}", nearer + farther);
-    assert!(nearer > 50_000 && farther * 20 < nearer && mixed > 1000, "{farther}, {nearer}, {mixed}");
+    }
+    assert!(looked_at > 10_000, "{looked_at}");
 }
 
 #[test]
@@ -270,6 +439,66 @@ fn of_equal_depths_the_lower_triangle_stays() {
     assert!(target.triangle.iter().all(|id| *id == 1));
 }
 
+/// Triangles in one plane across an axis have the same depth to the last bit, whatever their corners and the camera.
+#[test]
+fn of_triangles_in_one_plane_across_an_axis_the_first_stays() {
+    let Some(mut rasteriser) = rasteriser() else { return };
+    let shades = [common::grey()];
+    let turned = glam::camera::rh::view::look_at_mat4(Vec3::new(3.1, 4.3, 9.7), Vec3::new(0.3, -1.7, 0.4), Vec3::Y);
+    let view = View::new(common::perspective(1.0, 1.0, 0.1, 100.0) * turned, Vec3::new(3.1, 4.3, 9.7));
+    let (mut covered, mut wrong) = (0, [0; 2]);
+    for axis in 0..3 {
+        // Of each triangle of the soup the shadow on a plane.
+        let mut all: Vec<[Vec3; 3]> = (0..30).map(|id| common::soup(4, 30, 3).geometry.corners(id)).collect();
+        all.iter_mut().flatten().for_each(|corner| corner[axis] = -1.7);
+        let mut drawn = |triangles: &[[Vec3; 3]], snapped_depth: bool| {
+            let scene = Arc::new(common::triangles(triangles));
+            rasteriser.upload(&scene).expect("uploads");
+            let job = RasterJob { snapped_depth, ..common::job(&scene, &shades, view, SIDE, SIDE, IDS) };
+            last_pixels(&mut rasteriser, &job).triangle
+        };
+        let mut expected = vec![NO_TRIANGLE; (SIDE * SIDE) as usize];
+        for (id, triangle) in all.iter().enumerate().rev() {
+            for (expected, id_there) in expected.iter_mut().zip(drawn(&[*triangle], false)) {
+                *expected = if id_there == NO_TRIANGLE { *expected } else { id as u32 };
+            }
+        }
+        covered += expected.iter().filter(|id| **id != NO_TRIANGLE).count();
+        for (wrong, snapped_depth) in wrong.iter_mut().zip([false, true]) {
+            *wrong +=
+                expected.iter().zip(drawn(&all, snapped_depth)).filter(|(expected, id)| **expected != *id).count();
+        }
+    }
+    println!("{} of {covered} pixels show another triangle, with the device's depth {}", wrong[0], wrong[1]);
+    assert!(covered > 10_000 && wrong[0] == 0 && wrong[1] > 100, "{covered}, {wrong:?}");
+}
+
+/// Materials have programs of their own, which all compute the same depth.
+#[test]
+fn of_equal_triangles_of_different_materials_the_first_stays() {
+    let Some(mut rasteriser) = rasteriser() else { return };
+    let mut setup = coincident();
+    let scene = Arc::make_mut(&mut setup.scene);
+    scene.geometry.positions =
+        vec![Vec3::new(-20.3, -21.7, -3.1), Vec3::new(23.9, -19.1, -7.7), Vec3::new(1.3, 41.1, -5.3)];
+    let plain = setup.shades[0];
+    let textured = Shade { texture: Some(0), ..plain };
+    let kinds = [
+        plain,
+        textured,
+        Shade { alpha_cutoff: Some(0.5), ..textured },
+        Shade { glow: Some(Glow { color: Vec3::ONE, texture: None }), ..plain },
+        Shade { glow: Some(Glow { color: Vec3::ONE, texture: Some(0) }), ..textured },
+    ];
+    rasteriser.upload(&setup.scene).expect("uploads");
+    for (first, second) in kinds.iter().flat_map(|first| kinds.iter().map(move |second| (*first, *second))) {
+        let shades = [first, second];
+        let job = RasterJob { shades: &shades, ..setup.job(133, 120, ALL) };
+        let target = render(&mut rasteriser, &job, 133, 120);
+        assert!(target.triangle.iter().all(|id| *id == 0), "{first:?}, then {second:?}");
+    }
+}
+
 #[test]
 fn an_empty_scene_clears() {
     let Some(mut rasteriser) = rasteriser() else { return };
@@ -302,7 +531,7 @@ fn jobs_that_do_not_fit_their_scene_or_target_are_errors() {
     assert!(message.contains("`normal`"), "{message}");
     let message = rasteriser.draw(&RasterJob { shades: &setup.shades[..2], ..job }, &mut target).expect_err("shades");
     assert!(message.to_string().contains("material 2"), "{message}");
-    let texture = [Vec4::ONE; 4].map(|_| curitiba_pipeline::backend::Shade { texture: Some(7), ..setup.shades[0] });
+    let texture = [Vec4::ONE; 4].map(|_| Shade { texture: Some(7), ..setup.shades[0] });
     let message = rasteriser.draw(&RasterJob { shades: &texture, ..job }, &mut target).expect_err("no texture 7");
     assert!(message.to_string().contains("no texture 7"), "{message}");
     rasteriser.draw(&job, &mut target).expect("still works");

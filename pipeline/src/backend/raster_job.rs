@@ -57,8 +57,9 @@ pub struct RasterJob<'a> {
     /// and effects read the rounded values; in host memory the executor rounds them. The rounding mode of a device is its own
     /// choice.
     pub half: Attachments,
-    /// Whether depth is interpolated between corners snapped to the subpixel grid (thesis fidelity), or between the exact corners.
-    /// Only the processor's rasteriser obeys this; devices have their own rule.
+    /// Whether depth is interpolated between corners snapped to the subpixel grid (thesis fidelity), or that of the plane through the
+    /// exact corners. Devices interpolate it as they do in the first case, and in the second if fragments cannot read the corners of
+    /// their triangle.
     pub snapped_depth: bool,
     /// What is loaded instead of being cleared, and whether the depth is stored.
     pub load_store: LoadStore,

@@ -10,6 +10,9 @@ pub(super) const MAX_BUFFER_BYTES: u64 = 1 << 30;
 /// Number of storage buffers that a ray program binds, without its parameters.
 pub(crate) const RAY_BUFFERS: u32 = 8;
 
+/// Number of storage buffers of a fragment that computes depth on its triangle's plane.
+const PLANE_BUFFERS: u32 = 2;
+
 /// The adapters that may be chosen.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum AdapterChoice {
@@ -105,28 +108,37 @@ pub fn adapters() -> Vec<AdapterSummary> {
 /// For each adapter a text that says what it can do for the rasteriser and for rays, and what it lacks.
 #[must_use]
 pub fn abilities() -> Vec<(AdapterSummary, String)> {
-    let describe = |(summary, adapter): (AdapterSummary, wgpu::Adapter)| {
-        let (limits, features) = (adapter.limits(), adapter.features());
-        let bound = limits.max_storage_buffer_binding_size.min(MAX_BUFFER_BYTES) >> 20;
-        let side = limits.max_texture_dimension_2d;
-        let mut words = format!("pictures of {side} x {side} pixels; rays: scenes of {bound} MiB a part");
-        if limits.max_storage_buffers_per_shader_stage < RAY_BUFFERS {
-            words.push_str("; lacks storage buffers: no rays");
-        }
-        let lacks = [
-            (
-                wgpu::Features::PRIMITIVE_INDEX,
-                "primitive indices: no triangle ids, which rays in corrected fidelity read",
-            ),
-            (wgpu::Features::TIMESTAMP_QUERY, "timestamps: no device times"),
-        ];
-        for (_, what) in lacks.iter().filter(|(feature, _)| !features.contains(*feature)) {
-            words.push_str("; lacks ");
-            words.push_str(what);
-        }
-        (summary, words)
-    };
-    enumerate().into_iter().map(describe).collect()
+    enumerate()
+        .into_iter()
+        .map(|(summary, adapter)| (summary, describe(adapter.features(), &adapter.limits())))
+        .collect()
+}
+
+/// What an adapter with these features and limits can do, and what it lacks.
+fn describe(features: wgpu::Features, limits: &wgpu::Limits) -> String {
+    let bound = limits.max_storage_buffer_binding_size.min(MAX_BUFFER_BYTES) >> 20;
+    let side = limits.max_texture_dimension_2d;
+    let mut words = format!("pictures of {side} x {side} pixels; rays: scenes of {bound} MiB a part");
+    if limits.max_storage_buffers_per_shader_stage < RAY_BUFFERS {
+        words.push_str("; lacks storage buffers: no rays");
+    }
+    let lacks = [
+        (wgpu::Features::PRIMITIVE_INDEX, "primitive indices: no triangle ids, which rays in corrected fidelity read"),
+        (wgpu::Features::TIMESTAMP_QUERY, "timestamps: no device times"),
+    ];
+    for (_, what) in lacks.iter().filter(|(feature, _)| !features.contains(*feature)) {
+        words.push_str("; lacks ");
+        words.push_str(what);
+    }
+    if !has_plane_depth(features, limits) {
+        words.push_str("; depth as the device interpolates it: of layers close together the farther one may be seen");
+    }
+    words
+}
+
+/// Whether fragments can compute depth on the planes of their triangles.
+pub(super) fn has_plane_depth(features: wgpu::Features, limits: &wgpu::Limits) -> bool {
+    features.contains(wgpu::Features::PRIMITIVE_INDEX) && limits.max_storage_buffers_per_shader_stage >= PLANE_BUFFERS
 }
 
 /// The adapter that a user names: by its index in [`adapters`], from 0, or by a part of its name, ignoring case.
@@ -253,6 +265,19 @@ mod tests {
 
     fn adapter(kind: AdapterKind) -> AdapterSummary {
         AdapterSummary { name: "X".to_owned(), driver: "1.0".to_owned(), interface: "vulkan", kind }
+    }
+
+    #[test]
+    fn an_adapter_says_that_it_lacks_the_depth_of_planes() {
+        let limits = wgpu::Limits::default();
+        let few = wgpu::Limits { max_storage_buffers_per_shader_stage: PLANE_BUFFERS - 1, ..limits.clone() };
+        let index = wgpu::Features::PRIMITIVE_INDEX;
+        for (features, limits, has) in
+            [(index, &limits, true), (index, &few, false), (wgpu::Features::empty(), &limits, false)]
+        {
+            assert_eq!(has_plane_depth(features, limits), has);
+            assert_eq!(describe(features, limits).contains("depth as the device interpolates it"), !has);
+        }
     }
 
     #[test]

@@ -3,7 +3,9 @@
 //! wgpu reports most failures to a callback, which by default ends the program. Here the callbacks only record the
 //! first failure, and every operation ends with a call of [`Gpu::check`], which returns it.
 
-use super::adapter::{AdapterChoice, AdapterKind, AdapterSummary, MAX_BUFFER_BYTES, RAY_BUFFERS, select};
+use super::adapter::{
+    AdapterChoice, AdapterKind, AdapterSummary, MAX_BUFFER_BYTES, RAY_BUFFERS, has_plane_depth, select,
+};
 use super::faults::{failure, unsupported};
 use curitiba_pipeline::backend::BackendError;
 use curitiba_pipeline::memory;
@@ -163,6 +165,11 @@ impl Gpu {
     /// Whether the device has `feature`.
     pub fn has(&self, feature: wgpu::Features) -> bool {
         self.device.features().contains(feature)
+    }
+
+    /// Whether depth can be that of the planes of triangles: fragments then read the corners of their triangle.
+    pub fn has_plane_depth(&self) -> bool {
+        has_plane_depth(self.device.features(), &self.limits)
     }
 
     /// The first failure since the last call, as an error; so is memory that may not be held.

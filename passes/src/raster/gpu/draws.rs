@@ -2,7 +2,7 @@
 
 use super::device::Gpu;
 use super::faults::failure;
-use super::geometry::DeviceGeometry;
+use super::geometry::{Chunk, DeviceGeometry};
 use super::pipelines::{Layouts, Pipelines, slots};
 use super::shader::{DrawUniform, FrameUniform, LIGHTS_BYTES, Variant, lights_uniform};
 use super::targets::Stored;
@@ -39,22 +39,23 @@ pub(super) struct DrawList {
     stride: usize,
     frame: wgpu::Buffer,
     uniforms: wgpu::Buffer,
-    binding: wgpu::BindGroup,
-    /// `Lights`, and the binding with it; made for the first job with several lights, or one with a place.
-    lights: Option<(wgpu::Buffer, wgpu::BindGroup)>,
+    /// `Lights`; made for the first job with several lights, or one with a place.
+    lights: Option<wgpu::Buffer>,
     /// Whether the listed draws are of such a job.
     many: bool,
+    /// Whether the depth of the listed draws is that of planes.
+    planes: bool,
+    /// What the listed draws are bound to: by chunk if their depth is that of planes, else one.
+    bindings: Vec<wgpu::BindGroup>,
 }
 
 impl DrawList {
-    pub fn new(gpu: &Gpu, layouts: &Layouts) -> Result<Self, BackendError> {
+    pub fn new(gpu: &Gpu) -> Result<Self, BackendError> {
         let usage = wgpu::BufferUsages::UNIFORM | wgpu::BufferUsages::COPY_DST;
         let alignment = gpu.limits.min_uniform_buffer_offset_alignment as usize;
         let stride = size_of::<DrawUniform>().next_multiple_of(alignment.max(1));
         let frame = gpu.buffer("creation of the frame's uniforms", usage, size_of::<FrameUniform>() as u64)?;
         let uniforms = gpu.buffer("creation of the uniforms", usage, 64 * stride as u64)?;
-        let binding = bind(gpu, &layouts.uniforms, (&frame, &uniforms), None);
-        gpu.check("binding of the uniforms")?;
         Ok(Self {
             draws: Vec::new(),
             stored: Stored::new(Attachments::default(), Attachments::default()),
@@ -64,9 +65,10 @@ impl DrawList {
             stride,
             frame,
             uniforms,
-            binding,
             lights: None,
             many: false,
+            planes: false,
+            bindings: Vec::new(),
         })
     }
 
@@ -90,6 +92,7 @@ impl DrawList {
         self.bytes.clear();
         self.stored = Stored::of(job);
         self.many = !job.lights.is_empty();
+        self.planes = !job.snapped_depth && gpu.has_plane_depth();
         for part in &geometry.parts {
             if self.left_out.get(part.material as usize).copied().unwrap_or(false) {
                 continue;
@@ -108,9 +111,10 @@ impl DrawList {
             let normal_texture = shade.normal_map.map(|map| map.texture).filter(|_| variant.bent);
             let wrapped =
                 beyond(shade.texture.filter(|_| variant.textured)) || beyond(glow_texture) || beyond(normal_texture);
-            let (mirrored, many) = (job.view.clip_plane.is_some(), self.many);
+            let (mirrored, many, plane_depth) = (job.view.clip_plane.is_some(), self.many, self.planes);
             let sky = job.scene.materials.get(part.material as usize).is_some_and(|material| material.sky);
-            let variant = Variant { culled, wrapped, mirrored, many, sky: sky && variant.writes(), ..variant };
+            let sky = sky && variant.writes();
+            let variant = Variant { culled, wrapped, mirrored, many, sky, plane_depth, ..variant };
             if let Some(last) = self.draws.last_mut() {
                 let adjacent = last.chunk == part.chunk && last.first + last.count == part.first;
                 if adjacent && last.variant == variant && !variant.reads_material() {
@@ -128,44 +132,59 @@ impl DrawList {
             let Ok(offset) = u32::try_from(self.bytes.len()) else {
                 return Err(failure("too many materials for one pass"));
             };
-            self.bytes.extend_from_slice(bytemuck::bytes_of(&DrawUniform::new(shade, part.first)));
+            let first_of_chunk = part.first - geometry.chunks[part.chunk].first;
+            self.bytes.extend_from_slice(bytemuck::bytes_of(&DrawUniform::new(shade, part.first, first_of_chunk)));
             self.bytes.resize(offset as usize + self.stride, 0);
             let (chunk, first, count) = (part.chunk, part.first, part.count);
             self.draws.push(Draw { variant, textures: textures_read, chunk, first, count, offset });
         }
-        self.write(gpu, layouts)?;
+        self.write(gpu)?;
         if self.many {
-            self.write_lights(gpu, layouts, job.lights)?;
+            self.write_lights(gpu, job.lights)?;
         }
-        self.look(gpu, &job.view, job.sun)
+        self.bind(gpu, layouts, geometry)?;
+        self.look(gpu, &job.view, [job.viewport.width, job.viewport.height], job.sun)
     }
 
-    fn write_lights(&mut self, gpu: &Gpu, layouts: &Layouts, lights: &[Light]) -> Result<(), BackendError> {
+    fn write_lights(&mut self, gpu: &Gpu, lights: &[Light]) -> Result<(), BackendError> {
         let Some(bytes) = lights_uniform(lights) else {
             return Err(failure(&format!("the pass has {} lights, more than its shader has room for", lights.len())));
         };
         let buffer = match self.lights.take() {
-            Some((buffer, _)) => buffer,
+            Some(buffer) => buffer,
             None => {
                 let usage = wgpu::BufferUsages::UNIFORM | wgpu::BufferUsages::COPY_DST;
                 gpu.buffer("creation of the lights' uniforms", usage, LIGHTS_BYTES as u64)?
             }
         };
         gpu.queue.write_buffer(&buffer, 0, &bytes);
-        // Bound again: the buffer of the draws' uniforms may be another one by now.
-        let binding = bind(gpu, &layouts.lit, (&self.frame, &self.uniforms), Some(&buffer));
         gpu.check("upload of the lights")?;
-        self.lights = Some((buffer, binding));
+        self.lights = Some(buffer);
         Ok(())
     }
 
-    /// Changes the camera of the listed draws. Work that was submitted before keeps its camera.
-    pub fn look(&self, gpu: &Gpu, view: &View, sun: Option<Sun>) -> Result<(), BackendError> {
-        gpu.queue.write_buffer(&self.frame, 0, bytemuck::bytes_of(&FrameUniform::new(view, sun)));
+    /// Binds what the listed draws read. It is bound for each job, because the buffers may be others by now.
+    fn bind(&mut self, gpu: &Gpu, layouts: &Layouts, geometry: &DeviceGeometry) -> Result<(), BackendError> {
+        let layout = layouts.uniforms(self.many, self.planes);
+        let buffers = (&self.frame, &self.uniforms, self.lights.as_ref().filter(|_| self.many));
+        let of_chunk = |chunk: &Chunk| {
+            let positions = &geometry.vertices[chunk.vertices].positions;
+            bind(gpu, layout, buffers, Some([&chunk.indices, positions]))
+        };
+        self.bindings = match self.planes {
+            true => geometry.chunks.iter().map(of_chunk).collect(),
+            false => vec![bind(gpu, layout, buffers, None)],
+        };
+        gpu.check("binding of the uniforms")
+    }
+
+    /// Changes the camera of the listed draws, for a picture of `size` pixels. Work that was submitted before keeps its camera.
+    pub fn look(&self, gpu: &Gpu, view: &View, size: [u32; 2], sun: Option<Sun>) -> Result<(), BackendError> {
+        gpu.queue.write_buffer(&self.frame, 0, bytemuck::bytes_of(&FrameUniform::new(view, size, sun)));
         gpu.check("upload of the frame's uniforms")
     }
 
-    fn write(&mut self, gpu: &Gpu, layouts: &Layouts) -> Result<(), BackendError> {
+    fn write(&mut self, gpu: &Gpu) -> Result<(), BackendError> {
         if self.bytes == self.written {
             return Ok(());
         }
@@ -174,7 +193,6 @@ impl DrawList {
             let size = (self.bytes.len() as u64).next_power_of_two().min(gpu.limits.max_buffer_size);
             let usage = wgpu::BufferUsages::UNIFORM | wgpu::BufferUsages::COPY_DST;
             self.uniforms = gpu.buffer("creation of the uniforms", usage, size)?;
-            self.binding = bind(gpu, &layouts.uniforms, (&self.frame, &self.uniforms), None);
         }
         gpu.queue.write_buffer(&self.uniforms, 0, &self.bytes);
         gpu.check("upload of the uniforms")?;
@@ -190,10 +208,6 @@ impl DrawList {
         geometry: &DeviceGeometry,
         textures: &DeviceTextures,
     ) {
-        let binding = match &self.lights {
-            Some((_, lit)) if self.many => lit,
-            _ => &self.binding,
-        };
         let (mut bound_chunk, mut bound_variant, mut bound_textures) = (None, None, [None; 3]);
         for draw in &self.draws {
             let chunk = &geometry.chunks[draw.chunk];
@@ -215,7 +229,7 @@ impl DrawList {
                 pass.set_index_buffer(chunk.indices.slice(..), wgpu::IndexFormat::Uint32);
                 bound_chunk = Some(draw.chunk);
             }
-            pass.set_bind_group(0, binding, &[draw.offset]);
+            pass.set_bind_group(0, &self.bindings[if self.planes { draw.chunk } else { 0 }], &[draw.offset]);
             let asked = draw.textures;
             if new_variant || bound_textures != asked {
                 for (group, texture) in (1..).zip(asked) {
@@ -245,8 +259,8 @@ impl DrawList {
 fn bind(
     gpu: &Gpu,
     layout: &wgpu::BindGroupLayout,
-    (frame, uniforms): (&wgpu::Buffer, &wgpu::Buffer),
-    lights: Option<&wgpu::Buffer>,
+    (frame, uniforms, lights): (&wgpu::Buffer, &wgpu::Buffer, Option<&wgpu::Buffer>),
+    corners: Option<[&wgpu::Buffer; 2]>,
 ) -> wgpu::BindGroup {
     let draw =
         wgpu::BufferBinding { buffer: uniforms, offset: 0, size: NonZeroU64::new(size_of::<DrawUniform>() as u64) };
@@ -254,6 +268,10 @@ fn bind(
         wgpu::BindGroupEntry { binding: 0, resource: frame.as_entire_binding() },
         wgpu::BindGroupEntry { binding: 1, resource: wgpu::BindingResource::Buffer(draw) },
     ];
-    entries.extend(lights.map(|lights| wgpu::BindGroupEntry { binding: 2, resource: lights.as_entire_binding() }));
+    let [indices, positions] = corners.map_or([None; 2], |corners| corners.map(Some));
+    let others = [(2, lights), (3, indices), (4, positions)]
+        .into_iter()
+        .filter_map(|(binding, buffer)| Some(wgpu::BindGroupEntry { binding, resource: buffer?.as_entire_binding() }));
+    entries.extend(others);
     gpu.device.create_bind_group(&wgpu::BindGroupDescriptor { label: Some("uniforms"), layout, entries: &entries })
 }

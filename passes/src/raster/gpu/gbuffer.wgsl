@@ -15,7 +15,10 @@
 //   LIGHTS                              several lights, or one with a place, in place of the light of `Frame`
 //   SKY                                 nothing but the colour is left
 //   MIRRORED                            seen by a mirrored camera: nothing is behind the mirror
-//#if TRIANGLE
+//   PLANE_DEPTH                         depth is that of the triangle's plane, not the device's
+//   PRIMITIVE                           which triangle of its draw a fragment is of: TRIANGLE or PLANE_DEPTH
+//   LEAVES                              WRITES or PLANE_DEPTH
+//#if PRIMITIVE
 enable primitive_index;
 //#endif
 
@@ -32,6 +35,12 @@ struct Frame {
     light_color: vec4<f32>,
     // MIRRORED: its dot product with a position relative to `eye`, and 1, is below 0 behind the mirror.
     clip_plane: vec4<f32>,
+    // The lines of sight of the pixels, as `LinesOfSight`.
+    origin: vec4<f32>,
+    corner: vec4<f32>,
+    right: vec4<f32>,
+    down: vec4<f32>,
+    towards: vec4<f32>,
 }
 
 // Uniforms of a draw: triangles of one material.
@@ -45,6 +54,8 @@ struct Draw {
     alpha_cutoff: f32,
     // Factor of x and y of the normal map.
     normal_scale: f32,
+    // Place of the draw's first triangle among those of its chunk.
+    first_of_chunk: u32,
 }
 
 @group(0) @binding(0) var<uniform> frame: Frame;
@@ -72,6 +83,13 @@ struct Lights {
 }
 
 @group(0) @binding(2) var<uniform> all: Lights;
+//#endif
+//#if PLANE_DEPTH
+
+// Three indices of vertices for each triangle of the chunk.
+@group(0) @binding(3) var<storage, read> corners: array<u32>;
+// Three coordinates for each vertex.
+@group(0) @binding(4) var<storage, read> positions: array<f32>;
 //#endif
 //#if TEXTURED
 @group(1) @binding(0) var material_texture: texture_2d<f32>;
@@ -126,7 +144,7 @@ struct Varyings {
 //#endif
 }
 
-//#if WRITES
+//#if LEAVES
 struct Pixel {
 //#if COLOR
     @location(0) color: vec4<f32>,
@@ -139,6 +157,9 @@ struct Pixel {
 //#endif
 //#if TRIANGLE
     @location(3) triangle: u32,
+//#endif
+//#if PLANE_DEPTH
+    @builtin(frag_depth) depth: f32,
 //#endif
 }
 //#endif
@@ -284,16 +305,62 @@ fn sum_of_lights(point: vec3<f32>, normal: vec3<f32>, unbent: vec3<f32>) -> vec4
 }
 //#endif
 
+//#if PLANE_DEPTH
+fn position_of(corner: u32) -> vec3<f32> {
+    let first = 3u * corners[corner];
+    return vec3<f32>(positions[first], positions[first + 1u], positions[first + 2u]);
+}
+
+// The dot product. It is written as fused operations so that every variant rounds alike: of equal triangles the first drawn is to stay.
+fn product(a: vec4<f32>, b: vec4<f32>) -> f32 {
+    return fma(a.x, b.x, fma(a.y, b.y, fma(a.z, b.z, a.w * b.w)));
+}
+
+// Depth at a pixel: that of the plane through the triangle's corners, as they are in the world. The device interpolates between corners
+// that it snapped to parts of a pixel, on a plane that leans otherwise. `pixel` is the fragment's built-in position.
+//
+// The device's depth stays where the two planes lean so differently that snapping must have changed the triangle's shape, as of slivers:
+// where their slopes differ by more than half; and where depth has no accurate value, as of planes seen from their edge: where the depths
+// differ by more than an eighth of a pixel changes them. Both allow for rounding. A comparison with what is no number fails, too.
+fn plane_depth(primitive: u32, pixel: vec4<f32>) -> f32 {
+    let snapped_slope = vec2<f32>(dpdx(pixel.z), dpdy(pixel.z));
+    let first = 3u * (draw.first_of_chunk + primitive);
+    let a = position_of(first);
+    let u = position_of(first + 1u) - a;
+    let v = position_of(first + 2u) - a;
+    let from_origin = a - frame.origin.xyz;
+    let across = vec3<f32>(fma(u.y, v.z, -(u.z * v.y)), fma(u.z, v.x, -(u.x * v.z)), fma(u.x, v.y, -(u.y * v.x)));
+    // With a longest component of exactly 1, triangles in one plane across an axis have the same depth to the last bit.
+    let size = abs(across);
+    let longest = max(size.x, max(size.y, size.z));
+    let normal = select(across / longest, sign(across), size == vec3<f32>(longest));
+    let plane = vec4<f32>(normal, -product(vec4<f32>(normal, 0.0), vec4<f32>(from_origin, 0.0)));
+    let x = vec4<f32>(pixel.x);
+    let y = vec4<f32>(pixel.y);
+    let scale = 1.0 / product(plane, frame.towards);
+    let depth = product(plane, fma(x, frame.right, fma(y, frame.down, frame.corner))) * scale;
+    let slope = vec2<f32>(product(plane, frame.right), product(plane, frame.down)) * scale;
+    let steepness = abs(slope.x) + abs(slope.y);
+    let leaning = abs(slope - snapped_slope);
+    let is_alike = leaning.x + leaning.y < 0.5 * steepness + pixel.z * 1e-6;
+    let is_near = abs(depth - pixel.z) < 0.125 * steepness + pixel.z * 1e-5;
+    return select(pixel.z, depth, is_alike && is_near);
+}
+//#endif
+
 @fragment
 fn fragment_main(
     in: Varyings,
-//#if TRIANGLE
+//#if PRIMITIVE
     @builtin(primitive_index) primitive: u32,
 //#endif
-//#if WRITES
+//#if LEAVES
 ) -> Pixel {
 //#else
 ) {
+//#endif
+//#if PLANE_DEPTH
+    let depth = plane_depth(primitive, in.clip);
 //#endif
 //#if GLOW_TEXTURED
     let shining = sample_glow(in.texcoord).rgb;
@@ -350,7 +417,14 @@ fn fragment_main(
     let arrived = sum_of_lights(in.world, normal, in.normal);
     cosine = arrived.w;
 //#endif
+//#endif
+//#if LEAVES
     var out: Pixel;
+//#endif
+//#if PLANE_DEPTH
+    out.depth = depth;
+//#endif
+//#if WRITES
 //#if COLOR
 //#if LIGHTS
     let lit = draw.diffuse * arrived;
@@ -394,6 +468,8 @@ fn fragment_main(
     out.triangle = draw.first_triangle + primitive;
 //#endif
 //#endif
+//#endif
+//#if LEAVES
     return out;
 //#endif
 }

@@ -73,7 +73,9 @@ impl DeviceGeometry {
         }
         let narrow = geometry.colors.is_empty() && geometry.tangents.is_empty();
         let widest = if narrow { size_of::<Vec3>() } else { size_of::<Vec4>() } as u64;
-        let layout = Layout::new(geometry.triangles.len(), vertex_count, widest, gpu.max_buffer_bytes)?;
+        // Fragments read indices and positions as storage buffers.
+        let largest = gpu.max_buffer_bytes.min(gpu.limits.max_storage_buffer_binding_size);
+        let layout = Layout::new(geometry.triangles.len(), vertex_count, widest, largest)?;
         let mut this = Self {
             chunks: Vec::new(),
             vertices: Vec::new(),
@@ -111,24 +113,25 @@ impl DeviceGeometry {
     fn push_indices(&mut self, gpu: &Gpu, triangles: &[[u32; 3]]) -> Result<wgpu::Buffer, BackendError> {
         let bytes = bytemuck::cast_slice(triangles);
         self.bytes += bytes.len() as u64;
-        gpu.upload_buffer("upload of the triangles", wgpu::BufferUsages::INDEX, bytes)
+        gpu.upload_buffer("upload of the triangles", wgpu::BufferUsages::INDEX | wgpu::BufferUsages::STORAGE, bytes)
     }
 
     /// Uploads the vertices of a geometry.
     fn push_vertices(&mut self, gpu: &Gpu, geometry: &Geometry) -> Result<(), BackendError> {
         let Geometry { positions, normals, texcoords, colors, tangents, .. } = geometry;
-        let mut upload = |label: &str, bytes: &[u8]| {
+        let mut upload = |label: &str, usage: wgpu::BufferUsages, bytes: &[u8]| {
             self.bytes += bytes.len() as u64;
-            gpu.upload_buffer(label, wgpu::BufferUsages::VERTEX, bytes)
+            gpu.upload_buffer(label, wgpu::BufferUsages::VERTEX | usage, bytes)
         };
         let mut optional = |label: &str, bytes: &[u8]| {
-            if bytes.is_empty() { Ok(None) } else { upload(label, bytes).map(Some) }
+            if bytes.is_empty() { Ok(None) } else { upload(label, wgpu::BufferUsages::empty(), bytes).map(Some) }
         };
         let normals = optional("upload of the normals", bytemuck::cast_slice(normals))?;
         let texcoords = optional("upload of the texture coordinates", bytemuck::cast_slice(texcoords))?;
         let colors = optional("upload of the vertex colours", bytemuck::cast_slice(colors))?;
         let tangents = optional("upload of the tangents", bytemuck::cast_slice(tangents))?;
-        let positions = upload("upload of the positions", bytemuck::cast_slice(positions))?;
+        let positions =
+            upload("upload of the positions", wgpu::BufferUsages::STORAGE, bytemuck::cast_slice(positions))?;
         self.vertices.push(Vertices { positions, normals, texcoords, colors, tangents });
         Ok(())
     }

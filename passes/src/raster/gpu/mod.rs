@@ -17,6 +17,7 @@ mod job;
 mod kept;
 pub(crate) mod lend;
 mod pipelines;
+mod plane_depth;
 mod quads;
 mod shader;
 mod shaders;
@@ -147,7 +148,7 @@ impl WgpuRasteriser {
         let gpu = Arc::clone(&device.0);
         let layouts = Layouts::new(&gpu)?;
         let timer = Timer::new(&gpu)?;
-        let draws = DrawList::new(&gpu, &layouts)?;
+        let draws = DrawList::new(&gpu)?;
         Ok(Self {
             uuid: share::uuid(&gpu.device),
             sharing: None,
@@ -457,7 +458,7 @@ impl WgpuRasteriser {
         };
         let effects = match &mut self.effects {
             Some(effects) => effects,
-            none => none.insert(Effects::new(&self.gpu, &self.layouts)?),
+            none => none.insert(Effects::new(&self.gpu)?),
         };
         // The attachments can be read in place only if they hold the whole picture.
         let whole = Rect { x: 0, y: 0, width: job.width, height: job.height };

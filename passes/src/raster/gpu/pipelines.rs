@@ -12,16 +12,15 @@ use std::num::NonZeroU64;
 /// The layouts and the sampler that all pipelines share.
 #[derive(Debug)]
 pub(super) struct Layouts {
-    /// Group 0: `Frame`, and `Draw` at a dynamic offset.
-    pub uniforms: wgpu::BindGroupLayout,
-    /// Group 0 of several lights, or of one with a place: `Lights` as well.
-    pub lit: wgpu::BindGroupLayout,
+    /// Group 0: `Frame`, and `Draw` at a dynamic offset. The second of each pair has `Lights` as well, for several lights or one with a
+    /// place. The second pair has the corners of triangles as well, for depth on their planes.
+    uniforms: [[wgpu::BindGroupLayout; 2]; 2],
     /// Groups 1 to 3: a texture and the sampler.
     pub texture: wgpu::BindGroupLayout,
     /// Repeating sampler, linear within a level and between two levels.
     pub trilinear: wgpu::Sampler,
-    /// By the number of textures, with the lights of [`Self::uniforms`] and of [`Self::lit`].
-    pipelines: [[wgpu::PipelineLayout; 4]; 2],
+    /// By the number of textures, for each of [`Self::uniforms`].
+    pipelines: [[[wgpu::PipelineLayout; 4]; 2]; 2],
 }
 
 impl Layouts {
@@ -37,18 +36,31 @@ impl Layouts {
             },
             count: None,
         };
-        let uniforms = device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor {
-            label: Some("uniforms"),
-            entries: &[uniform(0, size_of::<FrameUniform>(), false), uniform(1, size_of::<DrawUniform>(), true)],
-        });
-        let lit = device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor {
-            label: Some("uniforms with lights"),
-            entries: &[
-                uniform(0, size_of::<FrameUniform>(), false),
-                uniform(1, size_of::<DrawUniform>(), true),
-                uniform(2, LIGHTS_BYTES, false),
-            ],
-        });
+        let corners = |binding| wgpu::BindGroupLayoutEntry {
+            binding,
+            visibility: wgpu::ShaderStages::FRAGMENT,
+            ty: wgpu::BindingType::Buffer {
+                ty: wgpu::BufferBindingType::Storage { read_only: true },
+                has_dynamic_offset: false,
+                min_binding_size: None,
+            },
+            count: None,
+        };
+        let uniforms = |lights: bool, planes: bool| {
+            let mut entries =
+                vec![uniform(0, size_of::<FrameUniform>(), false), uniform(1, size_of::<DrawUniform>(), true)];
+            if lights {
+                entries.push(uniform(2, LIGHTS_BYTES, false));
+            }
+            if planes {
+                entries.extend([corners(3), corners(4)]);
+            }
+            let descriptor = wgpu::BindGroupLayoutDescriptor { label: Some("uniforms"), entries: &entries };
+            device.create_bind_group_layout(&descriptor)
+        };
+        // Without depth on planes, for lack of storage buffers, no pipeline has the layouts with corners.
+        let planes = gpu.has_plane_depth();
+        let uniforms = [false, planes].map(|planes| [false, true].map(|lights| uniforms(lights, planes)));
         let fragment = |binding, ty| wgpu::BindGroupLayoutEntry {
             binding,
             visibility: wgpu::ShaderStages::FRAGMENT,
@@ -78,12 +90,19 @@ impl Layouts {
             };
             device.create_pipeline_layout(&descriptor)
         };
-        let pipelines = [&uniforms, &lit].map(|first| {
-            let groups = [Some(first), Some(&texture), Some(&texture), Some(&texture)];
-            [1, 2, 3, 4].map(|count: usize| layout(&groups[..count]))
+        let pipelines = uniforms.each_ref().map(|pair| {
+            pair.each_ref().map(|first| {
+                let groups = [Some(first), Some(&texture), Some(&texture), Some(&texture)];
+                [1, 2, 3, 4].map(|count: usize| layout(&groups[..count]))
+            })
         });
         gpu.check("creation of the layouts")?;
-        Ok(Self { uniforms, lit, texture, trilinear, pipelines })
+        Ok(Self { uniforms, texture, trilinear, pipelines })
+    }
+
+    /// Group 0 with what it has beside `Frame` and `Draw`.
+    pub fn uniforms(&self, lights: bool, planes: bool) -> &wgpu::BindGroupLayout {
+        &self.uniforms[usize::from(planes)][usize::from(lights)]
     }
 }
 
@@ -178,7 +197,7 @@ fn build(gpu: &Gpu, layouts: &Layouts, variant: Variant, stored: Stored) -> wgpu
                 Variant { textured: true, .. } => 1,
                 _ => 0,
             };
-            &layouts.pipelines[usize::from(variant.many)][textures]
+            &layouts.pipelines[usize::from(variant.plane_depth)][usize::from(variant.many)][textures]
         }),
         vertex: wgpu::VertexState {
             module: &module,

@@ -1,5 +1,6 @@
 //! The G-buffer shader's variants, and the uniforms that it reads.
 
+use super::plane_depth::LinesOfSight;
 use curitiba_pipeline::backend::{Attachments, Light, Shade, Sun, View};
 use glam::{Mat4, Vec4};
 
@@ -39,6 +40,8 @@ pub(super) struct Variant {
     pub many: bool,
     /// Leaves nothing but the colour, as of a sky.
     pub sky: bool,
+    /// Writes the depth of the triangle's plane in place of the device's.
+    pub plane_depth: bool,
     /// Leaves back faces out. The text does not depend on it.
     pub culled: bool,
 }
@@ -66,6 +69,7 @@ impl Variant {
             mirrored: false,
             many: false,
             sky: false,
+            plane_depth: false,
             culled: false,
         }
     }
@@ -92,7 +96,7 @@ impl Variant {
 
     /// Whether there is anything to do for a fragment.
     pub fn has_fragment_stage(self) -> bool {
-        self.writes() || self.alpha_cut || self.mirrored
+        self.writes() || self.alpha_cut || self.mirrored || self.plane_depth
     }
 
     fn defines(self, name: &str) -> Option<bool> {
@@ -114,6 +118,9 @@ impl Variant {
             "WRAPPED" => self.wrapped,
             "MIRRORED" => self.mirrored,
             "SKY" => self.sky,
+            "PLANE_DEPTH" => self.plane_depth,
+            "PRIMITIVE" => self.triangle || self.plane_depth,
+            "LEAVES" => self.writes() || self.plane_depth,
             "GLOW_TEXTURED" => self.glow_textured,
             _ => return None,
         })
@@ -167,15 +174,18 @@ pub(super) struct FrameUniform {
     to_light: Vec4,
     light_color: Vec4,
     clip_plane: Vec4,
+    lines: LinesOfSight,
 }
 
 impl FrameUniform {
-    pub fn new(view: &View, sun: Option<Sun>) -> Self {
+    /// `size` is the picture's width and height in pixels.
+    pub fn new(view: &View, size: [u32; 2], sun: Option<Sun>) -> Self {
         let (to_light, light_color) =
             sun.map_or((Vec4::ZERO, Vec4::ZERO), |sun| ((-sun.direction).extend(0.0), sun.color.extend(1.0)));
         let (clip_from_eye, eye) = view.projection();
         let clip_plane = view.clip_plane.unwrap_or(Vec4::W);
-        Self { clip_from_eye, eye: eye.extend(view.footprint), to_light, light_color, clip_plane }
+        let lines = LinesOfSight::new(view, size);
+        Self { clip_from_eye, eye: eye.extend(view.footprint), to_light, light_color, clip_plane, lines }
     }
 }
 
@@ -230,12 +240,12 @@ pub(super) struct DrawUniform {
     first_triangle: u32,
     alpha_cutoff: f32,
     normal_scale: f32,
-    padding: u32,
+    first_of_chunk: u32,
 }
 
 impl DrawUniform {
-    /// `first_triangle` is an id; the shader gets it plus 1.
-    pub fn new(shade: &Shade, first_triangle: u32) -> Self {
+    /// `first_triangle` is an id; the shader gets it plus 1. `first_of_chunk` counts from the chunk's first triangle.
+    pub fn new(shade: &Shade, first_triangle: u32, first_of_chunk: u32) -> Self {
         Self {
             diffuse: shade.diffuse,
             emission: shade.emission,
@@ -244,7 +254,7 @@ impl DrawUniform {
             // A shader need not tell an infinity from other numbers.
             alpha_cutoff: shade.alpha_cutoff.unwrap_or(0.0).min(f32::MAX),
             normal_scale: shade.normal_map.map_or(0.0, |map| map.scale),
-            padding: 0,
+            first_of_chunk,
         }
     }
 }
@@ -276,6 +286,7 @@ mod tests {
                     mirrored: bit(12),
                     many: false,
                     sky: false,
+                    plane_depth: false,
                     culled: false,
                 }
             })
@@ -338,6 +349,28 @@ mod tests {
             count += u32::from(variant.lights());
         }
         assert!(count > 20, "{count}");
+    }
+
+    #[test]
+    fn every_variant_may_write_the_depth_of_planes_and_then_needs_the_primitive_index() {
+        let mut without_attachments = 0;
+        for variant in variants() {
+            let variant = Variant { plane_depth: true, ..variant };
+            let source = variant.source();
+            let module = validate(&source, naga::valid::Capabilities::PRIMITIVE_INDEX)
+                .unwrap_or_else(|error| panic!("{variant:?}\n{error}"));
+            let writes_depth = |ty: &naga::Type| match &ty.inner {
+                naga::TypeInner::Struct { members, .. } => members
+                    .iter()
+                    .any(|member| matches!(member.binding, Some(naga::Binding::BuiltIn(naga::BuiltIn::FragDepth)))),
+                _ => false,
+            };
+            assert!(module.types.iter().any(|(_, ty)| writes_depth(ty)), "{variant:?}");
+            assert!(variant.has_fragment_stage() && source.contains("plane_depth(primitive, in.clip)"), "{variant:?}");
+            assert!(!Variant { plane_depth: false, ..variant }.source().contains("frag_depth"), "{variant:?}");
+            without_attachments += u32::from(!variant.writes());
+        }
+        assert_eq!(without_attachments, 6, "whole, and cut in five ways");
     }
 
     #[test]
@@ -424,12 +457,18 @@ mod tests {
         let variant = variants().find(|v| v.color && v.alpha_cut).expect("one");
         let module = validate(&variant.source(), naga::valid::Capabilities::all()).expect("valid");
         let named = |list: &[(&str, usize)]| list.iter().map(|(n, o)| ((*n).to_owned(), *o)).collect::<Vec<_>>();
+        let of_line = |offset: usize| offset_of!(FrameUniform, lines) + offset;
         let frame = named(&[
             ("clip_from_eye", offset_of!(FrameUniform, clip_from_eye)),
             ("eye", offset_of!(FrameUniform, eye)),
             ("to_light", offset_of!(FrameUniform, to_light)),
             ("light_color", offset_of!(FrameUniform, light_color)),
             ("clip_plane", offset_of!(FrameUniform, clip_plane)),
+            ("origin", of_line(offset_of!(LinesOfSight, origin))),
+            ("corner", of_line(offset_of!(LinesOfSight, corner))),
+            ("right", of_line(offset_of!(LinesOfSight, right))),
+            ("down", of_line(offset_of!(LinesOfSight, down))),
+            ("towards", of_line(offset_of!(LinesOfSight, towards))),
         ]);
         assert_eq!(layout(&module, "Frame"), (frame, size_of::<FrameUniform>()));
         let draw = named(&[
@@ -439,6 +478,7 @@ mod tests {
             ("first_triangle", offset_of!(DrawUniform, first_triangle)),
             ("alpha_cutoff", offset_of!(DrawUniform, alpha_cutoff)),
             ("normal_scale", offset_of!(DrawUniform, normal_scale)),
+            ("first_of_chunk", offset_of!(DrawUniform, first_of_chunk)),
         ]);
         assert_eq!(layout(&module, "Draw"), (draw, size_of::<DrawUniform>()));
     }

@@ -105,6 +105,39 @@ fn small_buffers_cut_uploads_and_read_backs_into_pieces_and_change_nothing() {
 }
 
 #[test]
+fn fragments_find_the_corners_of_their_triangle_in_every_chunk() {
+    let Some(mut rasteriser) = rasteriser() else { return };
+    let mut scene = squares(12);
+    for position in &mut Arc::make_mut(&mut scene).geometry.positions {
+        position.z += 0.21 * position.x + 0.13 * position.y;
+    }
+    let shades = shades();
+    // Draws of both materials, and draws that are joined.
+    for attachments in [ALL, Attachments { triangle: true, ..Attachments::default() }] {
+        let mut depths = |max_buffer_bytes: u64, snapped_depth: bool| {
+            let load_store = LoadStore { store_depth: true, ..LoadStore::default() };
+            let job = RasterJob { snapped_depth, load_store, attachments, ..job(&scene, &shades) };
+            let mut target = GBuffer::new(SIZE, SIZE, attachments);
+            target.depth = vec![f32::NAN; target.triangle.len()];
+            // Depths are read back whole.
+            let largest = std::mem::replace(&mut alone(&mut rasteriser).max_buffer_bytes, max_buffer_bytes);
+            rasteriser.upload(&scene).expect("uploads");
+            alone(&mut rasteriser).max_buffer_bytes = largest;
+            rasteriser.draw(&job, &mut target).expect("draws");
+            rasteriser.read_back(&job, attachments, &mut target).expect("reads back");
+            (target.depth, rasteriser.scene.as_ref().expect("uploaded").geometry.chunks.len())
+        };
+        let [(planes, one), (device, _)] = [false, true].map(|snapped_depth| depths(1 << 30, snapped_depth));
+        let differ = planes.iter().zip(&device).filter(|(planes, device)| planes != device).count();
+        assert!(one == 1 && differ > 1000, "the depth is not the device's: {differ}");
+        for max_buffer_bytes in [2100, 500] {
+            let (found, chunks) = depths(max_buffer_bytes, false);
+            assert!(chunks > 1 && found == planes, "buffers of {max_buffer_bytes} bytes");
+        }
+    }
+}
+
+#[test]
 fn a_destroyed_device_gives_errors() {
     let Some(mut rasteriser) = rasteriser() else { return };
     let scene = squares(4);

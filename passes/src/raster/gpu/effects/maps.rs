@@ -87,6 +87,11 @@ pub struct Maps {
     depths: std::sync::Arc<[wgpu::TextureView]>,
     /// Bytes of device memory, see [`MapsKey::bytes`].
     pub bytes: u64,
+    /// Width and height of each in texels.
+    size: [u32; 2],
+    /// Whether depth is as the device interpolates it, and not that of the triangles' planes. Pictures of mirrors have that of planes, as
+    /// the picture that shows them.
+    snapped_depth: bool,
 }
 
 impl Maps {
@@ -107,7 +112,8 @@ impl Maps {
         let depths = (0..cascades).map(|layer| layers(&texture, layer, 1, wgpu::TextureViewDimension::D2)).collect();
         let read = layers(&texture, 0, cascades, wgpu::TextureViewDimension::D2Array);
         gpu.check("creation of the shadow maps")?;
-        Ok(Self { read, faces: [].into(), depths, bytes: MapsKey::Depth { size, cascades }.bytes() })
+        let bytes = MapsKey::Depth { size, cascades }.bytes();
+        Ok(Self { read, faces: [].into(), depths, bytes, size: [size; 2], snapped_depth: true })
     }
 
     fn cubes(gpu: &Gpu, size: u32, probes: u32) -> Result<Self, BackendError> {
@@ -126,7 +132,8 @@ impl Maps {
             let why = format!("{} takes {most} at most: set `planes` to that or less, or", gpu.adapter);
             return Err(unsupported(&format!("{count} pictures of mirrors"), &why));
         }
-        Self::colors(gpu, "mirrors", size, count, MapsKey::Mirrors { size, layers: count }.bytes())
+        let maps = Self::colors(gpu, "mirrors", size, count, MapsKey::Mirrors { size, layers: count }.bytes())?;
+        Ok(Self { snapped_depth: false, ..maps })
     }
 
     /// Maps with colours that share a depth buffer.
@@ -141,7 +148,7 @@ impl Maps {
         let read = layers(&color, 0, count, wgpu::TextureViewDimension::D2Array);
         let depths = [depth.create_view(&wgpu::TextureViewDescriptor::default())].into();
         gpu.check(&doing)?;
-        Ok(Self { read, faces, depths, bytes })
+        Ok(Self { read, faces, depths, bytes, size, snapped_depth: true })
     }
 }
 
@@ -198,7 +205,7 @@ pub fn draw(
     let start = Instant::now();
     let (Some(first), Some(shared)) = (shots.first(), maps.depths.first()) else { return Ok((Part::default(), 0)) };
     let color = !maps.faces.is_empty();
-    // The draw list does not depend on the viewport.
+    let [width, height] = maps.size;
     let raster = RasterJob {
         scene: job.scene,
         program: RasterProgram::Deferred,
@@ -208,12 +215,12 @@ pub fn draw(
         shades: job.shades,
         // Maps show what rays hit, so both sides of every triangle are drawn.
         culled: &[],
-        viewport: Rect { x: 0, y: 0, width: 0, height: 0 },
+        viewport: Rect { x: 0, y: 0, width, height },
         clear_color: Vec4::ZERO,
         attachments: Attachments { color, ..Attachments::default() },
         shared: Attachments::default(),
         half: Attachments::default(),
-        snapped_depth: true,
+        snapped_depth: maps.snapped_depth,
         load_store: LoadStore::default(),
     };
     check_scene(&raster)?;
@@ -224,7 +231,7 @@ pub fn draw(
     for (index, shot) in shots.iter().enumerate() {
         let (is_first, is_last) = (index == 0, index + 1 == shots.len());
         let layer = shot.layer as usize;
-        draws.look(gpu, &shot.view, job.sun)?;
+        draws.look(gpu, &shot.view, maps.size, job.sun)?;
         let descriptor = wgpu::CommandEncoderDescriptor { label: Some("map") };
         let mut encoder = gpu.device.create_command_encoder(&descriptor);
         let face = maps.faces.get(layer).map(|view| wgpu::RenderPassColorAttachment {

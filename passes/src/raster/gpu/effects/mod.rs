@@ -160,10 +160,10 @@ fn texels(job: &EffectJob<'_>) -> u64 {
 }
 
 impl Effects {
-    pub fn new(gpu: &Gpu, layouts: &Layouts) -> Result<Self, BackendError> {
+    pub fn new(gpu: &Gpu) -> Result<Self, BackendError> {
         Ok(Self {
             inputs: Inputs::new(gpu)?,
-            draws: DrawList::new(gpu, layouts)?,
+            draws: DrawList::new(gpu)?,
             programs: HashMap::new(),
             asks: [None, None],
             maps: Kept::default(),
