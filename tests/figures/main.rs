@@ -13,7 +13,8 @@
 //! | `machine` | any command that writes an environment | a sentence: processor, threads, devices, commit, date, command |
 //! | `cases` | `curitiba bench`, several files | a row for each case: the frame and the error in each file, and the 2014 report's frame |
 //! | `pictures` | `curitiba bench` | a row for each row: the error of the effect, and of the picture |
-//! | `backends` | `examples/conformance`, several files | a row for each ray pass: milliseconds on the device of each backend |
+//! | `backends` | `examples/conformance`, several files | a row for each ray pass: milliseconds on the device of each backend; `names=` tells files apart |
+//! | `agreement` | the same | a row for each ray pass: how far each backend's picture differs from the processor's |
 //! | `counts` | `curitiba bench`, several files | a row for each case with a ray pass: rays of each kind |
 //! | `threads` | `curitiba bench --sweep-threads` | a row for each step: milliseconds on each number of threads, and the speed-up |
 //! | `rays` | the bench beside Embree, several files | a row for each scene: rays a second, and ratios; `threads=16` of so many threads, `single=yes` with the ratio of single rays |
@@ -83,6 +84,15 @@ fn measurement(name: &str) -> Result<Value, String> {
     serde_json::from_str(&text).map_err(|error| format!("{}: {error}", path.display()))
 }
 
+/// The commit at which a file was measured, in a checkout without changes.
+fn commit<'f>(name: &str, file: &'f Value) -> Result<&'f str, String> {
+    let commit = file["environment"]["commit"].as_str().unwrap_or("unknown");
+    if commit == "unknown" || commit.ends_with("-dirty") {
+        return Err(format!("{name}.json was measured at commit `{commit}`: measure it again in a clean checkout"));
+    }
+    Ok(commit)
+}
+
 /// The document with every table generated anew. Adds the kind and the commit of each quoted file to `quoted`.
 fn rewrite(text: &str, quoted: &mut BTreeSet<(String, String, String)>) -> Result<String, String> {
     let mut out = String::new();
@@ -96,12 +106,7 @@ fn rewrite(text: &str, quoted: &mut BTreeSet<(String, String, String)>) -> Resul
         let request = Request::read(asked).map_err(at)?;
         let files = request.files.iter().map(|name| measurement(name)).collect::<Result<Vec<_>, _>>().map_err(at)?;
         for (name, file) in request.files.iter().zip(&files) {
-            let commit = file["environment"]["commit"].as_str().unwrap_or("unknown");
-            if commit == "unknown" || commit.ends_with("-dirty") {
-                return Err(at(format!(
-                    "{name}.json was measured at commit `{commit}`: measure it again in a clean checkout"
-                )));
-            }
+            let commit = commit(name, file).map_err(at)?;
             quoted.insert((request.kind.clone(), name.clone(), commit.to_owned()));
         }
         let table = tables::table(&request.kind, &files, &request.options).map_err(at)?;
@@ -186,13 +191,15 @@ fn a_wrong_marker_or_figure_is_found() {
         ("<!-- figures: machine -->\n", "a kind and a file are wanted"),
         ("<!-- figures: machine none.json -->\n", "none.json"),
         ("<!-- figures: tables epyc_table2.json -->\n", "there is no kind `tables`"),
-        ("<!-- figures: machine h100_long_dragon.json -->\n", "measure it again in a clean checkout"),
         ("<!-- figures: cases epyc_table2.json names=a; view=Nowhere -->\n", "no row"),
         ("<!-- figures: machine epyc_table2.json\n", "does not end with -->"),
     ];
     for (text, message) in wrong {
         let error = rewrite(&format!("{text}{END}\n")).expect_err(text);
         assert!(error.starts_with("line 1: ") && error.contains(message), "{error}");
+    }
+    for changed in [serde_json::json!({}), serde_json::json!({"environment": {"commit": "611cfbd-dirty"}})] {
+        assert!(commit("a", &changed).is_err_and(|error| error.contains("measure it again in a clean checkout")));
     }
     let open = rewrite(&format!("{machine}\n")).expect_err("it is open");
     assert!(open.contains("follows"), "{open}");

@@ -16,6 +16,7 @@ pub fn table(kind: &str, files: &[Value], options: &Options) -> Result<String, S
         "machine" => Ok(by_machine(one()?).iter().map(machine).collect()),
         "cases" => cases(&files.iter().flat_map(by_machine).collect::<Vec<_>>(), options),
         "backends" => backends(files, options),
+        "agreement" => agreement(files, options),
         "counts" => counts(files, options),
         "pictures" => pictures(one()?, options),
         "threads" => threads(one()?, options),
@@ -24,7 +25,7 @@ pub fn table(kind: &str, files: &[Value], options: &Options) -> Result<String, S
         "builds" => builds(files),
         "listed" => listed(one()?, options),
         _ => {
-            let valid = "machine, cases, pictures, backends, counts, threads, rays, passes, builds, listed";
+            let valid = "machine, cases, pictures, backends, agreement, counts, threads, rays, passes, builds, listed";
             Err(format!("there is no kind `{kind}`; valid: {valid}"))
         }
     }
@@ -241,44 +242,91 @@ fn counts(files: &[Value], options: &Options) -> Result<String, String> {
     Ok(out)
 }
 
-/// The program and the camera of a record of `examples/conformance.rs`.
-fn case(record: &Value) -> (&str, &str) {
-    (text(&record["program"]), record["camera"].as_str().unwrap_or("its own"))
+/// What a ray pass of `examples/conformance` is told apart by: program, camera and triangles of the scene.
+type Case<'f> = (&'f str, &'f str, u64);
+
+/// A record of `examples/conformance` beside the name of its column.
+type Column<'f> = (String, &'f Value);
+
+/// The records of one fidelity, each with the name of its backend; with the option `names`, separated by `/`, the name of its file follows.
+fn records<'f>(files: &'f [Value], options: &Options) -> Result<Vec<Column<'f>>, String> {
+    let fidelity = options.get("fidelity").map_or("corrected", String::as_str);
+    let names: Vec<&str> =
+        options.get("names").map_or_else(Vec::new, |names| names.split('/').map(str::trim).collect());
+    if !names.is_empty() && names.len() != files.len() {
+        return Err(format!("{} names for {} files", names.len(), files.len()));
+    }
+    let mut found = Vec::new();
+    for (index, file) in files.iter().enumerate() {
+        for record in file["records"].as_array().into_iter().flatten() {
+            if text(&record["fidelity"]) == fidelity {
+                let backend = text(&record["backend"]);
+                let column = names.get(index).map_or_else(|| backend.to_owned(), |name| format!("{backend}, {name}"));
+                found.push((column, record));
+            }
+        }
+    }
+    if found.is_empty() { Err("no row is of that fidelity".to_owned()) } else { Ok(found) }
 }
 
-/// Device milliseconds of each ray pass, with a column for each backend. Results that disagree with the processor are
-/// marked.
-fn backends(files: &[Value], options: &Options) -> Result<String, String> {
-    let fidelity = options.get("fidelity").map_or("corrected", String::as_str);
-    let all = files.iter().filter_map(|file| file["records"].as_array()).flatten();
-    let records: Vec<&Value> = all.filter(|record| text(&record["fidelity"]) == fidelity).collect();
-    let mut backends: Vec<&str> = Vec::new();
-    let mut cases: Vec<(&str, &str)> = Vec::new();
-    for record in &records {
-        let backend = text(&record["backend"]);
-        if !backends.contains(&backend) {
-            backends.push(backend);
+fn case(record: &Value) -> Case<'_> {
+    let triangles = record["triangles"].as_u64().unwrap_or(0);
+    (text(&record["program"]), record["camera"].as_str().unwrap_or("its own"), triangles)
+}
+
+/// A row for each ray pass and a column for each backend. The column of triangles is left out where all scenes have as many.
+fn by_backend(found: &[Column<'_>], shown: impl Fn(&Value) -> String) -> String {
+    let (mut columns, mut cases): (Vec<&str>, Vec<Case<'_>>) = (Vec::new(), Vec::new());
+    for (column, record) in found {
+        if !columns.contains(&column.as_str()) {
+            columns.push(column);
         }
         if !cases.contains(&case(record)) {
             cases.push(case(record));
         }
     }
-    if cases.is_empty() {
-        return Err("no row is of that fidelity".to_owned());
-    }
-    let mut out =
-        format!("| program | view | {} |\n|---|---|{}\n", backends.join(" | "), "---|".repeat(backends.len()));
-    for (program, camera) in cases {
-        let of = |backend: &&str| {
-            let same = |record: &&&Value| case(record) == (program, camera) && text(&record["backend"]) == *backend;
-            let Some(record) = records.iter().find(same) else { return String::new() };
-            let wrong = if record["within_limits"] == false { " (beyond the limits)" } else { "" };
-            cell(record["device_ms_median"].as_f64()) + wrong
+    let several = cases.iter().any(|other| other.2 != cases[0].2);
+    let (head, line) = if several { ("triangles | ", "---:|") } else { ("", "") };
+    let mut out = format!("| {head}program | view | {} |\n", columns.join(" | "));
+    let _ = writeln!(out, "|{line}---|---|{}", "---|".repeat(columns.len()));
+    for wanted in cases {
+        let of = |column: &&str| {
+            let same = |(name, record): &&Column<'_>| name == column && case(record) == wanted;
+            found.iter().find(same).map_or_else(String::new, |(_, record)| shown(record))
         };
-        let cells: Vec<String> = backends.iter().map(of).collect();
-        let _ = writeln!(out, "| {program} | {camera} | {} |", cells.join(" | "));
+        let cells: Vec<String> = columns.iter().map(of).collect();
+        let triangles = if several { format!("{} | ", grouped(wanted.2)) } else { String::new() };
+        let _ = writeln!(out, "| {triangles}{} | {} | {} |", wanted.0, wanted.1, cells.join(" | "));
     }
-    Ok(out)
+    out
+}
+
+/// Device milliseconds of each ray pass on each backend. Results that disagree with the processor are marked.
+fn backends(files: &[Value], options: &Options) -> Result<String, String> {
+    let found = records(files, options)?;
+    Ok(by_backend(&found, |record| {
+        let wrong = if record["within_limits"] == false { " (beyond the limits)" } else { "" };
+        cell(record["device_ms_median"].as_f64()) + wrong
+    }))
+}
+
+/// How far the pictures of each ray pass differ from the processor's: equal in every bit, the greatest difference where no pixel is off by
+/// more than 0.01, or how many are.
+fn agreement(files: &[Value], options: &Options) -> Result<String, String> {
+    let found = records(files, options)?;
+    if found.iter().any(|(_, record)| !record["comparison"].is_object()) {
+        return Err("a row was not compared with the processor".to_owned());
+    }
+    Ok(by_backend(&found, |record| {
+        let of = |name: &str| record["comparison"][name].as_u64().unwrap_or(0);
+        let wrong = if record["within_limits"] == false { " (beyond the limits)" } else { "" };
+        let told = match (of("pixels") - of("identical"), of("above_1e_2")) {
+            (0, _) => "every bit".to_owned(),
+            (_, 0) => format!("{} at most", cell(record["comparison"]["max_difference"].as_f64())),
+            (_, pixels) => format!("{} pixels", grouped(pixels)),
+        };
+        told + wrong
+    }))
 }
 
 fn threads(file: &Value, options: &Options) -> Result<String, String> {
@@ -414,6 +462,32 @@ fn rays_are_summed_over_passes_and_files_follow_each_other_by_row() {
     let view = Options::from([("view".to_owned(), "Fonte".to_owned())]);
     let made = table("counts", &files[..1], &view).expect("a table");
     assert!(made.starts_with("| project | shadow |") && made.contains("| X | 1,000,000 |"), "{made}");
+}
+
+#[test]
+fn ray_passes_are_rows_and_backends_columns() {
+    let record = |backend: &str, triangles: u64, ms: f64, identical: u64, off: u64| {
+        let comparison =
+            serde_json::json!({"pixels": 9, "identical": identical, "above_1e_2": off, "max_difference": 3e-8});
+        serde_json::json!({"backend": backend, "program": "ssao", "fidelity": "corrected", "triangles": triangles,
+            "camera": "Vidro", "device_ms_median": ms, "within_limits": true, "comparison": comparison})
+    };
+    let file = |records: &[Value]| serde_json::json!({"records": records});
+    let one = file(&[record("cuda", 5, 2.0, 9, 0), record("optix", 5, 4.0, 8, 0), record("cuda", 7000, 3.0, 1, 1234)]);
+    let made = table("backends", std::slice::from_ref(&one), &Options::new()).expect("a table");
+    let rows = "| 5 | ssao | Vidro | 2.00 | 4.00 |\n| 7,000 | ssao | Vidro | 3.00 |  |\n";
+    assert_eq!(made, format!("| triangles | program | view | cuda | optix |\n|---:|---|---|---|---|\n{rows}"));
+    let made = table("agreement", std::slice::from_ref(&one), &Options::new()).expect("a table");
+    assert!(made.contains("| every bit | 3e-8 at most |") && made.contains("| 1,234 pixels |  |"), "{made}");
+    let names = Options::from([("names".to_owned(), "one GPU/two".to_owned())]);
+    let files = [0.5, 0.25].map(|ms| file(&[record("cuda", 5, ms, 9, 0)]));
+    let made = table("backends", &files, &names).expect("a table");
+    assert!(
+        made.starts_with("| program | view | cuda, one GPU | cuda, two |") && made.contains("| 0.50 | 0.25 |"),
+        "{made}"
+    );
+    let thesis = Options::from([("fidelity".to_owned(), "thesis".to_owned())]);
+    assert!(table("backends", &[one.clone()], &thesis).is_err() && table("backends", &[one], &names).is_err());
 }
 
 #[test]
