@@ -323,6 +323,7 @@ fn agreement(files: &[Value], options: &Options) -> Result<String, String> {
         let told = match (of("pixels") - of("identical"), of("above_1e_2")) {
             (0, _) => "every bit".to_owned(),
             (_, 0) => format!("{} at most", cell(record["comparison"]["max_difference"].as_f64())),
+            (_, 1) => "1 pixel".to_owned(),
             (_, pixels) => format!("{} pixels", grouped(pixels)),
         };
         told + wrong
