@@ -218,7 +218,12 @@ fn programs_of_lights_that_are_discs_show_what_the_processors_do() {
 fn a_wrong_word_of_the_mean_over_a_disc_is_noticed() {
     for change in [
         // What is below the surface counts as if it were not there.
-        ["sum = sum + splat(in_shadow(params));", ""],
+        [
+            "if (is_disc && dot(side, pass.light_direction) <= 0.0f) {\n            sum = sum + splat(in_shadow(params));",
+            "if (is_disc && dot(side, pass.light_direction) <= 0.0f) {",
+        ],
+        // The side that decides is the triangle's, also where it stands for a round surface.
+        ["is_disc ? horizon(params, triangle, point, facing) : facing", "facing"],
         // Every ray to the centre.
         ["is_disc ? disc_direction(__ldg(params.disc + i), seeds, basis, params.disc_height) : towards", "towards"],
     ] {
