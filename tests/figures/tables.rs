@@ -488,7 +488,9 @@ fn ray_passes_are_rows_and_backends_columns() {
         "{made}"
     );
     let thesis = Options::from([("fidelity".to_owned(), "thesis".to_owned())]);
-    assert!(table("backends", &[one.clone()], &thesis).is_err() && table("backends", &[one], &names).is_err());
+    assert!(
+        table("backends", std::slice::from_ref(&one), &thesis).is_err() && table("backends", &[one], &names).is_err()
+    );
 }
 
 #[test]

@@ -95,7 +95,7 @@ fn shares_in_final(rings: u32, params: RayParams) -> Vec<(f32, f32)> {
     for eye in [Vec3::new(4.0, 3.0, 5.0), Vec3::new(-5.0, 2.0, -3.0), Vec3::new(1.0, -6.0, 2.0)] {
         let side = eye.any_orthonormal_vector();
         let shot = Shot::of(&world, eye, grid(96, Vec3::ZERO, side, side.cross(eye).normalize()));
-        let (pixels, _) = shot.run_on(&world.tree(), &shot.job(RayProgram::Final, Corrected, params.clone()));
+        let (pixels, _) = shot.run_on(&world.tree(), &shot.job(RayProgram::Final, Corrected, params));
         let seen = pixels.iter().zip(&shot.color).zip(&shot.normal).zip(&shot.triangle);
         found.extend(seen.filter(|(_, id)| **id != NO_TRIANGLE).map(|(((pixel, color), normal), _)| {
             (Vec3::from_slice(normal).normalize().dot(to_light), pixel[0] / color[0])
