@@ -136,8 +136,8 @@ impl OptixTracer {
 
 impl DeviceTracer for OptixTracer {
     const NAME: &'static str = "optix";
-    /// An upper estimate of the device memory that OptiX takes while it builds. A sky is built when all else was compacted, to well below half
-    /// of this: both fit where the triangles from the first of the sky to its last are no more than half of the scene.
+    /// An upper estimate of the device memory that OptiX takes while it builds. A sky is built after all else was compacted. By the sizes of
+    /// structures, and not measured, both fit where the triangles from the first of the sky to its last are at most half of the scene.
     const BYTES_PER_TRIANGLE: u64 = 250;
 
     /// Nothing: OptiX builds on the GPU.

@@ -146,9 +146,9 @@ impl<T: Tracer, C: Coverage> Pass<'_, T, C> {
         self.disc_share(of, (&mut work.disc, &mut work.rays.shadow), |hit| self.stops_light(hit), stops)
     }
 
-    /// Origin of the ray to the light from the side of normal `facing`. `None` where that side is dark without a ray:
-    /// the round surface that the triangle stands for is turned away from the light, or the triangle is, and it stands for none or something
-    /// opaque lies between the two.
+    /// Origin of the ray to the light from the side of normal `facing`. `None` where that side is dark without a ray to
+    /// the light: where the round surface that the triangle stands for is turned away; where the triangle is, and stands
+    /// for no round surface; and where something opaque lies between the triangle and the round surface.
     pub(super) fn light_origin(
         &self,
         surface: &Surface,

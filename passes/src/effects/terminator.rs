@@ -4,11 +4,11 @@
 //! A triangle that faces the light is dark where the smooth surface is turned away, so that the border of the light is
 //! a smooth curve and does not follow the edges of triangles.
 //!
-//! A point of a triangle that is turned away, while the smooth surface is not, is lifted onto the smooth surface, which the normals at the corners describe. The point
-//! is projected onto the tangent plane at each corner, where it lies below that plane, and the three projections are
-//! weighted by the barycentric coordinates (Hanika, "Hacking the Shadow Terminator", Ray Tracing Gems II, 2021, chapter
-//! 4). The shadow ray starts at the lifted point. A second ray tests the way from the triangle to the lifted point, so
-//! that no light comes through what lies between.
+//! Where the triangle is turned away and the smooth surface is not, a point of the triangle is lifted onto that surface,
+//! which the normals at the corners describe. The point is projected onto the tangent plane at each corner, where it
+//! lies below that plane, and the three projections are weighted by the barycentric coordinates (Hanika, "Hacking the
+//! Shadow Terminator", Ray Tracing Gems II, 2021, chapter 4). The shadow ray starts at the lifted point. A second ray
+//! tests the way from the triangle to the lifted point, so that no light comes through what lies between.
 
 use super::coverage::Coverage;
 use super::interpolate::locate;
