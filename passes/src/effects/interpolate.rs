@@ -9,7 +9,14 @@ pub fn interpolate<V>(geometry: &Geometry, values: &[V], hit: &Hit) -> V
 where
     V: Copy + std::ops::Mul<f32, Output = V> + std::ops::Add<Output = V>,
 {
-    let [a, b, c] = geometry.triangles[hit.triangle as usize].map(|vertex| values[vertex as usize]);
+    weighed(geometry.triangles[hit.triangle as usize].map(|vertex| values[vertex as usize]), hit)
+}
+
+/// Values at the corners of a triangle, weighed by the barycentric coordinates of a hit.
+pub fn weighed<V>([a, b, c]: [V; 3], hit: &Hit) -> V
+where
+    V: std::ops::Mul<f32, Output = V> + std::ops::Add<Output = V>,
+{
     a * (1.0 - hit.u - hit.v) + b * hit.u + c * hit.v
 }
 

@@ -11,7 +11,7 @@
 //! tests the way from the triangle to the lifted point, so that no light comes through what lies between.
 
 use super::coverage::Coverage;
-use super::interpolate::locate;
+use super::interpolate::{locate, weighed};
 use super::light::SHADOWED;
 use super::pass::Pass;
 use crate::trace::{Hit, Purpose, Ray, SurfacePoint, Tracer, higher};
@@ -62,11 +62,6 @@ fn round_normals(geometry: &Geometry, triangle: u32, facing: Vec3) -> Option<[Ve
     } else {
         None
     }
-}
-
-/// Weighs three vectors by the barycentric coordinates of a hit.
-fn weighed([a, b, c]: [Vec3; 3], at: &Hit) -> Vec3 {
-    a * (1.0 - at.u - at.v) + b * at.u + c * at.v
 }
 
 /// The normal that decides what light reaches a point of a triangle on the side of unit normal `facing`: that of the smooth surface, of any length
