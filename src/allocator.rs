@@ -6,7 +6,7 @@
 //! threads whose allocations were never refused stay aborts.
 //!
 //! Of memory outside this heap the count includes what [`outside`] is told of; not stacks and code. Nor does it include freed memory that
-//! the C library keeps. `tests/memory.rs` checks that the whole process stays within a tenth of the limit.
+//! the C library keeps. `tests/program/memory.rs` checks that the whole process stays within a tenth of the limit.
 #![allow(unsafe_code, reason = "an allocator, a signal handler and the calls that end a process have no safe form")]
 
 use std::alloc::{GlobalAlloc, Layout, System};

@@ -3,7 +3,7 @@
 //!
 //! `cargo bench -p curitiba-passes --bench raster [-- <million triangles>...]`; without arguments 0.1, 1 and 10.
 
-#[path = "../tests/common/mod.rs"]
+#[path = "../tests/raster/common/mod.rs"]
 mod common;
 
 use curitiba_passes::raster::cpu::{CpuRasteriser, InstructionSet, Stages};

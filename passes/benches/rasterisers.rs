@@ -2,7 +2,7 @@
 //!
 //! Threads: `RAYON_NUM_THREADS` for the processor, `LP_NUM_THREADS` for Mesa's software driver.
 
-#[path = "../tests/common/mod.rs"]
+#[path = "../tests/raster/common/mod.rs"]
 mod common;
 
 use criterion::{Criterion, criterion_group, criterion_main};

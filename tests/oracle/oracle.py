@@ -1,4 +1,4 @@
-"""Renders small scenes with Mitsuba 3 and stores them, with their description, for `tests/oracle/main.rs`.
+"""Renders small scenes with Mitsuba 3 and stores them, with their description, for `tests/frames/oracle.rs`.
 
     python3 -m venv /tmp/oracle && /tmp/oracle/bin/pip install -r tests/oracle/requirements.txt \
         && /tmp/oracle/bin/python tests/oracle/oracle.py

@@ -30,7 +30,7 @@ pub fn of(target: &str) -> Vec<(&'static str, Vec<u8>)> {
             ("binary.glb", glb()),
             ("sparse.gltf", SPARSE_GLTF.into()),
             ("posed.gltf", POSED_GLTF.into()),
-            // Made by the encoders of the decoding crates; a test in `scene_gltf` writes them.
+            // Made by the encoders of the decoding crates; a test in `scene/gltf.rs` writes them.
             ("draco.glb", include_bytes!("draco.glb").to_vec()),
             ("meshopt.glb", include_bytes!("meshopt.glb").to_vec()),
         ],

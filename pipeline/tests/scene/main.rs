@@ -1,0 +1,15 @@
+//! Scene files of every format: what is read, what is refused and why, and what is built of them.
+
+mod build;
+mod cbo;
+#[cfg(feature = "gltf")]
+mod gltf;
+#[cfg(feature = "gltf")]
+mod normal_maps;
+mod obj;
+#[cfg(feature = "gltf")]
+mod real;
+#[path = "../scene_support/mod.rs"]
+mod scene_support;
+mod texture;
+mod three_ds;

@@ -1,0 +1,33 @@
+//! Frames that the library draws: their pixels, what plans say of them, and what one frame takes over from another.
+//!
+//! Some need a Vulkan, Metal or DirectX 12 driver (a software driver will do), some an NVIDIA GPU. Without, they print `skipped: why`, or
+//! fail with `CURITIBA_REQUIRE_GPU_TESTS=1` and `CURITIBA_REQUIRE_CUDA_TESTS=1`.
+
+mod aa;
+mod adaptive;
+mod clears;
+mod color;
+mod cones;
+mod cracks;
+mod fallback;
+mod far;
+mod filter;
+#[cfg(unix)]
+mod joined;
+#[path = "../lamps/mod.rs"]
+mod lamps;
+mod library;
+mod lights;
+#[path = "../nvidia/mod.rs"]
+mod nvidia;
+mod oracle;
+mod own_backend;
+#[path = "../own_shaders/mod.rs"]
+mod own_shaders;
+mod picture;
+mod plain;
+mod projects;
+mod raster_effects;
+mod rasterisers;
+mod stacks;
+mod wgpu_rays;

@@ -1,0 +1,23 @@
+//! The program `curitiba` as its users start it: commands, what they print and write, faults, memory, and many machines.
+
+mod bench;
+#[cfg(unix)]
+#[macro_use]
+mod capped;
+mod cli;
+mod cluster;
+mod compare;
+mod crop;
+mod deep;
+mod display;
+mod faults;
+#[cfg(unix)]
+mod memory;
+#[cfg(unix)]
+mod memory_of_drivers;
+mod outputs;
+mod report;
+mod scenes;
+mod survey;
+mod tune;
+mod visibility;
