@@ -1,6 +1,6 @@
 //! The processor's rasteriser against an independent one, and against closed forms.
 
-use crate::common::{ALL, Random, camera, grey, job, pixels, soup, terrain};
+use crate::common::{self, ALL, Random, camera, grey, job, pixels, soup, terrain};
 use curitiba_passes::raster::cpu::{CpuRasteriser, InstructionSet};
 use curitiba_pipeline::backend::{
     Attachments, GBuffer, Glow, NO_TRIANGLE, NormalMap, RasterJob, Rasteriser, Rect, Shade, Sun, View,

@@ -3,7 +3,7 @@
 //! Needs a Vulkan, Metal or DirectX 12 driver (a software driver will do). Without one, tests print `skipped`, or fail
 //! with `CURITIBA_REQUIRE_GPU_TESTS=1`. `CURITIBA_PICTURES=DIR` writes the pictures.
 
-use crate::effects::world::{BACKGROUND, Shot, World};
+use crate::effects::world::{self, BACKGROUND, Shot, World};
 use crate::support::rasteriser;
 use curitiba_passes::raster::gpu::WgpuRasteriser;
 use curitiba_pipeline::backend::{

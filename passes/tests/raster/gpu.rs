@@ -1,7 +1,7 @@
 //! Promises of the wgpu rasteriser beyond its pictures.
 
-use crate::common::ALL;
-use crate::scenes::{Setup, hills, marked, plain};
+use crate::common::{self, ALL};
+use crate::scenes::{self, Setup, hills, marked, plain};
 use crate::support::rasteriser;
 use curitiba_passes::raster::gpu::{AdapterChoice, AdapterKind, WgpuRasteriser, adapters};
 use curitiba_pipeline::backend::{
@@ -305,7 +305,7 @@ fn attachments_in_16_bit_floats_take_half_the_memory_and_are_the_32_bit_ones_rou
             }
         }
     }
-    let mut alone = support::rasteriser().expect("there was one");
+    let mut alone = crate::support::rasteriser().expect("there was one");
     alone.upload(&setup.scene).expect("uploads");
     render(&mut alone, &RasterJob { half: ALL, ..setup.job(width, height, ALL) }, width, height);
     let pixels = u64::from(width * height);
