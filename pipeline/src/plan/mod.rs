@@ -497,6 +497,15 @@ fn target_size(project: &Project, pipeline: usize, target: usize, window: [u32; 
     })
 }
 
+/// Gives a project another window, and its targets the sizes that they have in that window. As it is declared then, it shows what it showed with
+/// this [`Settings::size`].
+pub fn resize(project: &mut Project, pipeline: usize, window: [u32; 2]) {
+    let sizes: Vec<_> =
+        (0..project.targets.len()).map(|target| target_size(project, pipeline, target, window)).collect();
+    project.targets.iter_mut().zip(sizes).for_each(|(target, size)| target.size = size);
+    project.window = window;
+}
+
 /// A viewport in pixels of a target. Its edges are rounded, so that neighbouring viewports neither gap nor overlap.
 fn rectangle(viewport: Option<&Viewport>, size: [u32; 2]) -> Rect {
     let Some(viewport) = viewport else { return Rect { x: 0, y: 0, width: size[0], height: size[1] } };

@@ -2,23 +2,29 @@
 //!
 //! ```text
 //! chunk     := u16 id, u32 length (of all of it, with these six bytes), contents
-//! 4D4D file := chunks: 3D3D scene := chunks: AFFF material, 4000 object
+//! 4D4D file := chunks: 3D3D scene := chunks: AFFF material, 4000 object; B000 key-framer := chunks: B002 node
 //! AFFF      := chunks: A000 name (to a NUL), A020 diffuse, A010 ambient, A030 specular, A050 transparency, A081 two-sided, A200 texture
 //! colour    := chunk 0010 f32[3] | 0011 u8[3]        share := chunk 0030 u16, percent | 0031 f32
 //! A200      := chunks: A300 file name (to a NUL), A356 f32 scale of u, A354 of v, A358 f32 offset of u, A35A of v
 //! 4000      := name (to a NUL), chunks: 4100 mesh := chunks:
 //!              4110 u16 n, f32[3n] positions, 4140 u16 n, f32[2n] texture coordinates, v upwards,
-//!              4120 u16 n, (u16 corners[3], u16 flags)[n], chunks: 4130 := material name (to a NUL), u16 n, u16 faces[n]
+//!              4120 u16 n, (u16 corners[3], u16 flags)[n], chunks: 4130 := material name (to a NUL), u16 n, u16 faces[n],
+//!              4160 f32[12] matrix: three axes and the origin
+//! B002      := chunks: B030 u16 id, B010 mesh's name (to a NUL), u16[2] flags, u16 parent's id, B013 f32[3] pivot,
+//!              B020 track of positions f32[3], B021 of rotations f32 angle, f32[3] axis, B022 of scales f32[3]
+//! track     := u16 flags, u32[2], u32 n, (u32 frame, u16 which, f32 for each of its bits, value)[n]
 //! ```
 //!
-//! Positions are in scene coordinates: the file's matrices only place pivots. The file contains no normals.
+//! Positions are in scene coordinates. A mesh that one node names stands there. Several nodes that name the same mesh are its instances, which
+//! stand where their nodes are in the first frame: at `parent * translation * rotation * scale * -pivot * inverse matrix`; angles turn clockwise
+//! about their axis. The file contains no normals.
 
 use super::bytes::{Reader, f32_at};
 use super::context::{Context, MaterialTable, add_texture, texture_file_or_suffix};
 use super::error::SceneError;
 use super::{Group, Material, Mesh, Object, Scene, TextureSource};
 use crate::diagnostic::Warnings;
-use glam::{Mat4, Vec2, Vec3};
+use glam::{Mat4, Quat, Vec2, Vec3};
 use std::collections::HashMap;
 
 const FILE: u16 = 0x4D4D;
@@ -26,6 +32,8 @@ const SCENE: u16 = 0x3D3D;
 const MATERIAL: u16 = 0xAFFF;
 const OBJECT: u16 = 0x4000;
 const MESH: u16 = 0x4100;
+const KEY_FRAMER: u16 = 0xB000;
+const NODE: u16 = 0xB002;
 /// Size of a chunk's header, bytes.
 const HEAD: usize = 6;
 /// Longest name, bytes.
@@ -42,42 +50,61 @@ struct Mapping {
 
 const PLAIN_MAPPING: Mapping = Mapping { scale: Vec2::ONE, offset: Vec2::ZERO };
 
+/// A node of the key-framer.
+struct Node {
+    /// Name of the mesh that stands there; other names belong to nodes that only place others.
+    mesh: String,
+    pivot: Vec3,
+    /// To the world, in the first frame.
+    transform: Mat4,
+}
+
 struct Loader<'a, 'b> {
     context: &'a mut Context<'b>,
     scene: Scene,
     table: MaterialTable,
     /// Transforms of texture coordinates, by name of the material; materials without one are missing.
     mappings: HashMap<String, Mapping>,
+    /// Matrices of the meshes, in their order.
+    matrices: Vec<Mat4>,
+    nodes: Vec<Node>,
+    /// To the world, by a node's id. A parent comes before its children.
+    frames: HashMap<u16, Mat4>,
     warnings: Warnings,
 }
 
 pub(crate) fn read(bytes: &[u8], context: &mut Context<'_>) -> Result<Scene, SceneError> {
-    let mut reader = Reader::new(context.file, bytes);
-    let (id, mut contents) = chunk(&mut reader)?;
+    let id = Reader::new(context.file, bytes).u16("a chunk's id")?;
     if id != FILE {
         return Err(SceneError::file(context.file, format!("this is no 3DS file: it starts with chunk {id:04X}"))
             .help("valid: 4D4D"));
     }
+    let (_, mut contents) = chunk(&mut Reader::new(context.file, bytes))?;
     let mut loader = Loader {
         context,
         scene: Scene::default(),
         table: MaterialTable::default(),
         mappings: HashMap::new(),
+        matrices: Vec::new(),
+        nodes: Vec::new(),
+        frames: HashMap::new(),
         warnings: Warnings::default(),
     };
     let mut objects = Vec::new();
     while contents.left() >= HEAD {
-        let (id, mut scene) = chunk(&mut contents)?;
-        while id == SCENE && scene.left() >= HEAD {
-            match chunk(&mut scene)? {
-                (MATERIAL, part) => loader.material(part)?,
-                (OBJECT, part) => objects.push(part),
+        let (outer, mut parts) = chunk(&mut contents)?;
+        while matches!(outer, SCENE | KEY_FRAMER) && parts.left() >= HEAD {
+            match (outer, chunk(&mut parts)?) {
+                (SCENE, (MATERIAL, part)) => loader.material(part)?,
+                (SCENE, (OBJECT, part)) => objects.push(part),
+                (KEY_FRAMER, (NODE, part)) => loader.node(part)?,
                 _ => {}
             }
         }
     }
     // Materials may follow the objects that name them.
     objects.into_iter().try_for_each(|object| loader.object(object))?;
+    loader.place()?;
     let Loader { mut scene, table, warnings, .. } = loader;
     (scene.materials, scene.warnings) = (table.materials, warnings);
     Ok(scene)
@@ -131,7 +158,85 @@ fn share(mut reader: Reader<'_>) -> Result<Option<f32>, SceneError> {
     Ok(None)
 }
 
+/// Reads the value of a track's first key; `None` if it has no key.
+fn first_key<const N: usize>(mut reader: Reader<'_>) -> Result<Option<[f32; N]>, SceneError> {
+    reader.block(10, 1, "the head of a track")?;
+    if reader.count("the number of keys")? == 0 {
+        return Ok(None);
+    }
+    reader.block(4, 1, "a key's frame")?;
+    let given = reader.u16("what a key gives")?;
+    reader.block(given.count_ones() as usize, 4, "a key's numbers")?;
+    Ok(Some(reader.floats("a key's value")?))
+}
+
 impl Loader<'_, '_> {
+    fn node(&mut self, mut reader: Reader<'_>) -> Result<(), SceneError> {
+        /// Of a node without one.
+        const NONE: u16 = u16::MAX;
+        let mut node = Node { mesh: String::new(), pivot: Vec3::ZERO, transform: Mat4::IDENTITY };
+        let (mut id, mut parent) = (u16::try_from(self.nodes.len()).unwrap_or(NONE), NONE);
+        let (mut position, mut rotation, mut scale) = ([0.0; 3], [0.0; 4], [1.0; 3]);
+        while reader.left() >= HEAD {
+            match chunk(&mut reader)? {
+                (0xB030, mut part) => id = part.u16("a node's id")?,
+                (0xB010, mut part) => {
+                    node.mesh = name(&mut part)?;
+                    part.block(4, 1, "a node's flags")?;
+                    parent = part.u16("a node's parent")?;
+                }
+                (0xB013, mut part) => node.pivot = Vec3::from(part.floats::<3>("a pivot")?),
+                (0xB020, part) => position = first_key(part)?.unwrap_or(position),
+                (0xB021, part) => rotation = first_key(part)?.unwrap_or(rotation),
+                (0xB022, part) => scale = first_key(part)?.unwrap_or(scale),
+                _ => {}
+            }
+        }
+        let [angle, axis @ ..] = rotation;
+        let turn = Vec3::from(axis).try_normalize().map_or(Quat::IDENTITY, |axis| Quat::from_axis_angle(axis, -angle));
+        let to_parent = Mat4::from_scale_rotation_translation(scale.into(), turn, position.into());
+        node.transform = self.frames.get(&parent).map_or(to_parent, |frame| *frame * to_parent);
+        self.frames.insert(id, node.transform);
+        self.context.take("the nodes", 1, size_of::<Node>() + node.mesh.len())?;
+        self.nodes.push(node);
+        Ok(())
+    }
+
+    /// Places the meshes that several nodes name.
+    fn place(&mut self) -> Result<(), SceneError> {
+        let mut by_mesh: HashMap<&str, Vec<&Node>> = HashMap::new();
+        for node in &self.nodes {
+            by_mesh.entry(&node.mesh).or_default().push(node);
+        }
+        let mut instances = Vec::new();
+        for (object, matrix) in self.scene.objects.iter_mut().zip(&self.matrices) {
+            let nodes = by_mesh.remove(object.name.as_str()).unwrap_or_default();
+            let place = |node: &&Node| node.transform * Mat4::from_translation(-node.pivot) * matrix.inverse();
+            let places: Vec<Mat4> = nodes.iter().map(place).filter(|place| place.is_finite()).collect();
+            let what = match (&places[..], nodes.len()) {
+                (_, 0) => continue,
+                (places, count) if places.len() < count => "nodes whose place is no number",
+                ([place], _) if !place.abs_diff_eq(Mat4::IDENTITY, 1e-3) => {
+                    "nodes that move the only instance of a mesh"
+                }
+                ([_], _) => continue,
+                ([first, others @ ..], _) => {
+                    object.transform = *first;
+                    for place in others {
+                        self.context.take("the objects", 1, size_of::<Object>() + 2 * object.name.len())?;
+                        instances.push(Object { transform: *place, ..object.clone() });
+                    }
+                    continue;
+                }
+                ([], _) => continue,
+            };
+            let name = &object.name;
+            self.warnings.add(self.context.file, what, "drawn where the positions are", || format!("`{name}`"));
+        }
+        self.scene.objects.append(&mut instances);
+        Ok(())
+    }
+
     fn material(&mut self, mut reader: Reader<'_>) -> Result<(), SceneError> {
         let mut material = Material { name: PLAIN.to_owned(), ..Material::default() };
         let (mut texture, mut mapping) = (None, PLAIN_MAPPING);
@@ -206,9 +311,20 @@ impl Loader<'_, '_> {
         let mut faces: Vec<[u32; 3]> = Vec::new();
         // By face: material index plus one, or 0 without a material.
         let mut materials: Vec<u32> = Vec::new();
+        let mut matrix = Mat4::IDENTITY;
         while reader.left() >= HEAD {
             let (id, mut part) = chunk(&mut reader)?;
             match id {
+                0x4160 => {
+                    let [x, y, z, origin] = [
+                        part.floats("an axis")?,
+                        part.floats("an axis")?,
+                        part.floats("an axis")?,
+                        part.floats("an origin")?,
+                    ]
+                    .map(Vec3::from);
+                    matrix = Mat4::from_cols(x.extend(0.0), y.extend(0.0), z.extend(0.0), origin.extend(1.0));
+                }
                 0x4110 => {
                     let count = usize::from(part.u16("the number of positions")?);
                     let block = part.block(count, 12, "the positions")?;
@@ -246,6 +362,7 @@ impl Loader<'_, '_> {
         let number = self.scene.meshes.len() as u32;
         self.context.take("the objects", 1, size_of::<Mesh>() + size_of::<Object>() + 2 * name.len())?;
         self.scene.meshes.push(mesh);
+        self.matrices.push(matrix);
         self.scene.objects.push(Object { name: name.to_owned(), mesh: number, transform: Mat4::IDENTITY });
         Ok(())
     }

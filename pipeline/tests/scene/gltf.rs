@@ -688,11 +688,28 @@ fn containers_that_are_damaged_are_errors() {
         (b"glTF\x02\0\0\0\0\0\0\0".to_vec(), "no JSON chunk"),
         (b"glTF\x02\0\0\0\0\0\0\0\xFF\xFF\xFF\xFFJSON".to_vec(), "4294967295"),
         (glb(&json!({"no": "asset"}), &[]), "not a glTF asset"),
+        (
+            json!({"asset": {"version": "1.0"}, "meshes": {}, "nodes": {}}).to_string().into(),
+            "this is glTF version 1.0",
+        ),
+        // Exporters of version 1.0 left it out.
+        (json!({"meshes": {"a": {}}, "nodes": {"b": {}}}).to_string().into(), "this is glTF version 1.0"),
+        (vec![0x1F, 0x8B, 8, 0, 0, 0, 0, 0], "compressed by gzip"),
     ] {
         let error = load_one(&folder.write("a.glb", bytes)).unwrap_err().to_string();
         assert!(error.contains(expected), "{error}");
     }
     assert!(load_one(&folder.write("a.gltf", "[".repeat(100_000))).is_err());
+}
+
+#[test]
+fn a_byte_order_mark_is_ignored() {
+    let (mut json, binary) = square();
+    json["buffers"] = json!([{"byteLength": binary.len(), "uri": "a.bin"}]);
+    let folder = Folder::new();
+    folder.write("a.bin", &binary);
+    let marked = [b"\xEF\xBB\xBF", json.to_string().as_bytes()].concat();
+    assert_eq!(triangles(&load_one(&folder.write("a.gltf", marked)).unwrap()), 2);
 }
 
 #[test]
@@ -935,6 +952,15 @@ fn buffer_views_compressed_by_meshopt_hold_what_the_plain_ones_held() {
         scene.meshes[0].groups[0].triangles.iter().map(|triangle| first(*triangle)).collect::<Vec<_>>()
     };
     assert_eq!(sorted(&scene), sorted(&expected));
+
+    // A fallback need not say that it is one, unless a view of it is not compressed.
+    let mut silent = json.clone();
+    silent["buffers"][0] = json!({"byteLength": 92});
+    let scene = load_one(&folder.write("silent.gltf", silent.to_string())).unwrap();
+    assert_eq!(scene.meshes[0].positions, expected.meshes[0].positions);
+    silent["bufferViews"][1].as_object_mut().expect("a view").remove("extensions");
+    let error = load_one(&folder.write("silent.gltf", silent.to_string())).unwrap_err().to_string();
+    assert!(error.contains("buffer 0 has no data\n       valid: a `uri`"), "{error}");
 
     for (field, value, words) in [
         ("mode", json!("TRIANGLE"), "valid: ATTRIBUTES"),

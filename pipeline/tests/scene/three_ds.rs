@@ -2,7 +2,7 @@
 
 use crate::scene_support::{Folder, assert_references_are_valid, count, load_capped, load_one, mutations};
 use curitiba_pipeline::scene::{BuildOptions, RenderScene};
-use glam::{Vec2, Vec3};
+use glam::{Mat4, Vec2, Vec3};
 
 fn chunk(id: u16, parts: &[&[u8]]) -> Vec<u8> {
     let contents = parts.concat();
@@ -71,6 +71,94 @@ fn meshes_materials_and_textures_are_read() {
     assert_eq!(warnings.groups().len(), 0, "{:?}", warnings.groups());
     assert_eq!((built.geometry.triangles.len(), built.textures.len()), (3, 1));
     assert!(built.geometry.normals.iter().take(2).all(|normal| normal.z > 0.5));
+}
+
+/// A node of the key-framer: its id and its parent's, its mesh, and its place.
+fn node(id: u16, parent: u16, mesh: &[u8], [position, pivot, scale]: [[f32; 3]; 3], rotation: [f32; 4]) -> Vec<u8> {
+    let track = |id: u16, values: &[f32]| {
+        // Two keys, the first with two numbers of its tension and bias.
+        let key = |which: u16, numbers: &[f32], values: &[f32]| {
+            [&[0; 4][..], &shorts(&[which]), &floats(numbers), &floats(values)].concat()
+        };
+        let other: Vec<f32> = values.iter().map(|value| value + 7.0).collect();
+        let keys = [key(0b101, &[0.5, 0.5], values), key(0, &[], &other)].concat();
+        chunk(id, &[&[0; 10], &2_u32.to_le_bytes(), &keys])
+    };
+    chunk(
+        0xB002,
+        &[
+            &chunk(0xB030, &[&shorts(&[id])]),
+            &chunk(0xB010, &[mesh, b"\0", &shorts(&[0, 0, parent])]),
+            &chunk(0xB013, &[&floats(&pivot)]),
+            &track(0xB020, &position),
+            &track(0xB021, &rotation),
+            &track(0xB022, &scale),
+        ],
+    )
+}
+
+/// A triangle whose matrix moves it by two along x, with the nodes.
+fn with_nodes(nodes: &[Vec<u8>]) -> Vec<u8> {
+    let positions = floats(&[2.0, 0.0, 0.0, 3.0, 0.0, 0.0, 2.0, 1.0, 0.0]);
+    let matrix = floats(&[1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0, 2.0, 0.0, 0.0]);
+    let mesh = chunk(
+        0x4100,
+        &[
+            &chunk(0x4110, &[&shorts(&[3]), &positions]),
+            &chunk(0x4160, &[&matrix]),
+            &chunk(0x4120, &[&shorts(&[1, 0, 1, 2, 7])]),
+        ],
+    );
+    let object = chunk(0x4000, &[b"leaf\0", &mesh]);
+    chunk(0x4D4D, &[&chunk(0x3D3D, &[&object]), &chunk(0xB000, &[&nodes.concat()])])
+}
+
+const AT_REST: [f32; 3] = [0.0; 3];
+const WHOLE: [f32; 3] = [1.0; 3];
+const ROOT: u16 = u16::MAX;
+
+#[test]
+fn instances_stand_where_their_nodes_are_in_the_first_frame() {
+    let folder = Folder::new();
+    let quarter = std::f32::consts::FRAC_PI_2;
+    let up = [0.0, 0.0, 10.0];
+    let file = with_nodes(&[
+        node(4, ROOT, b"$$$DUMMY", [up, AT_REST, [2.0; 3]], [0.0; 4]),
+        node(5, 4, b"leaf", [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], WHOLE], [0.0; 4]),
+        // About z, clockwise: x becomes -y.
+        node(6, 4, b"leaf", [AT_REST, AT_REST, WHOLE], [quarter, 0.0, 0.0, 3.0]),
+        // No such parent.
+        node(7, 99, b"leaf", [AT_REST, AT_REST, WHOLE], [0.0; 4]),
+    ]);
+    let scene = load_one(&folder.write("leaves.3ds", &file)).unwrap();
+    assert_eq!((scene.meshes.len(), scene.objects.len()), (1, 3));
+    assert_eq!(scene.warnings.groups().len(), 0, "{:?}", scene.warnings.groups());
+    // The second corner lies at (1, 0, 0) of the mesh's own axes.
+    let corner = scene.meshes[0].positions[1];
+    let places: Vec<_> = scene.objects.iter().map(|object| object.transform.transform_point3(corner)).collect();
+    for (place, expected) in places.into_iter().zip([[4.0, -2.0, 10.0], [0.0, -2.0, 10.0], [1.0, 0.0, 0.0]]) {
+        assert!(place.distance(expected.into()) < 1e-5, "{place} {expected:?}");
+    }
+    let whole = file.len();
+    for damaged in mutations(&file, 500) {
+        if let Ok(scene) = load_capped(&folder.write("damaged.3ds", &damaged)) {
+            assert!(scene.objects.len() < whole / 40);
+            assert_references_are_valid(&scene);
+        }
+    }
+}
+
+#[test]
+fn the_only_instance_of_a_mesh_stands_where_its_positions_are() {
+    let folder = Folder::new();
+    let load = |node| load_one(&folder.write("leaf.3ds", with_nodes(&[node]))).unwrap();
+    let at = |x: f32| node(0, ROOT, b"leaf", [[x, 0.0, 0.0], AT_REST, WHOLE], [0.0; 4]);
+    let [still, moved, nowhere] = [2.0, 5.0, f32::NAN].map(|x| load(at(x)));
+    for (scene, warnings) in [(still, 0), (moved, 1), (nowhere, 1)] {
+        assert_eq!(scene.warnings.groups().len(), warnings, "{:?}", scene.warnings.groups());
+        assert_eq!(scene.objects.len(), 1);
+        assert_eq!(scene.objects[0].transform, Mat4::IDENTITY);
+    }
 }
 
 #[test]

@@ -112,7 +112,14 @@ impl SceneProjects {
         let name = name_of(files);
         let contents = Contents::of(scene).ok_or_else(|| {
             let first = files.first().map_or(Path::new(""), PathBuf::as_path);
-            SceneError::file(first, "the scene has no triangle: there is nothing to look at")
+            let error = SceneError::file(first, "the scene has no triangle: there is nothing to look at");
+            let said: Vec<String> = scene
+                .warnings
+                .groups()
+                .iter()
+                .map(|group| format!("{} {}: {}", group.count, group.what, group.remedy))
+                .collect();
+            if said.is_empty() { error } else { error.help(format!("the file has {}", said.join(", "))) }
         })?;
         let window = window.unwrap_or(WINDOW);
         let mut notes = Notes::default();

@@ -181,7 +181,8 @@ impl<'a> Element<'a> {
             word.parse().map_err(|_| {
                 let word: String = word.chars().take(20).collect();
                 let (at, what) = self.wrong(format!("`{word}` is no number of its kind"));
-                SceneError::new(context.file, Place::Byte(at), what)
+                let error = SceneError::new(context.file, Place::Byte(at), what);
+                if word.contains(',') { error.help("valid: numbers with a point, apart by spaces") } else { error }
             })
         };
         self.text.split_ascii_whitespace().map(read).collect()

@@ -10,13 +10,15 @@ use ::gltf::json;
 use std::borrow::Cow;
 
 const GLB_MAGIC: &[u8] = b"glTF";
+const GZIP_MAGIC: &[u8] = &[0x1F, 0x8B];
 const CHUNK_JSON: u32 = 0x4E4F_534A;
 const CHUNK_BIN: u32 = 0x004E_4942;
 
 /// Splits a file into its JSON text and, for GLB, its binary chunk.
 pub(super) fn split<'a>(bytes: &'a [u8], context: &Context<'a>) -> Result<(&'a [u8], Option<&'a [u8]>), SceneError> {
     if !bytes.starts_with(GLB_MAGIC) {
-        return Ok((bytes, None));
+        // A byte order mark may be ignored (RFC 8259, section 8.1).
+        return Ok((bytes.strip_prefix(b"\xEF\xBB\xBF").unwrap_or(bytes), None));
     }
     let mut reader = Reader::new(context.file, bytes);
     reader.block(GLB_MAGIC.len(), 1, "the magic number")?;
@@ -48,8 +50,33 @@ pub(super) fn parse(text: &[u8], context: &mut Context<'_>) -> Result<json::Root
     context.take("the JSON tree", 1, text.len() + 512 * count(b'{') + 64 * count(b','))?;
     let root = guard::call("gltf", || json::deserialize::from_slice(text));
     root.map_err(|panic| SceneError::file(context.file, panic))?.map_err(|error| {
-        SceneError::file(context.file, format!("the JSON is not a glTF asset: {error}")).help("valid: glTF 2.0")
+        let what = match version(text) {
+            Some(version) if !version.starts_with("2.") => format!("this is glTF version {}", shortened(&version)),
+            _ if text.starts_with(GZIP_MAGIC) => "the file is compressed by gzip".to_owned(),
+            _ => format!("the JSON is not a glTF asset: {error}"),
+        };
+        SceneError::file(context.file, what).help("valid: glTF 2.0")
     })
+}
+
+/// The version that an asset of any version says it has. Version 1.0 lists nodes by name; files of it may leave their version out.
+fn version(text: &[u8]) -> Option<String> {
+    #[derive(serde::Deserialize)]
+    struct Asset {
+        version: Option<String>,
+    }
+    #[derive(serde::Deserialize)]
+    struct Any {
+        asset: Option<Asset>,
+        nodes: Option<serde::de::IgnoredAny>,
+        meshes: Option<Named>,
+    }
+    /// An object, no list.
+    #[derive(serde::Deserialize)]
+    struct Named {}
+    let any: Any = serde_json::from_slice(text).ok()?;
+    let is_named = any.nodes.is_some() && any.meshes.is_some();
+    any.asset.and_then(|asset| asset.version).or_else(|| is_named.then(|| "1.0".to_owned()))
 }
 
 /// Reads all buffers and checks their lengths.
@@ -81,14 +108,18 @@ pub(super) fn buffers<'a>(
                     );
                 }
             }),
-            // A fallback buffer has no bytes of its own: its views are compressed, and their data lie in another buffer.
-            None if meshopt::is_fallback(buffer) => {
-                buffers.push(Cow::Borrowed(&[][..]));
-                continue;
-            }
-            None => match binary {
-                Some(binary) if index == 0 => Cow::Borrowed(binary),
-                _ => return Err(fail("has no data".to_owned())),
+            None => match binary.filter(|_| index == 0 && !meshopt::is_fallback(buffer)) {
+                Some(binary) => Cow::Borrowed(binary),
+                // The views of a fallback buffer are compressed, and their data lie in another buffer.
+                None if meshopt::is_fallback(buffer) || meshopt::is_compressed_only(root, index) => {
+                    buffers.push(Cow::Borrowed(&[][..]));
+                    continue;
+                }
+                None => {
+                    return Err(
+                        fail("has no data".to_owned()).help("valid: a `uri`, or the binary chunk of a GLB file")
+                    );
+                }
             },
         };
         let length = usize::try_from(buffer.byte_length.0).unwrap_or(usize::MAX);

@@ -11,10 +11,21 @@ use std::borrow::Cow;
 
 pub(super) const EXTENSION: &str = "EXT_meshopt_compression";
 
-/// Whether a buffer is a fallback for compressed views and has no bytes of its own.
+/// Whether a buffer is declared as a fallback for compressed views and has no bytes of its own.
 pub(super) fn is_fallback(buffer: &json::Buffer) -> bool {
     let extension = buffer.extensions.as_ref().and_then(|extensions| extensions.others.get(EXTENSION));
     extension.and_then(|extension| extension.get("fallback")).and_then(Value::as_bool) == Some(true)
+}
+
+/// Whether there are views of a buffer, all compressed: a fallback need not be declared as one.
+pub(super) fn is_compressed_only(root: &json::Root, buffer: usize) -> bool {
+    let mut views = root.buffer_views.iter().filter(|view| view.buffer.value() == buffer).peekable();
+    views.peek().is_some() && views.all(|view| written(view).is_some())
+}
+
+/// The extension of a buffer view.
+fn written(view: &json::buffer::View) -> Option<&Value> {
+    view.extensions.as_ref()?.others.get(EXTENSION)
 }
 
 /// The decompressed bytes of each compressed buffer view. Empty if no view is compressed.
@@ -23,14 +34,13 @@ pub(super) fn views(
     buffers: &[Cow<'_, [u8]>],
     context: &mut Context<'_>,
 ) -> Result<Vec<Option<Vec<u8>>>, SceneError> {
-    let extension = |view: &json::buffer::View| view.extensions.as_ref()?.others.get(EXTENSION).cloned();
-    if !root.buffer_views.iter().any(|view| extension(view).is_some()) {
+    if !root.buffer_views.iter().any(|view| written(view).is_some()) {
         return Ok(Vec::new());
     }
     let mut views = Vec::with_capacity(root.buffer_views.len());
     for (index, view) in root.buffer_views.iter().enumerate() {
-        views.push(match extension(view) {
-            Some(written) => Some(decode(index, &written, buffers, context)?),
+        views.push(match written(view) {
+            Some(written) => Some(decode(index, written, buffers, context)?),
             None => None,
         });
     }

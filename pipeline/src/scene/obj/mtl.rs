@@ -340,7 +340,14 @@ impl Parser<'_> {
                 let (first, factor) = split_word(rest);
                 set(&mut current.d, scalar(if first == b"-halo" { factor } else { rest }))
             }
-            b"illum" => set(&mut current.illum, scalar(rest).map(|model| model as u32)),
+            b"illum" => {
+                let model = scalar(rest).map(|model| model as u32);
+                if matches!(model, Some(3 | 5 | 8)) {
+                    let what = "materials that mirror (`illum` 3, 5, 8)";
+                    self.warnings.add(self.file, what, "drawn without reflections", || format!("line {line}"));
+                }
+                set(&mut current.illum, model)
+            }
             b"map_kd" => set(&mut current.map_kd, map(rest)),
             b"map_d" => set(&mut current.map_d, map(rest)),
             b"map_pr" => set(&mut current.map_pr, map(rest)),
