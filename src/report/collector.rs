@@ -564,8 +564,11 @@ fn run(
     Ok((measured.row, measured.picture, names))
 }
 
-/// The figure of the report that the projects come from, where it has the same row.
+/// The figure of the report that the projects come from, where it has the same row. Its shadows are hard.
 fn figure_of_2014(entry: &Entry, row: &BenchRow) -> Option<ThesisFigure> {
+    if entry.effect == "soft-shadows" {
+        return None;
+    }
     let samples = row.set.iter().find_map(|set| set.strip_prefix("pass2.samples=")?.parse::<u32>().ok());
     let same = |known: &&TableRow| known.project == entry.file && known.view == row.view && known.samples == samples;
     let figure = table2::ROWS.iter().find(same).map(|known| known.figure(row));

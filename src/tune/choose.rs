@@ -53,10 +53,14 @@ impl Trial {
     }
 }
 
+/// Variants that take longer than the fastest by more than this factor are slower, however uncertain their times.
+const ALIKE: f64 = 1.05;
+
 /// The variants that are within the goal, the best first, as indices.
 ///
-/// Of a time: by their errors, and by their times where these are equal. Of an error: by their times; those whose intervals reach the
-/// fastest one's cannot be told from it, and come first by their errors.
+/// Of a time: by their errors, and by their times where these are equal. Of an error: by their times; those that cannot be told from the
+/// fastest one come first by their errors. These are the ones whose interval reaches its interval and whose median is at most
+/// [`ALIKE`] times its median: the interval of a variant of few frames is wide, and reaches far.
 #[must_use]
 pub fn ranked(trials: &[Trial], goal: Goal) -> Vec<usize> {
     let mut fit: Vec<usize> = (0..trials.len()).filter(|index| trials[*index].fits(goal)).collect();
@@ -70,9 +74,11 @@ pub fn ranked(trials: &[Trial], goal: Goal) -> Vec<usize> {
         Goal::Error(_) => {
             fit.sort_by(|a, b| trials[*a].median().total_cmp(&trials[*b].median()));
             if let Some(fastest) = fit.first() {
-                let reach = trials[*fastest].interval().high;
-                let (mut alike, slower): (Vec<usize>, Vec<usize>) =
-                    fit.iter().partition(|index| trials[**index].interval().low <= reach);
+                let (reach, longest) = (trials[*fastest].interval().high, ALIKE * trials[*fastest].median());
+                let (mut alike, slower): (Vec<usize>, Vec<usize>) = fit.iter().partition(|index| {
+                    let trial = &trials[**index];
+                    trial.interval().low <= reach && trial.median() <= longest
+                });
                 alike.sort_by(by_error);
                 fit = [alike, slower].concat();
             }

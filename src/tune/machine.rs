@@ -6,7 +6,7 @@ use crate::bench::model::RowError;
 use crate::bench::{Case, MeasureOptions, measure};
 use crate::pipeline::executor::Observer;
 use crate::pipeline::metrics::MetricInfo;
-use crate::pipeline::plan::{Plan, Settings};
+use crate::pipeline::plan::{Plan, Settings, resize};
 use crate::pipeline::project::{Project, SceneOptions};
 use crate::reference::{Of, ReferenceError, References};
 use crate::{Choice, OpenError};
@@ -60,8 +60,11 @@ impl<'a> Bench<'a> {
         let declared = Case::new(path, settings.clone(), choice)?;
         let plan = Plan::new(settings.open(path)?, settings)?;
         let slots = slots(&plan);
-        let Plan { project, pipeline, mut settings, .. } = plan;
-        // Candidates hold the parameters already, and a written project its camera.
+        let Plan { mut project, pipeline, mut settings, .. } = plan;
+        // Candidates hold the parameters already, and a written project its camera and its size.
+        if let Some(size) = settings.size {
+            resize(&mut project, pipeline, size);
+        }
         settings.set.retain(|assignment| assignment.split('=').next().is_some_and(|key| key.ends_with(".format")));
         settings.scene = SceneOptions::default();
         let folder = folder.to_owned();

@@ -127,6 +127,30 @@ fn the_chosen_and_the_two_next_best_are_measured_most() {
     assert!(found.ranked[3..].iter().all(|index| frames(*index) == 5), "{found:?}");
 }
 
+#[test]
+fn noise_changes_the_fastest_within_an_error_in_few_of_a_hundred_searches() {
+    let same = (0..100)
+        .filter(|seed| {
+            let mut machine = Simulated::new(&[OCCLUSION, SHADOWS], 0.05, *seed);
+            best(&find(&mut machine, Goal::Error(0.045))) == Some(&[1, 1])
+        })
+        .count();
+    assert!(same >= 99, "{same}");
+}
+
+/// A variant with a wide interval, which reaches the fastest one's, is not chosen for its error if its median is a quarter longer.
+#[test]
+fn an_uncertain_time_is_no_reason_to_choose_a_slower_variant() {
+    let trial = |frames_ms: &[f64], error| Trial { variant: Vec::new(), frames_ms: frames_ms.to_vec(), error };
+    let sure: Vec<f64> = (0..27).map(|frame| 8.4 + 0.01 * f64::from(frame)).collect();
+    let fast = trial(&sure, 0.05);
+    let unsure = trial(&[8.0, 8.1, 10.4, 10.6, 11.0, 11.2, 11.9], 0.03);
+    assert!(unsure.interval().low < fast.interval().high, "its interval reaches the other");
+    assert_eq!(ranked(&[unsure, fast.clone()], Goal::Error(0.06)), [1, 0]);
+    // Control: of two with the same times, the one with less error.
+    assert_eq!(ranked(&[fast.clone(), trial(&sure, 0.03)], Goal::Error(0.06)), [1, 0]);
+}
+
 /// Two candidates that time cannot tell apart: the error does.
 #[test]
 fn of_candidates_alike_in_time_the_one_with_less_error_is_chosen() {

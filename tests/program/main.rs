@@ -1,11 +1,10 @@
-//! The program `curitiba` as its users start it: commands, what they print and write, faults, memory, and many machines.
+//! The program `curitiba` as its users start it: commands, what they print and write, faults and memory.
 
 mod bench;
 #[cfg(unix)]
 #[macro_use]
 mod capped;
 mod cli;
-mod cluster;
 mod compare;
 mod crop;
 mod deep;

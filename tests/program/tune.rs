@@ -53,9 +53,13 @@ fn the_project_written_keeps_the_error_that_was_asked_for() {
     assert!(rows.iter().any(|row| row.1 > 0.05), "the goal leaves something out\n{output}");
     assert!(rows.iter().any(|row| row.2.starts_with("gtao")) && output.contains("(as declared)"), "{output}");
     assert!(output.contains("rendered again: "), "{output}");
-    // The written project is the chosen row: it renders, and its parameters are the chosen ones.
-    let listed = curitiba(place.path(), &["plan", "ao.xml", "--size", "40x32"]);
+    // The written project is the chosen row: it renders at the size that was measured, and its parameters are the chosen ones.
+    let listed = curitiba(place.path(), &["plan", "ao.xml"]);
+    let plan = text(&listed.stdout);
     assert!(listed.status.success(), "{}", text(&listed.stderr));
+    assert!(plan.contains("window 40 x 32"), "{plan}");
+    let passes: Vec<_> = plan.lines().filter(|line| line.starts_with("  pass")).collect();
+    assert!(passes.len() >= 3 && passes.iter().all(|line| line.ends_with(", 40 x 32")), "{plan}");
     let xml = std::fs::read_to_string(place.path().join("ao.xml")).expect("the project");
     for setting in chosen.split_whitespace().filter_map(|word| word.split_once('=')) {
         let (name, value) = setting;

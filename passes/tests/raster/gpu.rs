@@ -564,7 +564,7 @@ fn without_a_driver() {
 #[test]
 fn a_machine_without_a_driver_gets_an_error_that_says_what_to_do() {
     let output = std::process::Command::new(std::env::current_exe().expect("a path"))
-        .args(["--exact", "without_a_driver", "--nocapture", "--include-ignored"])
+        .args(["--exact", "gpu::without_a_driver", "--nocapture", "--include-ignored"])
         .env("VK_DRIVER_FILES", "/nonexistent.json")
         .env("VK_ICD_FILENAMES", "/nonexistent.json")
         .output()
