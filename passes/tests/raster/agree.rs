@@ -206,8 +206,12 @@ fn the_two_rasterisers_draw_the_same() {
     let mut failed = Vec::new();
     for (setup, allowed) in setups() {
         let job = setup.job(WIDTH, HEIGHT, ALL);
-        let (_, wrong) = compare(&mut gpu, &setup, &job, allowed);
-        failed.extend(wrong);
+        // Each pixel is shaded once, or each fragment.
+        for shades_pixels in [true, false] {
+            gpu.set_shades_pixels(shades_pixels);
+            let (_, wrong) = compare(&mut gpu, &setup, &job, allowed);
+            failed.extend(wrong);
+        }
     }
     assert!(failed.is_empty(), "{failed:?}");
 }

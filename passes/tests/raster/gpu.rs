@@ -48,7 +48,9 @@ fn attachments_not_asked_for_are_neither_created_nor_change_the_others() {
         let Attachments { color, position, normal, triangle } = attachments;
         let pixel = 16 * (u64::from(color) + u64::from(position) + u64::from(normal)) + 4 * u64::from(triangle);
         let depth = if attachments == Attachments::default() { 0 } else { 4 };
-        let expected = (pixel + depth) * u64::from(width * height);
+        // What a pixel shows is shaded from the id of the triangle that is seen.
+        let seen = if color || position || normal { 4 } else { 0 };
+        let expected = (pixel + depth + seen) * u64::from(width * height);
         assert_eq!(rasteriser.memory().attachments, expected, "{attachments:?}");
         let full = full.get_or_insert_with(|| target.clone());
         let expected = GBuffer {
@@ -77,6 +79,89 @@ fn of_a_sky_its_colour_alone_is_written() {
     // Where only ids are asked for, draws of different materials are one, but not with that of a sky.
     let ids = Attachments { triangle: true, ..Attachments::default() };
     assert!(drawn(true, ids).triangle == with.triangle);
+}
+
+/// What is shaded from the ids of the triangles that are seen, and what fragments write, are the same.
+#[test]
+fn shading_each_pixel_once_gives_what_drawing_gives() {
+    let Some(mut rasteriser) = rasteriser() else { return };
+    let (width, height) = (241, 160);
+    let scenes = [hills(30), scenes::grazing(), scenes::cut_out(), scenes::tinted(), scenes::bumpy(1.0)];
+    for setup in scenes.into_iter().chain([scenes::shining(), scenes::soup(0, 600), scenes::soup(4, 600)]) {
+        rasteriser.upload(&setup.scene).expect("uploads");
+        let plain = setup.job(width, height, ALL);
+        let ahead = setup.target - setup.eye;
+        let mirrored = View {
+            clip_plane: Some(ahead.normalize().extend(-0.3 * ahead.length())),
+            ..plain.view.mapped(DMat4::from_scale(DVec3::new(-1.0, 1.0, 1.0)))
+        };
+        for view in [plain.view, mirrored] {
+            let job = RasterJob { view, ..plain };
+            let [shaded, drawn] = [true, false].map(|shades| {
+                rasteriser.set_shades_pixels(shades);
+                render(&mut rasteriser, &job, width, height)
+            });
+            assert!(shaded.triangle == drawn.triangle, "{}", setup.name);
+            let covered = shaded.triangle.iter().filter(|id| **id != NO_TRIANGLE).count();
+            let differ = |limit: f32, [a, b]: [&[[f32; 4]]; 2]| {
+                let is_near = |a: Vec4, b: Vec4| (a - b).abs().max_element() <= limit;
+                a.iter().zip(b).filter(|(a, b)| !is_near(Vec4::from(**a), Vec4::from(**b))).count()
+            };
+            let differ = [
+                differ(1e-3 * ahead.length(), [&shaded.position, &drawn.position]),
+                differ(5e-3, [&shaded.normal, &drawn.normal]),
+                differ(0.02, [&shaded.color, &drawn.color]),
+            ];
+            let name = format!("{}, mirrored {}", setup.name, view.clip_plane.is_some());
+            println!("{name}: of {covered} pixels {differ:?} differ");
+            // Near the horizon of a plane, and at outlines of narrow triangles, those between snapped corners are others.
+            assert!(covered > 100 && differ.iter().all(|count| 100 * count <= covered), "{name}: {differ:?}");
+        }
+    }
+}
+
+/// The place of a pixel of the G-buffer is where the line of sight through the pixel's centre meets the triangle.
+#[test]
+fn positions_lie_on_the_triangle_and_on_the_ray_of_the_pixel() {
+    let Some(mut rasteriser) = rasteriser() else { return };
+    let (width, height) = (250u32, 200u32);
+    let shades = [common::grey()];
+    for kind in [0, 3, 4, 5] {
+        let scene = Arc::new(common::soup(kind, 80, 1));
+        rasteriser.upload(&scene).expect("uploads");
+        let job = common::job(&scene, &shades, common::camera(1.25), width, height, ALL);
+        let clip_from_world = job.view.clip_from_world.as_dmat4();
+        let mut beside = [0.0; 2];
+        for (beside, shades_pixels) in beside.iter_mut().zip([true, false]) {
+            rasteriser.set_shades_pixels(shades_pixels);
+            let drawn = render(&mut rasteriser, &job, width, height);
+            let (mut covered, mut far) = (0_u32, 0);
+            for (index, id) in drawn.triangle.iter().enumerate().filter(|(_, id)| **id != NO_TRIANGLE) {
+                let [a, b, c] = scene.geometry.corners(*id).map(|corner| corner.as_dvec3());
+                let [x, y, z, _] = drawn.position[index].map(f64::from);
+                let position = DVec3::new(x, y, z);
+                let size = [a, b, c].iter().fold(1.0, |most: f64, corner| most.max(corner.abs().max_element()));
+                let distance = (position - a).dot((b - a).cross(c - a).normalize()).abs();
+                let unit = size * f64::from(f32::EPSILON);
+                assert!(distance <= 8.0 * unit, "kind {kind}: {distance:e} off a plane of {size}");
+                let clip = clip_from_world * position.extend(1.0);
+                let [across, down] = [clip.x, -clip.y].map(|place| 0.5 * place / clip.w + 0.5);
+                let centre = [index as u32 % width, index as u32 / width].map(|place| f64::from(place) + 0.5);
+                let off = [across * f64::from(width) - centre[0], down * f64::from(height) - centre[1]];
+                let most = off[0].abs().max(off[1].abs());
+                // Devices snap the corners of what they draw, to 1/16 pixel at the coarsest.
+                let rounding = 1e-4 + 4.0 * unit * f64::from(width) / clip.w;
+                assert!(most <= 1.0 / 16.0 + rounding, "kind {kind}: {most} pixels off");
+                covered += 1;
+                far += u32::from(most > rounding);
+                *beside += 0.5 * (off[0] * off[0] + off[1] * off[1]);
+            }
+            // Snapped triangles cover some pixels that they would not; of these the nearest place is shown.
+            assert!(covered > 5000 && (!shades_pixels || 100 * far < covered), "kind {kind}: {far} of {covered}");
+            *beside = (*beside / f64::from(covered)).sqrt();
+        }
+        println!("kind {kind}: {:.1e} pixels beside the centre, of fragments {:.1e}", beside[0], beside[1]);
+    }
 }
 
 /// Depth is stored.
@@ -309,7 +394,7 @@ fn attachments_in_16_bit_floats_take_half_the_memory_and_are_the_32_bit_ones_rou
     alone.upload(&setup.scene).expect("uploads");
     render(&mut alone, &RasterJob { half: ALL, ..setup.job(width, height, ALL) }, width, height);
     let pixels = u64::from(width * height);
-    assert_eq!((before, alone.memory().attachments), (56 * pixels, (3 * 8 + 4 + 4) * pixels));
+    assert_eq!((before, alone.memory().attachments), (60 * pixels, (3 * 8 + 4 + 4 + 4) * pixels));
 }
 
 #[test]
@@ -324,7 +409,7 @@ fn attachments_stay_between_frames_and_follow_the_size() {
     for size in 1..40 {
         render(&mut rasteriser, &setup.job(size, size, ALL), size, size);
     }
-    let kept: u64 = (36..40).map(|size| 56 * size * size).sum();
+    let kept: u64 = (36..40).map(|size| 60 * size * size).sum();
     assert_eq!(rasteriser.memory().attachments, kept, "a bounded number of sets is kept");
     assert_eq!(render(&mut rasteriser, &setup.job(64, 64, ALL), 64, 64), first);
 }

@@ -10,8 +10,8 @@ pub(super) const MAX_BUFFER_BYTES: u64 = 1 << 30;
 /// Number of storage buffers that a ray program binds, without its parameters.
 pub(crate) const RAY_BUFFERS: u32 = 8;
 
-/// Number of storage buffers of a fragment that computes depth on its triangle's plane.
-const PLANE_BUFFERS: u32 = 2;
+/// Number of storage buffers of the program that computes the planes of triangles.
+const PLANE_BUFFERS: u32 = 3;
 
 /// The adapters that may be chosen.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

@@ -16,6 +16,10 @@ use std::sync::{Arc, Mutex, PoisonError};
 /// Bytes of an upload that are handed over at once; bounds the driver's staging memory.
 const UPLOAD_PIECE: usize = 32 << 20;
 
+/// Number of storage buffers and textures of a program that shades each pixel once.
+const SHADING_BUFFERS: u32 = 6;
+const SHADING_TEXTURES: u32 = 4;
+
 /// How the programs of rays read their parameters, which differ from launch to launch.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Parameters {
@@ -134,7 +138,8 @@ impl Gpu {
             | wgpu::Features::SUBGROUP
             | wgpu::Features::FLOAT32_FILTERABLE
             | wgpu::Features::FLOAT32_BLENDABLE
-            | wgpu::Features::DEPTH_CLIP_CONTROL;
+            | wgpu::Features::DEPTH_CLIP_CONTROL
+            | wgpu::Features::SHADER_EARLY_DEPTH_TEST;
         let limits = adapter.limits();
         let descriptor = wgpu::DeviceDescriptor {
             label: Some("curitiba"),
@@ -167,9 +172,17 @@ impl Gpu {
         self.device.features().contains(feature)
     }
 
-    /// Whether depth can be that of the planes of triangles: fragments then read the corners of their triangle.
+    /// Whether depth can be that of the planes of triangles: fragments then read that of their triangle.
     pub fn has_plane_depth(&self) -> bool {
         has_plane_depth(self.device.features(), &self.limits)
+    }
+
+    /// Whether compute programs can shade each pixel once.
+    pub fn shades_pixels(&self) -> bool {
+        let Self { limits, .. } = self;
+        self.has_plane_depth()
+            && limits.max_storage_buffers_per_shader_stage >= SHADING_BUFFERS
+            && limits.max_storage_textures_per_shader_stage >= SHADING_TEXTURES
     }
 
     /// The first failure since the last call, as an error; so is memory that may not be held.

@@ -2,13 +2,17 @@
 
 use super::device::Gpu;
 use super::faults::failure;
-use super::geometry::{Chunk, DeviceGeometry};
-use super::pipelines::{Layouts, Pipelines, slots};
+use super::geometry::{DeviceGeometry, Vertices};
+use super::pipelines::{BUFFERS, FIRST_ATTACHMENT, Layouts, Pipelines, VISIBLE, slots};
 use super::shader::{DrawUniform, FrameUniform, LIGHTS_BYTES, Variant, lights_uniform};
-use super::targets::Stored;
+use super::targets::{Stored, Targets};
 use super::textures::DeviceTextures;
-use curitiba_pipeline::backend::{Attachments, BackendError, Light, RasterJob, Sun, View};
+use curitiba_pipeline::backend::{Attachments, BackendError, Light, RasterJob, Rect, Sun, View};
+use glam::Vec4;
 use std::num::NonZeroU64;
+
+/// Side of the square of pixels that a group of a shading program shades.
+const SHADING_GROUP: u32 = 16;
 
 /// One draw call.
 #[derive(Debug, Clone, Copy)]
@@ -47,6 +51,14 @@ pub(super) struct DrawList {
     planes: bool,
     /// What the listed draws are bound to: by chunk if their depth is that of planes, else one.
     bindings: Vec<wgpu::BindGroup>,
+    /// By chunk: what the program of planes reads and writes. Empty if the depth of the listed draws is not that of planes.
+    plane_bindings: Vec<wgpu::BindGroup>,
+    /// The part of the picture whose pixels are shaded once each, from the triangles that are seen; `None` if triangles are drawn.
+    shaded: Option<Rect>,
+    /// Colour of pixels that show nothing.
+    background: Vec4,
+    /// Whether the ids of a sky are written, too.
+    sky_ids: bool,
 }
 
 impl DrawList {
@@ -69,7 +81,21 @@ impl DrawList {
             many: false,
             planes: false,
             bindings: Vec::new(),
+            plane_bindings: Vec::new(),
+            shaded: None,
+            background: Vec4::ZERO,
+            sky_ids: false,
         })
+    }
+
+    /// A list of draws that write the ids of a sky, too.
+    pub fn with_sky_ids(self) -> Self {
+        Self { sky_ids: true, ..self }
+    }
+
+    /// Sets that for the following jobs each pixel of `part` is shaded once, or with `None` that triangles are drawn.
+    pub fn shade(&mut self, part: Option<Rect>) {
+        self.shaded = part;
     }
 
     /// Sets which materials, by index, the following jobs leave out; materials beyond the end are drawn.
@@ -92,7 +118,7 @@ impl DrawList {
         self.bytes.clear();
         self.stored = Stored::of(job);
         self.many = !job.lights.is_empty();
-        self.planes = !job.snapped_depth && gpu.has_plane_depth();
+        self.planes = !job.snapped_depth && gpu.has_plane_depth() && self.shaded.is_none();
         for part in &geometry.parts {
             if self.left_out.get(part.material as usize).copied().unwrap_or(false) {
                 continue;
@@ -101,7 +127,10 @@ impl DrawList {
                 return Err(failure(&format!("the job has no shade for material {}", part.material)));
             };
             let culled = job.culled.get(part.material as usize) == Some(&true);
-            let variant = Variant::new(job.attachments, geometry.has_normals, shade);
+            let mut variant = Variant::new(job.attachments, geometry.has_normals, shade);
+            if self.shaded.is_some() {
+                variant = variant.per_pixel();
+            }
             let beyond = |texture: Option<u32>| {
                 texture
                     .and_then(|texture| job.scene.textures.get(texture as usize))
@@ -111,14 +140,18 @@ impl DrawList {
             let normal_texture = shade.normal_map.map(|map| map.texture).filter(|_| variant.bent);
             let wrapped =
                 beyond(shade.texture.filter(|_| variant.textured)) || beyond(glow_texture) || beyond(normal_texture);
-            let (mirrored, many, plane_depth) = (job.view.clip_plane.is_some(), self.many, self.planes);
+            let mirrored = job.view.clip_plane.is_some() && !variant.per_pixel;
+            let culled = culled && !variant.per_pixel;
+            let (many, plane_depth) = (self.many, self.planes);
+            let early = plane_depth && gpu.has(wgpu::Features::SHADER_EARLY_DEPTH_TEST);
             let sky = job.scene.materials.get(part.material as usize).is_some_and(|material| material.sky);
-            let sky = sky && variant.writes();
-            let variant = Variant { culled, wrapped, mirrored, many, sky, plane_depth, ..variant };
+            let sky = sky && variant.writes() && !self.sky_ids;
+            let variant = Variant { culled, wrapped, mirrored, many, sky, plane_depth, early, ..variant };
             if let Some(last) = self.draws.last_mut() {
                 let adjacent = last.chunk == part.chunk && last.first + last.count == part.first;
                 if adjacent && last.variant == variant && !variant.reads_material() {
                     last.count += part.count;
+                    DrawUniform::set_count(&mut self.bytes[last.offset as usize..], last.count);
                     continue;
                 }
             }
@@ -133,11 +166,16 @@ impl DrawList {
                 return Err(failure("too many materials for one pass"));
             };
             let first_of_chunk = part.first - geometry.chunks[part.chunk].first;
-            self.bytes.extend_from_slice(bytemuck::bytes_of(&DrawUniform::new(shade, part.first, first_of_chunk)));
+            let uniform = DrawUniform::new(shade, part.first, first_of_chunk, part.count);
+            self.bytes.extend_from_slice(bytemuck::bytes_of(&uniform));
             self.bytes.resize(offset as usize + self.stride, 0);
             let (chunk, first, count) = (part.chunk, part.first, part.count);
             self.draws.push(Draw { variant, textures: textures_read, chunk, first, count, offset });
         }
+        if !self.draws.is_empty() {
+            DrawUniform::set_clears(&mut self.bytes);
+        }
+        self.background = job.clear_color;
         self.write(gpu)?;
         if self.many {
             self.write_lights(gpu, job.lights)?;
@@ -165,22 +203,43 @@ impl DrawList {
 
     /// Binds what the listed draws read. It is bound for each job, because the buffers may be others by now.
     fn bind(&mut self, gpu: &Gpu, layouts: &Layouts, geometry: &DeviceGeometry) -> Result<(), BackendError> {
+        self.bindings.clear();
+        self.plane_bindings.clear();
         let layout = layouts.uniforms(self.many, self.planes);
-        let buffers = (&self.frame, &self.uniforms, self.lights.as_ref().filter(|_| self.many));
-        let of_chunk = |chunk: &Chunk| {
-            let positions = &geometry.vertices[chunk.vertices].positions;
-            bind(gpu, layout, buffers, Some([&chunk.indices, positions]))
-        };
-        self.bindings = match self.planes {
-            true => geometry.chunks.iter().map(of_chunk).collect(),
-            false => vec![bind(gpu, layout, buffers, None)],
-        };
+        match layouts.planes.as_ref().filter(|_| self.planes) {
+            _ if self.shaded.is_some() => {}
+            Some(program) => {
+                for chunk in &geometry.chunks {
+                    let mut entries = self.uniforms();
+                    entries.push(entry(3, chunk.planes(gpu)?));
+                    self.bindings.push(group(gpu, layout, &entries));
+                    self.plane_bindings.push(program.bind(gpu, &self.frame, geometry, chunk)?);
+                }
+            }
+            None => {
+                let group = group(gpu, layout, &self.uniforms());
+                self.bindings.push(group);
+            }
+        }
         gpu.check("binding of the uniforms")
+    }
+
+    /// `Frame`, `Draw` and, for several lights or one with a place, `Lights`.
+    fn uniforms(&self) -> Vec<wgpu::BindGroupEntry<'_>> {
+        let size = NonZeroU64::new(size_of::<DrawUniform>() as u64);
+        let draw = wgpu::BufferBinding { buffer: &self.uniforms, offset: 0, size };
+        let mut entries = vec![
+            entry(0, &self.frame),
+            wgpu::BindGroupEntry { binding: 1, resource: wgpu::BindingResource::Buffer(draw) },
+        ];
+        entries.extend(self.lights.as_ref().filter(|_| self.many).map(|lights| entry(2, lights)));
+        entries
     }
 
     /// Changes the camera of the listed draws, for a picture of `size` pixels. Work that was submitted before keeps its camera.
     pub fn look(&self, gpu: &Gpu, view: &View, size: [u32; 2], sun: Option<Sun>) -> Result<(), BackendError> {
-        gpu.queue.write_buffer(&self.frame, 0, bytemuck::bytes_of(&FrameUniform::new(view, size, sun)));
+        let part = (self.shaded.unwrap_or(Rect { x: 0, y: 0, width: 0, height: 0 }), self.background);
+        gpu.queue.write_buffer(&self.frame, 0, bytemuck::bytes_of(&FrameUniform::new(view, size, sun, part)));
         gpu.check("upload of the frame's uniforms")
     }
 
@@ -198,6 +257,70 @@ impl DrawList {
         gpu.check("upload of the uniforms")?;
         self.written.extend_from_slice(&self.bytes);
         Ok(())
+    }
+
+    /// Whether depth is that of planes, which [`Self::record_planes`] computes for each camera.
+    pub fn has_planes(&self) -> bool {
+        !self.plane_bindings.is_empty()
+    }
+
+    /// Records, before the draws, the computation of the planes that they read, if they do.
+    pub fn record_planes(
+        &self,
+        encoder: &mut wgpu::CommandEncoder,
+        layouts: &Layouts,
+        geometry: &DeviceGeometry,
+        timestamp_writes: Option<wgpu::ComputePassTimestampWrites<'_>>,
+    ) {
+        if let Some(program) = layouts.planes.as_ref().filter(|_| self.has_planes()) {
+            let descriptor = wgpu::ComputePassDescriptor { label: Some("planes"), timestamp_writes };
+            let mut pass = encoder.begin_compute_pass(&descriptor);
+            let counts = geometry.chunks.iter().map(|chunk| chunk.count);
+            program.record(&mut pass, self.plane_bindings.iter().zip(counts));
+        }
+    }
+
+    /// Records the shading of each pixel, from the triangles that `targets` says are seen.
+    pub fn record_shading(
+        &self,
+        gpu: &Gpu,
+        pass: &mut wgpu::ComputePass<'_>,
+        pipelines: &Pipelines,
+        (geometry, textures): (&DeviceGeometry, &DeviceTextures),
+        targets: &Targets,
+    ) -> Result<(), BackendError> {
+        let (Some(part), Some(layout)) = (self.shaded, pipelines.shading_layout(self.many, self.stored)) else {
+            return Ok(());
+        };
+        let visible = targets.visible(gpu)?;
+        let view = |binding, view| wgpu::BindGroupEntry { binding, resource: wgpu::BindingResource::TextureView(view) };
+        let mut bindings = Vec::with_capacity(geometry.chunks.len());
+        for chunk in &geometry.chunks {
+            let Vertices { positions, normals, texcoords, colors, tangents } = &geometry.vertices[chunk.vertices];
+            // A program reads no attribute that the scene lacks; anything may be bound in its place.
+            let [normals, texcoords, colors, tangents] =
+                [normals, texcoords, colors, tangents].map(|attribute| attribute.as_ref().unwrap_or(positions));
+            let buffers = [&chunk.indices, positions, normals, texcoords, colors, tangents];
+            let mut entries = self.uniforms();
+            entries.push(view(VISIBLE, visible));
+            entries.extend(BUFFERS.into_iter().zip(buffers).map(|(binding, buffer)| entry(binding, buffer)));
+            let attachments = (FIRST_ATTACHMENT..).zip(targets.views());
+            entries.extend(attachments.filter_map(|(binding, attachment)| Some(view(binding, attachment?))));
+            bindings.push(group(gpu, layout, &entries));
+        }
+        let groups = [part.width, part.height].map(|side| side.div_ceil(SHADING_GROUP));
+        for draw in &self.draws {
+            let Some(pipeline) = pipelines.get_shading(draw.variant, self.stored) else { continue };
+            pass.set_pipeline(pipeline);
+            pass.set_bind_group(0, &bindings[draw.chunk], &[draw.offset]);
+            for (group, texture) in (1..).zip(draw.textures) {
+                if let Some(texture) = texture {
+                    pass.set_bind_group(group, textures.binding(texture), &[]);
+                }
+            }
+            pass.dispatch_workgroups(groups[0], groups[1], 1);
+        }
+        gpu.check("binding of what is shaded")
     }
 
     /// Records the draws in the order of their triangles.
@@ -244,6 +367,11 @@ impl DrawList {
         }
     }
 
+    /// Whether there is nothing to draw.
+    pub fn is_empty(&self) -> bool {
+        self.draws.is_empty()
+    }
+
     /// Number of draw calls.
     #[cfg(test)]
     pub fn len(&self) -> usize {
@@ -256,22 +384,10 @@ impl DrawList {
     }
 }
 
-fn bind(
-    gpu: &Gpu,
-    layout: &wgpu::BindGroupLayout,
-    (frame, uniforms, lights): (&wgpu::Buffer, &wgpu::Buffer, Option<&wgpu::Buffer>),
-    corners: Option<[&wgpu::Buffer; 2]>,
-) -> wgpu::BindGroup {
-    let draw =
-        wgpu::BufferBinding { buffer: uniforms, offset: 0, size: NonZeroU64::new(size_of::<DrawUniform>() as u64) };
-    let mut entries = vec![
-        wgpu::BindGroupEntry { binding: 0, resource: frame.as_entire_binding() },
-        wgpu::BindGroupEntry { binding: 1, resource: wgpu::BindingResource::Buffer(draw) },
-    ];
-    let [indices, positions] = corners.map_or([None; 2], |corners| corners.map(Some));
-    let others = [(2, lights), (3, indices), (4, positions)]
-        .into_iter()
-        .filter_map(|(binding, buffer)| Some(wgpu::BindGroupEntry { binding, resource: buffer?.as_entire_binding() }));
-    entries.extend(others);
-    gpu.device.create_bind_group(&wgpu::BindGroupDescriptor { label: Some("uniforms"), layout, entries: &entries })
+fn entry(binding: u32, buffer: &wgpu::Buffer) -> wgpu::BindGroupEntry<'_> {
+    wgpu::BindGroupEntry { binding, resource: buffer.as_entire_binding() }
+}
+
+fn group(gpu: &Gpu, layout: &wgpu::BindGroupLayout, entries: &[wgpu::BindGroupEntry<'_>]) -> wgpu::BindGroup {
+    gpu.device.create_bind_group(&wgpu::BindGroupDescriptor { label: Some("uniforms"), layout, entries })
 }

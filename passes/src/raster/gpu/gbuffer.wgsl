@@ -16,7 +16,10 @@
 //   SKY                                 nothing but the colour is left
 //   MIRRORED                            seen by a mirrored camera: nothing is behind the mirror
 //   PLANE_DEPTH                         depth is that of the triangle's plane, not the device's
+//   EARLY                               the device drops hidden fragments by its own depth, which a bias makes nearer
 //   PRIMITIVE                           which triangle of its draw a fragment is of: TRIANGLE or PLANE_DEPTH
+//   PER_PIXEL                           a compute program, which shades each pixel once, from the visibility buffer: the ids of the
+//                                       triangles that are seen; cuts, mirrors and depth were decided when the ids were drawn
 //   LEAVES                              WRITES or PLANE_DEPTH
 //#if PRIMITIVE
 enable primitive_index;
@@ -41,6 +44,10 @@ struct Frame {
     right: vec4<f32>,
     down: vec4<f32>,
     towards: vec4<f32>,
+    // PER_PIXEL: the part of the picture that is shaded, in pixels: its upper left corner, its width and its height.
+    part: vec4<u32>,
+    // PER_PIXEL: the colour where there is nothing.
+    background: vec4<f32>,
 }
 
 // Uniforms of a draw: triangles of one material.
@@ -56,6 +63,10 @@ struct Draw {
     normal_scale: f32,
     // Place of the draw's first triangle among those of its chunk.
     first_of_chunk: u32,
+    // Number of triangles.
+    count: u32,
+    // PER_PIXEL: whether pixels without a triangle are written, not 0 in one draw of a pass.
+    clears: u32,
 }
 
 @group(0) @binding(0) var<uniform> frame: Frame;
@@ -86,10 +97,43 @@ struct Lights {
 //#endif
 //#if PLANE_DEPTH
 
+// The plane of a triangle, as `planes.wgsl` computes it.
+struct Plane {
+    // Its dot product with a homogeneous point minus `frame.origin` is 0 in the plane.
+    plane: vec4<f32>,
+    // Change of depth for a pixel to the right and down.
+    slope: vec2<f32>,
+    // 1 / its dot product with `frame.towards`.
+    scale: f32,
+}
+
+// Those of the chunk's triangles.
+@group(0) @binding(3) var<storage, read> planes: array<Plane>;
+//#endif
+//#if PER_PIXEL
+
+// Ids plus 1 of the triangles that are seen.
+@group(0) @binding(3) var visible: texture_2d<u32>;
 // Three indices of vertices for each triangle of the chunk.
-@group(0) @binding(3) var<storage, read> corners: array<u32>;
-// Three coordinates for each vertex.
-@group(0) @binding(4) var<storage, read> positions: array<f32>;
+@group(0) @binding(4) var<storage, read> corners: array<u32>;
+@group(0) @binding(5) var<storage, read> positions: array<f32>;
+@group(0) @binding(6) var<storage, read> normals: array<f32>;
+@group(0) @binding(7) var<storage, read> texcoords: array<vec2<f32>>;
+@group(0) @binding(8) var<storage, read> colors: array<vec4<f32>>;
+@group(0) @binding(9) var<storage, read> tangents: array<vec4<f32>>;
+// The attachments. `pipelines.rs` puts in their formats.
+//#if COLOR
+@group(0) @binding(10) var color_attachment: texture_storage_2d<COLOR_FORMAT, write>;
+//#endif
+//#if POSITION
+@group(0) @binding(11) var position_attachment: texture_storage_2d<POSITION_FORMAT, write>;
+//#endif
+//#if NORMAL
+@group(0) @binding(12) var normal_attachment: texture_storage_2d<NORMAL_FORMAT, write>;
+//#endif
+//#if TRIANGLE
+@group(0) @binding(13) var triangle_attachment: texture_storage_2d<r32uint, write>;
+//#endif
 //#endif
 //#if TEXTURED
 @group(1) @binding(0) var material_texture: texture_2d<f32>;
@@ -105,6 +149,8 @@ struct Lights {
 @group(3) @binding(1) var normal_trilinear: sampler;
 //#endif
 
+//#if PER_PIXEL
+//#else
 struct Vertex {
     @location(0) position: vec3<f32>,
 //#if VERTEX_NORMAL
@@ -120,6 +166,7 @@ struct Vertex {
     @location(4) tangent: vec4<f32>,
 //#endif
 }
+//#endif
 
 struct Varyings {
     // Invariant: neighbouring materials use different variants, and their shared edges must coincide.
@@ -164,6 +211,17 @@ struct Pixel {
 }
 //#endif
 
+//#if PER_PIXEL
+//#if TEXCOORD
+// Changes of the texture coordinates from the pixel to the other ones of its square of four pixels, across and down.
+var<private> across: vec2<f32>;
+var<private> down: vec2<f32>;
+//#endif
+//#if BENT
+// A normal of the triangle, of any length and on either side.
+var<private> of_plane: vec3<f32>;
+//#endif
+//#else
 @vertex
 fn vertex_main(vertex: Vertex) -> Varyings {
     var out: Varyings;
@@ -188,13 +246,19 @@ fn vertex_main(vertex: Vertex) -> Varyings {
 //#endif
     return out;
 }
+//#endif
 
 //#if TEXCOORD
 // `log2` of the footprint's longer side in texels of level 0 (Vulkan 1.3, section 16.5.7), for a texture of `size`
 // texels; 0 where that side is below 1.
 fn level_of_detail(texcoord: vec2<f32>, size: vec2<f32>) -> f32 {
+//#if PER_PIXEL
+    let along_x = across * size * frame.eye.w;
+    let along_y = down * size * frame.eye.w;
+//#else
     let along_x = dpdxFine(texcoord) * size * frame.eye.w;
     let along_y = dpdyFine(texcoord) * size * frame.eye.w;
+//#endif
     let footprint = max(dot(along_x, along_x), dot(along_y, along_y));
     return select(0.0, 0.5 * log2(footprint), footprint > 1.0);
 }
@@ -306,11 +370,6 @@ fn sum_of_lights(point: vec3<f32>, normal: vec3<f32>, unbent: vec3<f32>) -> vec4
 //#endif
 
 //#if PLANE_DEPTH
-fn position_of(corner: u32) -> vec3<f32> {
-    let first = 3u * corners[corner];
-    return vec3<f32>(positions[first], positions[first + 1u], positions[first + 2u]);
-}
-
 // The dot product. It is written as fused operations so that every variant rounds alike: of equal triangles the first drawn is to stay.
 fn product(a: vec4<f32>, b: vec4<f32>) -> f32 {
     return fma(a.x, b.x, fma(a.y, b.y, fma(a.z, b.z, a.w * b.w)));
@@ -319,36 +378,44 @@ fn product(a: vec4<f32>, b: vec4<f32>) -> f32 {
 // Depth at a pixel: that of the plane through the triangle's corners, as they are in the world. The device interpolates between corners
 // that it snapped to parts of a pixel, on a plane that leans otherwise. `pixel` is the fragment's built-in position.
 //
+//#if EARLY
+// The device's depth is nearer by a bias (`DEPTH_BIAS`), so that no depth that is written is nearer. Then the device can drop fragments of
+// hidden surfaces before they are shaded.
+//
+//#endif
 // The device's depth stays where the two planes lean so differently that snapping must have changed the triangle's shape, as of slivers:
 // where their slopes differ by more than half; and where depth has no accurate value, as of planes seen from their edge: where the depths
 // differ by more than an eighth of a pixel changes them. Both allow for rounding. A comparison with what is no number fails, too.
 fn plane_depth(primitive: u32, pixel: vec4<f32>) -> f32 {
     let snapped_slope = vec2<f32>(dpdx(pixel.z), dpdy(pixel.z));
-    let first = 3u * (draw.first_of_chunk + primitive);
-    let a = position_of(first);
-    let u = position_of(first + 1u) - a;
-    let v = position_of(first + 2u) - a;
-    let from_origin = a - frame.origin.xyz;
-    let across = vec3<f32>(fma(u.y, v.z, -(u.z * v.y)), fma(u.z, v.x, -(u.x * v.z)), fma(u.x, v.y, -(u.y * v.x)));
-    // With a longest component of exactly 1, triangles in one plane across an axis have the same depth to the last bit.
-    let size = abs(across);
-    let longest = max(size.x, max(size.y, size.z));
-    let normal = select(across / longest, sign(across), size == vec3<f32>(longest));
-    let plane = vec4<f32>(normal, -product(vec4<f32>(normal, 0.0), vec4<f32>(from_origin, 0.0)));
-    let x = vec4<f32>(pixel.x);
-    let y = vec4<f32>(pixel.y);
-    let scale = 1.0 / product(plane, frame.towards);
-    let depth = product(plane, fma(x, frame.right, fma(y, frame.down, frame.corner))) * scale;
-    let slope = vec2<f32>(product(plane, frame.right), product(plane, frame.down)) * scale;
-    let steepness = abs(slope.x) + abs(slope.y);
-    let leaning = abs(slope - snapped_slope);
+    let own = planes[draw.first_of_chunk + primitive];
+    let line = fma(vec4<f32>(pixel.x), frame.right, fma(vec4<f32>(pixel.y), frame.down, frame.corner));
+    let depth = product(own.plane, line) * own.scale;
+    let steepness = abs(own.slope.x) + abs(own.slope.y);
+    let leaning = abs(own.slope - snapped_slope);
     let is_alike = leaning.x + leaning.y < 0.5 * steepness + pixel.z * 1e-6;
-    let is_near = abs(depth - pixel.z) < 0.125 * steepness + pixel.z * 1e-5;
-    return select(pixel.z, depth, is_alike && is_near);
+//#if EARLY
+    let snapped_depth = pixel.z - 0.0625 * max(abs(snapped_slope.x), abs(snapped_slope.y));
+//#else
+    let snapped_depth = pixel.z;
+//#endif
+    let is_near = abs(depth - snapped_depth) < 0.125 * steepness + pixel.z * 1e-5;
+//#if EARLY
+    return min(select(snapped_depth, depth, is_alike && is_near), pixel.z);
+//#else
+    return select(snapped_depth, depth, is_alike && is_near);
+//#endif
 }
 //#endif
 
+//#if PER_PIXEL
+// What a pixel shows of a draw's triangle.
+fn shaded(in: Varyings, primitive: u32) -> Pixel {
+//#else
 @fragment
+//#if EARLY
+@early_depth_test(less_equal)
+//#endif
 fn fragment_main(
     in: Varyings,
 //#if PRIMITIVE
@@ -359,6 +426,7 @@ fn fragment_main(
 //#else
 ) {
 //#endif
+//#endif
 //#if PLANE_DEPTH
     let depth = plane_depth(primitive, in.clip);
 //#endif
@@ -368,7 +436,11 @@ fn fragment_main(
 //#if BENT
     let normal_texel = sample_normals(in.texcoord);
     // The triangle's own normal, on either side.
+//#if PER_PIXEL
+    let flat_normal = unit_or(of_plane, in.normal);
+//#else
     let flat_normal = unit_or(cross(unit_or(dpdxFine(in.world), in.normal), unit_or(dpdyFine(in.world), in.normal)), in.normal);
+//#endif
 //#endif
 //#if TEXTURED
 //#if COLOR
@@ -473,3 +545,121 @@ fn fragment_main(
     return out;
 //#endif
 }
+//#if PER_PIXEL
+
+fn position_of(vertex: u32) -> vec3<f32> {
+    return vec3<f32>(positions[3u * vertex], positions[3u * vertex + 1u], positions[3u * vertex + 2u]);
+}
+//#if VERTEX_NORMAL
+
+fn normal_of(vertex: u32) -> vec3<f32> {
+    return vec3<f32>(normals[3u * vertex], normals[3u * vertex + 1u], normals[3u * vertex + 2u]);
+}
+//#endif
+
+// `a.x * b.y - a.y * b.x`, off by less than two units in the last place (Kahan): where a triangle is narrow, the products cancel.
+fn determinant_of(a: vec2<f32>, b: vec2<f32>) -> f32 {
+    let product = a.y * b.x;
+    return fma(a.x, b.y, -product) + fma(-a.y, b.x, product);
+}
+
+// The corners' shares of the point of a triangle that is seen in `place`, in normalised device coordinates. The corners are in clip
+// coordinates, before they were snapped. They may be behind the eye: this is Olano and Greer's rule, "Triangle scan conversion using 2D
+// homogeneous coordinates" (1997), around the pixel.
+fn shares(place: vec2<f32>, corner: array<vec3<f32>, 3>) -> vec3<f32> {
+    let a = fma(-place, vec2<f32>(corner[0].z), corner[0].xy);
+    let b = fma(-place, vec2<f32>(corner[1].z), corner[1].xy);
+    let c = fma(-place, vec2<f32>(corner[2].z), corner[2].xy);
+    let areas = vec3<f32>(determinant_of(b, c), determinant_of(c, a), determinant_of(a, b));
+    return areas / (areas.x + areas.y + areas.z);
+}
+
+fn clip_of(position: vec3<f32>) -> vec3<f32> {
+    return (frame.clip_from_eye * vec4<f32>(position - frame.eye.xyz, 1.0)).xyw;
+}
+
+fn store(pixel: vec2<u32>, out: Pixel) {
+//#if COLOR
+    textureStore(color_attachment, pixel, out.color);
+//#endif
+//#if POSITION
+    textureStore(position_attachment, pixel, out.position);
+//#endif
+//#if NORMAL
+    textureStore(normal_attachment, pixel, out.normal);
+//#endif
+//#if TRIANGLE
+    textureStore(triangle_attachment, pixel, vec4<u32>(out.triangle));
+//#endif
+}
+
+fn shade(pixel: vec2<u32>) {
+    let seen = textureLoad(visible, pixel, 0).x;
+    if seen == 0u && draw.clears != 0u {
+        var nothing: Pixel;
+//#if COLOR
+        nothing.color = frame.background;
+//#endif
+        store(pixel, nothing);
+    }
+    // Where there is no triangle this is greater than any.
+    let primitive = seen - draw.first_triangle;
+    if primitive >= draw.count {
+        return;
+    }
+    let first = 3u * (draw.first_of_chunk + primitive);
+    let vertex = array<u32, 3>(corners[first], corners[first + 1u], corners[first + 2u]);
+    let position = array<vec3<f32>, 3>(position_of(vertex[0]), position_of(vertex[1]), position_of(vertex[2]));
+    let corner = array<vec3<f32>, 3>(clip_of(position[0]), clip_of(position[1]), clip_of(position[2]));
+    // A pixel's size. The second coordinate points up.
+    let pixel_size = vec2<f32>(2.0, -2.0) / vec2<f32>(textureDimensions(visible));
+    let place = fma(vec2<f32>(pixel) + 0.5, pixel_size, vec2<f32>(-1.0, 1.0));
+    // A pixel that a triangle covers only after its corners were snapped shows the nearest place of the triangle.
+    let exact = shares(place, corner);
+    let inside = max(exact, vec3<f32>(0.0));
+    let sum = inside.x + inside.y + inside.z;
+    let share = select(vec2<f32>(0.0), inside.yz / sum, sum > 0.0);
+    var in: Varyings;
+//#if WORLD
+    in.world = fma(vec3<f32>(share.x), position[1] - position[0], fma(vec3<f32>(share.y), position[2] - position[0], position[0]));
+//#endif
+//#if VERTEX_NORMAL
+    let normal = array<vec3<f32>, 3>(normal_of(vertex[0]), normal_of(vertex[1]), normal_of(vertex[2]));
+    in.normal = fma(vec3<f32>(share.x), normal[1] - normal[0], fma(vec3<f32>(share.y), normal[2] - normal[0], normal[0]));
+//#endif
+//#if TEXCOORD
+    let texcoord = texcoords[vertex[0]];
+    let edges = mat2x2<f32>(texcoords[vertex[1]] - texcoord, texcoords[vertex[2]] - texcoord);
+    in.texcoord = fma(vec2<f32>(share.x), edges[0], fma(vec2<f32>(share.y), edges[1], texcoord));
+    // To the same pixels as a device's derivatives.
+    let side = 1.0 - 2.0 * vec2<f32>(pixel & vec2<u32>(1u));
+    across = edges * (side.x * (shares(place + vec2<f32>(side.x * pixel_size.x, 0.0), corner) - exact).yz);
+    down = edges * (side.y * (shares(place + vec2<f32>(0.0, side.y * pixel_size.y), corner) - exact).yz);
+//#endif
+//#if VERTEX_COLOR
+    let color = colors[vertex[0]];
+    in.color = fma(
+        vec4<f32>(share.x),
+        colors[vertex[1]] - color,
+        fma(vec4<f32>(share.y), colors[vertex[2]] - color, color),
+    );
+//#endif
+//#if BENT
+    let tangent = tangents[vertex[0]];
+    in.tangent = fma(
+        vec4<f32>(share.x),
+        tangents[vertex[1]] - tangent,
+        fma(vec4<f32>(share.y), tangents[vertex[2]] - tangent, tangent),
+    );
+    of_plane = cross(position[1] - position[0], position[2] - position[0]);
+//#endif
+    store(pixel, shaded(in, primitive));
+}
+
+@compute @workgroup_size(16, 16)
+fn pixel_main(@builtin(global_invocation_id) place: vec3<u32>) {
+    if place.x < frame.part.z && place.y < frame.part.w {
+        shade(frame.part.xy + place.xy);
+    }
+}
+//#endif

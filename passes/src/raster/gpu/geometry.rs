@@ -6,9 +6,10 @@ use curitiba_pipeline::backend::BackendError;
 use curitiba_pipeline::scene::Geometry;
 use glam::{Vec3, Vec4};
 use std::ops::Range;
+use std::sync::OnceLock;
 
-/// Bytes of a triangle in the index buffer.
-const TRIANGLE_BYTES: u64 = size_of::<[u32; 3]>() as u64;
+/// Bytes of a triangle's plane, which are more than those of its indices: `Plane` of the shaders.
+pub(super) const PLANE_BYTES: u64 = 32;
 
 /// A part of the triangles with one material, in one chunk: what one draw call draws.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -28,10 +29,26 @@ pub(super) struct Part {
 pub(super) struct Chunk {
     /// First triangle of the scene.
     pub first: u32,
+    /// Number of triangles.
+    pub count: u32,
     /// Vertex indices, 32 bits each.
     pub indices: wgpu::Buffer,
     /// Index into [`DeviceGeometry::vertices`].
     pub vertices: usize,
+    /// The triangles' planes as the last camera sees them; made by the first pass that reads them.
+    planes: OnceLock<wgpu::Buffer>,
+}
+
+impl Chunk {
+    /// Memory for the triangles' planes.
+    pub fn planes(&self, gpu: &Gpu) -> Result<&wgpu::Buffer, BackendError> {
+        if let Some(planes) = self.planes.get() {
+            return Ok(planes);
+        }
+        let bytes = PLANE_BYTES * u64::from(self.count);
+        let planes = gpu.buffer("creation of the triangles' planes", wgpu::BufferUsages::STORAGE, bytes)?;
+        Ok(self.planes.get_or_init(|| planes))
+    }
 }
 
 /// Vertex attributes, each in its own buffer so that a pass binds only those that it reads.
@@ -52,11 +69,16 @@ pub(super) struct DeviceGeometry {
     /// In the order of their triangles.
     pub parts: Vec<Part>,
     pub has_normals: bool,
-    /// Bytes of device memory.
-    pub bytes: u64,
+    /// Bytes of the vertices and indices.
+    bytes: u64,
 }
 
 impl DeviceGeometry {
+    /// Bytes of device memory.
+    pub fn bytes(&self) -> u64 {
+        self.bytes + self.chunks.iter().filter_map(|chunk| chunk.planes.get()).map(wgpu::Buffer::size).sum::<u64>()
+    }
+
     /// Uploads the attributes that the geometry has, and its triangles.
     pub fn upload(gpu: &Gpu, geometry: &Geometry) -> Result<Self, BackendError> {
         let vertex_count = geometry.positions.len();
@@ -73,7 +95,7 @@ impl DeviceGeometry {
         }
         let narrow = geometry.colors.is_empty() && geometry.tangents.is_empty();
         let widest = if narrow { size_of::<Vec3>() } else { size_of::<Vec4>() } as u64;
-        // Fragments read indices and positions as storage buffers.
+        // Compute programs read indices and vertices as storage buffers.
         let largest = gpu.max_buffer_bytes.min(gpu.limits.max_storage_buffer_binding_size);
         let layout = Layout::new(geometry.triangles.len(), vertex_count, widest, largest)?;
         let mut this = Self {
@@ -105,7 +127,13 @@ impl DeviceGeometry {
                 this.push_vertices(gpu, &part)?;
                 this.push_indices(gpu, &local)?
             };
-            this.chunks.push(Chunk { first: range.start as u32, indices, vertices: this.vertices.len() - 1 });
+            this.chunks.push(Chunk {
+                first: range.start as u32,
+                count: range.len() as u32,
+                indices,
+                vertices: this.vertices.len() - 1,
+                planes: OnceLock::new(),
+            });
         }
         Ok(this)
     }
@@ -119,19 +147,18 @@ impl DeviceGeometry {
     /// Uploads the vertices of a geometry.
     fn push_vertices(&mut self, gpu: &Gpu, geometry: &Geometry) -> Result<(), BackendError> {
         let Geometry { positions, normals, texcoords, colors, tangents, .. } = geometry;
-        let mut upload = |label: &str, usage: wgpu::BufferUsages, bytes: &[u8]| {
+        let mut upload = |label: &str, bytes: &[u8]| {
             self.bytes += bytes.len() as u64;
-            gpu.upload_buffer(label, wgpu::BufferUsages::VERTEX | usage, bytes)
+            gpu.upload_buffer(label, wgpu::BufferUsages::VERTEX | wgpu::BufferUsages::STORAGE, bytes)
         };
+        let positions = upload("upload of the positions", bytemuck::cast_slice(positions))?;
         let mut optional = |label: &str, bytes: &[u8]| {
-            if bytes.is_empty() { Ok(None) } else { upload(label, wgpu::BufferUsages::empty(), bytes).map(Some) }
+            if bytes.is_empty() { Ok(None) } else { upload(label, bytes).map(Some) }
         };
         let normals = optional("upload of the normals", bytemuck::cast_slice(normals))?;
         let texcoords = optional("upload of the texture coordinates", bytemuck::cast_slice(texcoords))?;
         let colors = optional("upload of the vertex colours", bytemuck::cast_slice(colors))?;
         let tangents = optional("upload of the tangents", bytemuck::cast_slice(tangents))?;
-        let positions =
-            upload("upload of the positions", wgpu::BufferUsages::STORAGE, bytemuck::cast_slice(positions))?;
         self.vertices.push(Vertices { positions, normals, texcoords, colors, tangents });
         Ok(())
     }
@@ -156,7 +183,7 @@ impl Layout {
     fn new(triangles: usize, vertices: usize, widest: u64, max_bytes: u64) -> Result<Self, BackendError> {
         let shared_vertices = vertices as u64 * widest <= max_bytes;
         // Without sharing, a chunk may use three vertices for each triangle.
-        let triangle_bytes = if shared_vertices { TRIANGLE_BYTES } else { 3 * widest };
+        let triangle_bytes = if shared_vertices { PLANE_BYTES } else { 3 * widest };
         let per_chunk = usize::try_from(max_bytes / triangle_bytes).unwrap_or(usize::MAX);
         if per_chunk == 0 {
             return Err(failure(&format!("buffers of at most {max_bytes} bytes cannot hold a triangle")));

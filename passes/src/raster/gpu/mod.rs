@@ -18,6 +18,7 @@ mod kept;
 pub(crate) mod lend;
 mod pipelines;
 mod plane_depth;
+mod planes;
 mod quads;
 mod shader;
 mod shaders;
@@ -64,6 +65,10 @@ pub struct WgpuRasteriser {
     pipelines: Pipelines,
     timer: Option<Timer>,
     draws: DrawList,
+    /// Whether the pixels of a G-buffer are shaded once each, from the ids of the triangles that are seen.
+    shades_pixels: bool,
+    /// The draws that tell these ids.
+    seen: DrawList,
     /// Set when the first own shader is used.
     shaders: Option<Shaders>,
     scene: Option<Uploaded>,
@@ -148,18 +153,20 @@ impl WgpuRasteriser {
         let gpu = Arc::clone(&device.0);
         let layouts = Layouts::new(&gpu)?;
         let timer = Timer::new(&gpu)?;
-        let draws = DrawList::new(&gpu)?;
+        let (draws, seen) = (DrawList::new(&gpu)?, DrawList::new(&gpu)?.with_sky_ids());
         Ok(Self {
             uuid: share::uuid(&gpu.device),
             sharing: None,
             lending: None,
             fills_quads: gpu.adapter.kind != AdapterKind::Software,
+            shades_pixels: gpu.adapter.kind != AdapterKind::Software,
             quads: None,
             gpu,
             layouts,
             pipelines: Pipelines::default(),
             timer,
             draws,
+            seen,
             shaders: None,
             scene: None,
             targets: TargetCache::default(),
@@ -174,6 +181,12 @@ impl WgpuRasteriser {
     /// than the host.
     pub fn set_fills_quads(&mut self, fills: bool) {
         self.fills_quads = fills;
+    }
+
+    /// Sets whether the G-buffer is shaded from a visibility buffer (the ids of the triangles that are seen), where depth is that of planes
+    /// and the device has the bindings. By default it is, except on software drivers, which are faster without.
+    pub fn set_shades_pixels(&mut self, shades: bool) {
+        self.shades_pixels = shades;
     }
 
     /// The device, for a ray backend that reads attachments in place.
@@ -192,7 +205,7 @@ impl WgpuRasteriser {
     #[must_use]
     pub fn memory(&self) -> DeviceMemory {
         DeviceMemory {
-            geometry: self.scene.as_ref().map_or(0, |scene| scene.geometry.bytes),
+            geometry: self.scene.as_ref().map_or(0, |scene| scene.geometry.bytes()),
             textures: self.scene.as_ref().map_or(0, |scene| scene.textures.bytes)
                 + self.shaders.as_ref().map_or(0, Shaders::texture_bytes),
             attachments: self.targets.bytes(),
@@ -260,10 +273,25 @@ impl Rasteriser for WgpuRasteriser {
         }
         let targets = self.targets.require(&self.gpu, job.viewport, Stored::of(job))?;
         let owned: Vec<bool> = own.materials.iter().map(Option::is_some).collect();
+        let LoadStore { load_color, load_depth, store_depth } = job.load_store;
+        let part = drawn_part(job.viewport, target.held());
+        let Attachments { color, position, normal, .. } = job.attachments;
+        // Own shaders draw over the attachments, and what is loaded is kept where nothing is seen: there triangles are drawn.
+        let shades_pixels = self.shades_pixels
+            && self.gpu.shades_pixels()
+            && (color || position || normal)
+            && !(job.snapped_depth || load_color || load_depth || owned.contains(&true));
+        let shaded = part.filter(|_| shades_pixels);
         self.draws.leave_out(&owned);
+        self.draws.shade(shaded);
         let prepared = self.draws.prepare(&self.gpu, &self.layouts, &mut self.pipelines, geometry, textures, job);
         self.draws.leave_out(&[]);
         prepared?;
+        if shades_pixels {
+            let ids = Attachments { triangle: true, ..Attachments::default() };
+            let ids = RasterJob { attachments: ids, shared: Attachments::default(), lights: &[], ..*job };
+            self.seen.prepare(&self.gpu, &self.layouts, &mut self.pipelines, geometry, textures, &ids)?;
+        }
         let shaders = match owned.contains(&true) {
             true => {
                 let shaders = match &mut self.shaders {
@@ -275,10 +303,9 @@ impl Rasteriser for WgpuRasteriser {
             }
             false => None,
         };
-        let LoadStore { load_color, load_depth, store_depth } = job.load_store;
         // An attachment that holds depths is loaded with the depth.
         let loaded = std::array::from_fn(|channel| if own.depth == Some(channel) { load_depth } else { load_color });
-        if let Some(part) = drawn_part(job.viewport, target.held()) {
+        if let Some(part) = part {
             let rects = (job.viewport, part);
             kept::load_colors(&self.gpu, targets, rects, target, loaded)?;
             if load_depth {
@@ -291,24 +318,41 @@ impl Rasteriser for WgpuRasteriser {
         }
         let descriptor = wgpu::CommandEncoderDescriptor { label: Some("draw") };
         let mut encoder = self.gpu.device.create_command_encoder(&descriptor);
+        let timer = self.timer.as_ref();
+        let drawn = if shaded.is_some() { &self.seen } else { &self.draws };
+        let begin = timer.and_then(|timer| timer.compute_span(true, false));
+        drawn.record_planes(&mut encoder, &self.layouts, geometry, begin);
+        let attachments = targets.color_attachments(job.clear_color, own.depth, loaded);
         {
+            let visible = shaded.map(|_| targets.visible_attachment(&self.gpu)).transpose()?;
             let mut pass = encoder.begin_render_pass(&wgpu::RenderPassDescriptor {
                 label: Some("gbuffer"),
-                color_attachments: &targets.color_attachments(job.clear_color, own.depth, loaded),
+                color_attachments: visible.as_ref().unwrap_or(&attachments),
                 depth_stencil_attachment: Some(targets.depth_attachment(load_depth, store_depth)),
-                timestamp_writes: self.timer.as_ref().map(Timer::writes),
+                timestamp_writes: timer.and_then(|timer| timer.render_span(!drawn.has_planes(), shaded.is_none())),
                 occlusion_query_set: None,
                 multiview_mask: None,
             });
             // A part of a picture is drawn into attachments of the whole viewport's size, with a scissor rectangle, so
             // that its pixels are those of the whole.
-            if let Some(Rect { x, y, width, height }) = drawn_part(job.viewport, target.held()) {
+            if let Some(Rect { x, y, width, height }) = part {
                 pass.set_scissor_rect(x, y, width, height);
             }
-            self.draws.record(&mut pass, &self.pipelines, geometry, textures);
+            drawn.record(&mut pass, &self.pipelines, geometry, textures);
             if let Some(shaders) = shaders {
                 shaders.record(&mut pass, geometry);
             }
+        }
+        if shaded.is_some() {
+            let cleared = wgpu::RenderPassDescriptor { color_attachments: &attachments, ..Default::default() };
+            // The first draw writes the pixels of the part that show nothing. What is outside is cleared here.
+            if part != Some(Rect { x: 0, y: 0, ..job.viewport }) || self.draws.is_empty() {
+                drop(encoder.begin_render_pass(&cleared));
+            }
+            let timestamp_writes = timer.and_then(|timer| timer.compute_span(false, true));
+            let descriptor = wgpu::ComputePassDescriptor { label: Some("shading"), timestamp_writes };
+            let mut pass = encoder.begin_compute_pass(&descriptor);
+            self.draws.record_shading(&self.gpu, &mut pass, &self.pipelines, (geometry, textures), targets)?;
         }
         let triangles = self.draws.triangles() + shaders.map_or(0, Shaders::triangles);
         let lent = self.lending.as_ref().filter(|_| job.shared != Attachments::default());

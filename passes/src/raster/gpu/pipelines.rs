@@ -1,6 +1,7 @@
 //! Bind group layouts, and one render pipeline for each shader variant.
 
 use super::device::Gpu;
+use super::planes::PlaneProgram;
 use super::shader::{DrawUniform, FrameUniform, LIGHTS_BYTES, Variant};
 use super::targets::{DEPTH_FORMAT, Stored};
 use curitiba_pipeline::backend::BackendError;
@@ -13,7 +14,7 @@ use std::num::NonZeroU64;
 #[derive(Debug)]
 pub(super) struct Layouts {
     /// Group 0: `Frame`, and `Draw` at a dynamic offset. The second of each pair has `Lights` as well, for several lights or one with a
-    /// place. The second pair has the corners of triangles as well, for depth on their planes.
+    /// place. The second pair has the planes of triangles as well, for depth on them.
     uniforms: [[wgpu::BindGroupLayout; 2]; 2],
     /// Groups 1 to 3: a texture and the sampler.
     pub texture: wgpu::BindGroupLayout,
@@ -21,49 +22,27 @@ pub(super) struct Layouts {
     pub trilinear: wgpu::Sampler,
     /// By the number of textures, for each of [`Self::uniforms`].
     pipelines: [[[wgpu::PipelineLayout; 4]; 2]; 2],
+    /// What computes the planes of triangles, where depth can be that of planes.
+    pub planes: Option<PlaneProgram>,
 }
 
 impl Layouts {
     pub fn new(gpu: &Gpu) -> Result<Self, BackendError> {
         let device = &gpu.device;
-        let uniform = |binding, size: usize, has_dynamic_offset| wgpu::BindGroupLayoutEntry {
-            binding,
-            visibility: wgpu::ShaderStages::VERTEX_FRAGMENT,
-            ty: wgpu::BindingType::Buffer {
-                ty: wgpu::BufferBindingType::Uniform,
-                has_dynamic_offset,
-                min_binding_size: NonZeroU64::new(size as u64),
-            },
-            count: None,
-        };
-        let corners = |binding| wgpu::BindGroupLayoutEntry {
-            binding,
-            visibility: wgpu::ShaderStages::FRAGMENT,
-            ty: wgpu::BindingType::Buffer {
-                ty: wgpu::BufferBindingType::Storage { read_only: true },
-                has_dynamic_offset: false,
-                min_binding_size: None,
-            },
-            count: None,
-        };
         let uniforms = |lights: bool, planes: bool| {
-            let mut entries =
-                vec![uniform(0, size_of::<FrameUniform>(), false), uniform(1, size_of::<DrawUniform>(), true)];
-            if lights {
-                entries.push(uniform(2, LIGHTS_BYTES, false));
-            }
+            let mut entries = uniforms(wgpu::ShaderStages::VERTEX_FRAGMENT, lights);
             if planes {
-                entries.extend([corners(3), corners(4)]);
+                entries.push(storage(3, wgpu::ShaderStages::FRAGMENT));
             }
             let descriptor = wgpu::BindGroupLayoutDescriptor { label: Some("uniforms"), entries: &entries };
             device.create_bind_group_layout(&descriptor)
         };
-        // Without depth on planes, for lack of storage buffers, no pipeline has the layouts with corners.
-        let planes = gpu.has_plane_depth();
-        let uniforms = [false, planes].map(|planes| [false, true].map(|lights| uniforms(lights, planes)));
+        // Without depth on planes, for lack of storage buffers, no pipeline has the layouts with planes.
+        let has_planes = gpu.has_plane_depth();
+        let uniforms = [false, has_planes].map(|planes| [false, true].map(|lights| uniforms(lights, planes)));
         let fragment = |binding, ty| wgpu::BindGroupLayoutEntry {
             binding,
-            visibility: wgpu::ShaderStages::FRAGMENT,
+            visibility: wgpu::ShaderStages::FRAGMENT | wgpu::ShaderStages::COMPUTE,
             ty,
             count: None,
         };
@@ -97,12 +76,45 @@ impl Layouts {
             })
         });
         gpu.check("creation of the layouts")?;
-        Ok(Self { uniforms, texture, trilinear, pipelines })
+        let planes = has_planes.then(|| PlaneProgram::new(gpu)).transpose()?;
+        Ok(Self { uniforms, texture, trilinear, pipelines, planes })
     }
 
     /// Group 0 with what it has beside `Frame` and `Draw`.
     pub fn uniforms(&self, lights: bool, planes: bool) -> &wgpu::BindGroupLayout {
         &self.uniforms[usize::from(planes)][usize::from(lights)]
+    }
+}
+
+/// `Frame`, `Draw` at a dynamic offset and, for several lights or one with a place, `Lights`.
+fn uniforms(visibility: wgpu::ShaderStages, lights: bool) -> Vec<wgpu::BindGroupLayoutEntry> {
+    let uniform = |binding, size: usize, has_dynamic_offset| wgpu::BindGroupLayoutEntry {
+        binding,
+        visibility,
+        ty: wgpu::BindingType::Buffer {
+            ty: wgpu::BufferBindingType::Uniform,
+            has_dynamic_offset,
+            min_binding_size: NonZeroU64::new(size as u64),
+        },
+        count: None,
+    };
+    let mut entries = vec![uniform(0, size_of::<FrameUniform>(), false), uniform(1, size_of::<DrawUniform>(), true)];
+    if lights {
+        entries.push(uniform(2, LIGHTS_BYTES, false));
+    }
+    entries
+}
+
+fn storage(binding: u32, visibility: wgpu::ShaderStages) -> wgpu::BindGroupLayoutEntry {
+    wgpu::BindGroupLayoutEntry {
+        binding,
+        visibility,
+        ty: wgpu::BindingType::Buffer {
+            ty: wgpu::BufferBindingType::Storage { read_only: true },
+            has_dynamic_offset: false,
+            min_binding_size: None,
+        },
+        count: None,
     }
 }
 
@@ -126,7 +138,12 @@ pub(super) fn trilinear(device: &wgpu::Device, wrap: [Wrap; 2]) -> wgpu::Sampler
 
 /// The pipelines built so far.
 #[derive(Debug, Default)]
-pub(super) struct Pipelines(HashMap<(Variant, Stored), wgpu::RenderPipeline>);
+pub(super) struct Pipelines {
+    drawing: HashMap<(Variant, Stored), wgpu::RenderPipeline>,
+    shading: HashMap<(Variant, Stored), wgpu::ComputePipeline>,
+    /// Group 0 of those that shade, with and without `Lights`.
+    shading_layouts: HashMap<(bool, Stored), wgpu::BindGroupLayout>,
+}
 
 impl Pipelines {
     /// Builds the pipeline of a variant unless it exists already.
@@ -137,18 +154,105 @@ impl Pipelines {
         variant: Variant,
         stored: Stored,
     ) -> Result<(), BackendError> {
-        if let Entry::Vacant(entry) = self.0.entry((variant, stored)) {
-            let pipeline = build(gpu, layouts, variant, stored);
-            gpu.check("building a pipeline")?;
-            entry.insert(pipeline);
+        if variant.per_pixel {
+            let group = self.shading_layouts.entry((variant.many, stored));
+            let group = group.or_insert_with(|| shading_layout(gpu, variant.many, stored));
+            if let Entry::Vacant(entry) = self.shading.entry((variant, stored)) {
+                entry.insert(build_shading(gpu, layouts, group, variant, stored));
+            }
+        } else if let Entry::Vacant(entry) = self.drawing.entry((variant, stored)) {
+            entry.insert(build(gpu, layouts, variant, stored));
         }
-        Ok(())
+        gpu.check("building a pipeline")
     }
 
     /// The pipeline of a variant that was [required](Self::require) before.
     pub fn get(&self, variant: Variant, stored: Stored) -> Option<&wgpu::RenderPipeline> {
-        self.0.get(&(variant, stored))
+        self.drawing.get(&(variant, stored))
     }
+
+    /// That of a variant that shades each pixel once.
+    pub fn get_shading(&self, variant: Variant, stored: Stored) -> Option<&wgpu::ComputePipeline> {
+        self.shading.get(&(variant, stored))
+    }
+
+    /// Group 0 of the variants that shade each pixel once.
+    pub fn shading_layout(&self, many: bool, stored: Stored) -> Option<&wgpu::BindGroupLayout> {
+        self.shading_layouts.get(&(many, stored))
+    }
+}
+
+/// The number of the groups of textures that a variant has. A pipeline with a group also has all groups before it.
+fn textures(variant: Variant) -> usize {
+    match variant {
+        Variant { bent: true, .. } => 3,
+        Variant { glow_textured: true, .. } => 2,
+        Variant { textured: true, .. } => 1,
+        _ => 0,
+    }
+}
+
+/// Binding of the first attachment in a program that shades each pixel once; the others follow.
+pub(super) const FIRST_ATTACHMENT: u32 = 10;
+/// Bindings of the triangles that are seen, and of indices, positions, normals, texture coordinates, colours and tangents.
+pub(super) const VISIBLE: u32 = 3;
+pub(super) const BUFFERS: [u32; 6] = [4, 5, 6, 7, 8, 9];
+
+fn shading_layout(gpu: &Gpu, many: bool, stored: Stored) -> wgpu::BindGroupLayout {
+    let visibility = wgpu::ShaderStages::COMPUTE;
+    let mut entries = uniforms(visibility, many);
+    entries.push(wgpu::BindGroupLayoutEntry {
+        binding: VISIBLE,
+        visibility,
+        ty: wgpu::BindingType::Texture {
+            sample_type: wgpu::TextureSampleType::Uint,
+            view_dimension: wgpu::TextureViewDimension::D2,
+            multisampled: false,
+        },
+        count: None,
+    });
+    entries.extend(BUFFERS.map(|binding| storage(binding, visibility)));
+    for (binding, format) in (FIRST_ATTACHMENT..).zip(stored.formats()) {
+        entries.extend(format.map(|format| wgpu::BindGroupLayoutEntry {
+            binding,
+            visibility,
+            ty: wgpu::BindingType::StorageTexture {
+                access: wgpu::StorageTextureAccess::WriteOnly,
+                format,
+                view_dimension: wgpu::TextureViewDimension::D2,
+            },
+            count: None,
+        }));
+    }
+    let descriptor = wgpu::BindGroupLayoutDescriptor { label: Some("shading"), entries: &entries };
+    gpu.device.create_bind_group_layout(&descriptor)
+}
+
+fn build_shading(
+    gpu: &Gpu,
+    layouts: &Layouts,
+    group: &wgpu::BindGroupLayout,
+    variant: Variant,
+    stored: Stored,
+) -> wgpu::ComputePipeline {
+    let module = gpu.device.create_shader_module(wgpu::ShaderModuleDescriptor {
+        label: Some("gbuffer.wgsl"),
+        source: wgpu::ShaderSource::Wgsl(variant.shading_source(stored).into()),
+    });
+    let groups = [Some(group), Some(&layouts.texture), Some(&layouts.texture), Some(&layouts.texture)];
+    let layout = gpu.device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
+        label: Some("shading"),
+        bind_group_layouts: &groups[..=textures(variant)],
+        immediate_size: 0,
+    });
+    gpu.device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
+        label: Some("shading"),
+        layout: Some(&layout),
+        module: &module,
+        entry_point: Some("pixel_main"),
+        compilation_options: wgpu::PipelineCompilationOptions::default(),
+        cache: None,
+    })
 }
 
 /// Vertex buffer slots of normals, texture coordinates, colours and tangents in a variant; slot 0 holds positions.
@@ -159,6 +263,10 @@ pub(super) fn slots(variant: Variant) -> [Option<u32>; 4] {
         read.then_some(next)
     })
 }
+
+/// Where fragments write the depth of planes, by how much nearer the device's own depth is made: more than by what snapping corners moves
+/// it, to 1/16 pixel at the coarsest, and than what rounding does. The shader subtracts it.
+const DEPTH_BIAS: wgpu::DepthBiasState = wgpu::DepthBiasState { constant: 16, slope_scale: 0.0625, clamp: 0.0 };
 
 fn build(gpu: &Gpu, layouts: &Layouts, variant: Variant, stored: Stored) -> wgpu::RenderPipeline {
     let module = gpu.device.create_shader_module(wgpu::ShaderModuleDescriptor {
@@ -190,15 +298,9 @@ fn build(gpu: &Gpu, layouts: &Layouts, variant: Variant, stored: Stored) -> wgpu
     let targets = stored.formats().map(|format| format.map(wgpu::ColorTargetState::from));
     gpu.device.create_render_pipeline(&wgpu::RenderPipelineDescriptor {
         label: Some("gbuffer"),
-        layout: Some({
-            let textures = match variant {
-                Variant { bent: true, .. } => 3,
-                Variant { glow_textured: true, .. } => 2,
-                Variant { textured: true, .. } => 1,
-                _ => 0,
-            };
-            &layouts.pipelines[usize::from(variant.plane_depth)][usize::from(variant.many)][textures]
-        }),
+        layout: Some(
+            &layouts.pipelines[usize::from(variant.plane_depth)][usize::from(variant.many)][textures(variant)],
+        ),
         vertex: wgpu::VertexState {
             module: &module,
             entry_point: Some("vertex_main"),
@@ -213,7 +315,7 @@ fn build(gpu: &Gpu, layouts: &Layouts, variant: Variant, stored: Stored) -> wgpu
             // Depth is reversed. Of equal depths the first drawn stays, which has the lower triangle id.
             depth_compare: Some(wgpu::CompareFunction::Greater),
             stencil: wgpu::StencilState::default(),
-            bias: wgpu::DepthBiasState::default(),
+            bias: if variant.early { DEPTH_BIAS } else { wgpu::DepthBiasState::default() },
         }),
         multisample: wgpu::MultisampleState::default(),
         fragment: variant.has_fragment_stage().then(|| wgpu::FragmentState {

@@ -1,8 +1,10 @@
 //! The G-buffer shader's variants, and the uniforms that it reads.
 
 use super::plane_depth::LinesOfSight;
-use curitiba_pipeline::backend::{Attachments, Light, Shade, Sun, View};
+use super::targets::Stored;
+use curitiba_pipeline::backend::{Attachments, Light, Rect, Shade, Sun, View};
 use glam::{Mat4, Vec4};
+use std::mem::offset_of;
 
 /// The text that all variants are cut from.
 const TEXT: &str = include_str!("gbuffer.wgsl");
@@ -44,6 +46,10 @@ pub(super) struct Variant {
     pub plane_depth: bool,
     /// Leaves back faces out. The text does not depend on it.
     pub culled: bool,
+    /// Lets the device drop fragments by a depth that is not behind that of the plane; implies `plane_depth`.
+    pub early: bool,
+    /// Is a compute program that shades each pixel once.
+    pub per_pixel: bool,
 }
 
 impl Variant {
@@ -71,6 +77,23 @@ impl Variant {
             sky: false,
             plane_depth: false,
             culled: false,
+            early: false,
+            per_pixel: false,
+        }
+    }
+
+    /// The variant that shades the pixels of which another tells what they show.
+    pub fn per_pixel(self) -> Self {
+        Self {
+            textured: self.textured && self.color,
+            vertex_color: self.vertex_color && self.color,
+            alpha_cut: false,
+            mirrored: false,
+            plane_depth: false,
+            early: false,
+            culled: false,
+            per_pixel: true,
+            ..self
         }
     }
 
@@ -119,19 +142,31 @@ impl Variant {
             "MIRRORED" => self.mirrored,
             "SKY" => self.sky,
             "PLANE_DEPTH" => self.plane_depth,
-            "PRIMITIVE" => self.triangle || self.plane_depth,
+            "PRIMITIVE" => (self.triangle || self.plane_depth) && !self.per_pixel,
             "LEAVES" => self.writes() || self.plane_depth,
             "GLOW_TEXTURED" => self.glow_textured,
+            "PER_PIXEL" => self.per_pixel,
+            "EARLY" => self.early,
             _ => return None,
         })
     }
 
-    /// The variant's WGSL.
+    /// The variant's WGSL. One that is [per pixel](Self::per_pixel) has placeholders in the place of its attachments' formats.
     ///
     /// # Panics
     /// If the directives of the text are malformed; a test cuts every variant.
     pub fn source(self) -> String {
         cut("gbuffer.wgsl", TEXT, |name| self.defines(name))
+    }
+
+    /// The WGSL of a variant that is [per pixel](Self::per_pixel), for attachments of these formats.
+    pub fn shading_source(self, stored: Stored) -> String {
+        let mut source = self.source();
+        for (name, format) in ["COLOR_FORMAT", "POSITION_FORMAT", "NORMAL_FORMAT"].into_iter().zip(stored.formats()) {
+            let is_half = format == Some(wgpu::TextureFormat::Rgba16Float);
+            source = source.replace(name, if is_half { "rgba16float" } else { "rgba32float" });
+        }
+        source
     }
 }
 
@@ -175,17 +210,30 @@ pub(super) struct FrameUniform {
     light_color: Vec4,
     clip_plane: Vec4,
     lines: LinesOfSight,
+    part: [u32; 4],
+    background: Vec4,
 }
 
 impl FrameUniform {
-    /// `size` is the picture's width and height in pixels.
-    pub fn new(view: &View, size: [u32; 2], sun: Option<Sun>) -> Self {
+    /// `size` is the picture's width and height in pixels; `part` is what is shaded of it, and `background` the colour of
+    /// pixels there that show nothing.
+    pub fn new(view: &View, size: [u32; 2], sun: Option<Sun>, (part, background): (Rect, Vec4)) -> Self {
         let (to_light, light_color) =
             sun.map_or((Vec4::ZERO, Vec4::ZERO), |sun| ((-sun.direction).extend(0.0), sun.color.extend(1.0)));
         let (clip_from_eye, eye) = view.projection();
         let clip_plane = view.clip_plane.unwrap_or(Vec4::W);
         let lines = LinesOfSight::new(view, size);
-        Self { clip_from_eye, eye: eye.extend(view.footprint), to_light, light_color, clip_plane, lines }
+        let part = [part.x, part.y, part.width, part.height];
+        Self {
+            clip_from_eye,
+            eye: eye.extend(view.footprint),
+            to_light,
+            light_color,
+            clip_plane,
+            lines,
+            part,
+            background,
+        }
     }
 }
 
@@ -241,11 +289,14 @@ pub(super) struct DrawUniform {
     alpha_cutoff: f32,
     normal_scale: f32,
     first_of_chunk: u32,
+    count: u32,
+    clears: u32,
+    unused: [u32; 2],
 }
 
 impl DrawUniform {
     /// `first_triangle` is an id; the shader gets it plus 1. `first_of_chunk` counts from the chunk's first triangle.
-    pub fn new(shade: &Shade, first_triangle: u32, first_of_chunk: u32) -> Self {
+    pub fn new(shade: &Shade, first_triangle: u32, first_of_chunk: u32, count: u32) -> Self {
         Self {
             diffuse: shade.diffuse,
             emission: shade.emission,
@@ -255,14 +306,27 @@ impl DrawUniform {
             alpha_cutoff: shade.alpha_cutoff.unwrap_or(0.0).min(f32::MAX),
             normal_scale: shade.normal_map.map_or(0.0, |map| map.scale),
             first_of_chunk,
+            count,
+            clears: 0,
+            unused: [0; 2],
         }
+    }
+
+    /// Makes the first of these uniforms that of the draw by which pixels without a triangle are written.
+    pub fn set_clears(bytes: &mut [u8]) {
+        bytes[offset_of!(Self, clears)..][..4].copy_from_slice(bytemuck::bytes_of(&1_u32));
+    }
+
+    /// Changes the number of triangles of the first of these uniforms.
+    pub fn set_count(bytes: &mut [u8], count: u32) {
+        bytes[offset_of!(Self, count)..][..4].copy_from_slice(bytemuck::bytes_of(&count));
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use std::mem::{offset_of, size_of};
+    use std::mem::size_of;
     use wgpu::naga;
 
     /// Every combination that [`Variant::new`] can give, and the others with `alpha_cut` implying `textured`.
@@ -288,6 +352,8 @@ mod tests {
                     sky: false,
                     plane_depth: false,
                     culled: false,
+                    early: false,
+                    per_pixel: false,
                 }
             })
             .filter(|v| (v.textured || v.vertex_color || !v.alpha_cut) && (v.color || v.alpha_cut || !v.vertex_color))
@@ -368,9 +434,57 @@ mod tests {
             assert!(module.types.iter().any(|(_, ty)| writes_depth(ty)), "{variant:?}");
             assert!(variant.has_fragment_stage() && source.contains("plane_depth(primitive, in.clip)"), "{variant:?}");
             assert!(!Variant { plane_depth: false, ..variant }.source().contains("frag_depth"), "{variant:?}");
+            let early = Variant { early: true, ..variant }.source();
+            let capabilities = naga::valid::Capabilities::PRIMITIVE_INDEX | naga::valid::Capabilities::EARLY_DEPTH_TEST;
+            validate(&early, capabilities).unwrap_or_else(|error| panic!("{variant:?}\n{error}"));
+            assert!(
+                early.contains("@early_depth_test(less_equal)") && !source.contains("early_depth_test"),
+                "{variant:?}"
+            );
             without_attachments += u32::from(!variant.writes());
         }
         assert_eq!(without_attachments, 6, "whole, and cut in five ways");
+    }
+
+    #[test]
+    fn every_variant_may_shade_pixels_and_then_neither_cuts_nor_compares_neighbours() {
+        let mut kinds = std::collections::HashSet::new();
+        let variants = variants().filter(|v| v.color || v.position || v.normal);
+        for variant in variants.flat_map(|variant| [false, true].map(|many| Variant { many, ..variant })) {
+            let shading = Variant { plane_depth: true, early: true, culled: true, ..variant }.per_pixel();
+            let half = Attachments { position: true, ..Attachments::default() };
+            let Variant { color, position, normal, triangle, .. } = shading;
+            let stored = Stored::new(Attachments { color, position, normal, triangle }, half);
+            let source = shading.shading_source(stored);
+            let module = validate(&source, naga::valid::Capabilities::empty())
+                .unwrap_or_else(|error| panic!("{variant:?}\n{error}"));
+            let names: Vec<&str> = module.entry_points.iter().map(|entry| entry.name.as_str()).collect();
+            assert_eq!(names, ["pixel_main"], "{variant:?}");
+            for word in ["discard;", "dpdx", "frag_depth", "_FORMAT"] {
+                assert!(!source.contains(word), "{word} {variant:?}");
+            }
+            assert_eq!(source.contains("texture_storage_2d<rgba16float"), position, "{variant:?}");
+            let written = source.matches("textureStore(").count();
+            assert_eq!(
+                written,
+                [color, position, normal, triangle].map(usize::from).iter().sum::<usize>(),
+                "{variant:?}"
+            );
+            assert_eq!(shading.reads_material(), color || shading.bent, "{variant:?}");
+            kinds.insert(shading);
+        }
+        assert!(kinds.len() > 100, "{}", kinds.len());
+    }
+
+    #[test]
+    fn planes_are_computed_and_read_as_the_same_record_for_the_same_camera() {
+        let drawn = Variant { plane_depth: true, ..variants().find(|v| v.color).expect("one") };
+        let drawn = validate(&drawn.source(), naga::valid::Capabilities::all()).expect("valid");
+        let planes = validate(include_str!("planes.wgsl"), naga::valid::Capabilities::empty()).expect("valid");
+        assert_eq!(layout(&drawn, "Plane"), layout(&planes, "Plane"));
+        let (read, _) = layout(&planes, "Frame");
+        assert!(layout(&drawn, "Frame").0.starts_with(&read) && read.len() > 8, "{read:?}");
+        assert_eq!(layout(&planes, "Plane").1, crate::raster::gpu::geometry::PLANE_BYTES as usize);
     }
 
     #[test]
@@ -469,6 +583,8 @@ mod tests {
             ("right", of_line(offset_of!(LinesOfSight, right))),
             ("down", of_line(offset_of!(LinesOfSight, down))),
             ("towards", of_line(offset_of!(LinesOfSight, towards))),
+            ("part", offset_of!(FrameUniform, part)),
+            ("background", offset_of!(FrameUniform, background)),
         ]);
         assert_eq!(layout(&module, "Frame"), (frame, size_of::<FrameUniform>()));
         let draw = named(&[
@@ -479,6 +595,8 @@ mod tests {
             ("alpha_cutoff", offset_of!(DrawUniform, alpha_cutoff)),
             ("normal_scale", offset_of!(DrawUniform, normal_scale)),
             ("first_of_chunk", offset_of!(DrawUniform, first_of_chunk)),
+            ("count", offset_of!(DrawUniform, count)),
+            ("clears", offset_of!(DrawUniform, clears)),
         ]);
         assert_eq!(layout(&module, "Draw"), (draw, size_of::<DrawUniform>()));
     }

@@ -81,6 +81,30 @@ struct Channel {
     view: wgpu::TextureView,
 }
 
+impl Channel {
+    fn new(
+        gpu: &Gpu,
+        label: &str,
+        [width, height]: [u32; 2],
+        format: wgpu::TextureFormat,
+        usage: wgpu::TextureUsages,
+    ) -> Result<Self, BackendError> {
+        let texture = gpu.device.create_texture(&wgpu::TextureDescriptor {
+            label: Some(label),
+            size: wgpu::Extent3d { width, height, depth_or_array_layers: 1 },
+            mip_level_count: 1,
+            sample_count: 1,
+            dimension: wgpu::TextureDimension::D2,
+            format,
+            usage: wgpu::TextureUsages::RENDER_ATTACHMENT | usage,
+            view_formats: &[],
+        });
+        gpu.check("creation of the attachments")?;
+        let view = texture.create_view(&wgpu::TextureViewDescriptor::default());
+        Ok(Self { texture, view })
+    }
+}
+
 /// The attachments of a pass, in the size of its viewport.
 #[derive(Debug)]
 pub(super) struct Targets {
@@ -89,8 +113,10 @@ pub(super) struct Targets {
     stored: Stored,
     channels: [Option<Channel>; 4],
     depth: Channel,
-    /// Bytes of device memory, including the depth buffer.
+    /// Bytes of device memory of the attachments and the depth buffer.
     bytes: u64,
+    /// Ids plus 1 of the triangles that are seen; made by the first pass that shades each pixel once.
+    visible: OnceLock<Channel>,
     /// The bind group by which effects read the attachments; set on first use.
     pub group: OnceLock<wgpu::BindGroup>,
 }
@@ -110,20 +136,10 @@ impl Targets {
             let why = format!("{} draws {largest} x {largest} pixels at most;", gpu.adapter);
             return Err(unsupported(&format!("a frame of {width} x {height} pixels"), &why));
         }
-        let create = |label, format, usage| {
-            let texture = gpu.device.create_texture(&wgpu::TextureDescriptor {
-                label: Some(label),
-                size: wgpu::Extent3d { width, height, depth_or_array_layers: 1 },
-                mip_level_count: 1,
-                sample_count: 1,
-                dimension: wgpu::TextureDimension::D2,
-                format,
-                usage: wgpu::TextureUsages::RENDER_ATTACHMENT | usage,
-                view_formats: &[],
-            });
-            gpu.check("creation of the attachments")?;
-            let view = texture.create_view(&wgpu::TextureViewDescriptor::default());
-            Ok::<_, BackendError>(Channel { texture, view })
+        let create = |label, format, usage| Channel::new(gpu, label, [width, height], format, usage);
+        let written = match gpu.shades_pixels() {
+            true => wgpu::TextureUsages::STORAGE_BINDING,
+            false => wgpu::TextureUsages::empty(),
         };
         let mut channels = [const { None }; 4];
         for (index, label) in CHANNELS.into_iter().enumerate() {
@@ -131,14 +147,27 @@ impl Targets {
                 // Effects read the attachments in place.
                 let usage = wgpu::TextureUsages::COPY_SRC
                     | wgpu::TextureUsages::COPY_DST
-                    | wgpu::TextureUsages::TEXTURE_BINDING;
+                    | wgpu::TextureUsages::TEXTURE_BINDING
+                    | written;
                 channels[index] = Some(create(label, format, usage)?);
             }
         }
         let depth = create("depth", DEPTH_FORMAT, wgpu::TextureUsages::COPY_SRC)?;
         let bytes = u64::from(width) * u64::from(height) * u64::from(pixel_bytes + 4);
         gpu.check("creation of the attachments")?;
-        Ok(Self { width, height, stored, channels, depth, bytes, group: OnceLock::new() })
+        let (visible, group) = (OnceLock::new(), OnceLock::new());
+        Ok(Self { width, height, stored, channels, depth, bytes, visible, group })
+    }
+
+    /// Memory for the ids plus 1 of the triangles that are seen.
+    pub fn visible(&self, gpu: &Gpu) -> Result<&wgpu::TextureView, BackendError> {
+        if let Some(visible) = self.visible.get() {
+            return Ok(&visible.view);
+        }
+        let usage = wgpu::TextureUsages::TEXTURE_BINDING;
+        let size = [self.width, self.height];
+        let visible = Channel::new(gpu, "visible triangles", size, CHANNEL_FORMATS[TRIANGLE], usage)?;
+        Ok(&self.visible.get_or_init(|| visible).view)
     }
 
     /// The attachments of the render pass, which it clears first unless `loaded`: triangle ids to 0, which means "none" until
@@ -168,6 +197,20 @@ impl Targets {
         })
     }
 
+    /// The memory of [`Self::visible`] as the render pass's only attachment, cleared to no triangle.
+    pub fn visible_attachment(
+        &self,
+        gpu: &Gpu,
+    ) -> Result<[Option<wgpu::RenderPassColorAttachment<'_>>; 4], BackendError> {
+        let attachment = wgpu::RenderPassColorAttachment {
+            view: self.visible(gpu)?,
+            depth_slice: None,
+            resolve_target: None,
+            ops: wgpu::Operations { load: wgpu::LoadOp::Clear(wgpu::Color::TRANSPARENT), store: wgpu::StoreOp::Store },
+        };
+        Ok([None, None, None, Some(attachment)])
+    }
+
     /// The depth buffer, cleared to the far plane unless it is `loaded`, and kept if it is `stored`.
     pub fn depth_attachment(&self, loaded: bool, stored: bool) -> wgpu::RenderPassDepthStencilAttachment<'_> {
         wgpu::RenderPassDepthStencilAttachment {
@@ -182,7 +225,9 @@ impl Targets {
 
     /// Bytes of device memory, including the depth buffer.
     pub fn bytes(&self) -> u64 {
-        self.bytes
+        let id_bytes = u64::from(texel_bytes(CHANNEL_FORMATS[TRIANGLE]));
+        let visible = self.visible.get().map_or(0, |_| id_bytes * u64::from(self.width) * u64::from(self.height));
+        self.bytes + visible
     }
 
     /// The attachments that are written, and their formats.
@@ -438,6 +483,6 @@ impl TargetCache {
 
     /// Bytes of device memory of all sets.
     pub fn bytes(&self) -> u64 {
-        self.0.iter().map(|targets| targets.bytes).sum()
+        self.0.iter().map(Targets::bytes).sum()
     }
 }

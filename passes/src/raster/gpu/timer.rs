@@ -38,15 +38,6 @@ impl Timer {
         Ok(Some(Self { queries, resolved, readable, period: gpu.queue.get_timestamp_period() }))
     }
 
-    /// Timestamps at the begin and the end of a render pass.
-    pub fn writes(&self) -> wgpu::RenderPassTimestampWrites<'_> {
-        wgpu::RenderPassTimestampWrites {
-            query_set: &self.queries,
-            beginning_of_pass_write_index: Some(0),
-            end_of_pass_write_index: Some(1),
-        }
-    }
-
     /// Timestamps for one of several render passes that are timed together: the first pass writes the begin, and the
     /// last the end.
     pub fn render_span(&self, first: bool, last: bool) -> Option<wgpu::RenderPassTimestampWrites<'_>> {

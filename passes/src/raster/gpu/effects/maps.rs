@@ -245,6 +245,8 @@ pub fn draw(
         });
         let store = if color { wgpu::StoreOp::Discard } else { wgpu::StoreOp::Store };
         let attachments = [face, None, None, None];
+        let begin = timer.and_then(|timer| timer.compute_span(is_first, false));
+        draws.record_planes(&mut encoder, layouts, geometry, begin);
         {
             let mut pass = encoder.begin_render_pass(&wgpu::RenderPassDescriptor {
                 label: Some("map"),
@@ -254,7 +256,7 @@ pub fn draw(
                     depth_ops: Some(wgpu::Operations { load: wgpu::LoadOp::Clear(0.0), store }),
                     stencil_ops: None,
                 }),
-                timestamp_writes: timer.and_then(|timer| timer.render_span(is_first, is_last)),
+                timestamp_writes: timer.and_then(|timer| timer.render_span(is_first && !draws.has_planes(), is_last)),
                 occlusion_query_set: None,
                 multiview_mask: None,
             });

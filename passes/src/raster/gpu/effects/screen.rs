@@ -212,12 +212,13 @@ impl Marching {
         draws.prepare(gpu, layouts, pipelines, geometry, textures, &raster)?;
         let descriptor = wgpu::CommandEncoderDescriptor { label: Some("behind glass") };
         let mut encoder = gpu.device.create_command_encoder(&descriptor);
+        draws.record_planes(&mut encoder, layouts, geometry, timer.and_then(|timer| timer.compute_span(true, false)));
         {
             let mut pass = encoder.begin_render_pass(&wgpu::RenderPassDescriptor {
                 label: Some("behind glass"),
                 color_attachments: &targets.color_attachments(raster.clear_color, None, [false; 4]),
                 depth_stencil_attachment: Some(targets.depth_attachment(false, false)),
-                timestamp_writes: timer.map(Timer::writes),
+                timestamp_writes: timer.and_then(|timer| timer.render_span(!draws.has_planes(), true)),
                 occlusion_query_set: None,
                 multiview_mask: None,
             });

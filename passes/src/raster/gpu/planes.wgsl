@@ -1,0 +1,66 @@
+// The planes of a chunk's triangles, for one camera. Each fragment of a triangle reads its depth from there.
+
+// The beginning of `Frame` of `gbuffer.wgsl`, which says what it is.
+struct Frame {
+    clip_from_eye: mat4x4<f32>,
+    eye: vec4<f32>,
+    to_light: vec4<f32>,
+    light_color: vec4<f32>,
+    clip_plane: vec4<f32>,
+    origin: vec4<f32>,
+    corner: vec4<f32>,
+    right: vec4<f32>,
+    down: vec4<f32>,
+    towards: vec4<f32>,
+}
+
+// As in `gbuffer.wgsl`.
+struct Plane {
+    plane: vec4<f32>,
+    slope: vec2<f32>,
+    scale: f32,
+}
+
+@group(0) @binding(0) var<uniform> frame: Frame;
+// Three indices of vertices for each triangle of the chunk.
+@group(0) @binding(1) var<storage, read> corners: array<u32>;
+// Three coordinates for each vertex.
+@group(0) @binding(2) var<storage, read> positions: array<f32>;
+@group(0) @binding(3) var<storage, read_write> planes: array<Plane>;
+
+fn position_of(corner: u32) -> vec3<f32> {
+    let first = 3u * corners[corner];
+    return vec3<f32>(positions[first], positions[first + 1u], positions[first + 2u]);
+}
+
+// The dot product, rounded as in `gbuffer.wgsl`.
+fn product(a: vec4<f32>, b: vec4<f32>) -> f32 {
+    return fma(a.x, b.x, fma(a.y, b.y, fma(a.z, b.z, a.w * b.w)));
+}
+
+@compute @workgroup_size(64)
+fn plane_main(
+    @builtin(workgroup_id) group: vec3<u32>,
+    @builtin(num_workgroups) groups: vec3<u32>,
+    @builtin(local_invocation_index) thread: u32,
+) {
+    let triangle = (group.y * groups.x + group.x) * 64u + thread;
+    if triangle >= arrayLength(&planes) {
+        return;
+    }
+    let first = 3u * triangle;
+    let a = position_of(first);
+    let u = position_of(first + 1u) - a;
+    let v = position_of(first + 2u) - a;
+    let from_origin = a - frame.origin.xyz;
+    let across = vec3<f32>(fma(u.y, v.z, -(u.z * v.y)), fma(u.z, v.x, -(u.x * v.z)), fma(u.x, v.y, -(u.y * v.x)));
+    // With a longest component of exactly 1, triangles in one plane across an axis have the same depth to the last bit.
+    let size = abs(across);
+    let longest = max(size.x, max(size.y, size.z));
+    let normal = select(across / longest, sign(across), size == vec3<f32>(longest));
+    var out: Plane;
+    out.plane = vec4<f32>(normal, -product(vec4<f32>(normal, 0.0), vec4<f32>(from_origin, 0.0)));
+    out.scale = 1.0 / product(out.plane, frame.towards);
+    out.slope = vec2<f32>(product(out.plane, frame.right), product(out.plane, frame.down)) * out.scale;
+    planes[triangle] = out;
+}
