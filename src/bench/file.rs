@@ -68,6 +68,7 @@ impl BenchFile {
             complete: false,
             rows: Vec::new(),
             unavailable: Vec::new(),
+            paired: Vec::new(),
             machines: Vec::new(),
             part: None,
         }

@@ -60,6 +60,22 @@ pub fn measure_with(
     observer: &mut dyn Observer,
 ) -> Result<Measured, RenderError> {
     let on_device = renderer.fills_window_on_device();
+    let row = frames(&mut renderer, case, options, observer)?;
+    // Errors are computed from floats.
+    let picture = if on_device { renderer.frame(observer)? } else { renderer.update(observer)? };
+    Ok(Measured { row, renderer, picture })
+}
+
+/// Renders frames with an open renderer, which may have rendered others before, and collects the times of all steps as a row.
+///
+/// # Errors
+/// If a frame fails.
+pub fn frames(
+    renderer: &mut Renderer,
+    case: &Case,
+    options: &MeasureOptions,
+    observer: &mut dyn Observer,
+) -> Result<BenchRow, RenderError> {
     for _ in 0..options.warmup {
         renderer.draw_frame_for(AS_WRITTEN.as_ref(), observer)?;
     }
@@ -70,10 +86,7 @@ pub fn measure_with(
         renderer.draw_frame_for(AS_WRITTEN.as_ref(), observer)?;
         samples.push(Clocked::since(begun));
     }
-    let row = row(&renderer, case, &samples);
-    // Errors are computed from floats.
-    let picture = if on_device { renderer.frame(observer)? } else { renderer.update(observer)? };
-    Ok(Measured { row, renderer, picture })
+    Ok(row(renderer, case, &samples))
 }
 
 fn row(renderer: &Renderer, case: &Case, clocked: &[Clocked]) -> BenchRow {

@@ -36,12 +36,37 @@ pub struct BenchFile {
     pub rows: Vec<BenchRow>,
     /// Requested rows and engines that are missing, each with the reason.
     pub unavailable: Vec<Unavailable>,
+    /// Rows that were measured against each other; empty in files of `bench`, and in those from before 2026-11-28.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub paired: Vec<PairedRounds>,
     /// Machines of a merged file, to which [`BenchRow::machine`] is an index; empty in other files.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub machines: Vec<Environment>,
     /// Identifies the row of a file that holds a single row of a benchmark; `None` in other files.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub part: Option<PartOf>,
+}
+
+/// Rows that were measured alternately: each round measures every row once, in the order of the round before reversed. What slows the
+/// machine down for longer than a round slows down all rows of the round, and leaves the ratios of their times as they are.
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+pub struct PairedRounds {
+    /// Keys of the rows.
+    pub rows: Vec<String>,
+    /// For each round the median time of a frame of each row, milliseconds, in the order of [`Self::rows`].
+    pub rounds: Vec<Vec<f64>>,
+    /// Why there are no rounds, or only a few.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub missing: Option<String>,
+}
+
+impl PairedRounds {
+    /// The times of a row in all rounds, milliseconds; `None` if it is not one of the rows, or a round lacks it.
+    #[must_use]
+    pub fn of(&self, row: &str) -> Option<Vec<f64>> {
+        let index = self.rows.iter().position(|key| key == row)?;
+        self.rounds.iter().map(|round| round.get(index).copied()).collect()
+    }
 }
 
 /// The row that a file of a single row holds.
@@ -301,6 +326,10 @@ pub struct Stats {
     pub min: f64,
     /// Largest sample.
     pub max: f64,
+    /// Numbers of samples of the rounds, in the order of [`Self::samples`]. Empty if all samples are of one round, and in files from
+    /// before 2026-11-28.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub rounds: Vec<usize>,
 }
 
 impl Stats {
@@ -313,19 +342,41 @@ impl Stats {
         let mean = samples.iter().sum::<f64>() / n;
         let squares: f64 = samples.iter().map(|sample| (sample - mean).powi(2)).sum();
         let sd = if samples.len() > 1 { (squares / (n - 1.0)).sqrt() } else { 0.0 };
-        (!samples.is_empty()).then(|| Self { median: median(&samples), samples, mean, sd, min, max })
+        (!samples.is_empty()).then(|| {
+            let rounds = Vec::new();
+            Self { median: median(&samples), samples, mean, sd, min, max, rounds }
+        })
     }
 
-    /// The statistics of the samples of both.
+    /// The statistics of the samples of both, as different rounds.
     #[must_use]
     pub fn joined(&self, more: &Self) -> Self {
-        Self::new([self.samples.as_slice(), &more.samples].concat()).unwrap_or_else(|| self.clone())
+        let joined = Self::new([self.samples.as_slice(), &more.samples].concat());
+        let lengths = self.by_round().into_iter().chain(more.by_round()).map(<[f64]>::len).collect();
+        joined.map_or_else(|| self.clone(), |joined| Self { rounds: lengths, ..joined })
     }
 
-    /// 95 % confidence interval of the median; `None` if a sample is not finite.
+    /// The samples of each round.
+    #[must_use]
+    pub fn by_round(&self) -> Vec<&[f64]> {
+        let total = self.rounds.iter().try_fold(0_usize, |sum, length| sum.checked_add(*length));
+        if self.rounds.is_empty() || total != Some(self.samples.len()) {
+            return vec![&self.samples];
+        }
+        let mut rest = self.samples.as_slice();
+        let next = |length: &usize| {
+            let (round, after) = rest.split_at(*length);
+            rest = after;
+            round
+        };
+        self.rounds.iter().map(next).filter(|round| !round.is_empty()).collect()
+    }
+
+    /// 95 % confidence interval of the median; `None` if a sample is not finite. With several rounds they are resampled as well, so
+    /// that a machine that changes between rounds widens the interval.
     #[must_use]
     pub fn interval(&self) -> Option<Interval> {
-        Interval::of_median(&self.samples)
+        Interval::of_rounds(&self.by_round())
     }
 
     /// Samples that are far from the others.
@@ -352,5 +403,36 @@ mod tests {
         assert!((stats.sd - (32.0_f64 / 7.0).sqrt()).abs() < 1e-12);
         assert_eq!(Stats::new(vec![3.0]).expect("one").sd, 0.0);
         assert_eq!(Stats::new(Vec::new()), None);
+    }
+
+    #[test]
+    fn rounds_are_told_apart_and_widen_the_interval() {
+        let [fast, slow] = [10.0, 15.0].map(|ms| Stats::new(vec![ms; 9]).expect("samples"));
+        assert_eq!(fast.by_round().len(), 1);
+        let both = fast.joined(&slow);
+        assert_eq!((both.rounds.as_slice(), both.by_round()), ([9, 9].as_slice(), vec![&[10.0; 9][..], &[15.0; 9]]));
+        assert_eq!(both.joined(&fast).rounds, [9, 9, 9]);
+        assert_eq!(both.interval(), Some(Interval { low: 10.0, high: 15.0 }));
+        // Lengths that do not fit, as in a file that was changed by hand, tell nothing.
+        for rounds in [vec![9], vec![usize::MAX, 2]] {
+            assert_eq!(Stats { rounds, ..both.clone() }.by_round().len(), 1);
+        }
+        let text = serde_json::to_string(&fast).expect("JSON");
+        assert!(!text.contains("rounds"), "{text}");
+        assert_eq!(serde_json::from_str::<Stats>(&text).expect("read"), fast);
+        let text = serde_json::to_string(&both).expect("JSON");
+        assert_eq!(serde_json::from_str::<Stats>(&text).expect("read"), both);
+    }
+
+    #[test]
+    fn the_times_of_a_row_in_paired_rounds() {
+        let rows = vec!["a".to_owned(), "b".to_owned()];
+        let paired = PairedRounds { rows, rounds: vec![vec![1.0, 2.0], vec![3.0, 4.0]], missing: None };
+        assert_eq!(
+            (paired.of("a"), paired.of("b"), paired.of("c")),
+            (Some(vec![1.0, 3.0]), Some(vec![2.0, 4.0]), None)
+        );
+        let torn = PairedRounds { rounds: vec![vec![1.0, 2.0], vec![3.0]], ..paired };
+        assert_eq!(torn.of("b"), None);
     }
 }

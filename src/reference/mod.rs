@@ -217,6 +217,11 @@ impl References {
         })
     }
 
+    /// Gives the memory of the last scene back. It is loaded again when a reference needs it.
+    pub(crate) fn close(&mut self) {
+        self.open = None;
+    }
+
     /// Returns and clears warnings about the folder: damaged files, and files that could not be written.
     pub fn take_warnings(&mut self) -> Vec<String> {
         std::mem::take(&mut self.warnings)

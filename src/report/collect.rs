@@ -2,9 +2,9 @@
 
 use super::collector::{Collector, ReportError, Request};
 use super::folder::Folder;
-use super::model::ReportData;
+use super::model::{Effect, ReportData};
 use super::plan::Stage;
-use super::{Told, plan, scale};
+use super::{Told, paired, plan, scale};
 use crate::pipeline::executor::Observer;
 
 /// Measures everything that fits into the time, and writes the pictures into `folder`. `told` hears of each step.
@@ -25,6 +25,7 @@ pub fn collect(
     let threads = plan::thread_counts(rayon::current_num_threads());
     collector.to_do = entries.len() * plan::ROUNDS as usize
         + late.len()
+        + Effect::ALL.len()
         + plan::scaling_lines(&request.wanted).len() * (sizes.len() + threads.len() + request.wanted.triangles.len())
         + plan::light_lines(&request.wanted).len() * plan::LIGHT_COUNTS.len();
     for entry in &entries {
@@ -35,6 +36,7 @@ pub fn collect(
             collector.file.unavailable.iter().map(|missing| format!("  {}: {}", missing.what, missing.why)).collect();
         return Err(ReportError::Nothing { path: request.projects.clone(), reasons: reasons.join("\n") });
     }
+    paired::measure(&mut collector, told, observer);
     collector.rounds(told, observer);
     let pixels = scale::by_pixels(&mut collector, &sizes, told, observer);
     let lights = scale::by_lights(&mut collector, folder, told, observer);

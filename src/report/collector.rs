@@ -76,9 +76,9 @@ pub(super) struct Collector<'a> {
     /// Whether the report's ray backend has the filter after rays. The cpu has it.
     filters: bool,
     start: Instant,
-    references: References,
+    pub references: References,
     table: Vec<String>,
-    sections: HashMap<Effect, Section>,
+    pub sections: HashMap<Effect, Section>,
     /// By view: row and picture of the frame without effects.
     plain: HashMap<String, (String, Image)>,
     /// The case whose reference all rows of an effect and view are compared with.
@@ -88,8 +88,8 @@ pub(super) struct Collector<'a> {
     /// Setup of the last row, milliseconds a triangle: without an acceleration structure, and with one.
     setup_ms: [f64; 2],
     /// What was measured on the user's scene, and the keys of the rows.
-    measured: Vec<(Entry, String)>,
-    done: usize,
+    pub measured: Vec<(Entry, String)>,
+    pub done: usize,
     pub to_do: usize,
 }
 
@@ -131,6 +131,7 @@ impl<'a> Collector<'a> {
                 complete: false,
                 rows: Vec::new(),
                 unavailable: Vec::new(),
+                paired: Vec::new(),
                 machines: Vec::new(),
                 part: None,
             },
@@ -209,7 +210,7 @@ impl<'a> Collector<'a> {
     }
 
     /// The case of an entry at a place.
-    fn case(&self, entry: &Entry, place: &Place<'_>) -> Result<Case, String> {
+    pub fn case(&self, entry: &Entry, place: &Place<'_>) -> Result<Case, String> {
         let path = place.projects.join(entry.file);
         if !path.exists() {
             return Err(format!("there is no {}", path.display()));
@@ -335,6 +336,11 @@ impl<'a> Collector<'a> {
             threads: None,
             stage: entry.stage,
         };
+        if self.case(entry, &place).is_ok_and(|case| self.file.rows.iter().any(|row| row.key == case.key)) {
+            // A scene without a view of the panes shows the same twice.
+            self.done += 1;
+            return Ok(());
+        }
         let (case, mut row, picture) = match self.row(entry, &place, told, observer) {
             Ok(measured) => measured,
             Err(why) => {
@@ -342,10 +348,6 @@ impl<'a> Collector<'a> {
                 return Ok(());
             }
         };
-        if self.file.rows.iter().any(|other| other.key == row.key) {
-            // A scene without a view of the panes shows the same twice.
-            return Ok(());
-        }
         if self.request.made {
             row.project = entry.file.into();
         } else {
@@ -414,12 +416,14 @@ impl<'a> Collector<'a> {
                     entry.effect
                 ));
             }
-            // Exact references trace in f64; converged ones two pictures of 256 samples.
-            let per_sample = row.frame.median / entry.weight.max(1.0);
+            // Exact references trace in f64; converged ones two pictures of 256 samples. The G-buffer is drawn once.
+            let in_rays = row.frame.median * row.ray_share.unwrap_or(1.0);
             let noisy = matches!(entry.effect, "ao" | "all" | "soft-shadows");
-            let expected_s = if noisy { per_sample * 512.0 } else { row.frame.median * 12.0 } / 1e3;
-            if let Err(why) = self.time().admit(entry.stage, expected_s) {
-                return RowError::Missing(format!("the reference is {why}"));
+            let times = if noisy { 512.0 / entry.weight.max(1.0) } else { 12.0 };
+            let expected_s = (row.frame.median + in_rays * times) / 1e3;
+            // Without it no setting of the effect can be judged: it comes before other settings.
+            if let Err(why) = self.time().admit(entry.stage.max(Stage::Settings), expected_s) {
+                return RowError::Missing(format!("the reference is {why}; a larger --time makes room for it"));
             }
             self.judges.insert(judge.clone(), case.clone());
         }

@@ -12,6 +12,7 @@ mod lights;
 pub mod model;
 pub mod number;
 pub mod page;
+mod paired;
 pub mod plan;
 pub mod plots;
 mod scale;

@@ -50,6 +50,8 @@ pub enum Stage {
     Effects,
     /// All other settings of each effect.
     Settings,
+    /// What verdicts compare, in paired rounds.
+    Paired,
     /// All rows of the stages before, again.
     Rounds,
     /// Other window sizes.
@@ -70,11 +72,12 @@ impl Stage {
     pub fn until(self) -> f64 {
         match self {
             Self::Effects => 0.48,
-            Self::Settings => 0.60,
-            Self::Rounds => 0.72,
-            Self::Pixels => 0.76,
-            Self::Lights => 0.80,
-            Self::Threads => 0.84,
+            Self::Settings => 0.54,
+            Self::Paired => 0.80,
+            Self::Rounds => 0.82,
+            Self::Pixels => 0.84,
+            Self::Lights => 0.86,
+            Self::Threads => 0.88,
             Self::Triangles => 0.96,
             Self::OtherView => 0.98,
         }
@@ -162,7 +165,9 @@ pub const SUN: &str = "pass2.sun=0.53";
 #[must_use]
 pub fn entries(wanted: &Wanted, gpu: bool, beside: &[BackendChoice]) -> Vec<Entry> {
     let mut entries = whole();
-    for effect in Effect::ALL {
+    // No verdict needs it.
+    let dummy = entries.pop();
+    for effect in IN_TURN {
         entries.push(rays(effect, None));
         entries.extend(files(effect).1.iter().map(|file| raster(effect, file, None, wanted.size)));
     }
@@ -176,6 +181,7 @@ pub fn entries(wanted: &Wanted, gpu: bool, beside: &[BackendChoice]) -> Vec<Entr
             ..entry
         }));
     }
+    entries.extend(dummy);
     entries.extend(elsewhere());
     let traced: Vec<Entry> = entries.iter().filter(|e| e.technique == Technique::Rays).cloned().collect();
     for backend in beside {
@@ -190,12 +196,17 @@ pub fn entries(wanted: &Wanted, gpu: bool, beside: &[BackendChoice]) -> Vec<Entr
     if !wanted.quick {
         entries.extend(in_the_other_view(&entries));
     }
-    for effect in Effect::ALL {
+    for effect in IN_TURN {
         entries.extend(sweep(effect, wanted));
     }
     entries.sort_by_key(|entry| entry.stage);
     entries
 }
+
+/// The effects in the order in which they are measured. Ambient occlusion comes before effects that many scenes do not have, and before soft
+/// shadows, whose reference takes longest.
+pub(super) const IN_TURN: [Effect; 5] =
+    [Effect::Shadows, Effect::Occlusion, Effect::Reflection, Effect::Refraction, Effect::SoftShadows];
 
 fn entry(file: &'static str, effect: &'static str, technique: Technique, label: &str) -> Entry {
     Entry {

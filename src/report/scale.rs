@@ -267,7 +267,7 @@ fn copy_files(from: &Path, to: &Path, extension: &str) -> io::Result<()> {
 }
 
 /// Bytes of memory that programs can have without swapping; `None` where the system does not tell.
-fn memory_left() -> Option<u64> {
+pub(super) fn memory_left() -> Option<u64> {
     let text = fs::read_to_string("/proc/meminfo").ok()?;
     let line = text.lines().find_map(|line| line.strip_prefix("MemAvailable:"))?;
     let kibibytes: u64 = line.trim().trim_end_matches("kB").trim().parse().ok()?;

@@ -15,6 +15,7 @@ pub fn in_short(data: &ReportData) -> Vec<String> {
         sentences.extend(chosen(&verdicts, technique));
     }
     sentences.extend(no_difference(&verdicts));
+    sentences.extend(not_certain(&verdicts));
     sentences.extend(left_out(&verdicts));
     sentences.extend(none_within(&verdicts));
     sentences.extend(unknown_errors(&verdicts));
@@ -76,6 +77,24 @@ fn no_difference(verdicts: &[Verdict]) -> Option<String> {
     };
     let parts: Vec<String> = verdicts.iter().filter_map(part).collect();
     (!parts.is_empty()).then(|| format!("No difference here between rays and raster: {}.", list(&parts)))
+}
+
+fn not_certain(verdicts: &[Verdict]) -> Option<String> {
+    let part = |verdict: &Verdict| {
+        let Advice::NotCertain { rays, raster, why } = &verdict.advice else { return None };
+        Some(format!(
+            "{} ({} {}, {} {}, measured at different times; {why})",
+            verdict.effect.in_words(),
+            setting(verdict.effect, rays),
+            milliseconds(rays.frame_ms),
+            setting(verdict.effect, raster),
+            milliseconds(raster.frame_ms),
+        ))
+    };
+    let parts: Vec<String> = verdicts.iter().filter_map(part).collect();
+    (!parts.is_empty()).then(|| {
+        format!("Not certain, both by rays and by raster within the error; more --time may tell: {}.", list(&parts))
+    })
 }
 
 /// The ends of an interval.
@@ -169,7 +188,7 @@ fn together(data: &ReportData, verdicts: &[Verdict]) -> Option<String> {
     let soft = |verdict: &&Verdict| verdict.effect != Effect::SoftShadows;
     // Of hard and soft shadows a frame has one.
     for verdict in verdicts.iter().filter(soft) {
-        if let Advice::Choose { .. } | Advice::NoDifference { .. } = &verdict.advice {
+        if let Advice::Choose { .. } | Advice::NoDifference { .. } | Advice::NotCertain { .. } = &verdict.advice {
             let base = data.base(&data.section(verdict.effect)?.view)?.frame.median;
             base_ms = base_ms.max(base);
             sum += (verdict.setting()?.frame_ms - base).max(0.0);

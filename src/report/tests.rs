@@ -7,12 +7,12 @@ use super::model::{
     WITHIN, Without,
 };
 use super::summary::in_short;
-use super::verdict::{Advice, pareto_front, verdicts};
+use super::verdict::{Advice, advise, candidates, pareto_front, verdicts};
 use super::{page, plots};
 use crate::bench::model::{
-    BenchFile, BenchRow, BenchStep, EngineName, FORMAT, RowError, Stats, Technique, Unavailable,
+    BenchFile, BenchRow, BenchStep, EngineName, FORMAT, PairedRounds, RowError, Stats, Technique, Unavailable,
 };
-use crate::bench::text;
+use crate::bench::{Interval, text};
 use crate::environment::Environment;
 use crate::pipeline::backend::{PathsSpent, RayCounts};
 use crate::pipeline::executor::StepKind;
@@ -99,6 +99,7 @@ fn row(key: &str, effect: &str, technique: Technique, ms: f64, error: RowError) 
 
 /// A report of shadows by both techniques, with these times and errors: `(rays, raster)`.
 fn report(base_ms: f64, rays: (f64, RowError), raster: (f64, RowError)) -> ReportData {
+    let (rays_ms, raster_ms) = (rays.0, raster.0);
     let rows = vec![
         row("none", "none", Technique::None, base_ms, RowError::Missing("nothing to compare".to_owned())),
         row("shadow <rays>", "shadows", Technique::Rays, rays.0, rays.1),
@@ -166,6 +167,11 @@ fn report(base_ms: f64, rays: (f64, RowError), raster: (f64, RowError)) -> Repor
             warmup: 1,
             rounds: 3,
             complete: true,
+            paired: vec![PairedRounds {
+                rows: vec![rows[1].key.clone(), rows[2].key.clone()],
+                rounds: [0.99, 1.0, 1.01, 1.0, 1.02, 0.98].map(|speed| vec![rays_ms * speed, raster_ms]).to_vec(),
+                missing: None,
+            }],
             rows,
             unavailable: vec![Unavailable { what: "wgpu".to_owned(), why: "no adapter & no driver".to_owned() }],
             machines: Vec::new(),
@@ -300,25 +306,88 @@ fn what_the_choices_would_take_together_is_given_as_an_estimate() {
     assert!(text.contains("an estimate, not a measurement"), "{text}");
 }
 
-/// Verdicts of 300 simulated machines: each frame takes its time with 5 % of noise, normally distributed.
-fn simulated(rays_ms: f64, raster_ms: f64, frames: usize) -> [usize; 3] {
-    let mut state = 1_u64;
-    // Twelve uniform numbers have variance 1.
-    let mut normal = || {
-        let uniform = |_| {
-            state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
-            (state >> 40) as f64 / f64::from(1 << 24)
-        };
-        (0..12).map(uniform).sum::<f64>() - 6.0
-    };
-    let mut counts = [0; 3];
-    for _ in 0..300 {
-        let mut data = report(2.0, (rays_ms, against(0.001)), (raster_ms, against(0.002)));
-        for (row, ms) in [(1, rays_ms), (2, raster_ms)] {
-            let samples = (0..frames).map(|_| ms * (1.0 + 0.05 * normal())).collect();
-            data.bench.rows[row].frame = Stats::new(samples).expect("samples");
+/// A machine whose frames take their times with 5 % of noise, normally distributed, and whose speed drifts.
+struct Machine {
+    state: u64,
+    drift: Drift,
+    /// How many times as long as at first a frame takes now.
+    slow: f64,
+}
+
+#[derive(Clone, Copy, PartialEq)]
+enum Drift {
+    /// None.
+    Still,
+    /// By a factor whose logarithm walks at random, between slots of time.
+    Walks,
+    /// To 1.5 times as long and back, at random, between slots of time.
+    Steps,
+}
+
+impl Machine {
+    fn new(drift: Drift) -> Self {
+        Self { state: 1, drift, slow: 1.0 }
+    }
+
+    fn uniform(&mut self) -> f64 {
+        self.state = self.state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+        (self.state >> 40) as f64 / f64::from(1 << 24)
+    }
+
+    /// Twelve uniform numbers have variance 1.
+    fn normal(&mut self) -> f64 {
+        (0..12).map(|_| self.uniform()).sum::<f64>() - 6.0
+    }
+
+    fn frames(&mut self, ms: f64, frames: usize) -> Vec<f64> {
+        (0..frames).map(|_| self.slow * ms * (1.0 + 0.05 * self.normal())).collect()
+    }
+
+    /// Time passes: as much as lies between two rows that are measured one after the other, or, with a smaller `share`, between two rows of a
+    /// round.
+    fn pass(&mut self, share: f64) {
+        match self.drift {
+            Drift::Still => {}
+            Drift::Walks => self.slow *= (0.3 * share.sqrt() * self.normal()).exp(),
+            Drift::Steps => {
+                if self.uniform() < 0.5 * share {
+                    self.slow = if self.slow == 1.0 { 1.5 } else { 1.0 };
+                }
+            }
         }
-        match advice(&data) {
+    }
+}
+
+/// Which verdict is right: trace, rasterise, no difference.
+fn right(rays_ms: f64, raster_ms: f64) -> usize {
+    match rays_ms / raster_ms {
+        ratio if ratio < 1.0 / 1.1 => 0,
+        ratio if ratio > 1.1 => 1,
+        _ => 2,
+    }
+}
+
+/// Verdicts of 300 simulated reports with so many paired rounds of so many frames each: trace, rasterise, no difference.
+fn simulated(rays_ms: f64, raster_ms: f64, (rounds, frames): (usize, usize), drift: Drift) -> [usize; 3] {
+    let mut machine = Machine::new(drift);
+    let mut counts = [0; 3];
+    let mut data = report(2.0, (rays_ms, against(0.001)), (raster_ms, against(0.002)));
+    let found = candidates(&data, &data.sections[0]);
+    let times = [rays_ms, raster_ms];
+    for _ in 0..300 {
+        machine.slow = 1.0;
+        data.bench.paired[0].rounds.clear();
+        for round in 0..rounds {
+            let mut found = vec![0.0; 2];
+            for turn in 0..2 {
+                let row = (round + turn) % 2;
+                found[row] = Stats::new(machine.frames(times[row], frames)).expect("samples").median;
+                // A round takes a hundredth of the time between rows.
+                machine.pass(0.01);
+            }
+            data.bench.paired[0].rounds.push(found);
+        }
+        match advise(&found, None, data.within, &data.bench.paired) {
             Advice::Choose { best, .. } => counts[usize::from(best.technique == Technique::Raster)] += 1,
             Advice::NoDifference { .. } => counts[2] += 1,
             other => panic!("{other:?}"),
@@ -327,16 +396,125 @@ fn simulated(rays_ms: f64, raster_ms: f64, frames: usize) -> [usize; 3] {
     counts
 }
 
+/// How many of 300 verdicts would be wrong that are made of the frames of two rows, each measured in a slot of its own.
+fn wrong_by_slots(rays_ms: f64, raster_ms: f64, drift: Drift) -> usize {
+    let mut machine = Machine::new(drift);
+    let wrong = |_: &i32| {
+        machine.slow = 1.0;
+        // The machine is in any of its states when the first row is measured.
+        machine.pass(1.0);
+        let rays = machine.frames(rays_ms, 15);
+        machine.pass(1.0);
+        let raster = machine.frames(raster_ms, 15);
+        let ratio = Interval::of_ratio(&rays, &raster).expect("times are finite");
+        let found = if ratio.high < 1.0 / 1.1 { 0 } else { 2 - usize::from(ratio.low > 1.1) };
+        found != right(rays_ms, raster_ms)
+    };
+    (0..300).filter(wrong).count()
+}
+
 #[test]
 fn noise_of_five_percent_changes_no_verdict() {
-    for frames in [5, 15, 45] {
-        assert!(simulated(10.0, 15.0, frames)[0] >= 297, "{frames} frames");
-        assert!(simulated(15.0, 10.0, frames)[1] >= 297, "{frames} frames");
-        assert!(simulated(10.0, 10.0, frames)[2] >= 297, "{frames} frames: a tie");
+    for rounds in [(6, 5), (9, 3), (12, 3), (12, 5)] {
+        for (rays, raster) in [(10.0, 15.0), (15.0, 10.0), (10.0, 10.0), (10.0, 12.5), (10.0, 10.4)] {
+            let counts = simulated(rays, raster, rounds, Drift::Still);
+            assert!(counts[right(rays, raster)] >= 297, "{rounds:?}, {rays} and {raster} ms: {counts:?}");
+        }
     }
-    // The differences that as many samples can tell.
-    assert!(simulated(10.0, 12.5, 45)[0] >= 297);
-    assert!(simulated(10.0, 10.4, 45)[2] >= 297);
+    // One frame a round, where the time suffices for no more.
+    assert!(simulated(10.0, 15.0, (6, 1), Drift::Still)[0] >= 297);
+    assert!(simulated(10.0, 10.0, (6, 1), Drift::Still)[2] >= 297);
+    // Rows of a machine that does not drift could be told apart one after the other.
+    assert!(wrong_by_slots(10.0, 15.0, Drift::Still) <= 3);
+}
+
+#[test]
+fn a_machine_whose_speed_drifts_changes_no_verdict() {
+    for drift in [Drift::Walks, Drift::Steps] {
+        for (rays, raster) in [(10.0, 12.5), (10.0, 15.0), (12.5, 10.0), (15.0, 10.0), (10.0, 10.0)] {
+            let right = right(rays, raster);
+            for rounds in [(9, 3), (12, 5)] {
+                let counts = simulated(rays, raster, rounds, drift);
+                assert!(counts[right] >= 297, "{rounds:?}, {rays} and {raster} ms: {counts:?}");
+            }
+            // Six rounds say less often which is cheaper, and never the wrong one.
+            let counts = simulated(rays, raster, (6, 5), drift);
+            assert!(counts[right] >= 270 && counts[right] + counts[2] >= 300, "{rays} and {raster} ms: {counts:?}");
+        }
+        // Without paired rounds more than one verdict in ten is wrong.
+        for (rays, raster) in [(10.0, 12.5), (12.5, 10.0), (10.0, 10.0)] {
+            let wrong = wrong_by_slots(rays, raster, drift);
+            assert!(wrong > 30, "{rays} and {raster} ms: {wrong} of 300");
+        }
+    }
+}
+
+#[test]
+fn without_enough_paired_rounds_nothing_is_certain() {
+    let whole = report(2.0, (12.0, against(0.001)), (4.0, against(0.002)));
+    let uncertain = |change: &dyn Fn(&mut ReportData)| {
+        let mut data = whole.clone();
+        change(&mut data);
+        let Advice::NotCertain { rays, raster, why } = advice(&data) else { panic!("{:?}", advice(&data)) };
+        assert_eq!((rays.frame_ms, raster.frame_ms), (12.0, 4.0));
+        let (text, html) = (in_short(&data).join(" "), page::build(&data).html);
+        assert!(text.contains("Not certain") && text.contains(&why), "{text}");
+        assert!(html.contains("not certain") && !text.contains("Rasterise shadows"), "{text}");
+        why
+    };
+    assert_eq!(uncertain(&|data| data.bench.paired.clear()), "they were not measured against each other");
+    assert_eq!(uncertain(&|data| data.bench.paired[0].rounds.truncate(5)), "only 5 paired rounds were measured");
+    let late = |data: &mut ReportData| {
+        data.bench.paired[0].rounds.clear();
+        data.bench.paired[0].missing = Some("left out: it would take about 9 s".to_owned());
+    };
+    assert_eq!(uncertain(&late), "left out: it would take about 9 s");
+    // Rows that were measured elsewhere against each other tell nothing of these.
+    uncertain(&|data| data.bench.paired[0].rows[0] = "another".to_owned());
+    // Neither do rounds of a setting that takes far longer than one that is within the error as well.
+    uncertain(&|data| {
+        let key = data.bench.rows[1].key.clone();
+        let slow = BenchRow { key: "slow".to_owned(), frame: stats(30.0), ..data.bench.rows[1].clone() };
+        let setting = Setting { row: "slow".to_owned(), ..data.sections[0].settings[0].clone() };
+        data.sections[0].settings.push(setting);
+        data.bench.rows.push(slow);
+        assert_eq!(data.bench.paired[0].rows[0], key);
+        data.bench.paired[0].rows[0] = "slow".to_owned();
+    });
+}
+
+#[test]
+fn of_several_settings_the_rounds_tell_the_cheapest() {
+    let mut data = report(2.0, (12.0, against(0.001)), (20.0, against(0.002)));
+    // Another setting by raster, which took longer when it was measured first, and does not in the rounds.
+    let other = BenchRow {
+        key: "other map".to_owned(),
+        label: "Shadows by another map".to_owned(),
+        frame: stats(22.0),
+        ..data.bench.rows[2].clone()
+    };
+    data.bench.rows.push(other);
+    let setting = Setting { row: "other map".to_owned(), ..data.sections[0].settings[1].clone() };
+    data.sections[0].settings.push(setting);
+    data.bench.paired[0].rows.push("other map".to_owned());
+    data.bench.paired[0].rounds = vec![vec![12.0, 19.0, 9.0]; 6];
+    let Advice::Choose { best, other: Some((other, ratio)) } = advice(&data) else { panic!("{:?}", advice(&data)) };
+    assert_eq!((best.key.as_str(), best.frame_ms, other.frame_ms), ("other map", 9.0, 12.0));
+    assert_eq!(best.interval, Some(Interval { low: 9.0, high: 9.0 }));
+    assert!(ratio.holds(12.0 / 9.0), "{ratio:?}");
+}
+
+#[test]
+fn verdicts_can_be_made_again_from_what_is_written() {
+    let data = report(2.0, (12.0, against(0.001)), (4.0, against(0.002)));
+    let text = serde_json::to_string(&data).expect("JSON");
+    let again: ReportData = serde_json::from_str(&text).expect("a report");
+    assert_eq!((advice(&again), in_short(&again)), (advice(&data), in_short(&data)));
+    // Files from before have no paired rounds.
+    let mut old: serde_json::Value = serde_json::from_str(&text).expect("JSON");
+    assert!(old["bench"].as_object_mut().expect("a file").remove("paired").is_some());
+    let old: ReportData = serde_json::from_value(old).expect("an older report");
+    assert!(matches!(advice(&old), Advice::NotCertain { .. }));
 }
 
 #[test]
@@ -559,6 +737,29 @@ fn bars_stand_from_fast_to_slow_and_a_place_of_no_error_is_beyond_a_break() {
     let exact = strokes(&data);
     let inexact = strokes(&report(1.0, (4.0, against(0.01)), (3.0, against(0.05))));
     assert!(exact.0 && !inexact.0 && exact.1 == inexact.1 + 2, "{exact:?} {inexact:?}");
+}
+
+#[test]
+fn marks_of_speed_against_error_have_the_intervals_of_their_times() {
+    let data = report(1.0, (4.0, against(0.01)), (3.0, against(0.05)));
+    let strokes = |data: &ReportData| {
+        let plot = plots::speed_against_error(data, &data.sections[0]).expect("a plot").inline;
+        let ends = |line: &str| -> Option<[i32; 4]> {
+            let (_, points) = line.split_once("points=\"")?;
+            let numbers: Vec<i32> =
+                points.split('"').next()?.split([' ', ',']).filter_map(|number| number.parse().ok()).collect();
+            numbers.try_into().ok()
+        };
+        // Level lines in the colours of marks: from the one end to the other.
+        let level = |[from, y, to, at]: [i32; 4]| (y == at && (from - to).abs() < 200).then_some((from - to).abs());
+        let marked = plot.lines().filter(|line| line.contains("var(--rays") || line.contains("var(--raster"));
+        marked.filter_map(|line| level(ends(line)?)).collect::<Vec<i32>>()
+    };
+    let found = strokes(&data);
+    assert_eq!(found.len(), 2, "{found:?}");
+    let mut wide = data.clone();
+    wide.bench.rows[1].frame = Stats::new(vec![4.0, 3.0, 6.0]).expect("samples");
+    assert!(strokes(&wide).iter().max() > found.iter().max(), "{:?} {found:?}", strokes(&wide));
 }
 
 #[test]

@@ -1,8 +1,12 @@
-//! Which technique an effect should use: the cheapest setting within an error, from the intervals of the measured times.
+//! Which technique an effect should use: the cheapest setting within an error. Whether one technique is the cheaper is told by rounds in which
+//! both were measured alternately ([`PairedRounds`]), and by nothing else: rows that were measured one after the other differ by what
+//! the machine did meanwhile as well.
 
-use super::model::{Effect, ReportData, Section};
+use super::model::{Effect, ReportData, Section, Without};
 use crate::bench::Interval;
-use crate::bench::model::{BenchRow, RowError, Technique};
+use crate::bench::interval::LEAST_ORDERED;
+use crate::bench::model::{BenchRow, PairedRounds, RowError, Technique};
+use crate::pipeline::executor::median;
 
 /// Time of a frame at 60 frames a second, milliseconds.
 pub const FRAME_60_MS: f64 = 1000.0 / 60.0;
@@ -10,20 +14,30 @@ pub const FRAME_60_MS: f64 = 1000.0 / 60.0;
 /// Two settings are told apart where one surely takes this many times as long as the other.
 const APART: f64 = 1.1;
 
+/// Settings of one technique may be its cheapest where they take at most this many times as long as the cheapest measured so far: between
+/// two rows that are measured one after the other, the machine may change by as much.
+const NEAR: f64 = 1.5;
+
+/// The cheapest setting of paired rounds stands for its technique where it takes at most this many times as long as every other
+/// setting: of rows that were measured at different times the order is not known better.
+const STANDS: f64 = 2.0;
+
 /// A setting helps where its error is at most this share of the error of a frame without the effect.
 const HELPS: f64 = 0.5;
 
 /// One setting as the choice sees it.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Candidate {
+    /// Key of the row.
+    pub key: String,
     /// By rays or by raster.
     pub technique: Technique,
     /// The row's label.
     pub label: String,
-    /// Times of whole frames, milliseconds.
-    pub frames_ms: Vec<f64>,
-    /// Their median.
+    /// Median time of a whole frame, milliseconds.
     pub frame_ms: f64,
+    /// Its interval.
+    pub interval: Option<Interval>,
     /// Its error, or why it has none.
     pub error: Result<Quality, String>,
 }
@@ -65,6 +79,15 @@ pub enum Advice {
         raster: Candidate,
         /// Time by rays divided by time by raster.
         ratio: Interval,
+    },
+    /// Both techniques have a setting within the error, and too few paired rounds tell which is cheaper.
+    NotCertain {
+        /// The cheapest by rays, as far as it is known.
+        rays: Candidate,
+        /// The cheapest by raster, as far as it is known.
+        raster: Candidate,
+        /// Why there are too few.
+        why: String,
     },
     /// A frame without the effect is within the error already.
     LeaveOut {
@@ -108,7 +131,7 @@ impl Verdict {
     pub fn setting(&self) -> Option<&Candidate> {
         match &self.advice {
             Advice::Choose { best, .. } => Some(best),
-            Advice::NoDifference { rays, raster, .. } => {
+            Advice::NoDifference { rays, raster, .. } | Advice::NotCertain { rays, raster, .. } => {
                 Some(if rays.frame_ms <= raster.frame_ms { rays } else { raster })
             }
             Advice::LeaveOut { without } => Some(without),
@@ -123,7 +146,7 @@ impl Candidate {
     /// Whether its frames can be shown every `limit_ms` milliseconds.
     #[must_use]
     pub fn fit(&self, limit_ms: f64) -> Fit {
-        match Interval::of_median(&self.frames_ms) {
+        match self.interval {
             Some(interval) if interval.high <= limit_ms => Fit::Yes,
             Some(interval) if interval.low > limit_ms => Fit::No,
             _ => Fit::AtTheLimit,
@@ -137,7 +160,7 @@ pub fn verdicts(data: &ReportData, within: f64) -> Vec<Verdict> {
     let verdict = |effect| {
         let candidates = data.section(effect).map(|section| candidates(data, section)).unwrap_or_default();
         let without = data.section(effect).and_then(|section| without(data, section));
-        Verdict { effect, advice: advise(&candidates, without.as_ref(), within) }
+        Verdict { effect, advice: advise(&candidates, without.as_ref(), within, &data.bench.paired) }
     };
     Effect::ALL.into_iter().map(verdict).collect()
 }
@@ -152,14 +175,21 @@ pub fn candidates(data: &ReportData, section: &Section) -> Vec<Candidate> {
 #[must_use]
 pub fn without(data: &ReportData, section: &Section) -> Option<Candidate> {
     let without = section.without.as_ref()?;
-    let row = data.row(&without.row)?;
+    without_effect(data.row(&without.row)?, without)
+}
+
+/// The row of a frame without an effect, as a candidate; `None` where its error was not measured.
+#[must_use]
+pub fn without_effect(row: &BenchRow, without: &Without) -> Option<Candidate> {
     let candidate = Candidate { error: quality(&without.error), ..candidate(row) };
     candidate.error.is_ok().then_some(candidate)
 }
 
-fn candidate(row: &BenchRow) -> Candidate {
-    let (technique, label, frames_ms) = (row.technique, row.label.clone(), row.frame.samples.clone());
-    Candidate { technique, label, frames_ms, frame_ms: row.frame.median, error: quality(&row.error) }
+/// A row as the choice sees it.
+#[must_use]
+pub fn candidate(row: &BenchRow) -> Candidate {
+    let (key, label, interval) = (row.key.clone(), row.label.clone(), row.frame.interval());
+    Candidate { key, technique: row.technique, label, frame_ms: row.frame.median, interval, error: quality(&row.error) }
 }
 
 fn quality(error: &RowError) -> Result<Quality, String> {
@@ -171,52 +201,112 @@ fn quality(error: &RowError) -> Result<Quality, String> {
     }
 }
 
-/// The cheapest setting whose error is at most `within` and at most half of that of a frame `without` the effect. The cheapest
-/// of the two techniques are compared by the interval of the ratio of their times: only where all of it is beyond a tenth is
-/// one of them the cheaper.
-#[must_use]
-pub fn advise(candidates: &[Candidate], without: Option<&Candidate>, within: f64) -> Advice {
+/// What is left to decide.
+enum Field<'a> {
+    /// Nothing: times of one technique at most matter.
+    Decided(Box<Advice>),
+    /// The settings by rays, and those by raster, that are within the error, the cheapest first.
+    Rivals([Vec<&'a Candidate>; 2]),
+}
+
+/// The settings whose error is at most `within` and at most half of that of a frame `without` the effect.
+fn field<'a>(candidates: &'a [Candidate], without: Option<&Candidate>, within: f64) -> Field<'a> {
     let error = |candidate: &Candidate| candidate.error.as_ref().ok().map(|quality| quality.known());
     let plain = without.and_then(error);
     if let Some(without) = without.filter(|_| plain.is_some_and(|plain| plain <= within)) {
-        return Advice::LeaveOut { without: without.clone() };
+        return Field::Decided(Box::new(Advice::LeaveOut { without: without.clone() }));
     }
     let known: Vec<(&Candidate, f64)> =
         candidates.iter().filter_map(|candidate| Some((candidate, error(candidate)?))).collect();
     let nearest = known.iter().min_by(|(a, x), (b, y)| x.total_cmp(y).then(a.frame_ms.total_cmp(&b.frame_ms)));
     let Some((nearest, _)) = nearest else {
         let fastest = candidates.iter().min_by(|a, b| a.frame_ms.total_cmp(&b.frame_ms));
-        return fastest.map_or(Advice::NotMeasured, |fastest| Advice::UnknownError(fastest.clone()));
+        let advice = fastest.map_or(Advice::NotMeasured, |fastest| Advice::UnknownError(fastest.clone()));
+        return Field::Decided(Box::new(advice));
     };
     let most = plain.map_or(within, |plain| within.min(plain * HELPS));
-    let cheapest = |technique| {
+    let of = |technique| {
         let within = known.iter().filter(|(candidate, error)| candidate.technique == technique && *error <= most);
-        within.map(|(candidate, _)| *candidate).min_by(|a, b| a.frame_ms.total_cmp(&b.frame_ms))
+        let mut found: Vec<&Candidate> = within.map(|(candidate, _)| *candidate).collect();
+        found.sort_by(|a, b| a.frame_ms.total_cmp(&b.frame_ms));
+        found
     };
-    match (cheapest(Technique::Rays), cheapest(Technique::Raster)) {
-        (Some(rays), Some(raster)) => compare(rays, raster),
-        (Some(best), None) | (None, Some(best)) => Advice::Choose { best: best.clone(), other: None },
-        (None, None) => Advice::NoneWithin { nearest: (*nearest).clone() },
+    let [rays, raster] = [of(Technique::Rays), of(Technique::Raster)];
+    match (rays.first(), raster.first()) {
+        (Some(_), Some(_)) => Field::Rivals([rays, raster]),
+        (Some(best), None) | (None, Some(best)) => {
+            Field::Decided(Box::new(Advice::Choose { best: (*best).clone(), other: None }))
+        }
+        (None, None) => Field::Decided(Box::new(Advice::NoneWithin { nearest: (*nearest).clone() })),
     }
 }
 
-fn compare(rays: &Candidate, raster: &Candidate) -> Advice {
-    let choose = |best: &Candidate, other: &Candidate, ratio| Advice::Choose {
-        best: best.clone(),
-        other: Some((other.clone(), ratio)),
-    };
-    match Interval::of_ratio(&rays.frames_ms, &raster.frames_ms) {
-        Some(ratio) if ratio.low > APART => choose(raster, rays, ratio),
-        Some(ratio) if ratio.high < 1.0 / APART => {
-            choose(rays, raster, Interval { low: 1.0 / ratio.high, high: 1.0 / ratio.low })
+/// The settings by rays, and those by raster, of which paired rounds have to tell the cheapest: those within the error that take at most
+/// 1.5 times as long as the cheapest of their technique, the cheapest first. `None` where a verdict needs no such rounds.
+#[must_use]
+pub fn rivals<'a>(
+    candidates: &'a [Candidate],
+    without: Option<&Candidate>,
+    within: f64,
+) -> Option<[Vec<&'a Candidate>; 2]> {
+    match field(candidates, without, within) {
+        Field::Decided(_) => None,
+        Field::Rivals(mut sides) => {
+            for side in &mut sides {
+                let most = side.first().map_or(0.0, |cheapest| cheapest.frame_ms * NEAR);
+                side.retain(|candidate| candidate.frame_ms <= most);
+            }
+            Some(sides)
         }
-        ratio => Advice::NoDifference {
-            rays: rays.clone(),
-            raster: raster.clone(),
-            // Times that are no numbers tell nothing.
-            ratio: ratio.unwrap_or(Interval { low: 0.0, high: f64::INFINITY }),
-        },
     }
+}
+
+/// The cheapest setting whose error is at most `within` and at most half of that of a frame `without` the effect. The cheapest
+/// of the two techniques are compared by the ratio of their times in the `paired` rounds: only where the whole interval of its median is
+/// beyond a tenth is one of them the cheaper.
+#[must_use]
+pub fn advise(candidates: &[Candidate], without: Option<&Candidate>, within: f64, paired: &[PairedRounds]) -> Advice {
+    match field(candidates, without, within) {
+        Field::Decided(advice) => *advice,
+        Field::Rivals([rays, raster]) => compare(&rays, &raster, paired),
+    }
+}
+
+/// The cheapest of one technique in paired rounds, with its times there; `None` if none of `side` is in them, or if another setting may be
+/// cheaper by far.
+fn cheapest<'a>(side: &[&'a Candidate], rounds: &PairedRounds) -> Option<(&'a Candidate, Vec<f64>)> {
+    let timed = |candidate: &&'a Candidate| Some((*candidate, rounds.of(&candidate.key)?));
+    let by_median = |(_, a): &(_, Vec<f64>), (_, b): &(_, Vec<f64>)| median(a).total_cmp(&median(b));
+    let (best, times) = side.iter().filter_map(timed).min_by(by_median)?;
+    let least = side.first().map_or(0.0, |candidate| candidate.frame_ms);
+    (best.frame_ms <= least * STANDS).then_some((best, times))
+}
+
+fn compare(rays: &[&Candidate], raster: &[&Candidate], paired: &[PairedRounds]) -> Advice {
+    let mut why = "they were not measured against each other".to_owned();
+    for rounds in paired.iter().rev() {
+        let (Some((rays, a)), Some((raster, b))) = (cheapest(rays, rounds), cheapest(raster, rounds)) else { continue };
+        if a.len() < LEAST_ORDERED {
+            why = rounds.missing.clone().unwrap_or_else(|| format!("only {} paired rounds were measured", a.len()));
+            continue;
+        }
+        let at = |candidate: &Candidate, times: &[f64]| {
+            let (frame_ms, interval) = (median(times), Interval::of_ordered(times));
+            Candidate { frame_ms, interval, ..candidate.clone() }
+        };
+        let (rays, raster) = (at(rays, &a), at(raster, &b));
+        let ratios: Vec<f64> = a.iter().zip(&b).map(|(a, b)| a / b).collect();
+        return match Interval::of_ordered(&ratios) {
+            Some(ratio) if ratio.low > APART => Advice::Choose { best: raster, other: Some((rays, ratio)) },
+            Some(ratio) if ratio.high < 1.0 / APART => {
+                let ratio = Interval { low: 1.0 / ratio.high, high: 1.0 / ratio.low };
+                Advice::Choose { best: rays, other: Some((raster, ratio)) }
+            }
+            Some(ratio) => Advice::NoDifference { rays, raster, ratio },
+            None => Advice::NotCertain { rays, raster, why: "a time is not a number".to_owned() },
+        };
+    }
+    Advice::NotCertain { rays: rays[0].clone(), raster: raster[0].clone(), why }
 }
 
 /// Whether a candidate is beaten by none: nothing else is at least as fast and as exact, and better in one of both.
@@ -237,6 +327,7 @@ pub fn verb(advice: &Advice) -> &'static str {
             Technique::None => "leave out",
         },
         Advice::NoDifference { .. } => "no difference here",
+        Advice::NotCertain { .. } => "not certain",
         Advice::LeaveOut { .. } => "leave out",
         Advice::NoneWithin { .. } => "none is within it",
         Advice::UnknownError(_) => "errors are not known",

@@ -24,7 +24,7 @@ pub fn section(data: &ReportData, section: &Section, plots: &mut Plots) -> Marku
                 &format!("{id}-speed"),
                 plots::speed_against_error(data, section),
                 &html! {
-                    "Every mark is one setting; the line joins those that no other beats in both speed and error (the Pareto "
+                    "Every mark is one setting, with the 95 % interval of its median time; the line joins those that no other beats in both speed and error (the Pareto "
                     "front), and they are named where there is room."
                 },
                 "No setting of this effect has both a time and an error.",

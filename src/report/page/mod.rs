@@ -9,7 +9,7 @@ use super::plan::{OUT_OF_TIME, ROUNDS};
 use super::plots::{self, Plot};
 use super::summary;
 use super::verdict::{self, Advice, FRAME_60_MS, Fit, Verdict};
-use crate::bench::Interval;
+use crate::bench::interval::LEAST_ORDERED;
 use crate::bench::model::{BenchRow, Technique};
 use maud::{DOCTYPE, Markup, PreEscaped, html};
 
@@ -243,7 +243,7 @@ fn advice(data: &ReportData, verdict: &Verdict) -> Markup {
     let quality = candidate.and_then(|candidate| candidate.error.as_ref().ok());
     let without = data.section(verdict.effect).and_then(|section| verdict::without(data, section));
     let without = without.as_ref().and_then(|candidate| candidate.error.as_ref().ok());
-    let interval = candidate.and_then(|candidate| Interval::of_median(&candidate.frames_ms));
+    let interval = candidate.and_then(|candidate| candidate.interval);
     let fit = candidate.map(|candidate| match candidate.fit(FRAME_60_MS) {
         Fit::Yes => "yes",
         Fit::AtTheLimit => "at the limit",
@@ -405,10 +405,19 @@ fn method(data: &ReportData) -> Markup {
                 "times are of all threads together. Device times are on the device’s own clock, where it has one."
             }
             p {
-                "Intervals hold a median, or the ratio of two, with 95 % probability (bootstrap of the samples; those of fewer than "
-                "ten samples are too narrow). Two settings are told apart where the whole interval of their ratio is beyond 1.1. "
+                "Intervals hold a median with 95 % probability (bootstrap of the rounds of a row and of the frames of each; those of "
+                "fewer than ten frames, or of one round, are too narrow). "
                 "The advice is the cheapest setting whose error is at most " (error(data.within)) ", and at most half of that of a "
                 "frame without the effect; " code { "--within" } " allows another."
+            }
+            p {
+                "Which technique is the cheaper is told by rounds in which the cheapest settings of both were measured alternately, one "
+                "right after the other and every other round in reversed order: what slows the machine down for a while slows down both. "
+                "Of each round the ratio of the two medians is taken. The interval of the median of these ratios lies between two of "
+                "them, from the smallest to the largest of 6 (96.9 %), from the third to the third last of 12 (order statistics, "
+                "whatever the distribution). One is the cheaper where the whole interval is beyond 1.1; if it is not, there is no "
+                "difference here. With fewer than " (LEAST_ORDERED) " such rounds nothing is certain, and the reason is given. Times "
+                "in the table of advice are of these rounds where there are any."
             }
             p {
                 "Outlying frames are counted by Tukey’s fences: severe ones are more than 3 interquartile ranges beyond the quartiles of "

@@ -1,7 +1,6 @@
 //! Tables of rows: readable as they stand, sortable with the script.
 
 use super::tag;
-use crate::bench::Interval;
 use crate::bench::model::{BenchRow, RowError, Stats};
 use crate::bench::text::{answered_shares, of_pictures, ray_device_ms, spent};
 use crate::pipeline::metrics::Comparison;
@@ -193,7 +192,7 @@ fn times(stats: &Stats) -> Markup {
 
 fn spread(stats: &Stats) -> Markup {
     html! {
-        @match Interval::of_median(&stats.samples) {
+        @match stats.interval() {
             Some(of) => td data-v=(of.low) { (significant(of.low)) " – " (significant(of.high)) },
             None => td.none data-v="" { "–" },
         }

@@ -32,7 +32,7 @@ const KINDS: [(StepKind, Ink, &str); 7] = [
 pub fn frame_bars(title: &str, rows: &[&BenchRow], common: &str) -> Option<Plot> {
     let mut rows = rows.to_vec();
     rows.sort_by(|a, b| a.frame.median.total_cmp(&b.frame.median));
-    let intervals: Vec<Option<Interval>> = rows.iter().map(|row| Interval::of_median(&row.frame.samples)).collect();
+    let intervals: Vec<Option<Interval>> = rows.iter().map(|row| row.frame.interval()).collect();
     let ends = rows.iter().zip(&intervals).map(|(row, interval)| {
         interval.map_or(0.0, |interval| interval.high).max(row.frame.median).max(pieces(row).iter().sum())
     });

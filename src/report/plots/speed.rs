@@ -5,6 +5,7 @@ use super::canvas::{
     Entry, FONT, INK, Ink, LogAxis, MUTED, Mark, NEUTRAL, RASTER, RAYS, Root, draw, lay_out, legend, log_chart, text,
     text_width,
 };
+use crate::bench::Interval;
 use crate::bench::model::Technique;
 use crate::report::model::{ReportData, Section, rmse};
 use crate::report::verdict::{FRAME_60_MS, pareto_front};
@@ -17,10 +18,11 @@ struct Point {
     series: usize,
     value: String,
     frame_ms: f64,
+    interval: Option<Interval>,
     error: f64,
 }
 
-/// Frame time to the right, RMSE upwards, both logarithmic; the front is drawn and its points are named. `None` without
+/// Frame time to the right with the 95 % interval of its median, RMSE upwards, both logarithmic; the front is drawn and its points are named. `None` without
 /// any setting that has an error.
 #[must_use]
 pub fn speed_against_error(data: &ReportData, section: &Section) -> Option<Plot> {
@@ -37,7 +39,7 @@ pub fn speed_against_error(data: &ReportData, section: &Section) -> Option<Plot>
             entries.len() - 1
         });
         let value = if error == 0.0 { format!("{}: no error", setting.value) } else { setting.value.clone() };
-        points.push(Point { series, value, frame_ms: row.frame.median, error });
+        points.push(Point { series, value, frame_ms: row.frame.median, interval: row.frame.interval(), error });
     }
     // Errors of zero have no place on a logarithmic axis: they stand below its least tick, and say what they are.
     let least = points.iter().map(|point| point.error).filter(|error| *error > 0.0).fold(f64::INFINITY, f64::min);
@@ -46,7 +48,11 @@ pub fn speed_against_error(data: &ReportData, section: &Section) -> Option<Plot>
     let lowest = if own_error > 0.0 { least.min(own_error) } else { least };
     let floor = lowest / if exact { 4.0 } else { 1.5 };
     let limit = points.iter().any(|point| point.frame_ms < FRAME_60_MS * 6.0).then_some(FRAME_60_MS);
-    let x = LogAxis::around(points.iter().map(|point| point.frame_ms).chain(limit))?;
+    let ends = |point: &Point| match point.interval {
+        Some(Interval { low, high }) if low > 0.0 => [low, point.frame_ms, high],
+        _ => [point.frame_ms; 3],
+    };
+    let x = LogAxis::around(points.iter().flat_map(ends).chain(limit))?;
     let mut y = LogAxis::around(points.iter().map(|point| point.error.max(floor)).chain(Some(floor)))?;
     if exact {
         y.ticks.retain(|tick| *tick > floor.log10() + 0.3);
@@ -78,6 +84,13 @@ pub fn speed_against_error(data: &ReportData, section: &Section) -> Option<Plot>
         let area = chart.plotting_area();
         let pixel = |place: (f64, f64)| area.map_coordinate(&place);
         let marks: Vec<_> = points.iter().map(|point| pixel(at(point))).collect();
+        for (point, (_, py)) in points.iter().zip(&marks) {
+            let ink = entries[point.series].ink;
+            let [low, _, high] = ends(point).map(|ms| pixel((ms.log10(), y.range.0)).0);
+            for line in [[(low, *py), (high, *py)], [(low, py - 3), (low, py + 3)], [(high, py - 3), (high, py + 3)]] {
+                root.draw(&PathElement::new(line.to_vec(), ink.color().stroke_width(1)))?;
+            }
+        }
         for (point, place) in points.iter().zip(&marks) {
             let entry = &entries[point.series];
             entry.mark.draw(root, *place, entry.ink)?;
