@@ -425,7 +425,8 @@ fn a_scene_without_a_triangle_says_so() {
     let folder = tempfile::tempdir().expect("a folder");
     let path = folder.path().join("points.obj");
     std::fs::write(&path, "v 0 0 0\nv 1 1 1\n").expect("a file");
-    let error = SceneProjects::new(&[path.clone()], &SceneOptions::default(), None, 1 << 30).expect_err("no triangle");
+    let error = SceneProjects::new(std::slice::from_ref(&path), &SceneOptions::default(), None, 1 << 30)
+        .expect_err("no triangle");
     assert!(error.to_string().contains("no triangle"), "{error}");
     std::fs::write(&path, "v 0 0 0\nv 1 0 0\nl 1 2\np 1\n").expect("a file");
     let error = SceneProjects::new(&[path], &SceneOptions::default(), None, 1 << 30).expect_err("lines only");
