@@ -210,25 +210,24 @@ impl Loader<'_, '_> {
         }
         let mut instances = Vec::new();
         for (object, matrix) in self.scene.objects.iter_mut().zip(&self.matrices) {
-            let nodes = by_mesh.remove(object.name.as_str()).unwrap_or_default();
-            let place = |node: &&Node| node.transform * Mat4::from_translation(-node.pivot) * matrix.inverse();
-            let places: Vec<Mat4> = nodes.iter().map(place).filter(|place| place.is_finite()).collect();
-            let what = match (&places[..], nodes.len()) {
-                (_, 0) => continue,
-                (places, count) if places.len() < count => "nodes whose place is no number",
-                ([place], _) if !place.abs_diff_eq(Mat4::IDENTITY, 1e-3) => {
-                    "nodes that move the only instance of a mesh"
-                }
-                ([_], _) => continue,
-                ([first, others @ ..], _) => {
-                    object.transform = *first;
-                    for place in others {
-                        self.context.take("the objects", 1, size_of::<Object>() + 2 * object.name.len())?;
-                        instances.push(Object { transform: *place, ..object.clone() });
-                    }
+            let Some(nodes) = by_mesh.remove(object.name.as_str()) else { continue };
+            let to_axes = matrix.inverse();
+            let place = |node: &&Node| node.transform * Mat4::from_translation(-node.pivot) * to_axes;
+            let places: Vec<Mat4> = nodes.iter().map(place).collect();
+            let what = if !places.iter().all(|place| place.is_finite()) {
+                "nodes whose place is no number"
+            } else if let [only] = places[..] {
+                if only.abs_diff_eq(Mat4::IDENTITY, 1e-3) {
                     continue;
                 }
-                ([], _) => continue,
+                "nodes that move the only instance of a mesh"
+            } else {
+                object.transform = places[0];
+                for place in &places[1..] {
+                    self.context.take("the objects", 1, size_of::<Object>() + 2 * object.name.len())?;
+                    instances.push(Object { transform: *place, ..object.clone() });
+                }
+                continue;
             };
             let name = &object.name;
             self.warnings.add(self.context.file, what, "drawn where the positions are", || format!("`{name}`"));
