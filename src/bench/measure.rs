@@ -62,45 +62,44 @@ pub fn measure_with(
 ) -> Result<Measured, RenderError> {
     let on_device = renderer.fills_window_on_device();
     if options.warmup > 0 {
-        raise_clock(&mut renderer, observer)?;
+        warm_up(&mut renderer, options.warmup, observer)?;
     }
-    let row = frames(&mut renderer, case, options, observer)?;
+    let row = frames(&mut renderer, case, options.frames, observer)?;
     // Errors are computed from floats.
     let picture = if on_device { renderer.frame(observer)? } else { renderer.update(observer)? };
     Ok(Measured { row, renderer, picture })
 }
 
-/// Renders frames until the clock of a device has risen, which it lowers while it is idle, as while references are traced. Without a device
-/// one frame is rendered.
-fn raise_clock(renderer: &mut Renderer, observer: &mut dyn Observer) -> Result<(), RenderError> {
+/// Renders so many frames, and on a device more until its clock has risen, which it lowers while it is idle, as while references are traced.
+fn warm_up(renderer: &mut Renderer, frames: u32, observer: &mut dyn Observer) -> Result<(), RenderError> {
     /// An H100 takes a fifth of a second of work.
     const BUSY: Duration = Duration::from_millis(400);
     let begun = Instant::now();
+    let mut done = 0;
     loop {
         renderer.draw_frame_for(AS_WRITTEN.as_ref(), observer)?;
+        done += 1;
         let is_timed = renderer.timeline().rows.iter().any(|row| !row.device_ms.is_empty());
-        if !is_timed || begun.elapsed() >= BUSY {
+        if done >= frames && (!is_timed || begun.elapsed() >= BUSY) {
             return Ok(());
         }
     }
 }
 
-/// Renders frames with an open renderer, which may have rendered others before, and collects the times of all steps as a row.
+/// Renders `count` frames, at least 1, with an open renderer, which may have rendered others before, and collects the times of all steps as
+/// a row.
 ///
 /// # Errors
 /// If a frame fails.
 pub fn frames(
     renderer: &mut Renderer,
     case: &Case,
-    options: &MeasureOptions,
+    count: u32,
     observer: &mut dyn Observer,
 ) -> Result<BenchRow, RenderError> {
-    for _ in 0..options.warmup {
-        renderer.draw_frame_for(AS_WRITTEN.as_ref(), observer)?;
-    }
     renderer.forget_frames();
-    let mut samples = Vec::with_capacity(options.frames.max(1) as usize);
-    for _ in 0..options.frames.max(1) {
+    let mut samples = Vec::with_capacity(count.max(1) as usize);
+    for _ in 0..count.max(1) {
         let begun = Clocked::now();
         renderer.draw_frame_for(AS_WRITTEN.as_ref(), observer)?;
         samples.push(Clocked::since(begun));

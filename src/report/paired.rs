@@ -8,7 +8,7 @@ use super::plan::{self, Entry, OUT_OF_TIME, Stage, Wanted};
 use super::scale::memory_left;
 use super::verdict;
 use crate::bench::interval::LEAST_ORDERED;
-use crate::bench::measure::{MeasureOptions, frames};
+use crate::bench::measure::frames;
 use crate::bench::model::{BenchRow, PairedRounds};
 use crate::pipeline::executor::{Observer, Renderer};
 
@@ -189,8 +189,7 @@ fn rounds(
         let case = collector.case(&rival.entry, &place).map_err(named)?;
         let mut renderer: Renderer =
             crate::open(&case.project, case.settings.clone(), case.choice, observer).map_err(|e| named(e.joined()))?;
-        let first = MeasureOptions { frames: 1, warmup: 0 };
-        frames(&mut renderer, &case, &first, observer).map_err(|error| named(error.to_string()))?;
+        frames(&mut renderer, &case, 1, observer).map_err(|error| named(error.to_string()))?;
         open.push((case, renderer));
     }
     for round in 0..fitting.rounds {
@@ -207,8 +206,8 @@ fn rounds(
         for index in order {
             let (case, renderer) = &mut open[index];
             let rival = rivals[index];
-            let options = MeasureOptions { frames: turn_frames(rival, slot_ms(wanted), fitting.single), warmup: 0 };
-            let mut row = frames(renderer, case, &options, observer)
+            let count = turn_frames(rival, slot_ms(wanted), fitting.single);
+            let mut row = frames(renderer, case, count, observer)
                 .map_err(|error| format!("{}, in a paired round: {error}", rival.label))?;
             times[index] = row.frame.median;
             match &mut totals[index] {
