@@ -60,7 +60,7 @@ const ALIKE: f64 = 1.05;
 ///
 /// Of a time: by their errors, and by their times where these are equal. Of an error: by their times; those that cannot be told from the
 /// fastest one come first by their errors. These are the ones whose interval reaches its interval and whose median is at most
-/// [`ALIKE`] times its median: the interval of a variant of few frames is wide, and reaches far.
+/// `ALIKE` times its median: the interval of a variant of few frames is wide, and reaches far.
 #[must_use]
 pub fn ranked(trials: &[Trial], goal: Goal) -> Vec<usize> {
     let mut fit: Vec<usize> = (0..trials.len()).filter(|index| trials[*index].fits(goal)).collect();
