@@ -763,6 +763,25 @@ fn marks_of_speed_against_error_have_the_intervals_of_their_times() {
 }
 
 #[test]
+fn the_words_at_the_line_of_60_frames_a_second_are_never_cut() {
+    const WORDS: &str = "60 frames a second";
+    let mut sides = Vec::new();
+    for slowest_ms in [4.0, 90.0] {
+        let data = report(1.0, (slowest_ms, against(0.01)), (3.0, against(0.05)));
+        let plot = plots::speed_against_error(&data, &data.sections[0]).expect("a plot").inline;
+        let (before, _) = plot.split_once(WORDS).expect("the line is there");
+        let (_, tag) = before.rsplit_once("<text ").expect("an element");
+        let (_, x) = tag.split_once("x=\"").expect("a place");
+        let x: i32 = x.split('"').next().and_then(|x| x.parse().ok()).expect("a number");
+        let is_end = tag.contains("text-anchor=\"end\"");
+        let right = if is_end { x } else { x + 7 * WORDS.len() as i32 };
+        assert!(x > 0 && right < 760, "{slowest_ms} ms: {tag}");
+        sides.push(is_end);
+    }
+    assert_eq!(sides, [true, false], "to the left of the line at the right edge");
+}
+
+#[test]
 fn errors_of_pictures_have_columns_where_one_is_known_and_else_a_reason() {
     let mut data = report(1.0, (4.0, against(0.01)), (3.0, against(0.05)));
     let none = page::build(&data).html;

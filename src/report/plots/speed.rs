@@ -100,7 +100,11 @@ pub fn speed_against_error(data: &ReportData, section: &Section) -> Option<Plot>
         }
         if let Some(limit) = limit {
             let (px, py) = pixel((limit.log10(), y.range.1));
-            root.draw_text("60 frames a second", &text(12, INK, HPos::Left, VPos::Top), (px + 5, py + 3))?;
+            let words = "60 frames a second";
+            // To the left of its line where it would be cut at the right.
+            let fits = px + 5 + text_width(words, 12) < SIZE.0 as i32 - 4;
+            let (from, dx) = if fits { (HPos::Left, 5) } else { (HPos::Right, -5) };
+            root.draw_text(words, &text(12, INK, from, VPos::Top), (px + dx, py + 3))?;
         }
         if own_error > 0.0 && own_error.log10() > y.range.0 {
             let (px, py) = pixel((x.range.1, own_error.log10()));
