@@ -183,7 +183,7 @@ pub const OWN_BACKEND: ParamInfo = ParamInfo {
 pub fn may_trace(kind: &PassKind) -> bool {
     match kind {
         PassKind::Ray(_) | PassKind::Intersection(_) => true,
-        PassKind::Effect(effect) => effect.program.marches(),
+        PassKind::Effect(effect) => effect.program.may_leave_to_rays(),
         PassKind::Raster(_) | PassKind::Quad(_) | PassKind::Compute(_) => false,
     }
 }
