@@ -20,6 +20,7 @@ pub mod glass;
 pub mod glsl;
 mod guard;
 pub mod image;
+pub mod kept_scenes;
 pub mod memory;
 pub mod metrics;
 pub mod paths;

@@ -67,6 +67,36 @@ impl Missing {
     }
 }
 
+/// What a pixel shows that is neither surely in light nor surely in shadow, by what a shadow map holds around its place.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default)]
+pub enum Border {
+    /// The mean of the map's tests, as every pixel.
+    #[default]
+    Map,
+    /// The pixel by the counterpart program, on the ray backend.
+    Rays,
+}
+
+impl Border {
+    /// Each with the name that parameters give it.
+    pub const NAMED: [(&'static str, Self); 2] = [("map", Self::Map), ("rays", Self::Rays)];
+
+    /// Its name as a value of a parameter.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Map => "map",
+            Self::Rays => "rays",
+        }
+    }
+
+    /// The one of this name.
+    #[must_use]
+    pub fn named(name: &str) -> Option<Self> {
+        Self::NAMED.iter().find(|(known, _)| *known == name).map(|(_, border)| *border)
+    }
+}
+
 /// How a cube map is looked up from a place that is not its centre.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default)]
 pub enum Parallax {
@@ -137,6 +167,8 @@ pub struct EffectParams {
     pub bitmask: bool,
     /// Levels of the edge-avoiding filter after an occlusion; 0 filters nothing.
     pub filter: u32,
+    /// What pixels at the border of a shadow show.
+    pub border: Border,
 }
 
 impl Default for EffectParams {
@@ -161,6 +193,7 @@ impl Default for EffectParams {
             parallax: Parallax::None,
             bitmask: false,
             filter: 0,
+            border: Border::Map,
         }
     }
 }
@@ -270,6 +303,12 @@ pub const EFFECT_PARAMS: &[ParamInfo] = &[
         valid: "0..=3",
         values: Values::Integer(0, MAX_FILTER_LEVELS),
     },
+    ParamInfo {
+        name: "border",
+        about: "what a pixel shows whose shadow tests differ, at the border of a shadow: their mean, or ray tracing of these pixels",
+        valid: "map, rays (rays: `sun` 0, corrected fidelity)",
+        values: Values::Names(&["map", "rays"]),
+    },
 ];
 
 impl EffectParams {
@@ -279,6 +318,13 @@ impl EffectParams {
     pub fn fitted_map_size(program: EffectProgram, [width, height]: [u32; 2]) -> u32 {
         let side = width.max(height).clamp(1, MOST_FITTED).next_power_of_two();
         if program.info().params.contains(&"probes") { (side / 2).max(64) } else { side.max(256) }
+    }
+
+    /// Whether a program leaves pixels to its counterpart on the ray backend.
+    #[must_use]
+    pub fn leaves_to_rays(&self, program: EffectProgram) -> bool {
+        let reads = |name: &str| program.info().params.contains(&name);
+        (reads("missing") && self.missing == Missing::Rays) || (reads("border") && self.border == Border::Rays)
     }
 
     /// Those of the ray program in the place of the effect, with the constants that both have.
@@ -321,6 +367,7 @@ impl EffectParams {
             "parallax" => self.parallax = Parallax::named(value).ok_or_else(wrong)?,
             "filter" => self.filter = integer(0..=MAX_FILTER_LEVELS)?,
             "bitmask" => self.bitmask = value.parse().map_err(|_| wrong())?,
+            "border" => self.border = Border::named(value).ok_or_else(wrong)?,
             _ => unreachable!("every name in EFFECT_PARAMS is matched"),
         }
         Ok(())
@@ -351,6 +398,7 @@ impl EffectParams {
             "parallax" => self.parallax.name().to_owned(),
             "bitmask" => self.bitmask.to_string(),
             "filter" => self.filter.to_string(),
+            "border" => self.border.name().to_owned(),
             _ => panic!("`{name}` is not a parameter"),
         }
     }
@@ -382,12 +430,12 @@ pub const EFFECT_PROGRAMS: &[EffectProgramInfo] = &[
     EffectProgramInfo {
         program: EffectProgram::ShadowMap,
         name: "shadowMap",
-        about: "shadow of a directional light from cascaded depth maps: 0.5 in shadow, 1 in light; soft with `sun` above 0",
+        about: "shadow of a directional light from cascaded depth maps: 0.5 in shadow, 1 in light; soft with `sun` above 0, exact where `border` is rays",
         counterpart: RayProgram::DeferredShadows,
         buffers: &["pos_buffer", "norm_buffer"],
         lit: true,
         glass: false,
-        params: &["mapsize", "cascades", "pcf", "bias", "sun"],
+        params: &["mapsize", "cascades", "pcf", "bias", "sun", "border"],
     },
     EffectProgramInfo {
         program: EffectProgram::CubeReflection,
@@ -480,6 +528,12 @@ impl EffectProgram {
         matches!(self, Self::ScreenReflection | Self::ScreenRefraction)
     }
 
+    /// Whether it leaves pixels to rays with some value of its parameters.
+    #[must_use]
+    pub fn may_leave_to_rays(self) -> bool {
+        self.info().params.iter().any(|name| matches!(*name, "missing" | "border"))
+    }
+
     /// Whether it shows what is behind glass, too.
     #[must_use]
     pub fn refracts(self) -> bool {
@@ -503,7 +557,7 @@ mod tests {
         let mut params = EffectParams::default();
         for (info, value) in EFFECT_PARAMS.iter().zip([
             "64", "2", "3", "2.5", "7", "5", "1.5", "schlick", "2", "1", "9", "11", "0.5", "3", "rays", "box", "true",
-            "2",
+            "2", "rays",
         ]) {
             assert_ne!(params.get(info.name), value);
             params.set(info.name, value).expect("valid");
@@ -522,6 +576,17 @@ mod tests {
         assert_eq!(fitted([512, 300]), [512, 256, 256]);
         assert_eq!([fitted([1, 1]), fitted([0, 0])], [[256, 64, 64]; 2]);
         assert_eq!(fitted([u32::MAX, 1]), [2048, 1024, 1024]);
+    }
+
+    #[test]
+    fn only_what_a_program_reads_leaves_pixels_to_rays() {
+        let rays = EffectParams { missing: Missing::Rays, border: Border::Rays, ..EffectParams::default() };
+        for info in EFFECT_PROGRAMS {
+            assert_eq!(rays.leaves_to_rays(info.program), info.program.may_leave_to_rays(), "{}", info.name);
+            assert!(!EffectParams::default().leaves_to_rays(info.program), "{}", info.name);
+        }
+        assert!(EffectParams { missing: Missing::Cube, ..rays }.leaves_to_rays(EffectProgram::ShadowMap));
+        assert!(!EffectParams { missing: Missing::Cube, ..rays }.leaves_to_rays(EffectProgram::ScreenReflection));
     }
 
     #[test]

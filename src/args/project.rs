@@ -3,6 +3,7 @@
 use super::scene::SceneFlags;
 use crate::pipeline::backend::Rect;
 use crate::pipeline::color::{ColorSpace, Display, Tone};
+use crate::pipeline::kept_scenes::KeptScenes;
 use crate::pipeline::pixel_samples::PixelSamples;
 use crate::pipeline::plan::Settings;
 use crate::pipeline::programs::Fidelity;
@@ -178,6 +179,7 @@ impl ProjectArgs {
             bands: self.bands,
             aa: self.aa,
             preview: None,
+            scenes: KeptScenes::default(),
         }
     }
 

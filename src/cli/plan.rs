@@ -12,6 +12,7 @@ use curitiba::pipeline::plan::{Plan, PlannedPass, Traced, Work};
 use curitiba::pipeline::project::PassKind;
 use curitiba::pipeline::scene::{self, BuildOptions, LoadOptions, Needs, RenderScene, Scene, TextureSource};
 use std::path::PathBuf;
+use std::sync::Arc;
 
 const BUILT: Style = AnsiColor::Green.on_default();
 const LEFT_OUT: Style = AnsiColor::Yellow.on_default();
@@ -124,8 +125,8 @@ fn glass(plan: &Plan, scenes: &[Scene]) -> Result<Vec<Decision>, Failure> {
         }
         let needs = Needs::NOTHING;
         let options = BuildOptions { needs, max_bytes: plan.settings.max_memory, ..BuildOptions::default() };
-        let (mut built, _) = RenderScene::build(scene.clone(), &options)?;
-        let decided = decide(&mut built, &plan.project.path);
+        let (built, _) = RenderScene::build(scene.clone(), &options)?;
+        let decided = decide(&mut Arc::new(built), &plan.project.path);
         print_warnings(&decided.warnings);
         decisions.extend(decided.decisions);
     }

@@ -5,9 +5,10 @@ use super::folder::{Folder, FolderError};
 use super::graph;
 use super::model::{Against, Effect, FlipMap, Picture, ReportData, Scaling, SceneFacts, Section, Setting, Without};
 use super::plan::{self, Entry, Stage, TimePlan, Wanted};
+use crate::bench::measure::measure_with;
 use crate::bench::model::{BenchFile, BenchRow, FORMAT, RowError, Technique, ThesisFigure, Unavailable};
 use crate::bench::table2::{self, TableRow};
-use crate::bench::{Case, MeasureOptions, measure};
+use crate::bench::{Case, MeasureOptions};
 use crate::engines::{ray_backend, why_not_wgpu};
 use crate::environment::Environment;
 use crate::passes::raster::gpu::{AdapterChoice, WgpuRasteriser};
@@ -15,6 +16,7 @@ use crate::pipeline::backend::BackendError;
 use crate::pipeline::color::Display;
 use crate::pipeline::executor::{Observer, Silent};
 use crate::pipeline::image::{Image, write_displayed};
+use crate::pipeline::kept_scenes::KeptScenes;
 use crate::pipeline::metrics::{self, flip_map, heat_map};
 use crate::pipeline::plan::Settings;
 use crate::pipeline::project;
@@ -87,6 +89,8 @@ pub(super) struct Collector<'a> {
     known: HashMap<(String, bool, Option<BackendChoice>), Known>,
     /// Setup of the last row, milliseconds a triangle: without an acceleration structure, and with one.
     setup_ms: [f64; 2],
+    /// Those of the rows so far, for the next ones.
+    scenes: KeptScenes,
     /// What was measured on the user's scene, and the keys of the rows.
     pub measured: Vec<(Entry, String)>,
     pub done: usize,
@@ -151,6 +155,7 @@ impl<'a> Collector<'a> {
             judges: HashMap::new(),
             known: HashMap::new(),
             setup_ms: [0.0; 2],
+            scenes: KeptScenes::shared(),
             measured: Vec::new(),
             done: 0,
             to_do: 0,
@@ -221,6 +226,8 @@ impl<'a> Collector<'a> {
             camera,
             set: entry.set.clone(),
             max_memory: self.request.max_memory,
+            // Copies of the projects have scenes of their own.
+            scenes: if place.triangles.is_none() { self.scenes.clone() } else { KeptScenes::default() },
             ..Settings::default()
         };
         let backend = if entry.is_filtered() && !self.filters { BackendChoice::Cpu } else { self.backend };
@@ -291,7 +298,7 @@ impl<'a> Collector<'a> {
         self.time().admit(place.stage, f64::from(frames + warmup) * expected_ms / 1e3 + setup_s)?;
         told(Told { label: &entry.label, done: self.done - 1, of: self.to_do, time: self.time() });
         let options = MeasureOptions { frames, warmup };
-        let (row, picture, names) = match place.threads {
+        let Ran { row, picture, opened_ms, names } = match place.threads {
             None => run(&case, &options, observer),
             // Nobody is told of single steps there.
             Some(threads) => rayon::ThreadPoolBuilder::new()
@@ -300,9 +307,8 @@ impl<'a> Collector<'a> {
                 .map_err(|error| format!("{threads} threads cannot be started: {error}"))?
                 .install(|| run(&case, &options, &mut Silent)),
         }?;
-        let setup: f64 = row.setup.iter().map(|step| step.host.median).sum();
         if entry.beside.is_none() {
-            self.setup_ms[traces] = setup / (row.triangles.max(1) as f64);
+            self.setup_ms[traces] = opened_ms / (row.triangles.max(1) as f64);
         }
         if self.scene.triangles == 0 && place.triangles.is_none() {
             self.scene = SceneFacts { file: names.join(", "), triangles: row.triangles };
@@ -556,16 +562,25 @@ impl<'a> Collector<'a> {
     }
 }
 
-/// A row, its picture, and the names of the scene's files.
-fn run(
-    case: &Case,
-    options: &MeasureOptions,
-    observer: &mut dyn Observer,
-) -> Result<(BenchRow, Image, Vec<String>), String> {
-    let measured = measure(case, options, observer).map_err(|error| error.to_string())?;
+/// A row that was measured.
+struct Ran {
+    row: BenchRow,
+    picture: Image,
+    /// Time of opening it, with what kept scenes save, milliseconds.
+    opened_ms: f64,
+    /// Names of the scene's files.
+    names: Vec<String>,
+}
+
+fn run(case: &Case, options: &MeasureOptions, observer: &mut dyn Observer) -> Result<Ran, String> {
+    let begun = Instant::now();
+    let renderer = crate::open(&case.project, case.settings.clone(), case.choice, observer);
+    let renderer = renderer.map_err(|error| error.to_string())?;
+    let opened_ms = begun.elapsed().as_secs_f64() * 1e3;
+    let measured = measure_with(renderer, case, options, observer).map_err(|error| error.to_string())?;
     let files = measured.renderer.plan().project.scenes.iter().flat_map(|scene| &scene.files);
     let names = files.filter_map(|file| Some(file.path.file_name()?.to_string_lossy().into_owned())).collect();
-    Ok((measured.row, measured.picture, names))
+    Ok(Ran { row: measured.row, picture: measured.picture, opened_ms, names })
 }
 
 /// The figure of the report that the projects come from, where it has the same row. Its shadows are hard.

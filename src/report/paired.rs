@@ -10,7 +10,7 @@ use super::verdict;
 use crate::bench::interval::LEAST_ORDERED;
 use crate::bench::measure::frames;
 use crate::bench::model::{BenchRow, PairedRounds};
-use crate::pipeline::executor::{Observer, Renderer};
+use crate::pipeline::executor::{Observer, Renderer, StepKind};
 
 /// Rounds of one effect where the time suffices.
 const MOST_ROUNDS: u32 = 12;
@@ -29,7 +29,7 @@ struct Rival {
     label: String,
     /// Of a frame, milliseconds.
     frame_ms: f64,
-    /// Of loading and building, seconds.
+    /// Of building what it needs, seconds; its scene is kept.
     setup_s: f64,
     /// That it takes while it is open.
     bytes: u64,
@@ -87,7 +87,8 @@ fn rivals(collector: &Collector<'_>, effect: Effect) -> Option<[Vec<Rival>; 2]> 
     let rival = |candidate: &&verdict::Candidate| {
         let row = row(&candidate.key)?;
         let (entry, key) = collector.measured.iter().find(|(_, key)| *key == candidate.key)?.clone();
-        let setup_s = row.setup.iter().map(|step| step.host.median).sum::<f64>() / 1e3;
+        let built = row.setup.iter().filter(|step| step.kind != StepKind::Load);
+        let setup_s = built.map(|step| step.host.median).sum::<f64>() / 1e3;
         let triangles = u32::try_from(row.triangles).unwrap_or(u32::MAX);
         let bytes = row.held_bytes + plan::peak_bytes(triangles);
         Some(Rival { entry, key, label: candidate.label.clone(), frame_ms: row.frame.median, setup_s, bytes })

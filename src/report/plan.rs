@@ -387,12 +387,19 @@ fn sweep(effect: Effect, wanted: &Wanted) -> Vec<Entry> {
         pairs.iter().map(|pair| raster(effect, file, Some(*pair), size)).collect()
     };
     match effect {
-        Effect::Shadows if quick => every(by_raster[0], &[(2, 1), (8, 1), (1, 4), (2, 4), (8, 4)]),
+        Effect::Shadows if quick => {
+            let mut entries = every(by_raster[0], &[(2, 1), (8, 1), (1, 4), (2, 4), (8, 4)]);
+            entries.push(optioned(raster(effect, by_raster[0], Some((4, 4)), size), "border", "rays"));
+            entries
+        }
         Effect::Shadows => {
             let sides = [1, 2, 4, 8, 16];
             let pairs: Vec<_> = [1, 2, 4].iter().flat_map(|cascades| sides.map(|side| (side, *cascades))).collect();
             let others: Vec<_> = pairs.into_iter().filter(|pair| *pair != (4, 4)).collect();
-            every(by_raster[0], &others)
+            let mut entries = every(by_raster[0], &others);
+            let bordered = [2, 4].map(|side| raster(effect, by_raster[0], Some((side, 4)), size));
+            entries.extend(bordered.map(|entry| optioned(entry, "border", "rays")));
+            entries
         }
         Effect::SoftShadows => {
             let sides: &[(u32, u32)] = if quick { &[(8, 4)] } else { &[(2, 4), (8, 4), (16, 4)] };

@@ -4,7 +4,7 @@ use crate::pipeline::plan::{Plan, PlannedPass, Work};
 use crate::pipeline::programs::{Fidelity, Fresnel, RayParams, RayProgram, Sampler};
 use crate::pipeline::project::{ChannelRef, EffectPass, PassKind, Project, RayPass};
 use crate::pipeline::raster_effects::{
-    EFFECT_PROGRAMS, EffectParams, EffectProgram, EffectProgramInfo, Missing, Parallax,
+    Border, EFFECT_PROGRAMS, EffectParams, EffectProgram, EffectProgramInfo, Missing, Parallax,
 };
 
 /// Occlusion rays of a point.
@@ -22,6 +22,8 @@ const FILTERED_RAYS: [(u32, u32); 5] = [(1, 2), (2, 2), (4, 1), (4, 2), (8, 1)];
 const SECTORS: [(u32, u32, u32); 3] = [(2, 4, 1), (4, 8, 0), (8, 16, 0)];
 /// Texels a side of shadow maps, in quarters of those that fit the picture, and texels on each side of the middle one.
 const SHADOW_MAPS: [(u32, u32); 7] = [(2, 0), (4, 0), (4, 1), (8, 0), (8, 1), (16, 0), (16, 1)];
+/// The same where rays decide the borders of shadows.
+const BORDERED: [(u32, u32); 3] = [(2, 0), (4, 0), (4, 1)];
 /// Most planes of glass that mirror.
 const PLANES: [u32; 4] = [1, 4, 16, 64];
 /// Texels a side of a cube map's face, in quarters of those that fit the picture.
@@ -184,7 +186,11 @@ fn settings(info: &EffectProgramInfo, base: EffectParams, fidelity: Fidelity) ->
         });
         plain.into_iter().chain(FILTERED.map(filtered)).chain(by_sectors).collect()
     } else if reads("pcf") {
-        SHADOW_MAPS.map(|(quarters, pcf)| EffectParams { map_size: base.map_size * quarters / 4, pcf, ..base }).to_vec()
+        let map = |(quarters, pcf)| EffectParams { map_size: base.map_size * quarters / 4, pcf, ..base };
+        // Thesis fidelity leaves no pixel to rays, nor do soft shadows.
+        let bordered = BORDERED.into_iter().filter(|_| fidelity == Fidelity::Corrected && base.sun == 0.0);
+        let bordered = bordered.map(|setting| EffectParams { border: Border::Rays, ..map(setting) });
+        SHADOW_MAPS.into_iter().map(map).chain(bordered).collect()
     } else if reads("missing") {
         // Thesis fidelity leaves no pixel to rays.
         let ways = [Missing::Own, Missing::Cube, Missing::Rays];
@@ -272,7 +278,7 @@ fn ray_label(pass: &RayPass) -> String {
 }
 
 fn effect_label(pass: &EffectPass) -> String {
-    const OPTIONS: [&str; 4] = ["parallax", "bitmask", "thickness", "filter"];
+    const OPTIONS: [&str; 5] = ["parallax", "bitmask", "thickness", "filter", "border"];
     const SAID: [&str; 7] = ["mapsize", "cascades", "pcf", "slices", "steps", "planes", "missing"];
     let info = pass.program.info();
     let without_maps = pass.program.marches() && pass.params.missing != Missing::Cube;

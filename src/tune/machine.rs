@@ -5,6 +5,7 @@ use super::{Machine, Run};
 use crate::bench::model::RowError;
 use crate::bench::{Case, MeasureOptions, measure};
 use crate::pipeline::executor::Observer;
+use crate::pipeline::kept_scenes::KeptScenes;
 use crate::pipeline::metrics::MetricInfo;
 use crate::pipeline::plan::{Plan, Settings, resize};
 use crate::pipeline::project::{Project, SceneOptions};
@@ -67,6 +68,7 @@ impl<'a> Bench<'a> {
         }
         settings.set.retain(|assignment| assignment.split('=').next().is_some_and(|key| key.ends_with(".format")));
         settings.scene = SceneOptions::default();
+        settings.scenes = KeptScenes::shared();
         let folder = folder.to_owned();
         Ok(Self {
             project,

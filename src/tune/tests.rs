@@ -180,12 +180,12 @@ fn slots_of(project: &str, set: &[&str]) -> Vec<Slot> {
 fn every_shipped_effect_has_candidates_by_rays_and_by_raster() {
     for (project, raster, rays) in [
         ("SceneSSAO.xml", 12, 10),
-        ("SceneShadows.xml", 7, 1),
+        ("SceneShadows.xml", 10, 1),
         ("SceneReflect.xml", 11, 1),
         ("SceneRefract.xml", 7, 2),
         ("SceneFinal.xml", 0, 20),
         ("raster/SceneGTAO.xml", 12, 10),
-        ("raster/SceneShadowMap.xml", 7, 1),
+        ("raster/SceneShadowMap.xml", 10, 1),
         ("raster/ScenePlanarReflect.xml", 11, 1),
         ("raster/SceneScreenReflect.xml", 11, 1),
         ("raster/SceneScreenRefract.xml", 7, 2),

@@ -197,10 +197,56 @@ fn what_the_screen_leaves_to_rays_is_bit_for_bit_what_the_ray_pass_writes() {
 }
 
 #[test]
+fn shadow_maps_with_rays_at_the_borders_are_nearly_what_the_ray_pass_writes() {
+    let gpu = curitiba::engines::choose(Choice { raster: RasterChoice::Wgpu, ..Choice::CPU }).is_ok();
+    let (cpu, wgpu) = ((RasterChoice::Cpu, BackendChoice::Cpu), (RasterChoice::Wgpu, BackendChoice::Wgpu));
+    let all = [cpu, (RasterChoice::Wgpu, BackendChoice::Cpu), (RasterChoice::Cpu, BackendChoice::Wgpu), wgpu];
+    for (raster, backend) in all.into_iter().filter(|engines| gpu || *engines == cpu) {
+        let mut engines = Shared::of(Choice { raster, backend, ..Choice::CPU });
+        let maps = "raster/SceneShadowMap.xml";
+        for camera in [None, Some("Vidro")] {
+            let what = format!("camera {camera:?}, {raster:?} and {backend:?}");
+            let mut with = |file: &str, set: &[&str]| {
+                engines.with(file, settings(camera, set, &[]), |renderer| {
+                    let image = renderer.frame(&mut Silent).expect("the frame renders");
+                    let rows = &renderer.timeline().rows;
+                    let note = rows.iter().find(|row| row.kind == StepKind::Effect).map(|row| row.note.clone());
+                    let traced = rows.iter().any(|row| row.kind == StepKind::Rays);
+                    (image, note.unwrap_or_default(), traced)
+                })
+            };
+            let (mean, _, traced) = with(maps, &["pass2.mapsize=512"]);
+            assert!(!traced, "{what}");
+            let (mixed, note, traced) = with(maps, &["pass2.mapsize=512", "pass2.border=rays"]);
+            assert!(traced && note.contains("pixels left to rays"), "{what}: {note}");
+            let (rays, ..) = with("SceneShadows.xml", &[]);
+            let [of_mean, of_mixed] = [&mean, &mixed].map(|image| outliers(image, &rays));
+            println!("{what}: {note}; {of_mean:.5} of the pixels differ from rays, with rays at borders {of_mixed:.5}");
+            assert!(of_mean > 0.01 && of_mixed < 0.1 * of_mean, "{what}: {of_mean} {of_mixed}");
+        }
+    }
+}
+
+#[test]
 fn thesis_fidelity_leaves_no_pixel_to_rays() {
-    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("xml_projects/raster/SceneScreenReflect.xml");
-    let settings =
-        Settings { set: vec!["pass2.missing=rays".to_owned()], fidelity: Fidelity::Thesis, ..Settings::default() };
-    let error = curitiba::open(path, settings, Choice::CPU, &mut Silent).err().expect("refused").to_string();
-    assert!(error.contains("SceneScreenReflect.xml:") && error.contains("missing=cube"), "{error}");
+    for (name, set, instead) in
+        [("ScreenReflect", "missing=rays", "missing=cube"), ("ShadowMap", "border=rays", "border=map")]
+    {
+        let error = refused(name, &[set], Fidelity::Thesis);
+        assert!(error.contains(&format!("Scene{name}.xml:")) && error.contains(instead), "{error}");
+    }
+}
+
+#[test]
+fn soft_shadows_have_no_border_for_rays() {
+    let error = refused("ShadowMap", &["border=rays", "sun=2"], Fidelity::Corrected);
+    assert!(error.contains("SceneShadowMap.xml:") && error.contains("set sun=0, border=map"), "{error}");
+}
+
+/// The error of opening one of the shipped square's projects with these parameters.
+fn refused(name: &str, set: &[&str], fidelity: Fidelity) -> String {
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join(format!("xml_projects/raster/Scene{name}.xml"));
+    let set = set.iter().map(|set| format!("pass2.{set}")).collect();
+    let settings = Settings { set, fidelity, ..Settings::default() };
+    curitiba::open(path, settings, Choice::CPU, &mut Silent).err().expect("refused").to_string()
 }

@@ -12,7 +12,7 @@ use curitiba_pipeline::backend::{
 use curitiba_pipeline::executor::Progress;
 use curitiba_pipeline::image::{Image, write_png};
 use curitiba_pipeline::programs::{Fresnel, RasterProgram};
-use curitiba_pipeline::raster_effects::{EFFECT_PROGRAMS, EffectParams, EffectProgram, Missing, Parallax};
+use curitiba_pipeline::raster_effects::{Border, EFFECT_PROGRAMS, EffectParams, EffectProgram, Missing, Parallax};
 use glam::{Vec3, Vec4};
 
 const SIDE: u32 = 160;
@@ -238,6 +238,24 @@ fn shadows_agree_for_every_number_of_maps_and_differ_between_numbers() {
         }
         for pair in pictures.windows(2) {
             assert!(difference(&pair[0], &pair[1]).0 > OUTLIERS, "{name}");
+        }
+    }
+}
+
+#[test]
+fn the_borders_of_shadows_that_are_left_to_rays_agree() {
+    let Some(mut gpu) = rasteriser() else { return };
+    for (name, mut shot) in shots() {
+        gpu.upload(&shot.scene).expect("uploads");
+        for pcf in [0, 1] {
+            let params = EffectParams { border: Border::Rays, pcf, ..params() };
+            let (expected, _) = shot.effect(EffectProgram::ShadowMap, params);
+            let job = EffectJob { resident: false, ..shot.job(EffectProgram::ShadowMap, params) };
+            let (found, _) = run(&mut gpu, &job).expect("a whole job");
+            let (outlying, _) = difference(&found, &expected);
+            let left = |picture: &[[f32; 4]]| picture.iter().filter(|pixel| pixel[3] == Answers::LEFT).count();
+            println!("{name}, pcf {pcf}: outliers {outlying:.5}, {} and {} left", left(&found), left(&expected));
+            assert!(outlying <= OUTLIERS && left(&found) > 0, "{name}, {pcf}: {outlying}");
         }
     }
 }

@@ -75,7 +75,7 @@ pub struct EffectStats {
 
 /// Number of glass pixels, by what answered their rays. With [`Missing::Rays`](crate::raster_effects::Missing) the rasteriser marks
 /// the pixels counted in [`Answers::rays`] with an alpha of [`Answers::LEFT`], and the executor traces them. Other pixels have
-/// alpha 1.
+/// alpha 1. [`Border::Rays`](crate::raster_effects::Border) marks the pixels of a shadow's border in the same way.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
 pub struct Answers {
     /// Pixels whose rays all hit something in screen space.

@@ -244,6 +244,7 @@ impl Renderer {
         let settings = self.settings().clone();
         self.propose(self.reopened(&settings)?, settings)?;
         self.stale = true;
+        self.settings().scenes.clear();
         Ok(())
     }
 

@@ -9,6 +9,7 @@ use crate::plan::{PlannedPass, Work};
 use crate::project::{ChannelRef, EffectPass, PassKind};
 use crate::scene::TriangleRanges;
 use glam::Vec3;
+use rayon::prelude::*;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
@@ -26,10 +27,10 @@ impl Renderer {
         };
         let frame = Some(self.frame);
         let failed = |error| RenderError::Pass { pass: name.to_owned(), frame, error };
-        let stats = self.by_raster(index, planned, name, observer).map_err(failed)?;
-        let traced = match stats.answers {
-            Some(answers) if answers.rays > 0 => self.left_to_rays(index, planned, *scene_set, name, observer)?,
-            _ => Traced::Done,
+        let left = self.by_raster(index, planned, name, observer).map_err(failed)?;
+        let traced = match left {
+            0 => Traced::Done,
+            _ => self.left_to_rays(index, planned, *scene_set, name, observer)?,
         };
         if !self.stays(index) {
             self.round_to_formats(Some(target));
@@ -51,21 +52,18 @@ impl Renderer {
         })
     }
 
-    /// Runs the raster part of an effect, into a target that is not yet rounded to its format.
+    /// Runs the raster part of an effect, into a target that is not yet rounded to its format. Returns the number of pixels that are
+    /// left to rays.
     fn by_raster(
         &mut self,
         index: usize,
         planned: &PlannedPass,
         name: &str,
         observer: &mut dyn Observer,
-    ) -> Result<EffectStats, BackendError> {
-        let Work::Effect { scene_set, view, params, reads_triangle, resident } = planned.work else {
-            return Ok(EffectStats::default());
-        };
+    ) -> Result<u64, BackendError> {
+        let Work::Effect { scene_set, view, params, reads_triangle, resident } = planned.work else { return Ok(0) };
         let pass = self.plan.pass(planned);
-        let (PassKind::Effect(effect), Some(target)) = (&pass.kind, pass.target) else {
-            return Ok(EffectStats::default());
-        };
+        let (PassKind::Effect(effect), Some(target)) = (&pass.kind, pass.target) else { return Ok(0) };
         let effect = effect.clone();
         self.upload(scene_set, observer)?;
         let buffer = std::mem::take(&mut self.targets[target]);
@@ -113,11 +111,16 @@ impl Renderer {
         self.given_up |= progress.is_given_up();
         self.targets[target] = GBuffer { color: output.pixels, ..buffer };
         let stats = computed?;
-        self.record_effect(name, &effect, stats);
-        Ok(stats)
+        let left = match stats.answers {
+            _ if !params.leaves_to_rays(effect.program) => 0,
+            Some(answers) => answers.rays,
+            None => self.targets[target].color.par_iter().filter(|color| color[3] == Answers::LEFT).count() as u64,
+        };
+        self.record_effect(name, &effect, stats, left);
+        Ok(left)
     }
 
-    /// Traces the glass pixels that an effect left to the ray backend, and no others.
+    /// Traces the pixels that an effect left to the ray backend, and no others.
     fn trace_left(
         &mut self,
         index: usize,
@@ -135,7 +138,9 @@ impl Renderer {
         let materials = &self.materials[index];
         let scene = Arc::clone(&self.scenes[scene_set].scene);
         let glazed = TriangleRanges::new(&scene.geometry, &materials.glass);
-        let is_left = |triangle: u32, color: &[f32; 4]| color[3] == Answers::LEFT && glazed.contains(triangle);
+        let of_glass = effect.program.info().glass;
+        let is_left =
+            |triangle: u32, color: &[f32; 4]| color[3] == Answers::LEFT && (!of_glass || glazed.contains(triangle));
         let (ids, written) = (&self.targets[position.target].triangle, &self.targets[target]);
         let mut triangle = memory::with_capacity(ids.len()).map_err(refused)?;
         let left = ids.iter().zip(&written.color);
@@ -195,13 +200,15 @@ impl Renderer {
         if let Some(upload) = stats.upload {
             self.timeline.record(StepKind::Join, name, upload).note = "copied from the host".to_owned();
         }
-        let what = format!("{} on {backend}, for what the screen does not answer", program.info().stem);
+        let unanswered =
+            if of_glass { "for what the screen does not answer" } else { "where tests of the maps differ" };
+        let what = format!("{} on {backend}, {unanswered}", program.info().stem);
         self.record_rays(name, elapsed, stats, &what, self.taken > 0);
         Ok(())
     }
 
     /// Records maps, pixels and copies of an effect as separate steps.
-    fn record_effect(&mut self, name: &str, effect: &EffectPass, stats: EffectStats) {
+    fn record_effect(&mut self, name: &str, effect: &EffectPass, stats: EffectStats, left: u64) {
         let milliseconds = |time: Duration| time.as_secs_f64() * 1e3;
         let (program, engine) = (effect.program.info().name, self.engines.raster.name());
         if let Some(maps) = stats.maps {
@@ -223,6 +230,8 @@ impl Renderer {
         if let Some(answers) = stats.answers {
             row.note += &format!(", {answers}");
             row.answers = Some(answers);
+        } else if left > 0 {
+            row.note += &format!(", {left} pixels left to rays");
         }
         if let Some(transfer) = stats.transfer {
             self.timeline.record(StepKind::ReadBack, name, transfer);

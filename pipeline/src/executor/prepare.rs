@@ -7,6 +7,7 @@ use crate::camera_programs::{CUT_OUT, SurfaceKind};
 use crate::color::ColorSpace;
 use crate::diagnostic::Decision;
 use crate::glass::{self, Decided, Dielectric, GlassShadow, Shape};
+use crate::kept_scenes::{Built, Kept};
 use crate::memory::mebibytes;
 use crate::memory::{self, Refused};
 use crate::plan::{PlannedPass, Traced, Work};
@@ -79,7 +80,7 @@ impl Renderer {
             let dielectrics = self.decide_glass(self.scenes.len(), &mut scene);
             let images = self.load_images(self.scenes.len(), &mut scene)?;
             let mapped = self.load_mapped(self.scenes.len(), &mut scene)?;
-            self.scenes.push(LoadedScenes { scene: Arc::new(scene), dielectrics, images, mapped, structure: false });
+            self.scenes.push(LoadedScenes { scene, dielectrics, images, mapped, structure: false });
         }
         let origin = origin.unwrap_or_default();
         self.plan.move_origin(origin);
@@ -98,7 +99,7 @@ impl Renderer {
 
     /// The glass properties of each material of a scene set, if a pass asks for them. The choices are added to the plan's
     /// decisions.
-    fn decide_glass(&mut self, set: usize, scene: &mut RenderScene) -> Vec<Dielectric> {
+    fn decide_glass(&mut self, set: usize, scene: &mut Arc<RenderScene>) -> Vec<Dielectric> {
         let asks = |planned: &&PlannedPass| {
             matches!(planned.work, Work::Rays { scene_set, .. } if scene_set == set)
                 && self.plan.asks_materials(planned)
@@ -112,35 +113,59 @@ impl Renderer {
         dielectrics
     }
 
-    /// Loads a scene set. The first scene loaded chooses the origin, and the later ones use it too.
+    /// Loads a scene set, unless an earlier renderer kept it. The first scene loaded chooses the origin, and the later ones use it too.
     fn load(
         &mut self,
         set: &[usize],
         origin: &mut Option<DVec3>,
         observer: &mut dyn Observer,
-    ) -> Result<RenderScene, RenderError> {
+    ) -> Result<Arc<RenderScene>, RenderError> {
         let names: Vec<&str> = set.iter().map(|index| self.plan.project.scenes[*index].name.as_str()).collect();
         let name = names.join(" + ");
-        let progress = Arc::new(Progress::default());
-        observer.begin(StepKind::Load, &name, &progress);
-        let start = Instant::now();
-        let loaded = self.load_set(set, origin, &progress);
-        observer.end();
-        let scene = loaded?;
-        let row = self.timeline.record(StepKind::Load, &name, start.elapsed());
+        let declared = set.iter().map(|index| &self.plan.project.scenes[*index]);
+        let thesis = self.plan.settings.fidelity == Fidelity::Thesis;
+        let built = Built::new(declared, (self.plan.needs, self.plan.display.space, thesis), *origin);
+        let kept_scenes = self.plan.settings.scenes.clone();
+        let known = built.as_ref().and_then(|built| kept_scenes.find(built));
+        let was_kept = known.is_some();
+        let Kept { scene, warnings, took } = match known {
+            Some(kept) => kept,
+            None => {
+                let progress = Arc::new(Progress::default());
+                observer.begin(StepKind::Load, &name, &progress);
+                let start = Instant::now();
+                let before = std::mem::take(&mut self.warnings);
+                let loaded = self.load_set(set, *origin, &progress);
+                let warnings = std::mem::replace(&mut self.warnings, before);
+                observer.end();
+                let kept = Kept { scene: Arc::new(loaded?), warnings, took: start.elapsed() };
+                if let Some(built) = built {
+                    kept_scenes.keep(built, kept.clone());
+                }
+                kept
+            }
+        };
+        if !set.is_empty() {
+            *origin = Some(scene.origin);
+        }
+        self.warnings.append(warnings);
+        let row = self.timeline.record(StepKind::Load, &name, took);
         let (triangles, textures) = (scene.geometry.triangles.len(), scene.textures.len());
         let spheres = match scene.geometry.spheres.len() {
             0 => String::new(),
             count => format!("{count} exact spheres, "),
         };
         row.note = format!("{triangles} triangles, {spheres}{} materials, {textures} textures", scene.materials.len());
+        if was_kept {
+            row.note += ", kept by an earlier renderer: the time is that of its load";
+        }
         Ok(scene)
     }
 
     fn load_set(
         &mut self,
         set: &[usize],
-        origin: &mut Option<DVec3>,
+        mut origin: Option<DVec3>,
         progress: &Progress,
     ) -> Result<RenderScene, RenderError> {
         let max_bytes = self.plan.settings.max_memory.saturating_sub(self.plan.target_bytes());
@@ -166,9 +191,9 @@ impl Renderer {
             let (needs, model_space_normals) = (self.plan.needs, thesis);
             let color = self.plan.display.space;
             let options = BuildOptions { needs, model_space_normals, color, max_bytes, ..BuildOptions::default() };
-            let options = BuildOptions { origin: *origin, ..declared.build_options(options) };
+            let options = BuildOptions { origin, ..declared.build_options(options) };
             let (built, warnings) = RenderScene::build(loaded, &options).map_err(wrong)?;
-            *origin = Some(built.origin);
+            origin = Some(built.origin);
             self.warnings.append(warnings);
             match &mut whole {
                 None => whole = Some(built),

@@ -7,6 +7,7 @@ use crate::project::{MaterialPattern, OwnShader, PassKind, ShaderTexture, Textur
 use crate::scene::texture::Texture;
 use crate::scene::{RenderScene, SceneError, image_file, image_files};
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 use std::time::Instant;
 
 /// What the samplers of a quad's or compute pass's shader read.
@@ -70,7 +71,11 @@ fn check_cubes<'a>(shader: &OwnShader, image: impl Fn(&PathBuf) -> Option<&'a Te
 
 impl Renderer {
     /// Loads image files that the own shaders of a scene set's passes read, and adds them to the scene's textures.
-    pub(super) fn load_images(&self, set: usize, scene: &mut RenderScene) -> Result<Vec<(PathBuf, u32)>, RenderError> {
+    pub(super) fn load_images(
+        &self,
+        set: usize,
+        scene: &mut Arc<RenderScene>,
+    ) -> Result<Vec<(PathBuf, u32)>, RenderError> {
         let mut images: Vec<(PathBuf, u32)> = Vec::new();
         let mut left = self.plan.settings.max_memory.saturating_sub(self.plan.target_bytes());
         for planned in &self.plan.passes {
@@ -87,7 +92,7 @@ impl Renderer {
                     let image = image_file(path, left).map_err(failed)?;
                     left = left.saturating_sub(image.levels.iter().map(|level| 4 * level.texels.len() as u64).sum());
                     images.push((path.clone(), scene.textures.len() as u32));
-                    scene.textures.push(image);
+                    Arc::make_mut(scene).textures.push(image);
                 }
                 let image = |path: &PathBuf| {
                     let found = images.iter().find(|(loaded, _)| loaded == path);
@@ -104,7 +109,7 @@ impl Renderer {
     pub(super) fn load_mapped(
         &mut self,
         set: usize,
-        scene: &mut RenderScene,
+        scene: &mut Arc<RenderScene>,
     ) -> Result<Vec<(PathBuf, u32)>, RenderError> {
         let mut files: Vec<PathBuf> = Vec::new();
         for (pattern, file) in mapped_files(&self.plan, set) {
@@ -125,7 +130,7 @@ impl Renderer {
         let row = self.timeline.record(StepKind::Load, "textures of materials", start.elapsed());
         row.note = format!("{} textures", textures.len());
         let first = scene.textures.len() as u32;
-        scene.textures.extend(textures);
+        Arc::make_mut(scene).textures.extend(textures);
         let loaded = files.into_iter().zip(indices);
         Ok(loaded.filter_map(|(file, index)| Some((file, first + index?))).collect())
     }

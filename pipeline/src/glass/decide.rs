@@ -6,6 +6,7 @@ use crate::diagnostic::Warnings;
 use crate::scene::{Geometry, Material, RenderScene};
 use glam::Vec3;
 use std::path::Path;
+use std::sync::Arc;
 
 /// A material is glass if its transmission is at least this share of light.
 pub const TRANSPARENT: f32 = 0.1;
@@ -35,7 +36,7 @@ pub struct Decided {
 /// Exact spheres are closed: their material has a volume whether or not its file says so, and where it is that of triangles too, these
 /// must be closed.
 #[must_use]
-pub fn decide(scene: &mut RenderScene, file: &Path) -> Decided {
+pub fn decide(scene: &mut Arc<RenderScene>, file: &Path) -> Decided {
     let mut decided = Decided::default();
     for index in 0..scene.materials.len() {
         let material = &scene.materials[index];
@@ -164,12 +165,13 @@ fn shape(
     }
 }
 
-fn turn(scene: &mut RenderScene, triangles: &[u32], material: usize, file: &Path, warnings: &mut Warnings) {
+fn turn(scene: &mut Arc<RenderScene>, triangles: &[u32], material: usize, file: &Path, warnings: &mut Warnings) {
     if triangles.is_empty() {
         return;
     }
+    let geometry = &mut Arc::make_mut(scene).geometry;
     for triangle in triangles {
-        scene.geometry.triangles[*triangle as usize].swap(1, 2);
+        geometry.triangles[*triangle as usize].swap(1, 2);
     }
     warnings.add(file, "bodies of glass that face inwards", "turned", || {
         format!("{} triangles of `{}`", triangles.len(), scene.materials[material].name)
@@ -182,7 +184,7 @@ mod tests {
     use crate::scene::{Batch, Sphere};
 
     /// A tetrahedron for each material; a `false` in `whole` leaves out one of its triangles.
-    fn scene(materials: Vec<Material>, whole: &[bool]) -> RenderScene {
+    fn scene(materials: Vec<Material>, whole: &[bool]) -> Arc<RenderScene> {
         let mut scene = RenderScene { materials, ..RenderScene::default() };
         let geometry = &mut scene.geometry;
         for (index, whole) in whole.iter().enumerate() {
@@ -195,7 +197,7 @@ mod tests {
             let count = geometry.triangles.len() as u32 - first;
             geometry.batches.push(Batch { material: index as u32, first, count });
         }
-        scene
+        Arc::new(scene)
     }
 
     fn glass(volume: bool) -> Material {
@@ -226,9 +228,12 @@ mod tests {
         let outwards = scene.geometry.triangles.clone();
         assert!(decide(&mut scene, Path::new("a")).warnings.is_empty());
         assert_eq!(scene.geometry.triangles, outwards);
-        scene.geometry.triangles.iter_mut().for_each(|triangle| triangle.swap(1, 2));
+        let inwards = &mut Arc::make_mut(&mut scene).geometry.triangles;
+        inwards.iter_mut().for_each(|triangle| triangle.swap(1, 2));
+        let kept = scene.clone();
         let warnings = decide(&mut scene, Path::new("a")).warnings;
         assert_eq!(scene.geometry.triangles, outwards);
+        assert_ne!(kept.geometry.triangles, outwards, "a scene that others hold stays as it is");
         assert!(warnings.groups()[0].to_string().contains("4 triangles"), "{:?}", warnings.groups());
     }
 
@@ -267,7 +272,7 @@ mod tests {
         let materials = vec![glass(false), glass(true), glass(false), Material::default()];
         let mut scene = scene(materials, &[false, true]);
         let sphere = |material| Sphere { center: Vec3::ZERO, radius: 1.0, material };
-        scene.geometry.spheres = [0, 1, 2, 2, 3].map(sphere).to_vec();
+        Arc::make_mut(&mut scene).geometry.spheres = [0, 1, 2, 2, 3].map(sphere).to_vec();
         let decided = decide(&mut scene, Path::new("a.xml"));
         let shapes: Vec<Shape> = decided.dielectrics.iter().map(|glass| glass.shape).collect();
         // The first material also belongs to an open tetrahedron.

@@ -5,7 +5,6 @@ use crate::backend::{Attachments, Rasteriser, RayBackend, Rect};
 use crate::device_quad::QuadPlace;
 use crate::diagnostic::Decision;
 use crate::project::{ChannelRef, PassKind, QuadSource};
-use crate::raster_effects::Missing;
 
 /// A channel that a quad reads.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -162,7 +161,7 @@ impl Plan {
                     return refuse("is not all of what is drawn in a frame");
                 }
             }
-            Work::Effect { params, .. } if params.missing == Missing::Rays => {
+            Work::Effect { .. } if self.traced(planned).is_some() => {
                 return refuse("has pixels that rays add in host memory");
             }
             Work::Rays { .. } | Work::Effect { .. } => {}

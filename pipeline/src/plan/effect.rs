@@ -6,7 +6,7 @@ use crate::backend::Rect;
 use crate::image::PixelFormat;
 use crate::programs::{Fidelity, RayParams, RayProgram};
 use crate::project::{ChannelRef, EffectPass, MaterialPattern, Pass, PassKind, RasterPass};
-use crate::raster_effects::{EffectParams, Missing};
+use crate::raster_effects::EffectParams;
 
 /// The raster pass that drew a G-buffer.
 struct Source<'a> {
@@ -67,11 +67,18 @@ impl Plan {
                 format!("let pass `{}` draw into the whole of its target", source.pass.name),
             ));
         }
-        let traces = info.program.marches() && params.missing == Missing::Rays;
+        let traces = params.leaves_to_rays(info.program);
         if traces && self.settings.fidelity == Fidelity::Thesis {
+            let instead = if info.program.marches() { "missing=cube or missing=none" } else { "border=map" };
             return Err(PlanError::new(
                 format!("{}: pass `{}` leaves pixels to rays by their triangles", pass.place, pass.name),
-                "thesis fidelity has none: set missing=cube or missing=none, or use --fidelity corrected",
+                format!("thesis fidelity has none: set {instead}, or use --fidelity corrected"),
+            ));
+        }
+        if traces && !info.program.marches() && params.sun > 0.0 {
+            return Err(PlanError::new(
+                format!("{}: pass `{}` has border=rays and sun={}", pass.place, pass.name, params.sun),
+                "border=rays is for hard shadows, whose borders are narrow: set sun=0, border=map, or use rays for all pixels",
             ));
         }
         let inputs: Vec<ChannelRef> = inputs(effect).collect();
@@ -82,7 +89,7 @@ impl Plan {
         if in_host {
             wanted.host.extend(inputs);
         }
-        if info.glass
+        if (info.glass || traces)
             && let Some(position) = effect.position
         {
             wanted.triangles.insert(position.target);
@@ -184,7 +191,7 @@ impl Plan {
                 Some(Traced { program: Some((ray.program, *params)), scene_set: *scene_set, glass: &ray.glass })
             }
             (Work::Effect { scene_set, params, .. }, PassKind::Effect(effect))
-                if effect.program.marches() && params.missing == Missing::Rays =>
+                if params.leaves_to_rays(effect.program) =>
             {
                 Some(Traced {
                     program: Some((effect.program.info().counterpart, params.by_rays())),

@@ -6,6 +6,7 @@ use crate::color::{ColorSpace, Display, Tone};
 use crate::diagnostic::valid_names;
 use crate::image::MAX_SIDE;
 use crate::image::PixelFormat;
+use crate::kept_scenes::KeptScenes;
 use crate::pixel_samples::PixelSamples;
 use crate::programs::{Fidelity, Fresnel, LEAST_ADAPTIVE_PATHS, ParamInfo, RayParams, Sampler, Values};
 use crate::project::{self, ChannelRef, Pass, PassKind, Project, SceneOptions, SourceError};
@@ -51,6 +52,8 @@ pub struct Settings {
     pub aa: PixelSamples,
     /// Fewer pixels and samples than the other settings ask for; `None` renders all.
     pub preview: Option<Preview>,
+    /// Scenes that renderers with clones of these settings share.
+    pub scenes: KeptScenes,
 }
 
 impl Settings {
@@ -83,6 +86,7 @@ impl Default for Settings {
             bands: None,
             aa: PixelSamples::ONE,
             preview: None,
+            scenes: KeptScenes::default(),
         }
     }
 }
@@ -183,7 +187,7 @@ pub const OWN_BACKEND: ParamInfo = ParamInfo {
 pub fn may_trace(kind: &PassKind) -> bool {
     match kind {
         PassKind::Ray(_) | PassKind::Intersection(_) => true,
-        PassKind::Effect(effect) => effect.program.marches(),
+        PassKind::Effect(effect) => effect.program.may_leave_to_rays(),
         PassKind::Raster(_) | PassKind::Quad(_) | PassKind::Compute(_) => false,
     }
 }

@@ -554,7 +554,7 @@ fn textures_of_transmission_are_read_of_glass_where_a_pass_asks() {
     assert_eq!((scene.materials[0].transmission, scene.materials[0].veil), (0.5, 0.5), "the factor");
     let texture = scene.materials[0].transmission_texture.unwrap() as usize;
     assert!(scene.textures[texture].is_data(), "numbers are not decoded from sRGB");
-    let (mut built, _) = RenderScene::build(scene, &BuildOptions::default()).unwrap();
+    let mut built = std::sync::Arc::new(RenderScene::build(scene, &BuildOptions::default()).unwrap().0);
     let decided = curitiba_pipeline::glass::decide(&mut built, &path);
     let texture = decided.dielectrics[0].transmission_texture.expect("the glass has it") as usize;
     assert!((built.textures[texture].sample(Vec2::splat(0.5), 0.0).x - 128.0 / 255.0).abs() < 1e-6);

@@ -179,7 +179,7 @@ fn one_effect(info: &EffectProgramInfo, columns: Option<usize>) -> Vec<String> {
     let defaults = EffectParams::default();
     let params = EFFECT_PARAMS.iter().filter(|param| info.params.contains(&param.name));
     lines.extend(params.map(|param| describe(param, &defaults.get(param.name))));
-    if info.program.marches() {
+    if info.program.may_leave_to_rays() {
         lines.extend(own_backend());
     }
     lines.extend([String::new(), snippet::effect(info)]);

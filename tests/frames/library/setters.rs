@@ -3,8 +3,10 @@
 
 use super::{bits, file, frame, opened, ran, settings, update};
 use curitiba::Choice;
-use curitiba::pipeline::executor::{ChangeError, RenderError, Renderer, Silent};
+use curitiba::pipeline::executor::{ChangeError, RenderError, Renderer, Silent, StepKind};
+use curitiba::pipeline::kept_scenes::KeptScenes;
 use curitiba::pipeline::plan::{Preview, Settings};
+use curitiba::pipeline::programs::Fidelity;
 use curitiba::pipeline::project::Pose;
 use glam::Vec3;
 use std::path::{Path, PathBuf};
@@ -334,6 +336,45 @@ fn files_are_read_again_and_what_was_set_stays() {
     std::fs::write(&scene, &whole).expect("a file");
     renderer.reload().expect("the project is there");
     assert!(bits(&update(&mut renderer)) == before);
+}
+
+#[test]
+fn scenes_that_are_kept_are_read_once_for_all_that_need_the_same_of_them() {
+    let folder = Project::copied();
+    let path =
+        |name: &str| folder.write(&format!("{name}.xml"), &std::fs::read_to_string(file(name)).expect("it is there"));
+    let [shadows, refraction] = ["SceneShadows", "SceneRefract"].map(path);
+    let open = |path: &Path, settings| curitiba::open(path, settings, Choice::CPU, &mut Silent);
+    let small = || Settings { size: Some([112, 80]), ..Settings::default() };
+    let kept = Settings { scenes: KeptScenes::shared(), ..small() };
+    let loads = |renderer: &Renderer| {
+        let rows = renderer.timeline().rows.iter().filter(|row| row.kind == StepKind::Load);
+        rows.map(|row| row.note.contains("kept by an earlier renderer")).collect::<Vec<_>>()
+    };
+    let mut first = open(&shadows, kept.clone()).expect("the project opens");
+    assert_eq!(loads(&first), [false]);
+    let [of_shadows, of_refraction] =
+        [&shadows, &refraction].map(|path| bits(&frame(&mut open(path, small()).expect("the project opens"))));
+    let warned = first.warnings().groups().len();
+    // From here on the file is gone.
+    let scene = folder.0.path().join("3dsmodels/largoCamoes.cbo");
+    let whole = std::fs::read(&scene).expect("the scene is there");
+    std::fs::remove_file(&scene).expect("a file");
+    let mut second = open(&shadows, kept.clone()).expect("the scene is kept");
+    assert!(bits(&frame(&mut first)) == of_shadows && bits(&frame(&mut second)) == of_shadows);
+    assert_eq!((loads(&second), second.warnings().groups().len()), (vec![true], warned));
+    let mut other = open(&refraction, kept.clone()).expect("another project of the scene");
+    assert!(bits(&frame(&mut other)) == of_refraction);
+    // Settings that do not keep it, and those that need other parts of it, look for the file.
+    assert!(open(&shadows, small()).is_err());
+    assert!(open(&shadows, Settings { fidelity: Fidelity::Thesis, ..kept.clone() }).is_err());
+    // So does who asks to read files again.
+    second.reload().expect("the project is there");
+    assert!(matches!(second.update(&mut Silent), Err(RenderError::Scene { .. })));
+    assert!(open(&shadows, kept).is_err());
+    std::fs::write(&scene, &whole).expect("a file");
+    second.reload().expect("the project is there");
+    assert!(bits(&update(&mut second)) == of_shadows);
 }
 
 #[test]

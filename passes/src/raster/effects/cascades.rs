@@ -94,6 +94,21 @@ impl Cascades {
         Self { fits }
     }
 
+    /// Whether a position is in light, where all tests in its map say the same; `None` where they differ, and where no map covers the position.
+    /// See [`ShadowFit::agreed`].
+    #[must_use]
+    #[inline]
+    pub fn agreed<'a>(
+        &self,
+        map: impl Fn(usize) -> &'a [f32],
+        position: Vec3,
+        cos: f32,
+        params: &EffectParams,
+    ) -> Option<bool> {
+        let index = self.fits.iter().position(|fit| fit.covers(fit.place(position), params))?;
+        self.fits[index].agreed(map(index), position, cos, params)
+    }
+
     /// The light's share at a position, 0..=1; `cos` is the cosine of the light on the surface there. `map` returns the
     /// depths of a map by its index, see [`ShadowFit::lit_share`].
     #[must_use]

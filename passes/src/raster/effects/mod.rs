@@ -158,6 +158,9 @@ pub fn check(job: &EffectJob<'_>, output: Option<&Image>, own_copy: bool) -> Res
         let mut params = EffectParams::default();
         params.set(name, &job.params.get(name)).map_err(|why| format!("{why}, not {}", job.params.get(name)))?;
     }
+    if job.params.leaves_to_rays(job.program) && !job.program.marches() && job.params.sun > 0.0 {
+        return Err(format!("border=rays is for hard shadows; valid: `sun` 0, not {}", job.params.sun));
+    }
     debug_assert!(info.params.iter().all(|name| EFFECT_PARAMS.iter().any(|param| param.name == *name)));
     if own_copy {
         return Ok(());

@@ -170,6 +170,25 @@ impl ShadowFit {
         ((1.0 - cos * cos).sqrt() / cos).min(MAX_SLOPE)
     }
 
+    /// Whether a position is in light, where all `(2 pcf + 2)^2` texels that [`Self::lit_share`] reads say the same. `None` where they
+    /// differ, outside the map, and for a position that is not finite.
+    #[must_use]
+    #[inline]
+    pub fn agreed(&self, map: &[f32], position: Vec3, cos: f32, params: &EffectParams) -> Option<bool> {
+        let place = self.place(position);
+        if !(self.covers(place, params) && place.z.is_finite()) {
+            return None;
+        }
+        let depth = place.z + self.bias(cos, params);
+        let (size, reach) = (self.size as usize, params.pcf as usize);
+        // At least `pcf + 1` texels from the edge, so all are inside.
+        let first = |at: f32| (at - 0.5).floor() as usize - reach;
+        let (left, width) = (first(place.x), 2 * reach + 2);
+        let mut rows = map.chunks_exact(size).skip(first(place.y)).take(width).map(|row| &row[left..left + width]);
+        let lit = depth >= *rows.clone().next()?.first()?;
+        rows.all(|row| row.iter().all(|stored| (depth >= *stored) == lit)).then_some(lit)
+    }
+
     /// The light's share at a position, 0..=1, from a map of `size` x `size` depths, top row first; a depth of 0 is an
     /// empty texel. Positions outside the map are lit.
     ///

@@ -2,9 +2,9 @@ use super::world::{Shot, World, from_above, mean};
 use curitiba_passes::raster::effects::bounds::Bounds;
 use curitiba_passes::raster::effects::cascades::{Cascades, lit_depths};
 use curitiba_passes::raster::effects::shadow::ShadowFit;
-use curitiba_pipeline::backend::View;
+use curitiba_pipeline::backend::{Answers, View};
 use curitiba_pipeline::programs::RayParams;
-use curitiba_pipeline::raster_effects::{EffectParams, EffectProgram::ShadowMap};
+use curitiba_pipeline::raster_effects::{Border, EffectParams, EffectProgram::ShadowMap};
 use glam::{Mat4, Vec3};
 
 /// The numbers of maps for which every test runs.
@@ -107,6 +107,58 @@ fn light_does_not_leak_through_a_thin_wall() {
         let (leaking, _) = shot.effect(ShadowMap, EffectParams { bias: 30.0, ..params(1024, 1, count) });
         assert!(differing(&leaking, &expected) > 2.0 * differing(&found, &expected));
     }
+}
+
+/// The number of pixels that are left to rays, and how many of the others are not what rays say.
+fn bordered(shot: &mut Shot, params: EffectParams, expected: &[[f32; 4]]) -> [usize; 2] {
+    let (mean, _) = shot.effect(ShadowMap, params);
+    let (found, _) = shot.effect(ShadowMap, EffectParams { border: Border::Rays, ..params });
+    let (mut left, mut wrong) = (0, 0);
+    for ((found, mean), expected) in found.iter().zip(&mean).zip(expected) {
+        if found[3] == Answers::LEFT {
+            left += 1;
+            continue;
+        }
+        assert!((found[0] == 0.5 || found[0] == 1.0) && found[3] == 1.0, "{found:?}");
+        // The mean's sum of weights is rounded.
+        assert!((found[0] - mean[0]).abs() < 1e-6, "{found:?}, {mean:?}");
+        wrong += usize::from(found[0] != expected[0]);
+    }
+    [left, wrong]
+}
+
+#[test]
+fn pixels_whose_tests_differ_are_left_to_rays_and_the_others_are_as_rays_say() {
+    let mut world = World::lit_along(Vec3::new(0.6, -0.5, 0.3));
+    world.ground(10.0);
+    let white = world.paint(Vec3::ONE);
+    world.block(white, Vec3::new(0.0, 1.0, 0.0), Vec3::new(1.0, 1.0, 0.5));
+    let mut shot = world.seen(Vec3::new(5.0, 6.0, 5.0), Vec3::ZERO, 256);
+    let expected = shot.rays(ShadowMap, RayParams::default());
+    for count in COUNTS {
+        let mut before = 0;
+        for pcf in [0, 1, 2] {
+            let [left, wrong] = bordered(&mut shot, params(1024, pcf, count), &expected);
+            assert!(left > before + 50 && left < expected.len() / 8, "{count}, {pcf}: {left}, {before}");
+            assert_eq!(wrong, 0, "{count}, {pcf}");
+            before = left;
+        }
+        // Control: the whole shadow of a bias that is too long is neither in the map nor at a border.
+        let [_, wrong] = bordered(&mut shot, EffectParams { bias: 30.0, ..params(1024, 1, count) }, &expected);
+        assert!(wrong > 20, "{count}: {wrong}");
+    }
+}
+
+#[test]
+fn what_is_thinner_than_a_texel_can_be_missed_by_maps_and_by_their_borders() {
+    let mut world = World::lit_along(Vec3::new(0.6, -0.5, 0.3));
+    world.ground(10.0);
+    let white = world.paint(Vec3::ONE);
+    world.block(white, Vec3::new(0.0, 1.0, 0.0), Vec3::new(0.02, 1.0, 0.02));
+    let mut shot = world.seen(Vec3::new(3.0, 3.0, 3.0), Vec3::ZERO, 256);
+    let expected = shot.rays(ShadowMap, RayParams::default());
+    let [coarse, fine] = [32, 4096].map(|size| bordered(&mut shot, params(size, 1, 4), &expected)[1]);
+    assert!(coarse > 20 && fine == 0, "{coarse} {fine}");
 }
 
 #[test]

@@ -5,7 +5,7 @@ mod screen;
 
 use super::surface::{DepthMap, Target};
 use super::{CpuRasteriser, refused};
-use crate::effects::{interface, reflect};
+use crate::effects::{SHADOWED, interface, reflect};
 use crate::raster::effects::cascades::{self, Cascades};
 use crate::raster::effects::filter::Filter;
 use crate::raster::effects::mirrors::{Mirror, Mirrors, Survey};
@@ -15,14 +15,15 @@ use crate::raster::effects::proxy::{self, Proxy};
 use crate::raster::effects::screen::pyramid::Pyramid;
 use crate::raster::effects::{self, SceneCache, cube};
 use curitiba_pipeline::backend::{
-    Attachments, BackendError, EffectJob, EffectStats, GBuffer, LoadStore, Part, RasterJob, Rasteriser, Rect, Sun, View,
+    Answers, Attachments, BackendError, EffectJob, EffectStats, GBuffer, LoadStore, Part, RasterJob, Rasteriser, Rect,
+    Sun, View,
 };
 use curitiba_pipeline::executor::Progress;
 use curitiba_pipeline::gbuffer::ALIGNMENT;
 use curitiba_pipeline::image::Image;
 use curitiba_pipeline::memory::resize;
 use curitiba_pipeline::programs::RasterProgram;
-use curitiba_pipeline::raster_effects::{EffectProgram, Parallax};
+use curitiba_pipeline::raster_effects::{Border, EffectProgram, Parallax};
 use curitiba_pipeline::scene::{RenderScene, TriangleRanges};
 use glam::{Vec3, Vec4};
 use rayon::prelude::*;
@@ -171,13 +172,22 @@ impl Effects {
         stats.maps = Some(Part { host: start.elapsed(), device: None });
         stats.map_count = maps as u32;
         let maps = &self.shadows;
+        let map = |index: usize| maps[index].depths();
+        let by_rays = job.params.border == Border::Rays;
         stats.pixels = each_pixel(output, progress, |index| {
             let [x, y, z, cos] = job.position[index];
             if cos <= 0.0 || cos.is_nan() {
                 return [1.0; 4];
             }
-            let map = |index: usize| maps[index].depths();
-            let value = 0.5 + 0.5 * cascades.lit_share(map, Vec3::new(x, y, z), cos, &job.params);
+            let position = Vec3::new(x, y, z);
+            if by_rays {
+                return match cascades.agreed(map, position, cos, &job.params) {
+                    Some(true) => [1.0; 4],
+                    Some(false) => [SHADOWED, SHADOWED, SHADOWED, 1.0],
+                    None => [1.0, 1.0, 1.0, Answers::LEFT],
+                };
+            }
+            let value = SHADOWED + (1.0 - SHADOWED) * cascades.lit_share(map, position, cos, &job.params);
             [value, value, value, 1.0]
         });
         Ok(())

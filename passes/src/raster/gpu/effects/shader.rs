@@ -13,7 +13,7 @@ use crate::raster::effects::soft::{FILTER_TAPS, SEARCH_TAPS};
 use crate::raster::gpu::shader::cut;
 use crate::sampling::hash;
 use curitiba_pipeline::backend::{Answers, EffectJob};
-use curitiba_pipeline::raster_effects::{EffectProgram, MAX_CASCADES};
+use curitiba_pipeline::raster_effects::{Border, EffectProgram, MAX_CASCADES};
 use std::fmt::Write;
 
 /// The entry point of every program.
@@ -66,6 +66,8 @@ pub struct Variant {
     pub program: EffectProgram,
     /// For shadow maps: the light is a disc. Programs for a point of light are compiled without it.
     pub soft: bool,
+    /// For shadow maps: pixels whose tests differ are left to rays.
+    pub border: bool,
     /// For `gtao`: by bitmasks instead of horizons.
     pub bitmask: bool,
     /// The filter that follows an ambient occlusion, instead of the occlusion itself.
@@ -75,7 +77,7 @@ pub struct Variant {
 impl Variant {
     /// The variant of the filter, which all ambient occlusions share.
     pub const FILTER: Self =
-        Self { program: EffectProgram::HorizonOcclusion, soft: false, bitmask: false, filter: true };
+        Self { program: EffectProgram::HorizonOcclusion, soft: false, border: false, bitmask: false, filter: true };
 
     /// The variant that a job asks for.
     pub fn of(job: &EffectJob<'_>) -> Self {
@@ -83,6 +85,7 @@ impl Variant {
         Self {
             program: job.program,
             soft: is(EffectProgram::ShadowMap) && job.params.sun > 0.0,
+            border: is(EffectProgram::ShadowMap) && job.params.border == Border::Rays,
             bitmask: is(EffectProgram::HorizonOcclusion) && job.params.bitmask,
             filter: false,
         }
@@ -107,12 +110,13 @@ fn text(program: EffectProgram) -> (&'static str, &'static str) {
 ///
 /// # Panics
 /// If the directives in its text are malformed; a test generates every program.
-pub fn source(Variant { program, soft, bitmask, filter }: Variant) -> String {
+pub fn source(Variant { program, soft, border, bitmask, filter }: Variant) -> String {
     let (file, text) = if filter { ("filter.wgsl", include_str!("filter.wgsl")) } else { text(program) };
     let mut source = cut(file, text, |name| {
         Some(match name {
             "REFRACT" => program.refracts(),
             "SOFT" => soft,
+            "BORDER" => border,
             "BITMASK" => bitmask,
             "HORIZONS" => program == EffectProgram::HorizonOcclusion,
             _ => return None,
@@ -234,7 +238,7 @@ pub mod tests {
 
     /// The variant for a point of light.
     pub fn hard(program: EffectProgram) -> Variant {
-        Variant { program, soft: false, bitmask: false, filter: false }
+        Variant { program, soft: false, border: false, bitmask: false, filter: false }
     }
 
     pub fn validate(source: &str) -> Result<naga::Module, String> {

@@ -1,5 +1,6 @@
 // Shadows of a directional light from cascaded depth maps: `raster::effects::{cascades, shadow}`. Names of `//#if`:
-//   SOFT   the light is a disc: `raster::effects::soft`
+//   SOFT     the light is a disc: `raster::effects::soft`
+//   BORDER   pixels whose tests differ are left to rays; not with SOFT
 
 struct Cascade {
     // World to texel matrix: x right and y down from the top left corner of the map, and z the depth.
@@ -38,9 +39,15 @@ fn compute(pixel: vec2<u32>) -> vec4<f32> {
         return vec4<f32>(1.0);
     }
     let share = lit_share(position.xyz, position.w);
+//#if BORDER
+    if share < 0.0 {
+        return vec4<f32>(vec3<f32>(1.0), LEFT);
+    }
+//#endif
     return vec4<f32>(vec3<f32>(SHADOWED + (1.0 - SHADOWED) * share), 1.0);
 }
 
+// The light's share, 0 to 1. With BORDER 0 or 1 where all texels say so, else -1.
 fn lit_share(position: vec3<f32>, cosine: f32) -> f32 {
     // The first map that contains the whole filter; if none does, the last map.
 //#if SOFT
@@ -61,6 +68,11 @@ fn lit_share(position: vec3<f32>, cosine: f32) -> f32 {
             break;
         }
     }
+//#if BORDER
+    if cascade == params.count || !(abs(place.z) < LARGEST) {
+        return -1.0;
+    }
+//#endif
     cascade = min(cascade, params.count - 1u);
     let at = place.xy - 0.5;
     // Also true for a NaN.
@@ -131,6 +143,19 @@ fn stored_depth(texel: vec2<i32>, cascade: u32) -> f32 {
     let last_share = at - corner;
     let first = vec2<i32>(corner) - params.reach;
     let width = 2 * params.reach + 2;
+//#if BORDER
+    // The map covers the place, so all texels are inside.
+    let is_lit = depth >= textureLoad(shadow_maps, first, cascade, 0);
+    for (var row = 0; row < width; row++) {
+        for (var column = 0; column < width; column++) {
+            if (depth >= textureLoad(shadow_maps, first + vec2<i32>(column, row), cascade, 0)) != is_lit {
+                return -1.0;
+            }
+        }
+    }
+    return select(0.0, 1.0, is_lit);
+}
+//#else
     var lit = 0.0;
     for (var row = 0; row < width; row++) {
         var lit_in_row = 0.0;
@@ -159,4 +184,5 @@ fn weight(index: i32, width: i32, last_share: f32) -> f32 {
     }
     return select(1.0, last_share, index + 1 == width);
 }
+//#endif
 //#endif
