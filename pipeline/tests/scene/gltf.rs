@@ -1391,3 +1391,23 @@ fn a_blend_whose_picture_is_lost_is_opaque_and_vertex_alpha_is_said_to_be_ignore
     let scene = load_one(&path).unwrap();
     assert_eq!((count(&scene.warnings, "missing textures"), scene.materials[0].transmission), (1, 0.0));
 }
+
+#[test]
+fn samplers_that_ask_for_single_texels_are_said_to_be_blended() {
+    let folder = Folder::new();
+    folder.png("t.png", 1, 1, [128, 7, 9, 255]);
+    let (mut json, binary) = square();
+    json["images"] = json!([{"uri": "t.png"}]);
+    json["materials"] = json!([{"pbrMetallicRoughness": {"baseColorTexture": {"index": 0}}}]);
+    let nearest = |samplers: Value, sampler: u32, needs: Needs| {
+        let mut json = json.clone();
+        json["samplers"] = samplers;
+        json["textures"] = json!([{"source": 0, "sampler": sampler}]);
+        let path = folder.write("a.glb", glb(&json, &binary));
+        let scene = load(&[path], &LoadOptions { needs, ..LoadOptions::default() }, &|_| {}).unwrap();
+        count(&scene.warnings, "samplers whose magFilter is NEAREST")
+    };
+    let samplers = json!([{"magFilter": 9728}, {"magFilter": 9729, "minFilter": 9728}, {}]);
+    assert_eq!([0, 1, 2].map(|sampler| nearest(samplers.clone(), sampler, Needs::ALL)), [1, 0, 0]);
+    assert_eq!(nearest(samplers, 0, Needs::NOTHING), 0, "nobody reads it");
+}

@@ -12,7 +12,7 @@ use super::container::{Target, base64, shortened, uri_target};
 use crate::color::encode;
 use crate::diagnostic::Warnings;
 use ::gltf::json::deserialize::from_str;
-use ::gltf::json::{self, Value, material::AlphaMode, texture::WrappingMode, validation::Checked};
+use ::gltf::json::{self, Value, material::AlphaMode, texture::MagFilter, texture::WrappingMode, validation::Checked};
 use glam::{Mat2, Vec2, Vec3, Vec4};
 use std::collections::HashMap;
 
@@ -195,6 +195,7 @@ impl Materials {
             materials.by_index.push(Surface { material: index, coordinates, mapped, alpha });
             materials.table.declare(material);
         }
+        warn_of_nearest(data, context, warnings);
         Ok(materials)
     }
 
@@ -587,6 +588,20 @@ fn wrap_of(mode: Checked<WrappingMode>) -> Wrap {
         Checked::Valid(WrappingMode::ClampToEdge) => Wrap::Clamp,
         Checked::Valid(WrappingMode::MirroredRepeat) => Wrap::Mirror,
         _ => Wrap::Repeat,
+    }
+}
+
+/// Warns of the samplers of textures that ask for single texels where a texture is enlarged.
+fn warn_of_nearest(data: &Data<'_>, context: &Context<'_>, warnings: &mut Warnings) {
+    let root = data.root;
+    for (index, sampler) in root.samplers.iter().enumerate().filter(|_| context.needs.textures) {
+        let nearest = sampler.mag_filter == Some(Checked::Valid(MagFilter::Nearest));
+        let used = || root.textures.iter().any(|texture| texture.sampler.is_some_and(|used| used.value() == index));
+        if nearest && used() {
+            let what = "samplers whose magFilter is NEAREST";
+            warnings
+                .add(context.file, what, "their textures are blended between texels", || format!("sampler {index}"));
+        }
     }
 }
 
