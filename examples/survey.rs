@@ -14,7 +14,7 @@
 //! Scenes that a checkout of projects names and does not hold are refused, unless `--stand-in SCENE` names a scene to take in their place; the
 //! table tells how many files it stood in for.
 //!
-//! In builds with the feature `glsl` projects are drawn with their own shaders, on any adapter that wgpu finds.
+//! In builds with the feature `glsl` projects are drawn with their own shaders, on any adapter that wgpu finds, and the table says which are.
 //!
 //! ```sh
 //! cargo run --release --features glsl --example survey -- path/to/checkout --projects --stand-in xml_projects/3dsmodels/largoCamoes.cbo
@@ -99,6 +99,8 @@ enum Outcome {
         is_blank: bool,
         /// Number of scene files that were not there and replaced.
         replaced: usize,
+        /// Whether passes are drawn with the project's own shaders.
+        draws_own: bool,
         warnings: Vec<String>,
     },
     /// The first reason, and how many others there are.
@@ -196,10 +198,11 @@ fn entry(file: &Path, kind: &'static str, arguments: &Arguments) -> (Entry, Opti
         picture: None,
     };
     match found {
-        Outcome::Renders { picture, is_blank, replaced, warnings } => {
+        Outcome::Renders { picture, is_blank, replaced, draws_own, warnings } => {
+            let own = draws_own.then(|| "own shaders".to_owned());
             let is_blank = is_blank.then(|| "all pixels have one colour".to_owned());
             let replaced = (replaced > 0).then(|| format!("scene files that are not there: {replaced}"));
-            entry.reason = [is_blank, replaced].into_iter().flatten().collect::<Vec<_>>().join("; ");
+            entry.reason = [own, is_blank, replaced].into_iter().flatten().collect::<Vec<_>>().join("; ");
             entry.warnings = warnings;
             (entry, picture)
         }
@@ -329,11 +332,13 @@ fn outcome(file: &Path, arguments: &Arguments) -> Outcome {
         let problems = problems.filter(|problem| problem.severity == Severity::Warning);
         let mut warnings: Vec<String> = problems.map(|problem| told(&problem.message)).collect();
         warnings.extend(renderer.warnings().groups().iter().map(|group| told(group)));
+        let plan = renderer.plan();
+        let draws_own = plan.passes.iter().any(|planned| plan.draws_own(planned));
         let picture = renderer.frame(&mut Silent).map_err(OpenError::from)?;
         let asked_for = arguments.sheet.is_some() || arguments.page.is_some();
         let is_blank = picture.is_blank();
         let picture = asked_for.then(|| displayed(&picture, display));
-        Ok(Outcome::Renders { picture, is_blank, replaced, warnings })
+        Ok(Outcome::Renders { picture, is_blank, replaced, draws_own, warnings })
     });
     match rendered {
         Ok(outcome) => outcome,

@@ -1,5 +1,7 @@
 //! Paths as project and scene files of 2014 write them: with `\`, and with inconsistent case.
 
+use std::borrow::Cow;
+use std::ffi::OsStr;
 use std::path::{Component, Path, PathBuf};
 
 /// Longest path that is resolved, bytes: no system opens a longer one, and a damaged file may contain one of gigabytes.
@@ -23,8 +25,8 @@ pub fn portable(written: &str) -> PathBuf {
 /// Finds the file that `written` names, relative to `folder` unless absolute.
 ///
 /// `\` separates like `/`. If the exact path does not exist, components are compared without case; among several matches the first
-/// in byte order is taken, so that the result does not depend on the file system. `None` if nothing matches, or if `written` is
-/// longer than [`MAX_WRITTEN`].
+/// in byte order is taken, so that the result does not depend on the file system. A name on disk that is not UTF-8 is compared as
+/// Latin-1, as older systems and archives wrote names. `None` if nothing matches, or if `written` is longer than [`MAX_WRITTEN`].
 #[must_use]
 pub fn resolve_path(folder: &Path, written: &str) -> Option<Resolved> {
     if written.len() > MAX_WRITTEN {
@@ -34,7 +36,7 @@ pub fn resolve_path(folder: &Path, written: &str) -> Option<Resolved> {
     if exact.exists() {
         return Some(Resolved { path: exact, case_differs: false });
     }
-    let mut found = PathBuf::new();
+    let (mut found, mut case_differs) = (PathBuf::new(), false);
     for component in exact.components() {
         let Component::Normal(name) = component else {
             found.push(component);
@@ -45,17 +47,35 @@ pub fn resolve_path(folder: &Path, written: &str) -> Option<Resolved> {
             found = next;
             continue;
         }
-        let wanted = name.to_str()?.to_lowercase();
+        let name = name.to_str()?;
+        let wanted = name.to_lowercase();
         let here = if found.as_os_str().is_empty() { Path::new(".") } else { &found };
         let mut matches: Vec<_> = std::fs::read_dir(here)
             .ok()?
             .filter_map(|entry| entry.ok().map(|entry| entry.file_name()))
-            .filter(|entry| entry.to_str().is_some_and(|entry| entry.to_lowercase() == wanted))
+            .filter(|entry| spelled(entry).is_some_and(|entry| entry.to_lowercase() == wanted))
             .collect();
-        matches.sort();
-        found.push(matches.first()?);
+        matches.sort_by_cached_key(|entry| (spelled(entry).as_deref() != Some(name), entry.clone()));
+        let first = matches.first()?;
+        case_differs |= spelled(first).as_deref() != Some(name);
+        found.push(first);
     }
-    Some(Resolved { path: found, case_differs: true })
+    Some(Resolved { path: found, case_differs })
+}
+
+/// A name on disk as text: UTF-8, or else Latin-1 where names are bytes.
+fn spelled(name: &OsStr) -> Option<Cow<'_, str>> {
+    name.to_str().map(Cow::Borrowed).or_else(|| latin_1(name).map(Cow::Owned))
+}
+
+#[cfg(unix)]
+fn latin_1(name: &OsStr) -> Option<String> {
+    Some(std::os::unix::ffi::OsStrExt::as_bytes(name).iter().map(|byte| char::from(*byte)).collect())
+}
+
+#[cfg(not(unix))]
+fn latin_1(_: &OsStr) -> Option<String> {
+    None
 }
 
 /// A hint for a missing path: its first missing folder, or the names beside it, the nearest first.
@@ -129,6 +149,23 @@ mod tests {
         assert!(mended.case_differs);
         assert_eq!(mended.path, folder.path().join("Texturas/Wall.PNG"));
         assert_eq!(resolve_path(folder.path(), "texturas\\roof.png"), None);
+    }
+
+    #[cfg(unix)]
+    #[test]
+    fn names_of_older_systems_are_found_by_their_letters() {
+        use std::os::unix::ffi::OsStrExt;
+        let folder = tempfile::tempdir().unwrap();
+        let name = |bytes: &[u8]| folder.path().join(OsStr::from_bytes(bytes));
+        std::fs::write(name(b"\xC1gua.mtl"), b"x").unwrap();
+        let found = resolve_path(folder.path(), "Água.mtl").unwrap();
+        assert_eq!((found.path, found.case_differs), (name(b"\xC1gua.mtl"), false));
+        let found = resolve_path(folder.path(), "água.MTL").unwrap();
+        assert_eq!((found.path, found.case_differs), (name(b"\xC1gua.mtl"), true));
+        assert_eq!(resolve_path(folder.path(), "Agua.mtl"), None);
+        // A name in UTF-8 comes first.
+        std::fs::write(folder.path().join("Água.mtl"), b"y").unwrap();
+        assert_eq!(resolve_path(folder.path(), "Água.mtl").unwrap().path, folder.path().join("Água.mtl"));
     }
 
     #[test]

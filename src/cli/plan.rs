@@ -10,7 +10,7 @@ use curitiba::pipeline::glass::decide;
 use curitiba::pipeline::memory::mebibytes;
 use curitiba::pipeline::plan::{Plan, PlannedPass, Traced, Work};
 use curitiba::pipeline::project::PassKind;
-use curitiba::pipeline::scene::{self, BuildOptions, LoadOptions, Needs, RenderScene, Scene, TextureSource};
+use curitiba::pipeline::scene::{self, BuildOptions, LoadOptions, Material, Needs, RenderScene, Scene, TextureSource};
 use std::path::PathBuf;
 use std::sync::Arc;
 
@@ -67,7 +67,10 @@ fn texture_files(source: &TextureSource) -> Vec<&PathBuf> {
     match source.texels().0 {
         TextureSource::File(path) => vec![path],
         TextureSource::Masked { color, mask } => vec![color, mask],
-        TextureSource::Embedded { .. } | TextureSource::Wrapped { .. } | TextureSource::Data { .. } => Vec::new(),
+        TextureSource::Embedded { .. }
+        | TextureSource::Wrapped { .. }
+        | TextureSource::Data { .. }
+        | TextureSource::Clear { .. } => Vec::new(),
     }
 }
 
@@ -129,6 +132,14 @@ fn glass(plan: &Plan, scenes: &[Scene]) -> Result<Vec<Decision>, Failure> {
         let decided = decide(&mut Arc::new(built), &plan.project.path);
         print_warnings(&decided.warnings);
         decisions.extend(decided.decisions);
+        let blended = |material: &&Material| {
+            material.transmission_texture.is_some_and(|texture| scene.textures[texture as usize].is_clear())
+        };
+        decisions.extend(scene.materials.iter().filter(blended).map(|material| Decision {
+            what: format!("material `{}` blended texel by texel", material.name),
+            built: true,
+            why: "the alpha of its texture is half clear over areas, not only at edges".into(),
+        }));
     }
     Ok(decisions)
 }

@@ -326,3 +326,68 @@ fn an_even_blend_shows_what_is_behind_it_by_the_rest_of_its_alpha() {
         assert!((textured - decode(200.0 / 255.0)).abs() < 1e-5, "what is opaque stays");
     }
 }
+
+/// glTF's `BLEND` with a texture: each texel's alpha, times the factor's, of the lit colour, and what is behind it by the rest. Where texels are
+/// nearly all clear or opaque, the texture cuts.
+#[test]
+fn a_textured_blend_shows_what_is_behind_it_by_each_texel() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let folder = folder.path();
+    patches(folder, 0.5, 200);
+    let text = std::fs::read_to_string(folder.join("patches.gltf")).expect("the scene");
+    let opaque = r#"{"name":"texel","pbrMetallicRoughness":{"baseColorTexture":{"index":0}}}"#;
+    assert!(text.contains(opaque));
+    let blended = |opacity: f32| {
+        let factor = format!("\"baseColorFactor\":[1,1,1,{opacity}],\"baseColorTexture\"");
+        let material = opaque.replace("\"baseColorTexture\"", &factor);
+        text.replace(opaque, &material.replace("\"name\"", "\"alphaMode\":\"BLEND\",\"name\""))
+    };
+    let picture = |alpha: &dyn Fn(u32) -> u8| {
+        let texels = image::RgbaImage::from_fn(64, 2, |x, _| image::Rgba([200, 200, 200, alpha(x)]));
+        texels.save(folder.join("grey.png")).expect("a picture");
+    };
+    let settings = || {
+        let mut settings = settings(Some(ColorSpace::Linear), Vec3::Z);
+        settings.scene.background = Some(Vec3::ONE);
+        settings
+    };
+    let lit = decode(200.0 / 255.0);
+    for (code, opacity) in [(102, 1.0), (204, 1.0), (255, 0.4), (51, 0.5)] {
+        let alpha = f32::from(code) / 255.0;
+        picture(&|_| code);
+        std::fs::write(folder.join("patches.gltf"), blended(opacity)).expect("written");
+        let (frame, _) = render(folder, settings_with_glass(settings()), Choice::CPU);
+        let share = alpha * opacity;
+        let expected = share * lit + (1.0 - share);
+        let [plain, seen] = middles(&frame);
+        assert!((seen - expected).abs() < 0.5 / 255.0 + 1e-5, "{alpha} {opacity}: {seen}, not {expected}");
+        assert!((plain - 0.5).abs() < 1e-5, "what is opaque stays");
+        // Without rays it is whole or a hole, by half of the texture's alpha.
+        let (frame, _) = render(folder, settings(), Choice::CPU);
+        let cut = if alpha < 0.5 { 1.0 } else { lit };
+        assert!((middles(&frame)[1] - cut).abs() < 1e-5, "{alpha} {opacity}: {}, not {cut}", middles(&frame)[1]);
+    }
+    // The last of them is blended, and the plan says so.
+    let said = "material `texel` blended texel by texel";
+    assert!(exits_with(0, folder, &["plan", "patches.gltf"]).contains(said));
+    // Its left quarter is clear and the rest opaque: no pass has rays for glass, and the rest is seen.
+    picture(&|x| if x < 16 { 0 } else { 255 });
+    std::fs::write(folder.join("patches.gltf"), blended(1.0)).expect("written");
+    let planned = exits_with(0, folder, &["plan", "patches.gltf"]);
+    assert!(!planned.contains(said) && planned.contains("hardly a texel that is half clear"), "{planned}");
+    let mut by_itself = settings();
+    by_itself.scene.effects = None;
+    let scene = folder.join("patches.gltf");
+    let renderer = curitiba::open(&scene, by_itself, Choice::CPU, &mut Silent).expect("the scene opens");
+    let notes: Vec<String> = renderer.plan().project.problems.0.iter().map(|note| note.message.clone()).collect();
+    assert!(notes.iter().any(|note| note.contains("no material of the scene is glass")), "{notes:?}");
+    let (frame, _) = render(folder, settings(), Choice::CPU);
+    let [left, right] = [40, 56].map(|x| frame.pixels[16 * 64 + x][0]);
+    assert!((left - 1.0).abs() < 1e-5 && (right - lit).abs() < 1e-5, "{left} {right}");
+}
+
+/// The same with the glass of materials.
+fn settings_with_glass(mut settings: Settings) -> Settings {
+    settings.scene.effects = Some("glass".parse().expect("effects"));
+    settings
+}

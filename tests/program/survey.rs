@@ -105,20 +105,59 @@ fn the_projects_of_2014_are_as_the_documents_say() {
     let scene = root("xml_projects/3dsmodels/largoCamoes.cbo");
     let found = survey(&folder, &["--projects", "--stand-in", scene.to_str().expect("UTF-8")]);
     let text = std::fs::read_to_string(root("docs/projects.md")).expect("the document");
-    let table = text.split("| project | outcome | why |\n|---|---|---|\n").nth(1).expect("the table");
-    let documented: Vec<[&str; 3]> = table
-        .lines()
-        .map_while(|line| line.strip_prefix("| ")?.strip_suffix('|'))
-        .map(|row| {
-            let mut cells = row.splitn(3, '|').map(str::trim);
-            [(); 3].map(|()| cells.next().expect("three columns"))
-        })
-        .collect();
+    let documented = table(&text, "| project | outcome | why |\n|---|---|---|\n");
     assert_eq!(found.len(), documented.len());
     for ([file, outcome, reason], [documented, as_documented, why]) in found.iter().zip(documented) {
         assert_eq!([file, outcome], [documented, as_documented]);
         // The name that the document quotes is what the error is about.
         let about = why.split('`').nth(1).unwrap_or_default();
         assert!(reason.contains(about) && (outcome == "renders") == about.is_empty(), "{file}: {reason}");
+    }
+}
+
+/// The rows of three columns below a heading of a document.
+fn table<'a>(text: &'a str, heading: &str) -> Vec<[&'a str; 3]> {
+    let table = text.split(heading).nth(1).expect("the table");
+    let rows = table.lines().map_while(|line| line.strip_prefix("| ")?.strip_suffix('|'));
+    rows.map(|row| {
+        let mut cells = row.splitn(3, '|').map(str::trim);
+        [(); 3].map(|()| cells.next().expect("three columns"))
+    })
+    .collect()
+}
+
+/// Heading of the table of the descendant's projects.
+const DESCENDANT: &str = "| project of the descendant | outcome | why, or how |\n|---|---|---|\n";
+
+#[test]
+fn the_table_of_the_descendants_projects_has_as_many_as_the_text_says() {
+    let text = std::fs::read_to_string(root("docs/projects.md")).expect("the document");
+    let rows = table(&text, DESCENDANT);
+    let count = |outcome: &str, how: &str| rows.iter().filter(|row| row[1] == outcome && row[2].contains(how)).count();
+    let [renders, own, refused] = [count("renders", ""), count("renders", "own shaders"), count("refused", "")];
+    assert_eq!(renders + refused, rows.len());
+    assert!(rows.iter().all(|row| (row[1] == "renders" || !row[2].is_empty())), "a reason for each that is refused");
+    let (all, of) = (rows.len(), "projects of the engine's descendant");
+    let sentence = format!("Of {all} {of} {renders} render, {own} of them with own shaders");
+    assert!(text.contains(&sentence), "{sentence}");
+}
+
+/// `CURITIBA_TUTORIALS` names a checkout of the engine's descendant.
+#[test]
+fn the_projects_of_the_descendant_are_as_the_documents_say() {
+    let Some(folder) = std::env::var_os("CURITIBA_TUTORIALS").map(PathBuf::from) else {
+        println!("skipped: CURITIBA_TUTORIALS names no checkout");
+        return;
+    };
+    let text = std::fs::read_to_string(root("docs/projects.md")).expect("the document");
+    let documented = table(&text, DESCENDANT);
+    let scene = root("xml_projects/3dsmodels/largoCamoes.cbo");
+    let found = survey(&folder, &["--projects", "--stand-in", scene.to_str().expect("UTF-8")]);
+    assert_eq!(found.len(), documented.len());
+    for ([file, outcome, reason], [documented, as_documented, why]) in found.iter().zip(documented) {
+        assert_eq!([file.strip_prefix("projects/").unwrap_or(file), outcome], [documented, as_documented]);
+        // Which scene files a checkout lacks depends on how it was made.
+        assert_eq!(reason.contains("own shaders"), why == "own shaders", "{file}: {reason}");
+        assert!(reason.contains(why), "{file}: {reason}, not {why}");
     }
 }

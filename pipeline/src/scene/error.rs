@@ -12,6 +12,8 @@ pub enum Place {
     Byte(u64),
     /// Line of a text file, from 1.
     Line(u64),
+    /// Line and column of a text file, both from 1; columns count characters.
+    Column(u64, u64),
 }
 
 impl fmt::Display for Place {
@@ -20,6 +22,7 @@ impl fmt::Display for Place {
             Self::File => Ok(()),
             Self::Byte(offset) => write!(f, " at byte {offset}"),
             Self::Line(line) => write!(f, ":{line}"),
+            Self::Column(line, column) => write!(f, ":{line}:{column}"),
         }
     }
 }
@@ -53,6 +56,22 @@ impl SceneError {
 
     pub(crate) fn file(file: &Path, what: impl Into<String>) -> Self {
         Self::new(file, Place::File, what)
+    }
+
+    /// The error with line and column in the place of a byte of `text`, the contents of the file.
+    pub(crate) fn in_text(mut self, text: &[u8]) -> Self {
+        if let Place::Byte(at) = self.place {
+            // A byte order mark is no column.
+            let (mark, rest) = text.split_at(if text.starts_with("\u{feff}".as_bytes()) { 3 } else { 0 });
+            let before =
+                &rest[..usize::try_from(at).map_or(rest.len(), |at| at.saturating_sub(mark.len()).min(rest.len()))];
+            let line = 1 + before.iter().filter(|byte| **byte == b'\n').count() as u64;
+            let start = before.iter().rposition(|byte| *byte == b'\n').map_or(0, |end| end + 1);
+            // The bytes of a character but its first are 0x80 to 0xbf.
+            let column = 1 + before[start..].iter().filter(|byte| **byte & 0xc0 != 0x80).count() as u64;
+            self.place = Place::Column(line, column);
+        }
+        self
     }
 
     pub(crate) fn help(mut self, help: impl Into<String>) -> Self {

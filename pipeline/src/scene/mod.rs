@@ -207,6 +207,13 @@ pub enum TextureSource {
         /// The texels.
         source: Box<TextureSource>,
     },
+    /// What another source's alpha lets through: 1 - opacity times alpha, in all channels. Always within [`Self::Data`].
+    Clear {
+        /// The texels.
+        source: Box<TextureSource>,
+        /// The factor of alpha, in 65,535ths.
+        opacity: u16,
+    },
 }
 
 impl TextureSource {
@@ -218,6 +225,7 @@ impl TextureSource {
             Self::Embedded { name, .. } => name.clone(),
             Self::Masked { color, mask } => format!("{} with {}", color.display(), mask.display()),
             Self::Wrapped { source, .. } | Self::Data { source } => source.name(),
+            Self::Clear { source, .. } => format!("the alpha of {}", source.name()),
         }
     }
 
@@ -233,6 +241,18 @@ impl TextureSource {
         matches!(self, Self::Data { .. })
     }
 
+    /// What this source's alpha lets through, as data. `opacity` is the factor of alpha, in 65,535ths.
+    #[must_use]
+    pub fn clear(self, opacity: u16) -> Self {
+        Self::Clear { source: Box::new(self), opacity }.data()
+    }
+
+    /// Whether the texels are what the alpha of others lets through.
+    #[must_use]
+    pub fn is_clear(&self) -> bool {
+        matches!(self, Self::Data { source } if matches!(**source, Self::Clear { .. }))
+    }
+
     /// This source with other wrap modes.
     #[must_use]
     pub fn wrapped(self, wrap: [Wrap; 2]) -> Self {
@@ -244,7 +264,7 @@ impl TextureSource {
     pub fn texels(&self) -> (&Self, [Wrap; 2]) {
         match self {
             Self::Wrapped { source, wrap } => (source.texels().0, *wrap),
-            Self::Data { source } => source.texels(),
+            Self::Data { source } | Self::Clear { source, .. } => source.texels(),
             source => (source, [Wrap::Repeat; 2]),
         }
     }
@@ -406,7 +426,7 @@ pub struct Needs {
     pub colors: bool,
     /// Normal maps of materials that have them, with their tangents and texture coordinates; only with [`Self::normals`].
     pub normal_maps: bool,
-    /// Roughness and transmission textures of glass; only with [`Self::textures`].
+    /// Roughness and transmission textures of glass, and the texels of what is blended; only with [`Self::textures`].
     pub glass_maps: bool,
     /// Tangents of all meshes, for shaders that read them; only with [`Self::normals`] and [`Self::textures`].
     pub tangents: bool,

@@ -29,6 +29,11 @@ struct Loader {
 }
 
 pub(crate) fn read(bytes: &[u8], context: &mut Context<'_>) -> Result<Scene, SceneError> {
+    read_mesh(bytes, context).map_err(|error| error.in_text(bytes))
+}
+
+/// [`read`], whose errors count bytes.
+fn read_mesh(bytes: &[u8], context: &mut Context<'_>) -> Result<Scene, SceneError> {
     let text = std::str::from_utf8(bytes).map_err(|error| {
         SceneError::new(context.file, Place::Byte(error.valid_up_to() as u64), "this is not UTF-8").help("valid: UTF-8")
     })?;
@@ -225,7 +230,7 @@ mod tests {
         said("<skeleton/>", "no mesh of Ogre");
         said(&MESH.replace("v2=\"1\"", "v2=\"-1\""), "`v2` of <face> is missing or no number");
         said(&MESH.replace("<position x=\"5\" y=\"0\"", "<position x=\"5\""), "`y` of <position>");
-        said("\u{feff}<mesh><face/></mesh>", "at byte 9");
+        said("\u{feff}<mesh><face/></mesh>", ":1:7: ");
         let many = format!("<mesh>{}</mesh>", "<vertex/>".repeat(20_000));
         let error = load_text(&many, 1 << 20).expect_err("beyond the limit");
         assert!(error.contains("--max-memory"), "{error}");

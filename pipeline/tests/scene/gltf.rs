@@ -4,7 +4,9 @@ use crate::scene_support::{Folder, assert_references_are_valid, count, load_capp
 use curitiba_pipeline::color::ColorSpace;
 use curitiba_pipeline::glass::Reflectance;
 use curitiba_pipeline::scene::texture::Wrap;
-use curitiba_pipeline::scene::{BuildOptions, LoadOptions, Needs, RenderScene, Scene, TextureSource, load};
+use curitiba_pipeline::scene::{
+    BuildOptions, Layout, LoadOptions, Needs, RenderScene, Scene, TextureSource, load, write_cbo,
+};
 use glam::{DVec3, Mat4, Vec2, Vec3, Vec4};
 use serde_json::{Value, json};
 
@@ -618,8 +620,8 @@ fn images_in_views_data_and_files_are_found_and_urls_are_warnings() {
 
     // A conversion writes the embedded image to a file beside the scene.
     let scene = load_one(&path).unwrap();
-    let layout = curitiba_pipeline::scene::Layout::Cbo2014;
-    let warnings = curitiba_pipeline::scene::write_cbo(&scene, &folder.path("b.cbo"), layout).unwrap();
+    let layout = Layout::Cbo2014;
+    let warnings = write_cbo(&scene, &folder.path("b.cbo"), layout).unwrap();
     assert_eq!(count(&warnings, "textures written beside the file"), 2, "clamped and repeated");
     let converted = load_one(&folder.path("b.cbo")).unwrap();
     assert_eq!(std::fs::read(converted.textures[0].name()).unwrap(), png);
@@ -1282,4 +1284,130 @@ fn translations_have_all_digits_of_the_file() {
     let scene = read(&json, &binary).unwrap();
     let corner = scene.to_world(&scene.objects[0]).transform_point3(DVec3::ZERO);
     assert!(corner.distance(place) < 1e-6, "{corner}");
+}
+
+/// A picture of 64 x 64 texels whose alpha depends on the column.
+fn columns(folder: &Folder, name: &str, alpha: impl Fn(u32) -> u8) {
+    let picture = image::RgbaImage::from_fn(64, 64, |x, _| image::Rgba([200, 100, 50, alpha(x)]));
+    picture.save(folder.path(name)).expect("a PNG");
+}
+
+#[test]
+fn what_is_blended_by_a_texture_is_clear_by_each_texel_or_cut_out() {
+    let folder = Folder::new();
+    // An eighth of the columns each of 0, 51, 102 ... 255, and two halves with one half-clear column between them.
+    columns(&folder, "smoke.png", |x| (x / 8 * 51).min(255) as u8);
+    columns(&folder, "leaf.png", |x| [0, 128, 255][usize::from(x > 31) + usize::from(x > 32)]);
+    let (mut json, binary) = square();
+    json["textures"] = json!([{"source": 0}, {"source": 1}]);
+    json["images"] = json!([{"uri": "smoke.png"}, {"uri": "leaf.png"}]);
+    let of = |texture: u32, opacity: f32, mode: &str| {
+        json!({"alphaMode": mode, "pbrMetallicRoughness":
+            {"baseColorTexture": {"index": texture}, "baseColorFactor": [1.0, 1.0, 1.0, opacity]}})
+    };
+    json["materials"] = json!([
+        of(0, 1.0, "BLEND"),
+        of(1, 1.0, "BLEND"),
+        of(1, 0.5, "BLEND"),
+        of(0, 1.0, "MASK"),
+        of(0, 1.0, "OPAQUE")
+    ]);
+    let path = folder.write("a.glb", glb(&json, &binary));
+    let read = |needs: Needs| {
+        load(std::slice::from_ref(&path), &LoadOptions { needs, ..LoadOptions::default() }, &|_| {}).unwrap()
+    };
+    const CUT: &str = "materials that are blended, with hardly a texel that is half clear";
+    const UNASKED: &str = "materials that are blended texel by texel";
+    let scene = read(Needs::ALL);
+    let [smoke, leaf, faint, mask, opaque] = &scene.materials[..] else { panic!("five materials") };
+    for soft in [smoke, faint] {
+        assert_eq!((soft.transmission, soft.veil, soft.ior, soft.volume), (1.0, 0.0, 1.0, false), "{soft:?}");
+        assert!(scene.textures[soft.transmission_texture.expect("its alpha") as usize].is_clear());
+        assert!(soft.alpha_cutoff.is_some_and(|cutoff| cutoff < 1.0 / 255.0), "{soft:?}");
+    }
+    for cut in [leaf, mask] {
+        assert_eq!((cut.transmission, cut.transmission_texture, cut.alpha_cutoff), (0.0, None, Some(0.5)), "{cut:?}");
+    }
+    assert_eq!((opaque.transmission, opaque.transmission_texture, opaque.alpha_cutoff), (0.0, None, None));
+    assert_eq!((count(&scene.warnings, CUT), count(&scene.warnings, UNASKED)), (1, 0));
+
+    // The texels are what alpha leaves, in both colour spaces.
+    for (material, opacity) in [(0, 1.0), (2, 0.5)] {
+        let mut scene = scene.clone();
+        scene.meshes[0].groups[0].material = material;
+        let options = BuildOptions { color: ColorSpace::Linear, ..BuildOptions::default() };
+        let (mut built, _) = RenderScene::build(scene, &options).unwrap();
+        let decided = curitiba_pipeline::glass::decide(&mut built, &path);
+        let texture = decided.dielectrics[material as usize].transmission_texture.expect("its alpha") as usize;
+        let base = &built.textures[built.materials[material as usize].texture.expect("its colours") as usize];
+        for column in 0..64 {
+            let at = Vec2::new((column as f32 + 0.5) / 64.0, 0.5);
+            let clear = built.textures[texture].sample(at, 0.0).x;
+            let expected = 1.0 - opacity * base.sample(at, 0.0).w;
+            assert!((clear - expected).abs() <= 0.5 / 255.0 + 1e-6, "{column}: {clear}, not {expected}");
+        }
+    }
+
+    // Where no pass asks the materials what is glass, all are cut at half, and it is said.
+    let scene = read(Needs { glass_maps: false, ..Needs::ALL });
+    let cutoffs: Vec<Option<f32>> = scene.materials.iter().map(|material| material.alpha_cutoff).collect();
+    assert_eq!(cutoffs, [Some(0.5), Some(0.5), Some(0.25), Some(0.5), None]);
+    assert!(scene.materials.iter().all(|material| material.transmission_texture.is_none()));
+    assert_eq!((count(&scene.warnings, CUT), count(&scene.warnings, UNASKED)), (1, 2));
+    // A load of nothing but the shape tells the same materials to be glass, and complains of no picture.
+    let scene = read(Needs::NOTHING);
+    let glass = scene.materials.iter().map(|material| material.transmission >= curitiba_pipeline::glass::TRANSPARENT);
+    assert_eq!(glass.collect::<Vec<_>>(), [true, false, true, false, false]);
+    assert!(scene.textures.is_empty() && count(&scene.warnings, "missing textures") == 0);
+}
+
+#[test]
+fn a_blend_whose_picture_is_lost_is_opaque_and_vertex_alpha_is_said_to_be_ignored() {
+    let folder = Folder::new();
+    columns(&folder, "smoke.png", |x| (x * 4) as u8);
+    let (mut json, mut binary) = square();
+    json["textures"] = json!([{"source": 0}]);
+    json["images"] = json!([{"uri": "smoke.png"}]);
+    json["materials"] = json!([{"alphaMode": "BLEND", "pbrMetallicRoughness": {"baseColorTexture": {"index": 0}}}]);
+    let colors = floats(&[[1.0, 1.0, 1.0, 0.5]; 4].concat());
+    let accessor = json!({"componentType": 5126, "count": 4, "type": "VEC4"});
+    let index = add_accessor(&mut json, &mut binary, &colors, accessor);
+    json["meshes"][0]["primitives"][0]["attributes"]["COLOR_0"] = index.into();
+    let path = folder.write("a.glb", glb(&json, &binary));
+    let scene = load_one(&path).unwrap();
+    assert_eq!(count(&scene.warnings, "vertex colours with alpha of what is blended texel by texel"), 1);
+    assert!(scene.meshes[0].colors.iter().all(|color| color.w == 1.0));
+    // Its 2014 layout has an alpha test at half, as pictures without rays do.
+    let written = folder.path("a.cbo");
+    write_cbo(&scene, &written, Layout::Cbo2014).unwrap();
+    assert_eq!(load_one(&written).unwrap().materials[0].alpha_cutoff, Some(0.5));
+
+    std::fs::write(folder.path("smoke.png"), b"no picture any more").unwrap();
+    let (built, warnings) = RenderScene::build(scene, &BuildOptions::default()).unwrap();
+    assert_eq!((built.materials[0].transmission, built.materials[0].transmission_texture), (0.0, None));
+    assert_eq!(count(&warnings, "textures that cannot be decoded"), 2, "its colours, and its alpha");
+    // A picture that is missing from the beginning is said once, and leaves the material whole.
+    std::fs::remove_file(folder.path("smoke.png")).unwrap();
+    let scene = load_one(&path).unwrap();
+    assert_eq!((count(&scene.warnings, "missing textures"), scene.materials[0].transmission), (1, 0.0));
+}
+
+#[test]
+fn samplers_that_ask_for_single_texels_are_said_to_be_blended() {
+    let folder = Folder::new();
+    folder.png("t.png", 1, 1, [128, 7, 9, 255]);
+    let (mut json, binary) = square();
+    json["images"] = json!([{"uri": "t.png"}]);
+    json["materials"] = json!([{"pbrMetallicRoughness": {"baseColorTexture": {"index": 0}}}]);
+    let nearest = |samplers: Value, sampler: u32, needs: Needs| {
+        let mut json = json.clone();
+        json["samplers"] = samplers;
+        json["textures"] = json!([{"source": 0, "sampler": sampler}]);
+        let path = folder.write("a.glb", glb(&json, &binary));
+        let scene = load(&[path], &LoadOptions { needs, ..LoadOptions::default() }, &|_| {}).unwrap();
+        count(&scene.warnings, "samplers whose magFilter is NEAREST")
+    };
+    let samplers = json!([{"magFilter": 9728}, {"magFilter": 9729, "minFilter": 9728}, {}]);
+    assert_eq!([0, 1, 2].map(|sampler| nearest(samplers.clone(), sampler, Needs::ALL)), [1, 0, 0]);
+    assert_eq!(nearest(samplers, 0, Needs::NOTHING), 0, "nobody reads it");
 }

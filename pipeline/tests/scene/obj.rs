@@ -454,3 +454,31 @@ fn files_near_their_origin_have_the_numbers_that_they_had() {
     let (built, _) = RenderScene::build(scene, &BuildOptions { origin: None, ..BuildOptions::default() }).unwrap();
     assert_eq!((built.origin, built.geometry.positions[1]), (DVec3::ZERO, Vec3::new(101.2, 30.0, 0.0)));
 }
+
+/// A name of bytes that are no UTF-8 is that of a library in UTF-8, or with the same bytes, and so are names of textures.
+#[test]
+fn libraries_and_textures_are_found_by_names_in_latin_1() {
+    let triangle = b"\nv 0 0 0\nv 1 0 0\nv 0 1 0\nusemtl wall\nf 1 2 3\n";
+    let library = b"newmtl wall\nKd 0.5 0.25 0.125\nmap_Kd \xC1gua.png\n";
+    let names: &[&std::ffi::OsStr] = &[
+        "Água".as_ref(),
+        #[cfg(unix)]
+        std::os::unix::ffi::OsStrExt::from_bytes(b"\xC1gua"),
+    ];
+    for name in names {
+        let folder = Folder::new();
+        let named = |end: &str| {
+            let mut name = name.to_os_string();
+            name.push(end);
+            folder.path("").join(name)
+        };
+        std::fs::write(named(".mtl"), library).unwrap();
+        std::fs::rename(folder.png("t.png", 1, 1, [1, 2, 3, 255]), named(".png")).unwrap();
+        let scene = load_one(&folder.write("a.obj", [b"mtllib \xC1gua.mtl", &triangle[..]].concat())).unwrap();
+        assert_eq!(scene.materials[0].diffuse.truncate(), Vec3::new(0.5, 0.25, 0.125), "{name:?}");
+        assert_eq!(scene.textures, [TextureSource::File(named(".png"))]);
+        assert!(scene.warnings.is_empty(), "{:?}", scene.warnings.groups());
+        let scene = load_one(&folder.write("a.obj", [b"mtllib \xC2gua.mtl", &triangle[..]].concat())).unwrap();
+        assert_eq!(count(&scene.warnings, "missing material libraries"), 1, "another letter");
+    }
+}

@@ -1,5 +1,6 @@
 //! The writer for both layouts. Scenes are written as lists of objects (`OctreeUnified`), never as octrees.
 
+use super::super::context::MASK_CUTOFF;
 use super::super::error::SceneError;
 use super::super::texture::Wrap;
 use super::super::{Material, Mesh, Object, Scene, TextureSource};
@@ -233,7 +234,11 @@ impl SceneWriter<'_> {
             self.count(0)?;
             self.string("")?;
             let (mut bools, mut enums, mut floats) = (STATE_BOOLS, STATE_ENUMS, STATE_FLOATS);
-            if let Some(cutoff) = material.alpha_cutoff {
+            // What is blended texel by texel is cut out at half, as it is drawn without rays.
+            let blended = material.transmission_texture;
+            let blended = blended.is_some_and(|texture| self.scene.textures[texture as usize].is_clear());
+            let half = MASK_CUTOFF * material.diffuse.w;
+            if let Some(cutoff) = material.alpha_cutoff.map(|cutoff| if blended { half } else { cutoff }) {
                 bools[alpha_test::ENABLED] = 1;
                 enums[alpha_test::FUNCTION] = alpha_test::GREATER_OR_EQUAL;
                 floats[alpha_test::VALUE] = cutoff;

@@ -22,6 +22,11 @@ use xml::{Document, Element, plain};
 const MAX_DEPTH: usize = 1024;
 
 pub(crate) fn read(bytes: &[u8], context: &mut Context<'_>) -> Result<Scene, SceneError> {
+    read_document(bytes, context).map_err(|error| error.in_text(bytes))
+}
+
+/// [`read`], whose errors count bytes.
+fn read_document(bytes: &[u8], context: &mut Context<'_>) -> Result<Scene, SceneError> {
     let file = context.file;
     let text = std::str::from_utf8(bytes).map_err(|error| {
         SceneError::new(file, Place::Byte(error.valid_up_to() as u64), "this is not UTF-8").help("valid: UTF-8")

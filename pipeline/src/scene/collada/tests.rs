@@ -214,12 +214,22 @@ fn a_byte_order_mark_moves_nothing() {
     assert_eq!(format!("{:?}", scene.meshes), format!("{:?}", plain.meshes));
     let wrong =
         |text: &str| load_text(&text.replace("100 0 200", "100 x 200"), Needs::ALL, 1 << 24).expect_err("refused");
-    let byte = |message: String| -> u64 {
-        let digits: String =
-            message.split("at byte ").nth(1).expect("its place").chars().take_while(char::is_ascii_digit).collect();
-        digits.parse().expect("a number")
-    };
-    assert_eq!(byte(wrong(&marked)), byte(wrong(HOUSE)) + 3);
+    let place = |message: String| message.split_once(".dae").expect("its file").1.to_owned();
+    let at = HOUSE.find("<float_array").expect("an element");
+    let before = &HOUSE[..at];
+    let line = before.matches('\n').count() + 1;
+    let column = before.chars().rev().take_while(|letter| *letter != '\n').count() + 1;
+    assert!(line > 1 && column > 1);
+    for text in [HOUSE, &marked] {
+        let said = place(wrong(text));
+        assert!(said.starts_with(&format!(":{line}:{column}: ")), "{said}, not {line}:{column}");
+    }
+    // Columns count letters, and a file of one line has line 1.
+    let long = format!("<COLLADA><ä/><é x=1/>{}</COLLADA>", " ".repeat(10));
+    let said = place(load_text(&long, Needs::ALL, 1 << 24).expect_err("an attribute without quotes"));
+    assert!(said.starts_with(":1:14: "), "{said}");
+    let broken = place(load_text("<COLLADA>\n\n  <a b='1/>", Needs::ALL, 1 << 24).expect_err("not closed"));
+    assert!(broken.starts_with(":3:3: "), "{broken}");
 }
 
 #[test]

@@ -4,7 +4,7 @@ use super::super::context::{Context, MASK_CUTOFF, MaterialTable, add_texture, no
 use super::super::dispersion::of_cauchy;
 use super::super::error::SceneError;
 use super::super::reflectance::Reflectance;
-use super::super::render::texture::NO_NORMAL_MAP;
+use super::super::render::texture::{Alphas, NO_NORMAL_MAP, alphas};
 use super::super::texture::Wrap;
 use super::super::{Material, TextureSource};
 use super::accessor::Data;
@@ -12,8 +12,9 @@ use super::container::{Target, base64, shortened, uri_target};
 use crate::color::encode;
 use crate::diagnostic::Warnings;
 use ::gltf::json::deserialize::from_str;
-use ::gltf::json::{self, Value, material::AlphaMode, texture::WrappingMode, validation::Checked};
+use ::gltf::json::{self, Value, material::AlphaMode, texture::MagFilter, texture::WrappingMode, validation::Checked};
 use glam::{Mat2, Vec2, Vec3, Vec4};
+use std::collections::HashMap;
 
 /// Transform from a primitive's texture coordinates to those of its material's texture.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -44,7 +45,12 @@ enum Alpha {
     /// `BLEND` drawn as [`Alpha::Cut`] with this cutoff. The material gets the cutoff only if its texture or vertex colours have
     /// alpha; a factor alone cuts nothing.
     Blended(f32),
+    /// `BLEND` by the alpha of each texel; that of vertices is not read.
+    Soft,
 }
+
+/// Cutoff of what is blended by the alpha of each texel: below it a texel's code of alpha is 0, and the surface has a hole there.
+const CLEAR: f32 = 0.5 / 255.0;
 
 /// The material of a primitive.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -55,6 +61,13 @@ pub(super) struct Surface {
     /// Whether the material has a normal map and [`crate::scene::Needs`] asks for it.
     pub(super) mapped: bool,
     alpha: Alpha,
+}
+
+impl Surface {
+    /// Whether it is blended by the alpha of each texel.
+    pub(super) fn is_soft(&self) -> bool {
+        self.alpha == Alpha::Soft
+    }
 }
 
 /// The materials of an asset.
@@ -76,6 +89,7 @@ impl Materials {
     ) -> Result<Self, SceneError> {
         let mut materials = Self::default();
         let mut images = vec![None; data.root.images.len()];
+        let mut spread = HashMap::new();
         for (index, written) in data.root.materials.iter().enumerate() {
             let mut name = written.name.clone().unwrap_or_else(|| format!("material {index}"));
             if materials.table.get(&name).is_some() {
@@ -87,12 +101,18 @@ impl Materials {
                     format!("`{taken}` is now `{name}`")
                 });
             }
-            let mut material = surface(written, name, context, warnings);
+            let alphas = blended_alphas((written, &name), data, (&mut images, &mut spread), context, warnings)?;
+            let soft = alphas.filter(|alphas| alphas.are_soft());
+            let mut material = surface(written, name, alphas, context, warnings);
             let mut coordinates = Coordinates::PLAIN;
             let base = written.pbr_metallic_roughness.base_color_texture.as_ref().filter(|_| context.needs.textures);
             if let Some(info) = base {
                 coordinates = coordinates_of(info);
                 let source = image(info, data, &mut images, (&material.name, NO_TEXTURE), context, warnings)?;
+                if let Some(source) = source.clone().filter(|_| soft.is_some() && context.needs.glass_maps) {
+                    let clear = source.clear(opacity(written));
+                    material.transmission_texture = Some(add_texture(&mut materials.textures, clear));
+                }
                 material.texture = source.map(|source| add_texture(&mut materials.textures, source));
             }
             let shines = material.emission.truncate() != Vec3::ZERO;
@@ -165,6 +185,9 @@ impl Materials {
             let mapped = material.normal_texture.is_some();
             let alpha = match written.alpha_mode {
                 Checked::Valid(AlphaMode::Mask) => Alpha::Cut,
+                Checked::Valid(AlphaMode::Blend) if material.transmission_texture.is_some() && soft.is_some() => {
+                    Alpha::Soft
+                }
                 Checked::Valid(AlphaMode::Blend) => Alpha::Blended(MASK_CUTOFF * material.diffuse.w),
                 _ => Alpha::Ignored,
             };
@@ -172,6 +195,7 @@ impl Materials {
             materials.by_index.push(Surface { material: index, coordinates, mapped, alpha });
             materials.table.declare(material);
         }
+        warn_of_nearest(data, context, warnings);
         Ok(materials)
     }
 
@@ -206,7 +230,7 @@ impl Materials {
         let mut clear = false;
         let colors = colors
             .map(|color| {
-                let alpha = if surface.alpha == Alpha::Ignored { 1.0 } else { color.w };
+                let alpha = if matches!(surface.alpha, Alpha::Ignored | Alpha::Soft) { 1.0 } else { color.w };
                 clear |= alpha < 1.0;
                 color.truncate().map(encode).extend(alpha)
             })
@@ -232,6 +256,43 @@ fn is_veil(written: &json::Material) -> bool {
     is_even(written) && written.extensions.as_ref().is_none_or(|extensions| extensions.transmission.is_none())
 }
 
+/// The opacity of a material as a factor of its texture's alpha, in 65,535ths.
+fn opacity(written: &json::Material) -> u16 {
+    let factor = written.pbr_metallic_roughness.base_color_factor.0[3];
+    (factor.clamp(0.0, 1.0) * f32::from(u16::MAX)).round() as u16
+}
+
+/// How the alpha of a material is spread that is blended by a texture and lets nothing through by itself; `None` of others, and where the
+/// texture cannot be read. `spread` keeps what was found, by texture and opacity.
+fn blended_alphas(
+    (written, name): (&json::Material, &str),
+    data: &Data<'_>,
+    (images, spread): (&mut [Option<Option<TextureSource>>], &mut HashMap<(String, u16), Option<Alphas>>),
+    context: &mut Context<'_>,
+    warnings: &mut Warnings,
+) -> Result<Option<Alphas>, SceneError> {
+    let transmits = written.extensions.as_ref().is_some_and(|extensions| extensions.transmission.is_some());
+    if written.alpha_mode != Checked::Valid(AlphaMode::Blend) || transmits {
+        return Ok(None);
+    }
+    let Some(info) = &written.pbr_metallic_roughness.base_color_texture else { return Ok(None) };
+    let source = if context.needs.textures {
+        image(info, data, images, (name, NO_TEXTURE), context, warnings)?
+    } else {
+        // A load without textures says nothing of those that are missing.
+        let (mut unsaid, mut unkept) = (Warnings::default(), vec![None; images.len()]);
+        image(info, data, &mut unkept, (name, NO_TEXTURE), context, &mut unsaid)?
+    };
+    let Some(source) = source else { return Ok(None) };
+    let key = (source.name(), opacity(written));
+    if let Some(found) = spread.get(&key) {
+        return Ok(*found);
+    }
+    let found = alphas(&source, opacity(written), (context.file, context.budget))?;
+    spread.insert(key, found);
+    Ok(found)
+}
+
 /// Whether a material is blended evenly, and is glass that bounds no body.
 fn is_blended_pane(written: &json::Material) -> bool {
     let thin = |e: &json::extensions::material::Material| {
@@ -250,7 +311,13 @@ fn transmission_texture<'a>(written: &'a json::Material, context: &Context<'_>) 
 }
 
 /// The parameters of a material, without its texture.
-fn surface(written: &json::Material, name: String, context: &Context<'_>, warnings: &mut Warnings) -> Material {
+fn surface(
+    written: &json::Material,
+    name: String,
+    alphas: Option<Alphas>,
+    context: &Context<'_>,
+    warnings: &mut Warnings,
+) -> Material {
     let mut warn = |what: &'static str, remedy: &'static str, detail: &str| {
         warnings.add(context.file, what, remedy, || format!("{detail}`{name}`"));
     };
@@ -280,6 +347,27 @@ fn surface(written: &json::Material, name: String, context: &Context<'_>, warnin
                 // What is behind shows by what alpha leaves, neither bent nor tinted (glTF 2.0, section 3.9.4).
                 material.transmission = (1.0 - factor.w).clamp(0.0, 1.0);
                 material.veil = 1.0 - material.transmission;
+            } else if let Some(Alphas { mean, .. }) = alphas.filter(|alphas| alphas.are_soft()) {
+                if context.needs.textures && context.needs.glass_maps {
+                    // The texture of transmission says what of it is clear.
+                    (material.transmission, material.veil) = (1.0, 0.0);
+                    material.alpha_cutoff = Some(CLEAR);
+                } else {
+                    (material.transmission, material.veil) = (1.0 - mean, mean);
+                    if context.needs.textures {
+                        warn(
+                            "materials that are blended texel by texel",
+                            "without glass=\"auto\" what is half clear or more is cut out",
+                            "",
+                        );
+                    }
+                }
+            } else if alphas.is_some() {
+                warn(
+                    "materials that are blended, with hardly a texel that is half clear",
+                    "what is half clear or more is cut out",
+                    "",
+                );
             } else if !is_blended_pane(written) {
                 warn("materials that are blended", "what is half clear or more in their texture is cut out", "");
             }
@@ -314,7 +402,7 @@ fn surface(written: &json::Material, name: String, context: &Context<'_>, warnin
             _ => warn("materials with an index of refraction below 1", "1.5 serves", ""),
         }
     }
-    if is_veil(written) {
+    if is_veil(written) || alphas.is_some_and(Alphas::are_soft) {
         material.ior = 1.0;
     }
     if let Some(volume) = extensions.and_then(|e| e.volume.as_ref()) {
@@ -500,6 +588,20 @@ fn wrap_of(mode: Checked<WrappingMode>) -> Wrap {
         Checked::Valid(WrappingMode::ClampToEdge) => Wrap::Clamp,
         Checked::Valid(WrappingMode::MirroredRepeat) => Wrap::Mirror,
         _ => Wrap::Repeat,
+    }
+}
+
+/// Warns of the samplers of textures that ask for single texels where a texture is enlarged.
+fn warn_of_nearest(data: &Data<'_>, context: &Context<'_>, warnings: &mut Warnings) {
+    let root = data.root;
+    for (index, sampler) in root.samplers.iter().enumerate().filter(|_| context.needs.textures) {
+        let nearest = sampler.mag_filter == Some(Checked::Valid(MagFilter::Nearest));
+        let used = || root.textures.iter().any(|texture| texture.sampler.is_some_and(|used| used.value() == index));
+        if nearest && used() {
+            let what = "samplers whose magFilter is NEAREST";
+            warnings
+                .add(context.file, what, "their textures are blended between texels", || format!("sampler {index}"));
+        }
     }
 }
 

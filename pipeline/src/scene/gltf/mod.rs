@@ -324,6 +324,11 @@ impl Assembler<'_> {
             return Ok(self.materials.colored(surface, colors.into_iter().map(|color| Vec3::from(color).extend(1.0))));
         }
         let colors = vectors.read::<4>(accessor, SEMANTIC, context)?;
+        if surface.is_soft() && colors.iter().any(|color| color[3] < 1.0) {
+            let what = "vertex colours with alpha of what is blended texel by texel";
+            let name = &self.materials.table.materials[surface.material as usize].name;
+            self.scene.warnings.add(context.file, what, "their alpha is ignored", || format!("`{name}`"));
+        }
         Ok(self.materials.colored(surface, colors.into_iter().map(Vec4::from)))
     }
 }
