@@ -118,6 +118,42 @@ fn rewrite(text: &str, quoted: &mut BTreeSet<(String, String, String)>) -> Resul
     Ok(out)
 }
 
+/// Numbers of milliseconds that stand neither in a table made from a measurement nor in quoted text, with their lines.
+fn typed_milliseconds(text: &str) -> Vec<(usize, String)> {
+    let (mut generated, mut quoted) = (false, false);
+    let mut found = Vec::new();
+    for (line, number) in text.lines().zip(1..) {
+        quoted ^= line.trim_start().starts_with("```");
+        generated = generated && line.trim() != END || line.trim().starts_with(BEGIN);
+        if generated || quoted {
+            continue;
+        }
+        for (at, _) in line.match_indices(" ms") {
+            let digits = line[..at].rsplit(|c: char| !(c.is_ascii_digit() || c == '.')).next().unwrap_or_default();
+            let is_unit = !line[at + " ms".len()..].starts_with(char::is_alphanumeric);
+            if is_unit && digits.starts_with(|c: char| c.is_ascii_digit()) {
+                found.push((number, format!("{digits} ms")));
+            }
+        }
+    }
+    found
+}
+
+/// What was measured on some day stands in `docs/lab`, with its machine and commit; elsewhere it is made from a file.
+#[test]
+fn no_measured_time_is_typed() {
+    // Constants of the program.
+    let constants = [("viewer.md", &["50 ms", "150 ms", "250 ms"][..]), ("wgpu_rays.md", &["20 ms"])];
+    for path in documents().iter().filter(|path| !path.starts_with(root().join("docs/lab"))) {
+        let known = constants.iter().find(|(name, _)| path.ends_with(name)).map_or(&[][..], |(_, known)| known);
+        let mut typed = typed_milliseconds(&std::fs::read_to_string(path).expect("UTF-8"));
+        typed.retain(|(_, time)| !known.contains(&time.as_str()));
+        assert!(typed.is_empty(), "{}: {typed:?}: quote a measurement, or note it in docs/lab", path.display());
+    }
+    let text = "takes 4.5 ms\n```\nframe 5 ms\n```\n<!-- figures: machine a.json -->\n6 ms\n<!-- end of figures -->\n7 ms, 8 msec";
+    assert_eq!(typed_milliseconds(text), [(1, "4.5 ms".to_owned()), (8, "7 ms".to_owned())]);
+}
+
 #[test]
 fn the_documents_hold_what_was_measured() {
     let write = std::env::var_os("CURITIBA_WRITE_FIGURES").is_some();
