@@ -136,7 +136,7 @@ fn the_table_of_the_descendants_projects_has_as_many_as_the_text_says() {
     let count = |outcome: &str, how: &str| rows.iter().filter(|row| row[1] == outcome && row[2].contains(how)).count();
     let [renders, own, refused] = [count("renders", ""), count("renders", "own shaders"), count("refused", "")];
     assert_eq!(renders + refused, rows.len());
-    assert!(rows.iter().all(|row| (row[1] == "renders" || !row[2].is_empty())), "a reason for each that is refused");
+    assert!(rows.iter().all(|row| row[1] == "renders" || !row[2].is_empty()), "a reason for each that is refused");
     let (all, of) = (rows.len(), "projects of the engine's descendant");
     let sentence = format!("Of {all} {of} {renders} render, {own} of them with own shaders");
     assert!(text.contains(&sentence), "{sentence}");

@@ -89,7 +89,7 @@ impl Materials {
     ) -> Result<Self, SceneError> {
         let mut materials = Self::default();
         let mut images = vec![None; data.root.images.len()];
-        let mut spread = HashMap::new();
+        let mut spread = Spread::new();
         for (index, written) in data.root.materials.iter().enumerate() {
             let mut name = written.name.clone().unwrap_or_else(|| format!("material {index}"));
             if materials.table.get(&name).is_some() {
@@ -256,6 +256,9 @@ fn is_veil(written: &json::Material) -> bool {
     is_even(written) && written.extensions.as_ref().is_none_or(|extensions| extensions.transmission.is_none())
 }
 
+/// How alpha is spread, by the name of its texture and the opacity; `None` where the texture cannot be read.
+type Spread = HashMap<(String, u16), Option<Alphas>>;
+
 /// The opacity of a material as a factor of its texture's alpha, in 65,535ths.
 fn opacity(written: &json::Material) -> u16 {
     let factor = written.pbr_metallic_roughness.base_color_factor.0[3];
@@ -267,7 +270,7 @@ fn opacity(written: &json::Material) -> u16 {
 fn blended_alphas(
     (written, name): (&json::Material, &str),
     data: &Data<'_>,
-    (images, spread): (&mut [Option<Option<TextureSource>>], &mut HashMap<(String, u16), Option<Alphas>>),
+    (images, spread): (&mut [Option<Option<TextureSource>>], &mut Spread),
     context: &mut Context<'_>,
     warnings: &mut Warnings,
 ) -> Result<Option<Alphas>, SceneError> {
