@@ -12,8 +12,8 @@ pub enum Place {
     Byte(u64),
     /// Line of a text file, from 1.
     Line(u64),
-    /// Line and column of a text file, both from 1; columns count characters.
-    Column(u64, u64),
+    /// Line and column of a text file, both from 1; columns count characters, and 2³² - 1 stands for more.
+    Column(u32, u32),
 }
 
 impl fmt::Display for Place {
@@ -65,11 +65,12 @@ impl SceneError {
             let (mark, rest) = text.split_at(if text.starts_with("\u{feff}".as_bytes()) { 3 } else { 0 });
             let before =
                 &rest[..usize::try_from(at).map_or(rest.len(), |at| at.saturating_sub(mark.len()).min(rest.len()))];
-            let line = 1 + before.iter().filter(|byte| **byte == b'\n').count() as u64;
+            let line = 1 + before.iter().filter(|byte| **byte == b'\n').count();
             let start = before.iter().rposition(|byte| *byte == b'\n').map_or(0, |end| end + 1);
             // The bytes of a character but its first are 0x80 to 0xbf.
-            let column = 1 + before[start..].iter().filter(|byte| **byte & 0xc0 != 0x80).count() as u64;
-            self.place = Place::Column(line, column);
+            let column = 1 + before[start..].iter().filter(|byte| **byte & 0xc0 != 0x80).count();
+            self.place =
+                Place::Column(u32::try_from(line).unwrap_or(u32::MAX), u32::try_from(column).unwrap_or(u32::MAX));
         }
         self
     }

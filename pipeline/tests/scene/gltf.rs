@@ -1336,7 +1336,7 @@ fn what_is_blended_by_a_texture_is_clear_by_each_texel_or_cut_out() {
         let mut scene = scene.clone();
         scene.meshes[0].groups[0].material = material;
         let options = BuildOptions { color: ColorSpace::Linear, ..BuildOptions::default() };
-        let (mut built, _) = RenderScene::build(scene, &options).unwrap();
+        let mut built = std::sync::Arc::new(RenderScene::build(scene, &options).unwrap().0);
         let decided = curitiba_pipeline::glass::decide(&mut built, &path);
         let texture = decided.dielectrics[material as usize].transmission_texture.expect("its alpha") as usize;
         let base = &built.textures[built.materials[material as usize].texture.expect("its colours") as usize];
