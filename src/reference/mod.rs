@@ -62,7 +62,7 @@ use std::rc::Rc;
 use std::time::{Duration, Instant};
 
 /// Must change whenever the same passes give different pictures: references of another format are not used.
-pub const FORMAT: u32 = 2;
+pub const FORMAT: u32 = 3;
 
 /// Least ratio between a measured error and the estimated error of its reference.
 pub const MARGIN: f64 = 10.0;

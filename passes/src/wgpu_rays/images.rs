@@ -4,6 +4,7 @@ use super::NAME;
 use crate::cpu::check;
 use crate::raster::gpu::device::Gpu;
 use crate::raster::gpu::lend::PICTURE_USAGE;
+use crate::raster::gpu::resources::texture;
 use crate::raster::gpu::targets::{CHANNEL_FORMATS, CHANNELS, TRIANGLE};
 use curitiba_pipeline::backend::{BackendError, RayJob};
 
@@ -27,25 +28,6 @@ pub struct Images {
     output: Option<wgpu::Texture>,
     /// Of a filter: the normals of what pixels show, and the picture that its levels write to in turn with the output.
     filter: [Option<wgpu::Texture>; 2],
-}
-
-fn texture(
-    gpu: &Gpu,
-    label: &str,
-    format: wgpu::TextureFormat,
-    [width, height]: [u32; 2],
-    usage: wgpu::TextureUsages,
-) -> wgpu::Texture {
-    gpu.device.create_texture(&wgpu::TextureDescriptor {
-        label: Some(label),
-        size: wgpu::Extent3d { width, height, depth_or_array_layers: 1 },
-        mip_level_count: 1,
-        sample_count: 1,
-        dimension: wgpu::TextureDimension::D2,
-        format,
-        usage,
-        view_formats: &[],
-    })
 }
 
 fn whole(texture: &wgpu::Texture) -> wgpu::TextureView {

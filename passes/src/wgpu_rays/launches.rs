@@ -4,6 +4,7 @@ use super::layout::{COUNT_BYTES, Params, TILE};
 use super::programs::Stage;
 use crate::raster::gpu::AdapterKind;
 use crate::raster::gpu::device::Gpu;
+use crate::raster::gpu::resources::rectangle;
 use curitiba_pipeline::backend::BackendError;
 use curitiba_pipeline::executor::Progress;
 use std::time::{Duration, Instant};
@@ -97,12 +98,6 @@ pub struct Work<'a> {
     pub parameters: &'a wgpu::Buffer,
     /// What is being done, for messages.
     pub doing: &'a str,
-}
-
-/// Dimensions of a dispatch of at least `tiles` workgroups, each dimension at most `most`.
-pub(super) fn rectangle(tiles: u32, most: u32) -> [u32; 2] {
-    let across = tiles.min(most);
-    [across, tiles.div_ceil(across.max(1))]
 }
 
 /// Number of workgroups of a kernel for that many tiles. Kernels that settle and trace have 32 threads a group, and take further points in
@@ -207,9 +202,5 @@ mod tests {
         assert_eq!(next_size(1, ms(900), WANTED), 1, "there is no shorter launch");
         assert_eq!(next_size(64, Duration::ZERO, WANTED), 64 * GROWTH);
         assert_eq!([0, 16, 64, 128, 65_536].map(first_tiles), [64, 64, 64, 32, 1], "many rays to discs, few tiles");
-        for (tiles, most) in [(1, 65_535), (65_535, 65_535), (65_536, 65_535), (1 << 22, 65_535), (7, 3)] {
-            let [across, down] = rectangle(tiles, most);
-            assert!(across <= most && down <= most && across * down >= tiles && across * (down - 1) < tiles);
-        }
     }
 }

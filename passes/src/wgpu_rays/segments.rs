@@ -2,12 +2,13 @@
 
 use super::NAME;
 use super::kernels::compile;
-use super::launches::{next_size, rectangle, wanted};
+use super::launches::{next_size, wanted};
 use super::programs;
 use super::scene::{TreeBuffers, too_large};
 use super::selftest;
 use crate::raster::gpu::device::Gpu;
 use crate::raster::gpu::faults::of_rays;
+use crate::raster::gpu::resources::{entry, rectangle};
 use crate::raster::gpu::{AdapterChoice, SharedDevice};
 use crate::trace::{Segment, SegmentTracer, Segments};
 use curitiba_pipeline::backend::BackendError;
@@ -148,10 +149,6 @@ impl WgpuSegments {
             bits.copy_from_slice(bytemuck::cast_slice(bytes));
         })
     }
-}
-
-fn entry(binding: u32, buffer: &wgpu::Buffer) -> wgpu::BindGroupEntry<'_> {
-    wgpu::BindGroupEntry { binding, resource: buffer.as_entire_binding() }
 }
 
 impl SegmentTracer for WgpuSegments {

@@ -14,15 +14,17 @@ const TOLERANCE: f32 = 1e-4;
 /// derivatives exactly. Devices may round the weights of texels and levels to 1/256 (Vulkan 1.3, section 16.9.1), and
 /// compute derivatives as differences between neighbouring pixels.
 const TEXTURED_TOLERANCE: f32 = 0.02;
-/// Greatest displacement of the interpolation, in pixels. The processor interpolates between corners snapped to 1/256
-/// pixel, while devices may interpolate between the exact corners: two corners with an error of 1/512 pixel in each
-/// direction.
+/// Greatest displacement of the interpolation, in pixels. Both rasterisers take attributes from the exact corners, in 32-bit floats. Where
+/// snapped triangles cover pixels that the exact ones do not, both show a place of the triangle that is near.
+const ROUNDING: f64 = 1.0 / 2048.0;
+/// The same where a device interpolates. Some do so between corners that they snapped to 1/256 pixel: two corners with an error of 1/512
+/// pixel in each direction.
 const SNAPPING: f64 = 1.0 / 256.0;
 
-/// The difference of a triangle's interpolated values that [`SNAPPING`] explains, as a fraction of the difference
+/// The difference of a triangle's interpolated values that a displacement explains, as a fraction of the difference
 /// between its corners. It is large where the triangle is hardly wider than the displacement, and 0 for triangles that
 /// reach behind the camera.
-fn slack(job: &RasterJob<'_>, triangle: u32) -> f32 {
+fn slack(job: &RasterJob<'_>, triangle: u32, displacement: f64) -> f32 {
     let size = DVec2::new(f64::from(job.viewport.width), f64::from(job.viewport.height));
     let from_world = job.view.clip_from_world;
     let clip = job.scene.geometry.corners(triangle).map(|p| (from_world * p.extend(1.0)).as_dvec4());
@@ -32,7 +34,7 @@ fn slack(job: &RasterJob<'_>, triangle: u32) -> f32 {
     let [a, b, c] = clip.map(|c| 0.5 * size * c.truncate().truncate() / c.w);
     let longest = (a - b).length().max((b - c).length()).max((c - a).length());
     let lowest_height = (b - a).perp_dot(c - a).abs() / longest;
-    (2.0 * SNAPPING / lowest_height).min(1.0) as f32
+    (2.0 * displacement / lowest_height).min(1.0) as f32
 }
 
 /// 1 if `value` is above `limit` or NaN, else 0.
@@ -71,8 +73,8 @@ struct Agreement {
 }
 
 impl Agreement {
-    /// Compares `a` and `b`, which both should be the drawing of `job`.
-    fn of(job: &RasterJob<'_>, a: &GBuffer, b: &GBuffer) -> Self {
+    /// Compares `a` and `b`, which both should be the drawing of `job`, whose attributes may be displaced by so many pixels.
+    fn of(job: &RasterJob<'_>, a: &GBuffer, b: &GBuffer, displacement: f64) -> Self {
         assert_eq!((a.width, a.height), (b.width, b.height));
         let geometry = &job.scene.geometry;
         let mut this = Self { pixels: a.triangle.len(), ..Self::default() };
@@ -82,7 +84,7 @@ impl Agreement {
             let (mut slack_position, mut slack_normal, mut color_tolerance) = (0.0, 0.0, TOLERANCE);
             if known {
                 let normals = geometry.triangles[id_a as usize].map(|vertex| geometry.normals[vertex as usize]);
-                let slack = slack(job, id_a);
+                let slack = slack(job, id_a, displacement);
                 let corners = geometry.corners(id_a);
                 // Interpolation in 32-bit floats has an error of some units in the last place of the corners.
                 let largest = corners.iter().map(|corner| corner.abs().max_element()).fold(0.0, f32::max);
@@ -192,10 +194,10 @@ fn compare(
     gpu: &mut dyn Rasteriser,
     setup: &Setup,
     job: &RasterJob<'_>,
-    allowed: Allowed,
+    (allowed, displacement): (Allowed, f64),
 ) -> (GBuffer, Option<(&'static str, &'static str)>) {
     let a = render(&mut CpuRasteriser::new(), setup, job, WIDTH, HEIGHT);
-    let agreement = Agreement::of(job, &a, &render(gpu, setup, job, WIDTH, HEIGHT));
+    let agreement = Agreement::of(job, &a, &render(gpu, setup, job, WIDTH, HEIGHT), displacement);
     println!("{}: {agreement:?}", setup.name);
     (a, agreement.verdict(allowed).err().map(|what| (setup.name, what)))
 }
@@ -207,9 +209,9 @@ fn the_two_rasterisers_draw_the_same() {
     for (setup, allowed) in setups() {
         let job = setup.job(WIDTH, HEIGHT, ALL);
         // Each pixel is shaded once, or each fragment.
-        for shades_pixels in [true, false] {
+        for (shades_pixels, displacement) in [(true, ROUNDING), (false, SNAPPING)] {
             gpu.set_shades_pixels(shades_pixels);
-            let (_, wrong) = compare(&mut gpu, &setup, &job, allowed);
+            let (_, wrong) = compare(&mut gpu, &setup, &job, (allowed, displacement));
             failed.extend(wrong);
         }
     }
@@ -226,7 +228,7 @@ fn a_camera_that_is_shifted_is_found_out_in_every_scene() {
         let shifted = Setup { eye: setup.eye + shift, target: setup.target + shift, ..setup };
         let job = shifted.job(WIDTH, HEIGHT, ALL);
         let b = render(&mut gpu, &shifted, &job, WIDTH, HEIGHT);
-        let agreement = Agreement::of(&job, &a, &b);
+        let agreement = Agreement::of(&job, &a, &b, ROUNDING);
         assert!(agreement.verdict(allowed).is_err(), "{}: {agreement:?}", shifted.name);
     }
 }
@@ -239,7 +241,7 @@ fn one_wrong_attachment_is_found_out() {
     let verdict = |spoil: &dyn Fn(&mut GBuffer)| {
         let mut bad = good.clone();
         spoil(&mut bad);
-        Agreement::of(&job, &good, &bad).verdict(STRICT)
+        Agreement::of(&job, &good, &bad, ROUNDING).verdict(STRICT)
     };
     assert_eq!(verdict(&|_| {}), Ok(()));
     let (covered, _) = good.triangle.iter().enumerate().find(|(_, id)| **id != NO_TRIANGLE).expect("one is covered");
@@ -269,7 +271,7 @@ fn both_leave_out_the_same_back_faces() {
         let job = RasterJob { culled: &culled, ..setup.job(150, 90, ALL) };
         let [a, b] =
             [render(&mut CpuRasteriser::new(), &setup, &job, 150, 90), render(&mut gpu, &setup, &job, 150, 90)];
-        let agreement = Agreement::of(&job, &a, &b);
+        let agreement = Agreement::of(&job, &a, &b, ROUNDING);
         let wrong = agreement.coverage
             + agreement.triangle.saturating_sub(8)
             + agreement.position
@@ -290,7 +292,7 @@ fn both_leave_what_is_outside_of_the_viewport() {
     let viewport = Rect { x: 37, y: 11, width: 70, height: 60 };
     let job = RasterJob { viewport, ..setup.job(70, 60, ALL) };
     let [a, b] = [render(&mut CpuRasteriser::new(), &setup, &job, 150, 90), render(&mut gpu, &setup, &job, 150, 90)];
-    let agreement = Agreement::of(&job, &a, &b);
+    let agreement = Agreement::of(&job, &a, &b, ROUNDING);
     // The marked pixels count as one triangle. Together with the drawn part, everything must agree.
     assert_eq!(agreement.verdict(STRICT), Ok(()), "{agreement:?}");
     let marks = |buffer: &GBuffer| buffer.triangle.iter().filter(|id| **id == 0xdead_beef).count();
@@ -319,15 +321,15 @@ fn both_add_the_same_lights() {
         let day = Light { place: None, direction: sun.direction, color: sun.color * 0.5, ..bulb };
         let lights = [bulb, spot, day];
         let job = RasterJob { sun: None, lights: &lights, ..setup.job(WIDTH, HEIGHT, ALL) };
-        let (a, wrong) = compare(&mut gpu, &setup, &job, allowed);
+        let (a, wrong) = compare(&mut gpu, &setup, &job, (allowed, ROUNDING));
         failed.extend(wrong);
         // Control: without the spot light, the picture is another.
         let fewer = RasterJob { lights: &lights[..1], ..job };
-        let other = Agreement::of(&job, &a, &render(&mut gpu, &setup, &fewer, WIDTH, HEIGHT));
+        let other = Agreement::of(&job, &a, &render(&mut gpu, &setup, &fewer, WIDTH, HEIGHT), ROUNDING);
         assert!(other.verdict(allowed).is_err(), "{}", setup.name);
         // A job with one directional light after that is drawn as before.
         let plain = setup.job(WIDTH, HEIGHT, ALL);
-        failed.extend(compare(&mut gpu, &setup, &plain, allowed).1);
+        failed.extend(compare(&mut gpu, &setup, &plain, (allowed, ROUNDING)).1);
         compared += 1;
     }
     assert!(compared == 3 && failed.is_empty(), "{compared} {failed:?}");

@@ -57,9 +57,9 @@ pub struct RasterJob<'a> {
     /// and effects read the rounded values; in host memory the executor rounds them. The rounding mode of a device is its own
     /// choice.
     pub half: Attachments,
-    /// Whether depth is interpolated between corners snapped to the subpixel grid (thesis fidelity), or that of the plane through the
-    /// exact corners. Devices interpolate it as they do in the first case, and in the second if fragments cannot read the corners of
-    /// their triangle.
+    /// Whether depth and attributes are interpolated between corners snapped to the subpixel grid (thesis fidelity), or are those of the
+    /// exact corners. Devices interpolate as they do in the first case, and in the second what their programs cannot compute from the
+    /// corners of a triangle.
     pub snapped_depth: bool,
     /// What is loaded instead of being cleared, and whether the depth is stored.
     pub load_store: LoadStore,

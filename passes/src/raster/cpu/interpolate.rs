@@ -1,16 +1,19 @@
 //! Perspective-correct vertex attributes and textures at the pixels of a triangle.
 
 use super::frame::{Corners, Frame, Placed};
-use super::vertex::UNITS;
+use super::vertex::{FINE, UNITS};
 use curitiba_pipeline::scene::texture::{Place, lod};
-use glam::Vec2;
+use glam::{DVec2, Vec2};
 use std::ops::{Add, Mul, Sub};
 
 /// Barycentric coordinates along a row of pixels, exact up to the division by the area.
+///
+/// They are those of the corners before they were snapped; in thesis fidelity and in depth maps, of the snapped corners. A pixel that only the snapped triangle covers has the coordinates of the
+/// nearest place of the triangle on the screen.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Barycentric {
-    /// Edge functions opposite to corners 1 and 2 at the first pixel, and the doubled area. They are products of 24-bit
-    /// integers, and exact in 64-bit floats, as are their sums.
+    /// Edge functions opposite to corners 1 and 2 at the first pixel, and the doubled area, in squares of [fractions](FINE) of sub-pixel
+    /// units. Coordinates are integers below 2^29: up to 4096 pixels from corner to corner the products are exact.
     pub(super) edges: [f64; 2],
     pub(super) area: f64,
     pub(super) scale: f64,
@@ -18,39 +21,70 @@ pub(super) struct Barycentric {
     pub(super) right: [f64; 2],
     pub(super) down: [f64; 2],
     pub(super) inv_w: [f32; 3],
+    /// From the first pixel to the corners.
+    ways: [[f64; 2]; 3],
 }
+
+/// Fractions of sub-pixel units in a pixel.
+const PIXEL: i32 = UNITS * FINE;
 
 impl Barycentric {
     /// Coordinates relative to the pixel (x, y) of the viewport.
     #[inline(always)]
-    pub(super) fn new([v0, v1, v2]: &Corners<'_>, x: i32, y: i32) -> Self {
-        let dx = f64::from(x * UNITS + UNITS / 2 - v0.x());
-        let dy = f64::from(y * UNITS + UNITS / 2 - v0.y());
-        let (x1, y1) = (f64::from(v1.x() - v0.x()), f64::from(v1.y() - v0.y()));
-        let (x2, y2) = (f64::from(v2.x() - v0.x()), f64::from(v2.y() - v0.y()));
+    pub(super) fn new(frame: &Frame<'_>, [v0, v1, v2]: &Corners<'_>, x: i32, y: i32) -> Self {
+        let ways = [v0, v1, v2].map(|corner| {
+            let [fine_x, fine_y] = corner.fine(frame.job.snapped_depth);
+            [fine_x - (x * PIXEL + PIXEL / 2), fine_y - (y * PIXEL + PIXEL / 2)].map(f64::from)
+        });
+        let [[x0, y0], [x1, y1], [x2, y2]] = ways;
+        let (x1, y1, x2, y2) = (x1 - x0, y1 - y0, x2 - x0, y2 - y0);
         let area = x1 * y2 - y1 * x2;
-        let pixel = f64::from(UNITS);
-        Self {
-            edges: [dx * y2 - dy * x2, x1 * dy - y1 * dx],
-            area,
-            scale: 1.0 / area,
-            right: [y2 * pixel, -y1 * pixel],
-            down: [-x2 * pixel, x1 * pixel],
-            inv_w: [v0.inv_w, v1.inv_w, v2.inv_w],
+        let pixel = f64::from(PIXEL);
+        let (mut edges, mut scale) = ([y0 * x2 - x0 * y2, y1 * x0 - x1 * y0], 1.0 / area);
+        let mut steps = [[y2 * pixel, -y1 * pixel], [-x2 * pixel, x1 * pixel]];
+        // No pixel is inside of a triangle whose whole area comes from snapping.
+        if area == 0.0 {
+            (edges, scale, steps) = ([-1.0; 2], 1.0, [[0.0; 2]; 2]);
         }
+        let [right, down] = steps;
+        Self { edges, area, scale, right, down, inv_w: [v0.inv_w, v1.inv_w, v2.inv_w], ways }
+    }
+
+    /// Screen-space barycentric coordinates of corners 1 and 2 at a pixel that lies outside of the triangle; `None` inside.
+    #[inline(always)]
+    pub(super) fn outside(&self, column: f64) -> Option<[f64; 2]> {
+        let [e1, e2] = [0, 1].map(|edge: usize| self.edges[edge] + self.right[edge] * column);
+        let e0 = self.area - e1 - e2;
+        [e0, e1, e2].into_iter().any(|edge| edge * self.scale < 0.0).then(|| self.nearest(column))
+    }
+
+    /// Screen-space barycentric coordinates of corners 1 and 2 at the place of the border that is nearest to a pixel.
+    #[cold]
+    #[inline(never)]
+    fn nearest(&self, column: f64) -> [f64; 2] {
+        let corners = self.ways.map(|[x, y]| DVec2::new(x - column * f64::from(PIXEL), y));
+        let edge = |from: usize, to: usize| {
+            let along = corners[to] - corners[from];
+            let share = (-corners[from].dot(along) / along.length_squared()).clamp(0.0, 1.0);
+            // An edge of no length has one place.
+            let share = if share.is_nan() { 0.0 } else { share };
+            let mut coordinates = [0.0; 3];
+            (coordinates[from], coordinates[to]) = (1.0 - share, share);
+            ((corners[from] + along * share).length_squared(), coordinates)
+        };
+        let first = edge(0, 1);
+        let [_, c1, c2] =
+            [edge(1, 2), edge(2, 0)].into_iter().fold(first, |best, next| if next.0 < best.0 { next } else { best }).1;
+        [c1, c2]
     }
 
     /// Screen-space barycentric coordinates of the three corners, each times its `1 / w`.
     #[inline(always)]
-    pub(super) fn weights(&self, column: f64) -> [f32; 3] {
-        let e1 = self.edges[0] + self.right[0] * column;
-        let e2 = self.edges[1] + self.right[1] * column;
-        let e0 = self.area - e1 - e2;
-        [
-            (e0 * self.scale) as f32 * self.inv_w[0],
-            (e1 * self.scale) as f32 * self.inv_w[1],
-            (e2 * self.scale) as f32 * self.inv_w[2],
-        ]
+    pub(super) fn weights(&self) -> [f32; 3] {
+        let [e1, e2] = self.edges;
+        let inside = [self.area - e1 - e2, e1, e2].map(|edge| edge * self.scale);
+        let [c0, c1, c2] = self.outside(0.0).map_or(inside, |[c1, c2]| [1.0 - c1 - c2, c1, c2]);
+        [c0 as f32 * self.inv_w[0], c1 as f32 * self.inv_w[1], c2 as f32 * self.inv_w[2]]
     }
 
     /// The mapping of texture coordinates and a texture of size `size`, for a filter over a square of side `footprint`
@@ -135,7 +169,7 @@ where
 pub(super) fn is_solid(frame: &Frame<'_>, placed: &Placed<'_>, x: i32, y: i32) -> bool {
     let shade = &frame.job.shades[frame.geometry.material_of(placed.triangle) as usize];
     let Some(cutoff) = shade.alpha_cutoff.filter(|_| shade.is_cut()) else { return true };
-    let Perspective { u, v, .. } = Perspective::new(Barycentric::new(&placed.corners, x, y).weights(0.0));
+    let Perspective { u, v, .. } = Perspective::new(Barycentric::new(frame, &placed.corners, x, y).weights());
     let mut vertices = 1.0;
     if shade.vertex_colors {
         let [a, b, c] = attribute(frame, placed, &frame.geometry.colors).map(|color| color.w);

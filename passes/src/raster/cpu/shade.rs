@@ -286,7 +286,7 @@ impl Rows {
             self.triangle[run].fill(placed.triangle);
             return;
         }
-        let barycentric = Barycentric::new(&placed.corners, left as i32, y as i32);
+        let barycentric = Barycentric::new(frame, &placed.corners, left as i32, y as i32);
         let columns = || run.clone().step_by(LANES);
         for column in columns() {
             spread(&mut self.triangle, column, placed.triangle);
@@ -300,6 +300,7 @@ impl Rows {
                 spread(&mut self.inv_w[corner], column, barycentric.inv_w[corner]);
             }
         }
+        self.place_outside(&barycentric, run.clone());
         if wanted.position {
             spread_corners(
                 &mut self.position,
@@ -335,6 +336,27 @@ impl Rows {
                 for column in run.step_by(LANES) {
                     self.mapping.spread(column, &mapping);
                 }
+            }
+        }
+    }
+
+    /// Gives the pixels of a run that lie outside of their triangle the coordinates of the nearest place. They are at the ends of the run.
+    #[inline(always)]
+    fn place_outside(&mut self, barycentric: &Barycentric, run: Range<usize>) {
+        let mut place = |column: usize| {
+            let Some(coordinates) = barycentric.outside(column as f64) else { return false };
+            self.area[column] = 1.0;
+            self.scale[column] = 1.0;
+            for (corner, coordinate) in coordinates.into_iter().enumerate() {
+                self.edges[corner][column] = coordinate;
+                self.right[corner][column] = 0.0;
+            }
+            true
+        };
+        let Some(first) = run.clone().find(|column| !place(*column)) else { return };
+        for column in (first + 1..run.end).rev() {
+            if !place(column) {
+                break;
             }
         }
     }

@@ -53,6 +53,12 @@ impl ScreenVertex {
         snapped(self.fine_y)
     }
 
+    /// The place in 1/64 of 1/256 pixel, `snapped` or as it was before.
+    #[inline(always)]
+    pub fn fine(&self, snapped: bool) -> [i32; 2] {
+        if snapped { [self.x() * FINE, self.y() * FINE] } else { [self.fine_x, self.fine_y] }
+    }
+
     /// The place before snapping, in 1/256 pixel. At this place the depth of the triangle's plane is [`Self::z`].
     #[inline(always)]
     pub fn place(&self) -> [f64; 2] {

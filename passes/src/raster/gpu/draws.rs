@@ -4,6 +4,7 @@ use super::device::Gpu;
 use super::faults::failure;
 use super::geometry::{DeviceGeometry, Vertices};
 use super::pipelines::{BUFFERS, FIRST_ATTACHMENT, Layouts, Pipelines, VISIBLE, slots};
+use super::resources::entry;
 use super::shader::{DrawUniform, FrameUniform, LIGHTS_BYTES, Variant, lights_uniform};
 use super::targets::{Stored, Targets};
 use super::textures::DeviceTextures;
@@ -267,6 +268,7 @@ impl DrawList {
     /// Records, before the draws, the computation of the planes that they read, if they do.
     pub fn record_planes(
         &self,
+        gpu: &Gpu,
         encoder: &mut wgpu::CommandEncoder,
         layouts: &Layouts,
         geometry: &DeviceGeometry,
@@ -276,7 +278,7 @@ impl DrawList {
             let descriptor = wgpu::ComputePassDescriptor { label: Some("planes"), timestamp_writes };
             let mut pass = encoder.begin_compute_pass(&descriptor);
             let counts = geometry.chunks.iter().map(|chunk| chunk.count);
-            program.record(&mut pass, self.plane_bindings.iter().zip(counts));
+            program.record(gpu, &mut pass, self.plane_bindings.iter().zip(counts));
         }
     }
 
@@ -382,10 +384,6 @@ impl DrawList {
     pub fn triangles(&self) -> u64 {
         self.draws.iter().map(|draw| u64::from(draw.count)).sum()
     }
-}
-
-fn entry(binding: u32, buffer: &wgpu::Buffer) -> wgpu::BindGroupEntry<'_> {
-    wgpu::BindGroupEntry { binding, resource: buffer.as_entire_binding() }
 }
 
 fn group(gpu: &Gpu, layout: &wgpu::BindGroupLayout, entries: &[wgpu::BindGroupEntry<'_>]) -> wgpu::BindGroup {

@@ -1,5 +1,5 @@
 // The G-buffer program: one text for all variants. Lines between `//#if NAME` and `//#endif` (with an optional
-// `//#else`) are only in variants that define NAME; see `shader.rs`.
+// `//#else`) are only in variants that define NAME; see `shader.rs`. `camera_planes.wgsl` is part of it.
 //
 //   COLOR, POSITION, NORMAL, TRIANGLE   attachments that are written
 //   VERTEX_NORMAL                       the vertices carry normals, and something above reads them
@@ -24,31 +24,6 @@
 //#if PRIMITIVE
 enable primitive_index;
 //#endif
-
-// Uniforms of a whole pass.
-struct Frame {
-    // For positions relative to `eye`. Depth is reversed: 1 at the near plane, 0 at the far plane.
-    clip_from_eye: mat4x4<f32>,
-    // xyz: the eye, or zero for cameras near the origin. w: side of the square over which textures are filtered, in
-    // pixels.
-    eye: vec4<f32>,
-    // Unit vector towards the light in xyz; zero without a light.
-    to_light: vec4<f32>,
-    // Colour of the light; alpha is 1.
-    light_color: vec4<f32>,
-    // MIRRORED: its dot product with a position relative to `eye`, and 1, is below 0 behind the mirror.
-    clip_plane: vec4<f32>,
-    // The lines of sight of the pixels, as `LinesOfSight`.
-    origin: vec4<f32>,
-    corner: vec4<f32>,
-    right: vec4<f32>,
-    down: vec4<f32>,
-    towards: vec4<f32>,
-    // PER_PIXEL: the part of the picture that is shaded, in pixels: its upper left corner, its width and its height.
-    part: vec4<u32>,
-    // PER_PIXEL: the colour where there is nothing.
-    background: vec4<f32>,
-}
 
 // Uniforms of a draw: triangles of one material.
 struct Draw {
@@ -97,17 +72,7 @@ struct Lights {
 //#endif
 //#if PLANE_DEPTH
 
-// The plane of a triangle, as `planes.wgsl` computes it.
-struct Plane {
-    // Its dot product with a homogeneous point minus `frame.origin` is 0 in the plane.
-    plane: vec4<f32>,
-    // Change of depth for a pixel to the right and down.
-    slope: vec2<f32>,
-    // 1 / its dot product with `frame.towards`.
-    scale: f32,
-}
-
-// Those of the chunk's triangles.
+// The planes of the chunk's triangles, which `planes.wgsl` computes.
 @group(0) @binding(3) var<storage, read> planes: array<Plane>;
 //#endif
 //#if PER_PIXEL
@@ -370,11 +335,6 @@ fn sum_of_lights(point: vec3<f32>, normal: vec3<f32>, unbent: vec3<f32>) -> vec4
 //#endif
 
 //#if PLANE_DEPTH
-// The dot product. It is written as fused operations so that every variant rounds alike: of equal triangles the first drawn is to stay.
-fn product(a: vec4<f32>, b: vec4<f32>) -> f32 {
-    return fma(a.x, b.x, fma(a.y, b.y, fma(a.z, b.z, a.w * b.w)));
-}
-
 // Depth at a pixel: that of the plane through the triangle's corners, as they are in the world. The device interpolates between corners
 // that it snapped to parts of a pixel, on a plane that leans otherwise. `pixel` is the fragment's built-in position.
 //

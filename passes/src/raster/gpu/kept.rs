@@ -2,6 +2,7 @@
 
 use super::device::Gpu;
 use super::faults::unsupported;
+use super::resources;
 use super::targets::{CHANNELS, DEPTH_FORMAT, TRIANGLE, Targets};
 use curitiba_pipeline::backend::{BackendError, GBuffer, Rect};
 use curitiba_pipeline::image::narrow;
@@ -95,16 +96,9 @@ impl DepthLoader {
         target: &GBuffer,
     ) -> Result<(), BackendError> {
         let (width, height) = targets.size();
-        let texture = gpu.device.create_texture(&wgpu::TextureDescriptor {
-            label: Some("kept depth"),
-            size: wgpu::Extent3d { width, height, depth_or_array_layers: 1 },
-            mip_level_count: 1,
-            sample_count: 1,
-            dimension: wgpu::TextureDimension::D2,
-            format: wgpu::TextureFormat::R32Float,
-            usage: wgpu::TextureUsages::TEXTURE_BINDING | wgpu::TextureUsages::COPY_DST,
-            view_formats: &[],
-        });
+        let usage = wgpu::TextureUsages::TEXTURE_BINDING | wgpu::TextureUsages::COPY_DST;
+        let format = wgpu::TextureFormat::R32Float;
+        let texture = resources::texture(gpu, "kept depth", format, [width, height], usage);
         gpu.check("creation of the kept depth")?;
         upload(gpu, &texture, (viewport, part), target, |pixels| bytemuck::cast_slice(&target.depth[pixels]).to_vec())?;
         let view = texture.create_view(&wgpu::TextureViewDescriptor::default());

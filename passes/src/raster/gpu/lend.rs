@@ -1,6 +1,7 @@
 //! Attachments and pictures on the device that ray passes read in place.
 
 use super::device::Gpu;
+use super::resources::texture;
 use super::targets::Targets;
 use curitiba_pipeline::backend::BackendError;
 use std::collections::BTreeMap;
@@ -53,18 +54,7 @@ impl Lending {
     pub(in crate::raster::gpu) fn keep_copy(&self, number: usize, made: &wgpu::Texture) -> Result<(), BackendError> {
         let (gpu, size) = (&self.gpu, made.size());
         let doing = "keeping the picture of an effect";
-        let make = || {
-            gpu.device.create_texture(&wgpu::TextureDescriptor {
-                label: Some(doing),
-                size,
-                mip_level_count: 1,
-                sample_count: 1,
-                dimension: wgpu::TextureDimension::D2,
-                format: made.format(),
-                usage: PICTURE_USAGE,
-                view_formats: &[],
-            })
-        };
+        let make = || texture(gpu, doing, made.format(), [made.width(), made.height()], PICTURE_USAGE);
         let picture = self.take(number).filter(|picture| picture.size() == size).unwrap_or_else(make);
         gpu.check(doing)?;
         let mut encoder = gpu.device.create_command_encoder(&wgpu::CommandEncoderDescriptor { label: Some(doing) });

@@ -20,6 +20,7 @@ mod pipelines;
 mod plane_depth;
 mod planes;
 mod quads;
+pub(crate) mod resources;
 mod shader;
 mod shaders;
 mod share;
@@ -321,7 +322,7 @@ impl Rasteriser for WgpuRasteriser {
         let timer = self.timer.as_ref();
         let drawn = if shaded.is_some() { &self.seen } else { &self.draws };
         let begin = timer.and_then(|timer| timer.compute_span(true, false));
-        drawn.record_planes(&mut encoder, &self.layouts, geometry, begin);
+        drawn.record_planes(&self.gpu, &mut encoder, &self.layouts, geometry, begin);
         let attachments = targets.color_attachments(job.clear_color, own.depth, loaded);
         {
             let visible = shaded.map(|_| targets.visible_attachment(&self.gpu)).transpose()?;

@@ -2,12 +2,14 @@
 
 use super::device::Gpu;
 use super::geometry::{Chunk, DeviceGeometry};
+use super::resources::{entry, rectangle};
 use curitiba_pipeline::backend::BackendError;
 
 /// Threads of a group of the program.
 const GROUP: u32 = 64;
-/// Greatest number of groups in a direction that every device has.
-const MOST_GROUPS: u32 = 65_535;
+
+/// The program's text.
+pub(super) const TEXT: &str = concat!(include_str!("camera_planes.wgsl"), "\n", include_str!("planes.wgsl"));
 
 /// The program, and what it reads.
 #[derive(Debug)]
@@ -17,7 +19,7 @@ impl PlaneProgram {
     pub fn new(gpu: &Gpu) -> Result<Self, BackendError> {
         let module = gpu.device.create_shader_module(wgpu::ShaderModuleDescriptor {
             label: Some("planes.wgsl"),
-            source: wgpu::ShaderSource::Wgsl(include_str!("planes.wgsl").into()),
+            source: wgpu::ShaderSource::Wgsl(TEXT.into()),
         });
         let pipeline = gpu.device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
             label: Some("planes"),
@@ -40,8 +42,7 @@ impl PlaneProgram {
         chunk: &Chunk,
     ) -> Result<wgpu::BindGroup, BackendError> {
         let buffers = [frame, &chunk.indices, &geometry.vertices[chunk.vertices].positions, chunk.planes(gpu)?];
-        let entries = [0, 1, 2, 3]
-            .map(|binding| wgpu::BindGroupEntry { binding, resource: buffers[binding as usize].as_entire_binding() });
+        let entries = [0, 1, 2, 3].map(|binding| entry(binding, buffers[binding as usize]));
         Ok(gpu.device.create_bind_group(&wgpu::BindGroupDescriptor {
             label: Some("planes"),
             layout: &self.0.get_bind_group_layout(0),
@@ -52,15 +53,15 @@ impl PlaneProgram {
     /// Computes the planes of chunks, whose numbers of triangles come with what was [bound](Self::bind).
     pub fn record<'a>(
         &self,
+        gpu: &Gpu,
         pass: &mut wgpu::ComputePass<'_>,
         chunks: impl Iterator<Item = (&'a wgpu::BindGroup, u32)>,
     ) {
         pass.set_pipeline(&self.0);
         for (group, triangles) in chunks {
-            let groups = triangles.div_ceil(GROUP);
-            let rows = groups.div_ceil(MOST_GROUPS);
+            let [across, down] = rectangle(triangles.div_ceil(GROUP), gpu.limits.max_compute_workgroups_per_dimension);
             pass.set_bind_group(0, group, &[]);
-            pass.dispatch_workgroups(groups.div_ceil(rows.max(1)), rows, 1);
+            pass.dispatch_workgroups(across, down, 1);
         }
     }
 }

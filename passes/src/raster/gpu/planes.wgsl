@@ -1,25 +1,4 @@
-// The planes of a chunk's triangles, for one camera. Each fragment of a triangle reads its depth from there.
-
-// The beginning of `Frame` of `gbuffer.wgsl`, which says what it is.
-struct Frame {
-    clip_from_eye: mat4x4<f32>,
-    eye: vec4<f32>,
-    to_light: vec4<f32>,
-    light_color: vec4<f32>,
-    clip_plane: vec4<f32>,
-    origin: vec4<f32>,
-    corner: vec4<f32>,
-    right: vec4<f32>,
-    down: vec4<f32>,
-    towards: vec4<f32>,
-}
-
-// As in `gbuffer.wgsl`.
-struct Plane {
-    plane: vec4<f32>,
-    slope: vec2<f32>,
-    scale: f32,
-}
+// The planes of a chunk's triangles, for one camera. Each fragment of a triangle reads its depth from there. `camera_planes.wgsl` stands before this text.
 
 @group(0) @binding(0) var<uniform> frame: Frame;
 // Three indices of vertices for each triangle of the chunk.
@@ -31,11 +10,6 @@ struct Plane {
 fn position_of(corner: u32) -> vec3<f32> {
     let first = 3u * corners[corner];
     return vec3<f32>(positions[first], positions[first + 1u], positions[first + 2u]);
-}
-
-// The dot product, rounded as in `gbuffer.wgsl`.
-fn product(a: vec4<f32>, b: vec4<f32>) -> f32 {
-    return fma(a.x, b.x, fma(a.y, b.y, fma(a.z, b.z, a.w * b.w)));
 }
 
 @compute @workgroup_size(64)

@@ -2,6 +2,7 @@
 
 use super::device::Gpu;
 use super::faults::unsupported;
+use super::resources::texture;
 use curitiba_pipeline::backend::{Attachments, BackendError, GBuffer, RasterJob, Rect};
 use curitiba_pipeline::image::widen;
 use glam::Vec4;
@@ -85,20 +86,11 @@ impl Channel {
     fn new(
         gpu: &Gpu,
         label: &str,
-        [width, height]: [u32; 2],
+        size: [u32; 2],
         format: wgpu::TextureFormat,
         usage: wgpu::TextureUsages,
     ) -> Result<Self, BackendError> {
-        let texture = gpu.device.create_texture(&wgpu::TextureDescriptor {
-            label: Some(label),
-            size: wgpu::Extent3d { width, height, depth_or_array_layers: 1 },
-            mip_level_count: 1,
-            sample_count: 1,
-            dimension: wgpu::TextureDimension::D2,
-            format,
-            usage: wgpu::TextureUsages::RENDER_ATTACHMENT | usage,
-            view_formats: &[],
-        });
+        let texture = texture(gpu, label, format, size, wgpu::TextureUsages::RENDER_ATTACHMENT | usage);
         gpu.check("creation of the attachments")?;
         let view = texture.create_view(&wgpu::TextureViewDescriptor::default());
         Ok(Self { texture, view })

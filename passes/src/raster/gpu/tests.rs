@@ -117,7 +117,7 @@ fn fragments_find_the_corners_of_their_triangle_in_every_chunk() {
     let shades = shades();
     // Draws of both materials, and draws that are joined.
     for attachments in [ALL, Attachments { triangle: true, ..Attachments::default() }] {
-        let mut depths = |max_buffer_bytes: u64, snapped_depth: bool| {
+        let mut depths = |max_buffer_bytes: u64, most_groups: u32, snapped_depth: bool| {
             let load_store = LoadStore { store_depth: true, ..LoadStore::default() };
             let job = RasterJob { snapped_depth, load_store, attachments, ..job(&scene, &shades) };
             let mut target = GBuffer::new(SIZE, SIZE, attachments);
@@ -126,17 +126,21 @@ fn fragments_find_the_corners_of_their_triangle_in_every_chunk() {
             let largest = std::mem::replace(&mut alone(&mut rasteriser).max_buffer_bytes, max_buffer_bytes);
             rasteriser.upload(&scene).expect("uploads");
             alone(&mut rasteriser).max_buffer_bytes = largest;
+            let limits = &mut alone(&mut rasteriser).limits;
+            let most_groups = std::mem::replace(&mut limits.max_compute_workgroups_per_dimension, most_groups);
             rasteriser.draw(&job, &mut target).expect("draws");
+            alone(&mut rasteriser).limits.max_compute_workgroups_per_dimension = most_groups;
             rasteriser.read_back(&job, attachments, &mut target).expect("reads back");
             (target.depth, rasteriser.scene.as_ref().expect("uploaded").geometry.chunks.len())
         };
-        let [(planes, one), (device, _)] = [false, true].map(|snapped_depth| depths(1 << 30, snapped_depth));
+        let [(planes, one), (device, _)] = [false, true].map(|snapped_depth| depths(1 << 30, 65_535, snapped_depth));
         let differ = planes.iter().zip(&device).filter(|(planes, device)| planes != device).count();
         assert!(one == 1 && differ > 1000, "the depth is not the device's: {differ}");
         for max_buffer_bytes in [2100, 500] {
-            let (found, chunks) = depths(max_buffer_bytes, false);
+            let (found, chunks) = depths(max_buffer_bytes, 65_535, false);
             assert!(chunks > 1 && found == planes, "buffers of {max_buffer_bytes} bytes");
         }
+        assert!(depths(1 << 30, 3, false).0 == planes, "five groups of threads in two rows");
     }
 }
 

@@ -7,7 +7,7 @@ pub mod reference;
 use curitiba_pipeline::backend::{Attachments, GBuffer, LoadStore, NO_TRIANGLE, RasterJob, Rect, Shade, Sun, View};
 use curitiba_pipeline::programs::RasterProgram;
 use curitiba_pipeline::scene::{Batch, Geometry, Material, RenderScene, TriangleRanges};
-use glam::{Mat4, Vec2, Vec3, Vec4};
+use glam::{DVec2, DVec3, Mat4, Vec2, Vec3, Vec4};
 
 /// All attachments.
 pub const ALL: Attachments = Attachments { color: true, position: true, normal: true, triangle: true };
@@ -244,4 +244,50 @@ pub fn layers(seed: u32, tilt: f32, gap: f32) -> (RenderScene, u32) {
     triangles.extend(more.iter().map(|corners| corners.map(|corner| corner + positions.len() as u32)));
     positions.extend(nearer);
     (scene(positions, triangles), behind)
+}
+
+/// Where a pixel's position lies on the screen.
+#[derive(Debug, Clone, Copy)]
+pub struct Beside {
+    /// Pixels from the place of the exact triangle that is nearest to the pixel's centre.
+    pub off: f64,
+    /// What rounding explains of it.
+    pub rounding: f64,
+    /// Whether the centre is outside of the triangle.
+    pub is_outside: bool,
+}
+
+/// Of all pixels of a job's drawing that show a triangle in front of the camera.
+pub fn beside_nearest(job: &RasterJob<'_>, target: &GBuffer) -> Vec<Beside> {
+    let size = DVec2::new(target.width.into(), target.height.into());
+    let screen = |position: DVec3| {
+        let clip = job.view.clip_from_world.as_dmat4() * position.extend(1.0);
+        ((DVec2::new(clip.x, -clip.y) / clip.w * 0.5 + 0.5) * size, clip.w)
+    };
+    let covered = target.triangle.iter().enumerate().filter(|(_, id)| **id != NO_TRIANGLE);
+    let pixels = covered.filter_map(|(index, id)| {
+        let corners = job.scene.geometry.corners(*id).map(|corner| screen(corner.as_dvec3()));
+        let centre = DVec2::new((index as u32 % target.width).into(), (index as u32 / target.width).into()) + 0.5;
+        let place = nearest(corners.map(|(place, _)| place), centre);
+        let position = Vec4::from(target.position[index]).truncate().as_dvec3();
+        let (seen, depth) = screen(position);
+        let rounding = 1e-4 + 8.0 * f64::from(f32::EPSILON) * position.length() * size.x / depth;
+        let beside = Beside { off: seen.distance(place), rounding, is_outside: place != centre };
+        corners.iter().all(|(_, depth)| *depth > 0.1).then_some(beside)
+    });
+    pixels.collect()
+}
+
+/// The place of a triangle that is nearest to a point.
+fn nearest([a, b, c]: [DVec2; 3], point: DVec2) -> DVec2 {
+    let sides = [(a, b), (b, c), (c, a)].map(|(from, to)| (to - from).perp_dot(point - from));
+    if sides.iter().all(|side| *side > 0.0) || sides.iter().all(|side| *side < 0.0) {
+        return point;
+    }
+    let on = |from: DVec2, to: DVec2| {
+        let along = to - from;
+        from + along * ((point - from).dot(along) / along.length_squared().max(1e-30)).clamp(0.0, 1.0)
+    };
+    let of_edges = [on(a, b), on(b, c), on(c, a)];
+    of_edges.into_iter().min_by(|a, b| a.distance(point).total_cmp(&b.distance(point))).expect("three edges")
 }

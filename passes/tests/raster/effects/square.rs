@@ -127,9 +127,9 @@ fn parallax_brings_the_far_mirrors_and_the_near_refraction_nearer_to_the_rays() 
         ("raster/SceneCubeReflect", "SceneReflect", "MainCamera"),
         ("raster/SceneCubeRefract", "SceneRefract", "Vidro"),
     ] {
-        let expected = rendered(rays, camera, &[], 128);
+        let expected = rendered(rays, camera, &[], 256);
         let error = |parallax: &str| {
-            let found = rendered(name, camera, &["pass2.mapsize=512", &format!("pass2.parallax={parallax}")], 128);
+            let found = rendered(name, camera, &["pass2.mapsize=512", &format!("pass2.parallax={parallax}")], 256);
             keep(&format!("{} {camera} {parallax}", &name[7..]), &found);
             rms(&found, &expected)
         };

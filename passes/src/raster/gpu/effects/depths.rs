@@ -12,6 +12,7 @@ use super::shader::{self, DEPTHS_GROUP};
 use super::uniforms::DepthsUniform;
 use crate::raster::effects::screen::camera::ScreenCamera;
 use crate::raster::gpu::device::Gpu;
+use crate::raster::gpu::resources::texture;
 use curitiba_pipeline::backend::BackendError;
 
 /// The format of depths.
@@ -59,16 +60,8 @@ impl Depths {
     pub fn require(&mut self, gpu: &Gpu, size: (u32, u32)) -> Result<bool, BackendError> {
         let (layout, uniform) = (&self.layout, &self.uniform);
         let made = self.pictures.require(gpu, size, |(width, height)| {
-            let texture = gpu.device.create_texture(&wgpu::TextureDescriptor {
-                label: Some("depths"),
-                size: wgpu::Extent3d { width: *width, height: *height, depth_or_array_layers: 1 },
-                mip_level_count: 1,
-                sample_count: 1,
-                dimension: wgpu::TextureDimension::D2,
-                format: FORMAT,
-                usage: wgpu::TextureUsages::STORAGE_BINDING | wgpu::TextureUsages::TEXTURE_BINDING,
-                view_formats: &[],
-            });
+            let usage = wgpu::TextureUsages::STORAGE_BINDING | wgpu::TextureUsages::TEXTURE_BINDING;
+            let texture = texture(gpu, "depths", FORMAT, [*width, *height], usage);
             gpu.check("creation of the depths of an occlusion")?;
             let view = texture.create_view(&wgpu::TextureViewDescriptor::default());
             let resources = [uniform.as_entire_binding(), wgpu::BindingResource::TextureView(&view)];

@@ -4,9 +4,12 @@ use super::bindings;
 use super::kept::Kept;
 use crate::raster::gpu::device::Gpu;
 use crate::raster::gpu::faults::{failure, unsupported};
+use crate::raster::gpu::resources::texture;
 use crate::raster::gpu::targets::{CHANNEL_FORMATS, CHANNELS, TRIANGLE, Targets};
 use curitiba_pipeline::backend::{BackendError, EffectJob};
 use std::time::{Duration, Instant};
+
+const UPLOADED: wgpu::TextureUsages = wgpu::TextureUsages::TEXTURE_BINDING.union(wgpu::TextureUsages::COPY_DST);
 
 /// Whether a program reads the colour, position, normal and triangle channels.
 pub fn wanted(job: &EffectJob<'_>) -> [bool; 4] {
@@ -52,7 +55,7 @@ impl Inputs {
         });
         let layout = bindings::layout(&gpu.device, "G-buffer", types);
         let unread = CHANNEL_FORMATS.map(|format| {
-            let texture = texture(gpu, "unread", format, 1, 1);
+            let texture = texture(gpu, "unread", format, [1, 1], UPLOADED);
             texture.create_view(&wgpu::TextureViewDescriptor::default())
         });
         gpu.check("creation of the inputs of effects")?;
@@ -105,7 +108,7 @@ impl Inputs {
         let result = uploads.require(gpu, (job.width, job.height, wanted), |(width, height, wanted)| {
             let channels: [Option<wgpu::Texture>; 4] = std::array::from_fn(|channel| {
                 let format = CHANNEL_FORMATS[channel];
-                wanted[channel].then(|| texture(gpu, CHANNELS[channel], format, *width, *height))
+                wanted[channel].then(|| texture(gpu, CHANNELS[channel], format, [*width, *height], UPLOADED))
             });
             gpu.check("creation of the uploaded G-buffer")?;
             let view = |texture: &wgpu::Texture| texture.create_view(&wgpu::TextureViewDescriptor::default());
@@ -131,19 +134,6 @@ impl Inputs {
     pub fn bytes(&self) -> u64 {
         self.uploads.values().map(|upload| upload.bytes).sum()
     }
-}
-
-fn texture(gpu: &Gpu, label: &str, format: wgpu::TextureFormat, width: u32, height: u32) -> wgpu::Texture {
-    gpu.device.create_texture(&wgpu::TextureDescriptor {
-        label: Some(label),
-        size: wgpu::Extent3d { width, height, depth_or_array_layers: 1 },
-        mip_level_count: 1,
-        sample_count: 1,
-        dimension: wgpu::TextureDimension::D2,
-        format,
-        usage: wgpu::TextureUsages::TEXTURE_BINDING | wgpu::TextureUsages::COPY_DST,
-        view_formats: &[],
-    })
 }
 
 /// Refuses pictures larger than the device's greatest texture.

@@ -5,6 +5,7 @@ use crate::raster::gpu::device::Gpu;
 use crate::raster::gpu::draws::DrawList;
 use crate::raster::gpu::faults::unsupported;
 use crate::raster::gpu::job::check_scene;
+use crate::raster::gpu::resources::{texture, texture_array};
 use crate::raster::gpu::targets::{CHANNEL_FORMATS, DEPTH_FORMAT};
 use crate::raster::gpu::timer::Timer;
 use curitiba_pipeline::backend::{Attachments, BackendError, EffectJob, LoadStore, Part, RasterJob, Rect, View};
@@ -107,7 +108,7 @@ impl Maps {
     fn depth(gpu: &Gpu, size: u32, cascades: u32) -> Result<Self, BackendError> {
         check_size(gpu, "a shadow map", size)?;
         let usage = wgpu::TextureUsages::RENDER_ATTACHMENT | wgpu::TextureUsages::TEXTURE_BINDING;
-        let texture = texture(gpu, "shadow maps", DEPTH_FORMAT, usage, [size; 2], cascades);
+        let texture = texture_array(gpu, "shadow maps", DEPTH_FORMAT, [size; 2], cascades, usage);
         gpu.check("creation of the shadow maps")?;
         let depths = (0..cascades).map(|layer| layers(&texture, layer, 1, wgpu::TextureViewDimension::D2)).collect();
         let read = layers(&texture, 0, cascades, wgpu::TextureViewDimension::D2Array);
@@ -140,9 +141,9 @@ impl Maps {
     fn colors(gpu: &Gpu, label: &str, size: [u32; 2], count: u32, bytes: u64) -> Result<Self, BackendError> {
         let doing = format!("creation of the {label}");
         let usage = wgpu::TextureUsages::RENDER_ATTACHMENT | wgpu::TextureUsages::TEXTURE_BINDING;
-        let color = texture(gpu, label, CHANNEL_FORMATS[0], usage, size, count);
+        let color = texture_array(gpu, label, CHANNEL_FORMATS[0], size, count, usage);
         gpu.check(&doing)?;
-        let depth = texture(gpu, "depth of maps", DEPTH_FORMAT, wgpu::TextureUsages::RENDER_ATTACHMENT, size, 1);
+        let depth = texture(gpu, "depth of maps", DEPTH_FORMAT, size, wgpu::TextureUsages::RENDER_ATTACHMENT);
         gpu.check(&doing)?;
         let faces = (0..count).map(|layer| layers(&color, layer, 1, wgpu::TextureViewDimension::D2)).collect();
         let read = layers(&color, 0, count, wgpu::TextureViewDimension::D2Array);
@@ -169,26 +170,6 @@ fn check_size(gpu: &Gpu, what: &str, size: u32) -> Result<(), BackendError> {
         return Err(unsupported(&format!("{what} of {size} x {size} texels"), &why));
     }
     Ok(())
-}
-
-fn texture(
-    gpu: &Gpu,
-    label: &str,
-    format: wgpu::TextureFormat,
-    usage: wgpu::TextureUsages,
-    [width, height]: [u32; 2],
-    layers: u32,
-) -> wgpu::Texture {
-    gpu.device.create_texture(&wgpu::TextureDescriptor {
-        label: Some(label),
-        size: wgpu::Extent3d { width, height, depth_or_array_layers: layers },
-        mip_level_count: 1,
-        sample_count: 1,
-        dimension: wgpu::TextureDimension::D2,
-        format,
-        usage,
-        view_formats: &[],
-    })
 }
 
 /// Draws one picture for each of `shots` into `maps`, colours or depths, without the materials in `left_out`, and
@@ -246,7 +227,7 @@ pub fn draw(
         let store = if color { wgpu::StoreOp::Discard } else { wgpu::StoreOp::Store };
         let attachments = [face, None, None, None];
         let begin = timer.and_then(|timer| timer.compute_span(is_first, false));
-        draws.record_planes(&mut encoder, layouts, geometry, begin);
+        draws.record_planes(gpu, &mut encoder, layouts, geometry, begin);
         {
             let mut pass = encoder.begin_render_pass(&wgpu::RenderPassDescriptor {
                 label: Some("map"),

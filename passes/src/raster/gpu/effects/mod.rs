@@ -28,6 +28,7 @@ use super::draws::DrawList;
 use super::faults::{failure, unsupported};
 use super::geometry::DeviceGeometry;
 use super::pipelines::{Layouts, Pipelines};
+use super::resources::texture;
 use super::targets::{Staging, Targets};
 use super::textures::DeviceTextures;
 use super::timer::Timer;
@@ -116,18 +117,9 @@ struct Output {
 
 impl Output {
     fn new(gpu: &Gpu, width: u32, height: u32) -> Result<Self, BackendError> {
-        let texture = gpu.device.create_texture(&wgpu::TextureDescriptor {
-            label: Some("effect"),
-            size: wgpu::Extent3d { width, height, depth_or_array_layers: 1 },
-            mip_level_count: 1,
-            sample_count: 1,
-            dimension: wgpu::TextureDimension::D2,
-            format: OUTPUT_FORMAT,
-            usage: wgpu::TextureUsages::STORAGE_BINDING
-                | wgpu::TextureUsages::TEXTURE_BINDING
-                | wgpu::TextureUsages::COPY_SRC,
-            view_formats: &[],
-        });
+        let read = wgpu::TextureUsages::TEXTURE_BINDING | wgpu::TextureUsages::COPY_SRC;
+        let usage = wgpu::TextureUsages::STORAGE_BINDING | read;
+        let texture = texture(gpu, "effect", OUTPUT_FORMAT, [width, height], usage);
         gpu.check("creation of an effect's output")?;
         let view = texture.create_view(&wgpu::TextureViewDescriptor::default());
         Ok(Self { texture, view })

@@ -212,7 +212,13 @@ impl Marching {
         draws.prepare(gpu, layouts, pipelines, geometry, textures, &raster)?;
         let descriptor = wgpu::CommandEncoderDescriptor { label: Some("behind glass") };
         let mut encoder = gpu.device.create_command_encoder(&descriptor);
-        draws.record_planes(&mut encoder, layouts, geometry, timer.and_then(|timer| timer.compute_span(true, false)));
+        draws.record_planes(
+            gpu,
+            &mut encoder,
+            layouts,
+            geometry,
+            timer.and_then(|timer| timer.compute_span(true, false)),
+        );
         {
             let mut pass = encoder.begin_render_pass(&wgpu::RenderPassDescriptor {
                 label: Some("behind glass"),

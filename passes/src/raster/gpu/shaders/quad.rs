@@ -2,6 +2,7 @@
 
 use super::super::device::Gpu;
 use super::super::faults::failure;
+use super::super::resources;
 use super::super::targets::Staging;
 use super::pipelines::{Groups, Into, Pipelines, QUAD_FORMAT};
 use super::textures::{Sampled, Textures, upload, upload_cube};
@@ -50,18 +51,9 @@ impl Quad {
         let sampled = bind_sampled(gpu, (&built.groups, program), textures, job.textures, &exact)?;
         let storage = upload_storage(gpu, buffers)?;
         let stored = bind_storage(gpu, &built.groups, &storage);
-        let target = gpu.device.create_texture(&wgpu::TextureDescriptor {
-            label: Some("quad"),
-            size: wgpu::Extent3d { width, height, depth_or_array_layers: 1 },
-            mip_level_count: 1,
-            sample_count: 1,
-            dimension: wgpu::TextureDimension::D2,
-            format: QUAD_FORMAT,
-            usage: wgpu::TextureUsages::RENDER_ATTACHMENT
-                | wgpu::TextureUsages::COPY_SRC
-                | wgpu::TextureUsages::COPY_DST,
-            view_formats: &[],
-        });
+        let copied = wgpu::TextureUsages::COPY_SRC | wgpu::TextureUsages::COPY_DST;
+        let usage = wgpu::TextureUsages::RENDER_ATTACHMENT | copied;
+        let target = resources::texture(gpu, "quad", QUAD_FORMAT, [width, height], usage);
         gpu.check("creation of a quad's target")?;
         // What the shader discards stays.
         gpu.fill_texture(&target, bytemuck::cast_slice(pixels), "upload of what a quad covers")?;
@@ -215,16 +207,8 @@ pub(super) fn channel_texture(gpu: &Gpu, texture: &QuadTexture<'_>, filters: boo
 
 /// A channel as a texture: the bottom row first.
 fn channel(gpu: &Gpu, [width, height]: [u32; 2], texels: &[[f32; 4]], filters: bool) -> Result<Sampled, BackendError> {
-    let texture = gpu.device.create_texture(&wgpu::TextureDescriptor {
-        label: Some("channel"),
-        size: wgpu::Extent3d { width, height, depth_or_array_layers: 1 },
-        mip_level_count: 1,
-        sample_count: 1,
-        dimension: wgpu::TextureDimension::D2,
-        format: QUAD_FORMAT,
-        usage: wgpu::TextureUsages::TEXTURE_BINDING | wgpu::TextureUsages::COPY_DST,
-        view_formats: &[],
-    });
+    let usage = wgpu::TextureUsages::TEXTURE_BINDING | wgpu::TextureUsages::COPY_DST;
+    let texture = resources::texture(gpu, "channel", QUAD_FORMAT, [width, height], usage);
     gpu.check("upload of a channel")?;
     let rows: Vec<[f32; 4]> = texels.chunks_exact(width.max(1) as usize).rev().flatten().copied().collect();
     gpu.fill_texture(&texture, bytemuck::cast_slice(&rows), "upload of a channel")?;
