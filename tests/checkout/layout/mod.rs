@@ -24,6 +24,7 @@ const OF_PIPELINE: &Floors = &[
     &["programs"],
     &["raster_effects"],
     &["backend", "project"],
+    &["kept_scenes"],
     &["plan"],
     &["executor"],
 ];
