@@ -21,8 +21,6 @@ pub(super) struct Barycentric {
     pub(super) right: [f64; 2],
     pub(super) down: [f64; 2],
     pub(super) inv_w: [f32; 3],
-    /// From the first pixel to the corners.
-    ways: [[f64; 2]; 3],
 }
 
 /// Fractions of sub-pixel units in a pixel.
@@ -32,11 +30,7 @@ impl Barycentric {
     /// Coordinates relative to the pixel (x, y) of the viewport.
     #[inline(always)]
     pub(super) fn new(frame: &Frame<'_>, [v0, v1, v2]: &Corners<'_>, x: i32, y: i32) -> Self {
-        let ways = [v0, v1, v2].map(|corner| {
-            let [fine_x, fine_y] = corner.fine(frame.job.snapped_depth);
-            [fine_x - (x * PIXEL + PIXEL / 2), fine_y - (y * PIXEL + PIXEL / 2)].map(f64::from)
-        });
-        let [[x0, y0], [x1, y1], [x2, y2]] = ways;
+        let [[x0, y0], [x1, y1], [x2, y2]] = ways(frame, &[v0, v1, v2], x, y);
         let (x1, y1, x2, y2) = (x1 - x0, y1 - y0, x2 - x0, y2 - y0);
         let area = x1 * y2 - y1 * x2;
         let pixel = f64::from(PIXEL);
@@ -47,44 +41,29 @@ impl Barycentric {
             (edges, scale, steps) = ([-1.0; 2], 1.0, [[0.0; 2]; 2]);
         }
         let [right, down] = steps;
-        Self { edges, area, scale, right, down, inv_w: [v0.inv_w, v1.inv_w, v2.inv_w], ways }
+        Self { edges, area, scale, right, down, inv_w: [v0.inv_w, v1.inv_w, v2.inv_w] }
     }
 
-    /// Screen-space barycentric coordinates of corners 1 and 2 at a pixel that lies outside of the triangle; `None` inside.
+    /// Whether a pixel of the row lies outside of the triangle.
     #[inline(always)]
-    pub(super) fn outside(&self, column: f64) -> Option<[f64; 2]> {
+    pub(super) fn is_outside(&self, column: f64) -> bool {
         let [e1, e2] = [0, 1].map(|edge: usize| self.edges[edge] + self.right[edge] * column);
         let e0 = self.area - e1 - e2;
-        [e0, e1, e2].into_iter().any(|edge| edge * self.scale < 0.0).then(|| self.nearest(column))
+        [e0, e1, e2].into_iter().any(|edge| edge * self.scale < 0.0)
     }
 
-    /// Screen-space barycentric coordinates of corners 1 and 2 at the place of the border that is nearest to a pixel.
-    #[cold]
-    #[inline(never)]
-    fn nearest(&self, column: f64) -> [f64; 2] {
-        let corners = self.ways.map(|[x, y]| DVec2::new(x - column * f64::from(PIXEL), y));
-        let edge = |from: usize, to: usize| {
-            let along = corners[to] - corners[from];
-            let share = (-corners[from].dot(along) / along.length_squared()).clamp(0.0, 1.0);
-            // An edge of no length has one place.
-            let share = if share.is_nan() { 0.0 } else { share };
-            let mut coordinates = [0.0; 3];
-            (coordinates[from], coordinates[to]) = (1.0 - share, share);
-            ((corners[from] + along * share).length_squared(), coordinates)
-        };
-        let first = edge(0, 1);
-        let [_, c1, c2] =
-            [edge(1, 2), edge(2, 0)].into_iter().fold(first, |best, next| if next.0 < best.0 { next } else { best }).1;
-        [c1, c2]
-    }
-
-    /// Screen-space barycentric coordinates of the three corners, each times its `1 / w`.
+    /// Screen-space barycentric coordinates of the three corners at the pixel (x, y), each times its `1 / w`.
     #[inline(always)]
-    pub(super) fn weights(&self) -> [f32; 3] {
-        let [e1, e2] = self.edges;
-        let inside = [self.area - e1 - e2, e1, e2].map(|edge| edge * self.scale);
-        let [c0, c1, c2] = self.outside(0.0).map_or(inside, |[c1, c2]| [1.0 - c1 - c2, c1, c2]);
-        [c0 as f32 * self.inv_w[0], c1 as f32 * self.inv_w[1], c2 as f32 * self.inv_w[2]]
+    pub(super) fn at(frame: &Frame<'_>, corners: &Corners<'_>, x: i32, y: i32) -> [f32; 3] {
+        let this = Self::new(frame, corners, x, y);
+        let [e1, e2] = this.edges;
+        let mut coordinates = [this.area - e1 - e2, e1, e2].map(|edge| edge * this.scale);
+        if this.is_outside(0.0) {
+            let [c1, c2] = nearest(frame, corners, x, y);
+            coordinates = [1.0 - c1 - c2, c1, c2];
+        }
+        let [c0, c1, c2] = coordinates;
+        [c0 as f32 * this.inv_w[0], c1 as f32 * this.inv_w[1], c2 as f32 * this.inv_w[2]]
     }
 
     /// The mapping of texture coordinates and a texture of size `size`, for a filter over a square of side `footprint`
@@ -94,6 +73,34 @@ impl Barycentric {
         let slope = |step: [f64; 2]| step.map(|step| (step * self.scale) as f32 * footprint);
         Mapping { corners, right: slope(self.right), down: slope(self.down), size }
     }
+}
+
+/// The ways from the centre of a pixel to the corners, in fractions of sub-pixel units.
+#[inline(always)]
+fn ways(frame: &Frame<'_>, corners: &Corners<'_>, x: i32, y: i32) -> [[f64; 2]; 3] {
+    corners.map(|corner| {
+        let [fine_x, fine_y] = corner.fine(frame.job.snapped_depth);
+        [fine_x - (x * PIXEL + PIXEL / 2), fine_y - (y * PIXEL + PIXEL / 2)].map(f64::from)
+    })
+}
+
+/// Screen-space barycentric coordinates of corners 1 and 2 at the place of the border that is nearest to a pixel.
+#[cold]
+#[inline(never)]
+pub(super) fn nearest(frame: &Frame<'_>, corners: &Corners<'_>, x: i32, y: i32) -> [f64; 2] {
+    let corners = ways(frame, corners, x, y).map(DVec2::from_array);
+    let edge = |from: usize, to: usize| {
+        let along = corners[to] - corners[from];
+        let share = (-corners[from].dot(along) / along.length_squared()).clamp(0.0, 1.0);
+        // An edge of no length has one place.
+        let share = if share.is_nan() { 0.0 } else { share };
+        let mut coordinates = [0.0; 3];
+        (coordinates[from], coordinates[to]) = (1.0 - share, share);
+        ((corners[from] + along * share).length_squared(), coordinates)
+    };
+    let nearer = |best: (f64, [f64; 3]), next: (f64, [f64; 3])| if next.0 < best.0 { next } else { best };
+    let (_, [_, c1, c2]) = [edge(1, 2), edge(2, 0)].into_iter().fold(edge(0, 1), nearer);
+    [c1, c2]
 }
 
 /// Texture coordinates over a part of a triangle.
@@ -169,7 +176,7 @@ where
 pub(super) fn is_solid(frame: &Frame<'_>, placed: &Placed<'_>, x: i32, y: i32) -> bool {
     let shade = &frame.job.shades[frame.geometry.material_of(placed.triangle) as usize];
     let Some(cutoff) = shade.alpha_cutoff.filter(|_| shade.is_cut()) else { return true };
-    let Perspective { u, v, .. } = Perspective::new(Barycentric::new(frame, &placed.corners, x, y).weights());
+    let Perspective { u, v, .. } = Perspective::new(Barycentric::at(frame, &placed.corners, x, y));
     let mut vertices = 1.0;
     if shade.vertex_colors {
         let [a, b, c] = attribute(frame, placed, &frame.geometry.colors).map(|color| color.w);

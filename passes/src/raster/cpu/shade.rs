@@ -3,7 +3,7 @@
 pub(super) mod lights;
 
 use super::frame::{Frame, Part, Placed};
-use super::interpolate::{Barycentric, Mapping, Perspective, attribute};
+use super::interpolate::{Barycentric, Mapping, Perspective, attribute, nearest};
 use super::surface::{TILE, TileSurface};
 use super::tile::{LANES, Tile};
 use curitiba_pipeline::backend::{NO_TRIANGLE, Shade};
@@ -300,7 +300,9 @@ impl Rows {
                 spread(&mut self.inv_w[corner], column, barycentric.inv_w[corner]);
             }
         }
-        self.place_outside(&barycentric, run.clone());
+        self.place_outside(&barycentric, run.clone(), |column| {
+            nearest(frame, &placed.corners, left as i32 + column as i32, y as i32)
+        });
         if wanted.position {
             spread_corners(
                 &mut self.position,
@@ -342,16 +344,16 @@ impl Rows {
 
     /// Gives the pixels of a run that lie outside of their triangle the coordinates of the nearest place. They are at the ends of the run.
     #[inline(always)]
-    fn place_outside(&mut self, barycentric: &Barycentric, run: Range<usize>) {
+    fn place_outside(&mut self, barycentric: &Barycentric, run: Range<usize>, nearest: impl Fn(usize) -> [f64; 2]) {
         let mut place = |column: usize| {
-            let Some(coordinates) = barycentric.outside(column as f64) else { return false };
-            self.area[column] = 1.0;
-            self.scale[column] = 1.0;
-            for (corner, coordinate) in coordinates.into_iter().enumerate() {
-                self.edges[corner][column] = coordinate;
-                self.right[corner][column] = 0.0;
+            let is_outside = barycentric.is_outside(column as f64);
+            if is_outside {
+                (self.area[column], self.scale[column]) = (1.0, 1.0);
+                for (corner, coordinate) in nearest(column).into_iter().enumerate() {
+                    (self.edges[corner][column], self.right[corner][column]) = (coordinate, 0.0);
+                }
             }
-            true
+            is_outside
         };
         let Some(first) = run.clone().find(|column| !place(*column)) else { return };
         for column in (first + 1..run.end).rev() {
