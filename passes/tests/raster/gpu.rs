@@ -164,6 +164,31 @@ fn positions_lie_on_the_triangle_and_on_the_ray_of_the_pixel() {
     }
 }
 
+#[test]
+fn pixels_of_needles_show_the_nearest_place_of_the_triangle() {
+    let Some(mut rasteriser) = rasteriser() else { return };
+    let (width, height) = (250u32, 200u32);
+    let shades = [common::grey()];
+    // Needles, and triangles smaller than a pixel.
+    for (kind, count) in [(1, 20_000), (2, 40_000)] {
+        let scene = Arc::new(common::soup(kind, count, 1));
+        rasteriser.upload(&scene).expect("uploads");
+        let job = common::job(&scene, &shades, common::camera(1.25), width, height, ALL);
+        let [by_pixel, by_fragment] = [true, false].map(|shades_pixels| {
+            rasteriser.set_shades_pixels(shades_pixels);
+            let pixels = common::beside_nearest(&job, &render(&mut rasteriser, &job, width, height));
+            let beyond = |most: f64| pixels.iter().filter(|pixel| pixel.off > pixel.rounding + most).count();
+            (pixels.len(), beyond(0.0), beyond(1.0 / 128.0))
+        });
+        println!(
+            "kind {kind}: of {} pixels {} and {} off their place; of fragments {by_fragment:?}",
+            by_pixel.0, by_pixel.1, by_pixel.2
+        );
+        assert!(by_pixel.0 > 5000 && 100 * by_pixel.1 < by_pixel.0 && by_pixel.2 == 0, "kind {kind}: {by_pixel:?}");
+        assert!(10 * by_fragment.1 > by_fragment.0, "kind {kind}: {by_fragment:?}");
+    }
+}
+
 /// Depth is stored.
 const STORED: LoadStore = LoadStore { load_color: false, load_depth: false, store_depth: true };
 /// Side of the pictures that the depth of planes is tested in.

@@ -534,6 +534,53 @@ fn shares(place: vec2<f32>, corner: array<vec3<f32>, 3>) -> vec3<f32> {
     return areas / (areas.x + areas.y + areas.z);
 }
 
+// The corners' shares of the place of a triangle's border that is nearest to a pixel on the screen. The corners are in front of the eye;
+// `ways` lead to them from the pixel, in pixels.
+fn nearest_on_border(ways: array<vec2<f32>, 3>, w: vec3<f32>) -> vec3<f32> {
+    var way = ways;
+    var least = 3e38;
+    var found = vec3<f32>(1.0, 0.0, 0.0);
+    for (var from_ = 0u; from_ < 3u; from_++) {
+        let to_ = (from_ + 1u) % 3u;
+        let along = way[to_] - way[from_];
+        let squared = dot(along, along);
+        // An edge of no length has one place.
+        let at = select(0.0, clamp(-dot(way[from_], along) / squared, 0.0, 1.0), squared > 0.0);
+        let off = fma(along, vec2<f32>(at), way[from_]);
+        let distance = dot(off, off);
+        if distance < least {
+            least = distance;
+            found = vec3<f32>(0.0);
+            // On the screen the place is at `at`; shares are those in space.
+            found[from_] = (1.0 - at) * w[to_];
+            found[to_] = at * w[from_];
+        }
+    }
+    return found / (found.x + found.y + found.z);
+}
+
+// The corners' shares of what a pixel shows of a triangle. `exact` are those of the pixel's centre in the triangle's plane.
+//
+// A pixel that a triangle covers only after its corners were snapped lies outside of it, and shows the nearest place of the triangle. So does
+// one whose shares are rounding, as of a triangle without width: they tell another place than the pixel's.
+fn shown(exact: vec3<f32>, place: vec2<f32>, pixel_size: vec2<f32>, corner: array<vec3<f32>, 3>) -> vec3<f32> {
+    let w = vec3<f32>(corner[0].z, corner[1].z, corner[2].z);
+    let a = fma(-place, vec2<f32>(w.x), corner[0].xy);
+    let b = fma(-place, vec2<f32>(w.y), corner[1].xy);
+    let c = fma(-place, vec2<f32>(w.z), corner[2].xy);
+    let off = (a * exact.x + b * exact.y + c * exact.z) / dot(w, exact) / pixel_size;
+    if all(exact >= vec3<f32>(0.0)) && all(abs(off) < vec2<f32>(1.0 / 256.0)) {
+        return exact;
+    }
+    if all(w > vec3<f32>(0.0)) {
+        return nearest_on_border(array<vec2<f32>, 3>(a / w.x / pixel_size, b / w.y / pixel_size, c / w.z / pixel_size), w);
+    }
+    // Where a corner is behind the eye, a place nearby.
+    let inside = max(exact, vec3<f32>(0.0));
+    let sum = inside.x + inside.y + inside.z;
+    return select(vec3<f32>(1.0, 0.0, 0.0), inside / sum, sum > 0.0);
+}
+
 fn clip_of(position: vec3<f32>) -> vec3<f32> {
     return (frame.clip_from_eye * vec4<f32>(position - frame.eye.xyz, 1.0)).xyw;
 }
@@ -574,11 +621,8 @@ fn shade(pixel: vec2<u32>) {
     // A pixel's size. The second coordinate points up.
     let pixel_size = vec2<f32>(2.0, -2.0) / vec2<f32>(textureDimensions(visible));
     let place = fma(vec2<f32>(pixel) + 0.5, pixel_size, vec2<f32>(-1.0, 1.0));
-    // A pixel that a triangle covers only after its corners were snapped shows the nearest place of the triangle.
     let exact = shares(place, corner);
-    let inside = max(exact, vec3<f32>(0.0));
-    let sum = inside.x + inside.y + inside.z;
-    let share = select(vec2<f32>(0.0), inside.yz / sum, sum > 0.0);
+    let share = shown(exact, place, pixel_size, corner).yz;
     var in: Varyings;
 //#if WORLD
     in.world = fma(vec3<f32>(share.x), position[1] - position[0], fma(vec3<f32>(share.y), position[2] - position[0], position[0]));

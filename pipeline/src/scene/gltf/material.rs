@@ -4,7 +4,8 @@ use super::super::context::{Context, MASK_CUTOFF, MaterialTable, add_texture, no
 use super::super::dispersion::of_cauchy;
 use super::super::error::SceneError;
 use super::super::reflectance::Reflectance;
-use super::super::render::texture::{Alphas, NO_NORMAL_MAP, alphas};
+use super::super::render::alphas::{Alphas, alphas};
+use super::super::render::texture::NO_NORMAL_MAP;
 use super::super::texture::Wrap;
 use super::super::{Material, TextureSource};
 use super::accessor::Data;

@@ -1,0 +1,109 @@
+//! How the alpha of a texture is spread: whether a surface that is blended is seen through or cut out.
+
+use super::super::TextureSource;
+use super::super::error::{Budget, SceneError};
+use super::texture::{Cost, cost, pixels, times};
+use image::RgbaImage;
+use std::path::Path;
+
+/// How a texture's alpha, times an opacity, is spread.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(in crate::scene) struct Alphas {
+    /// Share of the texels that are seen, 1/16 and more, which are half clear over an area: at most 7/8, as the texels to their right and
+    /// below are to within 8/255. 0 if none is seen.
+    pub(in crate::scene) half_clear: f32,
+    /// The mean of those; 1 if there are none.
+    pub(in crate::scene) mean: f32,
+}
+
+impl Alphas {
+    /// Of leaves and railings the edges are half clear, a texel or two wide; windows, smoke and shadows are it over an area.
+    const LEAST: f32 = 0.01;
+    /// Codes of alpha from which a texel is seen, and to which it is half clear.
+    const HALF_CLEAR: std::ops::RangeInclusive<u8> = 16..=223;
+    /// Codes by which neighbours in an area differ at most.
+    const LEVEL: u8 = 8;
+
+    /// Whether the surface is blended texel by texel; otherwise it is cut out.
+    pub(in crate::scene) fn are_soft(self) -> bool {
+        self.half_clear > Self::LEAST
+    }
+
+    fn of(image: &RgbaImage, opacity: u16) -> Self {
+        let (width, height) = image.dimensions();
+        let at = |x: u32, y: u32| times(image.get_pixel(x % width, y % height).0[3], opacity);
+        let (mut seen, mut half, mut sum) = (0_u64, 0_u64, 0_u64);
+        for y in 0..height {
+            for x in 0..width {
+                let alpha = at(x, y);
+                seen += u64::from(alpha >= *Self::HALF_CLEAR.start());
+                let level = |other: u8| alpha.abs_diff(other) <= Self::LEVEL;
+                if Self::HALF_CLEAR.contains(&alpha) && level(at(x + 1, y)) && level(at(x, y + 1)) {
+                    (half, sum) = (half + 1, sum + u64::from(alpha));
+                }
+            }
+        }
+        let mean = if half == 0 { 1.0 } else { (sum as f64 / (255.0 * half as f64)) as f32 };
+        Self { half_clear: (half as f64 / seen.max(1) as f64) as f32, mean }
+    }
+}
+
+/// How a texture's alpha, times an opacity in 65,535ths, is spread; `None` if it cannot be decoded.
+pub(in crate::scene) fn alphas(
+    source: &TextureSource,
+    opacity: u16,
+    (file, budget): (&Path, &mut Budget),
+) -> Result<Option<Alphas>, SceneError> {
+    let Ok(Cost { texels, working }) = cost(source) else { return Ok(None) };
+    let bytes = 4 * texels + working;
+    budget.take(file, &format!("the texels of {}", source.name()), bytes)?;
+    let found = pixels(source).map(|image| Alphas::of(&image, opacity));
+    budget.give_back(bytes);
+    Ok(found.ok())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use image::Rgba;
+
+    /// A picture whose alpha is made by a function of the place.
+    fn picture(alpha: impl Fn(u32, u32) -> u8) -> RgbaImage {
+        RgbaImage::from_fn(64, 64, |x, y| Rgba([9, 9, 9, alpha(x, y)]))
+    }
+
+    #[test]
+    fn leaves_with_soft_edges_are_cut_and_areas_are_blended() {
+        let of = |image: &RgbaImage| Alphas::of(image, u16::MAX);
+        // A disc whose edge falls off over three texels, which are a third of what is seen.
+        let leaf = |x: u32, y: u32| {
+            let away = f64::from(x % 16).hypot(f64::from(y % 16) - 8.0) - 4.0;
+            (255.0 * (0.5 - away / 3.0).clamp(0.0, 1.0)) as u8
+        };
+        let edge = picture(leaf).pixels().filter(|pixel| Alphas::HALF_CLEAR.contains(&pixel.0[3])).count();
+        let seen = picture(leaf).pixels().filter(|pixel| pixel.0[3] >= 16).count();
+        assert!(edge * 3 > seen, "{edge} of {seen}");
+        assert!(!of(&picture(leaf)).are_soft(), "{:?}", of(&picture(leaf)));
+        // A window of 8 x 8 texels in a body that is opaque.
+        let window = |x: u32, y: u32| if x < 8 && y < 8 { 76 } else { 255 };
+        let found = of(&picture(window));
+        assert!(found.are_soft(), "{found:?}");
+        assert!(
+            (found.mean - 76.0 / 255.0).abs() < 1e-6 && (found.half_clear - 49.0 / 4096.0).abs() < 1e-6,
+            "{found:?}"
+        );
+        // Smoke: a slope from clear to opaque.
+        assert!(of(&picture(|x, _| (4 * x) as u8)).are_soft());
+        for even in [0, 15, 224, 255] {
+            assert!(!of(&picture(|_, _| even)).are_soft(), "{even}");
+        }
+    }
+
+    #[test]
+    fn an_opacity_makes_an_opaque_picture_half_clear() {
+        let opaque = picture(|_, _| 255);
+        let found = Alphas::of(&opaque, u16::MAX / 2);
+        assert_eq!((found.half_clear, found.are_soft()), (1.0, true));
+        assert!((found.mean - 127.0 / 255.0).abs() < 1e-6, "{found:?}");
+    }
+}
