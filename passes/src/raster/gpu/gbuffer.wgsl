@@ -68,7 +68,7 @@ struct Lights {
     lights: array<Light, 256>,
 }
 
-@group(0) @binding(2) var<uniform> all: Lights;
+@group(0) @binding(2) var<uniform> lamps: Lights;
 //#endif
 //#if PLANE_DEPTH
 
@@ -323,8 +323,8 @@ fn arriving(light: Light, point: vec3<f32>) -> vec4<f32> {
 // the horizon of the unbent surface.
 fn sum_of_lights(point: vec3<f32>, normal: vec3<f32>, unbent: vec3<f32>) -> vec4<f32> {
     var sum = vec4<f32>(0.0);
-    for (var index = 0u; index < all.count.x; index++) {
-        let light = all.lights[index];
+    for (var index = 0u; index < lamps.count.x; index++) {
+        let light = lamps.lights[index];
         let arrives = arriving(light, point);
         let lit = arrives.w > 0.0 && dot(arrives.xyz, unbent) > 0.0;
         let cosine = select(0.0, clamp(dot(arrives.xyz, normal), 0.0, 1.0), lit);
@@ -534,9 +534,9 @@ fn shares(place: vec2<f32>, corner: array<vec3<f32>, 3>) -> vec3<f32> {
     return areas / (areas.x + areas.y + areas.z);
 }
 
-// The corners' shares of the place of a triangle's border that is nearest to a pixel on the screen. The corners are in front of the eye;
-// `ways` lead to them from the pixel, in pixels.
-fn nearest_on_border(ways: array<vec2<f32>, 3>, w: vec3<f32>) -> vec3<f32> {
+// The corners' shares of the place of a triangle's border that is nearest to a pixel on the screen, and the distance from there, in pixels.
+// The corners are in front of the eye; `ways` lead to them from the pixel, in pixels.
+fn nearest_on_border(ways: array<vec2<f32>, 3>, w: vec3<f32>) -> vec4<f32> {
     var way = ways;
     var least = 3e38;
     var found = vec3<f32>(1.0, 0.0, 0.0);
@@ -547,7 +547,7 @@ fn nearest_on_border(ways: array<vec2<f32>, 3>, w: vec3<f32>) -> vec3<f32> {
         // An edge of no length has one place.
         let at = select(0.0, clamp(-dot(way[from_], along) / squared, 0.0, 1.0), squared > 0.0);
         let off = fma(along, vec2<f32>(at), way[from_]);
-        let distance = dot(off, off);
+        let distance = length(off);
         if distance < least {
             least = distance;
             found = vec3<f32>(0.0);
@@ -556,24 +556,40 @@ fn nearest_on_border(ways: array<vec2<f32>, 3>, w: vec3<f32>) -> vec3<f32> {
             found[to_] = at * w[from_];
         }
     }
-    return found / (found.x + found.y + found.z);
+    return vec4<f32>(found / (found.x + found.y + found.z), least);
 }
 
 // The corners' shares of what a pixel shows of a triangle. `exact` are those of the pixel's centre in the triangle's plane.
 //
-// A pixel that a triangle covers only after its corners were snapped lies outside of it, and shows the nearest place of the triangle. So does
-// one whose shares are rounding, as of a triangle without width: they tell another place than the pixel's.
+// Where a triangle is narrow, rounding of the shares moves the place that they tell along it. How far is known better than the shares, so
+// they are mended by that. A pixel that a triangle covers only after its corners were snapped lies outside of it, and shows the nearest place
+// of the triangle. So does one whose shares are rounding alone, as of a triangle without width.
 fn shown(exact: vec3<f32>, place: vec2<f32>, pixel_size: vec2<f32>, corner: array<vec3<f32>, 3>) -> vec3<f32> {
     let w = vec3<f32>(corner[0].z, corner[1].z, corner[2].z);
     let a = fma(-place, vec2<f32>(w.x), corner[0].xy);
     let b = fma(-place, vec2<f32>(w.y), corner[1].xy);
     let c = fma(-place, vec2<f32>(w.z), corner[2].xy);
-    let off = (a * exact.x + b * exact.y + c * exact.z) / dot(w, exact) / pixel_size;
-    if all(exact >= vec3<f32>(0.0)) && all(abs(off) < vec2<f32>(1.0 / 256.0)) {
+    let off = (a * exact.x + b * exact.y + c * exact.z) / dot(w, exact);
+    if all(exact >= vec3<f32>(0.0)) && all(abs(off / pixel_size) < vec2<f32>(1.0 / 4096.0)) {
         return exact;
     }
+    // The areas that shares are made of, and their changes with the place.
+    let areas = vec3<f32>(determinant_of(b, c), determinant_of(c, a), determinant_of(a, b));
+    let changes = vec3<f32>(
+        dot(off, vec2<f32>(w.z * b.y - w.y * c.y, w.y * c.x - w.z * b.x)),
+        dot(off, vec2<f32>(w.x * c.y - w.z * a.y, w.z * a.x - w.x * c.x)),
+        dot(off, vec2<f32>(w.y * a.y - w.x * b.y, w.x * b.x - w.y * a.x)),
+    );
+    let mended_areas = areas - changes;
+    let mended = mended_areas / (mended_areas.x + mended_areas.y + mended_areas.z);
+    let is_inside = all(mended >= vec3<f32>(0.0));
+    let distance = length((a * mended.x + b * mended.y + c * mended.z) / dot(w, mended) / pixel_size);
     if all(w > vec3<f32>(0.0)) {
-        return nearest_on_border(array<vec2<f32>, 3>(a / w.x / pixel_size, b / w.y / pixel_size, c / w.z / pixel_size), w);
+        let border = nearest_on_border(array<vec2<f32>, 3>(a / w.x / pixel_size, b / w.y / pixel_size, c / w.z / pixel_size), w);
+        if is_inside && distance <= border.w {
+            return mended;
+        }
+        return border.xyz;
     }
     // Where a corner is behind the eye, a place nearby.
     let inside = max(exact, vec3<f32>(0.0));
