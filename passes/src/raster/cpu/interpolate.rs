@@ -8,8 +8,8 @@ use std::ops::{Add, Mul, Sub};
 
 /// Barycentric coordinates along a row of pixels, exact up to the division by the area.
 ///
-/// They are those of the corners before they were snapped; in thesis fidelity and in depth maps, of the snapped corners. A pixel that only the snapped triangle covers has the coordinates of the
-/// nearest place of the triangle on the screen.
+/// They are those of the corners before they were snapped; in thesis fidelity and in depth maps, of the snapped corners. A pixel that only
+/// the snapped triangle covers has the coordinates of the nearest place of the triangle on the screen.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Barycentric {
     /// Edge functions opposite to corners 1 and 2 at the first pixel, and the doubled area, in squares of [fractions](FINE) of sub-pixel

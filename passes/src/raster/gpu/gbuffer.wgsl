@@ -523,14 +523,25 @@ fn determinant_of(a: vec2<f32>, b: vec2<f32>) -> f32 {
     return fma(a.x, b.y, -product) + fma(-a.y, b.x, product);
 }
 
+// The corners around a place in normalised device coordinates, each times its w.
+fn around(place: vec2<f32>, corner: array<vec3<f32>, 3>) -> array<vec2<f32>, 3> {
+    return array<vec2<f32>, 3>(
+        fma(-place, vec2<f32>(corner[0].z), corner[0].xy),
+        fma(-place, vec2<f32>(corner[1].z), corner[1].xy),
+        fma(-place, vec2<f32>(corner[2].z), corner[2].xy),
+    );
+}
+
+// What the corners' shares are proportional to: the doubled areas opposite to them.
+fn areas_of(way: array<vec2<f32>, 3>) -> vec3<f32> {
+    return vec3<f32>(determinant_of(way[1], way[2]), determinant_of(way[2], way[0]), determinant_of(way[0], way[1]));
+}
+
 // The corners' shares of the point of a triangle that is seen in `place`, in normalised device coordinates. The corners are in clip
 // coordinates, before they were snapped. They may be behind the eye: this is Olano and Greer's rule, "Triangle scan conversion using 2D
 // homogeneous coordinates" (1997), around the pixel.
 fn shares(place: vec2<f32>, corner: array<vec3<f32>, 3>) -> vec3<f32> {
-    let a = fma(-place, vec2<f32>(corner[0].z), corner[0].xy);
-    let b = fma(-place, vec2<f32>(corner[1].z), corner[1].xy);
-    let c = fma(-place, vec2<f32>(corner[2].z), corner[2].xy);
-    let areas = vec3<f32>(determinant_of(b, c), determinant_of(c, a), determinant_of(a, b));
+    let areas = areas_of(around(place, corner));
     return areas / (areas.x + areas.y + areas.z);
 }
 
@@ -566,15 +577,16 @@ fn nearest_on_border(ways: array<vec2<f32>, 3>, w: vec3<f32>) -> vec4<f32> {
 // of the triangle. So does one whose shares are rounding alone, as of a triangle without width.
 fn shown(exact: vec3<f32>, place: vec2<f32>, pixel_size: vec2<f32>, corner: array<vec3<f32>, 3>) -> vec3<f32> {
     let w = vec3<f32>(corner[0].z, corner[1].z, corner[2].z);
-    let a = fma(-place, vec2<f32>(w.x), corner[0].xy);
-    let b = fma(-place, vec2<f32>(w.y), corner[1].xy);
-    let c = fma(-place, vec2<f32>(w.z), corner[2].xy);
+    let ways = around(place, corner);
+    let a = ways[0];
+    let b = ways[1];
+    let c = ways[2];
     let off = (a * exact.x + b * exact.y + c * exact.z) / dot(w, exact);
     if all(exact >= vec3<f32>(0.0)) && all(abs(off / pixel_size) < vec2<f32>(1.0 / 4096.0)) {
         return exact;
     }
     // The areas that shares are made of, and their changes with the place.
-    let areas = vec3<f32>(determinant_of(b, c), determinant_of(c, a), determinant_of(a, b));
+    let areas = areas_of(ways);
     let changes = vec3<f32>(
         dot(off, vec2<f32>(w.z * b.y - w.y * c.y, w.y * c.x - w.z * b.x)),
         dot(off, vec2<f32>(w.x * c.y - w.z * a.y, w.z * a.x - w.x * c.x)),

@@ -22,6 +22,17 @@ fn cascades(shot: &Shot, params: EffectParams) -> Cascades {
     Cascades::new(&shot.sun.expect("lit"), &bounds, &shot.view, depths, &params)
 }
 
+/// A box 2 high, with these halves of its width and depth, seen from `eye`, and its shadows by rays.
+fn box_on_the_ground([x, z]: [f32; 2], eye: Vec3) -> (Shot, Vec<[f32; 4]>) {
+    let mut world = World::lit_along(Vec3::new(0.6, -0.5, 0.3));
+    world.ground(10.0);
+    let white = world.paint(Vec3::ONE);
+    world.block(white, Vec3::Y, Vec3::new(x, 1.0, z));
+    let shot = world.seen(eye, Vec3::ZERO, 256);
+    let expected = shot.rays(ShadowMap, RayParams::default());
+    (shot, expected)
+}
+
 /// The share of pixels that differ from the ray-traced ones by more than rounding.
 fn differing(found: &[[f32; 4]], expected: &[[f32; 4]]) -> f64 {
     mean(found.iter().zip(expected).map(|(a, b)| f32::from(u8::from((a[0] - b[0]).abs() > 1e-6))))
@@ -129,12 +140,7 @@ fn bordered(shot: &mut Shot, params: EffectParams, expected: &[[f32; 4]]) -> [us
 
 #[test]
 fn pixels_whose_tests_differ_are_left_to_rays_and_the_others_are_as_rays_say() {
-    let mut world = World::lit_along(Vec3::new(0.6, -0.5, 0.3));
-    world.ground(10.0);
-    let white = world.paint(Vec3::ONE);
-    world.block(white, Vec3::new(0.0, 1.0, 0.0), Vec3::new(1.0, 1.0, 0.5));
-    let mut shot = world.seen(Vec3::new(5.0, 6.0, 5.0), Vec3::ZERO, 256);
-    let expected = shot.rays(ShadowMap, RayParams::default());
+    let (mut shot, expected) = box_on_the_ground([1.0, 0.5], Vec3::new(5.0, 6.0, 5.0));
     for count in COUNTS {
         let mut before = 0;
         for pcf in [0, 1, 2] {
@@ -151,12 +157,7 @@ fn pixels_whose_tests_differ_are_left_to_rays_and_the_others_are_as_rays_say() {
 
 #[test]
 fn what_is_thinner_than_a_texel_can_be_missed_by_maps_and_by_their_borders() {
-    let mut world = World::lit_along(Vec3::new(0.6, -0.5, 0.3));
-    world.ground(10.0);
-    let white = world.paint(Vec3::ONE);
-    world.block(white, Vec3::new(0.0, 1.0, 0.0), Vec3::new(0.02, 1.0, 0.02));
-    let mut shot = world.seen(Vec3::new(3.0, 3.0, 3.0), Vec3::ZERO, 256);
-    let expected = shot.rays(ShadowMap, RayParams::default());
+    let (mut shot, expected) = box_on_the_ground([0.02; 2], Vec3::splat(3.0));
     let [coarse, fine] = [32, 4096].map(|size| bordered(&mut shot, params(size, 1, 4), &expected)[1]);
     assert!(coarse > 20 && fine == 0, "{coarse} {fine}");
 }
@@ -183,12 +184,7 @@ fn holes_of_cut_out_materials_let_light_through_and_glass_does_not() {
 
 #[test]
 fn a_box_on_the_ground_is_shadowed_as_rays_say_but_for_edges() {
-    let mut world = World::lit_along(Vec3::new(0.6, -0.5, 0.3));
-    world.ground(10.0);
-    let white = world.paint(Vec3::ONE);
-    world.block(white, Vec3::new(0.0, 1.0, 0.0), Vec3::new(1.0, 1.0, 0.5));
-    let mut shot = world.seen(Vec3::new(5.0, 6.0, 5.0), Vec3::ZERO, 256);
-    let expected = shot.rays(ShadowMap, RayParams::default());
+    let (mut shot, expected) = box_on_the_ground([1.0, 0.5], Vec3::new(5.0, 6.0, 5.0));
     let share = |size: u32, count: u32, shot: &mut Shot| {
         differing(&shot.effect(ShadowMap, params(size, 0, count)).0, &expected)
     };
