@@ -95,7 +95,8 @@ fn deal(pixels: &mut [[f32; 4]], [width, height]: [u32; 2], gpus: usize) -> Vec<
     };
     let mut shares: Vec<Vec<Stripe<'_>>> = (0..gpus).map(|_| Vec::new()).collect();
     for (index, pixels) in pixels.chunks_mut((rows as usize * width as usize).max(1)).enumerate() {
-        shares[index % gpus].push(Stripe { first_row: index as u32 * rows, pixels });
+        let first_row = index as u32 * rows;
+        shares[index % gpus].push(Stripe { first_row, rows: rows.min(height - first_row), pixels });
     }
     shares
 }
@@ -199,6 +200,11 @@ impl<T: DeviceTracer> RayBackend for DeviceRays<T> {
             .is_some_and(|owner| self.gpus.iter().all(|gpu| peers::reaches(&gpu.device, &self.gpus[owner].device)))
     }
 
+    fn shares_pictures(&self) -> bool {
+        // Of several GPUs each leaves its rows in memory of its own.
+        self.gpus.len() == 1
+    }
+
     fn join(&mut self, shared: SharedGBuffer) -> Result<(), BackendError> {
         let owner = self.drawn_on(shared.device).unwrap_or(0);
         for gpu in &self.gpus {
@@ -210,19 +216,7 @@ impl<T: DeviceTracer> RayBackend for DeviceRays<T> {
 
     fn run(&mut self, job: &RayJob<'_>, output: &mut Image, progress: &Progress) -> Result<RayStats, BackendError> {
         check::images(T::NAME, job, output)?;
-        if job.origin != [0; 2] {
-            return Err(check::missing(
-                T::NAME,
-                job,
-                "it traces whole pictures, and this is a part; use --backend cpu",
-            ));
-        }
-        if job.program != RayProgram::Dummy {
-            check::scene(T::NAME, job, false)?;
-            check::filter(T::NAME, job)?;
-            check::adaptive(T::NAME, job)?;
-            check_glass(T::NAME, false, &job.params, job.dielectrics)?;
-        }
+        check_job::<T>(job)?;
         if output.pixels.is_empty() {
             return Ok(RayStats::default());
         }
@@ -242,6 +236,31 @@ impl<T: DeviceTracer> RayBackend for DeviceRays<T> {
         })?;
         Ok(together(&parts))
     }
+
+    fn run_in_place(&mut self, job: &RayJob<'_>, _: usize, progress: &Progress) -> Result<RayStats, BackendError> {
+        check::buffers(T::NAME, job)?;
+        check_job::<T>(job)?;
+        let [gpu] = self.gpus.as_mut_slice() else {
+            return Err(check::missing(T::NAME, job, "the picture of several GPUs does not lie on one of them"));
+        };
+        let mut whole = [Stripe { first_row: 0, rows: job.height, pixels: &mut [] }];
+        progress.start(launches(&whole, job.width, pixels_of_launch(job)).len() as u64);
+        gpu.run_in_place(job, &mut whole, progress)
+    }
+}
+
+/// Refuses jobs that the device programs cannot run.
+fn check_job<T: DeviceTracer>(job: &RayJob<'_>) -> Result<(), BackendError> {
+    if job.origin != [0; 2] {
+        return Err(check::missing(T::NAME, job, "it traces whole pictures, and this is a part; use --backend cpu"));
+    }
+    if job.program != RayProgram::Dummy {
+        check::scene(T::NAME, job, false)?;
+        check::filter(T::NAME, job)?;
+        check::adaptive(T::NAME, job)?;
+        check_glass(T::NAME, false, &job.params, job.dielectrics)?;
+    }
+    Ok(())
 }
 
 #[cfg(test)]

@@ -24,7 +24,7 @@ use curitiba_pipeline::executor::Progress;
 use curitiba_pipeline::glass::{GlassShadow, Shape};
 use curitiba_pipeline::programs::{Fidelity, Fresnel, RayProgram, TextureLod};
 use curitiba_pipeline::scene::RenderScene;
-use curitiba_pipeline::shared::SharedGBuffer;
+use curitiba_pipeline::shared::{SharedGBuffer, after_picture};
 use std::collections::VecDeque;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
@@ -275,12 +275,15 @@ impl<T: DeviceTracer> OneGpu<T> {
         Ok([floats[0], floats[1], floats[2], images.triangle.address(device)])
     }
 
-    /// Copies a pass's tables to the device, and fills in the launch parameters.
-    fn describe(&mut self, job: &RayJob<'_>, copied: bool) -> Result<Params, BackendError> {
+    /// Copies a pass's tables to the device, and fills in the launch parameters. The picture goes to an address, or else to memory of this
+    /// GPU's own.
+    fn describe(&mut self, job: &RayJob<'_>, copied: bool, picture: Option<Address>) -> Result<Params, BackendError> {
         let [position, normal, color, triangle] = self.gbuffer(job, copied)?;
         let (device, images) = (&self.device, &mut self.images);
-        let pixels = job.width as usize * job.height as usize;
-        device.reserve("the picture", &mut images.output, 4 * pixels)?;
+        if picture.is_none() {
+            let pixels = job.width as usize * job.height as usize;
+            device.reserve("the picture", &mut images.output, 4 * pixels)?;
+        }
         let prepared = Preparation::of(job).map_err(|why| check::missing(T::NAME, job, &why))?;
         let Preparation { sampler, open_share, to_light, light_color, disc } = prepared;
         let samples = job.program.info().samples(&job.params);
@@ -327,7 +330,7 @@ impl<T: DeviceTracer> OneGpu<T> {
             normal,
             color,
             triangle,
-            output: images.output.address(device),
+            output: picture.unwrap_or_else(|| images.output.address(device)),
             positions: 0,
             normals: 0,
             texcoords: 0,
@@ -488,12 +491,53 @@ impl<T: DeviceTracer> OneGpu<T> {
         lent: Option<&Lent>,
         progress: &Progress,
     ) -> Result<RayStats, BackendError> {
+        let stats = self.launched(job, stripes, lent, None, progress)?;
+        let start = Instant::now();
+        if let Some(picture) = &self.images.output.0 {
+            let parts = stripes.iter_mut().map(|stripe| {
+                let first = 4 * stripe.range(job.width).start;
+                (first, stripe.pixels.as_flattened_mut())
+            });
+            self.staging.read(&self.device, picture, parts.collect())?;
+        }
+        let read_back = Some(start.elapsed());
+        Ok(RayStats { read_back, ..self.counted(job, stats)? })
+    }
+
+    /// As [`Self::run`], on a shared G-buffer, for all rows: the picture goes to the room that the shared memory has for it, and the
+    /// semaphore reaches its value.
+    pub fn run_in_place(
+        &mut self,
+        job: &RayJob<'_>,
+        stripes: &mut [Stripe<'_>],
+        progress: &Progress,
+    ) -> Result<RayStats, BackendError> {
+        let room = self.shared(job)?.and_then(|(joined, _)| joined.picture(&self.device));
+        let Some(picture) = room else {
+            return Err(check::missing(T::NAME, job, "the shared memory has no room for its picture"));
+        };
+        let stats = self.launched(job, stripes, None, Some(picture), progress)?;
+        if let Some((joined, value)) = self.shared(job)? {
+            joined.signal(&self.device, after_picture(value))?;
+        }
+        self.counted(job, stats)
+    }
+
+    /// Starts the launches of a pass and waits for them. The rays are not counted yet.
+    fn launched(
+        &mut self,
+        job: &RayJob<'_>,
+        stripes: &[Stripe<'_>],
+        lent: Option<&Lent>,
+        picture: Option<Address>,
+        progress: &Progress,
+    ) -> Result<RayStats, BackendError> {
         self.device.bind()?;
         self.tracer.load(&self.device, job)?;
         let mut upload = if job.shared.is_none() { Some(self.copy(job, stripes)?) } else { None };
         let borrowed = lent.map(|lent| self.borrow(job, lent, stripes)).transpose()?;
         let copied = upload.is_some() || borrowed.is_some();
-        let mut params = self.describe(job, copied)?;
+        let mut params = self.describe(job, copied, picture)?;
         let is_built = |scene: &Arc<RenderScene>| std::ptr::eq(&raw const **scene, job.scene);
         if job.texture_lod() == TextureLod::Cones
             && let Some((_, buffers)) = self.built.as_mut().filter(|(scene, _)| is_built(scene))
@@ -523,18 +567,14 @@ impl<T: DeviceTracer> OneGpu<T> {
         if let Some(copies) = &borrowed {
             upload = Some(copies.time(&self.device)?);
         }
-        let start = Instant::now();
-        if let Some(picture) = &self.images.output.0 {
-            let parts = stripes.iter_mut().map(|stripe| {
-                let first = 4 * stripe.range(job.width).start;
-                (first, stripe.pixels.as_flattened_mut())
-            });
-            self.staging.read(&self.device, picture, parts.collect())?;
-        }
-        let read_back = Some(start.elapsed());
+        Ok(RayStats { upload, device_time: Some(device_time), ..RayStats::default() })
+    }
+
+    /// The statistics of a pass that was launched, with its rays.
+    fn counted(&self, job: &RayJob<'_>, stats: RayStats) -> Result<RayStats, BackendError> {
         let rays = self.read_counts(job)?;
         let held_bytes = self.images.bytes() + self.tracer.held_bytes();
-        Ok(RayStats { rays, adaptive: None, upload, read_back, device_time: Some(device_time), held_bytes })
+        Ok(RayStats { rays, held_bytes, ..stats })
     }
 }
 

@@ -50,7 +50,7 @@ mod opened {
         pub fn open(device: &Device, shared: SharedGBuffer) -> Result<Self, BackendError> {
             let doing = "opening the rasteriser's G-buffer";
             let failed = |error| device.fault(doing, &error);
-            let offsets = Offsets::new(shared.width, shared.height, shared.attachments);
+            let offsets = Offsets::new(shared.width, shared.height, shared.attachments, shared.picture);
             device.bind()?;
             // SAFETY: the handle is of device memory of that size, as its maker documents.
             let memory = unsafe { device.context().import_external_memory(File::from(shared.memory), shared.bytes) };
@@ -81,6 +81,25 @@ mod opened {
         pub fn attachments(&self, device: &Device) -> [Address; 4] {
             let (memory, at) = (self.memory.device_ptr(device.stream()).0, self.offsets);
             [at.position, at.normal, at.color, at.triangle].map(|offset| offset.map_or(0, |offset| memory + offset))
+        }
+
+        /// Address of the room for the picture of a pass, if there is any.
+        pub fn picture(&self, device: &Device) -> Option<Address> {
+            self.offsets.picture.map(|offset| self.memory.device_ptr(device.stream()).0 + offset)
+        }
+
+        /// Makes the stream set the semaphore to `value`, which must be greater than all earlier values, when its work is done.
+        pub fn signal(&self, device: &Device, value: u64) -> Result<(), BackendError> {
+            // SAFETY: plain numbers and unions of plain numbers, for which zeros are valid.
+            let mut parameters: sys::CUDA_EXTERNAL_SEMAPHORE_SIGNAL_PARAMS = unsafe { std::mem::zeroed() };
+            parameters.params.fence.value = value;
+            let stream = device.stream().cu_stream();
+            // SAFETY: one semaphore and one parameter, both alive during the call; the stream is of this device.
+            let signals = unsafe {
+                sys::cuSignalExternalSemaphoresAsync(&raw const self.semaphore.raw, &raw const parameters, 1, stream)
+                    .result()
+            };
+            signals.map_err(|error| device.fault("handing the picture to the rasteriser", &error))
         }
 
         /// Makes the stream wait until the semaphore has reached `value`.
@@ -125,6 +144,14 @@ impl Joined {
     }
 
     pub fn attachments(&self, _: &Device) -> [Address; 4] {
+        match *self {}
+    }
+
+    pub fn picture(&self, _: &Device) -> Option<Address> {
+        match *self {}
+    }
+
+    pub fn signal(&self, _: &Device, _: u64) -> Result<(), BackendError> {
         match *self {}
     }
 

@@ -17,7 +17,9 @@ const DISC_RAYS_OF_LAUNCH: u32 = 1 << 26;
 pub(crate) struct Stripe<'a> {
     /// The first row.
     pub first_row: u32,
-    /// The pixels of these rows in the picture.
+    /// Number of rows.
+    pub rows: u32,
+    /// The pixels of these rows in the picture; empty if the picture stays on the device.
     pub pixels: &'a mut [[f32; 4]],
 }
 
@@ -25,11 +27,7 @@ impl Stripe<'_> {
     /// Indices of these pixels in the picture.
     pub fn range(&self, width: u32) -> Range<usize> {
         let first = self.first_row as usize * width as usize;
-        first..first + self.pixels.len()
-    }
-
-    fn rows(&self, width: u32) -> u32 {
-        (self.pixels.len() / width.max(1) as usize) as u32
+        first..first + self.rows as usize * width as usize
     }
 }
 
@@ -51,10 +49,10 @@ pub(crate) struct Launch {
 pub(crate) fn launches(stripes: &[Stripe<'_>], width: u32, pixels: u32) -> Vec<Launch> {
     let Some(first) = stripes.first() else { return Vec::new() };
     let (stripe, skipped) = match stripes.get(1) {
-        Some(second) => (first.rows(width), second.first_row - first.first_row - first.rows(width)),
+        Some(second) => (first.rows, second.first_row - first.first_row - first.rows),
         None => (BLOCK_HEIGHT, 0),
     };
-    let all: u32 = stripes.iter().map(|stripe| stripe.rows(width)).sum();
+    let all: u32 = stripes.iter().map(|stripe| stripe.rows).sum();
     let most = (pixels / width.max(1) / stripe).max(1) * stripe;
     let launch = |done: u32| Launch {
         first_row: first.first_row + done + done / stripe * skipped,
@@ -89,7 +87,7 @@ mod tests {
                 let stripes: Vec<Stripe<'_>> = starts
                     .iter()
                     .zip(&mut pixels)
-                    .map(|(first_row, pixels)| Stripe { first_row: *first_row, pixels })
+                    .map(|(first_row, pixels)| Stripe { first_row: *first_row, rows: rows_from(*first_row), pixels })
                     .collect();
                 let expected: Vec<u32> = starts.iter().flat_map(|start| *start..*start + rows_from(*start)).collect();
                 assert!(launches(&stripes, width, 1).iter().all(|launch| launch.rows <= launch.stripe));

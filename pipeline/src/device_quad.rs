@@ -69,11 +69,11 @@ pub enum Shown<'a> {
 /// Times of a quad, and properties of its pixels.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub struct DeviceQuadStats {
-    /// Host time to fill it, with synchronisation.
+    /// Host time until the device has filled it and copied it to memory that the host reads.
     pub host: Duration,
     /// Time on the device's own clock, if it has one.
     pub device: Option<Duration>,
-    /// Host time of the copy into host memory.
+    /// Host time of the copy from there.
     pub read_back: Duration,
     /// Number of pixels with a value that is not finite.
     pub not_finite: u32,

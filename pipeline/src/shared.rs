@@ -32,12 +32,22 @@ pub struct SharedGBuffer {
     pub height: u32,
     /// The attachments that it contains.
     pub attachments: Attachments,
+    /// Whether there is room for the picture of a ray pass, four floats a pixel.
+    pub picture: bool,
     /// The memory.
     pub memory: SharedHandle,
     /// Size of the memory in bytes, at least [`Offsets::end`].
     pub bytes: u64,
-    /// A timeline semaphore. It reaches the value of a hand-over when the attachments are complete.
+    /// A timeline semaphore. It reaches the value of a hand-over when the attachments are complete, and [`after_picture`] of that value
+    /// when a ray backend has written the picture.
     pub semaphore: SharedHandle,
+}
+
+/// Value of the semaphore once the picture is written that a ray pass makes of the G-buffer of this hand-over. Hand-overs are numbered so
+/// that it lies between theirs.
+#[must_use]
+pub fn after_picture(hand_over: u64) -> u64 {
+    hand_over + 1
 }
 
 /// Offsets of the attachments in the memory, in bytes.
@@ -51,7 +61,9 @@ pub struct Offsets {
     pub normal: Option<u64>,
     /// Triangle id.
     pub triangle: Option<u64>,
-    /// End of the last attachment.
+    /// The picture of a ray pass.
+    pub picture: Option<u64>,
+    /// End of the last of them.
     pub end: u64,
 }
 
@@ -59,9 +71,9 @@ impl Offsets {
     /// Alignment of every attachment: the strictest that graphics interfaces require for bound buffers.
     pub const ALIGNMENT: u64 = 256;
 
-    /// The layout of a G-buffer of that size.
+    /// The layout of a G-buffer of that size, with or without room for a picture.
     #[must_use]
-    pub fn new(width: u32, height: u32, attachments: Attachments) -> Self {
+    pub fn new(width: u32, height: u32, attachments: Attachments, picture: bool) -> Self {
         let pixels = u64::from(width) * u64::from(height);
         let mut end = 0_u64;
         let mut place = |wanted: bool, bytes: u64| {
@@ -75,7 +87,8 @@ impl Offsets {
         let position = place(attachments.position, 16);
         let normal = place(attachments.normal, 16);
         let triangle = place(attachments.triangle, 4);
-        Self { color, position, normal, triangle, end }
+        let picture = place(picture, 16);
+        Self { color, position, normal, triangle, picture, end }
     }
 }
 
@@ -86,10 +99,13 @@ mod tests {
     #[test]
     fn attachments_follow_each_other_and_those_that_are_absent_take_nothing() {
         let all = Attachments { color: true, position: true, normal: true, triangle: true };
-        let whole = Offsets::new(10, 7, all);
+        let whole = Offsets::new(10, 7, all, false);
         assert_eq!((whole.color, whole.position), (Some(0), Some(1280)));
         assert_eq!((whole.normal, whole.triangle, whole.end), (Some(2560), Some(3840), 4352));
-        let some = Offsets::new(16, 16, Attachments { color: false, normal: false, ..all });
+        let with_picture = Offsets::new(10, 7, all, true);
+        assert_eq!((with_picture.triangle, with_picture.picture), (Some(3840), Some(4352)));
+        assert_eq!((whole.picture, with_picture.end), (None, 5632));
+        let some = Offsets::new(16, 16, Attachments { color: false, normal: false, ..all }, false);
         assert_eq!((some.color, some.position, some.normal, some.triangle), (None, Some(0), None, Some(4096)));
         assert_eq!(some.end, 5120);
     }

@@ -43,7 +43,7 @@ pub use failure::Failure;
 use clap::CommandFactory as _;
 use curitiba::pipeline::diagnostic::Warnings;
 use curitiba::pipeline::files;
-use curitiba::pipeline::plan::Plan;
+use curitiba::pipeline::plan::{Plan, RayPictures};
 use curitiba::{Choice, engines, fastest};
 use std::io::Write as _;
 use std::path::{Path, PathBuf};
@@ -173,8 +173,13 @@ fn ask_engines(plan: &mut Plan, choice: Choice) -> Result<(), Failure> {
     plan.fit((engines.raster.name(), engines.raster.limits()), engines.ray_limits(plan))
         .map_err(|error| Failure::Usage(error.to_string()))?;
     let shared = engines.raster.shares().is_some_and(|device| engines.rays.joins(device));
-    let apart = shared || engines.differ();
-    _ = plan.decide_showing_quad(&mut *engines.raster, &mut *engines.rays, apart);
+    let pictures = match shared {
+        _ if engines.differ() => RayPictures::Apart,
+        true if engines.rays.shares_pictures() => RayPictures::Shared,
+        true => RayPictures::Apart,
+        false => RayPictures::Lent,
+    };
+    _ = plan.decide_showing_quad(&mut *engines.raster, &mut *engines.rays, pictures);
     let (raster, rays_of) = (&*engines.raster, |pass: &str| engines.rays_of(pass));
     // If a fallback is allowed, it takes over.
     let stands_in = choice.for_plan(plan).fallback.iter().any(Option::is_some);

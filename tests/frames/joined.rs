@@ -6,8 +6,9 @@ use curitiba::pipeline::backend::{
     Attachments, BackendError, BuildStats, DrawStats, EffectJob, EffectStats, GBuffer, HandOver, Limits, RasterJob,
     Rasteriser, RayBackend, RayJob, RayStats,
 };
+use curitiba::pipeline::device_quad::{DeviceQuad, DeviceQuadStats, DeviceSource, OnDevice, QuadPlace, Shown};
 use curitiba::pipeline::executor::{Engines, Progress, Renderer, Silent, Spare, StepKind};
-use curitiba::pipeline::image::Image;
+use curitiba::pipeline::image::{Codes, Image};
 use curitiba::pipeline::plan::{Plan, Settings};
 use curitiba::pipeline::programs::{Fidelity, RayProgram};
 use curitiba::pipeline::project;
@@ -32,15 +33,30 @@ struct Memory {
     value: u64,
     /// The attachments that were copied to the host.
     read_back: Vec<Attachments>,
+    /// Whether there is room for the picture of a ray pass, that picture, and the value of the G-buffer that it was made of.
+    has_room: bool,
+    picture: Vec<[f32; 4]>,
+    picture_of: u64,
 }
 
 type Device = Arc<Mutex<Memory>>;
 
-/// A rasteriser that draws into the device, and that refuses to share if `refuses` is set.
+/// What the stand-ins can do.
+#[derive(Debug, Clone, Copy, Default)]
+struct Abilities {
+    /// The rasteriser refuses to share.
+    refuses: bool,
+    /// The run in which the ray backend fails.
+    fails_in: Option<u32>,
+    /// Rays leave their picture on the device, and the rasteriser fills quads there.
+    shows: bool,
+}
+
+/// A rasteriser that draws into the device.
 struct Drawer {
     inner: CpuRasteriser,
     device: Device,
-    refuses: bool,
+    can: Abilities,
 }
 
 fn only(wanted: Attachments, from: &GBuffer) -> GBuffer {
@@ -108,21 +124,60 @@ impl Rasteriser for Drawer {
     fn shares(&self) -> Option<DeviceUuid> {
         Some(DEVICE)
     }
-    fn share(&mut self, width: u32, height: u32, attachments: Attachments) -> Result<SharedGBuffer, BackendError> {
-        if self.refuses {
+    fn share(
+        &mut self,
+        width: u32,
+        height: u32,
+        attachments: Attachments,
+        picture: bool,
+    ) -> Result<SharedGBuffer, BackendError> {
+        if self.can.refuses {
             return Err(BackendError::Device { backend: "wgpu", message: "no memory can be exported".to_owned() });
         }
-        self.device.lock().expect("no panic while it was held").attachments = attachments;
+        let mut device = self.device.lock().expect("no panic while it was held");
+        (device.attachments, device.has_room) = (attachments, picture);
         let handle = || File::open("/dev/null").expect("it is everywhere").into();
         Ok(SharedGBuffer {
             device: DEVICE,
             width,
             height,
             attachments,
+            picture,
             memory: handle(),
             bytes: 0,
             semaphore: handle(),
         })
+    }
+    fn fills_quads(&self) -> QuadPlace {
+        if self.can.shows { QuadPlace::Device } else { QuadPlace::Host }
+    }
+    fn fill_on_device(&mut self, quad: &DeviceQuad, shown: Shown<'_>) -> Result<DeviceQuadStats, BackendError> {
+        let device = self.device.lock().expect("no panic while it was held");
+        let source = |source: DeviceSource| {
+            let mut pixels = match source.place {
+                OnDevice::Drawn { value, channel: 0 } if value == device.value => device.drawn.color.clone(),
+                OnDevice::Made(_) => {
+                    assert_eq!(device.picture_of, device.value, "the picture of this frame is meant");
+                    device.picture.clone()
+                }
+                place => panic!("{place:?} is not there"),
+            };
+            source.format.round(&mut pixels);
+            pixels
+        };
+        let mut pixels = source(quad.color);
+        if let Some(factor) = quad.factor.map(source) {
+            let multiply = |(color, factor): (&mut [f32; 4], &[f32; 4])| *color = color.map(|value| value * factor[0]);
+            pixels.iter_mut().zip(&factor).for_each(multiply);
+        }
+        match shown {
+            Shown::Floats(floats) => floats.copy_from_slice(&pixels),
+            Shown::Codes(display, codes) => {
+                let image = Image { width: quad.width, height: quad.height, pixels };
+                codes.copy_from_slice(&Codes::of(&image, display).expect("made").pixels);
+            }
+        }
+        Ok(DeviceQuadStats::default())
     }
 }
 
@@ -132,7 +187,33 @@ struct Tracer {
     device: Device,
     joined: bool,
     runs: u32,
-    fails_in: Option<u32>,
+    can: Abilities,
+}
+
+impl Tracer {
+    /// Counts a run, and fails in that which was agreed.
+    fn count(&mut self) -> Result<(), BackendError> {
+        self.runs += 1;
+        match self.can.fails_in == Some(self.runs) {
+            true => Err(BackendError::Device { backend: "cuda", message: "the device was lost".to_owned() }),
+            false => Ok(()),
+        }
+    }
+
+    /// Traces what was handed over with that value.
+    fn trace(
+        &mut self,
+        job: &RayJob<'_>,
+        value: u64,
+        output: &mut Image,
+        progress: &Progress,
+    ) -> Result<RayStats, BackendError> {
+        let device = self.device.lock().expect("no panic while it was held");
+        assert!(self.joined && value == device.value, "the G-buffer of this frame is meant");
+        assert!(job.position.is_empty() && job.normal.is_empty() && job.color.is_empty() && job.triangle.is_empty());
+        let GBuffer { color, position, normal, triangle, .. } = &device.shared;
+        self.inner.run(&RayJob { color, position, normal, triangle, shared: None, ..*job }, output, progress)
+    }
 }
 
 impl RayBackend for Tracer {
@@ -160,21 +241,27 @@ impl RayBackend for Tracer {
         Ok(())
     }
     fn run(&mut self, job: &RayJob<'_>, output: &mut Image, progress: &Progress) -> Result<RayStats, BackendError> {
-        self.runs += 1;
-        if self.fails_in == Some(self.runs) {
-            return Err(BackendError::Device { backend: "cuda", message: "the device was lost".to_owned() });
-        }
-        let device = self.device.lock().expect("no panic while it was held");
+        self.count()?;
         let Some(value) = job.shared else {
             return self.inner.run(job, output, progress);
         };
-        assert!(self.joined && value == device.value, "the G-buffer of this frame is meant");
-        assert!(job.position.is_empty() && job.normal.is_empty() && job.color.is_empty() && job.triangle.is_empty());
-        let GBuffer { color, position, normal, triangle, .. } = &device.shared;
-        let mut stats =
-            self.inner.run(&RayJob { color, position, normal, triangle, shared: None, ..*job }, output, progress)?;
+        let mut stats = self.trace(job, value, output, progress)?;
         stats.read_back = Some(Duration::from_nanos(1));
         Ok(stats)
+    }
+    fn shares_pictures(&self) -> bool {
+        self.can.shows
+    }
+    fn run_in_place(&mut self, job: &RayJob<'_>, _: usize, progress: &Progress) -> Result<RayStats, BackendError> {
+        self.count()?;
+        let value = job.shared.expect("pictures are left beside a shared G-buffer alone");
+        let pixels = vec![[0.0; 4]; job.width as usize * job.height as usize];
+        let mut output = Image { width: job.width, height: job.height, pixels };
+        let stats = self.trace(job, value, &mut output, progress)?;
+        let mut device = self.device.lock().expect("no panic while it was held");
+        assert!(device.has_room, "memory was set aside");
+        (device.picture, device.picture_of) = (output.pixels, value);
+        Ok(RayStats { read_back: None, ..stats })
     }
 }
 
@@ -187,11 +274,15 @@ fn plan(project: &str, show: Option<&str>) -> Plan {
 }
 
 fn joined(plan: Plan, refuses: bool, fails_in: Option<u32>) -> (Renderer, Device) {
+    able(plan, Abilities { refuses, fails_in, shows: false })
+}
+
+fn able(plan: Plan, can: Abilities) -> (Renderer, Device) {
     let device = Device::default();
-    let raster = Drawer { inner: CpuRasteriser::new(), device: Arc::clone(&device), refuses };
+    let raster = Drawer { inner: CpuRasteriser::new(), device: Arc::clone(&device), can };
     let of_device = Arc::clone(&device);
     let cuda = Spare::new("cuda", move || {
-        Ok(Box::new(Tracer { inner: CpuRays::new(), device: of_device, joined: false, runs: 0, fails_in }))
+        Ok(Box::new(Tracer { inner: CpuRays::new(), device: of_device, joined: false, runs: 0, can }))
     });
     let cpu = Spare::new("cpu", || Ok(Box::new(CpuRays::new())));
     let engines = Engines::first_of(Box::new(raster), [cuda, cpu]).expect("both are there");
@@ -271,4 +362,50 @@ fn a_backend_that_takes_over_finds_the_g_buffer_in_the_host() {
     }
     assert_eq!(renderer.fallbacks().len(), 1);
     assert_eq!(device.lock().expect("free").read_back.len(), 2, "one copy for each frame since");
+}
+
+/// The codes of a picture that the host's engines make.
+fn expected_codes(plan: Plan) -> Codes {
+    let engines = Engines::new(Box::new(CpuRasteriser::new()), Box::new(CpuRays::new()));
+    Renderer::new(plan, engines, &mut Silent).expect("ready").displayed_frame(&mut Silent).expect("rendered")
+}
+
+#[test]
+fn a_picture_that_rays_leave_in_shared_memory_is_shown_from_there() {
+    for project in ["SceneShadows", "SceneFinal", "SceneRefract"] {
+        let (mut renderer, device) = able(plan(project, None), Abilities { shows: true, ..Abilities::default() });
+        assert!(renderer.fills_window_on_device(), "{project}: {:?}", renderer.decisions());
+        for _ in 0..2 {
+            let codes = renderer.displayed_frame(&mut Silent).expect("rendered");
+            assert!(codes == expected_codes(plan(project, None)), "{project}");
+        }
+        let steps = kinds(&renderer);
+        let passes = [StepKind::Raster, StepKind::Join, StepKind::Rays, StepKind::Quad, StepKind::ReadBack];
+        assert_eq!(steps, passes, "{project}: nothing but the codes is copied");
+        assert!(device.lock().expect("free").read_back.is_empty(), "{project}");
+        // Who takes all targets finds them in the host.
+        let picture = renderer.frame(&mut Silent).expect("rendered");
+        assert!(bits(&picture) == expected(plan(project, None)), "{project}");
+    }
+}
+
+#[test]
+fn where_the_picture_does_not_stay_there_is_no_room_for_it() {
+    let (renderer, device) = able(plan("SceneFinal", Some("all")), Abilities { shows: true, ..Abilities::default() });
+    assert!(!renderer.fills_window_on_device());
+    assert!(!device.lock().expect("free").has_room, "what is shown is read by the host");
+    let (_, device) = joined(plan("SceneFinal", None), false, None);
+    assert!(!device.lock().expect("free").has_room, "this backend leaves its pictures in the host");
+}
+
+#[test]
+fn a_backend_that_takes_over_from_one_that_leaves_its_pictures_begins_the_frame_again() {
+    let can = Abilities { shows: true, fails_in: Some(2), ..Abilities::default() };
+    let (mut renderer, _) = able(plan("SceneShadows", None), can);
+    for frame in 1..4 {
+        let codes = renderer.displayed_frame(&mut Silent).expect("rendered");
+        assert!(codes == expected_codes(plan("SceneShadows", None)), "frame {frame}");
+    }
+    assert_eq!(renderer.fallbacks().len(), 1);
+    assert!(!renderer.fills_window_on_device());
 }

@@ -64,16 +64,15 @@ impl Clock {
         encoder.resolve_query_set(&self.queries, 2 * slot..2 * slot + 2, &self.resolved, u64::from(slot) * SLOT_BYTES);
     }
 
-    /// The sum of the durations of the first `slots` kernels.
+    /// Records the copy of the timestamps of the first `slots` kernels, for [`Self::read`].
+    fn copy(&self, encoder: &mut wgpu::CommandEncoder, slots: u32) {
+        encoder.copy_buffer_to_buffer(&self.resolved, 0, &self.readable, 0, u64::from(slots) * SLOT_BYTES);
+    }
+
+    /// The sum of the durations of the first `slots` kernels, whose timestamps were [copied](Self::copy).
     fn read(&self, gpu: &Gpu, slots: u32) -> Result<Duration, BackendError> {
-        let bytes = u64::from(slots) * SLOT_BYTES;
-        if bytes == 0 {
-            return Ok(Duration::ZERO);
-        }
-        let mut encoder = gpu.device.create_command_encoder(&wgpu::CommandEncoderDescriptor { label: Some("clock") });
-        encoder.copy_buffer_to_buffer(&self.resolved, 0, &self.readable, 0, bytes);
         let mut ticks = 0_u64;
-        gpu.read_mapped(&self.readable, bytes, Some(encoder.finish()), "reading the clock", |bytes| {
+        gpu.read_mapped(&self.readable, u64::from(slots) * SLOT_BYTES, None, "reading the clock", |bytes| {
             for slot in bytes.chunks_exact(SLOT_BYTES as usize) {
                 let stamp = |place: usize| slot[8 * place..8 * place + 8].try_into().map_or(0, u64::from_ne_bytes);
                 ticks += stamp(1).saturating_sub(stamp(0));
@@ -168,6 +167,11 @@ pub fn run(
             }
             slot += 1;
         }
+        let reads_clock = slot + work.kernels.len() as u32 > SLOTS || first + taken == tiles;
+        let clock = clock.filter(|_| slot > 0);
+        if let Some(clock) = clock.filter(|_| reads_clock) {
+            clock.copy(&mut encoder, slot);
+        }
         let start = Instant::now();
         gpu.submit_and_wait(Some(encoder.finish()), work.doing)?;
         let took = start.elapsed();
@@ -178,7 +182,7 @@ pub fn run(
         }
         *size = Some(if size.is_none() { taken } else { next });
         first += taken;
-        if slot + work.kernels.len() as u32 > SLOTS || first == tiles {
+        if reads_clock {
             total += clock.map_or(Ok(Duration::ZERO), |clock| clock.read(gpu, slot))?;
             slot = 0;
         }

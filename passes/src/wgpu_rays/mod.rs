@@ -340,7 +340,8 @@ impl WgpuRays {
         let descriptor = wgpu::CommandEncoderDescriptor { label: Some("ray counts") };
         let mut encoder = self.gpu.device.create_command_encoder(&descriptor);
         encoder.clear_buffer(&self.counts, 0, None);
-        self.gpu.submit_and_wait(Some(encoder.finish()), "clearing the ray counts")
+        self.gpu.queue.submit([encoder.finish()]);
+        self.gpu.check("clearing the ray counts")
     }
 
     fn read_counts(&self, job: &RayJob<'_>) -> Result<RayCounts, BackendError> {

@@ -110,13 +110,20 @@ pub trait Rasteriser {
     fn shares(&self) -> Option<DeviceUuid> {
         None
     }
-    /// Allocates shared memory for G-buffers of this size, replacing the previous allocation. Jobs name the attachments to store
-    /// there in [`RasterJob::shared`].
+    /// Allocates shared memory for G-buffers of this size, replacing the previous allocation; with room for the picture of a ray pass
+    /// if `picture`, which [`Rasteriser::fill_on_device`] then reads. Jobs name the attachments to store there in [`RasterJob::shared`].
     ///
     /// # Errors
     /// If the device has too little memory, or shares none at all.
-    fn share(&mut self, width: u32, height: u32, attachments: Attachments) -> Result<SharedGBuffer, BackendError> {
-        let what = format!("a shared G-buffer of {width} x {height} pixels with {attachments:?}");
+    fn share(
+        &mut self,
+        width: u32,
+        height: u32,
+        attachments: Attachments,
+        picture: bool,
+    ) -> Result<SharedGBuffer, BackendError> {
+        let and = if picture { " and a picture" } else { "" };
+        let what = format!("a shared G-buffer of {width} x {height} pixels with {attachments:?}{and}");
         Err(BackendError::Unsupported { backend: self.name(), what, why: "it shares no memory".to_owned() })
     }
     /// Runs a raster effect: draws the maps that it needs, then computes every pixel of `output`, which has the job's size.

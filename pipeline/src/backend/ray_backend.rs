@@ -122,6 +122,10 @@ pub trait RayBackend {
     fn joins(&self, _device: DeviceUuid) -> bool {
         false
     }
+    /// Whether it can write a picture into the shared memory of a G-buffer, for [`RayBackend::run_in_place`].
+    fn shares_pictures(&self) -> bool {
+        false
+    }
     /// Opens a shared G-buffer and closes the previous one. Jobs with [`RayJob::shared`] read it.
     ///
     /// # Errors
@@ -148,11 +152,11 @@ pub trait RayBackend {
     ) -> Result<RayStats, BackendError> {
         self.supports_intersections().map(|()| RayStats::default())
     }
-    /// Runs one pass and keeps its picture under the given number on the device of the rasteriser whose handle
-    /// [`RayBackend::reads`] accepted.
+    /// Runs one pass and keeps its picture on the rasteriser's device: under the given number if [`RayBackend::reads`] accepted the
+    /// rasteriser's handle; else in the shared memory of the job's G-buffer, which has room for it.
     ///
     /// # Errors
-    /// As [`RayBackend::run`], or if no handle was accepted.
+    /// As [`RayBackend::run`], or if there is neither a handle nor such memory.
     fn run_in_place(&mut self, _: &RayJob<'_>, _: usize, _: &Progress) -> Result<RayStats, BackendError> {
         Err(not_in_place(self.name()))
     }

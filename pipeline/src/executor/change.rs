@@ -432,17 +432,15 @@ fn stored(buffer: &GBuffer) -> Attachments {
     }
 }
 
-/// The G-buffer that engines may share: target, size, and the attachments that raster passes write there for ray passes.
-fn shared_gbuffer(plan: &Plan) -> Option<(usize, [u32; 2], Vec<Attachments>, bool)> {
-    let resident = |work: &Work| match work {
-        Work::Rays { resident, .. } => *resident,
-        _ => None,
-    };
-    let target = plan.passes.iter().find_map(|planned| resident(&planned.work))?;
+/// The G-buffer that engines may share: target, size, the attachments that raster passes write there for ray passes, whether it is drawn in
+/// parts, and whether the picture of a ray pass lies there, too.
+fn shared_gbuffer(plan: &Plan) -> Option<(usize, [u32; 2], Vec<Attachments>, [bool; 2])> {
+    let target = plan.target_to_share()?;
     let drawn = plan.passes.iter().filter(|planned| plan.pass(planned).target == Some(target));
     let traced = drawn.filter_map(|planned| match planned.work {
         Work::Raster { traced, .. } => Some(traced),
         _ => None,
     });
-    Some((target, plan.target_size(Some(target)), traced.collect(), plan.in_parts() || plan.block.is_some()))
+    let flags = [plan.in_parts() || plan.block.is_some(), plan.shares_picture()];
+    Some((target, plan.target_size(Some(target)), traced.collect(), flags))
 }

@@ -55,7 +55,7 @@ impl Renderer {
                 Ok(rays) => {
                     *self.engines.rays_of_mut(pass) = rays;
                     self.built = None;
-                    (self.joined, self.lent) = (None, false);
+                    (self.joined, self.lent, self.shares_picture) = (None, false, false);
                     self.decide_showing_quad();
                     match self.unsupported() {
                         None => return Ok(()),

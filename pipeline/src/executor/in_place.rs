@@ -8,7 +8,7 @@ use crate::backend::{Attachments, BackendError};
 use crate::device_quad::{DeviceQuad, DeviceSource, OnDevice, Shown};
 use crate::image::{Codes, Image};
 use crate::memory::{self, Refused};
-use crate::plan::{PlannedPass, QuadInput, ShowingQuad, Work};
+use crate::plan::{PlannedPass, QuadInput, RayPictures, ShowingQuad, Work};
 use crate::project::ChannelRef;
 use std::path::Path;
 use std::sync::Arc;
@@ -37,9 +37,14 @@ impl Renderer {
     /// Decides whether the rasteriser's device fills the window, by plan and engines, and records the decision.
     pub(super) fn decide_showing_quad(&mut self) {
         self.showing = None;
-        let apart = (self.joined.is_some() && !self.lent) || self.engines.differ();
+        let pictures = match self.joined {
+            _ if self.engines.differ() => RayPictures::Apart,
+            Some(_) if self.shares_picture => RayPictures::Shared,
+            Some(_) if !self.lent => RayPictures::Apart,
+            _ => RayPictures::Lent,
+        };
         let (raster, rays) = (&mut *self.engines.raster, &mut *self.engines.rays);
-        let decided = self.plan.decide_showing_quad(raster, rays, apart);
+        let decided = self.plan.decide_showing_quad(raster, rays, pictures);
         self.showing = decided.and_then(Result::ok);
     }
 

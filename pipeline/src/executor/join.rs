@@ -9,7 +9,7 @@ impl Renderer {
     /// Lets the rasteriser and the ray backend share the G-buffer of the first ray pass that can read it in place, if both run on
     /// one device. If sharing fails, there is a warning, and the G-buffer is copied through the host.
     pub(super) fn join_engines(&mut self) {
-        self.lent = false;
+        (self.lent, self.shares_picture) = (false, false);
         self.join_gbuffer();
         self.decide_showing_quad();
     }
@@ -20,11 +20,7 @@ impl Renderer {
         if self.engines.differ() || self.plan.in_parts() || self.plan.block.is_some() {
             return;
         }
-        let first = self.plan.passes.iter().find_map(|planned| match planned.work {
-            Work::Rays { resident, .. } => resident,
-            _ => None,
-        });
-        let Some(target) = first else { return };
+        let Some(target) = self.plan.target_to_share() else { return };
         let (width, height) = (self.plan.targets[target].width, self.plan.targets[target].height);
         if self.is_drawn_at_once(target)
             && let Some(lent) = self.engines.raster.lends()
@@ -43,10 +39,11 @@ impl Renderer {
         let drawn = self.plan.passes.iter().filter(|planned| self.plan.pass(planned).target == Some(target));
         let attachments = drawn.map(|planned| traced(&planned.work)).fold(Attachments::default(), Attachments::union);
         let start = Instant::now();
-        let shared = self.engines.raster.share(width, height, attachments);
+        let picture = self.engines.rays.shares_pictures() && self.plan.shares_picture();
+        let shared = self.engines.raster.share(width, height, attachments, picture);
         match shared.and_then(|shared| self.engines.rays.join(shared)) {
             Ok(()) => {
-                self.joined = Some(target);
+                (self.joined, self.shares_picture) = (Some(target), picture);
                 let row = self.timeline.record(StepKind::Upload, "shared G-buffer", start.elapsed());
                 row.note = format!("{width} x {height}, read by {} where it was drawn", self.engines.rays.name());
             }
@@ -85,7 +82,8 @@ impl Renderer {
     /// The attachments of a raster pass that are copied into shared memory, or lent.
     pub(super) fn in_shared_memory(&self, target: Option<usize>, traced: Attachments) -> Attachments {
         let traced = if self.is_joined(target) { traced } else { Attachments::default() };
-        traced.union(self.read_in_place(target))
+        // With shared memory a quad reads what is drawn where it was drawn.
+        if self.shares_picture { traced } else { traced.union(self.read_in_place(target)) }
     }
 
     /// Records the time of a copy into shared memory.

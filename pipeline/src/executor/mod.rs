@@ -182,6 +182,8 @@ pub struct Renderer {
     joined: Option<usize>,
     /// Whether they share it by the rasteriser's own attachments (lent), instead of by shared memory.
     lent: bool,
+    /// Whether the shared memory has room for the picture of a ray pass, which the showing quad reads.
+    shares_picture: bool,
     /// Value of the shared memory's semaphore once the last G-buffer is complete.
     handed_over: u64,
     /// The quad that the rasteriser's device may fill, and the number of the rasteriser's last draw for it.
@@ -251,6 +253,7 @@ impl Renderer {
             built: None,
             joined: None,
             lent: false,
+            shares_picture: false,
             handed_over: 0,
             showing: None,
             drawn_value: 0,

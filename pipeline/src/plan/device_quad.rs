@@ -6,6 +6,17 @@ use crate::device_quad::QuadPlace;
 use crate::diagnostic::Decision;
 use crate::project::{ChannelRef, PassKind, QuadSource};
 
+/// Where the pictures of ray passes can lie.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum RayPictures {
+    /// On the rasteriser's device, if the ray backend reads what the rasteriser lends.
+    Lent,
+    /// One of them in memory that the rasteriser shares with another interface of its device.
+    Shared,
+    /// In the memory of the ray backends alone.
+    Apart,
+}
+
 /// A channel that a quad reads.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct QuadInput {
@@ -57,14 +68,48 @@ impl Plan {
         Some((index, self.for_device(index, quad.source)))
     }
 
+    /// The target whose G-buffer a rasteriser may share with a ray backend: that of the first ray pass that can read it in place.
+    #[must_use]
+    pub fn target_to_share(&self) -> Option<usize> {
+        self.passes.iter().find_map(|planned| self.reads_shared(planned))
+    }
+
+    /// The target whose G-buffer a ray pass can read in place.
+    fn reads_shared(&self, planned: &PlannedPass) -> Option<usize> {
+        match planned.work {
+            Work::Rays { resident, .. } => resident,
+            _ => None,
+        }
+    }
+
+    /// Whether the quad that shows the picture can read that of a ray pass in the shared memory of the G-buffer.
+    #[must_use]
+    pub fn shares_picture(&self) -> bool {
+        self.showing_quad().and_then(|(_, quad)| quad.ok()).is_some_and(|quad| self.reads_one_picture(&quad))
+    }
+
+    /// Whether a quad reads the picture of one ray pass, which reads the shared G-buffer, and otherwise what is drawn.
+    fn reads_one_picture(&self, quad: &ShowingQuad) -> bool {
+        let shared = self.target_to_share();
+        let (mut pictures, mut others) = (0, false);
+        for input in quad.inputs() {
+            let writer = &self.passes[input.writer];
+            match writer.work {
+                Work::Raster { .. } => {}
+                Work::Rays { .. } if shared.is_some() && self.reads_shared(writer) == shared => pictures += 1,
+                _ => others = true,
+            }
+        }
+        pictures == 1 && !others
+    }
+
     /// Decides whether the rasteriser's device fills the window's quad, adds the decision, and returns the quad or the reason why
-    /// not. `apart`: whether a ray backend reads the G-buffer through another interface of the device, or passes have different ray
-    /// backends.
+    /// not.
     pub fn decide_showing_quad(
         &mut self,
         raster: &mut dyn Rasteriser,
         rays: &mut dyn RayBackend,
-        apart: bool,
+        pictures: RayPictures,
     ) -> Option<Result<ShowingQuad, String>> {
         let (index, planned) = self.showing_quad()?;
         let decided = match raster.fills_quads() {
@@ -72,7 +117,7 @@ impl Plan {
             QuadPlace::Software => {
                 Err("its driver runs on the processor, where the host's own loop is faster".to_owned())
             }
-            QuadPlace::Device => planned.and_then(|quad| self.engines_fill(quad, raster, rays, apart)),
+            QuadPlace::Device => planned.and_then(|quad| self.engines_fill(quad, raster, rays, pictures)),
         };
         let what = format!("pass `{}` on the rasteriser's device", self.pass(&self.passes[index]).name);
         let why = match &decided {
@@ -90,14 +135,17 @@ impl Plan {
         quad: ShowingQuad,
         raster: &mut dyn Rasteriser,
         rays: &mut dyn RayBackend,
-        apart: bool,
+        pictures: RayPictures,
     ) -> Result<ShowingQuad, String> {
         let is_traced = |input: QuadInput| matches!(self.passes[input.writer].work, Work::Rays { .. });
         let traced = quad.inputs().any(is_traced);
-        if apart && traced {
-            return Err("ray passes leave their pictures in memory of their own backends".to_owned());
+        match pictures {
+            RayPictures::Shared if self.reads_one_picture(&quad) => return Ok(quad),
+            RayPictures::Lent => {}
+            _ if traced => return Err("ray passes leave their pictures in memory of their own backends".to_owned()),
+            _ => {}
         }
-        let lent = if apart { None } else { raster.lends() };
+        let lent = if pictures == RayPictures::Lent { raster.lends() } else { None };
         match lent {
             Some(lent) if !traced || rays.reads(&lent) => Ok(quad),
             _ => Err(format!("{} leaves its pictures in memory of its own", rays.name())),

@@ -22,7 +22,7 @@ mod spheres;
 mod sun;
 
 pub use access::{Access, DEPTH, Slot, TRIANGLES};
-pub use device_quad::{QuadInput, ShowingQuad};
+pub use device_quad::{QuadInput, RayPictures, ShowingQuad};
 pub use effect::Traced;
 pub use lights::Shining;
 pub use off::Instead;

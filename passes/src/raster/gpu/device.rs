@@ -15,6 +15,8 @@ use std::sync::{Arc, Mutex, PoisonError};
 
 /// Bytes of an upload that are handed over at once; bounds the driver's staging memory.
 const UPLOAD_PIECE: usize = 32 << 20;
+/// Bytes of an upload that is not waited for: it is handed over with the next submission.
+const SMALL_UPLOAD: usize = 1 << 20;
 
 /// Number of storage buffers and textures of a program that shades each pixel once.
 const SHADING_BUFFERS: u32 = 6;
@@ -219,6 +221,11 @@ impl Gpu {
     pub fn submit_and_wait(&self, commands: Option<wgpu::CommandBuffer>, doing: &str) -> Result<(), BackendError> {
         self.queue.submit(commands);
         self.check(doing)?;
+        self.wait(doing)
+    }
+
+    /// Waits until the device has finished what was submitted.
+    fn wait(&self, doing: &str) -> Result<(), BackendError> {
         // wgpu 30 panics if the driver reports a lost device during the wait (`Device::poll` calls
         // `handle_error_fatal`). After that only the message is used.
         let waited = catch_unwind(AssertUnwindSafe(|| self.device.poll(wgpu::PollType::wait_indefinitely())));
@@ -250,7 +257,7 @@ impl Gpu {
                 noted.note(format!("a buffer does not map: {error}"));
             }
         });
-        let waited = self.submit_and_wait(None, doing);
+        let waited = self.wait(doing);
         let result = waited.and_then(|()| match slice.get_mapped_range() {
             Ok(view) => {
                 read(&view);
@@ -274,8 +281,11 @@ impl Gpu {
         let buffer = self.buffer(label, usage | wgpu::BufferUsages::COPY_DST, bytes.len() as u64)?;
         for (index, piece) in bytes.chunks(UPLOAD_PIECE).enumerate() {
             self.queue.write_buffer(&buffer, (index * UPLOAD_PIECE) as u64, piece);
-            self.submit_and_wait(None, label)?;
+            if bytes.len() > SMALL_UPLOAD {
+                self.submit_and_wait(None, label)?;
+            }
         }
+        self.check(label)?;
         Ok(buffer)
     }
 

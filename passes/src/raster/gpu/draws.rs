@@ -1,15 +1,16 @@
 //! The draw calls of a pass, and their uniforms.
 
+use super::covered::covered;
 use super::device::Gpu;
 use super::faults::failure;
-use super::geometry::{DeviceGeometry, Vertices};
+use super::geometry::{DeviceGeometry, Part, Vertices, union};
 use super::pipelines::{BUFFERS, FIRST_ATTACHMENT, Layouts, Pipelines, VISIBLE, slots};
 use super::resources::entry;
 use super::shader::{DrawUniform, FrameUniform, LIGHTS_BYTES, Variant, lights_uniform};
 use super::targets::{Stored, Targets};
 use super::textures::DeviceTextures;
 use curitiba_pipeline::backend::{Attachments, BackendError, Light, RasterJob, Rect, Sun, View};
-use glam::Vec4;
+use glam::{Vec3, Vec4};
 use std::num::NonZeroU64;
 
 /// Side of the square of pixels that a group of a shading program shades.
@@ -27,6 +28,10 @@ struct Draw {
     count: u32,
     /// Offset of its uniforms.
     offset: u32,
+    /// Corners of the box around its triangles.
+    bounds: [Vec3; 2],
+    /// Width and height of the pixels that are shaded for it.
+    shaded: [u32; 2],
 }
 
 /// The draw calls of the current pass. The buffers are kept from frame to frame.
@@ -152,6 +157,7 @@ impl DrawList {
                 let adjacent = last.chunk == part.chunk && last.first + last.count == part.first;
                 if adjacent && last.variant == variant && !variant.reads_material() {
                     last.count += part.count;
+                    last.bounds = union(last.bounds, part.bounds);
                     DrawUniform::set_count(&mut self.bytes[last.offset as usize..], last.count);
                     continue;
                 }
@@ -170,11 +176,23 @@ impl DrawList {
             let uniform = DrawUniform::new(shade, part.first, first_of_chunk, part.count);
             self.bytes.extend_from_slice(bytemuck::bytes_of(&uniform));
             self.bytes.resize(offset as usize + self.stride, 0);
-            let (chunk, first, count) = (part.chunk, part.first, part.count);
-            self.draws.push(Draw { variant, textures: textures_read, chunk, first, count, offset });
+            let Part { chunk, first, count, bounds, .. } = *part;
+            self.draws.push(Draw {
+                variant,
+                textures: textures_read,
+                chunk,
+                first,
+                count,
+                offset,
+                bounds,
+                shaded: [0; 2],
+            });
         }
         if !self.draws.is_empty() {
             DrawUniform::set_clears(&mut self.bytes);
+        }
+        if let Some(part) = self.shaded {
+            self.cover(&job.view, [job.viewport.width, job.viewport.height], part);
         }
         self.background = job.clear_color;
         self.write(gpu)?;
@@ -183,6 +201,19 @@ impl DrawList {
         }
         self.bind(gpu, layouts, geometry)?;
         self.look(gpu, &job.view, [job.viewport.width, job.viewport.height], job.sun)
+    }
+
+    /// Sets which pixels of a part of the picture are shaded for each draw.
+    fn cover(&mut self, view: &View, size: [u32; 2], part: Rect) {
+        for (index, draw) in self.draws.iter_mut().enumerate() {
+            // The first one writes the pixels that show nothing, too.
+            let pixels = match index {
+                0 => Rect { x: 0, y: 0, ..part },
+                _ => covered(view, size, part, draw.bounds),
+            };
+            draw.shaded = [pixels.width, pixels.height];
+            DrawUniform::set_corner(&mut self.bytes[draw.offset as usize..], [pixels.x, pixels.y]);
+        }
     }
 
     fn write_lights(&mut self, gpu: &Gpu, lights: &[Light]) -> Result<(), BackendError> {
@@ -291,9 +322,7 @@ impl DrawList {
         (geometry, textures): (&DeviceGeometry, &DeviceTextures),
         targets: &Targets,
     ) -> Result<(), BackendError> {
-        let (Some(part), Some(layout)) = (self.shaded, pipelines.shading_layout(self.many, self.stored)) else {
-            return Ok(());
-        };
+        let Some(layout) = pipelines.shading_layout(self.many, self.stored) else { return Ok(()) };
         let visible = targets.visible(gpu)?;
         let view = |binding, view| wgpu::BindGroupEntry { binding, resource: wgpu::BindingResource::TextureView(view) };
         let mut bindings = Vec::with_capacity(geometry.chunks.len());
@@ -310,8 +339,8 @@ impl DrawList {
             entries.extend(attachments.filter_map(|(binding, attachment)| Some(view(binding, attachment?))));
             bindings.push(group(gpu, layout, &entries));
         }
-        let groups = [part.width, part.height].map(|side| side.div_ceil(SHADING_GROUP));
-        for draw in &self.draws {
+        for draw in self.draws.iter().filter(|draw| !draw.shaded.contains(&0)) {
+            let groups = draw.shaded.map(|side| side.div_ceil(SHADING_GROUP));
             let Some(pipeline) = pipelines.get_shading(draw.variant, self.stored) else { continue };
             pass.set_pipeline(pipeline);
             pass.set_bind_group(0, &bindings[draw.chunk], &[draw.offset]);

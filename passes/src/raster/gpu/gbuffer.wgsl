@@ -42,6 +42,8 @@ struct Draw {
     count: u32,
     // PER_PIXEL: whether pixels without a triangle are written, not 0 in one draw of a pass.
     clears: u32,
+    // PER_PIXEL: the corner of the pixels that the draw's triangles can cover, relative to that of the part.
+    corner: vec2<u32>,
 }
 
 @group(0) @binding(0) var<uniform> frame: Frame;
@@ -545,27 +547,32 @@ fn shares(place: vec2<f32>, corner: array<vec3<f32>, 3>) -> vec3<f32> {
     return areas / (areas.x + areas.y + areas.z);
 }
 
+// The place of an edge that is nearest to a pixel on the screen: how far along the edge, from 0 to 1, and the distance from the pixel, in
+// pixels. `from_` and `to_` lead to the edge's ends from the pixel, in pixels.
+fn nearest_on_edge(from_: vec2<f32>, to_: vec2<f32>) -> vec2<f32> {
+    let along = to_ - from_;
+    let squared = dot(along, along);
+    // An edge of no length has one place.
+    let at = select(0.0, clamp(-dot(from_, along) / squared, 0.0, 1.0), squared > 0.0);
+    return vec2<f32>(at, length(fma(along, vec2<f32>(at), from_)));
+}
+
 // The corners' shares of the place of a triangle's border that is nearest to a pixel on the screen, and the distance from there, in pixels.
 // The corners are in front of the eye; `ways` lead to them from the pixel, in pixels.
 fn nearest_on_border(ways: array<vec2<f32>, 3>, w: vec3<f32>) -> vec4<f32> {
-    var way = ways;
-    var least = 3e38;
-    var found = vec3<f32>(1.0, 0.0, 0.0);
-    for (var from_ = 0u; from_ < 3u; from_++) {
-        let to_ = (from_ + 1u) % 3u;
-        let along = way[to_] - way[from_];
-        let squared = dot(along, along);
-        // An edge of no length has one place.
-        let at = select(0.0, clamp(-dot(way[from_], along) / squared, 0.0, 1.0), squared > 0.0);
-        let off = fma(along, vec2<f32>(at), way[from_]);
-        let distance = length(off);
-        if distance < least {
-            least = distance;
-            found = vec3<f32>(0.0);
-            // On the screen the place is at `at`; shares are those in space.
-            found[from_] = (1.0 - at) * w[to_];
-            found[to_] = at * w[from_];
-        }
+    let a = nearest_on_edge(ways[0], ways[1]);
+    let b = nearest_on_edge(ways[1], ways[2]);
+    let c = nearest_on_edge(ways[2], ways[0]);
+    // On the screen the place is at `a.x`, `b.x` or `c.x`; shares are those in space.
+    var found = vec3<f32>((1.0 - a.x) * w.y, a.x * w.x, 0.0);
+    var least = a.y;
+    if b.y < least {
+        found = vec3<f32>(0.0, (1.0 - b.x) * w.z, b.x * w.y);
+        least = b.y;
+    }
+    if c.y < least {
+        found = vec3<f32>(c.x * w.z, 0.0, (1.0 - c.x) * w.x);
+        least = c.y;
     }
     return vec4<f32>(found / (found.x + found.y + found.z), least);
 }
@@ -690,8 +697,9 @@ fn shade(pixel: vec2<u32>) {
 
 @compute @workgroup_size(16, 16)
 fn pixel_main(@builtin(global_invocation_id) place: vec3<u32>) {
-    if place.x < frame.part.z && place.y < frame.part.w {
-        shade(frame.part.xy + place.xy);
+    let pixel = draw.corner + place.xy;
+    if pixel.x < frame.part.z && pixel.y < frame.part.w {
+        shade(frame.part.xy + pixel);
     }
 }
 //#endif

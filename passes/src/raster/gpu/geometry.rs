@@ -5,6 +5,7 @@ use super::faults::failure;
 use curitiba_pipeline::backend::BackendError;
 use curitiba_pipeline::scene::Geometry;
 use glam::{Vec3, Vec4};
+use rayon::prelude::*;
 use std::ops::Range;
 use std::sync::OnceLock;
 
@@ -12,7 +13,7 @@ use std::sync::OnceLock;
 pub(super) const PLANE_BYTES: u64 = 32;
 
 /// A part of the triangles with one material, in one chunk: what one draw call draws.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Part {
     /// Index into [`DeviceGeometry::chunks`].
     pub chunk: usize,
@@ -22,6 +23,8 @@ pub(super) struct Part {
     pub first: u32,
     /// Number of triangles.
     pub count: u32,
+    /// Corners of the box around the triangles.
+    pub bounds: [Vec3; 2],
 }
 
 /// A run of triangles whose buffers are bound together.
@@ -208,11 +211,24 @@ fn parts(geometry: &Geometry, layout: &Layout) -> Vec<Part> {
             let chunk = first / layout.per_chunk;
             let stop = end.min((chunk + 1) * layout.per_chunk);
             let count = (stop - first) as u32;
-            parts.push(Part { chunk, material: batch.material, first: first as u32, count });
+            let bounds = bounds(geometry, first..stop);
+            parts.push(Part { chunk, material: batch.material, first: first as u32, count, bounds });
             first = stop;
         }
     }
     parts
+}
+
+/// The corners of the box around some triangles.
+fn bounds(geometry: &Geometry, triangles: Range<usize>) -> [Vec3; 2] {
+    let corners = geometry.triangles[triangles].par_iter().flatten_iter();
+    let boxes = corners.map(|vertex| [geometry.positions[*vertex as usize]; 2]);
+    boxes.reduce(|| [Vec3::INFINITY, Vec3::NEG_INFINITY], union)
+}
+
+/// The box around two boxes.
+pub(super) fn union(one: [Vec3; 2], other: [Vec3; 2]) -> [Vec3; 2] {
+    [one[0].min(other[0]), one[1].max(other[1])]
 }
 
 /// Renumbers the vertices of a chunk by first use.
@@ -270,6 +286,8 @@ mod tests {
             for part in parts(&geometry, &layout) {
                 assert_eq!(part.first, next, "{max_bytes}");
                 assert!(part.count > 0);
+                let (from, to) = (part.first as f32, (part.first + part.count + 1) as f32);
+                assert_eq!(part.bounds, [Vec3::new(from, 0.0, 0.0), Vec3::new(to, 1.0, 0.0)]);
                 assert_eq!(part.material, geometry.material_of(part.first));
                 assert_eq!(part.material, geometry.material_of(part.first + part.count - 1));
                 let chunk = layout.chunks().nth(part.chunk).expect("exists");

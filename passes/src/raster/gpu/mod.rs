@@ -8,6 +8,7 @@
 //! `NODEVICE_SELECT=1` in the environment disables the layer.
 
 mod adapter;
+mod covered;
 pub(crate) mod device;
 mod draws;
 mod effects;
@@ -345,6 +346,10 @@ impl Rasteriser for WgpuRasteriser {
             }
         }
         if shaded.is_some() {
+            // The device begins with the ids while the host records the shading, which takes it longer.
+            self.gpu.queue.submit([encoder.finish()]);
+            self.gpu.check("draw")?;
+            encoder = self.gpu.device.create_command_encoder(&descriptor);
             let cleared = wgpu::RenderPassDescriptor { color_attachments: &attachments, ..Default::default() };
             // The first draw writes the pixels of the part that show nothing. What is outside is cleared here.
             if part != Some(Rect { x: 0, y: 0, ..job.viewport }) || self.draws.is_empty() {
@@ -444,12 +449,18 @@ impl Rasteriser for WgpuRasteriser {
         self.uuid
     }
 
-    fn share(&mut self, width: u32, height: u32, attachments: Attachments) -> Result<SharedGBuffer, BackendError> {
+    fn share(
+        &mut self,
+        width: u32,
+        height: u32,
+        attachments: Attachments,
+        picture: bool,
+    ) -> Result<SharedGBuffer, BackendError> {
         // The old memory is freed first, so that both need not fit at once.
         self.sharing = None;
         self.lending = None;
         let device = self.uuid.ok_or_else(|| unsupported("sharing memory", "the device does not export any;"))?;
-        let (sharing, shared) = share::Sharing::new(&self.gpu, device, [width, height], attachments)?;
+        let (sharing, shared) = share::Sharing::new(&self.gpu, device, [width, height], attachments, picture)?;
         self.sharing = Some(sharing);
         Ok(shared)
     }
@@ -481,12 +492,20 @@ impl Rasteriser for WgpuRasteriser {
     }
 
     fn fill_on_device(&mut self, quad: &DeviceQuad, shown: Shown<'_>) -> Result<DeviceQuadStats, BackendError> {
-        let Some(lending) = &self.lending else { return Err(failure("nothing is lent that a quad could read")) };
+        let source = |source| match (&self.lending, &self.sharing) {
+            (Some(lending), _) => quads::lent(lending, quad, source),
+            (None, Some(sharing)) => share::quad_source(sharing, self.targets.last(), quad, source),
+            (None, None) => Err(failure("nothing is lent or shared that a quad could read")),
+        };
+        let (color, factor) = (source(quad.color)?, quad.factor.map(source).transpose()?);
+        if let (None, Some(sharing)) = (&self.lending, &self.sharing) {
+            share::wait_for_picture(sharing, &self.gpu, quad)?;
+        }
         let quads = match &mut self.quads {
             Some(quads) => quads,
             none => none.insert(Quads::new(&self.gpu)?),
         };
-        quads.fill(&self.gpu, self.timer.as_ref(), lending, quad, shown)
+        quads.fill(&self.gpu, self.timer.as_ref(), (&color, factor.as_ref()), quad, shown)
     }
 }
 

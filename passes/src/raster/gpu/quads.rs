@@ -11,7 +11,9 @@ use curitiba_pipeline::device_quad::{
     DeviceQuad, DeviceQuadStats, DeviceSource, OnDevice, Shown, byte_steps, code_steps,
 };
 use curitiba_pipeline::image::PixelFormat;
-use std::time::{Duration, Instant};
+use rayon::prelude::*;
+use std::num::NonZeroU64;
+use std::time::Instant;
 
 /// Threads along a side of a workgroup.
 const GROUP: u32 = 16;
@@ -23,6 +25,8 @@ const MOST_PIXELS: u64 = 1 << 22;
 const FOUND_BYTES: u64 = 8;
 /// Offset of the pixels there.
 const PIXELS_AT: u64 = 256;
+/// Bytes that one task copies from the memory that the device wrote.
+const COPIED_AT_ONCE: usize = 256 << 10;
 /// Format number for a quad without a second factor.
 const NO_FACTOR: u32 = 99;
 
@@ -42,10 +46,48 @@ struct Params {
     end: [u32; 2],
 }
 
-/// The program, and the buffers that are kept from frame to frame.
+/// A picture of the quad's size that it reads.
+#[derive(Debug, Clone)]
+pub(super) enum Source {
+    /// A texture.
+    Texture(wgpu::TextureView),
+    /// Four floats a pixel without gaps, from an offset in bytes.
+    Buffer(wgpu::Buffer, u64),
+}
+
+impl Source {
+    fn is_buffer(&self) -> bool {
+        matches!(self, Self::Buffer(..))
+    }
+
+    fn binding(&self, pixels: u64) -> wgpu::BindingResource<'_> {
+        match self {
+            Self::Texture(view) => wgpu::BindingResource::TextureView(view),
+            Self::Buffer(buffer, offset) => {
+                let size = NonZeroU64::new(16 * pixels);
+                wgpu::BindingResource::Buffer(wgpu::BufferBinding { buffer, offset: *offset, size })
+            }
+        }
+    }
+}
+
+/// The declaration of a source and the function that reads a pixel of it, in WGSL.
+fn declaration(name: &str, binding: u32, is_buffer: bool) -> String {
+    let (kind, pixel) = match is_buffer {
+        true => ("var<storage, read> NAME: array<vec4u>", "NAME[at.y * params.width + at.x]"),
+        false => ("var NAME: texture_2d<f32>", "bitcast<vec4u>(textureLoad(NAME, at, 0))"),
+    };
+    let text = format!(
+        "@group(0) @binding({binding}) {kind};\nfn load_{name}(at: vec2u) -> vec4u {{\n    return {pixel};\n}}\n"
+    );
+    text.replace("NAME", &format!("{name}_source"))
+}
+
+/// The programs, and the buffers that are kept from frame to frame.
 #[derive(Debug)]
 pub(super) struct Quads {
-    pipeline: wgpu::ComputePipeline,
+    /// By whether colour and factor are buffers.
+    pipelines: Vec<([bool; 2], wgpu::ComputePipeline)>,
     uniform: wgpu::Buffer,
     found: wgpu::Buffer,
     /// The tables of a colour space.
@@ -99,24 +141,10 @@ fn kept<'a>(
 
 impl Quads {
     pub fn new(gpu: &Gpu) -> Result<Self, BackendError> {
-        let module = gpu.device.create_shader_module(wgpu::ShaderModuleDescriptor {
-            label: Some("quads"),
-            source: wgpu::ShaderSource::Wgsl(include_str!("quads.wgsl").into()),
-        });
-        gpu.check("compiling the program of quads")?;
-        let pipeline = gpu.device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
-            label: Some("quads"),
-            layout: None,
-            module: &module,
-            entry_point: Some("main"),
-            compilation_options: wgpu::PipelineCompilationOptions::default(),
-            cache: None,
-        });
-        gpu.check("compiling the program of quads")?;
         let copy_to = wgpu::BufferUsages::COPY_DST;
         let found = wgpu::BufferUsages::STORAGE | copy_to | wgpu::BufferUsages::COPY_SRC;
         Ok(Self {
-            pipeline,
+            pipelines: Vec::new(),
             uniform: gpu.buffer("quads", wgpu::BufferUsages::UNIFORM | copy_to, size_of::<Params>() as u64)?,
             found: gpu.buffer("quads", found, FOUND_BYTES)?,
             tables: None,
@@ -130,12 +158,37 @@ impl Quads {
         self.pixels.iter().chain(&self.staging).map(wgpu::Buffer::size).sum()
     }
 
-    /// Fills a quad, waits, and copies it to host memory.
+    /// The index of the program for such sources.
+    fn pipeline(&mut self, gpu: &Gpu, buffers: [bool; 2]) -> Result<usize, BackendError> {
+        if let Some(index) = self.pipelines.iter().position(|(known, _)| *known == buffers) {
+            return Ok(index);
+        }
+        let [color, factor] = [("color", 1, buffers[0]), ("factor", 2, buffers[1])]
+            .map(|(name, binding, is_buffer)| declaration(name, binding, is_buffer));
+        let module = gpu.device.create_shader_module(wgpu::ShaderModuleDescriptor {
+            label: Some("quads"),
+            source: wgpu::ShaderSource::Wgsl([include_str!("quads.wgsl"), &color, &factor].concat().into()),
+        });
+        gpu.check("compiling the program of quads")?;
+        let pipeline = gpu.device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
+            label: Some("quads"),
+            layout: None,
+            module: &module,
+            entry_point: Some("main"),
+            compilation_options: wgpu::PipelineCompilationOptions::default(),
+            cache: None,
+        });
+        gpu.check("compiling the program of quads")?;
+        self.pipelines.push((buffers, pipeline));
+        Ok(self.pipelines.len() - 1)
+    }
+
+    /// Fills a quad, waits, and copies it to host memory. `sources` are its colour and, if it has one, its factor.
     pub fn fill(
         &mut self,
         gpu: &Gpu,
         timer: Option<&Timer>,
-        lending: &Lending,
+        sources: (&Source, Option<&Source>),
         quad: &DeviceQuad,
         mut shown: Shown<'_>,
     ) -> Result<DeviceQuadStats, BackendError> {
@@ -147,8 +200,6 @@ impl Quads {
             let (width, height) = (quad.width, quad.height);
             return Err(failure(&format!("a quad of {width} x {height} pixels into a place for {length}")));
         }
-        let color = source(lending, quad, quad.color)?;
-        let factor = quad.factor.map(|factor| source(lending, quad, factor)).transpose()?;
         if self.tables.as_ref().is_none_or(|(space, _)| *space != display.space) {
             let words = words(display.space);
             let usage = wgpu::BufferUsages::STORAGE;
@@ -162,7 +213,9 @@ impl Quads {
         kept(gpu, &mut self.pixels, "the picture of a quad", storage, capacity)?;
         let read = wgpu::BufferUsages::MAP_READ | wgpu::BufferUsages::COPY_DST;
         kept(gpu, &mut self.staging, "the read-back of a quad", read, PIXELS_AT + capacity)?;
-        let group = self.group(gpu, &color, factor.as_ref().unwrap_or(&color))?;
+        let sources = [sources.0, sources.1.unwrap_or(sources.0)];
+        let pipeline = self.pipeline(gpu, sources.map(Source::is_buffer))?;
+        let group = self.group(gpu, pipeline, sources, length as u64)?;
         let mut params = Params {
             width: quad.width,
             first_row: 0,
@@ -179,20 +232,18 @@ impl Quads {
         let mut found = [0; 2];
         for first in (0..quad.height).step_by(rows as usize) {
             (params.first_row, params.rows) = (first, (quad.height - first).min(rows as u32));
-            let (host, device) = self.launch(gpu, timer, &group, params)?;
-            stats.host += host;
-            stats.device = device.map(|device| device + stats.device.unwrap_or_default());
-            let start = Instant::now();
             let pixels = first as usize * quad.width as usize..;
             let pixels = pixels.start..pixels.start + params.rows as usize * quad.width as usize;
             let place: &mut [u8] = match &mut shown {
                 Shown::Floats(floats) => bytemuck::cast_slice_mut(&mut floats[pixels]),
                 Shown::Codes(_, codes) => bytemuck::cast_slice_mut(&mut codes[pixels]),
             };
-            let counted = self.read(gpu, place)?;
+            let (counted, launched) = self.launch(gpu, timer, (pipeline, &group), params, place)?;
             found[0] += counted[0];
             found[1] |= counted[1];
-            stats.read_back += start.elapsed();
+            stats.host += launched.host;
+            stats.read_back += launched.read_back;
+            stats.device = launched.device.map(|device| device + stats.device.unwrap_or_default());
         }
         (stats.not_finite, stats.is_blank) = (found[0], found[1] == 0 && length > 0);
         Ok(stats)
@@ -201,38 +252,41 @@ impl Quads {
     fn group(
         &self,
         gpu: &Gpu,
-        color: &wgpu::TextureView,
-        factor: &wgpu::TextureView,
+        pipeline: usize,
+        [color, factor]: [&Source; 2],
+        length: u64,
     ) -> Result<wgpu::BindGroup, BackendError> {
         let (Some((_, tables)), Some(pixels)) = (&self.tables, &self.pixels) else {
             return Err(failure("the buffers of a quad are not there"));
         };
         let resources = [
             self.uniform.as_entire_binding(),
-            wgpu::BindingResource::TextureView(color),
-            wgpu::BindingResource::TextureView(factor),
+            color.binding(length),
+            factor.binding(length),
             tables.as_entire_binding(),
             pixels.as_entire_binding(),
             self.found.as_entire_binding(),
         ];
         let entries: Vec<wgpu::BindGroupEntry<'_>> =
             (0..).zip(resources).map(|(binding, resource)| wgpu::BindGroupEntry { binding, resource }).collect();
-        let layout = self.pipeline.get_bind_group_layout(0);
+        let layout = self.pipelines[pipeline].1.get_bind_group_layout(0);
         let descriptor = wgpu::BindGroupDescriptor { label: Some("quads"), layout: &layout, entries: &entries };
         let group = gpu.device.create_bind_group(&descriptor);
         gpu.check("binding of a quad")?;
         Ok(group)
     }
 
-    /// Fills some rows, and waits.
+    /// Fills some rows, waits, and copies their pixels to `place`. Returns the other results, and the times.
     fn launch(
         &self,
         gpu: &Gpu,
         timer: Option<&Timer>,
-        group: &wgpu::BindGroup,
+        (pipeline, group): (usize, &wgpu::BindGroup),
         params: Params,
-    ) -> Result<(Duration, Option<Duration>), BackendError> {
+        place: &mut [u8],
+    ) -> Result<([u32; 2], DeviceQuadStats), BackendError> {
         let doing = "filling a quad";
+        let (Some(pixels), Some(staging)) = (&self.pixels, &self.staging) else { return Err(failure(doing)) };
         let start = Instant::now();
         gpu.queue.write_buffer(&self.uniform, 0, bytemuck::bytes_of(&params));
         let mut encoder = gpu.device.create_command_encoder(&wgpu::CommandEncoderDescriptor { label: Some(doing) });
@@ -242,39 +296,33 @@ impl Quads {
                 label: Some(doing),
                 timestamp_writes: timer.and_then(|timer| timer.compute_span(true, true)),
             });
-            pass.set_pipeline(&self.pipeline);
+            pass.set_pipeline(&self.pipelines[pipeline].1);
             pass.set_bind_group(0, group, &[]);
             pass.dispatch_workgroups(params.width.div_ceil(GROUP), params.rows.div_ceil(GROUP), 1);
         }
-        let device = match timer {
-            Some(timer) => Some(timer.submit_and_wait(gpu, encoder, doing)?),
-            None => {
-                gpu.submit_and_wait(Some(encoder.finish()), doing)?;
-                None
-            }
-        };
-        Ok((start.elapsed(), device))
-    }
-
-    /// Copies the pixels of the last launch to `place`, and returns the other results.
-    fn read(&self, gpu: &Gpu, place: &mut [u8]) -> Result<[u32; 2], BackendError> {
-        let doing = "read-back of a quad";
-        let (Some(pixels), Some(staging)) = (&self.pixels, &self.staging) else { return Err(failure(doing)) };
         let bytes = place.len() as u64;
-        let mut encoder = gpu.device.create_command_encoder(&wgpu::CommandEncoderDescriptor { label: Some(doing) });
         encoder.copy_buffer_to_buffer(&self.found, 0, staging, 0, FOUND_BYTES);
         encoder.copy_buffer_to_buffer(pixels, 0, staging, PIXELS_AT, bytes);
-        let mut found = [0; 2];
+        if let Some(timer) = timer {
+            timer.resolve(&mut encoder, false);
+        }
+        let (mut found, mut stats) = ([0; 2], DeviceQuadStats::default());
         gpu.read_mapped(staging, PIXELS_AT + bytes, Some(encoder.finish()), doing, |mapped| {
+            stats.host = start.elapsed();
             found.copy_from_slice(bytemuck::cast_slice(&mapped[..FOUND_BYTES as usize]));
-            place.copy_from_slice(&mapped[PIXELS_AT as usize..]);
+            let pieces = mapped[PIXELS_AT as usize..].par_chunks(COPIED_AT_ONCE);
+            place.par_chunks_mut(COPIED_AT_ONCE).zip(pieces).for_each(|(to, from)| to.copy_from_slice(from));
+            stats.read_back = start.elapsed() - stats.host;
         })?;
-        Ok(found)
+        if let Some(timer) = timer {
+            stats.device = Some(timer.read(gpu, None, false, doing)?[0]);
+        }
+        Ok((found, stats))
     }
 }
 
-/// The texture that a quad reads. An error if it is missing or does not have the quad's size.
-fn source(lending: &Lending, quad: &DeviceQuad, source: DeviceSource) -> Result<wgpu::TextureView, BackendError> {
+/// The lent texture that a quad reads. An error if it is missing or does not have the quad's size.
+pub(super) fn lent(lending: &Lending, quad: &DeviceQuad, source: DeviceSource) -> Result<Source, BackendError> {
     let size = (quad.width, quad.height);
     let view = match source.place {
         OnDevice::Drawn { value, channel } => {
@@ -287,7 +335,12 @@ fn source(lending: &Lending, quad: &DeviceQuad, source: DeviceSource) -> Result<
             .filter(|picture| (picture.width(), picture.height()) == size)
             .map(|picture| picture.create_view(&wgpu::TextureViewDescriptor::default())),
     };
-    view.ok_or_else(|| failure(&format!("a quad reads what is not on the device: {source:?}")))
+    view.map(Source::Texture).ok_or_else(|| absent(source))
+}
+
+/// The error of a source that is not there.
+pub(super) fn absent(source: DeviceSource) -> BackendError {
+    failure(&format!("a quad reads what is not on the device: {source:?}"))
 }
 
 #[cfg(test)]

@@ -33,8 +33,8 @@ const NO_NUMBER: u32 = 0x7fc00000u;
 const ONE: u32 = 0x3f800000u;
 
 @group(0) @binding(0) var<uniform> params: Params;
-@group(0) @binding(1) var color_texture: texture_2d<f32>;
-@group(0) @binding(2) var factor_texture: texture_2d<f32>;
+// Bindings 1 and 2 are the colour and the factor: quads.rs writes their declarations, and load_color and load_factor, for textures or
+// buffers.
 @group(0) @binding(3) var<storage, read> tables: array<u32>;
 @group(0) @binding(4) var<storage, read_write> pixels: array<u32>;
 // The number of pixels that are not finite, and whether any pixel's colour differs from the first one's.
@@ -186,16 +186,12 @@ fn product(x: u32, y: u32) -> u32 {
     return sign | ((u32(exponent) << 23u) + (high - 0x800000u) + up);
 }
 
-fn load(texture: texture_2d<f32>, at: vec2u) -> vec4u {
-    return bitcast<vec4u>(textureLoad(texture, at, 0));
-}
-
 fn shown(at: vec2u) -> vec4u {
-    let color = stored(load(color_texture, at), params.formats.x);
+    let color = stored(load_color(at), params.formats.x);
     if params.formats.y == NO_FACTOR {
         return color;
     }
-    let factor = stored(load(factor_texture, at), params.formats.y).x;
+    let factor = stored(load_factor(at), params.formats.y).x;
     return vec4u(product(color.x, factor), product(color.y, factor), product(color.z, factor), product(color.w, factor));
 }
 

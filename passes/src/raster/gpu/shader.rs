@@ -291,7 +291,7 @@ pub(super) struct DrawUniform {
     first_of_chunk: u32,
     count: u32,
     clears: u32,
-    unused: [u32; 2],
+    corner: [u32; 2],
 }
 
 impl DrawUniform {
@@ -308,8 +308,13 @@ impl DrawUniform {
             first_of_chunk,
             count,
             clears: 0,
-            unused: [0; 2],
+            corner: [0; 2],
         }
+    }
+
+    /// Changes the corner of what a shading program shades, relative to the part's, of the first of these uniforms.
+    pub fn set_corner(bytes: &mut [u8], corner: [u32; 2]) {
+        bytes[offset_of!(Self, corner)..][..8].copy_from_slice(bytemuck::bytes_of(&corner));
     }
 
     /// Makes the first of these uniforms that of the draw by which pixels without a triangle are written.

@@ -86,12 +86,29 @@ impl Timer {
         second: bool,
         doing: &str,
     ) -> Result<[Duration; 2], BackendError> {
+        self.resolve(&mut encoder, second);
+        self.read(gpu, Some(encoder.finish()), second, doing)
+    }
+
+    /// Records, after the passes, the copy of their timestamps for [`Self::read`].
+    pub fn resolve(&self, encoder: &mut wgpu::CommandEncoder, second: bool) {
+        let stamps = if second { STAMPS } else { 2 };
+        encoder.resolve_query_set(&self.queries, 0..stamps, &self.resolved, 0);
+        encoder.copy_buffer_to_buffer(&self.resolved, 0, &self.readable, 0, u64::from(stamps) * STAMP_BYTES);
+    }
+
+    /// Submits `commands`, waits, and returns the times of the spans whose timestamps were [resolved](Self::resolve) last.
+    pub fn read(
+        &self,
+        gpu: &Gpu,
+        commands: Option<wgpu::CommandBuffer>,
+        second: bool,
+        doing: &str,
+    ) -> Result<[Duration; 2], BackendError> {
         let stamps = if second { STAMPS } else { 2 };
         let bytes = u64::from(stamps) * STAMP_BYTES;
-        encoder.resolve_query_set(&self.queries, 0..stamps, &self.resolved, 0);
-        encoder.copy_buffer_to_buffer(&self.resolved, 0, &self.readable, 0, bytes);
         let mut ticks = [0_u64; STAMPS as usize];
-        gpu.read_mapped(&self.readable, bytes, Some(encoder.finish()), doing, |bytes| {
+        gpu.read_mapped(&self.readable, bytes, commands, doing, |bytes| {
             bytemuck::cast_slice_mut(&mut ticks[..stamps as usize]).copy_from_slice(bytes);
         })?;
         let span = |first: usize| {

@@ -111,15 +111,27 @@ fn bits(value: f32) -> u32 {
     if value.is_nan() { f32::NAN.to_bits() } else { value.to_bits() }
 }
 
+/// Fills a quad from what is lent.
+fn filled(
+    quads: &mut Quads,
+    lending: &Lending,
+    quad: &DeviceQuad,
+    shown: Shown<'_>,
+) -> Result<DeviceQuadStats, BackendError> {
+    let color = lent(lending, quad, quad.color)?;
+    let factor = quad.factor.map(|factor| lent(lending, quad, factor)).transpose()?;
+    quads.fill(&lending.gpu, None, (&color, factor.as_ref()), quad, shown)
+}
+
 fn floats(quads: &mut Quads, lending: &Lending, quad: &DeviceQuad) -> (Vec<[f32; 4]>, DeviceQuadStats) {
     let mut pixels = vec![[7.0; 4]; PIXELS];
-    let stats = quads.fill(&lending.gpu, None, lending, quad, Shown::Floats(&mut pixels)).expect("filled");
+    let stats = filled(quads, lending, quad, Shown::Floats(&mut pixels)).expect("filled");
     (pixels, stats)
 }
 
 fn codes(quads: &mut Quads, lending: &Lending, quad: &DeviceQuad, display: Display) -> Codes {
     let mut pixels = vec![[7; 4]; PIXELS];
-    quads.fill(&lending.gpu, None, lending, quad, Shown::Codes(display, &mut pixels)).expect("filled");
+    filled(quads, lending, quad, Shown::Codes(display, &mut pixels)).expect("filled");
     Codes { width: WIDTH, height: HEIGHT, pixels }
 }
 
@@ -148,6 +160,35 @@ fn quads_are_the_hosts_bit_by_bit_in_every_format() {
             assert_eq!(wrong, 0, "{format:?} {combines}: first {first:?}, of {:?}", first.map(|(i, _)| color[i / 4]));
             assert_eq!(stats.not_finite as usize, count_non_finite(&expected), "{format:?} {combines}");
             assert!(!stats.is_blank);
+        }
+    }
+}
+
+#[test]
+fn what_lies_in_buffers_gives_what_textures_give() {
+    let Some(gpu) = gpu() else { return };
+    let (color, factor) = (numbers(8), numbers(9));
+    let (mut quads, lending) = device(gpu, &[&color, &factor]);
+    let gpu = &lending.gpu;
+    // Nothing that is read lies at the beginning of a buffer.
+    let buffer = |pixels: &[[f32; 4]]| {
+        let bytes = [&[7; 256], bytemuck::cast_slice(pixels)].concat();
+        Source::Buffer(gpu.upload_buffer("a test", wgpu::BufferUsages::STORAGE, &bytes).expect("uploaded"), 256)
+    };
+    let sources = [&color, &factor].map(|pixels| buffer(pixels));
+    for combines in [false, true] {
+        let quad = quad([PixelFormat::Rgba16Float; 2], combines);
+        let (expected, _) = floats(&mut quads, &lending, &quad);
+        let textures = [0, 1].map(|number| {
+            let place = DeviceSource { place: OnDevice::Made(number), ..quad.color };
+            lent(&lending, &quad, place).expect("it is there")
+        });
+        for (color, factor) in [(&sources[0], &sources[1]), (&textures[0], &sources[1]), (&sources[0], &textures[1])] {
+            let mut pixels = vec![[7.0; 4]; PIXELS];
+            let factor = combines.then_some(factor);
+            quads.fill(gpu, None, (color, factor), &quad, Shown::Floats(&mut pixels)).expect("filled");
+            let same = expected.as_flattened().iter().zip(pixels.as_flattened()).all(|(a, b)| bits(*a) == bits(*b));
+            assert!(same, "{combines} {:?}", (color, factor));
         }
     }
 }
@@ -239,7 +280,7 @@ fn what_is_not_there_is_an_error_and_so_is_a_lost_device() {
     let fails = |quads: &mut Quads, quad: &DeviceQuad| {
         let mut pixels = vec![[0; 4]; PIXELS];
         let shown = Shown::Codes(Display::default(), &mut pixels);
-        quads.fill(&lending.gpu, None, &lending, quad, shown).expect_err("refused").to_string()
+        filled(quads, &lending, quad, shown).expect_err("refused").to_string()
     };
     let known = quad([PixelFormat::Rgba32Float; 2], false);
     let missing = fails(&mut quads, &quad([PixelFormat::Rgba32Float; 2], true));

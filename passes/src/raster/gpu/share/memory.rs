@@ -7,10 +7,12 @@
 use super::vulkan::{self, Semaphore};
 use crate::raster::gpu::device::Gpu;
 use crate::raster::gpu::faults::failure;
+use crate::raster::gpu::quads::{Source, absent};
 use crate::raster::gpu::targets::{CHANNELS, TRIANGLE, Targets, in_order};
 use crate::raster::gpu::timer::Timer;
 use curitiba_pipeline::backend::{Attachments, BackendError, HandOver, RasterJob};
-use curitiba_pipeline::shared::{DeviceUuid, Offsets, SharedGBuffer};
+use curitiba_pipeline::device_quad::{DeviceQuad, DeviceSource, OnDevice};
+use curitiba_pipeline::shared::{DeviceUuid, Offsets, SharedGBuffer, after_picture};
 use std::fmt::Write as _;
 use std::num::NonZeroU64;
 use std::time::Instant;
@@ -25,6 +27,8 @@ pub struct Sharing {
     semaphore: Semaphore,
     /// Value of the semaphore after the last hand-over.
     value: u64,
+    /// Offset of the room for the picture of a ray pass in the packer's buffer.
+    picture: Option<u64>,
 }
 
 impl Sharing {
@@ -33,8 +37,9 @@ impl Sharing {
         device: DeviceUuid,
         [width, height]: [u32; 2],
         attachments: Attachments,
+        picture: bool,
     ) -> Result<(Self, SharedGBuffer), BackendError> {
-        let bytes = Offsets::new(width, height, attachments).end;
+        let Offsets { picture: picture_at, end: bytes, .. } = Offsets::new(width, height, attachments, picture);
         let wrong = |why: String| failure(&format!("sharing {bytes} bytes on {}: {why}", gpu.adapter));
         let largest = gpu.max_buffer_bytes.min(gpu.limits.max_storage_buffer_binding_size);
         if bytes == 0 || bytes > largest {
@@ -44,8 +49,8 @@ impl Sharing {
         let (semaphore, handle) = Semaphore::new(&gpu.device).map_err(wrong)?;
         let packer = Packer::new(buffer, [width, height], attachments);
         gpu.check("sharing memory")?;
-        let shared = SharedGBuffer { device, width, height, attachments, memory, bytes, semaphore: handle };
-        Ok((Self { packer, semaphore, value: 0 }, shared))
+        let shared = SharedGBuffer { device, width, height, attachments, picture, memory, bytes, semaphore: handle };
+        Ok((Self { packer, semaphore, value: 0, picture: picture_at }, shared))
     }
 }
 
@@ -65,11 +70,45 @@ pub fn hand_over(
     let sharing = sharing.ok_or_else(|| failure("no memory is shared"))?;
     let start = Instant::now();
     sharing.packer.encode(gpu, timer, targets, job.shared, encoder)?;
-    sharing.value += 1;
+    // The value between is that of the picture.
+    sharing.value = after_picture(sharing.value) + 1;
     if !sharing.semaphore.signal_after_next(&gpu.queue, sharing.value) {
         return Err(failure("the device's queue is not Vulkan's"));
     }
     Ok(Some(HandOver { value: sharing.value, host: start.elapsed(), device: None }))
+}
+
+/// What a quad reads: what was drawn last, or the picture that a ray pass wrote into the shared memory. An error if it is missing or
+/// does not have the quad's size.
+pub fn quad_source(
+    sharing: &Sharing,
+    drawn: Option<&Targets>,
+    quad: &DeviceQuad,
+    source: DeviceSource,
+) -> Result<Source, BackendError> {
+    let size = (quad.width, quad.height);
+    let found = match source.place {
+        OnDevice::Drawn { value, channel } => {
+            let drawn = drawn.filter(|drawn| sharing.value == value && drawn.size() == size && channel < TRIANGLE);
+            drawn.and_then(|drawn| drawn.views()[channel].cloned()).map(Source::Texture)
+        }
+        OnDevice::Made(_) => {
+            let at = sharing.picture.filter(|_| (sharing.packer.width, sharing.packer.height) == size);
+            at.map(|at| Source::Buffer(sharing.packer.buffer.clone(), at))
+        }
+    };
+    found.ok_or_else(|| absent(source))
+}
+
+/// Makes the next submission wait until a ray pass has written its picture into the shared memory, if the quad reads it.
+pub fn wait_for_picture(sharing: &Sharing, gpu: &Gpu, quad: &DeviceQuad) -> Result<(), BackendError> {
+    let is_picture = |source: DeviceSource| matches!(source.place, OnDevice::Made(_));
+    if !(is_picture(quad.color) || quad.factor.is_some_and(is_picture))
+        || sharing.semaphore.wait_before_next(&gpu.queue, after_picture(sharing.value))
+    {
+        return Ok(());
+    }
+    Err(failure("the device's queue is not Vulkan's"))
 }
 
 /// Writes attachments into a buffer, densely and one after the other.
@@ -163,7 +202,8 @@ impl Packer {
         layout: &wgpu::BindGroupLayout,
         views: &[Option<wgpu::TextureView>; 4],
     ) -> Result<wgpu::BindGroup, BackendError> {
-        let Offsets { color, position, normal, triangle, .. } = Offsets::new(self.width, self.height, self.attachments);
+        let Offsets { color, position, normal, triangle, .. } =
+            Offsets::new(self.width, self.height, self.attachments, false);
         let offsets = [color, position, normal, triangle];
         let pixels = u64::from(self.width) * u64::from(self.height);
         let mut entries = Vec::new();

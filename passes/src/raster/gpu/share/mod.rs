@@ -11,8 +11,8 @@ mod tests;
 mod vulkan;
 
 #[cfg(not(all(feature = "share", unix)))]
-pub(super) use absent::{Sharing, hand_over, open, uuid};
+pub(super) use absent::{Sharing, hand_over, open, quad_source, uuid, wait_for_picture};
 #[cfg(all(feature = "share", unix))]
-pub(super) use memory::{Sharing, hand_over};
+pub(super) use memory::{Sharing, hand_over, quad_source, wait_for_picture};
 #[cfg(all(feature = "share", unix))]
 pub(super) use vulkan::{open, uuid};

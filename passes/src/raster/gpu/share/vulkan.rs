@@ -128,7 +128,7 @@ pub fn buffer(device: &wgpu::Device, bytes: u64) -> Result<(wgpu::Buffer, OwnedF
     Ok((buffer, handle, needs.size))
 }
 
-/// A timeline semaphore that another interface can wait on.
+/// A timeline semaphore that another interface can wait on and signal.
 #[derive(Debug)]
 pub struct Semaphore {
     device: wgpu::Device,
@@ -163,6 +163,14 @@ impl Semaphore {
         // SAFETY: nothing is destroyed through the guard; the semaphore lives until the device was idle.
         let Some(hal) = (unsafe { queue.as_hal::<Vulkan>() }) else { return false };
         hal.add_signal_semaphore(self.raw, Some(value));
+        true
+    }
+
+    /// Makes the next submission wait until the semaphore has that value. False if the queue is no Vulkan queue.
+    pub fn wait_before_next(&self, queue: &wgpu::Queue, value: u64) -> bool {
+        // SAFETY: nothing is destroyed through the guard; the semaphore lives until the device was idle.
+        let Some(hal) = (unsafe { queue.as_hal::<Vulkan>() }) else { return false };
+        hal.add_wait_semaphore(self.raw, Some(value), vk::PipelineStageFlags::ALL_COMMANDS);
         true
     }
 }
