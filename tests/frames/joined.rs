@@ -11,7 +11,7 @@ use curitiba::pipeline::executor::{Engines, Progress, Renderer, Silent, Spare, S
 use curitiba::pipeline::image::{Codes, Image};
 use curitiba::pipeline::plan::{Plan, Settings};
 use curitiba::pipeline::programs::{Fidelity, RayProgram};
-use curitiba::pipeline::project;
+use curitiba::pipeline::project::{self, Clears, Pass};
 use curitiba::pipeline::scene::RenderScene;
 use curitiba::pipeline::shared::{DeviceUuid, SharedGBuffer};
 use std::fs::File;
@@ -408,4 +408,25 @@ fn a_backend_that_takes_over_from_one_that_leaves_its_pictures_begins_the_frame_
     }
     assert_eq!(renderer.fallbacks().len(), 1);
     assert!(!renderer.fills_window_on_device());
+}
+
+#[test]
+fn a_picture_of_a_g_buffer_that_is_drawn_twice_is_not_left_there() {
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("xml_projects/SceneDummy.xml");
+    let drawn = |again: bool| {
+        let mut project = project::load(&path).expect("the project loads");
+        let passes = &mut project.pipelines[project.default_pipeline].passes;
+        if again {
+            // It keeps what the first one drew, so both run.
+            let clears = Clears { color: false, ..Clears::default() };
+            passes.insert(1, Pass { name: "again".to_owned(), clears, ..passes[0].clone() });
+        }
+        let settings = Settings { size: Some(SIZE), ..Settings::default() };
+        able(Plan::new(project, settings).expect("the plan stands"), Abilities { shows: true, ..Abilities::default() })
+    };
+    assert!(drawn(false).0.fills_window_on_device(), "control");
+    let (mut renderer, device) = drawn(true);
+    assert!(!renderer.fills_window_on_device() && !device.lock().expect("free").has_room);
+    let codes = renderer.displayed_frame(&mut Silent).expect("rendered");
+    assert!(codes == expected_codes(plan("SceneDummy", None)));
 }

@@ -88,9 +88,15 @@ impl Plan {
         self.showing_quad().and_then(|(_, quad)| quad.ok()).is_some_and(|quad| self.reads_one_picture(&quad))
     }
 
-    /// Whether a quad reads the picture of one ray pass, which reads the shared G-buffer, and otherwise what is drawn.
+    /// Whether a quad reads the picture of one ray pass, which reads the shared G-buffer, and otherwise what is drawn. That G-buffer is
+    /// drawn once in a frame, so that there is one picture of it to wait for.
     fn reads_one_picture(&self, quad: &ShowingQuad) -> bool {
         let shared = self.target_to_share();
+        let draws =
+            |planned: &&PlannedPass| matches!(planned.work, Work::Raster { .. }) && self.pass(planned).target == shared;
+        if self.passes.iter().filter(draws).count() != 1 {
+            return false;
+        }
         let (mut pictures, mut others) = (0, false);
         for input in quad.inputs() {
             let writer = &self.passes[input.writer];
