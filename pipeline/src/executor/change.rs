@@ -432,15 +432,30 @@ fn stored(buffer: &GBuffer) -> Attachments {
     }
 }
 
-/// The G-buffer that engines may share: target, size, the attachments that raster passes write there for ray passes, whether it is drawn in
-/// parts, and whether the picture of a ray pass lies there, too.
-fn shared_gbuffer(plan: &Plan) -> Option<(usize, [u32; 2], Vec<Attachments>, [bool; 2])> {
+/// The G-buffer that engines may share.
+#[derive(Debug, PartialEq)]
+struct Shareable {
+    target: usize,
+    size: [u32; 2],
+    /// What each raster pass writes there for ray passes.
+    traced: Vec<Attachments>,
+    in_parts: bool,
+    /// Whether the picture of a ray pass lies there, too.
+    picture: bool,
+}
+
+fn shared_gbuffer(plan: &Plan) -> Option<Shareable> {
     let target = plan.target_to_share()?;
     let drawn = plan.passes.iter().filter(|planned| plan.pass(planned).target == Some(target));
     let traced = drawn.filter_map(|planned| match planned.work {
         Work::Raster { traced, .. } => Some(traced),
         _ => None,
     });
-    let flags = [plan.in_parts() || plan.block.is_some(), plan.shares_picture()];
-    Some((target, plan.target_size(Some(target)), traced.collect(), flags))
+    Some(Shareable {
+        target,
+        size: plan.target_size(Some(target)),
+        traced: traced.collect(),
+        in_parts: plan.in_parts() || plan.block.is_some(),
+        picture: plan.shares_picture(),
+    })
 }
