@@ -8,6 +8,14 @@ pub fn of_terminal() -> Option<usize> {
     None
 }
 
+/// Columns of the terminal that the error stream is; `None` where it is none.
+pub fn of_error_stream() -> Option<usize> {
+    #[cfg(unix)]
+    return columns(std::io::stderr());
+    #[cfg(not(unix))]
+    None
+}
+
 #[cfg(unix)]
 fn columns(stream: impl std::os::fd::AsFd) -> Option<usize> {
     let size = rustix::termios::tcgetwinsize(stream).ok()?;
