@@ -46,26 +46,7 @@ pub enum Missing {
     Rays,
 }
 
-impl Missing {
-    /// Each with the name that parameters give it.
-    pub const NAMED: [(&'static str, Self); 3] = [("cube", Self::Cube), ("none", Self::Own), ("rays", Self::Rays)];
-
-    /// Its name as a value of a parameter.
-    #[must_use]
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::Cube => "cube",
-            Self::Own => "none",
-            Self::Rays => "rays",
-        }
-    }
-
-    /// The one of this name.
-    #[must_use]
-    pub fn named(name: &str) -> Option<Self> {
-        Self::NAMED.iter().find(|(known, _)| *known == name).map(|(_, missing)| *missing)
-    }
-}
+named!(Missing, "cube" => Cube, "none" => Own, "rays" => Rays);
 
 /// What a pixel shows that is neither surely in light nor surely in shadow, by what a shadow map holds around its place.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default)]
@@ -77,25 +58,7 @@ pub enum Border {
     Rays,
 }
 
-impl Border {
-    /// Each with the name that parameters give it.
-    pub const NAMED: [(&'static str, Self); 2] = [("map", Self::Map), ("rays", Self::Rays)];
-
-    /// Its name as a value of a parameter.
-    #[must_use]
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::Map => "map",
-            Self::Rays => "rays",
-        }
-    }
-
-    /// The one of this name.
-    #[must_use]
-    pub fn named(name: &str) -> Option<Self> {
-        Self::NAMED.iter().find(|(known, _)| *known == name).map(|(_, border)| *border)
-    }
-}
+named!(Border, "map" => Map, "rays" => Rays);
 
 /// How a cube map is looked up from a place that is not its centre.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default)]
@@ -107,25 +70,7 @@ pub enum Parallax {
     Box,
 }
 
-impl Parallax {
-    /// Each with the name that parameters give it.
-    pub const NAMED: [(&'static str, Self); 2] = [("none", Self::None), ("box", Self::Box)];
-
-    /// Its name as a value of a parameter.
-    #[must_use]
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::None => "none",
-            Self::Box => "box",
-        }
-    }
-
-    /// The one of this name.
-    #[must_use]
-    pub fn named(name: &str) -> Option<Self> {
-        Self::NAMED.iter().find(|(known, _)| *known == name).map(|(_, parallax)| *parallax)
-    }
-}
+named!(Parallax, "none" => None, "box" => Box);
 
 /// The parameters of the raster effects; a program reads those that [`EffectProgramInfo::params`] lists for it.
 #[derive(Debug, Clone, Copy, PartialEq)]

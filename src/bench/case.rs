@@ -2,6 +2,7 @@
 
 use super::model::Technique;
 use crate::pipeline::color::Display;
+use crate::pipeline::executor::{Observer, Renderer};
 use crate::pipeline::plan::{Plan, PlannedPass, Settings, Work};
 use crate::pipeline::programs::{Fidelity, RayProgram, Traces};
 use crate::pipeline::project::PassKind;
@@ -59,6 +60,14 @@ impl Case {
         let key = key(path, &plan, &view, choice);
         let display = plan.display;
         Ok(Self { key, label, effect, technique, view, project: path.to_owned(), settings, choice, display })
+    }
+
+    /// A renderer of the case.
+    ///
+    /// # Errors
+    /// All problems of the project's files together, or the reason why it cannot be rendered.
+    pub fn open(&self, observer: &mut dyn Observer) -> Result<Renderer, OpenError> {
+        crate::open(&self.project, self.settings.clone(), self.choice, observer)
     }
 }
 

@@ -46,7 +46,7 @@ pub struct Measured {
 /// # Errors
 /// If the case cannot be opened or a frame fails.
 pub fn measure(case: &Case, options: &MeasureOptions, observer: &mut dyn Observer) -> Result<Measured, OpenError> {
-    let renderer = crate::open(&case.project, case.settings.clone(), case.choice, observer)?;
+    let renderer = case.open(observer)?;
     measure_with(renderer, case, options, observer).map_err(OpenError::from)
 }
 

@@ -7,7 +7,7 @@ use super::merge::MergeArgs;
 use super::reference_args::ReferenceArgs;
 use super::tune_args::TuneArgs;
 use super::visibility_args::VisibilityArgs;
-use clap::{Args, Parser, Subcommand, ValueEnum, ValueHint};
+use clap::{ArgGroup, Args, Parser, Subcommand, ValueEnum, ValueHint};
 use curitiba::args::{
     Backend, ProjectArgs, Raster, SceneFlags, parse_bytes, parse_error_bound, parse_pixel, parse_size,
 };
@@ -284,6 +284,7 @@ impl FromStr for Frames {
 
 /// Arguments of `scene`.
 #[derive(Debug, Args)]
+#[command(group = ArgGroup::new("written").args(["project", "projects"]).multiple(true))]
 pub struct SceneArgs {
     /// Scene files (.cbo, .nbo, .obj, .gltf, .glb, .3ds, .dae, .mesh.xml), or folders of them; several are merged
     #[arg(value_name = "FILE", value_hint = ValueHint::FilePath, required_unless_present = "generate")]
@@ -295,8 +296,11 @@ pub struct SceneArgs {
     /// Write a project that shows the scene here: FILE.xml, and FILE.mlib beside it
     #[arg(long, value_name = "FILE.xml", value_hint = ValueHint::FilePath, conflicts_with = "generate")]
     pub project: Option<PathBuf>,
-    /// Window of that project [default: 1024x1024]
-    #[arg(long, value_name = "WxH", value_parser = parse_size, requires = "project")]
+    /// Write the projects that a report is made of into this folder: one for each effect by rays and by raster
+    #[arg(long, value_name = "DIR", value_hint = ValueHint::DirPath, conflicts_with = "generate")]
+    pub projects: Option<PathBuf>,
+    /// Window of these projects [default: 1024x1024]
+    #[arg(long, value_name = "WxH", value_parser = parse_size, requires = "written")]
     pub size: Option<[u32; 2]>,
     #[command(flatten)]
     pub scene: SceneFlags,

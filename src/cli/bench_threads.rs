@@ -2,7 +2,7 @@
 
 use super::bench_args::BenchArgs;
 use super::progress::Bars;
-use super::{Failure, load, table};
+use super::{Failure, load, say_prose, table};
 use anstyle::Style;
 use curitiba::bench::threads::{SweepError, SweepOptions, ThreadsCase, ThreadsFile, sweep, text};
 use curitiba::bench::{Case, MeasureOptions};
@@ -118,16 +118,12 @@ fn plot(folder: &Path, case: &ThreadsCase, written: &[PathBuf]) -> Result<Option
 fn introduce(file: &ThreadsFile) {
     let machine = &file.environment;
     let cores = std::thread::available_parallelism().map_or(0, usize::from);
-    crate::say!(
+    let of = format!(
         "{}, {cores} processors, {} build, commit {}; {} rounds of {} frames after {} of warm-up",
-        machine.cpu,
-        machine.profile,
-        machine.commit,
-        file.rounds,
-        file.frames,
-        file.warmup
+        machine.cpu, machine.profile, machine.commit, file.rounds, file.frames, file.warmup
     );
-    crate::say!("ms on the wall (times as fast as on the fewest threads, ms of processor time of all threads)");
+    say_prose(&of, 2);
+    say_prose("ms on the wall (times as fast as on the fewest threads, ms of processor time of all threads)", 2);
     if machine.profile == "debug" {
         crate::say!("this is no release build: times say little");
     }

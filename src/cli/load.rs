@@ -7,9 +7,7 @@ use curitiba::environment::Environment;
 pub fn tell(environment: &Environment) {
     crate::tell!("{}", in_words(environment));
     if let Some(load) = environment.busy() {
-        failure::print_warning(&format!(
-            "other programs are at work: a load of {load:.2} is more than a quarter of the threads; times will be longer and vary more"
-        ));
+        failure::print_warning(&format!("other programs are at work (load {load:.2}); times are longer and vary more"));
     }
 }
 

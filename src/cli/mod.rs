@@ -89,6 +89,16 @@ pub fn tell_line(line: std::fmt::Arguments<'_>) {
     }
 }
 
+/// Prints prose, folded at words to the width of a terminal; lines that go on are indented by so many spaces.
+pub fn say_prose(text: &str, indent: usize) {
+    width::folded_by(text, indent, width::of_terminal()).iter().for_each(|line| crate::say!("{line}"));
+}
+
+/// [`say_prose`] to the error stream.
+pub fn tell_prose(text: &str, indent: usize) {
+    width::folded_by(text, indent, width::of_error_stream()).iter().for_each(|line| crate::tell!("{line}"));
+}
+
 /// Whether writing to the error stream failed, other than because its reader went away. Only the exit code can report that.
 pub fn unheard() -> bool {
     UNHEARD.load(Ordering::Relaxed)

@@ -1,16 +1,22 @@
 //! `curitiba plan`: prints what would be done, and why.
 
-use super::{Failure, ask_engines, failure, print_outside, print_warnings, set_threads, tell_fastest};
+use super::{
+    Failure, ask_engines, failure, print_outside, print_warnings, say_prose, set_threads, tell_fastest, width,
+};
 use anstyle::{AnsiColor, Style};
-use curitiba::OpenError;
 use curitiba::args::ProjectArgs;
 use curitiba::pipeline::diagnostic::Decision;
 use curitiba::pipeline::files::record_files_read;
 use curitiba::pipeline::glass::decide;
 use curitiba::pipeline::memory::mebibytes;
 use curitiba::pipeline::plan::{Plan, PlannedPass, Traced, Work};
+use curitiba::pipeline::programs::{Fidelity, RayProgram};
 use curitiba::pipeline::project::PassKind;
-use curitiba::pipeline::scene::{self, BuildOptions, LoadOptions, Material, Needs, RenderScene, Scene, TextureSource};
+use curitiba::pipeline::scene::{
+    self, BuildOptions, LoadOptions, Material, Needs, RenderScene, Scene, TextureSource, statistics,
+};
+use curitiba::{BackendChoice, OpenError};
+use glam::Vec3;
 use std::path::PathBuf;
 use std::sync::Arc;
 
@@ -29,15 +35,12 @@ pub fn run(args: &ProjectArgs) -> Result<(), Failure> {
     ask_engines(&mut plan, args.choice())?;
     print_warnings(&plan.warnings);
     let [width, height] = plan.window;
-    crate::say!(
-        "{}: pipeline `{}`, window {width} x {height}, targets {}",
-        plan.project.path.display(),
-        plan.project.pipelines[plan.pipeline].name,
-        mebibytes(plan.target_bytes())
-    );
+    let (path, pipeline) = (plan.project.path.display(), &plan.project.pipelines[plan.pipeline].name);
+    let targets = mebibytes(plan.target_bytes());
+    say_prose(&format!("{path}: pipeline `{pipeline}`, window {width} x {height}, targets {targets}"), 2);
     crate::say!("\npasses");
     for planned in &plan.passes {
-        crate::say!("  {}", describe(&plan, planned));
+        say_prose(&format!("  {}", describe(&plan, planned)), 4);
     }
     crate::say!("\ndecisions");
     let scenes = plan.scene_sets.iter().map(|set| load(&plan, set)).collect::<Result<Vec<_>, _>>();
@@ -45,7 +48,9 @@ pub fn run(args: &ProjectArgs) -> Result<(), Failure> {
         print_decision(decision);
     }
     let scenes = scenes?;
-    for decision in glass(&plan, &scenes)?.iter().chain(&structures(&plan, &scenes)) {
+    let has_filter = !matches!(args.choice().backend, BackendChoice::Cuda | BackendChoice::Optix);
+    let filters = if has_filter { filters(&plan, &scenes) } else { Vec::new() };
+    for decision in glass(&plan, &scenes)?.iter().chain(&structures(&plan, &scenes)).chain(&filters) {
         print_decision(decision);
     }
     let textures = scenes.iter().flat_map(|scene| &scene.textures).flat_map(texture_files);
@@ -156,7 +161,68 @@ fn structures(plan: &Plan, scenes: &[Scene]) -> Vec<Decision> {
     decisions
 }
 
+/// Recommends a filter to passes of occlusion whose noise it halves at least, as measured.
+fn filters(plan: &Plan, scenes: &[Scene]) -> Vec<Decision> {
+    if plan.settings.fidelity != Fidelity::Corrected || plan.in_parts() {
+        return Vec::new();
+    }
+    let of = |planned: &PlannedPass| {
+        let (Work::Rays { scene_set, params, .. }, PassKind::Ray(ray)) = (&planned.work, &plan.pass(planned).kind)
+        else {
+            return None;
+        };
+        let [low, high] = statistics(&scenes[*scene_set]).bounds?.map(|corner| Vec3::from(corner).as_dvec3());
+        let share = f64::from(params.radius) / (high - low).length();
+        let elsewhere = ["cuda", "optix"].map(|name| format!("{}.backend={name}", plan.pass(planned).name));
+        let has_none = plan.settings.set.iter().any(|set| elsewhere.contains(set));
+        let is_open = ray.program == RayProgram::Ssao && params.filter == 0 && !has_none;
+        let levels = recommended_filter(params.samples, share).filter(|_| is_open)?;
+        let why = format!(
+            "recommended, and not asked for: of {} samples and a radius of {:.0} % of the scene's diagonal filter={levels} leaves half the noise or less for a few \
+             per cent of time; it softens shadows of contact",
+            params.samples,
+            share * 100.0
+        );
+        Some(Decision { what: format!("filter of pass `{}`", plan.pass(planned).name), built: false, why })
+    };
+    plan.passes.iter().filter_map(of).collect()
+}
+
+/// Levels of the filter after so many rays of occlusion, with a radius of such a share of the scene's diagonal; `None` where more rays are as good.
+///
+/// By the tables of `docs/projects.md`: at short radii more rays cost less than a filter, and of more than 16 they leave less noise than it blurs.
+fn recommended_filter(samples: u32, share: f64) -> Option<u32> {
+    const LONG: f64 = 0.03;
+    match samples {
+        1..=4 if share > LONG => Some(2),
+        5..=16 if share > LONG => Some(1),
+        _ => None,
+    }
+}
+
 fn print_decision(decision: &Decision) {
     let (style, mark) = if decision.built { (BUILT, "yes") } else { (LEFT_OUT, "no ") };
-    crate::say!("  {style}{mark}{style:#} {}: {}", decision.what, decision.why);
+    let text = format!("  {mark} {}: {}", decision.what, decision.why);
+    let lines = width::folded_by(&text, INDENT, width::of_terminal());
+    for (index, line) in lines.iter().enumerate() {
+        match line.strip_prefix("  ").and_then(|line| line.strip_prefix(mark)).filter(|_| index == 0) {
+            Some(rest) => crate::say!("  {style}{mark}{style:#}{rest}"),
+            None => crate::say!("{line}"),
+        }
+    }
+}
+
+/// Spaces in front of the lines in which a decision goes on.
+const INDENT: usize = 6;
+
+#[cfg(test)]
+mod tests {
+    use super::recommended_filter;
+
+    #[test]
+    fn a_filter_is_recommended_to_few_rays_of_a_long_radius_alone() {
+        let of = |samples| recommended_filter(samples, 0.05);
+        assert_eq!([0, 1, 4, 5, 16, 17].map(of), [None, Some(2), Some(2), Some(1), Some(1), None]);
+        assert_eq!([0.03, f64::NAN, 0.0].map(|share| recommended_filter(4, share)), [None; 3]);
+    }
 }

@@ -5,7 +5,7 @@ use super::display::Display;
 use super::inspect::Inspector;
 use super::progress::Bars;
 use super::render_output::{check_extension, default_output, print_header};
-use super::{Failure, failure, print_warnings, render_path, set_threads, table, tell_fastest};
+use super::{Failure, failure, print_warnings, render_path, say_prose, set_threads, table, tell_fastest};
 use curitiba::bench::case::fidelity_name;
 use curitiba::environment::{Environment, peak_memory};
 use curitiba::pipeline::diagnostic::{Decision, WarningGroup};
@@ -119,6 +119,9 @@ pub fn run(args: &RenderArgs) -> Result<(), Failure> {
         }
         for file in &files {
             crate::say!("wrote {} ({})", file.path.display(), file.what);
+            if let Some(legend) = &file.legend {
+                say_prose(&format!("  {legend}"), 2);
+            }
         }
         if let Some((path, what)) = trace {
             crate::say!("wrote {} ({what})", path.display());

@@ -2,11 +2,12 @@
 
 use super::args::ReportArgs;
 use super::progress::Bars;
-use super::{Failure, check_references, load, set_threads, tell_fastest};
+use super::scene::write_by_technique;
+use super::{Failure, check_references, load, say_prose, set_threads, tell_fastest, tell_prose};
 use curitiba::args::quoted;
 use curitiba::bench::text;
 use curitiba::environment::Environment;
-use curitiba::pipeline::files::{TemporaryFolder, create_folder};
+use curitiba::pipeline::files::TemporaryFolder;
 use curitiba::pipeline::project::{self, names_scenes};
 use curitiba::reference::References;
 use curitiba::report::{self, ReportError, Request, Told, Wanted, number, summary};
@@ -45,7 +46,7 @@ pub fn run(args: &ReportArgs) -> Result<(), Failure> {
     tell_fastest(choice);
     let request = Request {
         projects: made.as_ref().map_or(&args.projects, |made| &made.1).clone(),
-        made: made.is_some(),
+        made: made.is_some().then(|| command_of_projects(args)),
         wanted,
         choice,
         references: References::default_folder(),
@@ -61,10 +62,10 @@ pub fn run(args: &ReportArgs) -> Result<(), Failure> {
         _ => Failure::work(error),
     })?;
     for sentence in summary::in_short(&data) {
-        crate::say!("{sentence}");
+        say_prose(&sentence, 0);
     }
     if let Some(sentence) = text::of_outliers(&data.bench.rows) {
-        crate::say!("{sentence}");
+        say_prose(&sentence, 0);
     }
     let missing = data.bench.unavailable.len();
     if missing > 0 {
@@ -100,24 +101,28 @@ fn projects_of_scene(args: &ReportArgs) -> Result<Option<(TemporaryFolder, PathB
     let folder = TemporaryFolder::new(beside).map_err(Failure::work)?;
     // Written projects name their scenes by absolute paths.
     let path = std::fs::canonicalize(folder.path()).map_err(Failure::work)?;
-    create_folder(&path.join("raster")).map_err(Failure::work)?;
-    for (file, project) in projects.by_technique() {
-        project.write(&path.join(file))?;
-    }
+    write_by_technique(&projects, &path)?;
     Ok(Some((folder, path)))
+}
+
+/// The command that writes the projects of a scene into a folder that stays.
+fn command_of_projects(args: &ReportArgs) -> String {
+    let options = args.scene.options(&[]);
+    let option = |word: String| word.split_once('=').map(|(name, value)| [format!("--{name}"), value.to_owned()]);
+    let words = ["curitiba".to_owned(), "scene".to_owned(), args.projects.display().to_string()]
+        .into_iter()
+        .chain(options.words().into_iter().filter_map(option).flatten())
+        // The camera is made for the window's shape.
+        .chain(args.size.into_iter().flat_map(|[width, height]| ["--size".to_owned(), format!("{width}x{height}")]))
+        .chain(["--projects".to_owned(), report::PROJECTS.to_owned()]);
+    words.map(|word| quoted(&word)).collect::<Vec<_>>().join(" ")
 }
 
 /// Prints a line for a row to the error stream.
 fn print(told: &Told<'_>) {
     let left = (told.time.total_s - told.time.spent_s).max(0.0);
-    crate::tell!(
-        "{:>3} of {}, {} spent, at most {} left: {}",
-        told.done + 1,
-        told.of,
-        number::duration(told.time.spent_s),
-        number::duration(left),
-        told.label
-    );
+    let [spent, left] = [told.time.spent_s, left].map(number::duration);
+    tell_prose(&format!("{:>3} of {}, {spent} spent, at most {left} left: {}", told.done + 1, told.of, told.label), 4);
 }
 
 /// The command line, quoted so that it can be typed again.

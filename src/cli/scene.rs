@@ -7,10 +7,10 @@ use anstyle::Style;
 use curitiba::OpenError;
 use curitiba::pipeline::executor::{Observer as _, Progress, StepKind};
 use curitiba::pipeline::files::{self, check_outputs};
-use curitiba::pipeline::project;
+use curitiba::pipeline::project::{self, SceneProjects};
 use curitiba::pipeline::scene::{self, Layout, LoadOptions, Needs, Scene, Statistics, statistics};
 use curitiba::pipeline::square;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 const HEADER: Style = Style::new().bold();
@@ -32,6 +32,13 @@ pub fn run(args: &SceneArgs) -> Result<(), Failure> {
     check_outputs(output.map(|path| (path, "scene")))?;
     if let Some(path) = &args.project {
         write_project(args, path)?;
+    }
+    if let Some(folder) = &args.projects {
+        files::check_folder(folder)?;
+        let made = projects_of(args)?;
+        for file in write_by_technique(&made, folder)? {
+            say(args.json, &format!("wrote {}", file.display()));
+        }
     }
     let options = LoadOptions { needs: Needs::ALL, max_bytes: args.max_memory };
     let mut files = Vec::new();
@@ -55,16 +62,30 @@ fn write_project(args: &SceneArgs, path: &Path) -> Result<(), Failure> {
     if !path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("xml")) {
         return Err(Failure::Usage(format!("{}: a project is written as .xml", path.display())));
     }
-    let [first, more @ ..] = &args.files[..] else { return Ok(()) };
+    for file in projects_of(args)?.project().write(path)? {
+        say(args.json, &format!("wrote {}", file.display()));
+    }
+    Ok(())
+}
+
+/// The projects that are made of the scene files.
+fn projects_of(args: &SceneArgs) -> Result<SceneProjects, Failure> {
+    let [first, more @ ..] = &args.files[..] else { unreachable!("a file is required where none is generated") };
     let options = args.scene.options(more);
     let made = working(StepKind::Load, "scene files", || {
         project::open_scenes(first, &options, args.size, args.max_memory).map_err(OpenError::from)
     })?;
-    let made = made.ok_or_else(|| Failure::Usage(format!("{}: this is a project already", first.display())))?;
-    for file in made.project().write(path)? {
-        say(args.json, &format!("wrote {}", file.display()));
+    made.ok_or_else(|| Failure::Usage(format!("{}: this is a project already", first.display())))
+}
+
+/// Writes a project for each effect by rays and by raster into a folder, and returns the files.
+pub fn write_by_technique(projects: &SceneProjects, folder: &Path) -> Result<Vec<PathBuf>, Failure> {
+    files::create_folder(&folder.join("raster")).map_err(Failure::work)?;
+    let mut files = Vec::new();
+    for (file, project) in projects.by_technique() {
+        files.extend(project.write(&folder.join(file))?);
     }
-    Ok(())
+    Ok(files)
 }
 
 /// Runs `work` with a progress bar.

@@ -3,12 +3,23 @@
 /// Columns of the terminal that the output stream is; `None` where it is none.
 pub fn of_terminal() -> Option<usize> {
     #[cfg(unix)]
-    {
-        let size = rustix::termios::tcgetwinsize(std::io::stdout()).ok()?;
-        (size.ws_col > 0).then_some(size.ws_col.into())
-    }
+    return columns(std::io::stdout());
     #[cfg(not(unix))]
     None
+}
+
+/// Columns of the terminal that the error stream is; `None` where it is none.
+pub fn of_error_stream() -> Option<usize> {
+    #[cfg(unix)]
+    return columns(std::io::stderr());
+    #[cfg(not(unix))]
+    None
+}
+
+#[cfg(unix)]
+fn columns(stream: impl std::os::fd::AsFd) -> Option<usize> {
+    let size = rustix::termios::tcgetwinsize(stream).ok()?;
+    (size.ws_col > 0).then_some(size.ws_col.into())
 }
 
 /// A line of a table, cut at words so that each part is at most `width` columns wide, if there is room for that; the last column goes on below
@@ -40,8 +51,13 @@ const EMPTY: usize = 8;
 /// Prose, cut at words so that each line is at most `width` columns wide; all lines but the first are indented by two spaces. `None` is no
 /// terminal, and leaves it whole.
 pub fn folded(text: &str, width: Option<usize>) -> Vec<String> {
+    folded_by(text, 2, width)
+}
+
+/// [`folded`], with so many spaces in front of all lines but the first.
+pub fn folded_by(text: &str, indent: usize, width: Option<usize>) -> Vec<String> {
     match width {
-        Some(width) if text.chars().count() > width => filled(String::new(), text, 2, width),
+        Some(width) if text.chars().count() > width => filled(String::new(), text, indent, width),
         _ => vec![text.to_owned()],
     }
 }
@@ -70,7 +86,7 @@ fn filled(first: String, text: &str, indent: usize, width: usize) -> Vec<String>
 
 #[cfg(test)]
 mod tests {
-    use super::{folded, wrapped};
+    use super::{folded, folded_by, wrapped};
 
     #[test]
     fn the_last_column_goes_on_below_itself_in_whole_words() {
@@ -109,6 +125,7 @@ mod tests {
         assert_eq!(folded(text, Some(18)), [text]);
         assert_eq!(folded(text, None), [text]);
         assert_eq!(folded("a wordthatislong b", Some(6)), ["a", "  wordthatislong", "  b"], "one word is not cut");
+        assert_eq!(folded_by("  one two three", 4, Some(9)), ["  one two", "    three"], "what stands in front stays");
     }
 
     #[test]

@@ -489,6 +489,12 @@ impl References {
     }
 }
 
+/// The command that makes the reference of a case's picture.
+#[must_use]
+pub fn command_of_picture(case: &Case) -> String {
+    picture::command(case)
+}
+
 /// Whether the reference of a case has noise, so that its number of samples can be chosen.
 ///
 /// # Errors

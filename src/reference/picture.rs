@@ -136,7 +136,7 @@ fn marked(materials: &[bool]) -> String {
 /// Why the picture of a plan has no reference, as far as the plan alone determines it.
 pub(super) fn unsupported(plan: &Plan) -> Option<String> {
     let nothing = |_: usize| Look { shades: &[], glass: &[], shadow_glass: &[], sun: None, lights: Vec::new() };
-    Expression { plan, look: &nothing, bodies: &|_| false, drawn: None }.window().err()
+    Expression { plan, look: &nothing, bodies: &|_| (false, false), drawn: None }.window().err()
 }
 
 /// The job for the reference renderer, with the given samples for each of its two estimates.
@@ -158,7 +158,8 @@ pub(super) fn job(renderer: &Renderer, samples: Range<u32>) -> Result<Job<'_>, S
     };
     let bodies = |index: usize| {
         let materials = renderer.materials(index);
-        !materials.dielectrics.is_empty() && materials.glass.contains(&true)
+        let has_bodies = !materials.dielectrics.is_empty() && materials.glass.contains(&true);
+        (has_bodies, materials.shadow_glass.contains(&true))
     };
     let mut expression = Expression { plan, look: &look, bodies: &bodies, drawn: None };
     let value = expression.window()?;
@@ -190,8 +191,8 @@ struct Expression<'p, 'a> {
     plan: &'p Plan,
     /// Materials and light as the pass at an index sees them.
     look: &'p dyn Fn(usize) -> Look<'a>,
-    /// Whether the materials of the pass at an index decide about glass.
-    bodies: &'p dyn Fn(usize) -> bool,
+    /// Whether the materials of the pass at an index decide about glass and make any, and whether any lets shadow rays through.
+    bodies: &'p dyn Fn(usize) -> (bool, bool),
     /// The raster pass that the picture starts from.
     drawn: Option<usize>,
 }

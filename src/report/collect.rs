@@ -4,7 +4,7 @@ use super::collector::{Collector, ReportError, Request};
 use super::folder::Folder;
 use super::model::{Effect, ReportData};
 use super::plan::Stage;
-use super::{Told, paired, plan, scale};
+use super::{Told, paired, pixel_samples, plan, scale};
 use crate::pipeline::executor::Observer;
 
 /// Measures everything that fits into the time, and writes the pictures into `folder`. `told` hears of each step.
@@ -26,6 +26,7 @@ pub fn collect(
     collector.to_do = entries.len() * plan::ROUNDS as usize
         + late.len()
         + Effect::ALL.len()
+        + plan::pixel_samples(&request.wanted).len()
         + plan::scaling_lines(&request.wanted).len() * (sizes.len() + threads.len() + request.wanted.triangles.len())
         + plan::light_lines(&request.wanted).len() * plan::LIGHT_COUNTS.len();
     for entry in &entries {
@@ -37,6 +38,7 @@ pub fn collect(
         return Err(ReportError::Nothing { path: request.projects.clone(), reasons: reasons.join("\n") });
     }
     paired::measure(&mut collector, told, observer);
+    pixel_samples::measure(&mut collector, told, observer);
     collector.rounds(told, observer);
     let pixels = scale::by_pixels(&mut collector, &sizes, told, observer);
     let lights = scale::by_lights(&mut collector, folder, told, observer);

@@ -20,7 +20,7 @@ use crate::pipeline::kept_scenes::KeptScenes;
 use crate::pipeline::metrics::{self, flip_map, heat_map};
 use crate::pipeline::plan::Settings;
 use crate::pipeline::project;
-use crate::reference::References;
+use crate::reference::{self, ReferenceError, References};
 use crate::{BackendChoice, Choice, RasterChoice};
 use std::collections::HashMap;
 use std::path::{Path, PathBuf};
@@ -51,8 +51,8 @@ pub enum ReportError {
 pub struct Request {
     /// Folder of the projects.
     pub projects: PathBuf,
-    /// Whether they were made for this report: their folder is temporary, and means nothing to a reader.
-    pub made: bool,
+    /// The command that writes them, if they were made for this report: their folder is temporary, and means nothing to a reader.
+    pub made: Option<String>,
     /// Sizes and time.
     pub wanted: Wanted,
     /// Rasteriser, ray backend and GPUs. Nothing takes over where they fail: such a row is missing, with the reason.
@@ -64,6 +64,9 @@ pub struct Request {
     /// Most bytes that a scene may take.
     pub max_memory: u64,
 }
+
+/// The folder that [`Request::made`] writes.
+pub const PROJECTS: &str = "projects";
 
 /// The state of a collection.
 pub(super) struct Collector<'a> {
@@ -80,11 +83,13 @@ pub(super) struct Collector<'a> {
     start: Instant,
     pub references: References,
     table: Vec<String>,
+    /// Keys, in the page's order.
+    pub pixel_samples: Vec<String>,
     pub sections: HashMap<Effect, Section>,
     /// By view: row and picture of the frame without effects.
     plain: HashMap<String, (String, Image)>,
-    /// The case whose reference all rows of an effect and view are compared with.
-    judges: HashMap<(String, String), Case>,
+    /// The case whose reference all rows of an effect, view and number of samples a pixel are compared with.
+    judges: HashMap<Judge, Case>,
     /// By project, view and ray backend, if not the report's: weight, pixels, triangles and frame time of the last row.
     known: HashMap<(String, bool, Option<BackendChoice>), Known>,
     /// Setup of the last row, milliseconds a triangle: without an acceleration structure, and with one.
@@ -95,6 +100,14 @@ pub(super) struct Collector<'a> {
     pub measured: Vec<(Entry, String)>,
     pub done: usize,
     pub to_do: usize,
+}
+
+/// Effect, view and number of samples a pixel.
+type Judge = (String, String, u32);
+
+/// What all rows are compared with that compute the same.
+fn judge_of(entry: &Entry, row: &BenchRow) -> Judge {
+    (entry.effect.to_owned(), row.view.clone(), entry.aa.count())
 }
 
 #[derive(Clone, Copy)]
@@ -150,6 +163,7 @@ impl<'a> Collector<'a> {
                 Duration::from_secs_f64(wanted.reference_allowance_s()),
             ),
             table: Vec::new(),
+            pixel_samples: Vec::new(),
             sections: HashMap::new(),
             plain: HashMap::new(),
             judges: HashMap::new(),
@@ -225,6 +239,7 @@ impl<'a> Collector<'a> {
             size: Some(place.size),
             camera,
             set: entry.set.clone(),
+            aa: entry.aa,
             max_memory: self.request.max_memory,
             // Copies of the projects have scenes of their own.
             scenes: if place.triangles.is_none() { self.scenes.clone() } else { KeptScenes::default() },
@@ -278,7 +293,10 @@ impl<'a> Collector<'a> {
         factor * base.map_or(pixels * 3e-4, |known| grow(known, 1.0))
     }
 
-    /// Measures a row, or notes why not.
+    /// Measures a row.
+    ///
+    /// # Errors
+    /// Why it is not measured.
     pub fn row(
         &mut self,
         entry: &Entry,
@@ -286,8 +304,21 @@ impl<'a> Collector<'a> {
         told: &mut dyn FnMut(Told<'_>),
         observer: &mut dyn Observer,
     ) -> Result<(Case, BenchRow, Image), String> {
+        let case = self.case(entry, place);
+        self.row_of(entry, case, place, told, observer)
+    }
+
+    /// [`Self::row`] of a case.
+    fn row_of(
+        &mut self,
+        entry: &Entry,
+        case: Result<Case, String>,
+        place: &Place<'_>,
+        told: &mut dyn FnMut(Told<'_>),
+        observer: &mut dyn Observer,
+    ) -> Result<(Case, BenchRow, Image), String> {
         self.done += 1;
-        let case = self.case(entry, place)?;
+        let case = case?;
         let expected_ms = self.expected_ms(entry, place);
         let triangles = place.triangles.map_or(self.scene.triangles as f64, |triangles| triangles as f64);
         let (most, slot_ms) = self.request.wanted.frames();
@@ -342,25 +373,20 @@ impl<'a> Collector<'a> {
             threads: None,
             stage: entry.stage,
         };
-        if self.case(entry, &place).is_ok_and(|case| self.file.rows.iter().any(|row| row.key == case.key)) {
+        let case = self.case(entry, &place);
+        if case.as_ref().is_ok_and(|case| self.file.rows.iter().any(|row| row.key == case.key)) {
             // A scene without a view of the panes shows the same twice.
             self.done += 1;
             return Ok(());
         }
-        let (case, mut row, picture) = match self.row(entry, &place, told, observer) {
+        let (case, mut row, picture) = match self.row_of(entry, case, &place, told, observer) {
             Ok(measured) => measured,
             Err(why) => {
                 self.miss(&entry.label, why);
                 return Ok(());
             }
         };
-        if self.request.made {
-            row.project = entry.file.into();
-        } else {
-            row.thesis = figure_of_2014(entry, &row);
-        }
-        row.error = self.judge(entry, &case, &row, &picture, observer);
-        row.picture_error = Some(self.judge_picture(entry, &case, &row, &picture, observer));
+        self.finish_row(entry, &case, &mut row, &picture, observer);
         if entry.in_table {
             self.table.push(row.key.clone());
         }
@@ -371,6 +397,24 @@ impl<'a> Collector<'a> {
         self.measured.push((entry.clone(), row.key.clone()));
         self.file.rows.push(row);
         Ok(())
+    }
+
+    /// Gives a row what is not measured: the name of its project, a figure to compare it with, and its errors.
+    pub fn finish_row(
+        &mut self,
+        entry: &Entry,
+        case: &Case,
+        row: &mut BenchRow,
+        picture: &Image,
+        observer: &mut dyn Observer,
+    ) {
+        if self.request.made.is_some() {
+            row.project = entry.file.into();
+        } else {
+            row.thesis = figure_of_2014(entry, row);
+        }
+        row.error = self.judge(entry, case, row, picture, observer);
+        row.picture_error = Some(self.judge_picture(entry, case, row, picture, observer));
     }
 
     /// Measures every row again, one round after the other. A row for which the time does not suffice keeps the samples that it
@@ -401,7 +445,7 @@ impl<'a> Collector<'a> {
         }
     }
 
-    /// The error of a row: against the reference of the effect by rays, the same for all rows of its effect and view.
+    /// The error of a row: against the reference of the effect by rays, the same for all rows of its effect, view and number of samples a pixel.
     fn judge(
         &mut self,
         entry: &Entry,
@@ -413,19 +457,20 @@ impl<'a> Collector<'a> {
         if matches!(entry.effect, "none" | "dummy") {
             return RowError::Missing("no effect is computed: there is nothing to compare".to_owned());
         }
-        let judge = (entry.effect.to_owned(), row.view.clone());
+        let judge = judge_of(entry, row);
         let first = !self.judges.contains_key(&judge);
         if first {
             if entry.technique == Technique::Raster {
                 return RowError::Missing(format!(
-                    "{} by rays, whose reference is needed, was not measured",
+                    "the reference is that of {} by rays, and was not made",
                     entry.effect
                 ));
             }
             // Exact references trace in f64; converged ones two pictures of 256 samples. The G-buffer is drawn once.
             let in_rays = row.frame.median * row.ray_share.unwrap_or(1.0);
             let noisy = matches!(entry.effect, "ao" | "all" | "soft-shadows");
-            let times = if noisy { 512.0 / entry.weight.max(1.0) } else { 12.0 };
+            let rays = entry.weight / f64::from(entry.aa.count());
+            let times = if noisy { 512.0 / rays.max(1.0) } else { 12.0 };
             let expected_s = (row.frame.median + in_rays * times) / 1e3;
             // Without it no setting of the effect can be judged: it comes before other settings.
             if let Err(why) = self.time().admit(entry.stage.max(Stage::Settings), expected_s) {
@@ -449,12 +494,18 @@ impl<'a> Collector<'a> {
         picture: &Image,
         observer: &mut dyn Observer,
     ) -> RowError {
-        if self.request.made {
-            let why = "no reference of the picture is kept of projects that are made for a report alone";
-            return RowError::Missing(why.to_owned());
-        }
-        let case = self.judges.get(&(entry.effect.to_owned(), row.view.clone())).unwrap_or(case).clone();
-        let compared = self.references.compare_picture(&case, picture, observer);
+        let case = self.judges.get(&judge_of(entry, row)).unwrap_or(case).clone();
+        let compared = match (&self.request.made, self.references.picture(&case, observer)) {
+            (Some(writes), Err(ReferenceError::NoPicture(_))) => {
+                // The folder that holds them is temporary.
+                let file = case.project.strip_prefix(&self.request.projects).unwrap_or(Path::new(entry.file));
+                let lasting = Case { project: Path::new(PROJECTS).join(file), ..case };
+                let makes = reference::command_of_picture(&lasting);
+                let why = format!("the reference of the picture is not made; this makes it: {writes}; {makes}");
+                Ok(RowError::Missing(why))
+            }
+            _ => self.references.compare_picture(&case, picture, observer),
+        };
         for warning in self.references.take_warnings() {
             self.miss("kept references", warning);
         }
@@ -462,7 +513,7 @@ impl<'a> Collector<'a> {
     }
 
     /// The error of a picture against the reference of an effect in a view that has one.
-    fn against(&mut self, judge: &(String, String), picture: &Image, observer: &mut dyn Observer) -> RowError {
+    fn against(&mut self, judge: &Judge, picture: &Image, observer: &mut dyn Observer) -> RowError {
         let compared = self.references.compare(&self.judges[judge], picture, observer);
         for warning in self.references.take_warnings() {
             self.miss("kept references", warning);
@@ -472,7 +523,7 @@ impl<'a> Collector<'a> {
 
     /// What leaving an effect out costs in a view.
     fn without(&mut self, effect: Effect, view: &str, observer: &mut dyn Observer) -> Option<Without> {
-        let judge = (effect.id().to_owned(), view.to_owned());
+        let judge = (effect.id().to_owned(), view.to_owned(), 1);
         let (row, picture) = self.plain.get(view).filter(|_| self.judges.contains_key(&judge))?.clone();
         Some(Without { row, error: self.against(&judge, &picture, observer) })
     }
@@ -514,7 +565,7 @@ impl<'a> Collector<'a> {
             size: row.size,
             row: Some(row.key.clone()),
         };
-        let judged = self.judges.get(&(entry.effect.to_owned(), row.view.clone()));
+        let judged = self.judges.get(&judge_of(entry, row));
         let reference = judged.and_then(|judge| self.references.get(judge, observer).ok());
         section.pictures.retain(|picture| picture.role != "reference");
         section.pictures.push(shown);
@@ -556,6 +607,7 @@ impl<'a> Collector<'a> {
             within: self.request.wanted.within,
             bench: self.file,
             table: self.table,
+            pixel_samples: self.pixel_samples,
             sections: Effect::ALL.into_iter().filter_map(|effect| self.sections.remove(&effect)).collect(),
             scalings,
         }
@@ -574,8 +626,7 @@ struct Ran {
 
 fn run(case: &Case, options: &MeasureOptions, observer: &mut dyn Observer) -> Result<Ran, String> {
     let begun = Instant::now();
-    let renderer = crate::open(&case.project, case.settings.clone(), case.choice, observer);
-    let renderer = renderer.map_err(|error| error.to_string())?;
+    let renderer = case.open(observer).map_err(|error| error.to_string())?;
     let opened_ms = begun.elapsed().as_secs_f64() * 1e3;
     let measured = measure_with(renderer, case, options, observer).map_err(|error| error.to_string())?;
     let files = measured.renderer.plan().project.scenes.iter().flat_map(|scene| &scene.files);

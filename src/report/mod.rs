@@ -13,6 +13,7 @@ pub mod model;
 pub mod number;
 pub mod page;
 mod paired;
+mod pixel_samples;
 pub mod plan;
 pub mod plots;
 mod scale;
@@ -21,7 +22,7 @@ pub mod summary;
 mod tests;
 pub mod verdict;
 
-pub use collector::{ReportError, Request};
+pub use collector::{PROJECTS, ReportError, Request};
 pub use plan::Wanted;
 
 use crate::pipeline::executor::Observer;

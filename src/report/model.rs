@@ -28,6 +28,9 @@ pub struct ReportData {
     pub bench: BenchFile,
     /// Keys of the rows of the effect table, in its order.
     pub table: Vec<String>,
+    /// Keys of the rows of several samples a pixel, each group behind its row of one sample.
+    #[serde(default)]
+    pub pixel_samples: Vec<String>,
     /// One for each effect.
     pub sections: Vec<Section>,
     /// Time against triangles, pixels, lights, samples and threads.

@@ -10,7 +10,7 @@ use super::verdict;
 use crate::bench::interval::LEAST_ORDERED;
 use crate::bench::measure::frames;
 use crate::bench::model::{BenchRow, PairedRounds};
-use crate::pipeline::executor::{Observer, Renderer, StepKind};
+use crate::pipeline::executor::{Observer, StepKind};
 
 /// Rounds of one effect where the time suffices.
 const MOST_ROUNDS: u32 = 12;
@@ -188,8 +188,7 @@ fn rounds(
     for rival in rivals {
         let named = |why: String| format!("{}: {why}", rival.label);
         let case = collector.case(&rival.entry, &place).map_err(named)?;
-        let mut renderer: Renderer =
-            crate::open(&case.project, case.settings.clone(), case.choice, observer).map_err(|e| named(e.joined()))?;
+        let mut renderer = case.open(observer).map_err(|error| named(error.joined()))?;
         frames(&mut renderer, &case, 1, observer).map_err(|error| named(error.to_string()))?;
         open.push((case, renderer));
     }

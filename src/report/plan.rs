@@ -3,6 +3,7 @@
 use super::model::{Against, Effect, WITHIN};
 use crate::BackendChoice;
 use crate::bench::model::Technique;
+use crate::pipeline::pixel_samples::PixelSamples;
 use crate::pipeline::raster_effects::{EffectParams, EffectProgram};
 
 /// What is asked of a report.
@@ -52,6 +53,8 @@ pub enum Stage {
     Settings,
     /// What verdicts compare, in paired rounds.
     Paired,
+    /// Several samples a pixel.
+    PixelSamples,
     /// All rows of the stages before, again.
     Rounds,
     /// Other window sizes.
@@ -73,11 +76,12 @@ impl Stage {
         match self {
             Self::Effects => 0.48,
             Self::Settings => 0.54,
-            Self::Paired => 0.80,
-            Self::Rounds => 0.82,
-            Self::Pixels => 0.84,
-            Self::Lights => 0.86,
-            Self::Threads => 0.88,
+            Self::Paired => 0.77,
+            Self::PixelSamples => 0.81,
+            Self::Rounds => 0.83,
+            Self::Pixels => 0.85,
+            Self::Lights => 0.87,
+            Self::Threads => 0.89,
             Self::Triangles => 0.96,
             Self::OtherView => 0.98,
         }
@@ -111,6 +115,8 @@ pub struct Entry {
     pub on_cpu: bool,
     /// Which ray backend it is measured on, if not the report's.
     pub beside: Option<BackendChoice>,
+    /// Samples of every pixel.
+    pub aa: PixelSamples,
     /// Work of its effect in any unit that the entries of one project share.
     pub weight: f64,
 }
@@ -222,6 +228,7 @@ fn entry(file: &'static str, effect: &'static str, technique: Technique, label: 
         in_table: true,
         on_cpu: false,
         beside: None,
+        aa: PixelSamples::ONE,
         weight: 1.0,
     }
 }
@@ -461,6 +468,38 @@ fn optioned(mut entry: Entry, name: &str, value: &str) -> Entry {
     entry.setting = entry.setting.map(|(series, setting)| (format!("{series}, {name}={value}"), setting));
     entry
 }
+
+/// Rows of several samples a pixel, each with the row of one sample that it stands beside: no effects, each effect by rays and by raster (with `--quick`
+/// shadows alone), and all effects together. All with few samples come before those with many.
+#[must_use]
+pub fn pixel_samples(wanted: &Wanted) -> Vec<(Entry, Entry)> {
+    let effects: &[Effect] = if wanted.quick { &IN_TURN[..1] } else { &IN_TURN };
+    let both = |effect: &Effect| [rays(*effect, None), raster(*effect, files(*effect).1[0], None, wanted.size)];
+    let mut lines = vec![whole().swap_remove(0)];
+    lines.extend(effects.iter().flat_map(both));
+    lines.extend(elsewhere().pop());
+    let row = |line: &Entry, aa: PixelSamples| Entry {
+        stage: Stage::PixelSamples,
+        label: format!("{}, {aa} samples a pixel", line.label),
+        setting: None,
+        picture: None,
+        in_table: false,
+        aa,
+        weight: line.weight * f64::from(aa.count()),
+        ..line.clone()
+    };
+    let several = [4, 16].into_iter().filter_map(PixelSamples::new);
+    // Of an adaptive number rays are traced for fewer samples where nothing differs.
+    let adaptive = PixelSamples::new(16).and_then(|samples| samples.within(TOLERANCE));
+    let of = |aa: PixelSamples| {
+        let lines = lines.iter().filter(move |line| aa.tolerance().is_none() || line.technique == Technique::Rays);
+        lines.map(move |line| (line.clone(), row(line, aa))).collect::<Vec<_>>()
+    };
+    several.chain(adaptive).flat_map(of).collect()
+}
+
+/// The difference between samples up to which rows of an adaptive number trace rays for four of them.
+const TOLERANCE: f32 = 0.02;
 
 /// The lines of the scaling plots: without effects, and shadows and ambient occlusion by each technique.
 #[must_use]

@@ -148,6 +148,7 @@ fn report(base_ms: f64, rays: (f64, RowError), raster: (f64, RowError)) -> Repor
         took_s: 71.0,
         within: WITHIN,
         table: rows.iter().map(|row| row.key.clone()).collect(),
+        pixel_samples: Vec::new(),
         sections: vec![section],
         scalings: vec![Scaling {
             against: Against::Triangles,
@@ -795,4 +796,22 @@ fn errors_of_pictures_have_columns_where_one_is_known_and_else_a_reason() {
     let known = page::build(&data).html;
     assert!(known.contains("Error of the picture") && known.contains("≤ 0.12"));
     assert!(known.contains("whose own standard error is 0.1000") && known.contains("is not made"));
+}
+
+#[test]
+fn rows_of_several_samples_a_pixel_have_a_section_where_there_are_any() {
+    let mut data = report(1.0, (4.0, against(0.01)), (3.0, against(0.05)));
+    assert!(!page::build(&data).html.contains("Samples a pixel"));
+    let mut several = row("sixteen", "shadows", Technique::Rays, 60.0, against(0.001));
+    "Shadows by rays, 16 samples a pixel".clone_into(&mut several.label);
+    let RowError::Against { reference, key, comparison, .. } = against(0.0321) else { panic!("an error") };
+    several.picture_error = Some(RowError::Against { reference, key, own_error: 0.001, comparison });
+    data.pixel_samples = vec![data.bench.rows[1].key.clone(), several.key.clone()];
+    data.bench.rows.push(several);
+    let html = page::build(&data).html;
+    assert_well_formed(&html);
+    let (_, section) = html.split_once("id=\"pixel-samples\"").expect("the section");
+    let (section, _) = section.split_once("</section>").expect("its end");
+    assert!(section.contains("16 samples a pixel") && section.contains("0.032"), "{section}");
+    assert!(section.contains("Error of the picture") && html.contains("href=\"#pixel-samples\""));
 }

@@ -223,6 +223,27 @@ fn the_plan_says_what_is_left_out_and_why() {
 }
 
 #[test]
+fn the_plan_recommends_a_filter_to_few_rays_of_a_long_radius() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let of = |set: &[&str]| {
+        let project = project("SceneSSAO.xml");
+        let set = set.iter().flat_map(|set| ["--set", set]);
+        let arguments: Vec<&str> = ["plan", path(&project)].into_iter().chain(set).collect();
+        succeeds(folder.path(), &arguments)
+    };
+    let said = of(&["pass2.samples=4", "pass2.radius=90"]);
+    let reason = "no  filter of pass `pass2`: recommended, and not asked for: of 4 samples and a radius of 5 % of the";
+    assert!(said.contains(reason) && said.contains("filter=2"), "{said}");
+    for set in [
+        &["pass2.samples=4", "pass2.radius=40"][..],
+        &["pass2.samples=64", "pass2.radius=90"],
+        &["pass2.samples=4", "pass2.radius=90", "pass2.filter=2"],
+    ] {
+        assert!(!of(set).contains("recommended"), "{set:?}");
+    }
+}
+
+#[test]
 fn the_list_names_every_program_and_its_snippets_load() {
     let folder = tempfile::tempdir().expect("a folder");
     let all = succeeds(folder.path(), &["list"]);

@@ -92,6 +92,17 @@ fn a_report_is_one_folder_whose_links_all_resolve_and_whose_page_works_in_a_brow
         let steps = row["steps"].as_array().expect("steps").iter();
         steps.filter_map(|step| step["rays"]["shadow"].as_u64()).sum()
     };
+    let several = |aa: &str, technique: &str| {
+        let of = |row: &&serde_json::Value| {
+            let label = row["label"].as_str().unwrap_or_default();
+            label.ends_with(&format!(", {aa} samples a pixel")) && row["technique"] == technique
+        };
+        rows.iter().filter(of).filter(|row| row["error"].get("against").is_some()).count()
+    };
+    for (aa, technique) in [("4", "rays"), ("16", "rays"), ("16:0.02", "rays"), ("4", "raster"), ("16", "raster")] {
+        assert!(several(aa, technique) > 0, "{aa} samples a pixel by {technique}");
+    }
+    assert!(html.contains("id=\"pixel-samples\""));
     let [one, two, eight] = [1, 2, 8].map(|lights| traced(lights, rows));
     assert!(one > 100 && two > one && eight > 2 * two, "{one} {two} {eight} shadow rays");
 
@@ -150,4 +161,47 @@ fn a_folder_without_projects_is_named_and_nothing_is_left_behind() {
     let left: Vec<_> =
         std::fs::read_dir(place.path()).expect("a folder").map(|e| e.expect("an entry").path()).collect();
     assert_eq!(left, [place.path().join("empty")]);
+}
+
+/// An OBJ file of a floor and a wall on it.
+const CORNER: &str = "v -2 0 -2\nv 2 0 -2\nv 2 0 2\nv -2 0 2\nv -1 0 0\nv 1 0 0\nv 1 1.5 0\nv -1 1.5 0\nf 4 3 2\nf 4 2 1\nf 5 6 7\nf 5 7 8\n";
+
+#[test]
+fn a_scene_of_one_command_has_errors_of_its_pictures_once_their_references_are_made() {
+    let place = tempfile::tempdir().expect("a folder");
+    std::fs::write(place.path().join("corner.obj"), CORNER).expect("a scene");
+    let run = |arguments: &[&str]| {
+        let mut command = Command::new(env!("CARGO_BIN_EXE_curitiba"));
+        command.current_dir(place.path()).args(arguments).env("NO_COLOR", "1");
+        let output = command.env("CURITIBA_CACHE", place.path().join("cache")).output().expect("the program starts");
+        assert!(output.status.success(), "{arguments:?}: {}", text(&output.stderr));
+        text(&output.stdout)
+    };
+    let of_pictures = || {
+        let usual = ["report", "corner.obj", "-o", "out", "--quick", "--size", "32x32", "--time", "20"];
+        run(&[&usual[..], &["--raster", "cpu", "--backend", "cpu", "--threads", "2"]].concat());
+        let json = std::fs::read_to_string(place.path().join("out/data.json")).expect("the data");
+        let data: serde_json::Value = serde_json::from_str(&json).expect("JSON");
+        let row = |project: &str| {
+            let of = |row: &&serde_json::Value| row["project"] == project && row["picture_error"].is_object();
+            data["rows"].as_array().expect("rows").iter().find(of).expect("a row")["picture_error"].clone()
+        };
+        ["SceneShadows.xml", "raster/SceneGTAO.xml"].map(row)
+    };
+    let made = "this makes it: curitiba scene corner.obj --size 32x32 --projects projects; curitiba reference projects/SceneShadows.xml --size 32x32";
+    let [shadows, occlusion] = of_pictures();
+    let why = shadows["missing"].as_str().expect("a reason");
+    assert!(why.ends_with(made), "{why}");
+    assert!(occlusion["missing"].as_str().is_some_and(|why| why.contains("curitiba reference projects/")));
+
+    // The commands as they are told; the other reference is made from the scene itself.
+    let said = run(&["scene", "corner.obj", "--size", "32x32", "--projects", "projects"]);
+    assert!(said.contains("wrote") && said.contains("SceneNoEffects.xml"), "{said}");
+    run(&["reference", "projects/SceneShadows.xml", "--size", "32x32"]);
+    run(&["reference", "corner.obj", "--effects", "ao", "--size", "32x32"]);
+    for found in of_pictures() {
+        assert!(found["against"]["comparison"]["rmse"].as_f64().is_some_and(|rmse| rmse < 0.1), "{found}");
+    }
+    // A folder of written projects is one of a report.
+    assert!(place.path().join("projects/raster/SceneGTAO.xml").is_file());
 }

@@ -53,9 +53,14 @@ pub struct Traced<'a> {
 }
 
 impl Traced<'_> {
-    /// Why the reference renderer cannot compute the pass, and what would help; `None` where it can.
+    /// Why the reference renderer cannot compute the pass, and what would help; `None` where it can. `has_bodies` tells whether a material is glass
+    /// as its properties say, and `dims_light` whether one lets shadow rays through.
     #[must_use]
-    pub fn unsupported(program: RayProgram, params: &RayParams, has_bodies: bool) -> Option<String> {
+    pub fn unsupported(
+        program: RayProgram,
+        params: &RayParams,
+        (has_bodies, dims_light): (bool, bool),
+    ) -> Option<String> {
         let known = [
             RayProgram::Dummy,
             RayProgram::DeferredShadows,
@@ -73,7 +78,9 @@ impl Traced<'_> {
                 "glass as its materials say (glass=auto) has no reference of the picture: set glass=pane".to_owned(),
             );
         }
-        if matches!(params.shadow, GlassShadow::Straight | GlassShadow::Caustic) && info.reads("shadow") {
+        // Without glass on its way light has no rule to follow.
+        let is_ruled = matches!(params.shadow, GlassShadow::Straight | GlassShadow::Caustic) && info.reads("shadow");
+        if is_ruled && dims_light {
             let rule = params.shadow.name();
             return Some(format!(
                 "light that falls through glass by shadow={rule} has no reference of the picture: set shadow=report"

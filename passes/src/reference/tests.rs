@@ -3,6 +3,7 @@
 use super::{Camera, Job, Look, ReferenceError, Seen, Traced, Value, render};
 use curitiba_pipeline::backend::{Cone, Light, Shade, Sun};
 use curitiba_pipeline::executor::Cancellation;
+use curitiba_pipeline::glass::GlassShadow;
 use curitiba_pipeline::image::Image;
 use curitiba_pipeline::programs::{RayParams, RayProgram};
 use curitiba_pipeline::progress::Progress;
@@ -427,9 +428,12 @@ fn what_it_cannot_do_is_refused_and_it_can_be_given_up() {
     let refused = |program, params: RayParams, bodies| Traced::unsupported(program, &params, bodies);
     let plain = RayParams::default();
     for program in [RayProgram::DeferredShadows, RayProgram::Reflection, RayProgram::Ssao, RayProgram::Final] {
-        assert_eq!(refused(program, plain, false), None);
+        assert_eq!(refused(program, plain, (false, false)), None);
     }
-    assert!(refused(RayProgram::PathTracing, plain, false).is_some_and(|why| why.contains("camera")));
-    assert!(refused(RayProgram::Refraction, plain, true).is_some_and(|why| why.contains("glass=pane")));
-    assert_eq!(refused(RayProgram::DeferredShadows, plain, true), None);
+    assert!(refused(RayProgram::PathTracing, plain, (false, false)).is_some_and(|why| why.contains("camera")));
+    assert!(refused(RayProgram::Refraction, plain, (true, true)).is_some_and(|why| why.contains("glass=pane")));
+    assert_eq!(refused(RayProgram::DeferredShadows, plain, (true, true)), None);
+    let straight = RayParams { shadow: GlassShadow::Straight, ..plain };
+    assert!(refused(RayProgram::Final, straight, (false, true)).is_some_and(|why| why.contains("shadow=report")));
+    assert_eq!(refused(RayProgram::Final, straight, (false, false)), None, "nothing lets light through");
 }

@@ -4,7 +4,7 @@ use super::parts::{Told, append};
 use super::{Observer, Progress, RenderError, Renderer, StepKind};
 use crate::backend::Rect;
 use crate::image::{
-    Colors, Content, Image, Layer, RowLayer, VisibleRows, count_non_finite, write_exr_of, write_exr_rows_of,
+    Colors, Content, Image, Layer, RowLayer, VisibleRows, count_non_finite, legend, write_exr_of, write_exr_rows_of,
     write_png_rows,
 };
 use crate::image::{DisplayRows, write_codes, write_displayed};
@@ -30,6 +30,9 @@ pub struct Written {
     pub path: PathBuf,
     /// Description of its contents.
     pub what: String,
+    /// Which places the colours are, of positions made visible.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub legend: Option<String>,
 }
 
 /// Result of [`Renderer::render_and_save`].
@@ -120,6 +123,9 @@ impl Renderer {
             let mut visible = VisibleRows::new(&image, content);
             let mut displayed = DisplayRows::new(&mut visible, display);
             result = self.timed(png, written, observer, |path| write_png_rows(path, &mut displayed));
+            if let Some(png) = written.last_mut().filter(|_| result.is_ok()) {
+                png.legend = legend(&image.pixels, content);
+            }
         }
         self.take_back(Some(channel), image);
         result
@@ -204,7 +210,7 @@ impl Renderer {
         }
         result.map_err(|error| io::Error::new(error.kind(), format!("{name}: {error}")))?;
         self.timeline.record(StepKind::Write, &name, start.elapsed().saturating_sub(took));
-        let files = vec![Written { path: path.to_owned(), what: "window".to_owned() }];
+        let files = vec![Written { path: path.to_owned(), what: "window".to_owned(), legend: None }];
         Ok(Saved { files, not_finite, is_blank: colors.is_one() })
     }
 
@@ -250,7 +256,7 @@ impl Renderer {
         observer.end();
         result.map_err(|error| io::Error::new(error.kind(), format!("{name}: {error}")))?;
         self.timeline.record(StepKind::Write, &name, start.elapsed());
-        written.push(Written { path: path.clone(), what: what.clone() });
+        written.push(Written { path: path.clone(), what: what.clone(), legend: None });
         Ok(())
     }
 }

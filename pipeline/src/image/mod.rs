@@ -10,7 +10,7 @@ mod write;
 pub use displayed::{Codes, DisplayRows, code_of, displayed, write_codes, write_displayed};
 pub use read::{Picture, ReadImageError, Variance, read_image};
 pub use rows::{ImageRows, Rows};
-pub use visible::{Content, VisibleRows, make_visible};
+pub use visible::{Content, VisibleRows, legend, make_visible, position_box};
 pub use write::{
     COLOR_ATTRIBUTE, Layer, RowLayer, byte, encode_exr, encode_png, write_exr, write_exr_layers, write_exr_of,
     write_exr_rows, write_exr_rows_of, write_png, write_png_codes, write_png_rows,

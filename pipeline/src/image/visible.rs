@@ -9,7 +9,7 @@ use std::io;
 pub enum Content {
     /// Colours, shown as they are.
     Color,
-    /// World positions, shown relative to the bounding box of nearly all of them.
+    /// World positions, shown relative to the [bounding box](position_box) of nearly all that are near.
     Position,
     /// Unit vectors, shown as `(n + 1) / 2`.
     Normal,
@@ -35,8 +35,8 @@ impl Visible {
         let (low, size) = match content {
             Content::Color | Content::Normal => ([-1.0; 3], [2.0; 3]),
             Content::Position => {
-                let ends = [0, 1, 2].map(|axis| ends(pixels, axis));
-                (ends.map(|(low, _)| low), ends.map(|(low, high)| (high - low).max(f32::MIN_POSITIVE)))
+                let ends = position_box(pixels).unwrap_or([[0.0, 1.0]; 3]);
+                (ends.map(|[low, _]| low), ends.map(|[low, high]| (high - low).max(f32::MIN_POSITIVE)))
             }
         };
         Self { content, low, size }
@@ -52,26 +52,60 @@ impl Visible {
     }
 }
 
-/// Most pixels that [`ends`] looks at.
+/// Most pixels that [`position_box`] looks at.
 const LOOKED_AT: usize = 1 << 16;
-/// Share of the pixels below the low end, and the share above the high end. Without this, one far point would compress the rest
+/// Share of the near pixels below the low end of the box, and the share above the high end. Without this, one point would compress the rest
 /// into one colour.
 const BEYOND: f32 = 0.02;
+/// Places are near up to so many times the median distance from the middle. Sky and mountains, which may be seen at a third of the pixels, would
+/// else leave nothing but black to what stands in front of them.
+const NEAR: f64 = 4.0;
 
-/// The range of a component over covered pixels, without the outliers on both sides.
-fn ends(pixels: &[[f32; 4]], axis: usize) -> (f32, f32) {
+/// The box in which positions are shown, low and high end of each axis: it holds nearly all covered pixels that are near the middle of what is
+/// seen, the median of each coordinate. `None` where no pixel is covered.
+#[must_use]
+pub fn position_box(pixels: &[[f32; 4]]) -> Option<[[f32; 2]; 3]> {
     let step = pixels.len().div_ceil(LOOKED_AT).max(1);
-    let seen = pixels.iter().step_by(step).filter(|pixel| covered(pixel)).map(|pixel| pixel[axis]);
-    let mut seen: Vec<f32> = seen.filter(|value| value.is_finite()).collect();
-    let beyond = (seen.len() as f32 * BEYOND) as usize;
-    let last = seen.len().saturating_sub(1 + beyond);
+    let seen = pixels.iter().step_by(step).filter(|pixel| covered(pixel)).map(|pixel| [pixel[0], pixel[1], pixel[2]]);
+    let seen: Vec<[f32; 3]> = seen.filter(|place| place.iter().all(|value| value.is_finite())).collect();
+    let middle_of = seen.len() / 2;
+    let along = |places: &[[f32; 3]], axis: usize| places.iter().map(|place| place[axis]).collect::<Vec<_>>();
     if seen.is_empty() {
-        return (0.0, 1.0);
+        return None;
     }
-    let (_, low, _) = seen.select_nth_unstable_by(beyond, f32::total_cmp);
-    let low = *low;
-    let (_, high, _) = seen.select_nth_unstable_by(last, f32::total_cmp);
-    (low, *high)
+    let middle = [0, 1, 2].map(|axis| ranked(&mut along(&seen, axis), middle_of));
+    let from_middle = |place: &[f32; 3]| {
+        let apart = [0, 1, 2].map(|axis| (f64::from(place[axis]) - f64::from(middle[axis])).powi(2));
+        (apart.iter().sum::<f64>() as f32).sqrt()
+    };
+    let mut distances: Vec<f32> = seen.iter().map(from_middle).collect();
+    let usual = ranked(&mut distances, middle_of);
+    let is_near = |place: &&[f32; 3]| usual == 0.0 || f64::from(from_middle(place)) <= NEAR * f64::from(usual);
+    let near: Vec<[f32; 3]> = seen.iter().filter(is_near).copied().collect();
+    let beyond = (near.len() as f32 * BEYOND) as usize;
+    let last = near.len().saturating_sub(1 + beyond);
+    Some([0, 1, 2].map(|axis| [beyond, last].map(|rank| ranked(&mut along(&near, axis), rank))))
+}
+
+/// The value with this rank, counted from 0 for the smallest.
+fn ranked(values: &mut [f32], rank: usize) -> f32 {
+    *values.select_nth_unstable_by(rank, f32::total_cmp).1
+}
+
+/// A sentence that tells which places the colours are, for [`Content::Position`] of pixels that show any.
+#[must_use]
+pub fn legend(pixels: &[[f32; 4]], content: Content) -> Option<String> {
+    let ends = position_box(pixels).filter(|_| content == Content::Position)?;
+    let words = ["x", "y", "z"].iter().zip(["red", "green", "blue"]).zip(ends);
+    let words =
+        words.map(|((axis, color), [low, high])| format!("{color} is {axis} from {} to {}", short(low), short(high)));
+    Some(words.collect::<Vec<_>>().join(", "))
+}
+
+/// A coordinate with about three digits.
+fn short(value: f32) -> String {
+    let digits = (2.0 - f64::from(value.abs().max(0.01)).log10().floor()).clamp(0.0, 4.0) as usize;
+    format!("{value:.digits$}")
 }
 
 fn covered(pixel: &[f32; 4]) -> bool {
@@ -124,6 +158,26 @@ mod tests {
         let shown = make_visible(&Image { width: 100, height: 1, pixels }, Content::Position);
         assert_eq!((shown.pixels[1][0], shown.pixels[97][0], shown.pixels[98][0]), (0.0, 1.0, 1.0));
         assert!((shown.pixels[49][0] - 0.5).abs() < 0.02);
+    }
+
+    #[test]
+    fn a_sky_leaves_the_colours_to_what_stands_in_front_of_it() {
+        // Two fifths of the picture are a sky a thousand times as far off.
+        let ground = (0..60).map(|i| [i as f32, 0.5 * i as f32, -(i as f32), 0.5]);
+        let sky = (0..40).map(|i| [1e3 * (i as f32 - 20.0), 3e4, -4e4, 1.0]);
+        let pixels: Vec<[f32; 4]> = ground.chain(sky).collect();
+        let words = legend(&pixels, Content::Position).expect("a legend");
+        let shown = make_visible(&Image { width: 100, height: 1, pixels: pixels.clone() }, Content::Position);
+        for axis in 0..2 {
+            assert!(shown.pixels[50][axis] > 0.75, "{:?}: {words}", shown.pixels[50]);
+        }
+        assert_eq!(
+            (shown.pixels[99][1], shown.pixels[99][2]),
+            (1.0, 0.0),
+            "far places have the colours of the box's faces"
+        );
+        assert_eq!(words, "red is x from 1.00 to 58.0, green is y from 0.500 to 29.0, blue is z from -58.0 to -1.00");
+        assert!(legend(&pixels, Content::Normal).is_none() && legend(&[[0.0; 4]], Content::Position).is_none());
     }
 
     #[test]

@@ -61,25 +61,7 @@ pub enum Fresnel {
     Schlick,
 }
 
-impl Fresnel {
-    /// All variants with their names in parameters.
-    pub const NAMED: [(&'static str, Self); 2] = [("exact", Self::Exact), ("schlick", Self::Schlick)];
-
-    /// The name as a parameter's value.
-    #[must_use]
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::Exact => "exact",
-            Self::Schlick => "schlick",
-        }
-    }
-
-    /// The variant with a name; `None` for an unknown name.
-    #[must_use]
-    pub fn named(name: &str) -> Option<Self> {
-        Self::NAMED.iter().find(|(known, _)| *known == name).map(|(_, weights)| *weights)
-    }
-}
+named!(Fresnel, "exact" => Exact, "schlick" => Schlick);
 
 /// At which mip level ray programs read textures at hits, in `corrected` fidelity. Alpha tests read level 0 in any case.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default)]
@@ -91,25 +73,7 @@ pub enum TextureLod {
     Cones,
 }
 
-impl TextureLod {
-    /// All variants with their names in parameters.
-    pub const NAMED: [(&'static str, Self); 2] = [("zero", Self::Zero), ("cones", Self::Cones)];
-
-    /// The name as a parameter's value.
-    #[must_use]
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::Zero => "zero",
-            Self::Cones => "cones",
-        }
-    }
-
-    /// The variant with a name; `None` for an unknown name.
-    #[must_use]
-    pub fn named(name: &str) -> Option<Self> {
-        Self::NAMED.iter().find(|(known, _)| *known == name).map(|(_, lod)| *lod)
-    }
-}
+named!(TextureLod, "zero" => Zero, "cones" => Cones);
 
 /// A raster or quad program. The file stem of a shader's pixel-shader file selects it.
 #[derive(Debug, Clone, Copy)]

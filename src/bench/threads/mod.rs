@@ -91,7 +91,7 @@ fn open_and_render(
     pool.install(|| {
         let mut shown = observer();
         let mut clock = Clock::new(shown.as_mut());
-        let mut renderer = crate::open(&case.project, case.settings.clone(), case.choice, &mut clock)?;
+        let mut renderer = case.open(&mut clock)?;
         clock.pause();
         for _ in 0..options.warmup {
             renderer.draw_frame_for(AS_WRITTEN.as_ref(), &mut clock).map_err(OpenError::from)?;

@@ -200,6 +200,9 @@ fn figures(data: &ReportData, picture: &Picture) -> Markup {
         @if let Some(row) = row {
             ": " (significant(row.frame.median)) " ms a frame"
             @if let Some((found, _)) = rmse(row) { ", RMSE " (error(found)) }
+            @if let Some((found, at_most)) = table::of_picture(row) {
+                ", of the picture " @if at_most { "≤ " } (error(found.rmse))
+            }
         }
     }
 }

@@ -116,7 +116,7 @@ fn spent_list(rows: &[&BenchRow]) -> Markup {
 }
 
 /// The error of a row's picture, and whether it is that at most.
-fn of_picture(row: &BenchRow) -> Option<(&Comparison, bool)> {
+pub fn of_picture(row: &BenchRow) -> Option<(&Comparison, bool)> {
     let error = row.picture_error.as_ref()?;
     error.found().map(|(found, _)| (found, error.is_at_most()))
 }

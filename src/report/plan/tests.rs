@@ -123,3 +123,31 @@ fn the_full_report_measures_every_effect_in_both_views() {
         assert_eq!(of(true, effect, true), of(true, effect, false), "{effect}");
     }
 }
+
+#[test]
+fn some_rows_take_several_samples_a_pixel_beside_one_that_takes_one() {
+    for quick in [false, true] {
+        let wanted = Wanted::new(quick, None);
+        let (usual, rows) = (entries(&wanted, false, &[]), pixel_samples(&wanted));
+        let key = |e: &Entry| (e.file, e.panes, e.set.clone(), e.on_cpu, e.beside);
+        for (single, several) in &rows {
+            assert!(usual.iter().any(|entry| entry.in_table && key(entry) == key(single)), "{}", single.label);
+            assert_eq!((single.aa, key(several)), (PixelSamples::ONE, key(single)));
+            assert!(several.aa.are_several() && several.setting.is_none() && several.picture.is_none());
+            assert_eq!(several.weight, single.weight * f64::from(several.aa.count()));
+            assert!(several.aa.tolerance().is_none() || several.technique == Technique::Rays, "{}", several.label);
+        }
+        let counts: Vec<u32> = rows.iter().map(|(_, several)| several.aa.count()).collect();
+        assert!(counts.is_sorted() && counts.contains(&4) && counts.contains(&16));
+        assert!(rows.iter().any(|(_, several)| several.aa.tolerance().is_some()));
+        let effects: HashSet<&str> = rows.iter().map(|(single, _)| single.effect).collect();
+        assert_eq!(
+            Effect::ALL.iter().filter(|effect| effects.contains(effect.id())).count(),
+            if quick { 1 } else { 5 }
+        );
+    }
+    assert!(
+        Stage::Paired.until() < Stage::PixelSamples.until() && Stage::PixelSamples < Stage::Rounds,
+        "after the verdicts"
+    );
+}
