@@ -9,6 +9,7 @@ mod error;
 mod fingerprint;
 #[cfg(feature = "gltf")]
 mod gltf;
+pub(crate) mod lines;
 mod load;
 pub mod normal_map;
 mod obj;
