@@ -22,6 +22,7 @@ pub(crate) mod shapes;
 mod statistics;
 mod studio;
 pub mod texture;
+mod xml_text;
 
 pub use cbo::{Layout, write_cbo};
 pub use error::{Place, SceneError};
