@@ -18,6 +18,7 @@ mod joined;
 mod lamps;
 mod library;
 mod lights;
+mod lines;
 #[path = "../nvidia/mod.rs"]
 mod nvidia;
 mod oracle;

@@ -11,7 +11,7 @@ use crate::pixel_samples::PixelSamples;
 use crate::plan::{Plan, PlanError, PlannedTarget, Preview, Settings, Work};
 pub use crate::project::Pose;
 use crate::project::{Project, SourceError, names_scenes};
-use glam::Vec3;
+use glam::{DVec3, Vec3};
 
 /// Why a setter failed. The renderer keeps its previous state.
 #[derive(Debug, thiserror::Error)]
@@ -306,6 +306,7 @@ impl Renderer {
         // The remaining memory at load time is not compared: it does not affect the contents of scenes.
         let maps_the_same = |set| mapped_files(now, set).eq(mapped_files(next, set));
         now.scene_sets == next.scene_sets
+            && same_lines(now, next)
             && now.needs == next.needs
             && asks(now) == asks(next)
             && (0..now.scene_sets.len()).all(maps_the_same)
@@ -420,6 +421,17 @@ impl Renderer {
             self.ran.fill(None);
         }
     }
+}
+
+/// Whether the lines that passes draw are the same in two plans of the same sets of scenes.
+fn same_lines(now: &Plan, next: &Plan) -> bool {
+    fn of(plan: &Plan) -> impl Iterator<Item = (DVec3, &[Vec3], Vec<&str>)> {
+        plan.lines().map(|scene| {
+            let materials = scene.materials.iter().map(|material| material.name.as_str()).collect();
+            (scene.origin, scene.meshes[0].positions.as_slice(), materials)
+        })
+    }
+    of(now).eq(of(next))
 }
 
 /// The attachments that a G-buffer holds.

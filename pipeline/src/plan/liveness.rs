@@ -96,9 +96,11 @@ impl Plan {
                     // What it stores to a part of, it leaves in the rest.
                     wanted.read_in_host(pass.kind.buffers_stored().collect());
                     self.hold_buffers(pass);
+                    let camera = self.seen_from(camera, raster.camera);
+                    let scenes = self.with_lines(pass, raster, camera, rect);
                     Work::Raster {
-                        scene_set: self.scene_set(&raster.scenes),
-                        view: view(&self.project.cameras[self.seen_from(camera, raster.camera)], rect, self.origin),
+                        scene_set: self.scene_set(&scenes),
+                        view: view(&self.project.cameras[camera], rect, self.origin),
                         viewport: rect,
                         clear_color: self.clear_color(pass, viewport.as_ref()),
                         attachments: live,

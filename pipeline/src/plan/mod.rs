@@ -11,6 +11,7 @@ mod effect;
 mod filter;
 mod kept;
 mod lights;
+mod lines;
 mod liveness;
 mod off;
 mod parts;

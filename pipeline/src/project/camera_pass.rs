@@ -111,6 +111,18 @@ impl Loader {
     pub(super) fn camera_pass(&mut self, context: &mut PassContext<'_>) -> Option<RayPass> {
         let element = context.element;
         self.expect_camera_children(element);
+        let sees = element.children_named(&["camera"]).next().is_some() || context.default_camera != Some(None);
+        if let Some(generator) = self.generator(element).filter(|_| !sees && element.attribute("program").is_none()) {
+            // Nothing that the pass names says what such a program computes.
+            let message = format!(
+                "pass `{}` has no camera: `{}` makes its picture by itself, and device code is not run",
+                shown(&context.name),
+                generator.shown()
+            );
+            let help = "valid: a <camera>, where rays that start there mean the same; program=\"…\" says which";
+            self.report.error_help(generator.span, message, || help.to_owned());
+            return None;
+        }
         let (scenes, camera, light) = (self.pass_scenes(context), self.pass_camera(context), self.first_light(context));
         let mut colors = Vec::new();
         let maps = self.material_maps(element);

@@ -46,17 +46,7 @@ impl Loader {
             place: Placement::default(),
         };
         self.scenes.names.declare_built_in(NAME);
-        self.scenes.items.push(Some(SceneDecl {
-            name: NAME.to_owned(),
-            files: Vec::new(),
-            memory: None,
-            shapes: vec![shape],
-            exact: None,
-            place: Placement::default(),
-            swap_yz: false,
-            unitize: false,
-            sky: Vec::new(),
-        }));
+        self.scenes.items.push(Some(SceneDecl { shapes: vec![shape], ..SceneDecl::empty(NAME.to_owned()) }));
         self.scenes.items.len() - 1
     }
 
@@ -96,6 +86,8 @@ impl Loader {
         self.no_parameters(context, "default");
         context.facts.writes_first(RASTER_CHANNELS);
         let instances = self.instances(context);
+        // A light's camera draws depths, which lines have none of.
+        let frusta = self.cameras_among_scenes(context, camera.is_none());
         let camera = camera.or_else(|| self.pass_camera(context));
         let lights = self.pass_lights(context);
         if let Some(depth) = self.single(element, &["depth"]) {
@@ -144,8 +136,8 @@ impl Loader {
         }
         let (_, _, _) = (lights?, maps?, injected?);
         let shaders = shaders?;
-        let (scenes, instances, camera, lights) = (scenes?, instances?, camera?, named);
-        Some(RasterPass { scenes, instances, camera, lights, program, colors, shaders })
+        let (scenes, frusta, instances, camera, lights) = (scenes?, frusta?, instances?, camera?, named);
+        Some(RasterPass { scenes, frusta, instances, camera, lights, program, colors, shaders })
     }
 
     /// What a pass clears: `COLOR_CLEAR`, `DEPTH_CLEAR`, and the `clear` of `<depth>`.

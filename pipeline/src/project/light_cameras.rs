@@ -124,7 +124,7 @@ impl Project {
             let rect = part(covered.viewport.map(|viewport| &self.viewports[viewport]), window);
             let aspect = f64::from(rect.width.max(1)) / f64::from(rect.height.max(1));
             let distances = [of.from.unwrap_or(covered.near), of.to.unwrap_or(covered.far)];
-            let corners = corners(covered, aspect, distances.map(f64::from));
+            let corners = frustum_corners(covered, aspect, distances.map(f64::from));
             let light = &self.lights[of.light];
             let direction = light.direction.unwrap_or(Vec3::NEG_Z);
             // The engine's up vector, unless the light travels along it.
@@ -165,8 +165,9 @@ fn unplaced(name: &str) -> Camera {
     }
 }
 
-/// The corners of a camera's view frustum between two distances, in world space.
-fn corners(camera: &Camera, aspect: f64, distances: [f64; 2]) -> [DVec3; 8] {
+/// The corners of a camera's view frustum between two distances, in world space: bit 0 of an index is set at the right, bit 1 at the top,
+/// bit 2 at the second distance. `aspect` is the width of the camera's viewport divided by its height.
+pub(crate) fn frustum_corners(camera: &Camera, aspect: f64, distances: [f64; 2]) -> [DVec3; 8] {
     let view = camera.direction.as_dvec3();
     let right = view.cross(camera.up.as_dvec3()).normalize_or_zero();
     let up = right.cross(view);
@@ -208,14 +209,14 @@ mod tests {
     /// With a field of view of 90 degrees half the height equals the distance.
     #[test]
     fn the_corners_of_a_view_are_where_its_angles_say() {
-        let found = corners(&camera(None), 2.0, [1.0, 4.0]);
+        let found = frustum_corners(&camera(None), 2.0, [1.0, 4.0]);
         for (corner, distance) in [(0, 1.0), (7, 4.0)] {
             let sign = if corner == 7 { 1.0 } else { -1.0 };
             let expected = DVec3::new(1.0 + sign * 2.0 * distance, 2.0 + sign * distance, 3.0 - distance);
             assert!(found[corner].distance(expected) < 1e-6, "{corner}: {} beside {expected}", found[corner]);
         }
         let sides = Orthographic { left: -3.0, right: 5.0, bottom: -1.0, top: 2.0 };
-        let found = corners(&camera(Some(sides)), 2.0, [1.0, 4.0]);
+        let found = frustum_corners(&camera(Some(sides)), 2.0, [1.0, 4.0]);
         assert!(
             found[0].distance(DVec3::new(-2.0, 1.0, 2.0)) < 1e-6
                 && found[7].distance(DVec3::new(6.0, 4.0, -1.0)) < 1e-6

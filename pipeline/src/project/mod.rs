@@ -63,6 +63,7 @@ mod write;
 pub use contents::{Contents, Distribution};
 pub use edit::Pose;
 pub use from_scene::{Effects, FromSceneError, SceneOptions, SceneProjects, Up};
+pub(crate) use light_cameras::frustum_corners;
 pub use source::{SCENE_EXTENSIONS, SourceError, names_scenes, open, open_scenes, scene_files};
 pub use write::WriteError;
 
@@ -183,6 +184,21 @@ pub struct SceneDecl {
 }
 
 impl SceneDecl {
+    /// A scene of which nothing is declared.
+    pub(crate) fn empty(name: String) -> Self {
+        Self {
+            name,
+            files: Vec::new(),
+            memory: None,
+            shapes: Vec::new(),
+            exact: None,
+            place: Placement::default(),
+            swap_yz: false,
+            unitize: false,
+            sky: Vec::new(),
+        }
+    }
+
     /// Reads its files, adds its primitives, and marks the materials of its sky.
     ///
     /// # Errors
@@ -565,6 +581,8 @@ impl Default for Clears {
 pub struct RasterPass {
     /// Indices of the scenes drawn.
     pub scenes: Vec<usize>,
+    /// Indices of the cameras among them, of which the edges of what they see are drawn.
+    pub frusta: Vec<usize>,
     /// How often they are drawn, at least once. Own shaders alone tell one time from another.
     pub instances: u32,
     /// Index of the camera.

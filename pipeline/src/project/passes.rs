@@ -226,6 +226,7 @@ impl Loader {
     /// The scenes of a pass that meets each once. `None` if one could not be resolved, or there is none.
     pub fn pass_scenes(&mut self, context: &PassContext<'_>) -> Option<Vec<usize>> {
         let scenes = self.scenes_of(context);
+        self.cameras_among_scenes(context, false)?;
         if self.instances(context)? == 1 {
             return scenes;
         }
@@ -283,17 +284,29 @@ impl Loader {
         self.scenes.names.resolve(&mut self.report, &name.text, name.span)
     }
 
-    /// Whether an entry of a pass's scenes names a camera: the engine draws its frustum as lines. A warning says that it is left
-    /// out.
-    fn is_camera(&mut self, reference: &Element) -> bool {
+    /// Whether an entry of a pass's scenes names a camera and no scene.
+    fn is_camera(&self, reference: &Element) -> bool {
         let Some(name) = reference.attribute("name").or(reference.text.as_ref()) else { return false };
-        let of = |names: &Names| matches!(names.find(&name.text), Found::Exact(_));
-        if of(&self.scenes.names) || !of(&self.cameras.names) {
-            return false;
+        let misses = |names: &Names| matches!(names.find(&name.text), Found::Missing);
+        misses(&self.scenes.names) && !misses(&self.cameras.names)
+    }
+
+    /// The cameras among the scenes of a pass: the engine draws the edges of what they see. Where they are not drawn, warnings say so.
+    pub fn cameras_among_scenes(&mut self, context: &PassContext<'_>, drawn: bool) -> Option<Vec<usize>> {
+        let lists = context.element.children_named(&["scenes"]);
+        let mut cameras = Vec::new();
+        for reference in lists.flat_map(|list| list.children_named(&["scene"])) {
+            if !self.is_camera(reference) {
+                continue;
+            }
+            let name = self.reference(reference)?;
+            if !drawn {
+                let message = format!("the lines of the camera `{}` are not drawn", name.shown());
+                self.report.warning(name.span, message, || Some("passes of class `default` draw them".to_owned()));
+            }
+            cameras.push(self.cameras.names.resolve(&mut self.report, &name.text, name.span)?);
         }
-        let (span, message) = (name.span, format!("the lines of the camera `{}` are not drawn", name.shown()));
-        self.report.warning(span, message, || None);
-        true
+        Some(cameras)
     }
 
     /// The camera of a pass, or else that of its pipeline.

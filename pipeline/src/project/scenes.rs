@@ -61,6 +61,11 @@ impl Loader {
             whole &= self.scales_alike(element, place);
         }
         let (swap_yz, unitize) = self.scene_parameters(element);
+        if unitize && shapes.iter().any(|shape| shape.kind == ShapeKind::Axis) {
+            shapes.retain(|shape| shape.kind != ShapeKind::Axis);
+            let message = "coordinate axes of a scene that is made unit size are not drawn";
+            self.report.warning(element.span, message, || None);
+        }
         // Lines and points are not drawn.
         let lines = element.children.iter().filter(|child| child.is(&["buffers"])).find(|child| {
             let kind = child.attribute("primitive").map(|kind| kind.text.to_ascii_uppercase());
@@ -170,10 +175,7 @@ impl Loader {
                 let length = element.attribute("length").map_or(Some(1.0), |value| self.number(value));
                 ShapeKind::Grid { divisions: divisions?, length: length? }
             }
-            "AXIS" => {
-                self.report.warning(kind.span, "coordinate axes are not drawn", || None);
-                return Some(None);
-            }
+            "AXIS" => ShapeKind::Axis,
             _ => {
                 let message = format!("`{}` is not a primitive", kind.shown());
                 self.report.error_help(kind.span, message, || suggest(&kind.text, SHAPES));

@@ -9,6 +9,7 @@ mod error;
 mod fingerprint;
 #[cfg(feature = "gltf")]
 mod gltf;
+pub(crate) mod lines;
 mod load;
 pub mod normal_map;
 mod obj;
@@ -21,6 +22,7 @@ pub(crate) mod shapes;
 mod statistics;
 mod studio;
 pub mod texture;
+mod xml_text;
 
 pub use cbo::{Layout, write_cbo};
 pub use error::{Place, SceneError};

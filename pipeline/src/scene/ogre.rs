@@ -3,6 +3,7 @@
 
 use super::context::{Context, MaterialTable};
 use super::error::{Place, SceneError};
+use super::xml_text::with_text;
 use super::{Group, Mesh, Object, Scene};
 use crate::diagnostic::Warnings;
 use crate::guard;
@@ -29,14 +30,11 @@ struct Loader {
 }
 
 pub(crate) fn read(bytes: &[u8], context: &mut Context<'_>) -> Result<Scene, SceneError> {
-    read_mesh(bytes, context).map_err(|error| error.in_text(bytes))
+    with_text(bytes, context, read_mesh)
 }
 
-/// [`read`], whose errors count bytes.
-fn read_mesh(bytes: &[u8], context: &mut Context<'_>) -> Result<Scene, SceneError> {
-    let text = std::str::from_utf8(bytes).map_err(|error| {
-        SceneError::new(context.file, Place::Byte(error.valid_up_to() as u64), "this is not UTF-8").help("valid: UTF-8")
-    })?;
+/// [`read`] of the text; errors count its bytes.
+fn read_mesh(text: &str, context: &mut Context<'_>) -> Result<Scene, SceneError> {
     // The reader does not count a byte order mark.
     let (whole, text) = (text.len(), text.trim_start_matches('\u{feff}'));
     let skipped = (whole - text.len()) as u64;

@@ -1,4 +1,4 @@
-//! The primitives of `<geometry>`: boxes, squares, spheres and grids, tessellated as in the report's engine; and exact spheres.
+//! The primitives of `<geometry>`: boxes, squares, spheres and grids, tessellated as in the report's engine; exact spheres; and axes.
 
 use super::error::SceneError;
 use super::{Group, Material, Mesh, Object, PlacedSphere, Scene};
@@ -74,6 +74,8 @@ pub enum ShapeKind {
     },
     /// A sphere of radius 1 about the origin without a mesh: rays and pixels are intersected with the sphere itself.
     ExactSphere,
+    /// The coordinate axes from -1 to 1, lines without a mesh: passes that draw triangles draw them for their camera.
+    Axis,
     /// A square grid on x and z about the origin, facing up.
     Grid {
         /// Divisions along each side, 1 to [`ShapeKind::MOST`].
@@ -100,16 +102,16 @@ impl ShapeKind {
             Self::Box => Some((6, 1)),
             Self::Square => Some((1, 1)),
             Self::Sphere { slices, stacks } => Some((slices, stacks)),
-            Self::ExactSphere => None,
+            Self::ExactSphere | Self::Axis => None,
             Self::Grid { divisions, .. } => Some((divisions, divisions)),
         }
     }
 
-    /// The mesh; the material of its group is 0. `None` for exact spheres.
+    /// The mesh; the material of its group is 0. `None` for exact spheres and axes.
     #[must_use]
     pub fn mesh(self) -> Option<Mesh> {
         let mesh = match self {
-            Self::ExactSphere => return None,
+            Self::ExactSphere | Self::Axis => return None,
             Self::Box => cube(),
             Self::Square => net((1, 1), |u, v| (Vec3::new(2.0 * u - 1.0, 0.0, 2.0 * v - 1.0), Vec3::Y), true),
             Self::Sphere { slices, stacks } => net(
@@ -200,7 +202,7 @@ pub(crate) fn add(scene: &mut Scene, shapes: &[Shape], file: &Path, max_bytes: u
         let what = format!("the primitives need {bytes} bytes, and {max_bytes} are allowed");
         return Err(SceneError::file(file, what).help("`--max-memory` raises the limit"));
     }
-    for shape in shapes {
+    for shape in shapes.iter().filter(|shape| shape.kind != ShapeKind::Axis) {
         let named = scene.materials.iter().position(|material| material.name == shape.material);
         let material = named.unwrap_or_else(|| {
             scene.materials.push(Material { name: shape.material.clone(), ..Material::default() });

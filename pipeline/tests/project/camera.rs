@@ -233,3 +233,17 @@ fn a_pass_that_names_its_program_is_read_and_what_it_lacks_is_said() {
     let error = Plan::new(good(&ortho), Settings::default()).expect_err("no perspective").to_string();
     assert!(error.contains("rays of pass `rays` start at camera `Eye`, which has no perspective"), "{error}");
 }
+
+#[test]
+fn a_pass_that_starts_its_rays_from_no_camera_says_that_its_code_is_not_run() {
+    let pattern = tutorial(false, &["position"], "Sun", "", "").replace("<lights><light name=\"Sun\"/></lights>", "");
+    let no_camera = |passes: &str| with(&project(passes), " defaultCamera=\"Eye\"", "");
+    let what = "pass `rays` has no camera: `optix.ptx` makes its picture by itself, and device code is not run";
+    let marked = with(&pattern, "<rayGen file=\"", "<rayGen file=\"@");
+    one_error(&no_camera(&[&marked, SHOW].concat()), what, "a <camera>");
+    let own = with(&pattern, "<renderTarget", "<camera name=\"Eye\"/><renderTarget");
+    assert!(matches!(good(&no_camera(&[&own, SHOW].concat())).pipelines[0].passes[0].kind, PassKind::Ray(_)));
+    let named =
+        with(&pattern, "<pass class=\"rt\" name=\"rays\">", "@<pass class=\"rt\" name=\"rays\" program=\"albedo\">");
+    one_error(&no_camera(&[&named, SHOW].concat()), "pass `rays` has no camera, nor has its pipeline", "Eye");
+}

@@ -102,9 +102,16 @@ fn scripts_that_are_not_run_are_named() {
 }
 
 #[test]
-fn a_camera_among_the_scenes_is_left_out_and_another_name_is_an_error() {
+fn a_camera_among_the_scenes_is_drawn_by_raster_passes_alone_and_another_name_is_an_error() {
     let loaded = good(&with(&project(RASTER), "<scene>Main</scene>", "<scene>Main</scene><scene>Eye</scene>"));
-    warns(&loaded, "the lines of the camera `Eye` are not drawn");
+    assert!(loaded.problems.0.is_empty(), "{}", loaded.problems);
+    let PassKind::Raster(raster) = &loaded.pipelines[0].passes[0].kind else { panic!("it draws") };
+    assert_eq!((raster.scenes.len(), &raster.frusta[..]), (1, &[0][..]));
+    let other_case = good(&with(&project(RASTER), "<scene>Main</scene>", "<scene>Main</scene><scene>eye</scene>"));
+    assert!(other_case.problems.to_string().contains("`eye` stands for the camera `Eye`"), "{}", other_case.problems);
+    let rays = SHADOWS.replacen("<scene>Main</scene>", "<scene>Main</scene><scene>Eye</scene>", 1);
+    assert_ne!(rays, SHADOWS);
+    warns(&good(&project(&[RASTER, &rays].concat())), "the lines of the camera `Eye` are not drawn");
     let text = with(&project(RASTER), "<scene>Main</scene>", "<scene>Main</scene><scene>Ear</scene>");
     assert!(errors(&bad(&text))[0].ends_with("there is no scene `Ear`"));
 }

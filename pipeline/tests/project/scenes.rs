@@ -4,7 +4,7 @@ use super::support::{Files, RASTER, bad, good, one_error, project, with};
 use curitiba_pipeline::diagnostic::Severity;
 use curitiba_pipeline::plan::{Plan, Settings};
 use curitiba_pipeline::programs::Fidelity;
-use curitiba_pipeline::project::{Orthographic, declared_scenes};
+use curitiba_pipeline::project::{Orthographic, PassKind, declared_scenes};
 use curitiba_pipeline::scene::{BuildOptions, LoadOptions, RenderScene, ShapeKind};
 use glam::{Mat4, Vec3};
 
@@ -36,7 +36,17 @@ fn primitives_and_placements_of_both_dialects_are_read() {
         <geometry name = "Crate" type = "BOX"><TRANSLATE x =2.5 y=0 z =0 /><ROTATE x=0 y=1 z=0 w=90 /></geometry>
         <geometry name = "axis" type = "AXIS" />"#;
     let scene = good(&with(&project(RASTER), FILE, today)).scenes.swap_remove(0);
-    assert_eq!(scene.shapes.len(), 2, "axes are not drawn");
+    assert_eq!(scene.shapes.len(), 3);
+    assert_eq!(scene.shapes[2].kind, ShapeKind::Axis);
+    let unit =
+        with(&with(&project(RASTER), FILE, today), "<scene name=\"Main\">", "<scene name=\"Main\" param=\"UNITIZE\">");
+    let unit = good(&unit);
+    assert!(
+        unit.problems.to_string().contains("axes of a scene that is made unit size are not drawn"),
+        "{}",
+        unit.problems
+    );
+    assert_eq!(unit.scenes[0].shapes.len(), 2);
     assert_eq!(scene.shapes[0].kind, ShapeKind::Sphere { slices: 30, stacks: 20 });
     assert_eq!((scene.shapes[0].material.as_str(), scene.shapes[1].material.as_str()), ("earth", "__Light Grey"));
     let turned = scene.shapes[1].place.matrix().transform_point3(Vec3::Z);
@@ -210,16 +220,19 @@ fn scenes_with_primitives_and_placements_are_written_to_the_bit() {
     let place = "<TRANSLATE x=0.1 y=-3 z=1e-7 /><ROTATE x=1 y=2 z=3 w=33.3 /><SCALE x=0.3 y=7 z=-1 /><TRANSFORM_ORDER value=\"S_R_T\" />";
     let shapes = format!(
         "{place}<geometry name=\"a\" type=GRID divisions=3 length=2.7>{place}</geometry><geometry type=BOX material=m />\
-         <geometry name=\"s\" type=SQUARE /><geometry name=\"b\" type=SPHERE slices=5 stacks=4 />"
+         <geometry name=\"s\" type=SQUARE /><geometry name=\"b\" type=SPHERE slices=5 stacks=4 /><geometry name=\"x\" type=AXIS>{place}</geometry>"
     );
-    let loaded = good(&with(&project(RASTER), FILE, &shapes));
+    let raster = with(RASTER, "<scene>Main</scene>", "<scene>Main</scene><scene>Eye</scene>");
+    let loaded = good(&with(&project(&raster), FILE, &shapes));
     let folder = tempfile::tempdir().expect("a folder");
     let path = folder.path().join("written.xml");
     loaded.write(&path).expect("it can be written");
     let again = curitiba_pipeline::project::load(&path).expect("it loads");
     assert_eq!(again.scenes[0].shapes, loaded.scenes[0].shapes);
     assert_eq!(again.scenes[0].place, loaded.scenes[0].place);
-    assert_eq!(again.scenes[0].shapes.len(), 4);
+    assert_eq!(again.scenes[0].shapes.len(), 5);
+    let PassKind::Raster(drawn) = &again.pipelines[0].passes[0].kind else { panic!("it draws") };
+    assert_eq!(drawn.frusta, [0]);
 }
 
 #[test]

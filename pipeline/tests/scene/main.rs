@@ -13,3 +13,4 @@ mod real;
 mod scene_support;
 mod texture;
 mod three_ds;
+mod xml_text;

@@ -319,6 +319,70 @@ fn holes_of_a_colour_texture_cut_out_unless_the_material_is_glass_or_has_a_mask_
     assert_eq!(triangles(&broken.unwrap()), 0, "but neither two nor a fourth field");
 }
 
+/// glTF's rule for `BLEND`, where `map_d` or `d` says that a material is blended: a texture that is half clear over areas is seen through by each
+/// texel's alpha, any other is cut out.
+#[test]
+fn masks_that_are_half_clear_over_areas_are_seen_through_and_others_are_cut() {
+    let folder = Folder::new();
+    folder.png("wall.png", 2, 2, [9, 99, 9, 255]);
+    folder.png("smoke.png", 2, 2, [102, 102, 102, 255]);
+    folder.png("haze.png", 2, 2, [9, 99, 9, 102]);
+    folder.png("solid.png", 2, 2, [255, 255, 255, 255]);
+    let names = ["smoke", "haze", "thin", "cut", "even", "alpha", "glass"];
+    let text = "newmtl smoke\nmap_Kd wall.png\nmap_d smoke.png\nnewmtl haze\nmap_Kd haze.png\nmap_d haze.png\n\
+                newmtl thin\nd 0.5\nmap_Kd wall.png\nmap_d smoke.png\nnewmtl cut\nmap_Kd wall.png\nmap_d solid.png\n\
+                newmtl even\nd 0.5\nmap_Kd haze.png\nnewmtl alpha\nmap_Kd haze.png\n\
+                newmtl glass\nillum 4\nmap_Kd wall.png\nmap_d smoke.png\n";
+    folder.write("a.mtl", text);
+    let uses: String = names.iter().map(|name| format!("usemtl {name}\nf 1/1 2/1 3/1\n")).collect();
+    let path = folder.write("a.obj", format!("mtllib a.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nvt 1 1\n{uses}"));
+    let read = |needs: Needs| {
+        load(std::slice::from_ref(&path), &LoadOptions { needs, ..LoadOptions::default() }, &|_| {}).expect("it loads")
+    };
+    let scene = read(Needs::ALL);
+    // The texture of transmission, and its factor of alpha.
+    let clear = |name: &str| {
+        named(&scene, name).transmission_texture.map(|texture| match scene.textures[texture as usize].clone() {
+            TextureSource::Data { source } => match *source {
+                TextureSource::Clear { opacity, .. } => opacity,
+                other => panic!("{other:?}"),
+            },
+            other => panic!("{other:?}"),
+        })
+    };
+    let half = 32_768;
+    let found = names.map(|name| (clear(name), named(&scene, name).alpha_cutoff.map(|cutoff| cutoff > 0.1)));
+    let seen_through = |opacity| (Some(opacity), Some(false));
+    let (cut, whole) = ((None, Some(true)), (None, None));
+    // `alpha` has d 1, and its colour's alpha of 0.4 is that of a hole; glass is cut by its mask alone.
+    assert_eq!(
+        found,
+        [seen_through(65_535), seen_through(65_535), seen_through(half), cut, seen_through(half), cut, cut]
+    );
+    assert_ne!(whole, cut);
+    for name in ["smoke", "haze", "thin", "even"] {
+        let material = named(&scene, name);
+        assert_eq!(
+            (material.transmission, material.veil, material.ior, material.volume),
+            (1.0, 0.0, 1.0, false),
+            "{name}"
+        );
+    }
+    assert_eq!(count(&scene.warnings, "materials that are blended texel by texel"), 0);
+
+    // Without passes that ask what is glass it is cut, and clear by its mean; a load without textures knows the mean as well.
+    let unasked = read(Needs { glass_maps: false, ..Needs::ALL });
+    assert_eq!(count(&unasked.warnings, "materials that are blended texel by texel"), 4);
+    for scene in [unasked, read(Needs::NOTHING)] {
+        for (name, mean) in [("smoke", 0.4), ("haze", 0.4), ("thin", 0.2), ("even", 0.2)] {
+            let material = named(&scene, name);
+            assert!((material.transmission - (1.0 - mean)).abs() < 0.003, "{name}: {}", material.transmission);
+            assert_eq!(material.transmission_texture, None, "{name}");
+        }
+        assert_eq!(named(&scene, "cut").transmission, 0.0);
+    }
+}
+
 #[test]
 fn a_missing_library_and_undeclared_materials_are_warnings() {
     let scene = obj(

@@ -103,6 +103,7 @@ impl Common<'_> {
             Pass { name, place, viewport: Some(0), target, clears: Clears::default(), kind }
         };
         let drawn = RasterPass {
+            frusta: Vec::new(),
             scenes: vec![0],
             instances: 1,
             camera: 0,

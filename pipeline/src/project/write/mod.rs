@@ -183,6 +183,7 @@ fn write_shape(xml: &mut Xml, shape: &Shape) {
             ("slices", slices.to_string()),
             ("stacks", stacks.to_string()),
         ]),
+        ShapeKind::Axis => attributes.push(("type", "AXIS".to_owned())),
         ShapeKind::ExactSphere => attributes.extend([("type", "SPHERE".to_owned()), ("exact", "true".to_owned())]),
         ShapeKind::Grid { divisions, length } => attributes.extend([
             ("type", "GRID".to_owned()),

@@ -110,10 +110,12 @@ impl Context<'_> {
         }
     }
 
-    fn seen(&self, xml: &mut Xml, scenes: &[usize], camera: usize, lights: &[usize]) {
-        if !scenes.is_empty() {
+    /// Writes what a pass sees: scenes, and cameras among them.
+    fn seen(&self, xml: &mut Xml, (scenes, frusta): (&[usize], &[usize]), camera: usize, lights: &[usize]) {
+        if !scenes.is_empty() || !frusta.is_empty() {
             xml.begin("scenes", &[]);
             scenes.iter().for_each(|scene| xml.text("scene", &self.project.scenes[*scene].name));
+            frusta.iter().for_each(|camera| xml.text("scene", &self.project.cameras[*camera].name));
             xml.end();
         }
         xml.text("camera", &self.project.cameras[camera].name);
@@ -165,7 +167,7 @@ impl Context<'_> {
 
     fn raster(&self, xml: &mut Xml, raster: &RasterPass) {
         self.begin(xml, "default", &[]);
-        self.seen(xml, &raster.scenes, raster.camera, &raster.lights);
+        self.seen(xml, (&raster.scenes, &raster.frusta), raster.camera, &raster.lights);
         self.colors(xml, true);
     }
 
@@ -175,7 +177,7 @@ impl Context<'_> {
         if let Some(start) = &ray.from_camera {
             values.insert(0, ("program", info.stem.to_owned()));
             self.begin(xml, "rt", &values);
-            self.seen(xml, &ray.scenes, ray.camera, &ray.lights);
+            self.seen(xml, (&ray.scenes, &[]), ray.camera, &ray.lights);
             self.colors(xml, false);
             for (to, kind) in &start.surfaces {
                 xml.begin(kind.name(), &[]);
@@ -186,7 +188,7 @@ impl Context<'_> {
             return;
         }
         self.begin(xml, "optix", &values);
-        self.seen(xml, &ray.scenes, ray.camera, &ray.lights);
+        self.seen(xml, (&ray.scenes, &[]), ray.camera, &ray.lights);
         self.colors(xml, false);
         let file = format!("optix/{}.ptx", info.stem);
         xml.begin("optixEntryPoint", &[]);
@@ -244,7 +246,7 @@ impl Context<'_> {
         let info = effect.program.info();
         let values: Vec<_> = info.params.iter().map(|name| (*name, effect.params.get(name))).collect();
         self.begin(xml, "effect", &values);
-        self.seen(xml, &effect.scenes, effect.camera, &effect.lights);
+        self.seen(xml, (&effect.scenes, &[]), effect.camera, &effect.lights);
         self.colors(xml, false);
         xml.empty("program", &[("name", info.name)]);
         if info.glass {

@@ -10,6 +10,7 @@ mod xml;
 use super::context::Context;
 use super::error::{Place, SceneError};
 use super::origin::move_near;
+use super::xml_text::with_text;
 use super::{Object, Scene};
 use crate::diagnostic::Warnings;
 use glam::{DMat4, DVec3};
@@ -22,15 +23,12 @@ use xml::{Document, Element, plain};
 const MAX_DEPTH: usize = 1024;
 
 pub(crate) fn read(bytes: &[u8], context: &mut Context<'_>) -> Result<Scene, SceneError> {
-    read_document(bytes, context).map_err(|error| error.in_text(bytes))
+    with_text(bytes, context, read_document)
 }
 
-/// [`read`], whose errors count bytes.
-fn read_document(bytes: &[u8], context: &mut Context<'_>) -> Result<Scene, SceneError> {
+/// [`read`] of the text; errors count its bytes.
+fn read_document(text: &str, context: &mut Context<'_>) -> Result<Scene, SceneError> {
     let file = context.file;
-    let text = std::str::from_utf8(bytes).map_err(|error| {
-        SceneError::new(file, Place::Byte(error.valid_up_to() as u64), "this is not UTF-8").help("valid: UTF-8")
-    })?;
     let document = Document::read(text, context)?;
     let Some(root) = document.root().filter(|root| root.name() == "COLLADA") else {
         return Err(SceneError::file(file, "this XML file is no COLLADA document").help("valid: <COLLADA>"));

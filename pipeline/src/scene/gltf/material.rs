@@ -4,7 +4,7 @@ use super::super::context::{Context, MASK_CUTOFF, MaterialTable, add_texture, no
 use super::super::dispersion::of_cauchy;
 use super::super::error::SceneError;
 use super::super::reflectance::Reflectance;
-use super::super::render::alphas::{Alphas, alphas};
+use super::super::render::alphas::{self, Alphas, BLENDED, CUT_WITHOUT_GLASS, alphas};
 use super::super::render::texture::NO_NORMAL_MAP;
 use super::super::texture::Wrap;
 use super::super::{Material, TextureSource};
@@ -49,9 +49,6 @@ enum Alpha {
     /// `BLEND` by the alpha of each texel; that of vertices is not read.
     Soft,
 }
-
-/// Cutoff of what is blended by the alpha of each texel: below it a texel's code of alpha is 0, and the surface has a hole there.
-const CLEAR: f32 = 0.5 / 255.0;
 
 /// The material of a primitive.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -262,8 +259,7 @@ type Spread = HashMap<(String, u16), Option<Alphas>>;
 
 /// The opacity of a material as a factor of its texture's alpha, in 65,535ths.
 fn opacity(written: &json::Material) -> u16 {
-    let factor = written.pbr_metallic_roughness.base_color_factor.0[3];
-    (factor.clamp(0.0, 1.0) * f32::from(u16::MAX)).round() as u16
+    alphas::opacity(written.pbr_metallic_roughness.base_color_factor.0[3])
 }
 
 /// How the alpha of a material is spread that is blended by a texture and lets nothing through by itself; `None` of others, and where the
@@ -351,20 +347,9 @@ fn surface(
                 // What is behind shows by what alpha leaves, neither bent nor tinted (glTF 2.0, section 3.9.4).
                 material.transmission = (1.0 - factor.w).clamp(0.0, 1.0);
                 material.veil = 1.0 - material.transmission;
-            } else if let Some(Alphas { mean, .. }) = alphas.filter(|alphas| alphas.are_soft()) {
-                if context.needs.textures && context.needs.glass_maps {
-                    // The texture of transmission says what of it is clear.
-                    (material.transmission, material.veil) = (1.0, 0.0);
-                    material.alpha_cutoff = Some(CLEAR);
-                } else {
-                    (material.transmission, material.veil) = (1.0 - mean, mean);
-                    if context.needs.textures {
-                        warn(
-                            "materials that are blended texel by texel",
-                            "without glass=\"auto\" what is half clear or more is cut out",
-                            "",
-                        );
-                    }
+            } else if let Some(soft) = alphas.filter(|alphas| alphas.are_soft()) {
+                if !soft.blend(&mut material, context.needs) && context.needs.textures {
+                    warn(BLENDED, CUT_WITHOUT_GLASS, "");
                 }
             } else if alphas.is_some() {
                 warn(

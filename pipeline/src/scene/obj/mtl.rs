@@ -8,6 +8,7 @@ use super::super::context::{
     Context, MASK_CUTOFF, MaterialTable, add_texture, normal_scale, read_file, texture_file, texture_file_or,
 };
 use super::super::error::SceneError;
+use super::super::render::alphas::{self, Alphas, BLENDED, CUT_WITHOUT_GLASS};
 use super::super::render::texture::{NO_NORMAL_MAP, image_has_alpha, is_cut_out};
 use super::super::texture::Wrap;
 use super::lines::{Lines, number, split_word, text, words};
@@ -68,6 +69,8 @@ pub(super) struct Library {
     pub(super) coordinates: Vec<Option<(Vec2, Vec2)>>,
     /// Textures already examined, and whether they have holes.
     cut_out: HashMap<PathBuf, bool>,
+    /// How the alpha of textures is spread, by their names and the opacity; `None` where one cannot be read.
+    spread: HashMap<(String, u16), Option<Alphas>>,
     /// Files already read: reading one again declares nothing new, and a file may name it a million times.
     files: HashSet<PathBuf>,
     /// Arguments of statements already followed, for the same reason.
@@ -166,40 +169,41 @@ impl Library {
             self.normal_map(map, written.map_kd.as_ref(), &mut material, context, warnings);
         }
         self.roughness_map(&written, &mut material, context, warnings);
-        if !context.needs.textures {
-            return Ok(material);
-        }
+        // A load without textures says nothing of them.
+        let mut unsaid = Warnings::default();
+        let warnings = if context.needs.textures { warnings } else { &mut unsaid };
         if let Some(map) = &written.map_kd {
-            let color = texture_file(context, &map.file, warnings, &material.name);
-            let mask = written.map_d.as_ref().and_then(|mask| match mask.file == map.file {
-                true => color.clone(),
-                false => texture_file(context, &mask.file, warnings, &material.name),
-            });
-            if let Some(color) = color {
-                let source = match mask {
-                    Some(mask) if mask != color => {
-                        material.alpha_cutoff = Some(MASK_CUTOFF);
-                        TextureSource::Masked { color, mask }
+            if let Some((source, alpha)) = color_texture(map, &written, context, warnings) {
+                let opacity = alphas::opacity(dissolve);
+                let blends = !is_glass && (alpha == Alpha::Mask || alpha == Alpha::OfColor && dissolve < 1.0);
+                let soft = if blends { self.alphas(&source, opacity, context)? } else { None };
+                let soft = soft.filter(|alphas| alphas.are_soft());
+                if soft.is_some() {
+                    material.ior = 1.0;
+                }
+                let by_texel = soft.is_some_and(|soft| soft.blend(&mut material, context.needs));
+                if !context.needs.textures {
+                    return Ok(material);
+                }
+                let source = source.wrapped(map.wrap());
+                if by_texel {
+                    let clear = source.clone().clear(opacity);
+                    material.transmission_texture = Some(add_texture(&mut self.textures, clear));
+                } else {
+                    if soft.is_some() {
+                        warnings.add(context.file, BLENDED, CUT_WITHOUT_GLASS, || format!("`{}`", material.name));
                     }
-                    Some(mask) if image_has_alpha(&mask) => {
-                        material.alpha_cutoff = Some(MASK_CUTOFF);
-                        TextureSource::File(color)
-                    }
-                    Some(mask) => {
-                        warnings.add(context.file, "masks without an alpha channel", "ignored", || {
-                            format!("{} of `{}`", mask.display(), material.name)
-                        });
-                        TextureSource::File(color)
-                    }
-                    // Glass is not cut out: its transparency is its transmission.
-                    None => {
-                        if !is_glass && self.is_cut_out(&color, context, warnings)? {
-                            material.alpha_cutoff = Some(MASK_CUTOFF);
+                    let is_cut = match (alpha, source.texels().0) {
+                        (Alpha::Mask, _) => true,
+                        // Glass is not cut out: its transparency is its transmission.
+                        (Alpha::OfColor, TextureSource::File(color)) if !is_glass => {
+                            self.is_cut_out(color, context, warnings)?
                         }
-                        TextureSource::File(color)
-                    }
-                };
-                material.texture = Some(add_texture(&mut self.textures, source.wrapped(map.wrap())));
+                        _ => false,
+                    };
+                    material.alpha_cutoff = is_cut.then_some(MASK_CUTOFF);
+                }
+                material.texture = Some(add_texture(&mut self.textures, source));
             }
         } else if let Some(mask) = &written.map_d {
             warnings.add(context.file, "masks of materials without a colour texture", "ignored", || {
@@ -210,7 +214,60 @@ impl Library {
     }
 }
 
+/// Where the alpha of a colour texture comes from.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Alpha {
+    /// `map_d` names it.
+    Mask,
+    /// The image of `map_Kd` itself.
+    OfColor,
+    /// `map_d` names an image without it.
+    Ignored,
+}
+
+/// The texture of colours of a material with that of its `map_d`, if it can be found.
+fn color_texture(
+    map: &Map,
+    written: &Declaration,
+    context: &Context<'_>,
+    warnings: &mut Warnings,
+) -> Option<(TextureSource, Alpha)> {
+    let color = texture_file(context, &map.file, warnings, &written.name);
+    let mask = written.map_d.as_ref().and_then(|mask| match mask.file == map.file {
+        true => color.clone(),
+        false => texture_file(context, &mask.file, warnings, &written.name),
+    });
+    let color = color?;
+    Some(match mask {
+        Some(mask) if mask != color => (TextureSource::Masked { color, mask }, Alpha::Mask),
+        Some(mask) if image_has_alpha(&mask) => (TextureSource::File(color), Alpha::Mask),
+        Some(mask) => {
+            warnings.add(context.file, "masks without an alpha channel", "ignored", || {
+                format!("{} of `{}`", mask.display(), written.name)
+            });
+            (TextureSource::File(color), Alpha::Ignored)
+        }
+        None => (TextureSource::File(color), Alpha::OfColor),
+    })
+}
+
 impl Library {
+    /// How the alpha of a texture is spread, times an opacity in 65,535ths; `None` if it cannot be read. The answer is kept.
+    fn alphas(
+        &mut self,
+        source: &TextureSource,
+        opacity: u16,
+        context: &mut Context<'_>,
+    ) -> Result<Option<Alphas>, SceneError> {
+        let key = (source.name(), opacity);
+        if let Some(found) = self.spread.get(&key) {
+            return Ok(*found);
+        }
+        let found = alphas::alphas(source, opacity, (context.file, context.budget))?;
+        self.spread.insert(key, found);
+        Ok(found)
+    }
+
     /// The normal map of a material (`norm` of "PBR Extension to the MTL Format"). It uses the coordinates of the colour texture.
     fn normal_map(
         &mut self,

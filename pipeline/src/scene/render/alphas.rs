@@ -1,10 +1,23 @@
 //! How the alpha of a texture is spread: whether a surface that is blended is seen through or cut out.
 
-use super::super::TextureSource;
 use super::super::error::{Budget, SceneError};
+use super::super::{Material, Needs, TextureSource};
 use super::texture::{Cost, cost, pixels, times};
 use image::RgbaImage;
 use std::path::Path;
+
+/// Cutoff of what is blended by the alpha of each texel: below it a texel's code of alpha is 0, and the surface has a hole there.
+const CLEAR: f32 = 0.5 / 255.0;
+
+/// What a warning says of materials that are blended by the alpha of each texel, where no pass asks what is glass.
+pub(in crate::scene) const BLENDED: &str = "materials that are blended texel by texel";
+/// What is done with them.
+pub(in crate::scene) const CUT_WITHOUT_GLASS: &str = "without glass=\"auto\" what is half clear or more is cut out";
+
+/// An opacity as a factor of a texture's alpha, in 65,535ths.
+pub(in crate::scene) fn opacity(share: f32) -> u16 {
+    (share.clamp(0.0, 1.0) * f32::from(u16::MAX)).round() as u16
+}
 
 /// How a texture's alpha, times an opacity, is spread.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -27,6 +40,20 @@ impl Alphas {
     /// Whether the surface is blended texel by texel; otherwise it is cut out.
     pub(in crate::scene) fn are_soft(self) -> bool {
         self.half_clear > Self::LEAST
+    }
+
+    /// Makes a material one that is seen through by the alpha of each texel, if a pass asks what is glass; otherwise its mean decides how
+    /// clear it is. Returns whether texels decide.
+    pub(in crate::scene) fn blend(self, material: &mut Material, needs: Needs) -> bool {
+        let by_texel = needs.textures && needs.glass_maps;
+        if by_texel {
+            // The texture of transmission says what of it is clear.
+            (material.transmission, material.veil) = (1.0, 0.0);
+            material.alpha_cutoff = Some(CLEAR);
+        } else {
+            (material.transmission, material.veil) = (1.0 - self.mean, self.mean);
+        }
+        by_texel
     }
 
     fn of(image: &RgbaImage, opacity: u16) -> Self {

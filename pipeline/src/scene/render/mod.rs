@@ -1,7 +1,5 @@
 //! Builds a render scene (flat geometry in world space, decoded textures) from a scene as files describe it.
 
-// Of the formats only glTF blends.
-#[cfg(feature = "gltf")]
 pub(super) mod alphas;
 mod flatten;
 mod normals;
