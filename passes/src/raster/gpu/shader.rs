@@ -602,6 +602,7 @@ mod tests {
             ("first_of_chunk", offset_of!(DrawUniform, first_of_chunk)),
             ("count", offset_of!(DrawUniform, count)),
             ("clears", offset_of!(DrawUniform, clears)),
+            ("corner", offset_of!(DrawUniform, corner)),
         ]);
         assert_eq!(layout(&module, "Draw"), (draw, size_of::<DrawUniform>()));
     }
