@@ -52,6 +52,10 @@ pub(super) enum Source {
     /// A texture.
     Texture(wgpu::TextureView),
     /// Four floats a pixel without gaps, from an offset in bytes.
+    #[cfg_attr(
+        not(any(test, all(feature = "share", unix))),
+        expect(dead_code, reason = "such pictures lie in shared memory alone")
+    )]
     Buffer(wgpu::Buffer, u64),
 }
 
