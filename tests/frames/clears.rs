@@ -212,15 +212,20 @@ fn a_change_starts_from_what_the_first_pass_drew() {
     }
 }
 
-/// The program of shadows for what the target holds.
-const SHADOWS: &str = r#"<pass class="optix" name="shadows"><scenes><scene name="A"/><scene name="B"/></scenes>
+/// The program of shadows of these scenes for what the target holds, and a quad that shows what it leaves.
+pub(crate) fn shadows(scenes: &[&str]) -> String {
+    let scenes: String = scenes.iter().map(|scene| format!(r#"<scene name="{scene}"/>"#)).collect();
+    format!(
+        r#"<pass class="optix" name="shadows"><scenes>{scenes}</scenes>
 <renderTarget name="rays" fromLibrary="L"/><lights><light name="Sun"/></lights>
 <optixEntryPoint><optixProgram type="RayGen" file="optix/deferredShadows.ptx" proc="buffer_camera"/></optixEntryPoint>
 <optixDefaultMaterial><optixProgram type="Any_Hit" ray="Shadow" file="optix/deferredShadows.ptx" proc="any_hit_shadow"/></optixDefaultMaterial>
 <optixVertexAttributes><attribute name="position"/></optixVertexAttributes>
 <optixGlobalAttributes><valueof optixVar="lightDir" type="CURRENT" context="LIGHT" id="0" component="DIRECTION"/></optixGlobalAttributes>
 <optixInput><buffer var="pos_buffer" texture="L::place"/></optixInput></pass>
-<pass class="quad" name="show"><texture name="share" fromLibrary="L"/></pass>"#;
+<pass class="quad" name="show"><texture name="share" fromLibrary="L"/></pass>"#
+    )
+}
 
 /// Positions and triangle ids are kept as colours are: rays start from them.
 #[test]
@@ -228,7 +233,8 @@ fn rays_start_from_what_is_kept() {
     let both = [COLOR, DEPTH].concat();
     let first = draw("a", &["A", "B"], false, "");
     for raster in rasterisers() {
-        let picture = |more: &str| Scene::new("RGBA32F", &[&*first, more, SHADOWS].concat()).picture(raster);
+        let picture =
+            |more: &str| Scene::new("RGBA32F", &[&*first, more, &shadows(&["A", "B"])].concat()).picture(raster);
         // The second pass draws the same, which is nowhere nearer.
         let one = picture("");
         assert_eq!(picture(&draw("again", &["A", "B"], false, &both)), one, "{raster:?}");
@@ -237,7 +243,7 @@ fn rays_start_from_what_is_kept() {
     }
     let other = Scene::new(
         "RGBA32F",
-        &[&*draw("a", &["A"], false, ""), &draw("b", &["A", "B"], false, &both), SHADOWS].concat(),
+        &[&*draw("a", &["A"], false, ""), &draw("b", &["A", "B"], false, &both), &shadows(&["A", "B"])].concat(),
     );
     let text = other.refused();
     assert!(text.contains("pass `b` draws over what pass `a` drew of other scenes"), "{text}");

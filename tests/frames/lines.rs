@@ -3,6 +3,7 @@
 //! Pictures of the device need a Vulkan, Metal or DirectX 12 driver (a software driver will do). Without one the tests print `skipped`,
 //! or fail with `CURITIBA_REQUIRE_GPU_TESTS=1`.
 
+use crate::clears::shadows;
 use crate::own_shaders::has_driver;
 use curitiba::pipeline::executor::{Renderer, Silent};
 use curitiba::pipeline::image::Image;
@@ -184,22 +185,12 @@ fn lines_hide_and_are_hidden_by_depth_and_change_no_other_pixel() {
     }
 }
 
-/// The program of shadows, and what it leaves.
-const SHADOWS: &str = r#"<pass class="optix" name="shadows"><scenes><scene name="Ball"/></scenes>
-<renderTarget name="rays" fromLibrary="L"/><lights><light name="Sun"/></lights>
-<optixEntryPoint><optixProgram type="RayGen" file="optix/deferredShadows.ptx" proc="buffer_camera"/></optixEntryPoint>
-<optixDefaultMaterial><optixProgram type="Any_Hit" ray="Shadow" file="optix/deferredShadows.ptx" proc="any_hit_shadow"/></optixDefaultMaterial>
-<optixVertexAttributes><attribute name="position"/></optixVertexAttributes>
-<optixGlobalAttributes><valueof optixVar="lightDir" type="CURRENT" context="LIGHT" id="0" component="DIRECTION"/></optixGlobalAttributes>
-<optixInput><buffer var="pos_buffer" texture="L::place"/></optixInput></pass>
-<pass class="quad" name="show"><texture name="share" fromLibrary="L"/></pass>"#;
-
 /// Rays start where triangles are, and lines are in the way of none: they are the background there.
 #[test]
 fn rays_neither_start_at_lines_nor_meet_them() {
     for raster in rasterisers() {
-        let without = picture(&files(&["Ball"], false, SHADOWS), raster);
-        let with = picture(&files(&["Ball", "Seen"], false, SHADOWS), raster);
+        let without = picture(&files(&["Ball"], false, &shadows(&["Ball"])), raster);
+        let with = picture(&files(&["Ball", "Seen"], false, &shadows(&["Ball"])), raster);
         let drawn = picture(&files(&["Ball", "Seen"], true, ""), raster);
         let background = without.pixels[0];
         let mut lines = 0;
