@@ -115,6 +115,6 @@ pub fn compile(
         },
         cache: None,
     });
-    gpu.check(doing)?;
+    gpu.check_made(doing)?;
     Ok(pipeline)
 }

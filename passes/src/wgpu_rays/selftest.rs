@@ -81,19 +81,7 @@ fn answer<T: bytemuck::NoUninit>(
     groups: u32,
     words: usize,
 ) -> Result<Vec<u32>, BackendError> {
-    let module = gpu.device.create_shader_module(wgpu::ShaderModuleDescriptor {
-        label: Some(doing),
-        source: wgpu::ShaderSource::Wgsl(text.into()),
-    });
-    let pipeline = gpu.device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
-        label: Some(doing),
-        layout: None,
-        module: &module,
-        entry_point: Some("main"),
-        compilation_options: wgpu::PipelineCompilationOptions::default(),
-        cache: None,
-    });
-    gpu.check(doing)?;
+    let pipeline = gpu.compute_program(doing, text.into(), "main")?;
     let (storage, bytes) = (wgpu::BufferUsages::STORAGE, (words * size_of::<u32>()) as u64);
     let given = gpu.upload_buffer(doing, storage, bytemuck::cast_slice(given))?;
     let written = gpu.buffer(doing, storage | wgpu::BufferUsages::COPY_SRC, bytes)?;

@@ -224,12 +224,46 @@ impl Gpu {
         self.wait(doing)
     }
 
+    /// The program `text` in WGSL, whose entry is `entry`; its bindings follow from the text.
+    pub fn compute_program(
+        &self,
+        label: &str,
+        text: Cow<'_, str>,
+        entry: &str,
+    ) -> Result<wgpu::ComputePipeline, BackendError> {
+        let (label, doing) = (Some(label), format!("building the program `{label}`"));
+        let module = self
+            .device
+            .create_shader_module(wgpu::ShaderModuleDescriptor { label, source: wgpu::ShaderSource::Wgsl(text) });
+        self.check(&doing)?;
+        let pipeline = self.device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
+            label,
+            layout: None,
+            module: &module,
+            entry_point: Some(entry),
+            compilation_options: wgpu::PipelineCompilationOptions::default(),
+            cache: None,
+        });
+        self.check_made(&doing)?;
+        Ok(pipeline)
+    }
+
+    /// As [`Self::check`], after a program is made whose layout follows from its text. Of a lost device it has none, and wgpu 30 panics when
+    /// it is asked for; it tells of the loss when it is polled.
+    pub fn check_made(&self, doing: &str) -> Result<(), BackendError> {
+        self.poll(wgpu::PollType::Poll, doing)
+    }
+
     /// Waits until the device has finished what was submitted.
     fn wait(&self, doing: &str) -> Result<(), BackendError> {
-        // wgpu 30 panics if the driver reports a lost device during the wait (`Device::poll` calls
+        self.poll(wgpu::PollType::wait_indefinitely(), doing)
+    }
+
+    fn poll(&self, how: wgpu::PollType, doing: &str) -> Result<(), BackendError> {
+        // wgpu 30 panics if the driver reports a lost device meanwhile (`Device::poll` calls
         // `handle_error_fatal`). After that only the message is used.
-        let waited = catch_unwind(AssertUnwindSafe(|| self.device.poll(wgpu::PollType::wait_indefinitely())));
-        match waited {
+        let polled = catch_unwind(AssertUnwindSafe(|| self.device.poll(how)));
+        match polled {
             Ok(Ok(_)) => {}
             Ok(Err(error)) => self.faults.note(error.to_string()),
             Err(_) => self.faults.note_lost("the device was lost while it was waited for".to_owned()),

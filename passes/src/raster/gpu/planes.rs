@@ -17,20 +17,7 @@ pub(super) struct PlaneProgram(wgpu::ComputePipeline);
 
 impl PlaneProgram {
     pub fn new(gpu: &Gpu) -> Result<Self, BackendError> {
-        let module = gpu.device.create_shader_module(wgpu::ShaderModuleDescriptor {
-            label: Some("planes.wgsl"),
-            source: wgpu::ShaderSource::Wgsl(TEXT.into()),
-        });
-        let pipeline = gpu.device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
-            label: Some("planes"),
-            layout: None,
-            module: &module,
-            entry_point: Some("plane_main"),
-            compilation_options: wgpu::PipelineCompilationOptions::default(),
-            cache: None,
-        });
-        gpu.check("building the program of planes")?;
-        Ok(Self(pipeline))
+        Ok(Self(gpu.compute_program("planes", TEXT.into(), "plane_main")?))
     }
 
     /// Binds the triangles of a chunk, and a camera's uniforms `frame`.

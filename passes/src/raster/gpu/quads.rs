@@ -169,20 +169,8 @@ impl Quads {
         }
         let [color, factor] = [("color", 1, buffers[0]), ("factor", 2, buffers[1])]
             .map(|(name, binding, is_buffer)| declaration(name, binding, is_buffer));
-        let module = gpu.device.create_shader_module(wgpu::ShaderModuleDescriptor {
-            label: Some("quads"),
-            source: wgpu::ShaderSource::Wgsl([include_str!("quads.wgsl"), &color, &factor].concat().into()),
-        });
-        gpu.check("compiling the program of quads")?;
-        let pipeline = gpu.device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
-            label: Some("quads"),
-            layout: None,
-            module: &module,
-            entry_point: Some("main"),
-            compilation_options: wgpu::PipelineCompilationOptions::default(),
-            cache: None,
-        });
-        gpu.check("compiling the program of quads")?;
+        let text = [include_str!("quads.wgsl"), &color, &factor].concat();
+        let pipeline = gpu.compute_program("quads", text.into(), "main")?;
         self.pipelines.push((buffers, pipeline));
         Ok(self.pipelines.len() - 1)
     }

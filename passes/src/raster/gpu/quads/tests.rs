@@ -277,16 +277,19 @@ fn what_is_not_there_is_an_error_and_so_is_a_lost_device() {
     let Some(gpu) = gpu() else { return };
     let color = numbers(7);
     let (mut quads, lending) = device(gpu, &[&color]);
-    let fails = |quads: &mut Quads, quad: &DeviceQuad| {
-        let mut pixels = vec![[0; 4]; PIXELS];
+    let fails_into = |quads: &mut Quads, quad: &DeviceQuad, places: usize| {
+        let mut pixels = vec![[0; 4]; places];
         let shown = Shown::Codes(Display::default(), &mut pixels);
         filled(quads, &lending, quad, shown).expect_err("refused").to_string()
     };
+    let fails = |quads: &mut Quads, quad: &DeviceQuad| fails_into(quads, quad, PIXELS);
     let known = quad([PixelFormat::Rgba32Float; 2], false);
     let missing = fails(&mut quads, &quad([PixelFormat::Rgba32Float; 2], true));
     assert!(missing.contains("not on the device"), "{missing}");
-    let small = fails(&mut quads, &DeviceQuad { width: WIDTH - 1, ..known });
-    assert!(small.contains("60 x 67 pixels into a place for"), "{small}");
+    let of_another_size = fails(&mut quads, &DeviceQuad { width: WIDTH - 1, ..known });
+    assert!(of_another_size.contains("not on the device"), "{of_another_size}");
+    let small = fails_into(&mut quads, &known, PIXELS - 1);
+    assert!(small.contains("61 x 67 pixels into a place for 4086"), "{small}");
     let drawn = DeviceSource { place: OnDevice::Drawn { value: 1, channel: 0 }, ..known.color };
     assert!(fails(&mut quads, &DeviceQuad { color: drawn, ..known }).contains("not on the device"));
     lending.gpu.device.destroy();

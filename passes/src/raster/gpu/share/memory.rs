@@ -179,18 +179,8 @@ impl Packer {
             }
             return Ok(index);
         }
-        let label = Some("hand-over");
-        let source = wgpu::ShaderSource::Wgsl(source(flags, self.width, self.height).into());
-        let module = gpu.device.create_shader_module(wgpu::ShaderModuleDescriptor { label, source });
-        let pipeline = gpu.device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
-            label,
-            layout: None,
-            module: &module,
-            entry_point: None,
-            compilation_options: wgpu::PipelineCompilationOptions::default(),
-            cache: None,
-        });
-        gpu.check("building the hand-over")?;
+        let text = source(flags, self.width, self.height);
+        let pipeline = gpu.compute_program("hand-over", text.into(), "hand_over")?;
         let group = self.bind(gpu, &pipeline.get_bind_group_layout(0), &views)?;
         self.programs.push(Program { wanted, pipeline, views, group });
         Ok(self.programs.len() - 1)
