@@ -13,7 +13,7 @@ use super::passes::PassContext;
 use super::ray::{DEFAULT_MATERIAL, ENTRY_POINT, GEOMETRY, MAP, MATERIAL_MAP, PROGRAM};
 use super::report::{Span, shown, suggest};
 use super::running::RUNNING;
-use super::{CameraStart, MaterialPattern, RayPass, handed};
+use super::{CameraStart, MaterialPattern, PassKind, RayPass, handed};
 use crate::camera_programs::SurfaceKind;
 use crate::glass::Background;
 use crate::programs::{MOST_SAMPLES, PARAMS, RAY_PROGRAMS, RayParams, RayProgram, RayProgramInfo};
@@ -107,22 +107,17 @@ impl Loader {
         })
     }
 
-    /// Reads a pass whose rays start at the camera.
-    pub(super) fn camera_pass(&mut self, context: &mut PassContext<'_>) -> Option<RayPass> {
-        let element = context.element;
-        self.expect_camera_children(element);
-        let sees = element.children_named(&["camera"]).next().is_some() || context.default_camera != Some(None);
-        if let Some(generator) = self.generator(element).filter(|_| !sees && element.attribute("program").is_none()) {
-            // Nothing that the pass names says what such a program computes.
-            let message = format!(
-                "pass `{}` has no camera: `{}` makes its picture by itself, and device code is not run",
-                shown(&context.name),
-                generator.shown()
-            );
-            let help = "valid: a <camera>, where rays that start there mean the same; program=\"…\" says which";
-            self.report.error_help(generator.span, message, || help.to_owned());
-            return None;
+    /// Reads a pass whose rays start at the camera, or one without a camera and rays.
+    pub(super) fn generated_pass(&mut self, context: &mut PassContext<'_>) -> Option<PassKind> {
+        self.expect_camera_children(context.element);
+        match self.generator(context.element).filter(|_| Self::is_pattern(context)) {
+            Some(generator) => self.pattern_pass(context, generator).map(PassKind::Quad),
+            None => self.camera_pass(context).map(PassKind::Ray),
         }
+    }
+
+    fn camera_pass(&mut self, context: &mut PassContext<'_>) -> Option<RayPass> {
+        let element = context.element;
         let (scenes, camera, light) = (self.pass_scenes(context), self.pass_camera(context), self.first_light(context));
         let mut colors = Vec::new();
         let maps = self.material_maps(element);

@@ -278,7 +278,7 @@ impl Loader {
             None => self.quad_map(context)?,
         };
         let own = match self.is_own_shader(library, &material) {
-            true => Some(self.pass_shader(context, (library, &material, at), UsedBy::Quad)?),
+            true => Some(self.pass_shader(context, (library, &material, at), UsedBy::Quad(None))?),
             false => None,
         };
         let stores = own.iter().any(|shader| shader.buffers_stored().next().is_some());

@@ -157,6 +157,28 @@ pub(super) struct LibraryMaterial {
     pub state: State,
 }
 
+impl LibraryMaterial {
+    /// A material with the colours of one that a file says nothing of. It has no shader and binds nothing.
+    pub fn plain(name: &str) -> Self {
+        let defaults = crate::scene::Material::default();
+        Self {
+            name: name.to_owned(),
+            diffuse: defaults.diffuse,
+            emission: defaults.emission,
+            ambient: defaults.ambient,
+            specular: defaults.specular,
+            shininess: defaults.shininess,
+            shader: None,
+            values: Vec::new(),
+            textures: Vec::new(),
+            buffers: Vec::new(),
+            images: Vec::new(),
+            arrays: Default::default(),
+            state: State::default(),
+        }
+    }
+}
+
 /// A shader of a library.
 #[derive(Debug, Clone)]
 pub(super) struct Shader {
@@ -219,24 +241,13 @@ impl Library {
 
     fn built_in(name: &str) -> Self {
         let mut library = Self::new(name, PathBuf::new());
-        let defaults = crate::scene::Material::default();
         for (name, diffuse, emission) in BUILT_IN_MATERIALS {
             let opaque = |[r, g, b]: [f32; 3]| Vec4::new(r, g, b, 1.0);
             library.material_names.declare_built_in(name);
             library.materials.push(Some(Rc::new(LibraryMaterial {
-                name: (*name).to_owned(),
                 diffuse: opaque(*diffuse),
                 emission: opaque(*emission),
-                ambient: defaults.ambient,
-                specular: defaults.specular,
-                shininess: defaults.shininess,
-                shader: None,
-                values: Vec::new(),
-                textures: Vec::new(),
-                buffers: Vec::new(),
-                images: Vec::new(),
-                arrays: Default::default(),
-                state: State::default(),
+                ..LibraryMaterial::plain(name)
             })));
         }
         library

@@ -50,6 +50,7 @@ mod loader;
 mod order;
 mod parameters;
 mod passes;
+mod pattern_pass;
 mod ray;
 mod report;
 mod running;

@@ -138,7 +138,7 @@ impl Loader {
             "default" => self.raster_pass(context).map(PassKind::Raster),
             "geometrypi" => self.square_pass(context).map(PassKind::Raster),
             "depthmap" | "depthmap2" => self.depth_map_pass(context).map(PassKind::Raster),
-            "optix" | "rt" => self.ray_pass(context).map(PassKind::Ray),
+            "optix" | "rt" => self.ray_pass(context),
             "effect" => self.effect_pass(context).map(PassKind::Effect),
             "quad" => self.quad_pass(context).map(PassKind::Quad),
             "optixprime" | "embree" => self.intersection_pass(context).map(PassKind::Intersection),

@@ -8,7 +8,7 @@ use super::parameters::Reads;
 use super::passes::PassContext;
 use super::report::{Span, shown, suggest};
 use super::running::RUNNING;
-use super::{MaterialPattern, RayPass};
+use super::{MaterialPattern, PassKind, RayPass};
 use crate::programs::{PARAMS, PROCS, RAY_PROGRAMS, RayParams, RayProgramInfo, Sampler, procs_of_kind};
 
 /// Device programs that make a material glass, for radiance and for shadow rays.
@@ -38,7 +38,7 @@ struct Proc<'e> {
 
 impl Loader {
     /// Reads a pass of class `optix` or `rt`.
-    pub fn ray_pass(&mut self, context: &mut PassContext<'_>) -> Option<RayPass> {
+    pub fn ray_pass(&mut self, context: &mut PassContext<'_>) -> Option<PassKind> {
         let element = context.element;
         let from_camera = self.starts_at_camera(element);
         if !from_camera {
@@ -52,8 +52,14 @@ impl Loader {
                 .error_help(element.span, message, || "valid: <rendertarget name=\"…\" fromLibrary=\"…\"/>".to_owned());
         }
         if from_camera {
-            return self.camera_pass(context);
+            return self.generated_pass(context);
         }
+        self.buffer_pass(context).map(PassKind::Ray)
+    }
+
+    /// Reads a pass whose rays start from a G-buffer.
+    fn buffer_pass(&mut self, context: &mut PassContext<'_>) -> Option<RayPass> {
+        let element = context.element;
         let info = self.ray_program(context);
         let params = self.ray_params(context, info);
         let (camera, lights) = (self.pass_camera(context), self.pass_lights(context));

@@ -51,10 +51,21 @@ impl ShaderUse<'_> {
 pub(super) enum UsedBy {
     /// A pass that draws scenes, as a camera sees them.
     Scenes,
-    /// A quad pass, which has no camera.
-    Quad,
+    /// A quad pass, which has no camera; with a shader of ours in place of the project's own.
+    Quad(Option<&'static BuiltIn>),
     /// A compute pass, which has no camera.
     Compute,
+}
+
+/// A shader of ours, in the language of projects' own.
+#[derive(Debug, PartialEq, Eq)]
+pub(super) struct BuiltIn {
+    /// For messages.
+    pub name: &'static str,
+    /// Text of the vertex shader.
+    pub vertex: &'static str,
+    /// Text of the pixel shader.
+    pub fragment: &'static str,
 }
 
 impl Loader {
@@ -210,10 +221,11 @@ impl Loader {
                 C::Shininess => number(material.shininess),
             })),
             V::Matrix(_) | V::NormalMatrix | V::Camera(None, _) => {
-                let pass = if used.by == UsedBy::Quad { "a quad" } else { "a compute pass" };
+                let is_quad = matches!(used.by, UsedBy::Quad(_));
+                let pass = if is_quad { "a quad" } else { "a compute pass" };
                 let message =
                     format!("the uniform `{}` is of the pass's camera, and {pass} has none", given.uniform.shown());
-                let place = if used.by == UsedBy::Quad { "; `position` is in clip space" } else { "" };
+                let place = if is_quad { "; `position` is in clip space" } else { "" };
                 let help = format!("valid: type=\"CAMERA\" with the camera's name as context{place}");
                 self.report.error_help(given.span, message, || help);
                 None
@@ -224,6 +236,9 @@ impl Loader {
 
     /// The compiled shader, and the indices of its two files in the report.
     fn own_program(&mut self, context: &PassContext<'_>, used: &ShaderUse<'_>) -> Option<(Arc<Program>, [u32; 2])> {
+        if let UsedBy::Quad(Some(built_in)) = used.by {
+            return self.built_in_program(built_in);
+        }
         let library = self.libraries.get(used.library);
         let shader = library.shaders[used.material.shader?].clone();
         let folder = library.path.clone();
@@ -271,6 +286,16 @@ impl Loader {
         let program = self.compiled_or_reported(compiled, files);
         self.compiled.insert(key, program.clone());
         program.map(|program| (program, files))
+    }
+
+    /// The compiled shader of ours, and the indices of its two texts in the report.
+    fn built_in_program(&mut self, built_in: &BuiltIn) -> Option<(Arc<Program>, [u32; 2])> {
+        let texts = [built_in.vertex, built_in.fragment];
+        let files = texts.map(|text| {
+            self.report.add_source(Source { path: PathBuf::from(built_in.name), text: text.to_owned().into() })
+        });
+        let compiled = glsl::Source { vertex: texts[0], fragment: texts[1], depth: None }.compile();
+        self.compiled_or_reported(compiled, files).map(|program| (program, files))
     }
 
     /// The compiled compute shader, and twice the index of its file in the report.

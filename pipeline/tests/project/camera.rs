@@ -1,11 +1,12 @@
 //! Passes whose rays start at the camera: which program is chosen.
 
-use crate::support::{SHOW, bad, errors, good, one_error, place, project, with};
+use crate::support::{Files, SHOW, bad, errors, good, one_error, place, project, with};
 use curitiba_pipeline::camera_programs::SurfaceKind;
+use curitiba_pipeline::diagnostic::{Problem, Severity};
 use curitiba_pipeline::glass::Background;
 use curitiba_pipeline::plan::{Plan, Settings};
 use curitiba_pipeline::programs::RayProgram;
-use curitiba_pipeline::project::{MaterialPattern, PassKind, Project, RayPass};
+use curitiba_pipeline::project::{MaterialPattern, PassKind, Project, RayPass, ShaderTexture};
 
 /// A pass that names its program.
 const NAMED: &str = r#"<pass class="rt" name="rays" program="whitted" samples="4" gloss="64">
@@ -235,15 +236,45 @@ fn a_pass_that_names_its_program_is_read_and_what_it_lacks_is_said() {
 }
 
 #[test]
-fn a_pass_that_starts_its_rays_from_no_camera_says_that_its_code_is_not_run() {
-    let pattern = tutorial(false, &["position"], "Sun", "", "").replace("<lights><light name=\"Sun\"/></lights>", "");
+fn a_pass_without_a_camera_is_a_pattern_by_what_it_is_handed() {
+    let pattern = |handed: &str| {
+        tutorial(false, &["position"], "Sun", handed, "").replace("<lights><light name=\"Sun\"/></lights>", "")
+    };
     let no_camera = |passes: &str| with(&project(passes), " defaultCamera=\"Eye\"", "");
+    let texture = r#"<param name="tex" type="TEXTURE" context="Lib::crate" component="ID"/>"#;
+    let color = r#"<param name="color" type="RENDERER" context="CURRENT" component="color"/>"#;
     let what = "pass `rays` has no camera: `optix.ptx` makes its picture by itself, and device code is not run";
-    let marked = with(&pattern, "<rayGen file=\"", "<rayGen file=\"@");
-    one_error(&no_camera(&[&marked, SHOW].concat()), what, "a <camera>");
-    let own = with(&pattern, "<renderTarget", "<camera name=\"Eye\"/><renderTarget");
+    let refused = |handed: &str, help: &str| {
+        let marked = with(&pattern(handed), "<rayGen file=\"", "<rayGen file=\"@");
+        one_error(&no_camera(&[&marked, SHOW].concat()), what, help);
+    };
+    for handed in [&of_pass("LEVEL"), color, &[texture, texture].concat(), &of_light("DIRECTION")] {
+        refused(handed, "a <camera>");
+    }
+    for (handed, said, textures) in [
+        ("", "it shows stripes, since it is handed nothing", Vec::new()),
+        (&[texture, color].concat(), "it shows the texture `Lib::crate`, which it is handed", vec!["crate.jpg"]),
+    ] {
+        if !curitiba_pipeline::glsl::AVAILABLE {
+            refused(handed, "cargo build --features glsl");
+            continue;
+        }
+        let files = Files::new(no_camera(&[&pattern(handed), SHOW].concat()));
+        files.write("crate.jpg", "read when it is drawn");
+        let project = files.load().expect("it loads");
+        let warned = |problem: &Problem| problem.severity == Severity::Warning && problem.message.ends_with(said);
+        assert!(project.problems.0.iter().any(warned), "{}", project.problems);
+        let PassKind::Quad(quad) = &project.pipelines[0].passes[0].kind else { panic!("no quad") };
+        let shader = quad.shader.as_ref().expect("a shader of ours");
+        let expected = textures.into_iter().map(|name| ShaderTexture::File(files.path(name)));
+        assert_eq!(shader.textures, expected.collect::<Vec<_>>());
+    }
+    let own = with(&pattern(""), "<renderTarget", "<camera name=\"Eye\"/><renderTarget");
     assert!(matches!(good(&no_camera(&[&own, SHOW].concat())).pipelines[0].passes[0].kind, PassKind::Ray(_)));
-    let named =
-        with(&pattern, "<pass class=\"rt\" name=\"rays\">", "@<pass class=\"rt\" name=\"rays\" program=\"albedo\">");
+    let named = with(
+        &pattern(""),
+        "<pass class=\"rt\" name=\"rays\">",
+        "@<pass class=\"rt\" name=\"rays\" program=\"albedo\">",
+    );
     one_error(&no_camera(&[&named, SHOW].concat()), "pass `rays` has no camera, nor has its pipeline", "Eye");
 }

@@ -56,4 +56,14 @@ fn the_ray_tutorials_mean_what_they_hand_over() {
         }
         assert_eq!(kinds(SurfaceKind::Clear), usize::from(name.starts_with("optix06")), "{name}");
     }
+    for (name, textures) in [("optix00-HelloWorld", 0), ("optix00.1-HelloWorld - TextureParam", 1)] {
+        let loaded = load(&folder.join(format!("projects/optix test/{name}/optix.xml")));
+        if !curitiba_pipeline::glsl::AVAILABLE {
+            assert!(loaded.is_err(), "{name}");
+            continue;
+        }
+        let project = loaded.unwrap_or_else(|problems| panic!("{name} does not load:\n{problems}"));
+        let PassKind::Quad(quad) = &project.pipelines[0].passes[0].kind else { panic!("{name}: no pattern") };
+        assert_eq!(quad.shader.as_ref().map(|shader| shader.textures.len()), Some(textures), "{name}");
+    }
 }
