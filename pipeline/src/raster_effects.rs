@@ -4,7 +4,7 @@
 //! what that would write, so that either can stand in a project. Help, XML validation, `curitiba list`, reports and tests
 //! iterate these tables.
 
-use crate::programs::{Fresnel, LARGEST_SUN, MAX_FILTER_LEVELS, ParamInfo, RayParams, RayProgram, Values};
+use crate::programs::{Fresnel, LARGEST_SUN, MAX_FILTER_LEVELS, ParamInfo, RayParams, RayProgram, TextureLod, Values};
 
 /// Most shadow maps that a frame may have.
 pub const MAX_CASCADES: u32 = 8;
@@ -114,6 +114,8 @@ pub struct EffectParams {
     pub filter: u32,
     /// What pixels at the border of a shadow show.
     pub border: Border,
+    /// At which mip level rays in the place of the effect read textures at hits: those of pixels that it leaves to rays, and of references.
+    pub texture_lod: TextureLod,
 }
 
 impl Default for EffectParams {
@@ -139,6 +141,7 @@ impl Default for EffectParams {
             bitmask: false,
             filter: 0,
             border: Border::Map,
+            texture_lod: TextureLod::Cones,
         }
     }
 }
@@ -254,6 +257,13 @@ pub const EFFECT_PARAMS: &[ParamInfo] = &[
         valid: "map, rays (rays: `sun` 0, corrected fidelity)",
         values: Values::Names(&["map", "rays"]),
     },
+    ParamInfo {
+        name: "texturelod",
+        about: "at which mip level rays in the place of the effect read textures at hits: those of pixels that are left to rays, and of its \
+                reference",
+        valid: "zero, cones",
+        values: Values::Names(&["zero", "cones"]),
+    },
 ];
 
 impl EffectParams {
@@ -275,8 +285,8 @@ impl EffectParams {
     /// Those of the ray program in the place of the effect, with the constants that both have.
     #[must_use]
     pub fn by_rays(&self) -> RayParams {
-        let Self { index, fresnel, radius, intensity, sun, .. } = *self;
-        RayParams { index, fresnel, radius, intensity, sun, ..RayParams::default() }
+        let Self { index, fresnel, radius, intensity, sun, texture_lod, .. } = *self;
+        RayParams { index, fresnel, radius, intensity, sun, texture_lod, ..RayParams::default() }
     }
 
     /// Sets a parameter by its name in [`EFFECT_PARAMS`].
@@ -313,6 +323,7 @@ impl EffectParams {
             "filter" => self.filter = integer(0..=MAX_FILTER_LEVELS)?,
             "bitmask" => self.bitmask = value.parse().map_err(|_| wrong())?,
             "border" => self.border = Border::named(value).ok_or_else(wrong)?,
+            "texturelod" => self.texture_lod = TextureLod::named(value).ok_or_else(wrong)?,
             _ => unreachable!("every name in EFFECT_PARAMS is matched"),
         }
         Ok(())
@@ -344,6 +355,7 @@ impl EffectParams {
             "bitmask" => self.bitmask.to_string(),
             "filter" => self.filter.to_string(),
             "border" => self.border.name().to_owned(),
+            "texturelod" => self.texture_lod.name().to_owned(),
             _ => panic!("`{name}` is not a parameter"),
         }
     }
@@ -390,7 +402,7 @@ pub const EFFECT_PROGRAMS: &[EffectProgramInfo] = &[
         buffers: &["pos_buffer", "norm_buffer", "color_buffer"],
         lit: true,
         glass: true,
-        params: &["mapsize", "probes", "parallax"],
+        params: &["mapsize", "probes", "parallax", "texturelod"],
     },
     EffectProgramInfo {
         program: EffectProgram::CubeRefraction,
@@ -400,7 +412,7 @@ pub const EFFECT_PROGRAMS: &[EffectProgramInfo] = &[
         buffers: &["pos_buffer", "norm_buffer", "color_buffer"],
         lit: true,
         glass: true,
-        params: &["mapsize", "probes", "parallax", "index", "fresnel"],
+        params: &["mapsize", "probes", "parallax", "index", "fresnel", "texturelod"],
     },
     EffectProgramInfo {
         program: EffectProgram::PlanarReflection,
@@ -410,7 +422,7 @@ pub const EFFECT_PROGRAMS: &[EffectProgramInfo] = &[
         buffers: &["pos_buffer", "norm_buffer", "color_buffer"],
         lit: true,
         glass: true,
-        params: &["planes"],
+        params: &["planes", "texturelod"],
     },
     EffectProgramInfo {
         program: EffectProgram::ScreenReflection,
@@ -420,7 +432,7 @@ pub const EFFECT_PROGRAMS: &[EffectProgramInfo] = &[
         buffers: &["pos_buffer", "norm_buffer", "color_buffer"],
         lit: true,
         glass: true,
-        params: &["thickness", "missing", "mapsize", "probes", "parallax"],
+        params: &["thickness", "missing", "mapsize", "probes", "parallax", "texturelod"],
     },
     EffectProgramInfo {
         program: EffectProgram::ScreenRefraction,
@@ -430,7 +442,7 @@ pub const EFFECT_PROGRAMS: &[EffectProgramInfo] = &[
         buffers: &["pos_buffer", "norm_buffer", "color_buffer"],
         lit: true,
         glass: true,
-        params: &["thickness", "missing", "mapsize", "probes", "parallax", "index", "fresnel"],
+        params: &["thickness", "missing", "mapsize", "probes", "parallax", "index", "fresnel", "texturelod"],
     },
     EffectProgramInfo {
         program: EffectProgram::DepthOcclusion,
@@ -502,7 +514,7 @@ mod tests {
         let mut params = EffectParams::default();
         for (info, value) in EFFECT_PARAMS.iter().zip([
             "64", "2", "3", "2.5", "7", "5", "1.5", "schlick", "2", "1", "9", "11", "0.5", "3", "rays", "box", "true",
-            "2", "rays",
+            "2", "rays", "zero",
         ]) {
             assert_ne!(params.get(info.name), value);
             params.set(info.name, value).expect("valid");

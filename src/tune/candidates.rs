@@ -166,9 +166,9 @@ fn add_effects(
 
 /// The defaults of an effect in a picture of this size, with what says what is computed and not how.
 fn shared(program: EffectProgram, like: &EffectParams, size: [u32; 2]) -> EffectParams {
-    let EffectParams { radius, intensity, index, fresnel, sun, .. } = *like;
+    let EffectParams { radius, intensity, index, fresnel, sun, texture_lod, .. } = *like;
     let map_size = EffectParams::fitted_map_size(program, size);
-    EffectParams { map_size, radius, intensity, index, fresnel, sun, ..EffectParams::default() }
+    EffectParams { map_size, radius, intensity, index, fresnel, sun, texture_lod, ..EffectParams::default() }
 }
 
 /// From coarse to fine.
@@ -208,8 +208,8 @@ fn settings(info: &EffectProgramInfo, base: EffectParams, fidelity: Fidelity) ->
 }
 
 fn effect_of(rays: &RayPass, program: EffectProgram) -> EffectPass {
-    let RayParams { radius, intensity, index, fresnel, sun, .. } = rays.params;
-    let params = EffectParams { radius, intensity, index, fresnel, sun, ..EffectParams::default() };
+    let RayParams { radius, intensity, index, fresnel, sun, texture_lod, .. } = rays.params;
+    let params = EffectParams { radius, intensity, index, fresnel, sun, texture_lod, ..EffectParams::default() };
     let rays = rays.clone();
     EffectPass {
         scenes: rays.scenes,

@@ -39,9 +39,28 @@ fn plans_say_which_passes_have_cones() {
     let said = with.decisions.iter().find(|decision| decision.what == "ray cones of pass `pass2`");
     assert!(said.is_some_and(|said| said.built && said.why.contains("texturelod=cones")), "{said:?}");
     assert!(without.decisions.iter().all(|decision| !decision.what.starts_with("ray cones")));
+    // A project that does not say how textures are read has cones, but in thesis fidelity.
+    for (name, pass) in [("glass/balls.xml", "pass2"), ("camera/SquareColors.xml", "pass1")] {
+        let silent = |fidelity| {
+            let project = project::load(&path().with_file_name(name)).expect("it loads");
+            Plan::new(project, Settings { fidelity, ..Settings::default() }).expect("a plan")
+        };
+        let cones = |plan: &Plan| plan.decisions.iter().any(|one| one.what == format!("ray cones of pass `{pass}`"));
+        assert!(cones(&silent(Fidelity::Corrected)), "{name}");
+        if name.starts_with("glass") {
+            assert!(silent(Fidelity::Thesis).decisions.iter().all(|one| !one.what.contains("cones")));
+        }
+    }
     let thesis = plan(Settings { fidelity: Fidelity::Thesis, ..settings(&[CONES]) }).expect("a plan");
-    assert!(thesis.decisions.iter().any(|one| one.what.starts_with("texturelod=cones of pass") && !one.built));
-    assert!(thesis.decisions.iter().all(|decision| !decision.what.starts_with("ray cones")));
+    assert!(thesis.decisions.iter().all(|one| !one.what.contains("cones")));
+    // What a raster effect leaves to rays is read as the pass says.
+    let left = |lod: &str| {
+        let file = path().with_file_name("raster/SceneScreenReflect.xml");
+        let set = vec!["pass2.missing=rays".to_owned(), format!("pass2.texturelod={lod}")];
+        Plan::new(project::load(&file).expect("it loads"), Settings { set, ..Settings::default() }).expect("a plan")
+    };
+    let asks = ["zero", "cones"].map(|lod| left(lod).decisions.iter().any(|one| one.what.starts_with("ray cones")));
+    assert_eq!(asks, [false, true]);
     let wrong = plan(settings(&["pass2.texturelod=2"])).expect_err("no value").to_string();
     assert!(wrong.contains("zero, cones"), "{wrong}");
 }

@@ -2,7 +2,7 @@
 
 use super::rays::Traced;
 use super::{Observer, RenderError, Renderer, StepKind, channel_of};
-use crate::backend::{Answers, BackendError, EffectJob, EffectStats, GBuffer, NO_TRIANGLE, PixelCone, RayJob};
+use crate::backend::{Answers, BackendError, EffectJob, EffectStats, GBuffer, NO_TRIANGLE, RayJob};
 use crate::image::Image;
 use crate::memory::{self, mebibytes};
 use crate::plan::{PlannedPass, Work};
@@ -162,8 +162,7 @@ impl Renderer {
             fidelity: self.plan.settings.fidelity,
             seed,
             eye: view.eye,
-            // What raster effects leave to rays reads textures at level 0.
-            cone: PixelCone::default(),
+            cone: self.pixel_cone(&view, self.plan.target_size(Some(target))),
             sun: self.plan.shining(&effect.lights).sun,
             lights: &[],
             from_camera: None,

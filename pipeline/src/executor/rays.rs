@@ -173,7 +173,7 @@ impl Renderer {
 
 impl Renderer {
     /// The cone of a pixel of a viewport of this size, of which several samples have a part each.
-    fn pixel_cone(&self, view: &View, size: [u32; 2]) -> PixelCone {
+    pub(super) fn pixel_cone(&self, view: &View, size: [u32; 2]) -> PixelCone {
         PixelCone::of(&View { footprint: self.samples().side(), ..*view }, size)
     }
 

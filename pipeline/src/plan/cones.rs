@@ -1,20 +1,17 @@
 //! Texture lookups that are filtered by ray cones: which passes ask for it, and which backends do it.
 
-use super::{Plan, PlannedPass, Work};
+use super::{Plan, PlannedPass};
 use crate::backend::{BackendError, RayBackend};
-use crate::project::PassKind;
 
 impl Plan {
-    /// What a ray pass asks of texture lookups at hits, for messages; `None` where they are made at level 0.
+    /// What a pass that traces rays asks of texture lookups at hits, for messages; `None` where they are made at level 0.
     #[must_use]
     pub fn asks_of_cones(&self, planned: &PlannedPass) -> Option<String> {
-        match (&planned.work, &self.pass(planned).kind) {
-            (Work::Rays { params, .. }, PassKind::Ray(ray)) => ray.program.asks_of_cones(params),
-            _ => None,
-        }
+        let (program, params) = self.traced(planned)?.program?;
+        program.asks_of_cones(&params)
     }
 
-    /// The first ray pass that asks for ray cones of a ray backend, by the pass's name, that has none; with what to do.
+    /// The first pass that asks for ray cones of a ray backend, by the pass's name, that has none; with what to do.
     #[must_use]
     pub fn without_cones<'a>(&self, rays_of: impl Fn(&str) -> &'a dyn RayBackend) -> Option<(String, BackendError)> {
         let why = "at hits it reads textures at level 0; use --backend cpu, or allow it with --fallback cpu, or set texturelod=zero on \

@@ -210,7 +210,6 @@ impl Plan {
         leave_out(ray.program.asks_of_filter(&params), "the report's programs filter nothing");
         let asked = ray.program.sampled_to(&params).map(|error| format!("error={error}"));
         leave_out(asked, "the report's panes leave nothing to chance");
-        leave_out(ray.program.asks_of_cones(&params), "the report's programs read textures at level 0");
         let texture_lod = TextureLod::Zero;
         let (glass, background, shadow) = (GlassRule::Pane, Background::Black, GlassShadow::Report);
         RayParams { glass, background, shadow, error: 0.0, sun: 0.0, filter: 0, texture_lod, ..params }

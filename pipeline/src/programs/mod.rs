@@ -67,9 +67,9 @@ named!(Fresnel, "exact" => Exact, "schlick" => Schlick);
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default)]
 pub enum TextureLod {
     /// At level 0: as sharp as the texture is, so that minified textures glitter.
-    #[default]
     Zero,
     /// At the level of the ray's cone, which is as wide as the pixel's part of the surface.
+    #[default]
     Cones,
 }
 

@@ -44,7 +44,7 @@ pub struct RayParams {
     pub sun_samples: u32,
     /// Levels of the edge-avoiding filter over the share of light that is written; 0 filters nothing. Corrected fidelity only.
     pub filter: u32,
-    /// At which mip level textures are read at hits. Corrected fidelity only.
+    /// At which mip level textures are read at hits; in thesis fidelity always at level 0.
     pub texture_lod: TextureLod,
     /// Position in the sample sequence of the first of the [`Self::samples`]. It is 0, except for accumulated pictures and for all
     /// but the first of several samples a pixel. Projects cannot set it.
@@ -59,7 +59,7 @@ pub struct RayParams {
 }
 
 impl Default for RayParams {
-    /// The report's constants, and the clear colour where rays leave the scene.
+    /// The report's constants, the clear colour where rays leave the scene, and textures that are filtered at hits.
     fn default() -> Self {
         Self {
             samples: 100,
@@ -79,7 +79,7 @@ impl Default for RayParams {
             sun: 0.0,
             sun_samples: 16,
             filter: 0,
-            texture_lod: TextureLod::Zero,
+            texture_lod: TextureLod::Cones,
             first: 0,
             first_path: 0,
             first_sun: 0,

@@ -1,5 +1,6 @@
 use super::*;
 use crate::camera_programs::CameraParams;
+use crate::raster_effects::{EFFECT_PROGRAMS, EffectParams};
 use crate::glass::{Background, CutoffColor, Dielectric, GlassRule, GlassShadow, PathLimits, Roulette};
 
 #[test]
@@ -38,7 +39,7 @@ fn every_parameter_is_settable_by_its_name() {
         ("sun", "0.53"),
         ("sunsamples", "32"),
         ("filter", "2"),
-        ("texturelod", "cones"),
+        ("texturelod", "zero"),
         ("lightwidth", "0.4"),
         ("lightdepth", "0.3"),
         ("radiance", "5"),
@@ -75,7 +76,7 @@ fn every_parameter_is_settable_by_its_name() {
         sun: 0.53,
         sun_samples: 32,
         filter: 2,
-        texture_lod: TextureLod::Cones,
+        texture_lod: TextureLod::Zero,
         first: 0,
         first_path: 0,
         first_sun: 0,
@@ -96,12 +97,19 @@ fn every_parameter_is_settable_by_its_name() {
 
 #[test]
 fn cones_are_asked_of_programs_that_read_textures_at_hits() {
-    let cones = RayParams { texture_lod: TextureLod::Cones, ..RayParams::default() };
+    let zero = RayParams { texture_lod: TextureLod::Zero, ..RayParams::default() };
     for info in RAY_PROGRAMS {
         let reads = info.material_attributes.contains(&"texCount");
-        let asked = info.program.asks_of_cones(&cones);
+        let asked = info.program.asks_of_cones(&info.defaults());
         assert_eq!(asked, reads.then(|| "texturelod=cones".to_owned()), "{}", info.stem);
-        assert_eq!(info.program.asks_of_cones(&RayParams::default()), None);
+        assert_eq!(info.program.asks_of_cones(&zero), None);
+    }
+    // Raster effects say it for the rays in their place.
+    for info in EFFECT_PROGRAMS {
+        assert_eq!(info.params.contains(&"texturelod"), info.counterpart.info().reads("texturelod"), "{}", info.name);
+        let asked = |params: EffectParams| info.counterpart.asks_of_cones(&params.by_rays());
+        assert_eq!(asked(EffectParams::default()).is_some(), info.params.contains(&"texturelod"), "{}", info.name);
+        assert_eq!(asked(EffectParams { texture_lod: TextureLod::Zero, ..EffectParams::default() }), None);
     }
 }
 

@@ -8,7 +8,6 @@
 //! | effects | shadows (unless a closed room keeps the sun from everything) and occlusion; glass if a drawn material transmits at least a tenth of the light |
 //! | glass | by each material (`glass=auto`), in front of the background, with coloured shadows (`shadow=straight`) |
 //! | focus | the box of all triangles, or of most of them if a few far ones (a sky) make it more than three times as large; without a shell around all else (a sky dome, a closed room), in which the camera stands |
-//! | textures in and behind glass | filtered by ray cones (`texturelod=cones`) |
 //! | occlusion radius | a twentieth of the diagonal of the focus |
 //! | window | 1024 x 1024 |
 //! | colours | linear (`color=linear`) |

@@ -3,7 +3,7 @@
 use super::Effects;
 use crate::glass::{GlassRule, GlassShadow};
 use crate::image::PixelFormat;
-use crate::programs::{RasterProgram, RayParams, RayProgram, TextureLod, Writes};
+use crate::programs::{RasterProgram, RayParams, RayProgram, Writes};
 use crate::project::{
     Channel, ChannelRef, Clears, ColorMap, EffectPass, MaterialPattern, Pass, PassKind, PhongMap, Pipeline, QuadPass,
     QuadSource, RasterPass, RayPass, RenderTarget, TextureMap,
@@ -162,7 +162,6 @@ impl Common<'_> {
         if self.bodies && !self.glass.is_empty() {
             params.glass = GlassRule::Auto;
             params.shadow = GlassShadow::Straight;
-            params.texture_lod = TextureLod::Cones;
         }
         let calls = |proc: &str| info.procs.iter().any(|known| known.proc == proc);
         let patterns = |called: bool| if called { self.patterns() } else { Vec::new() };
@@ -217,7 +216,6 @@ fn as_written(params: RayParams, names: &[&str]) -> RayParams {
         glass: if names.contains(&"glass") { params.glass } else { defaults.glass },
         background: if names.contains(&"background") { params.background } else { defaults.background },
         shadow: if names.contains(&"shadow") { params.shadow } else { defaults.shadow },
-        texture_lod: if names.contains(&"texturelod") { params.texture_lod } else { defaults.texture_lod },
         ..defaults
     }
 }

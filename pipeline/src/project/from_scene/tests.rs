@@ -1,5 +1,5 @@
 use super::*;
-use crate::project::{Light, MaterialPattern, PassKind, QuadSource};
+use crate::project::{Light, MaterialPattern, PassKind, QuadSource, RayPass};
 use glam::DVec3;
 use std::f64::consts::{FRAC_PI_2, TAU};
 
@@ -67,18 +67,18 @@ fn effects_are_those_asked_for_or_those_that_the_scene_calls_for() {
 }
 
 #[test]
-fn textures_in_glass_are_filtered_where_there_is_glass() {
+fn textures_at_hits_are_filtered() {
     let folder = tempfile::tempdir().expect("a folder");
     let asked = |opacity: f32, effects: &str| {
         let options = SceneOptions { effects: effects.parse().ok(), ..SceneOptions::default() };
         let project = open(&scene(folder.path(), opacity, true), &options);
         let passes = project.pipelines[0].passes.iter();
         let rays = passes.filter_map(|pass| if let PassKind::Ray(ray) = &pass.kind { Some(ray) } else { None });
-        rays.map(|ray| (ray.program.info().stem, ray.params.texture_lod.name())).collect::<Vec<_>>()
+        let cones = |ray: &RayPass| ray.program.asks_of_cones(&ray.params).is_some();
+        rays.map(|ray| (ray.program.info().stem, cones(ray))).collect::<Vec<_>>()
     };
-    assert_eq!(asked(0.3, "ao,glass"), [("refraction", "cones"), ("ssao", "zero")]);
-    assert_eq!(asked(0.3, "shadows,ao"), [("final", "zero")], "nothing is seen in glass");
-    assert_eq!(asked(1.0, "shadows,glass"), [("final", "zero")], "no material is glass");
+    assert_eq!(asked(0.3, "ao,glass"), [("refraction", true), ("ssao", false)]);
+    assert_eq!(asked(1.0, "shadows,glass"), [("final", true)]);
 }
 
 #[test]
