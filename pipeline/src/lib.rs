@@ -31,5 +31,7 @@ pub mod progress;
 pub mod project;
 pub mod raster_effects;
 pub mod scene;
+#[cfg(feature = "glsl")]
+mod script;
 pub mod shared;
 pub mod square;

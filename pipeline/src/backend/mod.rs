@@ -23,7 +23,7 @@ pub use device::{Gpu, Limits};
 pub use effect_job::{Answers, EffectJob, EffectStats, Part};
 pub use error::BackendError;
 pub use light::{Arriving, Cone, LEAST_DIVISOR, Light};
-pub use own_shaders::{ComputeJob, OwnMaterial, OwnShaders, OwnTexture, QuadJob, QuadTexture};
+pub use own_shaders::{ComputeJob, MipLevel, OwnMaterial, OwnShaders, OwnTexture, QuadJob, QuadTexture};
 pub use raster_job::{DrawStats, HandOver, LoadStore, RasterJob};
 pub use rasteriser::Rasteriser;
 pub use ray_backend::RayBackend;

@@ -58,8 +58,19 @@ impl OwnShaders<'_> {
         Self { programs: &[], materials: &[], channels: &[], depth: None, clamped: false, instances: 1 };
 }
 
-/// The texture of a sampler of a quad's own shader.
+/// A mip level of a channel.
 #[derive(Debug, Clone, Copy)]
+pub struct MipLevel<'a> {
+    /// Pixels a row.
+    pub width: u32,
+    /// Rows.
+    pub height: u32,
+    /// `width * height` texels, top row first.
+    pub texels: &'a [[f32; 4]],
+}
+
+/// The texture of a sampler of a quad's own shader.
+#[derive(Debug, Clone)]
 pub enum QuadTexture<'a> {
     /// No texture: reads opaque black.
     Nothing,
@@ -76,6 +87,8 @@ pub enum QuadTexture<'a> {
         /// `width * height` texels, top row first.
         texels: &'a [[f32; 4]],
     },
+    /// A channel with its mip levels, from the whole picture on. Each side is half of the side before, rounded down, and at least 1.
+    Levels(Vec<MipLevel<'a>>),
 }
 
 /// A full-screen quad that an own shader of the project fills.

@@ -134,6 +134,9 @@ impl Accumulation {
             let planned = &renderer.plan.passes[pass.index];
             let target = renderer.plan.pass(planned).target;
             if pass.estimate.samples() > 0 {
+                if let Some(buffer) = renderer.plan.pass(planned).kind.linear() {
+                    renderer.fill_linear(buffer, pass.estimate.size()[0], &pass.estimate.mean(1.0));
+                }
                 renderer.buffer(target).color = pass.picture().pixels;
                 renderer.round_to_formats(target);
             }

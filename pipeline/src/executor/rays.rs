@@ -5,6 +5,8 @@ use crate::backend::{BackendError, FromCamera, GBuffer, PixelCone, RayCounts, Ra
 use crate::image::Image;
 use crate::plan::{PlannedPass, Shining, Work};
 use crate::project::{ChannelRef, PassKind};
+use glam::Vec3;
+use rayon::prelude::*;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
@@ -97,7 +99,13 @@ impl Renderer {
         };
         let materials = &self.materials[index];
         let scene = Arc::clone(&self.scenes[scene_set].scene);
-        let (params, seed) = self.random_of_sample(name, ray.program, params);
+        let (mut params, seed) = self.random_of_sample(name, ray.program, params);
+        let linear = pass.kind.linear();
+        // An accumulation has its gamma put on the mean of its batches.
+        let gamma = params.camera.gamma;
+        if linear.is_some() {
+            params.camera.gamma = 1.0;
+        }
         let is_lamp = ray.from_camera.as_ref().is_some_and(|start| start.lamp);
         let shining = if is_lamp { Shining::default() } else { self.plan.shining(&ray.lights) };
         let job = RayJob {
@@ -146,6 +154,10 @@ impl Renderer {
         }
         if let (Ok(_), Some(shares)) = (&traced, &mut shares) {
             shares.take(&mut output.pixels, colors, output.width, self.taken);
+        }
+        if let (Ok(_), Some(buffer), None) = (&traced, linear, &batch) {
+            self.fill_linear(buffer, output.width, &output.pixels);
+            output.pixels.par_iter_mut().for_each(|pixel| *pixel = with_gamma(*pixel, gamma));
         }
         let mut sums = self.part > 0 || self.taken > 0;
         let given_up = self.given_up || self.cancellation.is_cancelled();
@@ -216,6 +228,14 @@ impl Renderer {
         let of_backend = |row: &&mut Row| row.kind == StepKind::Rays && engines.is_shared(&row.name, name);
         self.timeline.rows.iter_mut().filter(of_backend).for_each(|row| row.bytes = 0);
     }
+}
+
+/// A colour to the power of 1 / gamma.
+fn with_gamma([r, g, b, a]: [f32; 4], gamma: f32) -> [f32; 4] {
+    if gamma == 1.0 {
+        return [r, g, b, a];
+    }
+    Vec3::new(r, g, b).max(Vec3::ZERO).powf(gamma.recip()).extend(a).to_array()
 }
 
 /// Counts by kind, such as `: 12 shadow, 3 reflected`, without kinds that were not traced.

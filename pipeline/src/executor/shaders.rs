@@ -119,7 +119,8 @@ impl Renderer {
                 ShaderTexture::Channel(channel) => {
                     channels.iter().position(|other| other == channel).map(OwnTexture::Channel)
                 }
-                ShaderTexture::Nothing => None,
+                // Passes that draw scenes sample no levels that are stored.
+                ShaderTexture::Levels(_) | ShaderTexture::Nothing => None,
             };
             OwnMaterial {
                 program: surface.shader,

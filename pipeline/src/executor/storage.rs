@@ -46,6 +46,12 @@ impl Renderer {
         if bytes.is_empty() { vec![[0.0; 4]] } else { bytes }
     }
 
+    /// Fills the buffer of [`CameraStart::linear`](crate::project::CameraStart::linear) with a picture of the pass's target.
+    pub(super) fn fill_linear(&mut self, buffer: usize, width: u32, pixels: &[[f32; 4]]) {
+        let rows = pixels.chunks_exact(width.max(1) as usize).rev().flatten();
+        self.targets[buffer].color.iter_mut().zip(rows).for_each(|(held, pixel)| *held = *pixel);
+    }
+
     /// Rounds what the shaders of a pass stored to the formats of the images.
     pub(super) fn round_stored(&mut self, planned: &PlannedPass) {
         let stored: Vec<usize> = self.plan.pass(planned).kind.buffers_stored().map(|channel| channel.target).collect();
@@ -58,7 +64,10 @@ impl Renderer {
             let pass = self.plan.pass(planned);
             match &pass.kind {
                 PassKind::Intersection(intersection) => intersection.binds(target),
-                kind => pass.target == Some(target) || kind.shaders().any(|shader| shader.binds(target)),
+                kind => {
+                    let binds = kind.shaders().any(|shader| shader.binds(target));
+                    binds || pass.target == Some(target) || kind.linear() == Some(target)
+                }
             }
         };
         self.plan.passes.iter().find(binds).is_some_and(|first| first.pass == pass)

@@ -1,9 +1,9 @@
 //! What the samplers of own shaders read: image files, and channels.
 
 use super::{RenderError, Renderer, StepKind, channel_of};
-use crate::backend::{BackendError, GBuffer, QuadTexture};
+use crate::backend::{BackendError, GBuffer, MipLevel, QuadTexture};
 use crate::plan::{Plan, PlannedPass, Work};
-use crate::project::{MaterialPattern, OwnShader, PassKind, ShaderTexture, TextureMap};
+use crate::project::{ChannelRef, MaterialPattern, OwnShader, PassKind, ShaderTexture, TextureMap};
 use crate::scene::texture::Texture;
 use crate::scene::{RenderScene, SceneError, image_file, image_files};
 use std::path::{Path, PathBuf};
@@ -18,9 +18,11 @@ pub(super) fn sampled<'a>(
 ) -> Vec<QuadTexture<'a>> {
     let read = |texture: &ShaderTexture| match texture {
         ShaderTexture::Channel(channel) => {
-            let read = &targets[channel.target];
-            let texels = channel_of(read, channel.channel);
-            QuadTexture::Channel { width: read.width, height: read.height, texels }
+            let MipLevel { width, height, texels } = level(targets, *channel);
+            QuadTexture::Channel { width, height, texels }
+        }
+        ShaderTexture::Levels(levels) => {
+            QuadTexture::Levels(levels.iter().map(|channel| level(targets, *channel)).collect())
         }
         ShaderTexture::File(path) => image_of(images, path).map_or(QuadTexture::Nothing, QuadTexture::Image),
         ShaderTexture::Cube(paths) => match paths.each_ref().map(|path| image_of(images, path)) {
@@ -30,6 +32,11 @@ pub(super) fn sampled<'a>(
         ShaderTexture::Material | ShaderTexture::Nothing => QuadTexture::Nothing,
     };
     shader.textures.iter().map(read).collect()
+}
+
+fn level(targets: &[GBuffer], channel: ChannelRef) -> MipLevel<'_> {
+    let read = &targets[channel.target];
+    MipLevel { width: read.width, height: read.height, texels: channel_of(read, channel.channel) }
 }
 
 /// The image of a file among those that are loaded.

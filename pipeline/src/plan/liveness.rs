@@ -70,6 +70,9 @@ impl Plan {
                 self.decide(format!("pass `{}`", pass.name), false, reason.into());
                 continue;
             }
+            if let Some(told) = &pass.scripted {
+                self.decide(format!("pass `{}`", pass.name), true, told.clone());
+            }
             let viewport = self.viewport_of(pass, camera).cloned();
             let size = self.target_size(pass.target);
             let rect = rectangle(viewport.as_ref(), size);
@@ -119,6 +122,7 @@ impl Plan {
                     };
                     let params = self.of_fidelity(pass, ray, params);
                     self.explain_camera_start(pass, ray, camera)?;
+                    self.hold_buffers(pass);
                     let work = self.ray_work(&passes, index, params, camera, &mut wanted);
                     self.check_same_scenes(&passes[..index], pass, ray, &work)?;
                     work

@@ -46,8 +46,9 @@ impl Loader {
             let (Some(name), Some(value)) = (item.attribute("name"), item.attribute("value")) else { continue };
             let number = value.text.parse().ok().or_else(|| self.constants.get(&value.text).copied());
             self.renderer_value(item, name, number);
+            self.attributes.declare(item, &name.text, of_pass);
             if let Some(number) = number.filter(|_| of_pass) {
-                self.pass_values.insert(name.text.clone(), number);
+                self.attributes.pass_values.insert(name.text.clone(), number);
             }
         }
     }

@@ -8,15 +8,17 @@
 use super::dom::{Element, Value};
 use super::file;
 use super::loader::Loader;
+use super::order::Facts;
 use super::parameters::Reads;
 use super::passes::PassContext;
 use super::ray::{DEFAULT_MATERIAL, ENTRY_POINT, GEOMETRY, MAP, MATERIAL_MAP, PROGRAM};
 use super::report::{Span, shown, suggest};
 use super::running::RUNNING;
-use super::{CameraStart, MaterialPattern, PassKind, RayPass, handed};
+use super::{CameraStart, ChannelRef, MaterialPattern, Pass, PassKind, RayPass, handed};
 use crate::camera_programs::SurfaceKind;
 use crate::glass::Background;
 use crate::programs::{MOST_SAMPLES, PARAMS, RAY_PROGRAMS, RayParams, RayProgram, RayProgramInfo};
+use std::collections::HashSet;
 use std::f32::consts::PI;
 
 /// Radiance of the light in the tutorials' path tracer, before its `LIGHT_SCALE`, and the light's sides. The factor π is there
@@ -141,6 +143,8 @@ impl Loader {
             return None;
         }
         let (_, _, (surfaces, mut said)) = (maps?, injected?, surfaces?);
+        let linear = self.handed_buffer(element);
+        context.facts.stores(linear.map(|target| ChannelRef { target, channel: 0 }).into_iter());
         said.splice(0..0, why);
         valid.then_some(())?;
         Some(RayPass {
@@ -155,8 +159,40 @@ impl Loader {
             colors,
             glass: Vec::new(),
             shadow_glass: Vec::new(),
-            from_camera: Some(CameraStart { surfaces, lamp, why: said.join("; ") }),
+            from_camera: Some(CameraStart { surfaces, lamp, why: said.join("; "), linear }),
         })
+    }
+
+    /// The buffer that the pass hands to its device programs, which add up colours there before their gamma.
+    fn handed_buffer(&self, pass: &Element) -> Option<usize> {
+        let handed = pass.children_named(handed::GLOBAL).flat_map(|list| &list.children);
+        let is_buffer =
+            |item: &&Element| item.attribute("type").is_some_and(|kind| kind.text.eq_ignore_ascii_case("BUFFER"));
+        handed.filter(is_buffer).find_map(|item| self.libraries.buffer_named(&item.attribute("context")?.text))
+    }
+
+    /// Leaves out the buffers of colours that no pass of the pipeline reads; of the others the size must be that of the pass's target.
+    pub(super) fn check_linear(&mut self, passes: &mut [Pass], facts: &[Facts]) {
+        let read: HashSet<usize> =
+            passes.iter().flat_map(|pass| pass.kind.buffers_read()).map(|channel| channel.target).collect();
+        for (pass, facts) in passes.iter_mut().zip(facts) {
+            let PassKind::Ray(RayPass { from_camera: Some(start), .. }) = &mut pass.kind else { continue };
+            start.linear = start.linear.filter(|buffer| read.contains(buffer));
+            let (Some(buffer), Some(target)) = (start.linear, pass.target) else { continue };
+            let ([width, height], held) = (self.libraries.targets[target].size, &self.libraries.targets[buffer]);
+            let (needed, bytes) = (u64::from(width) * u64::from(height) * 16, held.buffer.unwrap_or_default());
+            if needed != bytes {
+                let message = format!(
+                    "pass `{}` writes {width} x {height} colours of 16 bytes into `{}::{}` of {bytes} bytes",
+                    shown(&pass.name),
+                    held.library,
+                    held.name
+                );
+                self.report.error_help(facts.span, message, || {
+                    format!("valid: {needed} bytes, a vec4 for each pixel of its target")
+                });
+            }
+        }
     }
 
     fn expect_camera_children(&mut self, element: &Element) {
@@ -165,7 +201,7 @@ impl Loader {
         const READ_OVER: &[&str] = &["optixRayTypes", "rtRayTypes"];
         let kinds: Vec<&str> = SurfaceKind::NAMED.iter().map(|(name, _)| *name).collect();
         let values: Vec<&str> =
-            self.pass_values.keys().map(String::as_str).chain(["RAYS_PER_PIXEL", "MAX_DEPTH"]).collect();
+            self.attributes.pass_values.keys().map(String::as_str).chain(["RAYS_PER_PIXEL", "MAX_DEPTH"]).collect();
         let programs = [ENTRY_POINT, DEFAULT_MATERIAL, MATERIAL_MAP, GEOMETRY].concat();
         let valid: Vec<String> = [COMMON, &RUNNING, READ_OVER, handed::ELEMENTS, &programs, &kinds, &values]
             .concat()
@@ -266,7 +302,7 @@ impl Loader {
         if let Some(child) = pass.children_named(&[name]).next() {
             return self.number_of(child, "value");
         }
-        self.pass_values.iter().find(|(known, _)| known.eq_ignore_ascii_case(name)).map(|(_, value)| *value)
+        self.attributes.pass_values.iter().find(|(known, _)| known.eq_ignore_ascii_case(name)).map(|(_, value)| *value)
     }
 
     /// The parameters of a pass of the tutorials.

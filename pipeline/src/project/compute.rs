@@ -1,16 +1,14 @@
 //! Reading compute passes.
 
 use super::ComputePass;
+use super::attributes::MAX_GROUPS;
 use super::dom::Value;
 use super::loader::Loader;
 use super::passes::PassContext;
 use super::report::shown;
-use super::running::{RUNNING, repeats, script};
+use super::running::RUNNING;
 use super::shaders::UsedBy;
 use crate::glsl;
-
-/// Most work groups in one direction: what every device has.
-const MAX_GROUPS: u32 = 65_535;
 
 /// Most invocations of a pass.
 const MAX_INVOCATIONS: u64 = 1 << 28;
@@ -26,13 +24,6 @@ impl Loader {
             return None;
         }
         self.expect_children(element, &[&["material", "lights"][..], &RUNNING].concat());
-        if let Some(test) = element.children_named(&["testScript"]).find(|test| repeats(test)) {
-            let (name, script) = (shown(&context.name), script(test));
-            let message = format!("pass `{name}` runs as often as {script} says, which is not run");
-            self.report.error_help(test.span, message, || "valid: a pass for each time".to_owned());
-            context.facts.stores_unknown();
-            return None;
-        }
         self.no_parameters(context, "compute");
         let Some(found) = self.single(element, &["material"]) else {
             let message = format!("pass `{}` names no material with a compute shader", shown(&context.name));
@@ -67,7 +58,8 @@ impl Loader {
             self.report.error_help(at, message, || "imageStore(…) into a `uniform image2D`".to_owned());
             return None;
         };
-        let groups = groups?;
+        let key = format!("{}#{}", self.pipeline_name, context.name);
+        let groups = self.attributes.set_groups.get(&key).copied().or(groups)?;
         let group = shader.program.compute.as_ref().map_or([1; 3], |compute| compute.group);
         let invocations: u64 = groups.iter().chain(&group).map(|side| u64::from(*side)).product();
         if invocations > MAX_INVOCATIONS {

@@ -48,7 +48,62 @@ impl Loader {
             contents,
             channels: vec![channel],
         });
-        Texture::Channel(Some(ChannelRef { target: self.libraries.targets.len() - 1, channel: 0 }))
+        let channel = ChannelRef { target: self.libraries.targets.len() - 1, channel: 0 };
+        let levels = self.levels(element, element.child_value("mipmap"), [width, height]);
+        if levels > 0 {
+            self.libraries.levels.insert(channel, levels);
+        }
+        Texture::Channel(Some(channel))
+    }
+
+    /// The highest mip level of what `<LEVELS value="…"/>` declares, or of all down to a texel where `mipmap` is true; 0 without either.
+    pub(super) fn levels(&mut self, element: &Element, mipmap: Option<&Value>, size: [u32; 2]) -> u32 {
+        let all = size[0].max(size[1]).max(1).ilog2();
+        if let Some(value) = element.child_value("levels") {
+            let Some(levels) = self.number(value) else { return 0 };
+            if levels.fract() == 0.0 && (0.0..256.0).contains(&levels) {
+                return (levels as u32).min(all);
+            }
+            let message = format!("`{}` is no number of mip levels", value.shown());
+            self.report
+                .error_help(value.span, message, || "valid: 0 to 255, where 0 is the first level alone".to_owned());
+        }
+        let is_on =
+            mipmap.is_some_and(|value| ["true", "yes", "1"].iter().any(|on| value.text.eq_ignore_ascii_case(on)));
+        if is_on { all } else { 0 }
+    }
+
+    /// The target that holds a mip level of a channel, from 1 on. Each side is half of the side before, rounded down, and at least 1.
+    fn level_target(&mut self, channel: ChannelRef, level: u32) -> usize {
+        if let Some(target) = self.libraries.level_targets.get(&(channel, level)) {
+            return *target;
+        }
+        let of = &self.libraries.targets[channel.target];
+        let declared = &of.channels[channel.channel];
+        let name = format!("{}, level {level}", declared.name);
+        let target = RenderTarget {
+            library: of.library.clone(),
+            name: name.clone(),
+            size: of.size.map(|side| (side >> level).max(1)),
+            clear_color: Vec4::ZERO,
+            buffer: None,
+            contents: None,
+            channels: vec![Channel { name, format: declared.format, depth: false }],
+        };
+        self.libraries.targets.push(target);
+        let index = self.libraries.targets.len() - 1;
+        self.libraries.level_targets.insert((channel, level), index);
+        index
+    }
+
+    /// The mip levels of a channel to which earlier passes stored, from 1 on, without gaps; not those to which this shader stores.
+    pub(super) fn levels_stored(&self, channel: ChannelRef, storage: &[Option<Bound>]) -> Vec<ChannelRef> {
+        let held = |level: u32| {
+            let target = *self.libraries.level_targets.get(&(channel, level))?;
+            let own = storage.iter().flatten().any(|bound| bound.target == target);
+            (!own && self.running.stored.contains(&target)).then_some(ChannelRef { target, channel: 0 })
+        };
+        (1..).map_while(held).collect()
     }
 
     /// The files of a cube map, +x, -x, +y, -y, +z, -z: `<cubeMap name="…" filePosX="…" fileNegX="…" … fileNegZ="…"/>`. One that names
@@ -232,11 +287,6 @@ impl Loader {
             self.report.warning(at, message, || Some(help));
             return Some(None);
         };
-        if let Some(level) = &binding.level {
-            let message = format!("`{}` binds level {} of a texture", used.material.name, level.shown());
-            self.report.error_help(level.span, message, || "valid: 0, since such textures have one level".to_owned());
-            return None;
-        }
         let channel = self.find_texture(&binding.name, Some(used.library))?;
         if channel.channel > 0 {
             let name = shown(&self.libraries.channel_name(channel));
@@ -246,7 +296,29 @@ impl Loader {
             self.report.error_help(binding.name.span, message, help);
             return None;
         }
-        Some(Some(Bound { target: channel.target, cleared: binding.cleared }))
+        let key = (format!("{}::{}", self.libraries.get(used.library).name, used.material.name), unit);
+        let given = binding.level.as_ref().map_or(Some(0), |level| level.text.parse().ok());
+        let level = self.attributes.levels.get(&key).copied().or(given);
+        let most = self.libraries.levels.get(&channel).copied().unwrap_or_default();
+        let target = match level {
+            Some(0) => channel.target,
+            Some(level) if level <= most => self.level_target(channel, level),
+            _ => {
+                let shown_level = level
+                    .map_or_else(|| binding.level.as_ref().map_or_else(String::new, Value::shown), |l| l.to_string());
+                let name = shown(&self.libraries.channel_name(channel));
+                let message = format!("material `{}` binds level {shown_level} of `{name}`", used.material.name);
+                let at = binding.level.as_ref().map_or(binding.name.span, |level| level.span);
+                let help = match most {
+                    0 => "valid: 0, since it has one level; <LEVELS value=\"…\"/> in its declaration gives it more"
+                        .to_owned(),
+                    most => format!("valid: 0 to {most}"),
+                };
+                self.report.error_help(at, message, || help);
+                return None;
+            }
+        };
+        Some(Some(Bound { target, cleared: binding.cleared }))
     }
 
     /// The value of a uniform that says how large an image is; `None` for other uniforms.

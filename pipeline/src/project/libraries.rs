@@ -263,6 +263,10 @@ pub(super) struct Libraries {
     pub incomplete: bool,
     /// Render targets of all libraries.
     pub targets: Vec<RenderTarget>,
+    /// The highest mip level of channels that have several.
+    pub levels: HashMap<ChannelRef, u32>,
+    /// By channel and level from 1 on: the targets that hold mip levels to which shaders store.
+    pub level_targets: HashMap<(ChannelRef, u32), usize>,
 }
 
 impl Libraries {
@@ -270,7 +274,15 @@ impl Libraries {
         let mut names = Names::new("material library");
         BUILT_IN.iter().for_each(|name| names.declare_built_in(name));
         let list = BUILT_IN.iter().map(|name| Library::built_in(name)).collect();
-        Self { names, list, files: Vec::new(), incomplete: false, targets: Vec::new() }
+        Self {
+            names,
+            list,
+            files: Vec::new(),
+            incomplete: false,
+            targets: Vec::new(),
+            levels: HashMap::new(),
+            level_targets: HashMap::new(),
+        }
     }
 
     /// A library by its index.
@@ -281,6 +293,16 @@ impl Libraries {
     /// Whether the project has a library of this name.
     pub fn declares(&self, name: &str) -> bool {
         matches!(self.names.find(name), Found::Exact(_))
+    }
+
+    /// The storage buffer that `Library::name` stands for, an index into [`Self::targets`].
+    pub fn buffer_named(&self, text: &str) -> Option<usize> {
+        let (library, name) = text.split_once("::")?;
+        let library = self.list.iter().find(|known| known.name == library.trim())?;
+        let (Found::Exact(index) | Found::OtherCase(index)) = library.buffer_names.find(name.trim()) else {
+            return None;
+        };
+        library.buffer_indices[index]
     }
 
     /// `Library::channel`, as files write it.

@@ -118,7 +118,7 @@ impl Loader {
 
     fn render_target(&mut self, library: &mut Library, element: &Element) {
         const CHILDREN: &[&str] =
-            &["size", "clear", "clear_values", "colors", "depth", "stencil", "depthStencil", "multisampling"];
+            &["size", "clear", "clear_values", "colors", "depth", "stencil", "depthStencil", "multisampling", "levels"];
         self.expect(element, CHILDREN, &["name"]);
         if let Some(multisampling) = self.single(element, &["multisampling"]) {
             let help = || Some("ask for a larger size instead".to_owned());
@@ -198,6 +198,14 @@ impl Loader {
                     None => Texture::Depth,
                 });
             }
+        }
+        let mipmap = element.children_named(&["colors"]).flat_map(|list| list.children_named(&["color"]));
+        let mipmap = mipmap.filter_map(|color| color.attribute("mipmap")).next();
+        let levels = self.levels(element, mipmap, target.as_ref().map_or([1; 2], |target| target.size));
+        if levels > 0 && target.is_some() {
+            let colors = target.iter().flat_map(|target| &target.channels).filter(|channel| !channel.depth);
+            let channels = (0..colors.count()).map(|channel| (ChannelRef { target: index, channel }, levels));
+            self.libraries.levels.extend(channels);
         }
         if let Some(name) = target_name {
             library.target_names.declare(&mut self.report, &name.text, name.span);

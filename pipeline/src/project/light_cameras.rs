@@ -23,13 +23,15 @@ impl Loader {
         for pass in pipeline.children_named(&["pass"]) {
             let Some(own) = pass.attribute("name") else { continue };
             let key = format!("{}#{}", name.text, own.text);
-            self.pass_keys.push(key.clone());
+            self.attributes.pass_keys.push(key.clone());
+            self.announce_groups(&key, pass);
             for child in &pass.children {
                 let Some(value) = child.attribute("value") else { continue };
-                let known = self.pass_values.keys().find(|known| known.eq_ignore_ascii_case(&child.name)).cloned();
+                let known =
+                    self.attributes.pass_values.keys().find(|known| known.eq_ignore_ascii_case(&child.name)).cloned();
                 let number = value.text.parse().ok().or_else(|| self.constants.get(&value.text).copied());
                 if let (Some(known), Some(number)) = (known, number) {
-                    self.given_values.insert((key.clone(), known), number);
+                    self.attributes.given_values.insert((key.clone(), known), number);
                 }
             }
             let draws =
@@ -40,12 +42,6 @@ impl Loader {
                 self.cameras.add(&mut self.report, &name, Some(camera));
             }
         }
-    }
-
-    /// A number of a pass by its name: declared by the pass, or else by the project.
-    pub fn value_of_pass(&self, pass: &str, name: &str) -> Option<f32> {
-        let own = self.given_values.get(&(pass.to_owned(), name.to_owned()));
-        own.or_else(|| self.pass_values.get(name)).copied()
     }
 
     /// Reads a pass of class `depthmap` or `depthmap2`, which draws the depth as seen from the pass's light.
@@ -70,13 +66,13 @@ impl Loader {
         self.check_light(light, at)?;
         let covers = covers?;
         let covered = self.cameras.items[covers].as_ref()?.name.strip_suffix(OF_LIGHT).map(str::to_owned);
-        if covered.is_some_and(|pass| self.pass_keys.contains(&pass)) {
+        if covered.is_some_and(|pass| self.attributes.pass_keys.contains(&pass)) {
             let message = format!("pass `{}` covers the view of another depth map's camera", shown(&context.name));
             let help = || "valid: a <camera> of the project".to_owned();
             self.report.error_help(context.element.span, message, help);
             return None;
         }
-        let distance = |loader: &Self, name: &str| loader.value_of_pass(&key, name);
+        let distance = |loader: &Self, name: &str| loader.attributes.of_pass(&key, name);
         let (from, to) = (distance(self, "FROM"), distance(self, "TO"));
         if let (Some(from), Some(to)) = (from, to)
             && from >= to

@@ -1,8 +1,10 @@
 //! Reads a project file and its material libraries; keeps unresolved contents until all references are resolved.
 
+use super::attributes::Attributes;
 use super::dom::{self, Element, Value};
 use super::libraries::{Libraries, LightExtra, ROOT};
 use super::report::{Names, Report, Span, shown};
+use super::running::Running;
 use super::{Camera, Light, LightCamera, Pipeline, Project, SceneDecl, Viewport, file};
 use crate::color::ColorSpace;
 use crate::diagnostic::Problems;
@@ -20,16 +22,12 @@ pub(super) struct Loader {
     pub folder: file::Folder,
     /// Named constants.
     pub constants: HashMap<String, f32>,
-    /// Named numbers of passes, declared by the project; a pass may override them.
-    pub pass_values: HashMap<String, f32>,
-    /// Values that `<attributes>` declare for shaders.
-    pub renderer_values: HashMap<String, [f32; 4]>,
+    /// Named numbers of passes and of the whole project.
+    pub attributes: Attributes,
+    /// The scripts of the pipeline that is being read.
+    pub running: Running,
     /// By light: properties that only own shaders read.
     pub light_extras: Vec<LightExtra>,
-    /// Numbers that passes declare, by `pipeline#pass` and name.
-    pub given_values: HashMap<(String, String), f32>,
-    /// `pipeline#pass` of each pass.
-    pub pass_keys: Vec<String>,
     /// Cameras of lights.
     pub light_cameras: Vec<LightCamera>,
     /// Name of the pipeline that is being read.
@@ -101,11 +99,9 @@ fn read(path: &Path) -> (Loader, Option<Project>) {
         report: Report::default(),
         folder: file::Folder::of(path),
         constants: HashMap::new(),
-        pass_values: HashMap::new(),
-        renderer_values: HashMap::new(),
+        attributes: Attributes::default(),
+        running: Running::default(),
         light_extras: Vec::new(),
-        given_values: HashMap::new(),
-        pass_keys: Vec::new(),
         light_cameras: Vec::new(),
         pipeline_name: String::new(),
         compiled: HashMap::new(),

@@ -28,6 +28,7 @@
 //! Files are bounded (16 MiB, 64 levels of elements, 65,536 elements), and so is what is reported.
 
 mod assets;
+mod attributes;
 mod buffers;
 mod camera_pass;
 mod cameras;
@@ -55,6 +56,8 @@ mod ray;
 mod report;
 mod running;
 mod scenes;
+#[cfg(feature = "glsl")]
+mod scripts;
 mod shader_values;
 mod shaders;
 mod source;
@@ -444,6 +447,8 @@ pub struct Pass {
     pub target: Option<usize>,
     /// What it clears before it draws.
     pub clears: Clears,
+    /// Which run of the pass this is, and what scripts set for it, in words; `None` of a pass that runs once and for which they set nothing.
+    pub scripted: Option<String>,
     /// Kind and details.
     pub kind: PassKind,
 }
@@ -496,10 +501,20 @@ impl PassKind {
         drawing.iter().map(|map| &*map.shader).chain(self.shader())
     }
 
-    /// The channels of the storage buffers and images to which the pass's shaders store. Several shaders may store to one. The hits of an
-    /// intersection pass are its target.
+    /// The channels of the storage buffers and images to which the pass's shaders store, several maybe to one, and of the buffer that gets the
+    /// colours of its rays. The hits of an intersection pass are its target.
     pub fn buffers_stored(&self) -> impl Iterator<Item = ChannelRef> + '_ {
-        self.shaders().flat_map(OwnShader::buffers_stored)
+        let linear = self.linear().map(|target| ChannelRef { target, channel: 0 });
+        self.shaders().flat_map(OwnShader::buffers_stored).chain(linear)
+    }
+
+    /// The buffer of [`CameraStart::linear`].
+    #[must_use]
+    pub fn linear(&self) -> Option<usize> {
+        match self {
+            Self::Ray(ray) => ray.from_camera.as_ref()?.linear,
+            _ => None,
+        }
     }
 
     /// The channels of the storage buffers and images that the pass's shaders read.
@@ -655,6 +670,9 @@ pub enum ShaderTexture {
     Cube([PathBuf; 6]),
     /// A channel that an earlier pass wrote, or a texture of random numbers.
     Channel(ChannelRef),
+    /// A channel that an earlier pass wrote, and its mip levels from 1 on, to which earlier passes stored. Each side of a level is half of the
+    /// side before, rounded down, and at least 1.
+    Levels(Vec<ChannelRef>),
     /// No texture: reads opaque black, as in OpenGL.
     Nothing,
 }
@@ -666,7 +684,7 @@ impl ShaderTexture {
         match self {
             Self::File(path) => std::slice::from_ref(path),
             Self::Cube(paths) => paths,
-            Self::Material | Self::Channel(_) | Self::Nothing => &[],
+            Self::Material | Self::Channel(_) | Self::Levels(_) | Self::Nothing => &[],
         }
     }
 }
@@ -745,6 +763,9 @@ pub struct CameraStart {
     pub lamp: bool,
     /// Why this program was chosen; empty if the project names it.
     pub why: String,
+    /// The storage buffer that gets the pass's colours as well, an index into [`Project::targets`]: before `gamma`, not rounded to the target's
+    /// format, a vec4 a pixel, the bottom row first. It holds the whole target. `None` where no pass reads it.
+    pub linear: Option<usize>,
 }
 
 /// Traces rays, from a G-buffer or from the camera.
@@ -909,10 +930,16 @@ impl OwnShader {
 
     /// The channels of earlier passes that it samples.
     pub fn sampled(&self) -> impl Iterator<Item = ChannelRef> + '_ {
-        self.textures.iter().filter_map(|texture| match texture {
-            ShaderTexture::Channel(channel) => Some(*channel),
-            ShaderTexture::Material | ShaderTexture::File(_) | ShaderTexture::Cube(_) | ShaderTexture::Nothing => None,
-        })
+        self.textures
+            .iter()
+            .flat_map(|texture| match texture {
+                ShaderTexture::Channel(channel) => std::slice::from_ref(channel),
+                ShaderTexture::Levels(levels) => levels,
+                ShaderTexture::Material | ShaderTexture::File(_) | ShaderTexture::Cube(_) | ShaderTexture::Nothing => {
+                    &[]
+                }
+            })
+            .copied()
     }
 }
 

@@ -5,7 +5,7 @@ use super::libraries::{Binding, Injected, LibraryMaterial};
 use super::loader::Loader;
 use super::order::Facts;
 use super::report::{Found, Names, Span, shown, suggest};
-use super::running::{RUNNING, script};
+use super::running::{RUNNING, Running};
 use super::{ChannelRef, Clears, ColorMap, MaterialPattern, Pass, PassKind, PhongMap, Pipeline, TextureMap};
 use crate::glsl;
 use crate::paths::nearest_help;
@@ -82,23 +82,40 @@ impl Loader {
             None => Some(None),
         };
         let (mut names, mut passes, mut facts) = (Names::new("pass of this pipeline"), Vec::new(), Vec::new());
+        let declared = self.attributes.clone();
         self.pipeline_name = element.attribute("name").map_or_else(String::new, |name| name.text.clone());
         for pass in element.children_named(&["pass"]) {
-            if self.shows_nothing(pass) || !self.runs(pass) {
+            let shows_nothing = self.shows_nothing(pass);
+            if !self.runs(pass) {
                 continue;
             }
-            let name = self.required(pass, "name");
+            let name = self.required(pass, "name").filter(|_| !shows_nothing);
             if let Some(name) = name {
                 names.declare(&mut self.report, &name.text, name.span);
             }
             let name = name.map_or_else(String::new, |name| name.text.clone());
-            let mut context = PassContext { element: pass, facts: Facts::new(&name, pass.span), name, default_camera };
-            passes.extend(self.pass(&mut context));
-            facts.push(context.facts);
+            self.runs_scripts(pass, "preScript");
+            let mut runs = 0;
+            while self.runs_again(pass, runs) {
+                runs += 1;
+                if shows_nothing {
+                    continue;
+                }
+                let (name, facts_of) = (name.clone(), Facts::new(&name, pass.span));
+                let mut context = PassContext { element: pass, facts: facts_of, name, default_camera };
+                let read = self.pass(&mut context);
+                facts.push(context.facts);
+                let Some(mut read) = read else { break };
+                read.scripted = self.told_of_run(pass, runs);
+                passes.push(read);
+            }
+            self.runs_scripts(pass, "postScript");
         }
+        (self.attributes, self.running) = (declared, Running::default());
         if facts.is_empty() {
             self.report.error(element.span, "the pipeline has no <pass>");
         }
+        self.check_linear(&mut passes, &facts);
         self.check_order(&facts);
         debug_assert!(
             self.report.has_errors() || passes.len() == facts.len(),
@@ -122,10 +139,7 @@ impl Loader {
             return false;
         };
         let name = pass.attribute("name").map_or("", |name| &name.text);
-        let scripts: Vec<String> =
-            pass.children_named(&["preScript", "postScript", "testScript"]).map(script).collect();
-        let help = (!scripts.is_empty()).then(|| scripts.join(", "));
-        self.report.warning(pass.span, format!("pass `{}` is left out: {what}", shown(name)), || help);
+        self.report.warning(pass.span, format!("pass `{}` is left out: {what}", shown(name)), || None);
         true
     }
 
@@ -178,7 +192,7 @@ impl Loader {
             _ => Clears::default(),
         };
         let name = context.name.clone();
-        Some(Pass { name, place, viewport: viewport?, target: target?, clears, kind: kind? })
+        Some(Pass { name, place, viewport: viewport?, target: target?, clears, scripted: None, kind: kind? })
     }
 
     /// The render target of a pass.

@@ -1,8 +1,9 @@
-//! When passes run: `<mode>`, and the engine's scripts, which are not run.
+//! When passes run: `<mode>`, and the scripts that run before and after them and say whether, and how often, they run.
 
 use super::dom::Element;
 use super::loader::Loader;
 use super::report::{shown, suggest};
+use std::collections::HashSet;
 
 /// What a pass of any class may hold.
 pub(super) const RUNNING: [&str; 4] = ["mode", "testScript", "preScript", "postScript"];
@@ -12,19 +13,33 @@ const NEVER: &str = "DONT_RUN";
 /// A picture is that of the engine's second frame: whatever runs in one of the first two has run.
 const MODES: [&str; 6] = ["RUN_ALWAYS", "RUN_ONCE", "SKIP_FIRST_FRAME", "RUN_EVEN", "RUN_ODD", NEVER];
 
+/// The classes of passes that a script can repeat.
+const REPEATED: [&str; 2] = ["compute", "quad"];
+
+/// Most runs that the scripts of a pipeline ask for.
+const MAX_RUNS: u32 = 4096;
+
+/// The scripts of a pipeline.
+#[derive(Default)]
+pub(super) struct Running {
+    /// Once one was asked for.
+    #[cfg(feature = "glsl")]
+    pub scripts: Option<super::scripts::Loaded>,
+    /// How often they have let passes run.
+    runs: u32,
+    /// Targets that hold mip levels to which passes have stored.
+    pub stored: HashSet<usize>,
+}
+
+/// Whether a pass is of one of these classes.
+pub(super) fn of_class(pass: &Element, classes: &[&str]) -> bool {
+    pass.attribute("class").is_some_and(|class| classes.iter().any(|name| class.text.eq_ignore_ascii_case(name)))
+}
+
 impl Loader {
-    /// Reads when a pass runs, and warns of its scripts. Returns whether it runs at all.
+    /// Reads when a pass runs: `<mode>`. Returns whether it runs at all.
     pub fn runs(&mut self, pass: &Element) -> bool {
         let name = shown(pass.attribute("name").map_or("", |name| &name.text)).to_string();
-        self.warn_of_scripts(pass, &format!("pass `{name}`"));
-        let is_compute = pass.attribute("class").is_some_and(|class| class.text.eq_ignore_ascii_case("compute"));
-        if let Some(test) = pass.children_named(&["testScript"]).next()
-            && !(is_compute && repeats(test))
-        {
-            let when = if repeats(test) { "as often as" } else { "if" };
-            let message = format!("pass `{name}` runs {when} {} says, which is not run", script(test));
-            self.report.warning(test.span, message, || Some("it runs once".to_owned()));
-        }
         let Some(mode) = self.single(pass, &["mode"]) else { return true };
         let Some(value) = self.required(mode, "value") else { return true };
         if !MODES.iter().any(|mode| value.text.eq_ignore_ascii_case(mode)) {
@@ -39,7 +54,36 @@ impl Loader {
         runs
     }
 
-    /// Warns of scripts that run before and after a pass or a pipeline.
+    /// Whether a pass that has run `before` times runs now, as its script says; without one it runs once.
+    pub fn runs_again(&mut self, pass: &Element, before: u32) -> bool {
+        let Some(test) = pass.children_named(&["testScript"]).next() else { return before == 0 };
+        let (repeats, can_repeat) = (repeats(test), of_class(pass, &REPEATED));
+        if before > 0 && !(repeats && can_repeat) {
+            return false;
+        }
+        let name = shown(pass.attribute("name").map_or("", |name| &name.text)).to_string();
+        if before == 0 && repeats && !can_repeat {
+            let message = format!("pass `{name}` runs as often as {} says: it runs once", script(test));
+            let help = "scripts repeat passes of the classes compute and quad";
+            self.report.warning(test.span, message, || Some(help.to_owned()));
+        }
+        let answer = self.asks_script(pass, test);
+        if before == 0 && answer == Some(false) {
+            let message = format!("pass `{name}` is left out: {} says that it does not run", script(test));
+            self.report.note(test.span, message);
+        }
+        self.running.runs += u32::from(answer == Some(true));
+        if self.running.runs > MAX_RUNS {
+            let message = format!("{} lets pass `{name}` run {before} times, and does not end", script(test));
+            self.report.error_help(test.span, message, || {
+                format!("valid: {MAX_RUNS} runs in a pipeline, all passes together")
+            });
+            return false;
+        }
+        answer == Some(true)
+    }
+
+    /// Warns of scripts that run before and after a pipeline or a pass, and are not run.
     pub fn warn_of_scripts(&mut self, element: &Element, of: &str) {
         for child in element.children_named(&["preScript", "postScript"]) {
             let when = if child.is(&["preScript"]) { "before" } else { "after" };
@@ -47,6 +91,27 @@ impl Loader {
             let help = "what it would change is as the project's files say";
             self.report.warning(child.span, message, || Some(help.to_owned()));
         }
+    }
+}
+
+#[cfg(not(feature = "glsl"))]
+impl Loader {
+    /// Warns of the scripts before or after a pass, which this build does not run.
+    pub fn runs_scripts(&mut self, pass: &Element, when: &'static str) {
+        if when == "preScript" {
+            let name = pass.attribute("name").map_or("", |name| &name.text);
+            self.warn_of_scripts(pass, &format!("pass `{}`", shown(name)));
+        }
+    }
+
+    /// Warns of the script that says whether a pass runs, which this build does not run: the pass does.
+    fn asks_script(&mut self, pass: &Element, test: &Element) -> Option<bool> {
+        let name = pass.attribute("name").map_or("", |name| &name.text);
+        let when = if repeats(test) { "as often as" } else { "if" };
+        let message = format!("pass `{}` runs {when} {} says, which is not run", shown(name), script(test));
+        let help = "it runs once; builds with the feature `glsl` run scripts: cargo build --features glsl";
+        self.report.warning(test.span, message, || Some(help.to_owned()));
+        Some(true)
     }
 }
 

@@ -92,7 +92,7 @@ impl Loader {
         if Self::declared_for(item, "RENDERER")
             && let Some(value) = number.map(|number| [number, 0.0, 0.0, 0.0]).or_else(|| numbers(item))
         {
-            self.renderer_values.insert(name.text.clone(), value);
+            self.attributes.renderer_values.insert(name.text.clone(), value);
         }
     }
 
@@ -123,9 +123,9 @@ impl Loader {
         };
         match kind.text.to_ascii_uppercase().as_str() {
             "RENDERER" if current => {
-                let own = self.renderer_values.get(name).copied().map(glsl::Value::Constant);
+                let own = self.attributes.renderer_values.get(name).copied().map(glsl::Value::Constant);
                 let found = own.or_else(|| find(&MATRICES, name));
-                let declared: Vec<String> = self.renderer_values.keys().cloned().collect();
+                let declared: Vec<String> = self.attributes.renderer_values.keys().cloned().collect();
                 let valid = MATRICES.iter().map(|(name, _)| *name).chain(declared.iter().map(String::as_str));
                 self.found(found, &uniform, "RENDERER", &component, valid.collect())
             }
@@ -170,16 +170,17 @@ impl Loader {
             }
             "PASS" => {
                 let pass = if current { pass.to_owned() } else { context.text.clone() };
-                if !current && !self.pass_keys.contains(&pass) {
+                if !current && !self.attributes.pass_keys.contains(&pass) {
                     let message =
                         format!("the uniform `{uniform}` is of the pass `{}`, which is not there", context.shown());
                     self.report.error_help(context.span, message, || {
-                        suggest(&pass, self.pass_keys.iter().map(String::as_str))
+                        suggest(&pass, self.attributes.pass_keys.iter().map(String::as_str))
                     });
                     return None;
                 }
-                let found = self.value_of_pass(&pass, name).map(|value| glsl::Value::Constant([value, 0.0, 0.0, 0.0]));
-                let declared: Vec<String> = self.pass_values.keys().cloned().collect();
+                let found =
+                    self.attributes.of_pass(&pass, name).map(|value| glsl::Value::Constant([value, 0.0, 0.0, 0.0]));
+                let declared: Vec<String> = self.attributes.pass_values.keys().cloned().collect();
                 self.found(found, &uniform, "PASS", &component, declared.iter().map(String::as_str).collect())
             }
             known if KINDS.contains(&known) => {

@@ -156,8 +156,10 @@ impl Loader {
         }
         self.check_early(&program, files, used)?;
         let storage = self.storage(&program, files[1], &values, used)?;
-        let textures = self.samplers(&program, files, &values, used)?;
+        let textures = self.samplers(&program, files, &values, &storage, used)?;
         self.check_sampled(&program, files, &textures, &storage)?;
+        let stores = program.storage.iter().zip(&storage).filter(|(buffer, _)| buffer.written);
+        self.running.stored.extend(stores.filter_map(|(_, bound)| Some(bound.as_ref()?.target)));
         let own = OwnShader {
             name: format!("{}::{}", self.libraries.get(used.library).name, used.material.name),
             place: {
@@ -196,6 +198,9 @@ impl Loader {
     ) -> Option<()> {
         let stored = |texture: &ShaderTexture| match texture {
             ShaderTexture::Channel(channel) => storage.iter().flatten().any(|bound| bound.target == channel.target),
+            ShaderTexture::Levels(levels) => {
+                levels.iter().any(|level| storage.iter().flatten().any(|bound| bound.target == level.target))
+            }
             _ => false,
         };
         let Some((sampler, _)) = program.samplers.iter().zip(textures).find(|(_, texture)| stored(texture)) else {
@@ -423,6 +428,7 @@ impl Loader {
         program: &Program,
         files: [u32; 2],
         values: &[(ValueOf, glsl::Value)],
+        storage: &[Option<Bound>],
         used: &ShaderUse<'_>,
     ) -> Option<Vec<ShaderTexture>> {
         let mut textures = Some(Vec::new());
@@ -443,12 +449,35 @@ impl Loader {
                 }
             };
             let texture = self.bound(used, unit, sampler.kind);
+            let texture = texture.and_then(|texture| self.with_levels(texture, storage, used));
             textures = textures.zip(texture).map(|(mut textures, texture)| {
                 textures.push(texture);
                 textures
             });
         }
         textures
+    }
+
+    /// A texture with the mip levels to which earlier passes stored.
+    fn with_levels(
+        &mut self,
+        texture: ShaderTexture,
+        storage: &[Option<Bound>],
+        used: &ShaderUse<'_>,
+    ) -> Option<ShaderTexture> {
+        let ShaderTexture::Channel(channel) = texture else { return Some(texture) };
+        let stored = self.levels_stored(channel, storage);
+        if stored.is_empty() {
+            return Some(texture);
+        }
+        if used.by == UsedBy::Scenes {
+            let name = shown(&self.libraries.channel_name(channel));
+            let message =
+                format!("`{name}` has mip levels that passes stored, which passes that draw scenes do not sample");
+            self.report.error_help(used.at, message, || "valid: in quads and compute passes".to_owned());
+            return None;
+        }
+        Some(ShaderTexture::Levels([&[channel][..], &stored].concat()))
     }
 
     /// The texture that is bound to a texture unit.

@@ -100,7 +100,7 @@ impl Common<'_> {
         let mut targets = vec![target("deferred", ["color", "pos", "norm"].map(channel).into())];
         let pass = |name: String, target: Option<usize>, kind: PassKind| {
             let place = format!("pass `{name}` of a project made from scene files");
-            Pass { name, place, viewport: Some(0), target, clears: Clears::default(), kind }
+            Pass { name, place, viewport: Some(0), target, clears: Clears::default(), scripted: None, kind }
         };
         let drawn = RasterPass {
             frusta: Vec::new(),

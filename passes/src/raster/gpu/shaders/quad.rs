@@ -1,13 +1,13 @@
 //! Quads that own shaders fill.
 
-use super::super::device::Gpu;
+use super::super::device::{Gpu, TextureUpload};
 use super::super::faults::failure;
 use super::super::resources;
 use super::super::targets::Staging;
 use super::pipelines::{Groups, Into, Pipelines, QUAD_FORMAT};
 use super::textures::{Sampled, Textures, upload, upload_cube};
 use super::uniforms;
-use curitiba_pipeline::backend::{BackendError, QuadJob, QuadTexture};
+use curitiba_pipeline::backend::{BackendError, MipLevel, QuadJob, QuadTexture};
 use curitiba_pipeline::glsl::{Attribute, Program, Sampler, SamplerKind};
 
 /// Corners of two triangles: in clip space, and where they are in a texture.
@@ -98,7 +98,8 @@ impl Quad {
 /// By sampler: whether it reads its texture unfiltered.
 pub(super) fn unfiltered(program: &Program, textures: &[QuadTexture<'_>], filters: bool) -> Vec<bool> {
     let exact = |(sampler, texture): (&Sampler, &QuadTexture<'_>)| {
-        sampler.kind == SamplerKind::Compared || !filters && matches!(texture, QuadTexture::Channel { .. })
+        sampler.kind == SamplerKind::Compared
+            || !filters && matches!(texture, QuadTexture::Channel { .. } | QuadTexture::Levels(_))
     };
     program.samplers.iter().zip(textures).map(exact).collect()
 }
@@ -198,20 +199,39 @@ pub(super) fn read_storage(gpu: &Gpu, device: &wgpu::Buffer, host: &mut [[f32; 4
 /// What a sampler reads, uploaded: black where that is nothing.
 pub(super) fn channel_texture(gpu: &Gpu, texture: &QuadTexture<'_>, filters: bool) -> Result<Sampled, BackendError> {
     match texture {
-        QuadTexture::Nothing => channel(gpu, [1, 1], &[[0.0, 0.0, 0.0, 1.0]], filters),
+        QuadTexture::Nothing => {
+            channel(gpu, &[MipLevel { width: 1, height: 1, texels: &[[0.0, 0.0, 0.0, 1.0]] }], filters)
+        }
         QuadTexture::Image(image) => upload(gpu, &image.name, &[&image.levels], image.wrap),
         QuadTexture::Cube(images) => upload_cube(gpu, *images),
-        QuadTexture::Channel { width, height, texels } => channel(gpu, [*width, *height], texels, filters),
+        QuadTexture::Channel { width, height, texels } => {
+            channel(gpu, &[MipLevel { width: *width, height: *height, texels }], filters)
+        }
+        QuadTexture::Levels(levels) => channel(gpu, levels, filters),
     }
 }
 
-/// A channel as a texture: the bottom row first.
-fn channel(gpu: &Gpu, [width, height]: [u32; 2], texels: &[[f32; 4]], filters: bool) -> Result<Sampled, BackendError> {
-    let usage = wgpu::TextureUsages::TEXTURE_BINDING | wgpu::TextureUsages::COPY_DST;
-    let texture = resources::texture(gpu, "channel", QUAD_FORMAT, [width, height], usage);
-    gpu.check("upload of a channel")?;
-    let rows: Vec<[f32; 4]> = texels.chunks_exact(width.max(1) as usize).rev().flatten().copied().collect();
-    gpu.fill_texture(&texture, bytemuck::cast_slice(&rows), "upload of a channel")?;
+/// A channel as a texture, with its mip levels: the bottom row first.
+fn channel(gpu: &Gpu, levels: &[MipLevel<'_>], filters: bool) -> Result<Sampled, BackendError> {
+    let doing = "upload of a channel";
+    let [width, height] = levels.first().map_or([1; 2], |level| [level.width, level.height]);
+    let texture = gpu.device.create_texture(&wgpu::TextureDescriptor {
+        label: Some("channel"),
+        size: wgpu::Extent3d { width, height, depth_or_array_layers: 1 },
+        mip_level_count: levels.len() as u32,
+        sample_count: 1,
+        dimension: wgpu::TextureDimension::D2,
+        format: QUAD_FORMAT,
+        usage: wgpu::TextureUsages::TEXTURE_BINDING | wgpu::TextureUsages::COPY_DST,
+        view_formats: &[],
+    });
+    gpu.check(doing)?;
+    let mut upload = TextureUpload::new(gpu, &texture, doing);
+    for (mip_level, level) in (0..).zip(levels) {
+        let rows = level.texels.chunks_exact(level.width.max(1) as usize).rev().flatten();
+        upload.level(0, mip_level, bytemuck::cast_slice(&rows.copied().collect::<Vec<[f32; 4]>>()))?;
+    }
+    upload.end()?;
     let view = texture.create_view(&wgpu::TextureViewDescriptor::default());
     let filter = if filters { wgpu::FilterMode::Linear } else { wgpu::FilterMode::Nearest };
     let sampler = gpu.device.create_sampler(&wgpu::SamplerDescriptor {

@@ -1,0 +1,99 @@
+//! Named numbers of a project: those that `<attributes>` declare for passes and for shaders, those that passes give themselves, and what scripts
+//! make of them, of work groups and of the levels of images.
+
+use super::dom::Element;
+use super::loader::Loader;
+use super::running::{of_class, script};
+use std::collections::HashMap;
+
+/// Most work groups in one direction: what every device has.
+pub(super) const MAX_GROUPS: u32 = 65_535;
+
+/// The attributes of a compute pass that are its work groups.
+pub(super) const GROUPS: [(&str, &str); 3] = [("DIM_X", "dimX"), ("DIM_Y", "dimY"), ("DIM_Z", "dimZ")];
+
+/// What an attribute holds.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[cfg_attr(not(feature = "glsl"), expect(dead_code, reason = "scripts alone ask for it"))]
+pub(super) struct Held {
+    /// How many numbers.
+    pub count: usize,
+    /// Whether they are whole.
+    pub whole: bool,
+}
+
+/// The numbers of a project. A script sets them for the passes that follow in its pipeline.
+#[derive(Debug, Clone, Default)]
+pub(super) struct Attributes {
+    /// Named numbers of passes, declared by the project; a pass may override them.
+    pub pass_values: HashMap<String, f32>,
+    /// Values that `<attributes>` declare for shaders.
+    pub renderer_values: HashMap<String, [f32; 4]>,
+    /// Numbers that passes give, or scripts set, by `pipeline#pass` and name.
+    pub given_values: HashMap<(String, String), f32>,
+    /// `pipeline#pass` of each pass.
+    pub pass_keys: Vec<String>,
+    /// What declared attributes hold, by whether they are of passes, and by name.
+    pub held: HashMap<(bool, String), Held>,
+    /// Work groups of compute passes, by `pipeline#pass`, as their elements say.
+    pub groups: HashMap<String, [u32; 3]>,
+    /// Work groups of compute passes as scripts say.
+    pub set_groups: HashMap<String, [u32; 3]>,
+    /// Mip levels of images, by `Library::material` and unit, where a script set them.
+    pub levels: HashMap<(String, u32), u32>,
+    /// What scripts set since the last run of a pass, for `plan`.
+    pub set: Vec<String>,
+    /// `pipeline#pass` of the pass whose script runs, and `Library::material` of what it names.
+    pub current: (String, Option<String>),
+    /// Levels that materials bind to image units, by `Library::material` and unit.
+    pub bound: HashMap<(String, u32), u32>,
+}
+
+impl Attributes {
+    /// Takes down what an `<attribute>` holds.
+    pub fn declare(&mut self, item: &Element, name: &str, of_pass: bool) {
+        let data = item.attribute("data").map_or("", |data| &data.text).to_ascii_uppercase();
+        let count = data.strip_prefix(['I', 'U', 'B', 'D']).unwrap_or(&data).strip_prefix("VEC");
+        let count = count.and_then(|count| count.parse().ok()).filter(|count| (2..=4).contains(count)).unwrap_or(1);
+        let whole = ["I", "U", "B", "E"].iter().any(|kind| data.starts_with(kind));
+        self.held.insert((of_pass, name.to_owned()), Held { count, whole });
+    }
+
+    /// A number of a pass by its name: declared by the pass or set by a script, or else declared by the project.
+    pub fn of_pass(&self, pass: &str, name: &str) -> Option<f32> {
+        let own = self.given_values.get(&(pass.to_owned(), name.to_owned()));
+        own.or_else(|| self.pass_values.get(name)).copied()
+    }
+}
+
+impl Loader {
+    /// Says which run of a pass this is, and what scripts set for it; `None` of a pass that runs once as its elements say.
+    pub fn told_of_run(&mut self, pass: &Element, run: u32) -> Option<String> {
+        let set = std::mem::take(&mut self.attributes.set);
+        let test = pass.children_named(&["testScript"]).next();
+        if test.is_none() && set.is_empty() {
+            return None;
+        }
+        let run = test.map(|test| format!("run {run}, as {} says", script(test)));
+        Some(
+            run.into_iter()
+                .chain((!set.is_empty()).then(|| format!("set: {}", set.join(", "))))
+                .collect::<Vec<_>>()
+                .join("; "),
+        )
+    }
+
+    /// Takes down the work groups of a compute pass, as far as they are numbers; reading the pass reports what is not.
+    pub fn announce_groups(&mut self, key: &str, pass: &Element) {
+        let Some(material) = pass.children_named(&["material"]).next().filter(|_| of_class(pass, &["compute"])) else {
+            return;
+        };
+        let count = |name: &str| {
+            let text = material.attribute(name)?.text.trim_end_matches(',');
+            let number: f32 = text.parse().ok().or_else(|| self.constants.get(text).copied())?;
+            (1.0..=MAX_GROUPS as f32).contains(&number).then_some(number as u32)
+        };
+        let groups = GROUPS.map(|(_, attribute)| count(attribute).unwrap_or(1));
+        self.attributes.groups.insert(key.to_owned(), groups);
+    }
+}

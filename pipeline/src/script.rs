@@ -1,0 +1,277 @@
+//! Scripts of projects, in Lua 5.3, the language of the engine's. They read and set attributes by `getAttr` and `setAttr`, and exist only while
+//! a project is read: what they decide is written into the passes.
+//!
+//! Scripts are of strangers. They have no files, no clock and no random numbers; instructions ([`INSTRUCTIONS`]), memory ([`MEMORY`]) and
+//! nesting are bounded, and so is the work of an instruction, since the libraries of strings and tables are left out, whose functions do as much
+//! as their arguments say.
+
+use crate::guard;
+use omnilua::{Error, HostHooks, Lua, LuaVersion, Sandbox, SandboxConfig, Table, TripReason, Value, Variadic};
+use std::cell::RefCell;
+use std::collections::BTreeSet;
+use std::rc::Rc;
+
+/// Largest file, bytes.
+pub(crate) const MAX_FILE: u64 = 1 << 18;
+/// Most instructions of the scripts of a pipeline, all runs together.
+const INSTRUCTIONS: u64 = 1_000_000;
+/// Most bytes that the scripts of a pipeline hold.
+const MEMORY: usize = 1 << 19;
+
+/// What of Lua scripts have.
+const KEPT: [&str; 9] = ["assert", "error", "ipairs", "next", "pairs", "select", "tonumber", "tostring", "type"];
+/// What of `math` they do not have: it would decide otherwise each time.
+const RANDOM: [&str; 2] = ["random", "randomseed"];
+/// Functions of the engine that change no picture. They do nothing here.
+const SAVING: [&str; 4] = ["saveTexture", "saveBuffer", "saveProfiler", "screenshot"];
+/// Functions of the engine on buffers, which lie on the device while passes run.
+const BUFFERS: [&str; 2] = ["getBuffer", "setBuffer"];
+
+/// An attribute, as a script names it.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub(crate) struct Asked {
+    /// Kind of the thing whose attribute it is: `PASS`.
+    pub kind: String,
+    /// The thing: `CURRENT` or its name.
+    pub context: String,
+    /// The attribute.
+    pub component: String,
+    /// Which of several things.
+    pub id: i64,
+}
+
+/// The attributes that scripts read and set.
+pub(crate) trait Attributes {
+    /// The numbers of an attribute.
+    ///
+    /// # Errors
+    /// If there is no such attribute, with what is valid.
+    fn get(&self, asked: &Asked) -> Result<Vec<f64>, String>;
+
+    /// Sets an attribute to as many numbers as [`Self::get`] gives.
+    ///
+    /// # Errors
+    /// If scripts cannot set it, or it cannot have these values.
+    fn set(&mut self, asked: &Asked, values: &[f64]) -> Result<(), String>;
+}
+
+/// An error of a script.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub(crate) struct Fault {
+    /// The file, as [`Scripts::load`] was told, and the line, from 1 on. `None` if no line is to blame.
+    pub place: Option<(u32, usize)>,
+    pub message: String,
+}
+
+impl Fault {
+    fn nowhere(message: impl Into<String>) -> Self {
+        Self { place: None, message: message.into() }
+    }
+}
+
+/// The scripts of a pipeline. Files share their global names, as in the engine.
+pub(crate) struct Scripts {
+    lua: Lua,
+    sandbox: Sandbox,
+    left_out: Rc<RefCell<BTreeSet<&'static str>>>,
+}
+
+impl Scripts {
+    /// No script yet, on these attributes.
+    ///
+    /// # Errors
+    /// If the interpreter cannot start.
+    pub fn new<A: Attributes + 'static>(attributes: &Rc<RefCell<A>>) -> Result<Self, Fault> {
+        let started = guard::call("omnilua", || Self::start(attributes));
+        started.map_err(Fault::nowhere)?.map_err(|error| Fault::nowhere(error.to_string()))
+    }
+
+    fn start<A: Attributes + 'static>(attributes: &Rc<RefCell<A>>) -> Result<Self, Error> {
+        let lua = Lua::with_hooks_versioned(HostHooks::default(), LuaVersion::V53)?;
+        let globals = lua.globals();
+        let math: Table = globals.get("math")?;
+        // Strings find their functions by their metatable, whatever the global names are.
+        strip(&globals.get::<_, Table>("string")?, |_| false)?;
+        strip(&math, |name| !RANDOM.contains(&name))?;
+        strip(&globals, |name| KEPT.contains(&name) || name == "math")?;
+        lua.set_capture_tracebacks(true);
+        let left_out = Rc::new(RefCell::new(BTreeSet::new()));
+        for name in SAVING {
+            globals.set(name, nothing(&lua, name, &left_out)?)?;
+        }
+        globals.set("print", lua.create_function(|_, _: Variadic<Value>| Ok(()))?)?;
+        globals.set("io", files(&lua, &left_out)?)?;
+        for name in BUFFERS {
+            let refused = move |_: &Lua, _: Variadic<Value>| -> Result<(), Error> {
+                Err(failed(format!(
+                    "`{name}`: buffers are not there while scripts run, which is before the first pass"
+                )))
+            };
+            globals.set(name, lua.create_function(refused)?)?;
+        }
+        let from = Rc::clone(attributes);
+        let get = lua.create_function(move |_, given: Variadic<Value>| {
+            let (asked, table) = asked("getAttr", &given)?;
+            let values = from.borrow().get(&asked).map_err(failed)?;
+            (1..).zip(values).try_for_each(|(place, value): (i64, f64)| table.set(place, value))
+        })?;
+        globals.set("getAttr", get)?;
+        let into = Rc::clone(attributes);
+        let set = lua.create_function(move |_, given: Variadic<Value>| {
+            let (asked, table) = asked("setAttr", &given)?;
+            let count = into.borrow().get(&asked).map_err(failed)?.len();
+            let values: Option<Vec<f64>> = (1..=count as i64).map(|place| number(&table.get(place).ok()?)).collect();
+            let Some(values) = values else {
+                let what = if count == 1 { "a number".to_owned() } else { format!("{count} numbers") };
+                return Err(failed(format!("`{}` of {} takes a table with {what}", asked.component, asked.kind)));
+            };
+            into.borrow_mut().set(&asked, &values).map_err(failed)
+        })?;
+        globals.set("setAttr", set)?;
+        let sandbox = lua.install_sandbox(SandboxConfig {
+            instruction_limit: Some(INSTRUCTIONS),
+            memory_limit_bytes: Some(MEMORY),
+            check_interval: 1,
+            remove_globals: Vec::new(),
+        })?;
+        Ok(Self { lua, sandbox, left_out })
+    }
+
+    /// Runs a file, which defines functions. `file` is what faults call it.
+    ///
+    /// # Errors
+    /// If it is no Lua, or fails.
+    pub fn load(&self, file: u32, text: &str) -> Result<(), Fault> {
+        self.guarded(|| self.lua.load(text).set_name(format!("={file}")).exec())
+    }
+
+    /// Calls a function without arguments.
+    ///
+    /// # Errors
+    /// If there is none, or it fails.
+    pub fn call(&self, name: &str) -> Result<(), Fault> {
+        self.returned(name).map(drop)
+    }
+
+    /// The answer of a function without arguments.
+    ///
+    /// # Errors
+    /// If there is none, it fails, or its answer is neither true nor false.
+    pub fn test(&self, name: &str) -> Result<bool, Fault> {
+        match self.returned(name)? {
+            Value::Boolean(answer) => Ok(answer),
+            _ => Err(Fault::nowhere(format!("`{name}` returns neither true nor false"))),
+        }
+    }
+
+    fn returned(&self, name: &str) -> Result<Value, Fault> {
+        match self.guarded(|| self.lua.globals().get::<_, Value>(name))? {
+            Value::Function(function) => self.guarded(|| function.call::<_, Value>(())),
+            _ => Err(Fault::nowhere(format!("there is no function `{name}`"))),
+        }
+    }
+
+    /// The functions of the engine that were called and do nothing here, since the last time.
+    pub fn left_out(&self) -> BTreeSet<&'static str> {
+        std::mem::take(&mut self.left_out.borrow_mut())
+    }
+
+    fn guarded<T>(&self, run: impl FnOnce() -> Result<T, Error>) -> Result<T, Fault> {
+        guard::call("omnilua", run).map_err(Fault::nowhere)?.map_err(|error| self.fault(&error))
+    }
+
+    /// The fault of an error, whose message or traceback says the place: `3:12: message`.
+    fn fault(&self, error: &Error) -> Fault {
+        let text = error.to_string();
+        let traceback = error.traceback_lossy().unwrap_or_default();
+        let (mut place, mut message) = match placed(&text) {
+            Some((place, message)) => (Some(place), message.to_owned()),
+            None => (traceback.lines().find_map(|line| Some(placed(line.trim())?.0)), text),
+        };
+        match self.sandbox.tripped() {
+            Some(TripReason::Instructions) => {
+                message = format!("the scripts of the pipeline take more than {INSTRUCTIONS} instructions");
+            }
+            Some(TripReason::Memory) => {
+                message = format!("the scripts of the pipeline hold more than {} KiB", MEMORY >> 10);
+            }
+            None => {}
+        }
+        place = place.filter(|(_, line)| *line > 0);
+        Fault { place, message }
+    }
+}
+
+/// File and line in front of a message, and the message.
+fn placed(text: &str) -> Option<((u32, usize), &str)> {
+    let mut parts = text.splitn(3, ':');
+    let place = (parts.next()?.parse().ok()?, parts.next()?.parse().ok()?);
+    Some((place, parts.next()?.trim()))
+}
+
+/// Removes from a table what is not kept.
+fn strip(table: &Table, kept: impl Fn(&str) -> bool) -> Result<(), Error> {
+    for pair in table.pairs()?.collect::<Vec<_>>() {
+        let (key, _): (Value, Value) = pair?;
+        let name = match &key {
+            Value::String(name) => name.to_str()?,
+            _ => String::new(),
+        };
+        if !kept(&name) {
+            table.set(key, Value::Nil)?;
+        }
+    }
+    Ok(())
+}
+
+/// A function that does nothing, and takes down that it was called.
+fn nothing(
+    lua: &Lua,
+    name: &'static str,
+    left_out: &Rc<RefCell<BTreeSet<&'static str>>>,
+) -> Result<omnilua::Function, Error> {
+    let left_out = Rc::clone(left_out);
+    lua.create_function(move |_, _: Variadic<Value>| {
+        left_out.borrow_mut().insert(name);
+        Ok(())
+    })
+}
+
+/// `io`, of which `open` gives a file that takes what is written and keeps nothing.
+fn files(lua: &Lua, left_out: &Rc<RefCell<BTreeSet<&'static str>>>) -> Result<Table, Error> {
+    let (io, file) = (lua.create_table()?, lua.create_table()?);
+    for name in ["write", "flush", "close"] {
+        file.set(name, nothing(lua, "io.open", left_out)?)?;
+    }
+    io.set("open", lua.create_function(move |_, _: Variadic<Value>| Ok(file.clone()))?)?;
+    Ok(io)
+}
+
+/// The arguments of `getAttr` and `setAttr`.
+fn asked(function: &str, given: &[Value]) -> Result<(Asked, Table), Error> {
+    let text = |value: &Value| match value {
+        Value::String(text) => text.to_str().ok(),
+        _ => None,
+    };
+    if let [kind, context, component, id, Value::Table(table)] = given
+        && let (Some(kind), Some(context), Some(component), Some(id)) =
+            (text(kind), text(context), text(component), number(id))
+    {
+        return Ok((Asked { kind, context, component, id: id as i64 }, table.clone()));
+    }
+    Err(failed(format!(
+        "`{function}` takes a type, a context, a component, an id and a table: {function}(\"PASS\", \"CURRENT\", \"DIM_X\", 0, t)"
+    )))
+}
+
+fn number(value: &Value) -> Option<f64> {
+    match value {
+        Value::Integer(number) => Some(*number as f64),
+        Value::Number(number) => Some(*number),
+        _ => None,
+    }
+}
+
+fn failed(message: String) -> Error {
+    omnilua::LuaError::runtime(format_args!("{message}")).into()
+}
