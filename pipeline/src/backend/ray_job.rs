@@ -78,11 +78,12 @@ pub struct RayJob<'a> {
 
 impl RayJob<'_> {
     /// At which mip level the job reads textures at hits: level 0 unless its program knows ray cones, its parameters ask for them, its
-    /// fidelity is corrected, and its scene has textures.
+    /// fidelity is corrected, its scene has textures, and something shows them: glass, or rays from the camera.
     #[must_use]
     pub fn texture_lod(&self) -> TextureLod {
         let asks = self.fidelity == Fidelity::Corrected
             && !self.scene.textures.is_empty()
+            && (self.from_camera.is_some() || self.glass.contains(&true))
             && self.program.asks_of_cones(&self.params).is_some();
         if asks { self.params.texture_lod } else { TextureLod::Zero }
     }

@@ -1,7 +1,7 @@
 use crate::effects::tests::world::{BACKGROUND, Shot, World, assert_close, grid};
-use curitiba_pipeline::backend::Glow;
+use curitiba_pipeline::backend::{Glow, RayJob};
 use curitiba_pipeline::programs::Fidelity::{Corrected, Thesis};
-use curitiba_pipeline::programs::{RayParams, RayProgram};
+use curitiba_pipeline::programs::{RayParams, RayProgram, TextureLod};
 use curitiba_pipeline::scene::texture::Wrap;
 use glam::{Vec2, Vec3, Vec4};
 
@@ -51,6 +51,25 @@ fn a_mirror_shows_the_texture_where_the_mirrored_ray_meets_it() {
         assert_close(pixel, 0.3 * texel, 2e-6, target);
     }
     assert!((world.scene.textures[0].sample(Vec2::new(0.4, 0.5), 0.0).x - 0.5).abs() > 0.05, "texels are blended");
+}
+
+#[test]
+fn textures_are_filtered_only_where_glass_shows_them() {
+    let mut world = World::lit_along(Vec3::NEG_Z);
+    let glass = world.glass();
+    let picture = world.picture([[255, 0, 0, 255], [0, 0, 255, 255]], None);
+    world.quad(picture, Vec3::ZERO, Vec3::X, Vec3::Y);
+    let shot = Shot::of(&world, Vec3::Z, [Vec3::ZERO]);
+    for (fidelity, is_glass, expected) in [
+        (Corrected, true, TextureLod::Cones),
+        (Corrected, false, TextureLod::Zero),
+        (Thesis, true, TextureLod::Zero),
+    ] {
+        let mut materials = vec![false; world.shades.len()];
+        materials[glass as usize] = is_glass;
+        let job = RayJob { glass: &materials, ..shot.job(PROGRAM, fidelity, RayParams::default()) };
+        assert_eq!(job.texture_lod(), expected, "{fidelity:?}, glass: {is_glass}");
+    }
 }
 
 #[test]
