@@ -1,7 +1,7 @@
 use super::*;
 use crate::camera_programs::CameraParams;
-use crate::raster_effects::{EFFECT_PROGRAMS, EffectParams};
 use crate::glass::{Background, CutoffColor, Dielectric, GlassRule, GlassShadow, PathLimits, Roulette};
+use crate::raster_effects::{EFFECT_PROGRAMS, EffectParams};
 
 #[test]
 fn what_a_program_calls_is_in_its_file() {

@@ -199,7 +199,7 @@ pub(super) fn read_storage(gpu: &Gpu, device: &wgpu::Buffer, host: &mut [[f32; 4
 pub(super) fn channel_texture(gpu: &Gpu, texture: &QuadTexture<'_>, filters: bool) -> Result<Sampled, BackendError> {
     match texture {
         QuadTexture::Nothing => channel(gpu, [1, 1], &[[0.0, 0.0, 0.0, 1.0]], filters),
-        QuadTexture::Image(image) => upload(gpu, &image.name, &[&image.levels], image.wrap),
+        QuadTexture::Image(image) => upload(gpu, &image.name, &[&image.levels], image.sampling),
         QuadTexture::Cube(images) => upload_cube(gpu, *images),
         QuadTexture::Channel { width, height, texels } => channel(gpu, [*width, *height], texels, filters),
     }
