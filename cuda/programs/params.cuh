@@ -163,13 +163,17 @@ struct TextureInfo {
     unsigned height;
     unsigned wrap_u;
     unsigned wrap_v;
+    unsigned nearest;
+    unsigned unused;
 };
-static_assert(sizeof(TextureInfo) == 24, "TextureInfo");
+static_assert(sizeof(TextureInfo) == 32, "TextureInfo");
 static_assert(offsetof(TextureInfo, first) == 0, "TextureInfo::first");
 static_assert(offsetof(TextureInfo, width) == 8, "TextureInfo::width");
 static_assert(offsetof(TextureInfo, height) == 12, "TextureInfo::height");
 static_assert(offsetof(TextureInfo, wrap_u) == 16, "TextureInfo::wrap_u");
 static_assert(offsetof(TextureInfo, wrap_v) == 20, "TextureInfo::wrap_v");
+static_assert(offsetof(TextureInfo, nearest) == 24, "TextureInfo::nearest");
+static_assert(offsetof(TextureInfo, unused) == 28, "TextureInfo::unused");
 
 struct Params {
     const float4 * position;

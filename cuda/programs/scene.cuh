@@ -83,6 +83,8 @@ DEVICE float4 sample_level(const Params &params, const TextureInfo &info, float2
     if (!(isfinite(uv.x) && isfinite(uv.y))) return texel(params, info, decoded, 0, 0);
     float x = share_of_side(uv.x, info.wrap_u) * (float)info.width - 0.5f;
     float y = (1.0f - share_of_side(uv.y, info.wrap_v)) * (float)info.height - 0.5f;
+    // At whole numbers one texel has all of the weight.
+    if (info.nearest) x = floorf(x + 0.5f), y = floorf(y + 0.5f);
     float left = floorf(x), top = floorf(y);
     float fx = x - left, fy = y - top;
     int l = (int)left, t = (int)top;
@@ -128,6 +130,7 @@ DEVICE float4 sample_numbers(const Params &params, unsigned texture, float2 uv, 
         float lod = level_of(info, footprint);
         unsigned fine = (unsigned)lod;
         blend = lod - (float)fine;
+        if (lod > 0.0f) info.nearest = 0u;
         for (unsigned level = 0; level < fine; ++level) info = next_level(info);
     }
     // One text for both levels, which is long.

@@ -129,6 +129,10 @@ shared_structs! {
         wrap_u: u32 = "unsigned",
         /// Wrapping along v.
         wrap_v: u32 = "unsigned",
+        /// Not 0 where the texel that holds the point is read alone while the texture is magnified.
+        nearest: u32 = "unsigned",
+        /// Fills the struct up to the alignment of [`Self::first`].
+        unused: u32 = "unsigned",
     }
 
     /// The parameters of a launch. Addresses of data that the program does not read are 0.

@@ -105,13 +105,14 @@ fn textures(scene: &RenderScene, has_levels: bool) -> (Vec<TextureInfo>, Vec<u8>
     let (mut infos, mut texels) = (Vec::with_capacity(scene.textures.len()), Vec::new());
     for texture in &scene.textures {
         let level = &texture.levels[0];
-        let [wrap_u, wrap_v] = texture.wrap.map(|wrap| match wrap {
+        let [wrap_u, wrap_v] = texture.sampling.wrap.map(|wrap| match wrap {
             Wrap::Repeat => WRAP_REPEAT,
             Wrap::Mirror => WRAP_MIRROR,
             Wrap::Clamp => WRAP_CLAMP,
         });
         let (width, height) = (level.width, level.height);
-        infos.push(TextureInfo { first: texels.len() as u64 / 4, width, height, wrap_u, wrap_v });
+        let nearest = u32::from(texture.sampling.is_nearest());
+        infos.push(TextureInfo { first: texels.len() as u64 / 4, width, height, wrap_u, wrap_v, nearest, unused: 0 });
         let levels = if has_levels { &texture.levels[..] } else { &texture.levels[..1] };
         levels.iter().for_each(|level| texels.extend_from_slice(level.texels.as_flattened()));
     }

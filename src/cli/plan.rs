@@ -73,7 +73,7 @@ fn texture_files(source: &TextureSource) -> Vec<&PathBuf> {
         TextureSource::File(path) => vec![path],
         TextureSource::Masked { color, mask } => vec![color, mask],
         TextureSource::Embedded { .. }
-        | TextureSource::Wrapped { .. }
+        | TextureSource::Sampled { .. }
         | TextureSource::Data { .. }
         | TextureSource::Clear { .. } => Vec::new(),
     }

@@ -1,4 +1,4 @@
-//! Scenes with a sky, and with glass whose transmission has a texture.
+//! Scenes with a sky, and with glass whose transmission has a texture, blended between its texels or not.
 
 use super::conformance::record_of;
 use super::lamps::add_lamps;
@@ -74,8 +74,8 @@ fn glass_under_a_sky(folder: &Path) -> Project {
     project
 }
 
-/// A pane before a wall; two of the four texels of its transmission are 0.
-fn mapped(folder: &Path) -> Project {
+/// A pane before a wall; two of the four texels of its transmission are 0. `filter` is glTF's `magFilter` of the textures of both.
+fn mapped(folder: &Path, filter: u32) -> Project {
     let corners = [[-1.0_f32, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]];
     let positions = corners.iter().flat_map(|[x, y]| [*x, *y, 0.0]);
     let coordinates = corners.iter().flatten().map(|at| 0.5 + 0.5 * at);
@@ -86,17 +86,18 @@ fn mapped(folder: &Path) -> Project {
     write_png(&folder.join("m.png"), &Image { width: 2, height: 2, pixels: texels }).expect("a file");
     let text = r#"{"asset":{"version":"2.0"},"scenes":[{"nodes":[0,1]}],"extensionsUsed":["KHR_materials_transmission"],
 "nodes":[{"mesh":0},{"mesh":1,"translation":[0.3,0.2,-1],"scale":[2,2,1]}],
-"images":[{"uri":"m.png"}],"textures":[{"source":0}],
+"samplers":[{"magFilter":FILTER}],"images":[{"uri":"m.png"}],"textures":[{"source":0,"sampler":0}],
 "materials":[{"name":"pane","doubleSided":true,"pbrMetallicRoughness":{"roughnessFactor":0},"extensions":{"KHR_materials_transmission":{"transmissionFactor":0.9,"transmissionTexture":{"index":0}}}},
-{"name":"wall","doubleSided":true,"pbrMetallicRoughness":{"baseColorFactor":[0.8,0.2,0.1,1]}}],
+{"name":"wall","doubleSided":true,"pbrMetallicRoughness":{"baseColorFactor":[0.8,0.2,0.1,1],"baseColorTexture":{"index":0}}}],
 "meshes":[{"primitives":[{"attributes":{"POSITION":0,"TEXCOORD_0":1},"indices":2,"material":0}]},
 {"primitives":[{"attributes":{"POSITION":0,"TEXCOORD_0":1},"indices":2,"material":1}]}],
 "accessors":[{"bufferView":0,"componentType":5126,"count":4,"type":"VEC3","min":[-1,-1,0],"max":[1,1,0]},
 {"bufferView":1,"componentType":5126,"count":4,"type":"VEC2"},{"bufferView":2,"componentType":5123,"count":6,"type":"SCALAR"}],
 "bufferViews":[{"buffer":0,"byteLength":48},{"buffer":0,"byteOffset":48,"byteLength":32},{"buffer":0,"byteOffset":80,"byteLength":12}],
 "buffers":[{"uri":"m.bin","byteLength":92}]}"#;
-    std::fs::write(folder.join("m.gltf"), text).expect("a file");
-    made(folder, "m.gltf", "shadows,glass")
+    let file = format!("m{filter}.gltf");
+    std::fs::write(folder.join(&file), text.replace("FILTER", &filter.to_string())).expect("a file");
+    made(folder, &file, "shadows,glass")
 }
 
 fn made(folder: &Path, file: &str, effects: &str) -> Project {
@@ -112,11 +113,19 @@ fn agrees(backend: BackendChoice) {
     let (folder, found) = (tempfile::tempdir().expect("a folder"), Arc::new(Mutex::new(Found::default())));
     let skies = under_a_sky(folder.path());
     assert_eq!(skies.scenes[0].sky.len(), 1);
-    for (name, project) in [("sky", skies), ("mapped", mapped(folder.path()))] {
-        record_of(project, backend, name, "Camera", (Fidelity::Corrected, Vec::new()), None, &found);
+    let [blended, nearest] = [9729, 9728].map(|filter| mapped(folder.path(), filter));
+    let zero = &["pass2.texturelod=zero"][..];
+    for (name, project, set) in [
+        ("sky", skies, &[][..]),
+        ("mapped", blended, &[]),
+        ("nearest", nearest.clone(), &[]),
+        ("nearest", nearest, zero),
+    ] {
+        let set = set.iter().map(|one: &&str| (*one).to_owned()).collect();
+        record_of(project, backend, name, "Camera", (Fidelity::Corrected, set), None, &found);
     }
     let found = found.lock().expect("no panic while it was held");
-    assert_eq!(found.records.len(), 2, "a pass did not run");
+    assert_eq!(found.records.len(), 4, "a pass did not run");
     for record in &found.records {
         let words = record.in_words();
         println!("{words}");

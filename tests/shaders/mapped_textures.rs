@@ -28,6 +28,8 @@ fn folder() -> TempDir {
     let texture = image::RgbImage::from_fn(32, 32, |x, y| image::Rgb(QUARTERS[quarter(x, y)]));
     std::fs::create_dir(folder.path().join("images")).expect("a folder");
     texture.save(folder.path().join("images/quarters.png")).expect("written");
+    let few = image::RgbImage::from_fn(2, 2, |x, y| image::Rgb(QUARTERS[(x + 2 * y) as usize]));
+    few.save(folder.path().join("images/few.png")).expect("written");
     write(
         "square.obj",
         "usemtl wall\nvt 0 0\nvt 1 0\nvt 1 1\nvt 0 1\nv -1 -1 0\nv 1 -1 0\nv 1 1 0\nv -1 1 0\nf 1/1 2/2 3/3 4/4\n",
@@ -36,13 +38,16 @@ fn folder() -> TempDir {
     write(
         "l.mlib",
         r#"<materialLib name="L">
-<textures><texture name="Quarters" filename="images\quarters.png" mipmap=true/><texture name="Lost" filename="images/lost.png"/></textures>
+<textures><texture name="Quarters" filename="images\quarters.png" mipmap=true/><texture name="Lost" filename="images/lost.png"/><texture name="Few" filename="images/few.png"/></textures>
 <renderTargets><renderTarget name="target"><SIZE width="64" height="64"/><colors><color name="seen" internalFormat="RGBA32F"/></colors></renderTarget>
 <renderTarget name="buffers"><SIZE width="64" height="64"/><CLEAR_VALUES r="0" g="0" b="0" a="1"/>
 <colors><color name="shaded" internalFormat="RGBA32F"/><color name="pos" internalFormat="RGBA32F"/><color name="norm" internalFormat="RGBA32F"/></colors></renderTarget></renderTargets>
 <materials>
 <material name="quarters"><color><DIFFUSE r="1" g="1" b="1"/></color><textures><texture name="Quarters" UNIT="0"/></textures></material>
 <material name="lost"><color><DIFFUSE r="1" g="1" b="0"/></color><textures><texture name="Lost" UNIT="0"/></textures></material>
+<material name="few"><color><DIFFUSE r="1" g="1" b="1"/></color><textures><texture name="Few" UNIT="0"/></textures></material>
+<material name="nearest"><color><DIFFUSE r="1" g="1" b="1"/></color>
+<textures><texture name="Few" UNIT="0"><MAG_FILTER value="NEAREST"/></texture></textures></material>
 <material name="pane"><color><DIFFUSE r="1" g="0" b="1" a="0"/></color></material>
 <material name="second"><color><DIFFUSE r="1" g="1" b="0"/></color><textures><texture name="Quarters" UNIT="1"/></textures></material>
 </materials></materialLib>"#,
@@ -228,12 +233,36 @@ fn a_grid_shows_less_than_the_whole_texture() {
     }
 }
 
+/// How many colours a picture has.
+fn colors(picture: &Image) -> usize {
+    let bits = picture.pixels.iter().map(|pixel| pixel.map(|channel| (channel * 1e3).round() as i32));
+    bits.collect::<std::collections::BTreeSet<_>>().len()
+}
+
+#[test]
+fn a_magnified_texture_shows_its_nearest_texels_where_a_material_asks_for_them() {
+    let folder = folder();
+    let square = r#"<file name="square.obj"/>"#.to_owned();
+    let behind = format!(r#"{square}<file name="pane.obj"/>"#);
+    let wgpu = has_driver().then_some((By::Raster, &square, RasterChoice::Wgpu));
+    let cpu = [(By::Raster, &square), (By::Rays, &square), (By::Glass, &behind)];
+    for (by, scene, raster) in cpu.map(|(by, scene)| (by, scene, RasterChoice::Cpu)).into_iter().chain(wgpu) {
+        let shown = |material: &str| picture(opened(&project(folder.path(), scene, material, by)), raster);
+        let (nearest, blended) = (shown("nearest"), shown("few"));
+        // The four texels, and what is around the square.
+        assert_eq!(colors(&nearest), 5, "{by:?}, {raster:?}");
+        assert_eq!(seen(&nearest), [RED, GREEN, BLUE, YELLOW], "{by:?}, {raster:?}");
+        assert!(colors(&blended) > 100, "control: {by:?}, {raster:?}: {} colours", colors(&blended));
+    }
+}
+
 #[test]
 fn a_written_project_shows_the_same_texture() {
     let folder = folder();
     let scene = r#"<geometry name="g" type="BOX" material="wall"/>"#;
-    for (name, by) in [("drawn", By::Raster), ("traced", By::Rays)] {
-        let first = opened(&project(folder.path(), scene, "quarters", by));
+    let cases = [("drawn", "quarters", By::Raster), ("traced", "quarters", By::Rays), ("near", "nearest", By::Raster)];
+    for (name, material, by) in cases {
+        let first = opened(&project(folder.path(), scene, material, by));
         let path = folder.path().join(format!("{name}.xml"));
         first.write(&path).expect("written");
         let (first, again) = (picture(first, RasterChoice::Cpu), picture(opened(&path), RasterChoice::Cpu));

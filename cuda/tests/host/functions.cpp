@@ -153,6 +153,25 @@ static void ray_cones() {
     }
 }
 
+// Texture lookups, each with the area that it covers.
+static void lookups() {
+    unsigned width = word(), height = word(), wrap_u = word(), wrap_v = word(), nearest = word();
+    TextureInfo info = {0, width, height, wrap_u, wrap_v, nearest, 0};
+    std::vector<uchar4> texels(word());
+    for (uchar4 &texel : texels) {
+        unsigned codes = word();
+        std::memcpy(&texel, &codes, sizeof codes);
+    }
+    Params params = {};
+    params.textures = &info;
+    params.texels = texels.data();
+    while (place < input.size()) {
+        float u = number(), v = number();
+        float4 color = sample_numbers(params, 0, make_float2(u, v), number());
+        for (float channel : {color.x, color.y, color.z, color.w}) put(channel);
+    }
+}
+
 // What the cone test of a triangle says of rays from an origin (1: stopped, 2: not), and what the watertight test does (4: stopped).
 static void cones() {
     Scene scene(word());
@@ -187,6 +206,7 @@ int main(int count, char **arguments) {
     else if (what == "discs") discs();
     else if (what == "cones") cones();
     else if (what == "ray_cones") ray_cones();
+    else if (what == "lookups") lookups();
     else return 1;
     return write_all();
 }

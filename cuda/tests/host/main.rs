@@ -6,14 +6,15 @@
 mod glass;
 mod lights;
 
+use curitiba_cuda::layout::{WRAP_CLAMP, WRAP_MIRROR, WRAP_REPEAT};
 use curitiba_passes::effects::{
-    Cone, Footprint, RayCone, curvature, fresnel, horizon, is_turned, schlick, way_onto_round,
+    Cone, Footprint, RayCone, TextureArea, curvature, fresnel, horizon, is_turned, schlick, way_onto_round,
 };
 use curitiba_passes::sampling::hash::{dimensions, path_key, pixel_key, unit};
 use curitiba_passes::sampling::hemisphere::{Basis, cosine};
 use curitiba_passes::sampling::owen_sobol::scramble_reversed;
 use curitiba_passes::trace::{Bvh, Hit, Quality, Ray, SurfacePoint, Tracer};
-use curitiba_pipeline::scene::texture::Texture;
+use curitiba_pipeline::scene::texture::{Magnification, Texture, Wrap};
 use curitiba_pipeline::scene::{Batch, Geometry, normal_map};
 use glam::{Vec2, Vec3};
 use std::collections::BTreeMap;
@@ -499,6 +500,58 @@ fn ray_cones_that_differ(program: &Path) -> [usize; 3] {
         }
     }
     [differ, between, all]
+}
+
+/// Texture lookups: how many differ, how many of textures that ask for it read one texel alone, and how many were compared.
+fn lookups_that_differ(program: &Path) -> [usize; 3] {
+    let mut random = Random(17);
+    let (mut differ, mut single, mut all) = (0, 0, 0);
+    let texels: Vec<[u8; 4]> = (0..13 * 6).map(|_| [0; 4].map(|_| (256.0 * random.unit()) as u8)).collect();
+    let wraps = [(Wrap::Repeat, WRAP_REPEAT), (Wrap::Mirror, WRAP_MIRROR), (Wrap::Clamp, WRAP_CLAMP)];
+    let both = wraps.iter().flat_map(|u| wraps.iter().map(move |v| [*u, *v]));
+    let each = both.flat_map(|wraps| [Magnification::Linear, Magnification::Nearest].map(|asked| (wraps, asked)));
+    for ([(u, wrap_u), (v, wrap_v)], magnification) in each {
+        let texture = Texture::new("random".to_owned(), 13, 6, texels.clone());
+        let texture = texture.wrapped([u, v]).magnified(magnification);
+        let stored: Vec<u32> =
+            texture.levels.iter().flat_map(|level| &level.texels).map(|texel| u32::from_le_bytes(*texel)).collect();
+        let nearest = magnification == Magnification::Nearest;
+        let mut input = vec![13, 6, wrap_u, wrap_v, u32::from(nearest), stored.len() as u32];
+        input.extend(&stored);
+        let mut expected = Vec::new();
+        for index in 0..1000 {
+            let uv = 3.0 * random.cube().truncate();
+            // At level 0 without an area and with a small one, and between other levels.
+            let area = [0.0, 0.01 * random.unit() / 78.0, 60.0 * random.unit() / 78.0][index % 3];
+            input.extend([uv.x, uv.y, area].map(f32::to_bits));
+            let color = texture.sample(uv, TextureArea(area).level(&texture));
+            let is_texel = |texel: &[u8; 4]| color.to_array() == texel.map(|code| f32::from(code) / 255.0);
+            single += usize::from(nearest && texels.iter().any(is_texel));
+            expected.push(color.to_array());
+        }
+        for (found, expected) in run(program, "lookups", &input).as_chunks::<4>().0.iter().zip(expected) {
+            differ += usize::from(*found != expected.map(f32::to_bits));
+            all += 1;
+        }
+    }
+    [differ, single, all]
+}
+
+#[test]
+fn texture_lookups_of_the_device_have_the_bits_of_the_processor() {
+    let Some(program) = compiled("lookups", None) else { return };
+    let [differ, single, all] = lookups_that_differ(&program);
+    assert!(differ == 0 && all == 18_000, "{differ} of {all} differ");
+    // Two of three are magnified, and some of the others hardly minified.
+    assert!((6000..6800).contains(&single), "{single} of 9000 read one texel");
+    for (name, change) in [
+        ("lookups-nearest", ["x = floorf(x + 0.5f)", "x = floorf(x)"]),
+        ("lookups-minified", ["if (lod > 0.0f) info.nearest = 0u;", ""]),
+        ("lookups-wrap", ["return twice > 1.0f ? 2.0f - twice : twice;", "return twice;"]),
+    ] {
+        let changed = compiled_with("functions.cpp", name, Some(("scene.cuh", change))).expect("there is a compiler");
+        assert!(lookups_that_differ(&changed)[0] > 0, "{change:?} is not noticed");
+    }
 }
 
 #[test]

@@ -1,16 +1,17 @@
-//! Textures by definition: level 0, bilinear, in `f64`.
+//! Textures by definition: level 0, bilinear or the nearest texel, in `f64`.
 
 use curitiba_pipeline::color::{ColorSpace, DECODED};
 use curitiba_pipeline::scene::texture::{Texture, Wrap};
 use glam::{DVec2, DVec4};
 
-/// The texture's value at `uv`, bilinear between the centres of four texels of level 0 (Vulkan 1.3, section 16.6).
+/// The texture's value at `uv`, bilinear between the centres of four texels of level 0, or that of the texel that holds the point
+/// (Vulkan 1.3, section 16.6).
 /// Coarser levels are not read, because the samples of a pixel filter the texture.
 pub(super) fn texel(texture: &Texture, uv: DVec2) -> DVec4 {
     let level = &texture.levels[0];
     let size = [i64::from(level.width), i64::from(level.height)];
     let fetch = |x: i64, y: i64| {
-        let index = |at: i64, axis: usize| wrapped(texture.wrap[axis], at, size[axis]);
+        let index = |at: i64, axis: usize| wrapped(texture.sampling.wrap[axis], at, size[axis]);
         // v grows upwards, while rows are stored from the top: wrap v first, then turn it into a row.
         let (column, row) = (index(x, 0), size[1] - 1 - index(y, 1));
         let [r, g, b, a] = level.texels[(row * size[0] + column) as usize];
@@ -23,7 +24,11 @@ pub(super) fn texel(texture: &Texture, uv: DVec2) -> DVec4 {
     if !uv.is_finite() {
         return fetch(0, size[1] - 1);
     }
-    let at = uv * DVec2::new(size[0] as f64, size[1] as f64) - 0.5;
+    let scaled = uv * DVec2::new(size[0] as f64, size[1] as f64);
+    if texture.sampling.is_nearest() {
+        return fetch(scaled.x.floor() as i64, scaled.y.floor() as i64);
+    }
+    let at = scaled - 0.5;
     let (corner, share) = (at.floor(), at - at.floor());
     let (x, y) = (corner.x as i64, corner.y as i64);
     let (right, up) = (x.saturating_add(1), y.saturating_add(1));
@@ -47,6 +52,7 @@ fn wrapped(wrap: Wrap, index: i64, count: i64) -> i64 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use curitiba_pipeline::scene::texture::Magnification;
     use glam::Vec2;
 
     /// Compares with the product's sampler in `f32`. The two share only the definition.
@@ -63,6 +69,9 @@ mod tests {
                 assert!(off < 1e-5, "{wrap:?} {uv}: {off}");
                 let upside_down = Vec2::new(uv.x as f32, 1.0 - uv.y as f32);
                 control = control.max((texture.sample(upside_down, 0.0).as_dvec4() - theirs).abs().max_element());
+                let nearest = texture.clone().magnified(Magnification::Nearest);
+                let off = (texel(&nearest, uv) - nearest.sample(uv.as_vec2(), 0.0).as_dvec4()).abs().max_element();
+                assert!(off < 1e-7, "nearest, {wrap:?} {uv}: {off}");
             }
             assert!(control > 0.1, "control: rows from the bottom go unnoticed");
         }

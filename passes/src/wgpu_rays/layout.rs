@@ -22,7 +22,7 @@ pub const SHADE_SKY: u32 = 64;
 /// Words of a material in the tables.
 pub const SHADE_WORDS: u32 = 12;
 /// Words of a texture in the tables.
-pub const TEXTURE_WORDS: u32 = 5;
+pub const TEXTURE_WORDS: u32 = 6;
 /// The texture repeats beyond its border.
 pub const WRAP_REPEAT: u32 = 0;
 /// The texture repeats mirrored.

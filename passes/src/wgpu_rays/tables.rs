@@ -97,7 +97,8 @@ impl Tables {
     }
 }
 
-/// For each texture: index of its first texel, width, height, and wrapping along u and v.
+/// For each texture: index of its first texel, width, height, wrapping along u and v, and whether its nearest texel is read where it is
+/// magnified.
 fn textures(job: &RayJob<'_>, has_levels: bool) -> Vec<u32> {
     let mut first = 0;
     let size = |texture: &Texture| -> [u32; TEXTURE_WORDS as usize] {
@@ -105,12 +106,12 @@ fn textures(job: &RayJob<'_>, has_levels: bool) -> Vec<u32> {
         let place = first;
         let levels = if has_levels { &texture.levels[..] } else { &texture.levels[..1] };
         first += levels.iter().map(|level| level.texels.len() as u32).sum::<u32>();
-        let [u, v] = texture.wrap.map(|wrap| match wrap {
+        let [u, v] = texture.sampling.wrap.map(|wrap| match wrap {
             Wrap::Repeat => WRAP_REPEAT,
             Wrap::Mirror => WRAP_MIRROR,
             Wrap::Clamp => WRAP_CLAMP,
         });
-        [place, level.width, level.height, u, v]
+        [place, level.width, level.height, u, v, u32::from(texture.sampling.is_nearest())]
     };
     job.scene.textures.iter().flat_map(size).collect()
 }

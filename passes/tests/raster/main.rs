@@ -12,6 +12,7 @@ mod effects;
 mod effects_gpu;
 #[cfg(feature = "wgpu")]
 mod gpu;
+mod magnified;
 mod scenes;
 mod spheres;
 #[cfg(feature = "wgpu")]

@@ -3,7 +3,7 @@
 //! A setter makes and checks a new plan; the renderer adopts it when the next frame begins. There is no list of which setter
 //! affects which pass: each pass compares its inputs with those of its last run ([`super::dirty`]).
 
-use super::textures::mapped_files;
+use super::textures::mapped_textures;
 use super::{Observer, RenderError, Renderer, prepare};
 use crate::backend::{Attachments, GBuffer, NO_TRIANGLE};
 use crate::memory::Refused;
@@ -304,7 +304,7 @@ impl Renderer {
             sets
         };
         // The remaining memory at load time is not compared: it does not affect the contents of scenes.
-        let maps_the_same = |set| mapped_files(now, set).eq(mapped_files(next, set));
+        let maps_the_same = |set| mapped_textures(now, set).eq(mapped_textures(next, set));
         now.scene_sets == next.scene_sets
             && same_lines(now, next)
             && now.needs == next.needs

@@ -48,7 +48,7 @@ use crate::memory::{self, Refused};
 use crate::plan::{Instead, Plan, PlanError, PlannedPass, PlannedTarget, ShowingQuad, Work};
 use crate::project::{ChannelRef, PassKind, QuadSource};
 use crate::scene::texture::Texture;
-use crate::scene::{RenderScene, SceneError};
+use crate::scene::{RenderScene, SceneError, TextureSource};
 use engines::of_frame;
 use glam::Vec4;
 use in_place::{DisplayedWindow, Takes};
@@ -114,8 +114,8 @@ struct LoadedScenes {
     dielectrics: Vec<Dielectric>,
     /// Image files that own shaders read, with their indices in the scene's textures.
     images: Vec<(PathBuf, u32)>,
-    /// Image files of the textures that the project maps to materials, with their indices in the scene's textures.
-    mapped: Vec<(PathBuf, u32)>,
+    /// The textures that the project maps to materials, with their indices in the scene's textures.
+    mapped: Vec<(TextureSource, u32)>,
     /// Whether a pass that runs traces rays in the scene.
     structure: bool,
 }

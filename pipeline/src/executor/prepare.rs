@@ -13,9 +13,8 @@ use crate::memory::{self, Refused};
 use crate::plan::{PlannedPass, Traced, Work};
 use crate::programs::{Fidelity, RayParams};
 use crate::project::{CameraStart, ColorMap, MaterialPattern, PassKind, TextureMap};
-use crate::scene::{BuildOptions, LoadOptions, Material, RenderScene, Sphere};
+use crate::scene::{BuildOptions, LoadOptions, Material, RenderScene, Sphere, TextureSource};
 use glam::{DVec3, Vec3, Vec4};
-use std::path::PathBuf;
 use std::sync::Arc;
 use std::time::Instant;
 
@@ -458,8 +457,8 @@ fn in_space(colors: &[ColorMap], space: ColorSpace) -> Vec<ColorMap> {
 }
 
 /// The colours of a material in a pass. A colour map of the project changes the colours but not the shape: alpha cutoffs use the
-/// material's own opacity. `mapped` are the files of mapped textures with their indices.
-fn shade(material: &Material, colors: &[ColorMap], mapped: &[(PathBuf, u32)], corrected: bool) -> Shade {
+/// material's own opacity. `mapped` are the mapped textures with their indices.
+fn shade(material: &Material, colors: &[ColorMap], mapped: &[(TextureSource, u32)], corrected: bool) -> Shade {
     let mut shade = Shade {
         diffuse: material.diffuse,
         emission: material.emission,
@@ -483,10 +482,9 @@ fn shade(material: &Material, colors: &[ColorMap], mapped: &[(PathBuf, u32)], co
             (shade.emission, shade.glow) = (emission, None);
         }
         if map.texture != TextureMap::Kept {
-            shade.texture = match &map.texture {
-                TextureMap::File(path) => mapped.iter().find(|(file, _)| file == path).map(|(_, index)| *index),
-                TextureMap::Kept | TextureMap::Removed => None,
-            };
+            let source = map.texture.source();
+            let found = mapped.iter().find(|(known, _)| Some(known) == source.as_ref());
+            shade.texture = found.map(|(_, index)| *index);
             shade.vertex_colors = false;
             shade.alpha_cutoff = None;
         }
@@ -513,6 +511,8 @@ fn shining(shade: &Shade) -> Shade {
 mod tests {
     use super::*;
     use crate::project::PhongMap;
+    use crate::scene::texture::Magnification;
+    use std::path::PathBuf;
 
     fn cut_out(opacity: f32) -> Material {
         let diffuse = Vec4::new(0.1, 0.2, 0.3, opacity);
@@ -563,12 +563,14 @@ mod tests {
             texture,
         };
         let (read, broken) = (PathBuf::from("read.png"), PathBuf::from("broken.png"));
-        let mapped = [(read.clone(), 9)];
+        let source = |magnification| TextureMap::File(read.clone(), magnification).source().expect("a file");
+        let mapped = [(source(Magnification::Nearest), 8), (source(Magnification::Linear), 9)];
         for (texture, expected) in [
             (TextureMap::Kept, Some(4)),
             (TextureMap::Removed, None),
-            (TextureMap::File(read), Some(9)),
-            (TextureMap::File(broken), None),
+            (TextureMap::File(read.clone(), Magnification::Nearest), Some(8)),
+            (TextureMap::File(read.clone(), Magnification::Linear), Some(9)),
+            (TextureMap::File(broken, Magnification::Linear), None),
         ] {
             let cut = (texture == TextureMap::Kept).then_some(0.25);
             let found = shade(&cut_out(1.0), &[map(texture)], &mapped, true);

@@ -3,9 +3,9 @@
 use super::{RenderError, Renderer, StepKind, channel_of};
 use crate::backend::{BackendError, GBuffer, MipLevel, QuadTexture};
 use crate::plan::{Plan, PlannedPass, Work};
-use crate::project::{ChannelRef, MaterialPattern, OwnShader, PassKind, ShaderTexture, TextureMap};
+use crate::project::{ChannelRef, MaterialPattern, OwnShader, PassKind, ShaderTexture};
 use crate::scene::texture::Texture;
-use crate::scene::{RenderScene, SceneError, image_file, image_files};
+use crate::scene::{RenderScene, SceneError, TextureSource, image_file, image_files};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::Instant;
@@ -44,8 +44,8 @@ fn image_of<'a>(images: &'a [(PathBuf, Texture)], path: &Path) -> Option<&'a Tex
     images.iter().find(|(file, _)| file == path).map(|(_, image)| image)
 }
 
-/// The image files of textures that a scene set's passes map, and to which materials.
-pub(super) fn mapped_files(plan: &Plan, set: usize) -> impl Iterator<Item = (&MaterialPattern, &PathBuf)> {
+/// The textures that a scene set's passes map, and to which materials.
+pub(super) fn mapped_textures(plan: &Plan, set: usize) -> impl Iterator<Item = (&MaterialPattern, TextureSource)> {
     let of_set = move |planned: &&PlannedPass| match planned.work {
         Work::Raster { scene_set, .. } | Work::Rays { scene_set, .. } | Work::Effect { scene_set, .. } => {
             scene_set == set
@@ -53,10 +53,7 @@ pub(super) fn mapped_files(plan: &Plan, set: usize) -> impl Iterator<Item = (&Ma
         Work::Off { .. } | Work::Quad { .. } | Work::Intersection { .. } | Work::Compute => false,
     };
     let maps = plan.passes.iter().filter(of_set).flat_map(|planned| plan.pass(planned).kind.colors());
-    maps.filter_map(|map| match &map.texture {
-        TextureMap::File(file) => Some((&map.to, file)),
-        TextureMap::Kept | TextureMap::Removed => None,
-    })
+    maps.filter_map(|map| Some((&map.to, map.texture.source()?)))
 }
 
 /// Fails unless the images of every cube map of a shader are square and of one size.
@@ -117,29 +114,29 @@ impl Renderer {
         &mut self,
         set: usize,
         scene: &mut Arc<RenderScene>,
-    ) -> Result<Vec<(PathBuf, u32)>, RenderError> {
-        let mut files: Vec<PathBuf> = Vec::new();
-        for (pattern, file) in mapped_files(&self.plan, set) {
+    ) -> Result<Vec<(TextureSource, u32)>, RenderError> {
+        let mut sources: Vec<TextureSource> = Vec::new();
+        for (pattern, source) in mapped_textures(&self.plan, set) {
             let is_used = scene.materials.iter().any(|material| pattern.matches(&material.name));
-            if is_used && !files.contains(file) {
-                files.push(file.clone());
+            if is_used && !sources.contains(&source) {
+                sources.push(source);
             }
         }
-        if files.is_empty() || scene.geometry.texcoords.is_empty() {
+        if sources.is_empty() || scene.geometry.texcoords.is_empty() {
             return Ok(Vec::new());
         }
         let start = Instant::now();
         let (project, space) = (&self.plan.project.path, self.plan.display.space);
         let left = self.plan.settings.max_memory.saturating_sub(self.plan.target_bytes());
-        let decoded = image_files(&files, space, (project, left), &mut self.warnings);
+        let decoded = image_files(&sources, space, (project, left), &mut self.warnings);
         let (textures, indices) =
             decoded.map_err(|error| RenderError::Scene { place: project.display().to_string(), error })?;
         let row = self.timeline.record(StepKind::Load, "textures of materials", start.elapsed());
         row.note = format!("{} textures", textures.len());
         let first = scene.textures.len() as u32;
         Arc::make_mut(scene).textures.extend(textures);
-        let loaded = files.into_iter().zip(indices);
-        Ok(loaded.filter_map(|(file, index)| Some((file, first + index?))).collect())
+        let loaded = sources.into_iter().zip(indices);
+        Ok(loaded.filter_map(|(source, index)| Some((source, first + index?))).collect())
     }
 
     /// Loads the image files that the shader of a quad or compute pass samples, unless they are there.

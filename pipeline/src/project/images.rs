@@ -10,6 +10,7 @@ use super::shaders::ShaderUse;
 use super::{Bound, Channel, ChannelRef, RenderTarget};
 use crate::glsl::{self, StorageBuffer};
 use crate::image::PixelFormat;
+use crate::scene::texture::Magnification;
 use glam::Vec4;
 
 /// Most textures of an array.
@@ -192,7 +193,8 @@ impl Loader {
                     let (unit, text) = (first + index, format!("{}_{index}", name.text));
                     let name = Value { text, joined: None, span: name.span };
                     if kind == 0 {
-                        let binding = Binding { unit, library: None, name, compare: None };
+                        let binding =
+                            Binding { unit, library: None, name, compare: None, magnification: Magnification::Linear };
                         textures.iter_mut().for_each(|textures| textures.push(binding.clone()));
                     } else {
                         let binding = ImageBinding { unit, name, cleared: false, level: None };

@@ -4,6 +4,7 @@ use super::dom::{Element, Value};
 use super::report::{Found, Names, Span};
 use super::{ChannelRef, RenderTarget};
 use crate::glsl::Drawn;
+use crate::scene::texture::Magnification;
 use glam::Vec4;
 use std::collections::HashMap;
 use std::path::PathBuf;
@@ -108,6 +109,8 @@ pub(super) struct Binding {
     pub name: Value,
     /// The element `COMPARE_FUNC`, if present.
     pub compare: Option<Value>,
+    /// The element `MAG_FILTER`; only materials without an own shader are drawn so.
+    pub magnification: Magnification,
 }
 
 /// A buffer that is bound to a binding point.

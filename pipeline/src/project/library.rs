@@ -7,6 +7,7 @@ use super::report::{Found, shown, suggest};
 use super::{Channel, ChannelRef, RenderTarget, file};
 use crate::glsl::{self, Blend, BlendFactor, Drawn, Side};
 use crate::image::PixelFormat;
+use crate::scene::texture::Magnification;
 use glam::Vec4;
 use std::rc::Rc;
 
@@ -19,6 +20,12 @@ const MAX_CHANNELS: usize = 32;
 /// `<COMPARE_FUNC value="…"/>` of a bound texture.
 fn compare(texture: &Element) -> Option<Value> {
     texture.child_value("compare_func").cloned()
+}
+
+/// `<MAG_FILTER value="…"/>` of a bound texture.
+fn magnification(texture: &Element) -> Magnification {
+    let nearest = |value: &Value| value.text.eq_ignore_ascii_case("NEAREST");
+    if texture.child_value("mag_filter").is_some_and(nearest) { Magnification::Nearest } else { Magnification::Linear }
 }
 
 impl Loader {
@@ -337,14 +344,16 @@ impl Loader {
     /// Reads `<texture unit="0" name="…"/>`.
     fn binding(&mut self, element: &Element) -> Option<Binding> {
         let (unit, name) = (self.unit_of(element, "unit"), self.required(element, "name"));
-        Some(Binding { unit: unit?, library: None, name: name?.clone(), compare: compare(element) })
+        let (compare, magnification) = (compare(element), magnification(element));
+        Some(Binding { unit: unit?, library: None, name: name?.clone(), compare, magnification })
     }
 
     /// Reads `<texture name="…" fromLibrary="…" toUnit="1"/>`.
     pub fn injected_texture(&mut self, element: &Element) -> Option<Binding> {
         let (unit, name) = (self.unit_of(element, "toUnit"), self.required(element, "name"));
         let library = self.required(element, "fromLibrary").and_then(|library| self.find_library(library));
-        Some(Binding { unit: unit?, library: Some(library?), name: name?.clone(), compare: compare(element) })
+        let (compare, magnification) = (compare(element), magnification(element));
+        Some(Binding { unit: unit?, library: Some(library?), name: name?.clone(), compare, magnification })
     }
 
     pub fn unit_of(&mut self, element: &Element, attribute: &str) -> Option<u32> {

@@ -78,7 +78,10 @@ use crate::glsl;
 use crate::image::PixelFormat;
 use crate::programs::{Query, RasterProgram, RayParams, RayProgram, Writes};
 use crate::raster_effects::{EffectParams, EffectProgram};
-use crate::scene::{self, BuildOptions, LoadOptions, LoadProgress, Placement, Scene, SceneError, Shape, shapes};
+use crate::scene::texture::{Magnification, Sampling};
+use crate::scene::{
+    self, BuildOptions, LoadOptions, LoadProgress, Placement, Scene, SceneError, Shape, TextureSource, shapes,
+};
 use glam::{DVec3, Vec3, Vec4};
 use report::{Found, Names, shown, suggest};
 use std::path::{Path, PathBuf};
@@ -739,8 +742,21 @@ pub enum TextureMap {
     Kept,
     /// They are removed: a `materialMaps` entry replaces the whole material.
     Removed,
-    /// This image file takes their place.
-    File(PathBuf),
+    /// This image file takes their place, read so where it is magnified.
+    File(PathBuf, Magnification),
+}
+
+impl TextureMap {
+    /// The texture that takes the place of the material's own; `None` where there is none.
+    pub(crate) fn source(&self) -> Option<TextureSource> {
+        match self {
+            Self::File(path, magnification) => {
+                let sampling = Sampling { magnification: *magnification, ..Sampling::default() };
+                Some(TextureSource::File(path.clone()).sampled(sampling))
+            }
+            Self::Kept | Self::Removed => None,
+        }
+    }
 }
 
 /// Further colours of a [`ColorMap`], which only own shaders read. `None` keeps the material's own.

@@ -11,6 +11,7 @@ use crate::glsl;
 use crate::paths::nearest_help;
 use crate::programs::PARAMS;
 use crate::raster_effects::EFFECT_PARAMS;
+use crate::scene::texture::Magnification;
 use std::rc::Rc;
 
 /// Classes of passes.
@@ -409,7 +410,7 @@ impl Loader {
             });
         }
         match file {
-            Some(Ok(file)) => TextureMap::File(file),
+            Some(Ok(file)) => TextureMap::File(file, bound.map_or(Magnification::Linear, |bound| bound.magnification)),
             Some(Err((file, span))) => {
                 let message = format!("cannot read {}: there is no such file", file.display());
                 self.report.warning(span, message, || {

@@ -51,7 +51,10 @@ impl RenderScene {
             hashes.push(parts(format!("{:?}", self.origin).as_bytes()));
         }
         for texture in self.textures.iter().filter(|texture| !texture.repeats()) {
-            hashes.push(parts(format!("{:?}", texture.wrap).as_bytes()));
+            hashes.push(parts(format!("{:?}", texture.sampling.wrap).as_bytes()));
+        }
+        for (index, _) in self.textures.iter().enumerate().filter(|(_, texture)| texture.sampling.is_nearest()) {
+            hashes.push(parts(format!("nearest texels of {index}").as_bytes()));
         }
         let linear = self.textures.iter().map(|texture| texture.space == ColorSpace::Linear);
         if linear.clone().any(|linear| linear) {

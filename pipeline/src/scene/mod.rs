@@ -38,7 +38,7 @@ use crate::diagnostic::Warnings;
 use glam::{DMat4, DVec3, Mat4, Vec2, Vec3, Vec4};
 use reflectance::Reflectance;
 use std::path::PathBuf;
-use texture::{Texture, Wrap};
+use texture::{Sampling, Texture, Wrap};
 
 /// A scene as files describe it: shared meshes, placed by objects.
 #[derive(Debug, Clone, Default)]
@@ -197,12 +197,12 @@ pub enum TextureSource {
         /// The alpha, resampled to the size of the colours.
         mask: PathBuf,
     },
-    /// Another source with wrap modes other than repetition.
-    Wrapped {
+    /// Another source that is read otherwise than by repetition and trilinear filtering.
+    Sampled {
         /// The texels.
         source: Box<TextureSource>,
-        /// Wrap modes along u and v.
-        wrap: [Wrap; 2],
+        /// Wrap modes, and what is read where the texture is magnified.
+        sampling: Sampling,
     },
     /// Another source whose texels are data, not colours (normals, roughness): never decoded from sRGB.
     Data {
@@ -226,7 +226,7 @@ impl TextureSource {
             Self::File(path) => path.display().to_string(),
             Self::Embedded { name, .. } => name.clone(),
             Self::Masked { color, mask } => format!("{} with {}", color.display(), mask.display()),
-            Self::Wrapped { source, .. } | Self::Data { source } => source.name(),
+            Self::Sampled { source, .. } | Self::Data { source } => source.name(),
             Self::Clear { source, .. } => format!("the alpha of {}", source.name()),
         }
     }
@@ -255,19 +255,25 @@ impl TextureSource {
         matches!(self, Self::Data { source } if matches!(**source, Self::Clear { .. }))
     }
 
+    /// This source, read so. It must not be read otherwise already.
+    #[must_use]
+    pub fn sampled(self, sampling: Sampling) -> Self {
+        if sampling == Sampling::default() { self } else { Self::Sampled { source: Box::new(self), sampling } }
+    }
+
     /// This source with other wrap modes.
     #[must_use]
     pub fn wrapped(self, wrap: [Wrap; 2]) -> Self {
-        if wrap == [Wrap::Repeat; 2] { self } else { Self::Wrapped { source: Box::new(self), wrap } }
+        self.sampled(Sampling::wrapped(wrap))
     }
 
-    /// The source of the texels, without its wrappers, and the wrap modes.
+    /// The source of the texels, without its wrappers, and how they are read.
     #[must_use]
-    pub fn texels(&self) -> (&Self, [Wrap; 2]) {
+    pub fn texels(&self) -> (&Self, Sampling) {
         match self {
-            Self::Wrapped { source, wrap } => (source.texels().0, *wrap),
+            Self::Sampled { source, sampling } => (source.texels().0, *sampling),
             Self::Data { source } | Self::Clear { source, .. } => source.texels(),
-            source => (source, [Wrap::Repeat; 2]),
+            source => (source, Sampling::default()),
         }
     }
 }

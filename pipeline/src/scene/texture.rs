@@ -2,7 +2,7 @@
 //!
 //! Texels are used as stored, as in the report's engine, or their colours are decoded from sRGB before filtering
 //! ([`Texture::space`]). `v = 0` is the bottom row, coordinates repeat unless a texture says otherwise, and filtering is trilinear:
-//! bilinear within a mip level, linear between two levels.
+//! bilinear within a mip level, linear between two levels; where the texture is magnified, a texture may ask for its nearest texel.
 
 use crate::color::{self, ColorSpace, DECODED};
 use glam::{Vec2, Vec4};
@@ -103,6 +103,41 @@ impl Wrap {
     }
 }
 
+/// What a lookup reads where the texture is magnified: at a level of detail of 0 or below, where a texel is as large as a pixel or larger.
+/// Lookups at level 0 without a level of their own, such as those of alpha tests, count as magnified.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum Magnification {
+    /// The four texels around the point, blended.
+    #[default]
+    Linear,
+    /// The texel that holds the point: after wrapping, the floor of the coordinate times the size.
+    Nearest,
+}
+
+/// How a texture is read, as the samplers of scene files say.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct Sampling {
+    /// Wrap modes along u and v.
+    pub wrap: [Wrap; 2],
+    /// What a lookup reads where the texture is magnified.
+    pub magnification: Magnification,
+}
+
+impl Sampling {
+    /// Trilinear filtering with these wrap modes along u and v.
+    #[must_use]
+    pub fn wrapped(wrap: [Wrap; 2]) -> Self {
+        Self { wrap, ..Self::default() }
+    }
+
+    /// Whether the nearest texel is read where the texture is magnified.
+    #[must_use]
+    #[inline(always)]
+    pub fn is_nearest(self) -> bool {
+        self.magnification == Magnification::Nearest
+    }
+}
+
 /// Position in a texture, as fractions of its sides, 0..=1.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Place {
@@ -169,8 +204,8 @@ pub struct Texture {
     pub name: String,
     /// Level 0 is the image; each next one halves both sides (rounded down, at least 1) down to 1 x 1.
     pub levels: Vec<Level>,
-    /// Wrap modes along u and v.
-    pub wrap: [Wrap; 2],
+    /// Wrap modes, and what is read where the texture is magnified.
+    pub sampling: Sampling,
     /// How colours are read: as stored, or decoded from sRGB. Alpha is always read as stored.
     pub space: ColorSpace,
 }
@@ -179,14 +214,20 @@ impl Texture {
     /// The texture with other wrap modes.
     #[must_use]
     pub fn wrapped(self, wrap: [Wrap; 2]) -> Self {
-        Self { wrap, ..self }
+        Self { sampling: Sampling { wrap, ..self.sampling }, ..self }
+    }
+
+    /// The texture, read otherwise where it is magnified.
+    #[must_use]
+    pub fn magnified(self, magnification: Magnification) -> Self {
+        Self { sampling: Sampling { magnification, ..self.sampling }, ..self }
     }
 
     /// Whether the texture repeats along both axes.
     #[must_use]
     #[inline(always)]
     pub fn repeats(&self) -> bool {
-        self.wrap == [Wrap::Repeat; 2]
+        self.sampling.wrap == [Wrap::Repeat; 2]
     }
 
     /// The position of `uv` in the texture, by its wrap modes.
@@ -196,7 +237,7 @@ impl Texture {
         if self.repeats() || !uv.is_finite() {
             return Place::of(uv);
         }
-        let [across, along] = self.wrap;
+        let [across, along] = self.sampling.wrap;
         Place { right: across.share(uv.x), down: 1.0 - along.share(uv.y) }
     }
 
@@ -225,7 +266,7 @@ impl Texture {
             (true, ColorSpace::Report) => chain(base, mean_by_alpha),
             (true, ColorSpace::Linear) => chain(base, linear_mean_by_alpha),
         };
-        Self { name, levels, wrap: [Wrap::Repeat; 2], space }
+        Self { name, levels, sampling: Sampling::default(), space }
     }
 
     /// Builds the mip chain of a texture with holes where its alpha is low. Alpha tests read level 0 only, for cameras and rays
@@ -238,7 +279,7 @@ impl Texture {
         Self::build(name, Level { width, height, texels }, true, ColorSpace::Report)
     }
 
-    /// Samples trilinearly at a level of detail; `lod <= 0` reads level 0.
+    /// Samples trilinearly at a level of detail; `lod <= 0` reads level 0, and of [`Magnification::Nearest`] one texel.
     #[must_use]
     #[inline(always)]
     pub fn sample(&self, uv: Vec2, lod: f32) -> Vec4 {
@@ -254,20 +295,23 @@ impl Texture {
         let fine = lod as usize;
         let blend = lod - fine as f32;
         let sample = |level: &Level| match self.space {
-            ColorSpace::Report => self.sample_level::<false>(level, place),
-            ColorSpace::Linear => self.sample_level::<true>(level, place),
+            ColorSpace::Report => self.sample_level::<false>(level, place, lod),
+            ColorSpace::Linear => self.sample_level::<true>(level, place, lod),
         };
         let color = sample(&self.levels[fine]);
         if blend == 0.0 { color } else { color.lerp(sample(&self.levels[fine + 1]), blend) }
     }
 
     #[inline(always)]
-    fn sample_level<const DECODE: bool>(&self, level: &Level, place: Place) -> Vec4 {
-        if self.repeats() {
+    fn sample_level<const DECODE: bool>(&self, level: &Level, place: Place, lod: f32) -> Vec4 {
+        if self.sampling == Sampling::default() {
             return level.sample_at::<DECODE>(place);
         }
-        let [u, v] = self.wrap;
-        level.sample_in::<DECODE>(place, |at, count| u.around(at, count), |at, count| v.around(at, count))
+        let nearest = self.sampling.is_nearest() && lod == 0.0;
+        // At whole numbers one texel has all of the weight. A place is half a texel before the coordinate times the size.
+        let axis = |wrap: Wrap| move |at: f32, count| wrap.around(if nearest { (at + 0.5).floor() } else { at }, count);
+        let [u, v] = self.sampling.wrap;
+        level.sample_in::<DECODE>(place, axis(u), axis(v))
     }
 
     /// Width and height of level 0 in texels.
@@ -378,38 +422,82 @@ fn linear_mean_by_alpha(four: [[u8; 4]; 4]) -> [u8; 4] {
 
 #[cfg(test)]
 mod tests {
-    use super::{ColorSpace, Level, Texture, Wrap, log2};
+    use super::{ColorSpace, Level, Magnification, Texture, Wrap, log2};
     use glam::Vec2;
+
+    /// The texel that stands for one beyond the sides.
+    fn texel(texels: &[u8], wrap: Wrap, index: i64) -> u8 {
+        let count = texels.len() as i64;
+        let index = match wrap {
+            Wrap::Repeat => index.rem_euclid(count),
+            Wrap::Clamp => index.clamp(0, count - 1),
+            Wrap::Mirror => {
+                let twice = index.rem_euclid(2 * count);
+                if twice < count { twice } else { 2 * count - 1 - twice }
+            }
+        };
+        texels[index as usize]
+    }
 
     /// Bilinear filtering by definition: texel centres, and the wrap mode applied to each index (Vulkan 1.3, section 16.6).
     fn expected(texels: &[u8], wrap: Wrap, u: f64) -> f64 {
         let count = texels.len() as i64;
-        let texel = |index: i64| {
-            let index = match wrap {
-                Wrap::Repeat => index.rem_euclid(count),
-                Wrap::Clamp => index.clamp(0, count - 1),
-                Wrap::Mirror => {
-                    let twice = index.rem_euclid(2 * count);
-                    if twice < count { twice } else { 2 * count - 1 - twice }
-                }
-            };
-            f64::from(texels[index as usize]) / 255.0
-        };
+        let texel = |index: i64| f64::from(texel(texels, wrap, index)) / 255.0;
         let at = u * count as f64 - 0.5;
         let before = at.floor();
         let share = at - before;
         texel(before as i64) * (1.0 - share) + texel(before as i64 + 1) * share
     }
 
+    /// A texture of one row, and one of one column, with these values in the order of u or v.
+    fn row_and_column(values: &[u8], wrap: Wrap) -> [Texture; 2] {
+        let row: Vec<[u8; 4]> = values.iter().map(|value| [*value, 0, 0, 255]).collect();
+        let count = values.len() as u32;
+        let across = Texture::new("row".into(), count, 1, row.clone()).wrapped([wrap, Wrap::Clamp]);
+        // The first row is at the top, where v is 1.
+        let column = row.into_iter().rev().collect();
+        [across, Texture::new("column".into(), 1, count, column).wrapped([Wrap::Clamp, wrap])]
+    }
+
+    #[test]
+    fn magnified_textures_that_ask_for_it_show_their_nearest_texel() {
+        let values = [10, 200, 90, 255, 0];
+        for wrap in [Wrap::Repeat, Wrap::Mirror, Wrap::Clamp] {
+            let blended = row_and_column(&values, wrap);
+            let nearest = blended.clone().map(|texture| texture.magnified(Magnification::Nearest));
+            let mut others = 0;
+            // Never at the border of two texels.
+            for step in -400..400 {
+                let u = (f64::from(step) + 0.5) * 0.0078125;
+                let exact = f32::from(texel(&values, wrap, (u * 5.0).floor() as i64)) / 255.0;
+                for (axis, (nearest, blended)) in nearest.iter().zip(&blended).enumerate() {
+                    let uv = if axis == 0 { Vec2::new(u as f32, 0.3) } else { Vec2::new(0.3, u as f32) };
+                    assert_eq!(
+                        [nearest.sample(uv, 0.0).x, nearest.sample(uv, -2.0).x],
+                        [exact; 2],
+                        "{wrap:?} {axis} {u}"
+                    );
+                    assert_eq!(nearest.sample(uv, 0.25), blended.sample(uv, 0.25), "minified textures are blended");
+                    others += usize::from(blended.sample(uv, 0.0).x != exact);
+                }
+            }
+            assert!(others > 200, "control: {others} lookups are others if blended");
+            for texture in nearest {
+                assert_eq!(texture.sample(Vec2::new(f32::NAN, 0.0), 0.0), texture.sample(Vec2::INFINITY, 0.0));
+                assert!(texture.sample(Vec2::new(1e30, -1e30), 0.0).is_finite());
+                // At the sides themselves the texel is one of the texture's.
+                for side in [Vec2::ZERO, Vec2::ONE, -Vec2::ONE] {
+                    assert!(values.iter().any(|value| texture.sample(side, 0.0).x == f32::from(*value) / 255.0));
+                }
+            }
+        }
+    }
+
     #[test]
     fn textures_repeat_mirror_and_clamp_as_vulkan_defines_it() {
         let values = [10, 200, 90, 255, 0];
         for wrap in [Wrap::Repeat, Wrap::Mirror, Wrap::Clamp] {
-            let row: Vec<[u8; 4]> = values.iter().map(|value| [*value, 0, 0, 255]).collect();
-            let across = Texture::new("row".into(), 5, 1, row.clone()).wrapped([wrap, Wrap::Clamp]);
-            // The first row is at the top, where v is 1.
-            let along =
-                Texture::new("column".into(), 1, 5, row.into_iter().rev().collect()).wrapped([Wrap::Clamp, wrap]);
+            let [across, along] = row_and_column(&values, wrap);
             for step in -400..400 {
                 let u = f64::from(step) * 0.0078125;
                 let (uv, vu) = (Vec2::new(u as f32, 0.3), Vec2::new(0.3, u as f32));

@@ -244,7 +244,7 @@ fn gltf_json(uri: &str) -> String {
 "extensions":{{"KHR_materials_transmission":{{"transmissionFactor":0.9}},"KHR_materials_ior":{{"ior":1.4}},"KHR_materials_dispersion":{{"dispersion":0.4}},
 "KHR_materials_volume":{{"thicknessFactor":0.1,"attenuationDistance":2,"attenuationColor":[0.5,1,1]}},
 "KHR_materials_emissive_strength":{{"emissiveStrength":3}}}}}}],
-"textures":[{{"source":0}},{{"source":1,"sampler":0}}],"samplers":[{{"wrapS":33071}}],
+"textures":[{{"source":0}},{{"source":1,"sampler":0}}],"samplers":[{{"wrapS":33071,"magFilter":9728}}],
 "images":[{{"uri":"t.tga"}},{{"bufferView":2,"mimeType":"image/png"}}],
 "accessors":[{{"bufferView":0,"componentType":5126,"count":4,"type":"VEC3"}},
 {{"bufferView":0,"byteOffset":48,"componentType":5126,"count":4,"type":"VEC2"}},

@@ -1,7 +1,7 @@
 //! CBO and NBO files that are built byte by byte.
 
 use crate::scene_support::{Folder, assert_references_are_valid, count, load_capped, load_one, mutations, triangles};
-use curitiba_pipeline::scene::texture::Wrap;
+use curitiba_pipeline::scene::texture::{Magnification, Sampling, Wrap};
 use curitiba_pipeline::scene::{Layout, LoadOptions, Material, Needs, TextureSource, load, write_cbo};
 use glam::{Mat4, Vec2, Vec3, Vec4};
 
@@ -315,7 +315,8 @@ fn what_the_format_cannot_keep_is_counted() {
     scene.objects[0].name = "a".to_owned();
     assert!(write_cbo(&scene, &folder.path("b.cbo"), Layout::Cbo2014).unwrap().is_empty());
     let image = TextureSource::File(folder.png("image.png", 1, 1, [255; 4]));
-    scene.textures = vec![image.wrapped([Wrap::Clamp, Wrap::Repeat])];
+    let sampling = Sampling { wrap: [Wrap::Clamp, Wrap::Repeat], magnification: Magnification::Nearest };
+    scene.textures = vec![image.sampled(sampling)];
     scene.materials[0] = Material {
         texture: Some(0),
         transmission: 0.5,
@@ -333,10 +334,11 @@ fn what_the_format_cannot_keep_is_counted() {
             "materials that send out light of their own",
             "materials that are seen from one side",
             "textures that are clamped or mirrored",
+            "textures that are magnified without blending",
         ] {
             assert_eq!(count(&warnings, lost), 1, "{file}: {lost}");
         }
-        assert_eq!(warnings.groups().len(), 5, "{file}: {:?}", warnings.groups());
+        assert_eq!(warnings.groups().len(), 6, "{file}: {:?}", warnings.groups());
     }
 }
 

@@ -3,7 +3,7 @@
 use crate::scene_support::{Folder, assert_references_are_valid, count, load_capped, load_one, mutations, triangles};
 use curitiba_pipeline::color::ColorSpace;
 use curitiba_pipeline::glass::Reflectance;
-use curitiba_pipeline::scene::texture::Wrap;
+use curitiba_pipeline::scene::texture::{Magnification, Sampling, Wrap};
 use curitiba_pipeline::scene::{
     BuildOptions, Layout, LoadOptions, Needs, RenderScene, Scene, TextureSource, load, write_cbo,
 };
@@ -613,8 +613,8 @@ fn images_in_views_data_and_files_are_found_and_urls_are_warnings() {
     );
     assert!(matches!(&scene.textures[1], TextureSource::File(path) if path.ends_with("maps/a b.png")));
     assert_eq!(count(&scene.warnings, "missing textures"), 2);
-    assert_eq!(scene.textures[0].texels().1, [Wrap::Clamp, Wrap::Repeat]);
-    assert_eq!(scene.textures[2].texels(), (scene.textures[0].texels().0, [Wrap::Repeat; 2]));
+    assert_eq!(scene.textures[0].texels().1.wrap, [Wrap::Clamp, Wrap::Repeat]);
+    assert_eq!(scene.textures[2].texels(), (scene.textures[0].texels().0, Sampling::default()));
     let (built, _) = RenderScene::build(scene, &BuildOptions::default()).unwrap();
     assert_eq!(built.textures[0].levels[0].texels, [[5, 6, 7, 255]]);
 
@@ -1393,21 +1393,20 @@ fn a_blend_whose_picture_is_lost_is_opaque_and_vertex_alpha_is_said_to_be_ignore
 }
 
 #[test]
-fn samplers_that_ask_for_single_texels_are_said_to_be_blended() {
+fn samplers_say_what_is_read_where_textures_are_magnified() {
     let folder = Folder::new();
     folder.png("t.png", 1, 1, [128, 7, 9, 255]);
     let (mut json, binary) = square();
     json["images"] = json!([{"uri": "t.png"}]);
-    json["materials"] = json!([{"pbrMetallicRoughness": {"baseColorTexture": {"index": 0}}}]);
-    let nearest = |samplers: Value, sampler: u32, needs: Needs| {
-        let mut json = json.clone();
-        json["samplers"] = samplers;
-        json["textures"] = json!([{"source": 0, "sampler": sampler}]);
-        let path = folder.write("a.glb", glb(&json, &binary));
-        let scene = load(&[path], &LoadOptions { needs, ..LoadOptions::default() }, &|_| {}).unwrap();
-        count(&scene.warnings, "samplers whose magFilter is NEAREST")
-    };
-    let samplers = json!([{"magFilter": 9728}, {"magFilter": 9729, "minFilter": 9728}, {}]);
-    assert_eq!([0, 1, 2].map(|sampler| nearest(samplers.clone(), sampler, Needs::ALL)), [1, 0, 0]);
-    assert_eq!(nearest(samplers, 0, Needs::NOTHING), 0, "nobody reads it");
+    json["samplers"] = json!([{"magFilter": 9728, "wrapT": 33648}, {"magFilter": 9729, "minFilter": 9728}, {}]);
+    json["textures"] = json!([{"source": 0, "sampler": 0}, {"source": 0, "sampler": 1}, {"source": 0, "sampler": 2}]);
+    json["materials"] =
+        (0..3).map(|index| json!({"pbrMetallicRoughness": {"baseColorTexture": {"index": index}}})).collect();
+    let scene = load_one(&folder.write("a.glb", glb(&json, &binary))).unwrap();
+    assert!(scene.warnings.is_empty(), "{:?}", scene.warnings.groups());
+    let nearest = Sampling { wrap: [Wrap::Repeat, Wrap::Mirror], magnification: Magnification::Nearest };
+    let read = scene.textures.iter().map(|texture| texture.texels().1);
+    assert_eq!(read.collect::<Vec<_>>(), [nearest, Sampling::default()], "two of the three are alike");
+    // Its alpha, as what lets light through, is read in the same way.
+    assert_eq!(scene.textures[0].clone().clear(65_535).texels().1, nearest);
 }

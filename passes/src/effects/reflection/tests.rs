@@ -1,8 +1,8 @@
 use crate::effects::tests::world::{BACKGROUND, Shot, World, assert_close, grid};
-use curitiba_pipeline::backend::{Glow, RayJob};
+use curitiba_pipeline::backend::{Glow, PixelCone, RayJob};
 use curitiba_pipeline::programs::Fidelity::{Corrected, Thesis};
 use curitiba_pipeline::programs::{RayParams, RayProgram, TextureLod};
-use curitiba_pipeline::scene::texture::Wrap;
+use curitiba_pipeline::scene::texture::{Magnification, Wrap};
 use glam::{Vec2, Vec3, Vec4};
 
 const PROGRAM: RayProgram = RayProgram::Reflection;
@@ -60,11 +60,9 @@ fn textures_are_filtered_only_where_glass_shows_them() {
     let picture = world.picture([[255, 0, 0, 255], [0, 0, 255, 255]], None);
     world.quad(picture, Vec3::ZERO, Vec3::X, Vec3::Y);
     let shot = Shot::of(&world, Vec3::Z, [Vec3::ZERO]);
-    for (fidelity, is_glass, expected) in [
-        (Corrected, true, TextureLod::Cones),
-        (Corrected, false, TextureLod::Zero),
-        (Thesis, true, TextureLod::Zero),
-    ] {
+    for (fidelity, is_glass, expected) in
+        [(Corrected, true, TextureLod::Cones), (Corrected, false, TextureLod::Zero), (Thesis, true, TextureLod::Zero)]
+    {
         let mut materials = vec![false; world.shades.len()];
         materials[glass as usize] = is_glass;
         let job = RayJob { glass: &materials, ..shot.job(PROGRAM, fidelity, RayParams::default()) };
@@ -177,6 +175,41 @@ fn a_mirror_shows_light_that_surfaces_send_out_and_textures_that_are_clamped() {
         let blue = ((u - 0.25) / 0.5).clamp(0.0, 1.0);
         let texel = Vec3::new(1.0 - blue, 0.0, blue);
         assert_close(pixel, (0.3 + color) * texel, 4e-6, target);
+    }
+}
+
+#[test]
+fn a_mirror_shows_the_nearest_texels_of_a_magnified_texture_that_asks_for_them() {
+    for (texture_lod, magnification) in [
+        (TextureLod::Zero, Magnification::Nearest),
+        (TextureLod::Cones, Magnification::Nearest),
+        (TextureLod::Cones, Magnification::Linear),
+    ] {
+        let mut world = World::lit_along(Vec3::NEG_Z);
+        let glass = world.glass();
+        let colors = [Vec3::new(1.0, 0.0, 0.2), Vec3::new(0.0, 0.4, 1.0)];
+        let picture =
+            world.picture(colors.map(|color| (255.0 * color).extend(255.0).to_array().map(|c| c as u8)), None);
+        let texture = world.scene.textures.remove(0).magnified(magnification);
+        world.scene.textures.push(texture);
+        world.quad(glass, Vec3::ZERO, Vec3::X, Vec3::Y);
+        world.quad(picture, Vec3::new(0.0, 0.0, 6.0), Vec3::X * 5.0, Vec3::NEG_Y * 5.0);
+        world.scene.geometry.texcoords.iter_mut().for_each(|texcoord| *texcoord *= 3.0);
+        let eye = Vec3::new(0.1, 0.0, 3.0);
+        let targets: Vec<Vec3> = (0..60).map(|at| Vec3::new(at as f32 / 31.0 - 0.97, 0.013, 0.0)).collect();
+        let mut shot = Shot::of(&world, eye, targets.clone());
+        shot.cone = PixelCone { width: 0.0, spread: 0.01 };
+        let (pixels, _) = shot.run(PROGRAM, Corrected, RayParams { texture_lod, ..RayParams::default() });
+        let is_texel = |(target, pixel): (&Vec3, &[f32; 4])| {
+            let met = *target + (*target - eye) * Vec3::new(1.0, 1.0, -1.0) * (6.0 / (eye.z - target.z));
+            let texel = (2.0 * 3.0 * (0.5 + met.x / 10.0)).floor() as usize % 2;
+            Vec3::from_slice(pixel).distance(0.3 * colors[texel]) < 1e-6
+        };
+        let texels = targets.iter().zip(&pixels).filter(|seen| is_texel(*seen)).count();
+        match magnification {
+            Magnification::Nearest => assert_eq!(texels, 60, "{texture_lod:?}"),
+            Magnification::Linear => assert!(texels < 10, "control: {texels} pixels show one texel"),
+        }
     }
 }
 

@@ -29,7 +29,7 @@ const DEFAULTS: RayParams = RayParams {
     sun: 0.0,
     sun_samples: 16,
     filter: 0,
-    texture_lod: TextureLod::Zero,
+    texture_lod: TextureLod::Cones,
     first_sun: 0,
     camera: CameraParams::DEFAULT,
 };

@@ -5,7 +5,7 @@ use super::planes::PlaneProgram;
 use super::shader::{DrawUniform, FrameUniform, LIGHTS_BYTES, Variant};
 use super::targets::{DEPTH_FORMAT, Stored};
 use curitiba_pipeline::backend::BackendError;
-use curitiba_pipeline::scene::texture::Wrap;
+use curitiba_pipeline::scene::texture::{Magnification, Sampling, Wrap};
 use std::collections::HashMap;
 use std::collections::hash_map::Entry;
 use std::num::NonZeroU64;
@@ -60,7 +60,7 @@ impl Layouts {
                 fragment(1, wgpu::BindingType::Sampler(wgpu::SamplerBindingType::Filtering)),
             ],
         });
-        let trilinear = trilinear(device, [Wrap::Repeat; 2]);
+        let trilinear = trilinear(device, Sampling::default());
         let layout = |groups: &[Option<&wgpu::BindGroupLayout>]| {
             let descriptor = wgpu::PipelineLayoutDescriptor {
                 label: Some("gbuffer"),
@@ -118,9 +118,9 @@ fn storage(binding: u32, visibility: wgpu::ShaderStages) -> wgpu::BindGroupLayou
     }
 }
 
-/// A sampler that is linear within a level and between two levels.
-pub(super) fn trilinear(device: &wgpu::Device, wrap: [Wrap; 2]) -> wgpu::Sampler {
-    let [address_mode_u, address_mode_v] = wrap.map(|wrap| match wrap {
+/// A sampler that is linear within a level and between two levels, unless the texture is magnified and asks for its nearest texel.
+pub(super) fn trilinear(device: &wgpu::Device, sampling: Sampling) -> wgpu::Sampler {
+    let [address_mode_u, address_mode_v] = sampling.wrap.map(|wrap| match wrap {
         Wrap::Repeat => wgpu::AddressMode::Repeat,
         Wrap::Mirror => wgpu::AddressMode::MirrorRepeat,
         Wrap::Clamp => wgpu::AddressMode::ClampToEdge,
@@ -129,7 +129,10 @@ pub(super) fn trilinear(device: &wgpu::Device, wrap: [Wrap; 2]) -> wgpu::Sampler
         label: Some("trilinear"),
         address_mode_u,
         address_mode_v,
-        mag_filter: wgpu::FilterMode::Linear,
+        mag_filter: match sampling.magnification {
+            Magnification::Linear => wgpu::FilterMode::Linear,
+            Magnification::Nearest => wgpu::FilterMode::Nearest,
+        },
         min_filter: wgpu::FilterMode::Linear,
         mipmap_filter: wgpu::MipmapFilterMode::Linear,
         ..Default::default()

@@ -6,7 +6,7 @@ use super::pipelines::{Layouts, trilinear};
 use curitiba_pipeline::backend::BackendError;
 use curitiba_pipeline::color::ColorSpace;
 use curitiba_pipeline::scene::RenderScene;
-use curitiba_pipeline::scene::texture::Texture;
+use curitiba_pipeline::scene::texture::{Sampling, Texture};
 
 /// The textures of a scene that have been uploaded so far, by their index in the scene.
 #[derive(Debug, Default)]
@@ -90,7 +90,7 @@ fn upload(gpu: &Gpu, layouts: &Layouts, source: &Texture) -> Result<wgpu::BindGr
     }
     upload.end()?;
     let view = texture.create_view(&wgpu::TextureViewDescriptor::default());
-    let own = (!source.repeats()).then(|| trilinear(&gpu.device, source.wrap));
+    let own = (source.sampling != Sampling::default()).then(|| trilinear(&gpu.device, source.sampling));
     let sampler = own.as_ref().unwrap_or(&layouts.trilinear);
     let binding = gpu.device.create_bind_group(&wgpu::BindGroupDescriptor {
         label: Some(&source.name),

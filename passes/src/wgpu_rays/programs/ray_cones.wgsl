@@ -71,6 +71,7 @@ fn sample_levels(image: Texture, uv: vec2f, footprint: f32) -> vec4f {
     var fine = image;
     var blend = 0.0;
     if area > 1.0 {
+        fine.nearest = 0u;
         let last = f32(firstLeadingBit(max(image.width, image.height)));
         let lod = min(0.5 * log2(area), last);
         for (var level = 0u; level < u32(lod); level += 1u) { fine = next_level(fine); }

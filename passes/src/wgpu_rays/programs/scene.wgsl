@@ -44,11 +44,12 @@ fn four_between(first: u32, hit: Hit) -> vec4f {
 }
 fn vertex_color(hit: Hit) -> vec4f { return four_between(params.colors_at, hit); }
 
-// Level 0 of a texture; where there are others, they follow it.
-struct Texture { first: u32, width: u32, height: u32, wrap_u: u32, wrap_v: u32, decoded_at: u32 }
+// Level 0 of a texture; where there are others, they follow it. `nearest` is not 0 where the texel that holds the point is read alone.
+struct Texture { first: u32, width: u32, height: u32, wrap_u: u32, wrap_v: u32, nearest: u32, decoded_at: u32 }
 fn texture_of(index: u32) -> Texture {
     let place = params.textures_at + TEXTURE_WORDS * index;
-    return Texture(tables[place], tables[place + 1u], tables[place + 2u], tables[place + 3u], tables[place + 4u], params.decoded_at);
+    let wrap_u = tables[place + 3u]; let wrap_v = tables[place + 4u];
+    return Texture(tables[place], tables[place + 1u], tables[place + 2u], wrap_u, wrap_v, tables[place + 5u], params.decoded_at);
 }
 // The index of the texel that replaces one beyond the border: the texel from the other side (repeat), or the one at the border.
 fn beyond(x: i32, size: i32, wrap: u32) -> i32 {
@@ -94,6 +95,11 @@ fn sample_level(image: Texture, uv: vec2f) -> vec4f {
     if !(is_finite(uv.x) && is_finite(uv.y)) {
         x = 0.0;
         y = 0.0;
+    }
+    // At whole numbers one texel has all of the weight.
+    if image.nearest != 0u {
+        x = floor(x + 0.5);
+        y = floor(y + 0.5);
     }
     let left = floor(x); let top = floor(y);
     let fx = x - left; let fy = y - top;

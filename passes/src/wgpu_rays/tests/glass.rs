@@ -12,8 +12,8 @@ use curitiba_pipeline::color::ColorSpace;
 use curitiba_pipeline::glass::{
     CutoffColor, Dielectric, GlassRule, GlassShadow, PathLimits, Reflectance, Roulette, Shape,
 };
-use curitiba_pipeline::programs::{Fidelity, Fresnel, RayParams, RayProgram};
-use curitiba_pipeline::scene::texture::{Texture, Wrap};
+use curitiba_pipeline::programs::{Fidelity, Fresnel, RayParams, RayProgram, TextureLod};
+use curitiba_pipeline::scene::texture::{Magnification, Texture, Wrap};
 use curitiba_pipeline::scene::{RenderScene, TriangleRanges};
 use glam::Vec3;
 use std::sync::Arc;
@@ -338,6 +338,38 @@ fn the_camera_may_be_in_a_body() {
     let outside = World { dielectrics: vec![solid(1.33), solid(1.0)], ..world };
     let Some([other, _]) = both(&outside, Vec3::new(0.1, 0.2, 1.5), RayProgram::Refraction, params) else { return };
     assert!(differing(&other, &expected, 0.01) > 10 * FEW, "absorption is seen");
+}
+
+#[test]
+fn mirrors_show_the_nearest_texels_of_magnified_textures_that_ask_for_them() {
+    let pictures = |magnification, texture_lod| {
+        let mut world = World::lit_along(Vec3::new(-0.3, -0.5, -1.0));
+        for (wrap, x) in [([Wrap::Repeat; 2], -1.0), ([Wrap::Clamp; 2], 0.0), ([Wrap::Mirror; 2], 1.0)] {
+            let material = world.picture([[255, 30, 60, 255], [20, 90, 250, 255]], None);
+            let texture = world.scene.textures.pop().expect("just made").wrapped(wrap).magnified(magnification);
+            world.scene.textures.push(texture);
+            let first = world.scene.geometry.texcoords.len();
+            world.quad(material, Vec3::new(x, 0.0, 8.0), Vec3::X * 0.45, Vec3::Y * 1.5);
+            world.scene.geometry.texcoords[first..].iter_mut().for_each(|uv| *uv = *uv * 3.0 - 1.0);
+        }
+        let mirror = world.glass();
+        world.quad(mirror, Vec3::ZERO, Vec3::X * 3.0, Vec3::Y * 3.0);
+        let params = RayParams { texture_lod, ..RayParams::default() };
+        both(&world, Vec3::new(0.0, 0.0, 5.0), RayProgram::Reflection, params)
+    };
+    let colors = |picture: &[[f32; 4]]| {
+        let rounded = picture.iter().map(|pixel| pixel.map(|channel| (channel * 1e4).round() as i32));
+        rounded.collect::<std::collections::BTreeSet<_>>().len()
+    };
+    for texture_lod in [TextureLod::Zero, TextureLod::Cones] {
+        let Some([found, expected]) = pictures(Magnification::Nearest, texture_lod) else { return };
+        // Where the border of two texels passes through a pixel's centre, the last bit decides.
+        let off = differing(&found, &expected, 1e-5);
+        assert!(off <= FEW, "{texture_lod:?}: {off} pixels are off");
+        assert_eq!([&found, &expected].map(|picture| colors(picture)), [3; 2], "two texels, and what is around");
+        let Some([blended, _]) = pictures(Magnification::Linear, texture_lod) else { return };
+        assert!(colors(&blended) > 30, "control: {} colours", colors(&blended));
+    }
 }
 
 #[test]

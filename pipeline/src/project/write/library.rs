@@ -4,6 +4,7 @@ use super::xml::Xml;
 use super::{WriteError, color, relative};
 use crate::programs::{QUAD_PROGRAMS, RASTER_PROGRAMS};
 use crate::project::{ChannelRef, Pass, PassKind, Project, QuadSource, TextureMap};
+use crate::scene::texture::Magnification;
 use std::path::{Path, PathBuf};
 
 /// Name of the library if the project has no render target.
@@ -94,7 +95,7 @@ fn materials(xml: &mut Xml, project: &Project, folder: &Path) -> Result<(), Writ
     xml.begin("textures", &[]);
     for pass in passes() {
         for (index, map) in pass.1.kind.colors().iter().enumerate() {
-            if let TextureMap::File(path) = &map.texture {
+            if let TextureMap::File(path, _) = &map.texture {
                 xml.empty("texture", &[("name", &mapped(pass, index)), ("filename", &relative(path, folder)?)]);
             }
         }
@@ -120,9 +121,13 @@ fn materials(xml: &mut Xml, project: &Project, folder: &Path) -> Result<(), Writ
                 }
             }
             xml.end();
-            if let TextureMap::File(_) = map.texture {
+            if let TextureMap::File(_, magnification) = map.texture {
                 xml.begin("textures", &[]);
-                xml.empty("texture", &[("unit", "0"), ("name", &mapped(pass, index))]);
+                xml.begin("texture", &[("unit", "0"), ("name", &mapped(pass, index))]);
+                if magnification == Magnification::Nearest {
+                    xml.empty("MAG_FILTER", &[("value", "NEAREST")]);
+                }
+                xml.end();
                 xml.end();
             }
             xml.end();

@@ -2,7 +2,7 @@
 
 use super::super::context::MASK_CUTOFF;
 use super::super::error::SceneError;
-use super::super::texture::Wrap;
+use super::super::texture::{Sampling, Wrap};
 use super::super::{Material, Mesh, Object, Scene, TextureSource};
 use super::{Layout, NO_TEXTURE, NULL_OBJECT, alpha_test};
 use crate::diagnostic::Warnings;
@@ -115,7 +115,7 @@ fn texture_paths(scene: &Scene, path: &Path, warnings: &mut Warnings) -> Result<
 }
 
 /// What of a material a layout cannot hold: whether the material has it, what it is, and what stands for it.
-fn losses(material: &Material, scene: &Scene, layout: Layout) -> [(bool, &'static str, &'static str); 10] {
+fn losses(material: &Material, scene: &Scene, layout: Layout) -> [(bool, &'static str, &'static str); 11] {
     // Named one by one: who adds a property decides here whether its loss is told of.
     let Material {
         name: _,
@@ -161,7 +161,7 @@ fn losses(material: &Material, scene: &Scene, layout: Layout) -> [(bool, &'stati
         || (*ior, *dispersion) != (usual.ior, usual.dispersion)
         || transmission_texture.is_some();
     let rough = *roughness != usual.roughness || roughness_texture.is_some();
-    let wrapped = texture.is_some_and(|index| scene.textures[index as usize].texels().1 != [Wrap::Repeat; 2]);
+    let sampling = texture.map_or(Sampling::default(), |index| scene.textures[index as usize].texels().1);
     [
         (glass, "materials with transmission", "not written"),
         (absorbs, "materials with absorption", "not written"),
@@ -175,7 +175,8 @@ fn losses(material: &Material, scene: &Scene, layout: Layout) -> [(bool, &'stati
         ),
         (normal_texture.is_some(), "normal maps", "not written"),
         (*single_sided, "materials that are seen from one side", "read as seen from both"),
-        (wrapped, "textures that are clamped or mirrored", "read as repeating"),
+        (sampling.wrap != [Wrap::Repeat; 2], "textures that are clamped or mirrored", "read as repeating"),
+        (sampling.is_nearest(), "textures that are magnified without blending", "read with blending"),
         (
             alpha_cutoff.is_some() && !layout.is_2014(),
             "materials with an alpha cutoff",

@@ -3,6 +3,7 @@
 use super::xml::{Document, Element, plain};
 use crate::diagnostic::Warnings;
 use crate::scene::context::{Context, MASK_CUTOFF, MaterialTable, add_texture, texture_file_or_suffix};
+use crate::scene::texture::{Magnification, Sampling};
 use crate::scene::{Material, TextureSource};
 use glam::{Vec3, Vec4};
 use std::collections::HashMap;
@@ -91,10 +92,18 @@ impl Materials {
         material.shininess = number("shininess").unwrap_or(material.shininess).max(0.0);
         material.ior = number("index_of_refraction").filter(|index| *index >= 1.0).unwrap_or(material.ior);
         if let Some(name) = texture("diffuse").filter(|_| context.needs.textures) {
-            let image = image(name, profile, document);
+            let sampler = sampler(name, profile, document);
+            let image = image(name, sampler, profile, document);
             let path = image.as_deref().unwrap_or(name);
             let found = texture_file_or_suffix(context, path, warnings, &material.name);
-            material.texture = found.map(|path| add_texture(&mut self.textures, TextureSource::File(path)));
+            let magnified = sampler.and_then(|sampler| document.descend(sampler, &["magfilter"]));
+            let magnification = match magnified.map(|filter| filter.text().trim()) {
+                Some("NEAREST") => Magnification::Nearest,
+                _ => Magnification::Linear,
+            };
+            let sampling = Sampling { magnification, ..Sampling::default() };
+            let add = |path| add_texture(&mut self.textures, TextureSource::File(path).sampled(sampling));
+            material.texture = found.map(add);
             // The texture alone gives the colour.
             material.diffuse = Vec4::ONE;
         }
@@ -121,17 +130,29 @@ fn color(written: &Element<'_>) -> Option<Vec4> {
     color.is_finite().then_some(color)
 }
 
+/// A parameter of a profile.
+fn parameter<'a>(sid: &str, profile: &'a Element<'a>, document: &'a Document<'a>) -> Option<&'a Element<'a>> {
+    document.children(profile, "newparam").find(|parameter| parameter.attribute("sid") == Some(sid))
+}
+
+/// The sampler that a texture names; some programs name an image instead.
+fn sampler<'a>(texture: &str, profile: &'a Element<'a>, document: &'a Document<'a>) -> Option<&'a Element<'a>> {
+    document.descend(parameter(texture, profile, document)?, &["sampler2D"])
+}
+
 /// The path of the image that a texture names. The reference goes through a sampler and, in 1.4, a surface, which are parameters of
-/// the profile; some programs name the image directly.
-fn image(texture: &str, profile: &Element<'_>, document: &Document<'_>) -> Option<String> {
-    let parameter =
-        |sid: &str| document.children(profile, "newparam").find(|parameter| parameter.attribute("sid") == Some(sid));
-    let sampler = parameter(texture).and_then(|parameter| document.descend(parameter, &["sampler2D"]));
+/// the profile.
+fn image<'a>(
+    texture: &'a str,
+    sampler: Option<&'a Element<'a>>,
+    profile: &'a Element<'a>,
+    document: &'a Document<'a>,
+) -> Option<String> {
     let id = sampler.map_or(Some(texture), |sampler| {
         if let Some(instance) = document.descend(sampler, &["instance_image"]) {
             return instance.attribute("url");
         }
-        let surface = parameter(document.descend(sampler, &["source"])?.text())?;
+        let surface = parameter(document.descend(sampler, &["source"])?.text(), profile, document)?;
         // The result borrows from the document, not from this closure.
         document.descend(surface, &["surface", "init_from"]).map(|init| init.text())
     });

@@ -127,6 +127,15 @@ fn effects_are_materials() {
         .replace("<init_from>file://./my%20wall.png</init_from>", "<init_from><ref>my wall.png</ref></init_from>");
     let scene = load_text(&newer, Needs::ALL, 1 << 24).expect("it loads");
     assert_eq!(scene.materials[0].texture, Some(0), "{}", warnings(&scene));
+    // The sampler says what is read where the texture is magnified.
+    let asked = |filter: &str| {
+        let source = format!("<source>su</source>{filter}");
+        let scene = load_text(&HOUSE.replace("<source>su</source>", &source), Needs::ALL, 1 << 24).expect("it loads");
+        scene.textures[0].texels().1.is_nearest()
+    };
+    let found =
+        ["", "<magfilter>LINEAR</magfilter>", "<minfilter>NEAREST</minfilter>", "<magfilter>NEAREST</magfilter>"];
+    assert_eq!(found.map(asked), [false, false, false, true]);
     let gone = load_text(&HOUSE.replace("my%20wall", "none"), Needs::ALL, 1 << 24).expect("it loads");
     assert!(gone.materials[0].texture.is_none() && warnings(&gone).contains("missing textures"));
 }

@@ -6,7 +6,7 @@ use super::super::error::SceneError;
 use super::super::reflectance::Reflectance;
 use super::super::render::alphas::{self, Alphas, BLENDED, CUT_WITHOUT_GLASS, alphas};
 use super::super::render::texture::NO_NORMAL_MAP;
-use super::super::texture::Wrap;
+use super::super::texture::{Magnification, Sampling, Wrap};
 use super::super::{Material, TextureSource};
 use super::accessor::Data;
 use super::container::{Target, base64, shortened, uri_target};
@@ -193,7 +193,6 @@ impl Materials {
             materials.by_index.push(Surface { material: index, coordinates, mapped, alpha });
             materials.table.declare(material);
         }
-        warn_of_nearest(data, context, warnings);
         Ok(materials)
     }
 
@@ -580,18 +579,13 @@ fn wrap_of(mode: Checked<WrappingMode>) -> Wrap {
     }
 }
 
-/// Warns of the samplers of textures that ask for single texels where a texture is enlarged.
-fn warn_of_nearest(data: &Data<'_>, context: &Context<'_>, warnings: &mut Warnings) {
-    let root = data.root;
-    for (index, sampler) in root.samplers.iter().enumerate().filter(|_| context.needs.textures) {
-        let nearest = sampler.mag_filter == Some(Checked::Valid(MagFilter::Nearest));
-        let used = || root.textures.iter().any(|texture| texture.sampler.is_some_and(|used| used.value() == index));
-        if nearest && used() {
-            let what = "samplers whose magFilter is NEAREST";
-            warnings
-                .add(context.file, what, "their textures are blended between texels", || format!("sampler {index}"));
-        }
-    }
+/// How a sampler reads textures. Minified ones are blended whatever `minFilter` says.
+fn sampling_of(sampler: &json::texture::Sampler) -> Sampling {
+    let magnification = match sampler.mag_filter {
+        Some(Checked::Valid(MagFilter::Nearest)) => Magnification::Nearest,
+        _ => Magnification::Linear,
+    };
+    Sampling { wrap: [wrap_of(sampler.wrap_s), wrap_of(sampler.wrap_t)], magnification }
 }
 
 /// The image of a texture. `images` caches the results of earlier look-ups; a missing image is a warning.
@@ -611,7 +605,7 @@ fn image(
         return Err(SceneError::file(file, format!("texture {} does not exist", info.index.value())));
     };
     let sampler = texture.sampler.and_then(|sampler| data.root.samplers.get(sampler.value()));
-    let wrap = sampler.map_or([Wrap::Repeat; 2], |sampler| [wrap_of(sampler.wrap_s), wrap_of(sampler.wrap_t)]);
+    let sampling = sampler.map_or(Sampling::default(), sampling_of);
     let index = source_of(texture);
     let Some(written) = data.root.images.get(index) else {
         let basis = texture.extensions.as_ref().is_some_and(|others| others.others.contains_key(BASIS));
@@ -620,7 +614,7 @@ fn image(
         return Ok(None);
     };
     if let Some(known) = &images[index] {
-        return Ok(known.clone().map(|source| source.wrapped(wrap)));
+        return Ok(known.clone().map(|source| source.sampled(sampling)));
     }
     let name = || format!("{}#image{index}", file.display());
     let source = match (&written.uri, written.buffer_view) {
@@ -652,5 +646,5 @@ fn image(
         }
     };
     images[index] = Some(source.clone());
-    Ok(source.map(|source| source.wrapped(wrap)))
+    Ok(source.map(|source| source.sampled(sampling)))
 }

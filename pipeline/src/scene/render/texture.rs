@@ -12,7 +12,7 @@ use crate::image::decode::{Encoded, Fault, rgba8};
 use image::{ImageDecoder, ImageFormat, ImageReader, RgbaImage};
 use rayon::prelude::*;
 use std::io::{BufReader, Cursor};
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 /// Longest side of a texture, texels.
 const MAX_SIDE: u32 = 16_384;
@@ -65,7 +65,8 @@ pub(super) fn decode_used(
     let named = sources.iter().map(TextureSource::name);
     let decoded = decoded.into_iter().zip(named).zip(cut_out).zip(sources).map(|(((base, name), cut_out), source)| {
         let space = if source.is_data() { ColorSpace::Report } else { space };
-        base.map(|base| base.map(|base| Texture::build(name, base, cut_out, space).wrapped(source.texels().1)))
+        let sampling = source.texels().1;
+        base.map(|base| base.map(|base| Texture { sampling, ..Texture::build(name, base, cut_out, space) }))
     });
 
     no_file_refused()?;
@@ -120,18 +121,17 @@ pub(crate) fn image_file(path: &Path, most: u64) -> Result<Texture, SceneError> 
     Ok(Texture::build(source.name(), base, false, ColorSpace::Report))
 }
 
-/// Decodes image files, whose texels take at most `most` bytes, as textures of colours that repeat. Returns by file the index of
-/// its texture; a file that cannot be decoded has none, and is counted as a warning about `by`, the file that names them.
+/// Decodes textures of colours, whose texels take at most `most` bytes. Returns by source the index of its texture; one that cannot be
+/// decoded has none, and is counted as a warning about `by`, the file that names them.
 pub(crate) fn image_files(
-    paths: &[PathBuf],
+    sources: &[TextureSource],
     space: ColorSpace,
     (by, most): (&Path, u64),
     warnings: &mut Warnings,
 ) -> Result<(Vec<Texture>, Vec<Option<u32>>), SceneError> {
-    let sources: Vec<TextureSource> = paths.iter().cloned().map(TextureSource::File).collect();
     let of = |index| Material { texture: Some(index), ..Material::default() };
-    let mut materials: Vec<Material> = (0..paths.len() as u32).map(of).collect();
-    let textures = decode_used(&mut materials, &sources, space, by, &mut Budget::new(most), warnings)?;
+    let mut materials: Vec<Material> = (0..sources.len() as u32).map(of).collect();
+    let textures = decode_used(&mut materials, sources, space, by, &mut Budget::new(most), warnings)?;
     Ok((textures, materials.iter().map(|material| material.texture).collect()))
 }
 
@@ -156,7 +156,7 @@ pub(super) fn cost(source: &TextureSource) -> Result<Cost, String> {
             let color = color?;
             Ok(Cost { texels: color.texels, working: color.working.max(4 * mask.texels + mask.working) })
         }
-        TextureSource::Wrapped { source, .. }
+        TextureSource::Sampled { source, .. }
         | TextureSource::Data { source }
         | TextureSource::Clear { source, .. } => cost(source),
     }
@@ -226,7 +226,7 @@ pub(super) fn pixels(source: &TextureSource) -> Result<RgbaImage, Fault> {
             mask_alpha(&mut image, &mask);
             Ok(image)
         }
-        TextureSource::Wrapped { source, .. } | TextureSource::Data { source } => pixels(source),
+        TextureSource::Sampled { source, .. } | TextureSource::Data { source } => pixels(source),
         TextureSource::Clear { source, opacity } => {
             let mut image = pixels(source)?;
             for pixel in image.pixels_mut() {

@@ -202,7 +202,7 @@ pub(super) fn channel_texture(gpu: &Gpu, texture: &QuadTexture<'_>, filters: boo
         QuadTexture::Nothing => {
             channel(gpu, &[MipLevel { width: 1, height: 1, texels: &[[0.0, 0.0, 0.0, 1.0]] }], filters)
         }
-        QuadTexture::Image(image) => upload(gpu, &image.name, &[&image.levels], image.wrap),
+        QuadTexture::Image(image) => upload(gpu, &image.name, &[&image.levels], image.sampling),
         QuadTexture::Cube(images) => upload_cube(gpu, *images),
         QuadTexture::Channel { width, height, texels } => {
             channel(gpu, &[MipLevel { width: *width, height: *height, texels }], filters)

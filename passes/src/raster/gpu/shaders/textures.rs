@@ -7,7 +7,7 @@ use super::pipelines::Groups;
 use curitiba_pipeline::backend::{BackendError, OwnMaterial, OwnTexture};
 use curitiba_pipeline::glsl::{Program, SamplerKind};
 use curitiba_pipeline::scene::RenderScene;
-use curitiba_pipeline::scene::texture::{Level, Texture, Wrap};
+use curitiba_pipeline::scene::texture::{Level, Magnification, Sampling, Texture, Wrap};
 
 /// A texture that shaders sample.
 #[derive(Debug)]
@@ -34,8 +34,10 @@ impl Textures {
     pub fn new(gpu: &Gpu) -> Result<Self, BackendError> {
         let level = Level { width: 1, height: 1, texels: vec![[0, 0, 0, 255]] };
         let levels = &[level][..];
-        let nothing =
-            [upload(gpu, "nothing", &[levels], [Wrap::Repeat; 2])?, upload(gpu, "nothing", &[levels; 6], CUBE_WRAP)?];
+        let nothing = [
+            upload(gpu, "nothing", &[levels], Sampling::default())?,
+            upload(gpu, "nothing", &[levels; 6], CUBE_SAMPLING)?,
+        ];
         let nearest = gpu.device.create_sampler(&wgpu::SamplerDescriptor {
             label: Some("unfiltered"),
             address_mode_u: wgpu::AddressMode::Repeat,
@@ -105,8 +107,8 @@ impl Textures {
             self.sampled.resize_with(scene.textures.len(), || None);
         }
         if self.sampled[index as usize].is_none() {
-            let Texture { name, levels, wrap, .. } = texture;
-            self.sampled[index as usize] = Some(upload(gpu, name, &[levels], *wrap)?);
+            let Texture { name, levels, sampling, .. } = texture;
+            self.sampled[index as usize] = Some(upload(gpu, name, &[levels], *sampling)?);
             self.bytes += bytes_of(levels);
         }
         Ok(())
@@ -126,7 +128,7 @@ impl Textures {
 }
 
 /// How cube maps are sampled at the edges of their images: across them, whatever is asked for.
-const CUBE_WRAP: [Wrap; 2] = [Wrap::Clamp; 2];
+const CUBE_SAMPLING: Sampling = Sampling { wrap: [Wrap::Clamp; 2], magnification: Magnification::Linear };
 
 fn bytes_of(levels: &[Level]) -> u64 {
     levels.iter().map(|level| 4 * level.texels.len() as u64).sum()
@@ -142,11 +144,11 @@ fn texture_of<'a>(faces: [u32; 6], image: impl Fn(u32) -> Option<&'a Texture>) -
 
 /// Uploads the images of a cube map: +x, -x, +y, -y, +z, -z, square and of one size.
 pub(super) fn upload_cube(gpu: &Gpu, images: [&Texture; 6]) -> Result<Sampled, BackendError> {
-    upload(gpu, &images[0].name, &images.map(|image| &image.levels[..]), CUBE_WRAP)
+    upload(gpu, &images[0].name, &images.map(|image| &image.levels[..]), CUBE_SAMPLING)
 }
 
 /// Uploads an image, or the six of a cube map, with their mip levels.
-pub(super) fn upload(gpu: &Gpu, name: &str, layers: &[&[Level]], wrap: [Wrap; 2]) -> Result<Sampled, BackendError> {
+pub(super) fn upload(gpu: &Gpu, name: &str, layers: &[&[Level]], sampling: Sampling) -> Result<Sampled, BackendError> {
     let levels = layers.first().copied().unwrap_or_default();
     let (width, height) = levels.first().map_or((1, 1), |level| (level.width, level.height));
     let sizes = |levels: &[Level]| levels.iter().map(|level| [level.width, level.height]).collect::<Vec<_>>();
@@ -185,7 +187,7 @@ pub(super) fn upload(gpu: &Gpu, name: &str, layers: &[&[Level]], wrap: [Wrap; 2]
         dimension: Some(dimension),
         ..wgpu::TextureViewDescriptor::default()
     });
-    let sampler = trilinear(&gpu.device, wrap);
+    let sampler = trilinear(&gpu.device, sampling);
     gpu.check(&doing)?;
     Ok(Sampled { view, sampler })
 }
