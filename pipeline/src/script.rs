@@ -16,7 +16,7 @@ pub(crate) const MAX_FILE: u64 = 1 << 18;
 /// Most instructions of the scripts of a pipeline, all runs together.
 const INSTRUCTIONS: u64 = 1_000_000;
 /// Most bytes that the scripts of a pipeline hold.
-const MEMORY: usize = 1 << 19;
+const MEMORY: usize = 1 << 20;
 
 /// What of Lua scripts have.
 const KEPT: [&str; 9] = ["assert", "error", "ipairs", "next", "pairs", "select", "tonumber", "tostring", "type"];
@@ -103,7 +103,9 @@ impl Scripts {
         globals.set("io", files(&lua, &left_out)?)?;
         for name in BUFFERS {
             let refused = move |_: &Lua, _: Variadic<Value>| -> Result<(), Error> {
-                Err(failed(format!("`{name}`: buffers are not there while scripts run, which is before the first pass")))
+                Err(failed(format!(
+                    "`{name}`: buffers are not there while scripts run, which is before the first pass"
+                )))
             };
             globals.set(name, lua.create_function(refused)?)?;
         }
@@ -163,6 +165,8 @@ impl Scripts {
     }
 
     fn returned(&self, name: &str) -> Result<Value, Fault> {
+        // What earlier calls left behind is of no use.
+        self.lua.gc_collect();
         match self.guarded(|| self.lua.globals().get::<_, Value>(name))? {
             Value::Function(function) => self.guarded(|| function.call::<_, Value>(())),
             _ => Err(Fault::nowhere(format!("there is no function `{name}`"))),
@@ -257,7 +261,9 @@ fn asked(function: &str, given: &[Value]) -> Result<(Asked, Table), Error> {
     {
         return Ok((Asked { kind, context, component, id: id as i64 }, table.clone()));
     }
-    Err(failed(format!("`{function}` takes a type, a context, a component, an id and a table: {function}(\"PASS\", \"CURRENT\", \"DIM_X\", 0, t)")))
+    Err(failed(format!(
+        "`{function}` takes a type, a context, a component, an id and a table: {function}(\"PASS\", \"CURRENT\", \"DIM_X\", 0, t)"
+    )))
 }
 
 fn number(value: &Value) -> Option<f64> {

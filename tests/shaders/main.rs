@@ -18,3 +18,5 @@ mod own_shaders;
 mod own_storage;
 #[cfg(feature = "glsl")]
 mod own_textures;
+#[cfg(feature = "glsl")]
+mod scripts;

@@ -8,12 +8,12 @@
 use super::dom::{Element, Value};
 use super::file;
 use super::loader::Loader;
+use super::order::Facts;
 use super::parameters::Reads;
 use super::passes::PassContext;
 use super::ray::{DEFAULT_MATERIAL, ENTRY_POINT, GEOMETRY, MAP, MATERIAL_MAP, PROGRAM};
 use super::report::{Span, shown, suggest};
 use super::running::RUNNING;
-use super::order::Facts;
 use super::{CameraStart, ChannelRef, MaterialPattern, Pass, PassKind, RayPass, handed};
 use crate::camera_programs::SurfaceKind;
 use crate::glass::Background;
@@ -171,13 +171,15 @@ impl Loader {
     /// The buffer that the pass hands to its device programs, which add up colours there before their gamma.
     fn handed_buffer(&self, pass: &Element) -> Option<usize> {
         let handed = pass.children_named(handed::GLOBAL).flat_map(|list| &list.children);
-        let is_buffer = |item: &&Element| item.attribute("type").is_some_and(|kind| kind.text.eq_ignore_ascii_case("BUFFER"));
+        let is_buffer =
+            |item: &&Element| item.attribute("type").is_some_and(|kind| kind.text.eq_ignore_ascii_case("BUFFER"));
         handed.filter(is_buffer).find_map(|item| self.libraries.buffer_named(&item.attribute("context")?.text))
     }
 
     /// Leaves out the buffers of colours that no pass of the pipeline reads; of the others the size must be that of the pass's target.
     pub(super) fn check_linear(&mut self, passes: &mut [Pass], facts: &[Facts]) {
-        let read: HashSet<usize> = passes.iter().flat_map(|pass| pass.kind.buffers_read()).map(|channel| channel.target).collect();
+        let read: HashSet<usize> =
+            passes.iter().flat_map(|pass| pass.kind.buffers_read()).map(|channel| channel.target).collect();
         for (pass, facts) in passes.iter_mut().zip(facts) {
             let PassKind::Ray(RayPass { from_camera: Some(start), .. }) = &mut pass.kind else { continue };
             start.linear = start.linear.filter(|buffer| read.contains(buffer));
@@ -187,9 +189,13 @@ impl Loader {
             if needed != bytes {
                 let message = format!(
                     "pass `{}` writes {width} x {height} colours of 16 bytes into `{}::{}` of {bytes} bytes",
-                    shown(&pass.name), held.library, held.name
+                    shown(&pass.name),
+                    held.library,
+                    held.name
                 );
-                self.report.error_help(facts.span, message, || format!("valid: {needed} bytes, a vec4 for each pixel of its target"));
+                self.report.error_help(facts.span, message, || {
+                    format!("valid: {needed} bytes, a vec4 for each pixel of its target")
+                });
             }
         }
     }

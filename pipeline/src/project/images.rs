@@ -65,9 +65,11 @@ impl Loader {
                 return (levels as u32).min(all);
             }
             let message = format!("`{}` is no number of mip levels", value.shown());
-            self.report.error_help(value.span, message, || "valid: 0 to 255, where 0 is the first level alone".to_owned());
+            self.report
+                .error_help(value.span, message, || "valid: 0 to 255, where 0 is the first level alone".to_owned());
         }
-        let is_on = mipmap.is_some_and(|value| ["true", "yes", "1"].iter().any(|on| value.text.eq_ignore_ascii_case(on)));
+        let is_on =
+            mipmap.is_some_and(|value| ["true", "yes", "1"].iter().any(|on| value.text.eq_ignore_ascii_case(on)));
         if is_on { all } else { 0 }
     }
 
@@ -302,12 +304,14 @@ impl Loader {
             Some(0) => channel.target,
             Some(level) if level <= most => self.level_target(channel, level),
             _ => {
-                let shown_level = level.map_or_else(|| binding.level.as_ref().map_or_else(String::new, Value::shown), |l| l.to_string());
+                let shown_level = level
+                    .map_or_else(|| binding.level.as_ref().map_or_else(String::new, Value::shown), |l| l.to_string());
                 let name = shown(&self.libraries.channel_name(channel));
                 let message = format!("material `{}` binds level {shown_level} of `{name}`", used.material.name);
                 let at = binding.level.as_ref().map_or(binding.name.span, |level| level.span);
                 let help = match most {
-                    0 => "valid: 0, since it has one level; <LEVELS value=\"…\"/> in its declaration gives it more".to_owned(),
+                    0 => "valid: 0, since it has one level; <LEVELS value=\"…\"/> in its declaration gives it more"
+                        .to_owned(),
                     most => format!("valid: 0 to {most}"),
                 };
                 self.report.error_help(at, message, || help);

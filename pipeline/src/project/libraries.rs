@@ -263,7 +263,15 @@ impl Libraries {
         let mut names = Names::new("material library");
         BUILT_IN.iter().for_each(|name| names.declare_built_in(name));
         let list = BUILT_IN.iter().map(|name| Library::built_in(name)).collect();
-        Self { names, list, files: Vec::new(), incomplete: false, targets: Vec::new(), levels: HashMap::new(), level_targets: HashMap::new() }
+        Self {
+            names,
+            list,
+            files: Vec::new(),
+            incomplete: false,
+            targets: Vec::new(),
+            levels: HashMap::new(),
+            level_targets: HashMap::new(),
+        }
     }
 
     /// A library by its index.
@@ -280,7 +288,9 @@ impl Libraries {
     pub fn buffer_named(&self, text: &str) -> Option<usize> {
         let (library, name) = text.split_once("::")?;
         let library = self.list.iter().find(|known| known.name == library.trim())?;
-        let (Found::Exact(index) | Found::OtherCase(index)) = library.buffer_names.find(name.trim()) else { return None };
+        let (Found::Exact(index) | Found::OtherCase(index)) = library.buffer_names.find(name.trim()) else {
+            return None;
+        };
         library.buffer_indices[index]
     }
 

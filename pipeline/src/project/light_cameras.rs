@@ -27,7 +27,8 @@ impl Loader {
             self.announce_groups(&key, pass);
             for child in &pass.children {
                 let Some(value) = child.attribute("value") else { continue };
-                let known = self.attributes.pass_values.keys().find(|known| known.eq_ignore_ascii_case(&child.name)).cloned();
+                let known =
+                    self.attributes.pass_values.keys().find(|known| known.eq_ignore_ascii_case(&child.name)).cloned();
                 let number = value.text.parse().ok().or_else(|| self.constants.get(&value.text).copied());
                 if let (Some(known), Some(number)) = (known, number) {
                     self.attributes.given_values.insert((key.clone(), known), number);

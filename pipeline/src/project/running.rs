@@ -75,7 +75,9 @@ impl Loader {
         self.running.runs += u32::from(answer == Some(true));
         if self.running.runs > MAX_RUNS {
             let message = format!("{} lets pass `{name}` run {before} times, and does not end", script(test));
-            self.report.error_help(test.span, message, || format!("valid: {MAX_RUNS} runs in a pipeline, all passes together"));
+            self.report.error_help(test.span, message, || {
+                format!("valid: {MAX_RUNS} runs in a pipeline, all passes together")
+            });
             return false;
         }
         answer == Some(true)
@@ -96,6 +98,7 @@ impl Loader {
 impl Loader {
     /// Warns of the scripts before or after a pass, which this build does not run.
     pub fn runs_scripts(&mut self, pass: &Element, when: &'static str) {
+        // Both kinds at once.
         if when == "preScript" {
             let name = pass.attribute("name").map_or("", |name| &name.text);
             self.warn_of_scripts(pass, &format!("pass `{}`", shown(name)));

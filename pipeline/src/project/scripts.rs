@@ -84,7 +84,11 @@ impl Attributes {
                 }
                 let mut bound: Vec<String> = self.bound.keys().map(|(of, unit)| format!("{of} with {unit}")).collect();
                 bound.sort_unstable();
-                let valid = if bound.is_empty() { "no material binds one".to_owned() } else { format!("valid: {}", bound.join(", ")) };
+                let valid = if bound.is_empty() {
+                    "no material binds one".to_owned()
+                } else {
+                    format!("valid: {}", bound.join(", "))
+                };
                 Err(format!("material `{}` binds no image to unit {}; {valid}", shown(&material), asked.id))
             }
             kind => Err(format!(
@@ -125,7 +129,8 @@ impl script::Attributes for Attributes {
         let place = self.place(asked)?;
         let (name, Held { whole, .. }) = (&asked.component, self.held(&place, &asked.component));
         let first = values.first().copied().unwrap_or_default();
-        if let Some(value) = values.iter().find(|value| whole && value.fract() != 0.0 || !(**value as f32).is_finite()) {
+        if let Some(value) = values.iter().find(|value| whole && value.fract() != 0.0 || !(**value as f32).is_finite())
+        {
             let valid = if whole { "whole numbers" } else { "finite numbers" };
             return Err(format!("`{name}` of {} is set to {value}; valid: {valid}", asked.kind));
         }
@@ -241,7 +246,9 @@ impl Loader {
             }
             Err(why) => {
                 let message = format!("cannot read {}: {why}", path.display());
-                let help = || if path.exists() { "valid: a file of Lua".to_owned() } else { crate::paths::nearest_help(&path) };
+                let help = || {
+                    if path.exists() { "valid: a file of Lua".to_owned() } else { crate::paths::nearest_help(&path) }
+                };
                 self.report.error_help(file.span, message, help);
                 None
             }

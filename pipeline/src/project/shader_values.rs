@@ -178,7 +178,8 @@ impl Loader {
                     });
                     return None;
                 }
-                let found = self.attributes.of_pass(&pass, name).map(|value| glsl::Value::Constant([value, 0.0, 0.0, 0.0]));
+                let found =
+                    self.attributes.of_pass(&pass, name).map(|value| glsl::Value::Constant([value, 0.0, 0.0, 0.0]));
                 let declared: Vec<String> = self.attributes.pass_values.keys().cloned().collect();
                 self.found(found, &uniform, "PASS", &component, declared.iter().map(String::as_str).collect())
             }

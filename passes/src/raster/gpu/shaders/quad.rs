@@ -98,7 +98,8 @@ impl Quad {
 /// By sampler: whether it reads its texture unfiltered.
 pub(super) fn unfiltered(program: &Program, textures: &[QuadTexture<'_>], filters: bool) -> Vec<bool> {
     let exact = |(sampler, texture): (&Sampler, &QuadTexture<'_>)| {
-        sampler.kind == SamplerKind::Compared || !filters && matches!(texture, QuadTexture::Channel { .. } | QuadTexture::Levels(_))
+        sampler.kind == SamplerKind::Compared
+            || !filters && matches!(texture, QuadTexture::Channel { .. } | QuadTexture::Levels(_))
     };
     program.samplers.iter().zip(textures).map(exact).collect()
 }
