@@ -16,7 +16,7 @@ pub(crate) const MAX_FILE: u64 = 1 << 18;
 /// Most instructions of the scripts of a pipeline, all runs together.
 const INSTRUCTIONS: u64 = 1_000_000;
 /// Most bytes that the scripts of a pipeline hold.
-const MEMORY: usize = 1 << 19;
+const MEMORY: usize = 1 << 20;
 
 /// What of Lua scripts have.
 const KEPT: [&str; 9] = ["assert", "error", "ipairs", "next", "pairs", "select", "tonumber", "tostring", "type"];
@@ -165,6 +165,8 @@ impl Scripts {
     }
 
     fn returned(&self, name: &str) -> Result<Value, Fault> {
+        // What earlier calls left behind is of no use.
+        self.lua.gc_collect();
         match self.guarded(|| self.lua.globals().get::<_, Value>(name))? {
             Value::Function(function) => self.guarded(|| function.call::<_, Value>(())),
             _ => Err(Fault::nowhere(format!("there is no function `{name}`"))),
@@ -274,4 +276,45 @@ fn number(value: &Value) -> Option<f64> {
 
 fn failed(message: String) -> Error {
     omnilua::LuaError::runtime(format_args!("{message}")).into()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::collections::BTreeMap;
+
+    #[derive(Debug, Default)]
+    struct Numbers(BTreeMap<String, Vec<f64>>);
+
+    impl Attributes for Numbers {
+        fn get(&self, asked: &Asked) -> Result<Vec<f64>, String> {
+            self.0.get(&asked.component).cloned().ok_or_else(|| format!("no `{}`", asked.component))
+        }
+
+        fn set(&mut self, asked: &Asked, values: &[f64]) -> Result<(), String> {
+            self.0.insert(format!("{} {} {}", asked.kind, asked.context, asked.id), values.to_vec());
+            Ok(())
+        }
+    }
+
+    #[test]
+    fn scripts_get_and_set_what_they_name() {
+        let numbers = Rc::new(RefCell::new(Numbers(BTreeMap::from([("TWO".to_owned(), vec![1.5, 2.0])]))));
+        let scripts = Scripts::new(&numbers).expect("it starts");
+        let text = "function swap() local t = {} getAttr('A', 'B', 'TWO', 0, t)\n setAttr('K', 'C', 'TWO', 7, {t[2], t[1], 9}) end";
+        scripts.load(4, text).expect("it is Lua");
+        scripts.call("swap").expect("it runs");
+        assert_eq!(numbers.borrow().0["K C 7"], [2.0, 1.5]);
+        let place = |text: &str| scripts.load(5, text).expect_err("it fails").place;
+        assert_eq!(place("\n\nlocal a = nil + 1"), Some((5, 3)));
+        assert_eq!(place("swap()\n\n\ngetAttr('A', 'B', 'THREE', 0, {})"), Some((5, 4)));
+    }
+
+    #[test]
+    fn a_panic_of_the_interpreter_is_a_fault() {
+        let start = || Scripts::new(&Rc::<RefCell<Numbers>>::default()).map(drop);
+        start().expect("it starts");
+        let fault = guard::plant::in_crate("omnilua", start).expect_err("a panic");
+        assert!(fault.message.contains("the crate `omnilua` failed"), "{fault:?}");
+    }
 }

@@ -390,7 +390,7 @@ void main() {
             (edited(r#"cs="make.comp""#, r#"vs="quad.vert" ps="quad.frag""#), "p.xml:4:", "has no compute shader (cs)"),
             (edited(r#"texture="made""#, r#"texture="mad""#), "p.mlib:", "there is no texture `mad`"),
             (edited(level, r#"<LEVEL value="1"/>"#), "p.mlib:", "binds level 1"),
-            (edited(once, &scripted), "p.xml:4:", "runs as often as the script `b` of `a.lua` says"),
+            (edited(once, &scripted), "p.xml:4:", "a.lua: "),
             (
                 edited(r#"type="IMAGE_TEXTURE" component="UNIT""#, r#"type="IMAGE_TEXTURE" component="UNITS""#),
                 "p.mlib:",

@@ -20,3 +20,5 @@ mod own_storage;
 mod own_textures;
 #[cfg(feature = "glsl")]
 mod patterns;
+#[cfg(feature = "glsl")]
+mod scripts;

@@ -15,6 +15,7 @@ impl Renderer {
         name: &str,
         observer: &mut dyn Observer,
     ) -> Result<(), BackendError> {
+        let run_of_script = self.plan.pass(planned).run();
         let PassKind::Compute(pass) = self.plan.pass(planned).kind.clone() else { return Ok(()) };
         self.load_sampled(&pass.shader)?;
         observer.begin(StepKind::Quad, name, &self.progress());
@@ -29,7 +30,7 @@ impl Renderer {
         self.round_stored(planned);
         let elapsed = start.elapsed();
         observer.end();
-        let row = self.timeline.record(StepKind::Quad, name, elapsed);
+        let row = self.timeline.record_run(StepKind::Quad, name, elapsed, run_of_script);
         row.note = format!("compute shader on {}", self.engines.raster.name());
         run
     }

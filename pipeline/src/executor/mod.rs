@@ -555,7 +555,8 @@ impl Renderer {
         let elapsed = start.elapsed();
         observer.end();
         self.given_up |= progress.is_given_up();
-        let row = self.timeline.record(StepKind::Quad, name, elapsed);
+        let run = self.plan.pass(planned).run();
+        let row = self.timeline.record_run(StepKind::Quad, name, elapsed, run);
         if source == QuadSource::Own {
             row.note = format!("own shader on {}", self.engines.raster.name());
         }

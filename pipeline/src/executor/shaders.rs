@@ -230,8 +230,9 @@ impl Renderer {
     ) {
         let number = |number: f32| vec![Vec4::new(number, 0.0, 0.0, 0.0)];
         let columns = match (value, scope.pass) {
-            // These values need a camera; a project that gives them to a quad is refused.
-            (Value::Matrix(_) | Value::NormalMatrix | Value::Camera(None, _), None) => return,
+            (Value::Matrix(_) | Value::NormalMatrix, None) => columns(DMat4::IDENTITY),
+            // It needs a camera; a project that gives it to a quad is refused.
+            (Value::Camera(None, _), None) => return,
             (Value::Matrix(matrix), Some(pass)) => self.matrix(pass, matrix),
             (Value::NormalMatrix, Some(pass)) => {
                 let columns = self.view_model(pass.camera).inverse().transpose().as_mat4();

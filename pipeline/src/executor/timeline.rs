@@ -143,6 +143,11 @@ pub struct Timeline {
 impl Timeline {
     /// Records a run of a step that ends now.
     pub fn record(&mut self, kind: StepKind, name: &str, host: Duration) -> &mut Row {
+        self.record_run(kind, name, host, 1)
+    }
+
+    /// Records a run of a step that scripts repeat, from 1 on: the runs of a frame are one measurement, their sum.
+    pub fn record_run(&mut self, kind: StepKind, name: &str, host: Duration, run: u32) -> &mut Row {
         let now = Instant::now();
         let start = now.checked_sub(host).unwrap_or(now);
         let began = *self.began.get_or_insert(start);
@@ -165,7 +170,10 @@ impl Timeline {
         let row = &mut self.rows[index];
         let ms = host.as_secs_f64() * 1e3;
         row.spans.push(Span { start_ms: start.saturating_duration_since(began).as_secs_f64() * 1e3, ms });
-        row.host_ms.push(ms);
+        match row.host_ms.last_mut().filter(|_| run > 1) {
+            Some(sum) => *sum += ms,
+            None => row.host_ms.push(ms),
+        }
         row
     }
 

@@ -70,8 +70,8 @@ impl Plan {
                 self.decide(format!("pass `{}`", pass.name), false, reason.into());
                 continue;
             }
-            if let Some(told) = &pass.scripted {
-                self.decide(format!("pass `{}`", pass.name), true, told.clone());
+            if let Some(scripted) = &pass.scripted {
+                self.decide(format!("pass `{}`", pass.name), true, scripted.told.clone());
             }
             let viewport = self.viewport_of(pass, camera).cloned();
             let size = self.target_size(pass.target);

@@ -25,6 +25,9 @@ impl Plan {
 
     /// Adds the decision which shader a quad or compute pass runs.
     pub(super) fn explain_shader(&mut self, pass: &Pass, shader: &OwnShader) {
+        if pass.scripted.as_ref().is_some_and(|scripted| scripted.run > 1) {
+            return;
+        }
         let why = format!("GLSL of the project, named at {}", shader.place);
         self.decide(format!("own shader `{}` in pass `{}`", shader.name, pass.name), true, why);
     }

@@ -22,7 +22,7 @@ const OTHER_ASSETS: &[&str] = &[
 impl Loader {
     /// Reads `<assets>`: constants first, since the others use them, and viewports before cameras.
     pub fn assets(&mut self, root: &Element) {
-        const LISTS: &[&str] = &["constants", "scenes", "viewports", "cameras", "lights", "materialLibs"];
+        const LISTS: &[&str] = &["constants", "aliases", "scenes", "viewports", "cameras", "lights", "materialLibs"];
         if root.children_named(&["assets"]).next().is_none() {
             self.report.error(root.span, "the project has no <assets>");
         }
@@ -30,6 +30,7 @@ impl Loader {
             self.expect(assets, &[LISTS, OTHER_ASSETS].concat(), &[]);
         }
         self.list(root, "constants", &["constant"], Self::constant);
+        self.list(root, "aliases", &["alias"], Self::constant);
         self.pass_attributes(root);
         self.list(root, "materialLibs", &["mlib", "materialLib"], Self::library);
         self.list(root, "viewports", &["viewport"], Self::viewport);

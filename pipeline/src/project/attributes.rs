@@ -1,6 +1,7 @@
 //! Named numbers of a project: those that `<attributes>` declare for passes and for shaders, those that passes give themselves, and what scripts
 //! make of them, of work groups and of the levels of images.
 
+use super::Scripted;
 use super::dom::Element;
 use super::loader::Loader;
 use super::running::{of_class, script};
@@ -68,19 +69,15 @@ impl Attributes {
 
 impl Loader {
     /// Says which run of a pass this is, and what scripts set for it; `None` of a pass that runs once as its elements say.
-    pub fn told_of_run(&mut self, pass: &Element, run: u32) -> Option<String> {
+    pub fn told_of_run(&mut self, pass: &Element, run: u32) -> Option<Scripted> {
         let set = std::mem::take(&mut self.attributes.set);
         let test = pass.children_named(&["testScript"]).next();
         if test.is_none() && set.is_empty() {
             return None;
         }
-        let run = test.map(|test| format!("run {run}, as {} says", script(test)));
-        Some(
-            run.into_iter()
-                .chain((!set.is_empty()).then(|| format!("set: {}", set.join(", "))))
-                .collect::<Vec<_>>()
-                .join("; "),
-        )
+        let why = test.map(|test| format!("run {run}, as {} says", script(test)));
+        let set = (!set.is_empty()).then(|| format!("scripts set {}", set.join(", ")));
+        Some(Scripted { run, told: why.into_iter().chain(set).collect::<Vec<_>>().join("; ") })
     }
 
     /// Takes down the work groups of a compute pass, as far as they are numbers; reading the pass reports what is not.

@@ -450,10 +450,27 @@ pub struct Pass {
     pub target: Option<usize>,
     /// What it clears before it draws.
     pub clears: Clears,
-    /// Which run of the pass this is, and what scripts set for it, in words; `None` of a pass that runs once and for which they set nothing.
-    pub scripted: Option<String>,
+    /// What scripts say of it; `None` of a pass that runs once and for which they set nothing.
+    pub scripted: Option<Scripted>,
     /// Kind and details.
     pub kind: PassKind,
+}
+
+impl Pass {
+    /// Which of the runs that scripts ask for it is, from 1 on.
+    #[must_use]
+    pub fn run(&self) -> u32 {
+        self.scripted.as_ref().map_or(1, |scripted| scripted.run)
+    }
+}
+
+/// What scripts say of a pass. One that they repeat stands in the pipeline once for each run.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Scripted {
+    /// Which run it is, from 1 on.
+    pub run: u32,
+    /// Why it runs, and what scripts set for it.
+    pub told: String,
 }
 
 /// Kind and details of a pass.

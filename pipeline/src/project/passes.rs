@@ -110,6 +110,8 @@ impl Loader {
                 read.scripted = self.told_of_run(pass, runs);
                 passes.push(read);
             }
+            // What the last answer set is of no run.
+            self.attributes.set.clear();
             self.runs_scripts(pass, "postScript");
         }
         (self.attributes, self.running) = (declared, Running::default());

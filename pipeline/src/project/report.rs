@@ -51,6 +51,13 @@ impl Report {
     }
 
     fn push(&mut self, severity: Severity, at: Span, message: String, help: impl FnOnce() -> Option<String>) {
+        // A pass that a script repeats is read for each run.
+        let same = |(place, problem): &(Span, Problem)| {
+            *place == at && problem.severity == severity && problem.message == message
+        };
+        if self.found.iter().any(same) {
+            return;
+        }
         let count = if severity == Severity::Error { &mut self.errors } else { &mut self.remarks };
         *count += 1;
         if *count > Self::MOST {

@@ -98,6 +98,7 @@ impl Loader {
 impl Loader {
     /// Warns of the scripts before or after a pass, which this build does not run.
     pub fn runs_scripts(&mut self, pass: &Element, when: &'static str) {
+        // Both kinds at once.
         if when == "preScript" {
             let name = pass.attribute("name").map_or("", |name| &name.text);
             self.warn_of_scripts(pass, &format!("pass `{}`", shown(name)));

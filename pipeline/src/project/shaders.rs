@@ -137,7 +137,10 @@ impl Loader {
             }
             let value = match self.array_unit(given, used.material) {
                 Some(value) => value,
-                None => self.uniform_value(given, &pass, lights),
+                None => match self.texture_value(given, used) {
+                    Some(value) => value,
+                    None => self.uniform_value(given, &pass, lights),
+                },
             };
             match value {
                 Some(value) if used.by != UsedBy::Scenes => match self.without_camera(value, given, used) {
@@ -225,6 +228,8 @@ impl Loader {
                 C::Emission => material.emission.to_array(),
                 C::Shininess => number(material.shininess),
             })),
+            // Where a quad is drawn, the engine's matrices are the identity.
+            V::Matrix(_) | V::NormalMatrix if used.by == UsedBy::Quad => Some(value),
             V::Matrix(_) | V::NormalMatrix | V::Camera(None, _) => {
                 let is_quad = matches!(used.by, UsedBy::Quad(_));
                 let pass = if is_quad { "a quad" } else { "a compute pass" };
@@ -458,6 +463,37 @@ impl Loader {
         textures
     }
 
+    /// What a uniform gets of a bound image file: `<valueof type="TEXTURE" context="CURRENT" component="COMPONENT_COUNT" id="0"/>`, the number of
+    /// its channels. Outer `None` for values of other kinds, inner `None` after an error.
+    fn texture_value(&mut self, given: &ValueOf, used: &ShaderUse<'_>) -> Option<Option<glsl::Value>> {
+        let kind = given.kind.as_ref().filter(|kind| kind.text.eq_ignore_ascii_case("TEXTURE"))?;
+        let counts = given.component.as_ref().is_some_and(|part| part.text.eq_ignore_ascii_case("COMPONENT_COUNT"));
+        let unit = given.id.as_ref().map_or(Some(0), |id| id.text.parse().ok());
+        let Some(unit) = unit.filter(|_| counts) else {
+            let message = format!("the uniform `{}` is a value of a texture that is not known", given.uniform.shown());
+            let help = "valid: component=\"COMPONENT_COUNT\" id=\"0\", with the unit as id";
+            self.report.error_help(given.span, message, || help.to_owned());
+            return Some(None);
+        };
+        let bound = self.bound(used, unit, SamplerKind::Color);
+        let Some(ShaderTexture::File(path)) = bound else {
+            if bound.is_some() {
+                let message =
+                    format!("the uniform `{}` counts the channels of what is no image file", given.uniform.shown());
+                self.report
+                    .error_help(kind.span, message, || "valid: a unit to which an image file is bound".to_owned());
+            }
+            return Some(None);
+        };
+        Some(match channels(&path) {
+            Ok(count) => Some(glsl::Value::Constant([f32::from(count), 0.0, 0.0, 0.0])),
+            Err(why) => {
+                self.report.error(given.span, format!("cannot read {}: {why}", path.display()));
+                None
+            }
+        })
+    }
+
     /// A texture with the mip levels to which earlier passes stored.
     fn with_levels(
         &mut self,
@@ -578,6 +614,14 @@ impl Loader {
         let file = file::Folder::of(&folder).resolve(&mut self.report, &value)?;
         Some(if file.exists() { Ok(file) } else { Err((file, value.span)) })
     }
+}
+
+#[cfg(feature = "glsl")]
+use crate::scene::image_channels as channels;
+
+#[cfg(not(feature = "glsl"))]
+fn channels(_: &Path) -> Result<u8, String> {
+    Err(glsl::MISSING.to_owned())
 }
 
 /// Checks that a value has the type of a member; the error says why not.

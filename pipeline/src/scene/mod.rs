@@ -29,6 +29,8 @@ pub use error::{Place, SceneError};
 pub use fingerprint::fnv1a;
 pub use load::{LoadOptions, LoadProgress, load};
 pub use render::BuildOptions;
+#[cfg(feature = "glsl")]
+pub(crate) use render::texture::image_channels;
 pub(crate) use render::texture::{image_file, image_files};
 pub use shapes::{Placement, Shape, ShapeKind};
 pub use statistics::{FileStatistics, MaterialStatistics, Statistics, statistics};

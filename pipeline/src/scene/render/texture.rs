@@ -319,6 +319,15 @@ pub(in crate::scene) fn image_has_alpha(path: &Path) -> bool {
     open(path).and_then(|bytes| decoder(bytes, Some(path))).is_ok_and(|decoder| decoder.color_type().has_alpha())
 }
 
+/// Number of channels of an image file, by its header.
+///
+/// # Errors
+/// If it cannot be read.
+#[cfg(feature = "glsl")]
+pub(crate) fn image_channels(path: &Path) -> Result<u8, String> {
+    Ok(decoder(open(path)?, Some(path))?.color_type().channel_count())
+}
+
 /// Whether an image file has a texel with alpha below `cutoff`; `None` if it cannot be read.
 pub(in crate::scene) fn is_cut_out(path: &Path, cutoff: f32, budget: &mut Budget) -> Result<Option<bool>, SceneError> {
     let Ok(header) = open(path).and_then(|bytes| decoder(bytes, Some(path))) else { return Ok(None) };
