@@ -1,10 +1,7 @@
 //! Named numbers of a project: those that `<attributes>` declare for passes and for shaders, those that passes give themselves, and what scripts
 //! make of them, of work groups and of the levels of images.
 
-use super::Scripted;
 use super::dom::Element;
-use super::loader::Loader;
-use super::running::{of_class, script};
 use std::collections::HashMap;
 
 /// Most work groups in one direction: what every device has.
@@ -64,33 +61,5 @@ impl Attributes {
     pub fn of_pass(&self, pass: &str, name: &str) -> Option<f32> {
         let own = self.given_values.get(&(pass.to_owned(), name.to_owned()));
         own.or_else(|| self.pass_values.get(name)).copied()
-    }
-}
-
-impl Loader {
-    /// Says which run of a pass this is, and what scripts set for it; `None` of a pass that runs once as its elements say.
-    pub fn told_of_run(&mut self, pass: &Element, run: u32) -> Option<Scripted> {
-        let set = std::mem::take(&mut self.attributes.set);
-        let test = pass.children_named(&["testScript"]).next();
-        if test.is_none() && set.is_empty() {
-            return None;
-        }
-        let why = test.map(|test| format!("run {run}, as {} says", script(test)));
-        let set = (!set.is_empty()).then(|| format!("scripts set {}", set.join(", ")));
-        Some(Scripted { run, told: why.into_iter().chain(set).collect::<Vec<_>>().join("; ") })
-    }
-
-    /// Takes down the work groups of a compute pass, as far as they are numbers; reading the pass reports what is not.
-    pub fn announce_groups(&mut self, key: &str, pass: &Element) {
-        let Some(material) = pass.children_named(&["material"]).next().filter(|_| of_class(pass, &["compute"])) else {
-            return;
-        };
-        let count = |name: &str| {
-            let text = material.attribute(name)?.text.trim_end_matches(',');
-            let number: f32 = text.parse().ok().or_else(|| self.constants.get(text).copied())?;
-            (1.0..=MAX_GROUPS as f32).contains(&number).then_some(number as u32)
-        };
-        let groups = GROUPS.map(|(_, attribute)| count(attribute).unwrap_or(1));
-        self.attributes.groups.insert(key.to_owned(), groups);
     }
 }

@@ -4,7 +4,7 @@ use super::attributes::Attributes;
 use super::dom::{self, Element, Value};
 use super::libraries::{Libraries, LightExtra, ROOT};
 use super::report::{Names, Report, Span, shown};
-use super::running::Running;
+use super::run_state::Running;
 use super::{Camera, Light, LightCamera, Pipeline, Project, SceneDecl, Viewport, file};
 use crate::color::ColorSpace;
 use crate::diagnostic::Problems;

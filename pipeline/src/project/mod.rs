@@ -28,6 +28,8 @@
 //! Files are bounded (16 MiB, 64 levels of elements, 65,536 elements), and so is what is reported.
 
 mod assets;
+#[cfg(feature = "glsl")]
+mod attribute_access;
 mod attributes;
 mod buffers;
 mod camera_pass;
@@ -54,6 +56,7 @@ mod passes;
 mod pattern_pass;
 mod ray;
 mod report;
+mod run_state;
 mod running;
 mod scenes;
 #[cfg(feature = "glsl")]

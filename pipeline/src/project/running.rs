@@ -1,9 +1,10 @@
 //! When passes run: `<mode>`, and the scripts that run before and after them and say whether, and how often, they run.
 
+use super::Scripted;
+use super::attributes::{GROUPS, MAX_GROUPS};
 use super::dom::Element;
 use super::loader::Loader;
 use super::report::{shown, suggest};
-use std::collections::HashSet;
 
 /// What a pass of any class may hold.
 pub(super) const RUNNING: [&str; 4] = ["mode", "testScript", "preScript", "postScript"];
@@ -18,18 +19,6 @@ const REPEATED: [&str; 2] = ["compute", "quad"];
 
 /// Most runs that the scripts of a pipeline ask for.
 const MAX_RUNS: u32 = 4096;
-
-/// The scripts of a pipeline.
-#[derive(Default)]
-pub(super) struct Running {
-    /// Once one was asked for.
-    #[cfg(feature = "glsl")]
-    pub scripts: Option<super::scripts::Loaded>,
-    /// How often they have let passes run.
-    runs: u32,
-    /// Targets that hold mip levels to which passes have stored.
-    pub stored: HashSet<usize>,
-}
 
 /// Whether a pass is of one of these classes.
 pub(super) fn of_class(pass: &Element, classes: &[&str]) -> bool {
@@ -91,6 +80,34 @@ impl Loader {
             let help = "what it would change is as the project's files say";
             self.report.warning(child.span, message, || Some(help.to_owned()));
         }
+    }
+}
+
+impl Loader {
+    /// Says which run of a pass this is, and what scripts set for it; `None` of a pass that runs once as its elements say.
+    pub fn told_of_run(&mut self, pass: &Element, run: u32) -> Option<Scripted> {
+        let set = std::mem::take(&mut self.attributes.set);
+        let test = pass.children_named(&["testScript"]).next();
+        if test.is_none() && set.is_empty() {
+            return None;
+        }
+        let why = test.map(|test| format!("run {run}, as {} says", script(test)));
+        let set = (!set.is_empty()).then(|| format!("scripts set {}", set.join(", ")));
+        Some(Scripted { run, told: why.into_iter().chain(set).collect::<Vec<_>>().join("; ") })
+    }
+
+    /// Takes down the work groups of a compute pass, as far as they are numbers; reading the pass reports what is not.
+    pub fn announce_groups(&mut self, key: &str, pass: &Element) {
+        let Some(material) = pass.children_named(&["material"]).next().filter(|_| of_class(pass, &["compute"])) else {
+            return;
+        };
+        let count = |name: &str| {
+            let text = material.attribute(name)?.text.trim_end_matches(',');
+            let number: f32 = text.parse().ok().or_else(|| self.constants.get(text).copied())?;
+            (1.0..=MAX_GROUPS as f32).contains(&number).then_some(number as u32)
+        };
+        let groups = GROUPS.map(|(_, attribute)| count(attribute).unwrap_or(1));
+        self.attributes.groups.insert(key.to_owned(), groups);
     }
 }
 

@@ -17,7 +17,7 @@ const CRATES: [(&str, usize); 6] =
 
 const OF_PIPELINE: &Floors = &[
     &["named", "paths", "diagnostic", "files", "guard", "memory", "progress", "pixel_samples"],
-    &["color", "gbuffer", "glsl"],
+    &["color", "gbuffer", "glsl", "script"],
     &["image", "shared"],
     &["scene", "metrics", "device_quad"],
     &["square", "glass", "camera_programs"],
