@@ -12,7 +12,6 @@ pub(super) const GROUPS: [(&str, &str); 3] = [("DIM_X", "dimX"), ("DIM_Y", "dimY
 
 /// What an attribute holds.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-#[cfg_attr(not(feature = "glsl"), expect(dead_code, reason = "scripts alone ask for it"))]
 pub(super) struct Held {
     /// How many numbers.
     pub count: usize,
@@ -42,8 +41,10 @@ pub(super) struct Attributes {
     /// What scripts set since the last run of a pass, for `plan`.
     pub set: Vec<String>,
     /// `pipeline#pass` of the pass whose script runs, and `Library::material` of what it names.
+    #[cfg(feature = "glsl")]
     pub current: (String, Option<String>),
     /// Levels that materials bind to image units, by `Library::material` and unit.
+    #[cfg(feature = "glsl")]
     pub bound: HashMap<(String, u32), u32>,
 }
 
