@@ -10,6 +10,7 @@ use super::report::{Span, shown};
 use super::shaders::{BuiltIn, ShaderUse, UsedBy};
 use super::{MaterialPattern, QuadSource, handed};
 use crate::glsl;
+use crate::scene::texture::Magnification;
 use std::rc::Rc;
 
 /// The corners of the quad, with texture coordinates from the lower left corner of the target.
@@ -108,7 +109,8 @@ impl Loader {
         let at = texture.map_or(generator.span, |name| name.span);
         let mut material = LibraryMaterial::plain(built_in.name);
         if let Some(name) = texture {
-            material.textures.push(Binding { unit: 0, library: None, name: name.clone(), compare: None });
+            let (name, magnification) = (name.clone(), Magnification::Linear);
+            material.textures.push(Binding { unit: 0, library: None, name, compare: None, magnification });
             material.values.push(unit_of("image", at));
         }
         let (material, to, injected) = (Rc::new(material), MaterialPattern::All, Injected::NONE);

@@ -218,7 +218,7 @@ impl Loader {
     /// A value as it is in a pass without a camera: the material's colours are constants, and values that need a camera are an error.
     fn without_camera(&mut self, value: glsl::Value, given: &ValueOf, used: &ShaderUse<'_>) -> Option<glsl::Value> {
         use glsl::{ColorValue as C, Value as V};
-        let material = used.material;
+        let (material, is_quad) = (used.material, matches!(used.by, UsedBy::Quad(_)));
         let number = |number: f32| [number, 0.0, 0.0, 0.0];
         match value {
             V::Color(color) => Some(V::Constant(match color {
@@ -229,9 +229,8 @@ impl Loader {
                 C::Shininess => number(material.shininess),
             })),
             // Where a quad is drawn, the engine's matrices are the identity.
-            V::Matrix(_) | V::NormalMatrix if used.by == UsedBy::Quad => Some(value),
+            V::Matrix(_) | V::NormalMatrix if is_quad => Some(value),
             V::Matrix(_) | V::NormalMatrix | V::Camera(None, _) => {
-                let is_quad = matches!(used.by, UsedBy::Quad(_));
                 let pass = if is_quad { "a quad" } else { "a compute pass" };
                 let message =
                     format!("the uniform `{}` is of the pass's camera, and {pass} has none", given.uniform.shown());
