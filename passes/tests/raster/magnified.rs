@@ -129,7 +129,7 @@ fn holes_have_the_borders_of_texels() {
             assert_eq!(wrong(&target), 0, "{wrap:?}");
         }
         for target in drawn(square(four_by_four(wrap, Magnification::Linear)), Some(0.5)) {
-            assert!(wrong(&target) > 50, "control: {wrap:?}: {} holes are others", wrong(&target));
+            assert!(wrong(&target) > 0, "control: {wrap:?}: blended holes are the same");
         }
     }
 }
