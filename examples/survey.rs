@@ -333,7 +333,9 @@ fn outcome(file: &Path, arguments: &Arguments) -> Outcome {
         let mut warnings: Vec<String> = problems.map(|problem| told(&problem.message)).collect();
         warnings.extend(renderer.warnings().groups().iter().map(|group| told(group)));
         let plan = renderer.plan();
-        let draws_own = plan.passes.iter().any(|planned| plan.draws_own(planned));
+        let draws_own = plan.passes.iter().any(|planned| {
+            plan.draws_own(planned) && plan.pass(planned).kind.shaders().any(|shader| !shader.is_pattern())
+        });
         let picture = renderer.frame(&mut Silent).map_err(OpenError::from)?;
         let asked_for = arguments.sheet.is_some() || arguments.page.is_some();
         let is_blank = picture.is_blank();

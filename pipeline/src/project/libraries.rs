@@ -14,7 +14,7 @@ use std::rc::Rc;
 pub(super) const ROOT: &[&str] = &["materialLib", "mlib"];
 
 /// Names of the built-in library.
-const BUILT_IN: [&str; 2] = ["curitiba_material_lib", "__nau_material_lib"];
+pub(super) const BUILT_IN: [&str; 2] = ["curitiba_material_lib", "__nau_material_lib"];
 
 /// Materials of the built-in library, with diffuse colour and emission.
 const BUILT_IN_MATERIALS: &[(&str, [f32; 3], [f32; 3])] = &[

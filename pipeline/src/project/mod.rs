@@ -943,6 +943,12 @@ pub struct QuadPass {
 }
 
 impl OwnShader {
+    /// Whether it is a shader of ours, which takes the place of a ray pass that traces no rays.
+    #[must_use]
+    pub fn is_pattern(&self) -> bool {
+        self.name.starts_with(libraries::BUILT_IN[0])
+    }
+
     /// The channels of the storage buffers that it reads.
     pub fn buffers_read(&self) -> impl Iterator<Item = ChannelRef> + '_ {
         self.buffers(|buffer| buffer.read)

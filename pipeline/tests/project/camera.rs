@@ -266,6 +266,7 @@ fn a_pass_without_a_camera_is_a_pattern_by_what_it_is_handed() {
         assert!(project.problems.0.iter().any(warned), "{}", project.problems);
         let PassKind::Quad(quad) = &project.pipelines[0].passes[0].kind else { panic!("no quad") };
         let shader = quad.shader.as_ref().expect("a shader of ours");
+        assert!(shader.is_pattern());
         let expected = textures.into_iter().map(|name| ShaderTexture::File(files.path(name)));
         assert_eq!(shader.textures, expected.collect::<Vec<_>>());
     }
