@@ -577,7 +577,10 @@ impl Loader {
                 None
             }
             Texture::Other => {
-                let message = format!("the texture `{}` has no file, and no size and format of an image", name.shown());
+                let message = format!(
+                    "the texture `{}` has no file, and no size and format of an image of two dimensions",
+                    name.shown()
+                );
                 self.report.error_help(name.span, message, || "valid: <texture name=\"…\" filename=\"…\"/>".to_owned());
                 None
             }
