@@ -142,6 +142,10 @@ impl Scripts {
     /// # Errors
     /// If it is no Lua, or fails.
     pub fn load(&self, file: u32, text: &str) -> Result<(), Fault> {
+        // Compiled code starts so. What it does to an interpreter that trusts its compiler is not known.
+        if text.starts_with('\x1b') {
+            return Err(Fault::nowhere("it is compiled; valid: the text of a script"));
+        }
         self.guarded(|| self.lua.load(text).set_name(format!("={file}")).exec())
     }
 
@@ -308,6 +312,8 @@ mod tests {
         let place = |text: &str| scripts.load(5, text).expect_err("it fails").place;
         assert_eq!(place("\n\nlocal a = nil + 1"), Some((5, 3)));
         assert_eq!(place("swap()\n\n\ngetAttr('A', 'B', 'THREE', 0, {})"), Some((5, 4)));
+        let compiled = scripts.load(5, "\x1bLua").expect_err("it is no text");
+        assert_eq!((compiled.place, &compiled.message[..14]), (None, "it is compiled"));
     }
 
     #[test]

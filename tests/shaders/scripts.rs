@@ -267,7 +267,7 @@ fn scripts_that_fail_are_errors_with_their_line_in_bounded_time() {
     let unnamed = Folder::new().edited("p.xml", r#"script="halve""#, r#"script="half""#).refused();
     assert!(unnamed.contains("p.xml:12:") && unnamed.contains("there is no function `half`"), "{unnamed}");
     let large = Folder::new().with("s.lua", &format!("--{}", "x".repeat(1 << 18))).refused();
-    assert!(large.contains("p.xml:12:") && large.contains("larger than"), "{large}");
+    assert!(large.contains("p.xml:12:") && large.contains("larger than 256 KiB"), "{large}");
 }
 
 #[test]

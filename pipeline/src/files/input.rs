@@ -50,7 +50,8 @@ pub fn open(path: &Path) -> io::Result<Input> {
 pub fn read(path: &Path, most: u64) -> io::Result<Vec<u8>> {
     let mut input = open(path)?;
     if input.size() > most {
-        return Err(io::Error::new(io::ErrorKind::FileTooLarge, format!("it is larger than {} MiB", most >> 20)));
+        let most = if most >> 20 > 0 { format!("{} MiB", most >> 20) } else { format!("{} KiB", most >> 10) };
+        return Err(io::Error::new(io::ErrorKind::FileTooLarge, format!("it is larger than {most}")));
     }
     let mut bytes = Vec::new();
     bytes.try_reserve_exact(usize::try_from(input.size()).unwrap_or(usize::MAX))?;
