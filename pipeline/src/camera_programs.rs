@@ -84,6 +84,13 @@ impl CameraParams {
     };
 }
 
+/// A linear colour to the power of 1 / `gamma`, with negative parts as 0; as it is where `gamma` is 1.
+#[inline]
+#[must_use]
+pub fn with_gamma(color: Vec3, gamma: f32) -> Vec3 {
+    if gamma == 1.0 { color } else { color.max(Vec3::ZERO).powf(gamma.recip()) }
+}
+
 impl Default for CameraParams {
     fn default() -> Self {
         Self::DEFAULT

@@ -2,6 +2,7 @@
 
 use super::{Estimate, Observer, RenderError, Renderer, Row, StepKind, channel_of};
 use crate::backend::{BackendError, FromCamera, GBuffer, PixelCone, RayCounts, RayJob, RayStats, View};
+use crate::camera_programs::with_gamma;
 use crate::image::Image;
 use crate::plan::{PlannedPass, Shining, Work};
 use crate::project::{ChannelRef, PassKind};
@@ -157,7 +158,10 @@ impl Renderer {
         }
         if let (Ok(_), Some(buffer), None) = (&traced, linear, &batch) {
             self.fill_linear(buffer, output.width, &output.pixels);
-            output.pixels.par_iter_mut().for_each(|pixel| *pixel = with_gamma(*pixel, gamma));
+            output.pixels.par_iter_mut().for_each(|pixel| {
+                let [r, g, b, a] = *pixel;
+                *pixel = with_gamma(Vec3::new(r, g, b), gamma).extend(a).to_array();
+            });
         }
         let mut sums = self.part > 0 || self.taken > 0;
         let given_up = self.given_up || self.cancellation.is_cancelled();
@@ -228,14 +232,6 @@ impl Renderer {
         let of_backend = |row: &&mut Row| row.kind == StepKind::Rays && engines.is_shared(&row.name, name);
         self.timeline.rows.iter_mut().filter(of_backend).for_each(|row| row.bytes = 0);
     }
-}
-
-/// A colour to the power of 1 / gamma.
-fn with_gamma([r, g, b, a]: [f32; 4], gamma: f32) -> [f32; 4] {
-    if gamma == 1.0 {
-        return [r, g, b, a];
-    }
-    Vec3::new(r, g, b).max(Vec3::ZERO).powf(gamma.recip()).extend(a).to_array()
 }
 
 /// Counts by kind, such as `: 12 shadow, 3 reflected`, without kinds that were not traced.

@@ -58,7 +58,7 @@ impl Loader {
             self.report.error_help(at, message, || "imageStore(…) into a `uniform image2D`".to_owned());
             return None;
         };
-        let key = format!("{}#{}", self.pipeline_name, context.name);
+        let key = self.pass_key(&context.name);
         let groups = self.attributes.set_groups.get(&key).copied().or(groups)?;
         let group = shader.program.compute.as_ref().map_or([1; 3], |compute| compute.group);
         let invocations: u64 = groups.iter().chain(&group).map(|side| u64::from(*side)).product();

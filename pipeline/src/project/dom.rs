@@ -39,6 +39,11 @@ impl Value {
         Self { text, joined, span }
     }
 
+    /// Whether it says yes.
+    pub fn is_true(&self) -> bool {
+        ["true", "yes", "1"].iter().any(|yes| self.text.eq_ignore_ascii_case(yes))
+    }
+
     /// The value, shortened for messages.
     pub fn shown(&self) -> String {
         shown(&self.text)

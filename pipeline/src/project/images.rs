@@ -69,9 +69,7 @@ impl Loader {
             self.report
                 .error_help(value.span, message, || "valid: 0 to 255, where 0 is the first level alone".to_owned());
         }
-        let is_on =
-            mipmap.is_some_and(|value| ["true", "yes", "1"].iter().any(|on| value.text.eq_ignore_ascii_case(on)));
-        if is_on { all } else { 0 }
+        if mipmap.is_some_and(Value::is_true) { all } else { 0 }
     }
 
     /// The target that holds a mip level of a channel, from 1 on. Each side is half of the side before, rounded down, and at least 1.

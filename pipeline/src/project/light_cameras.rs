@@ -46,7 +46,7 @@ impl Loader {
 
     /// Reads a pass of class `depthmap` or `depthmap2`, which draws the depth as seen from the pass's light.
     pub fn depth_map_pass(&mut self, context: &mut PassContext<'_>) -> Option<RasterPass> {
-        let key = format!("{}#{}", self.pipeline_name, context.name);
+        let key = self.pass_key(&context.name);
         let covers = self.pass_camera(context);
         let light = self.first_light(context);
         let index = match self.cameras.names.find(&format!("{key}{OF_LIGHT}")) {

@@ -7,7 +7,7 @@ use super::report::{Names, Report, Span, shown};
 use super::run_state::Running;
 use super::{Camera, Light, LightCamera, Pipeline, Project, SceneDecl, Viewport, file};
 use crate::color::ColorSpace;
-use crate::diagnostic::Problems;
+use crate::diagnostic::{Problems, Source};
 use crate::glsl;
 use std::collections::HashMap;
 use std::path::{Path, PathBuf};
@@ -34,6 +34,8 @@ pub(super) struct Loader {
     pub pipeline_name: String,
     /// Compiled shaders by their files; `None` for one that failed to compile.
     pub compiled: HashMap<ShaderKey, Option<Arc<glsl::Program>>>,
+    /// Texts that were read beside the project and its libraries, by path: their indices in the report.
+    pub texts: HashMap<PathBuf, u32>,
     /// The project's name; empty before it is read.
     pub title: String,
     pub libraries: Libraries,
@@ -105,6 +107,7 @@ fn read(path: &Path) -> (Loader, Option<Project>) {
         light_cameras: Vec::new(),
         pipeline_name: String::new(),
         compiled: HashMap::new(),
+        texts: HashMap::new(),
         title: String::new(),
         libraries: Libraries::new(),
         scenes: Declared::new("scene"),
@@ -117,6 +120,37 @@ fn read(path: &Path) -> (Loader, Option<Project>) {
 }
 
 impl Loader {
+    /// `pipeline#pass` of a pass of the pipeline that is being read.
+    pub fn pass_key(&self, pass: &str) -> String {
+        format!("{}#{pass}", self.pipeline_name)
+    }
+
+    /// Reads the file of a shader or a script, of `most` bytes, into the report, unless it was; its index there. Invalid UTF-8 is tolerated,
+    /// since it may be in comments. `None` after an error at `named`.
+    pub fn text_file(&mut self, path: &Path, named: &Value, most: u64) -> Option<u32> {
+        if let Some(known) = self.texts.get(path) {
+            return Some(*known);
+        }
+        match crate::files::read(path, most) {
+            Ok(bytes) => {
+                let body = bytes.strip_prefix(b"\xEF\xBB\xBF").unwrap_or(&bytes);
+                let text = String::from_utf8_lossy(body).into_owned();
+                let index = self.report.add_source(Source { path: path.to_owned(), text: text.into() });
+                self.texts.insert(path.to_owned(), index);
+                Some(index)
+            }
+            Err(why) => {
+                let message = format!("cannot read {}: {why}", path.display());
+                if path.exists() {
+                    self.report.error(named.span, message);
+                } else {
+                    self.report.error_help(named.span, message, || crate::paths::nearest_help(path));
+                }
+                None
+            }
+        }
+    }
+
     /// Parses a file.
     pub fn document(&mut self, path: &Path, named_at: Option<Span>) -> Option<Element> {
         let file = file::read(&mut self.report, path, named_at)?;
@@ -238,11 +272,7 @@ impl Loader {
 fn default_pipeline(root: &Element) -> usize {
     let lists = || root.children_named(&["pipelines"]);
     let pipelines: Vec<&Element> = lists().flat_map(|list| list.children_named(&["pipeline"])).collect();
-    let is_true = |element: &&Element| {
-        element
-            .attribute("default")
-            .is_some_and(|value| ["true", "yes", "1"].iter().any(|yes| value.text.eq_ignore_ascii_case(yes)))
-    };
+    let is_true = |element: &&Element| element.attribute("default").is_some_and(Value::is_true);
     let named = || lists().find_map(|list| list.attribute("default"));
     let by_name = |name: &Value| {
         pipelines.iter().position(|pipeline| pipeline.attribute("name").is_some_and(|own| own.text == name.text))

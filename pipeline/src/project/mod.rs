@@ -946,7 +946,7 @@ impl OwnShader {
     /// Whether it is a shader of ours, which takes the place of a ray pass that traces no rays.
     #[must_use]
     pub fn is_pattern(&self) -> bool {
-        self.name.starts_with(libraries::BUILT_IN[0])
+        self.name.split_once("::").is_some_and(|(library, _)| library == libraries::BUILT_IN[0])
     }
 
     /// The channels of the storage buffers that it reads.

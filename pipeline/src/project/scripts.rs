@@ -5,7 +5,6 @@ use super::loader::Loader;
 use super::report::Span;
 use super::run_state::Loaded;
 use super::running::script;
-use crate::diagnostic::Source;
 use crate::script::{Fault, MAX_FILE, Scripts};
 use std::collections::HashMap;
 use std::rc::Rc;
@@ -46,7 +45,7 @@ impl Loader {
         let (file, name) = (self.required(element, "file"), self.required(element, "script"));
         let (file, name) = (file?, name?.text.clone());
         self.attributes.current = (
-            format!("{}#{}", self.pipeline_name, pass.attribute("name").map_or("", |name| &name.text)),
+            self.pass_key(pass.attribute("name").map_or("", |name| &name.text)),
             pass.children_named(&["material"]).next().and_then(|material| {
                 Some(format!("{}::{}", material.attribute("fromLibrary")?.text, material.attribute("name")?.text))
             }),
@@ -67,28 +66,16 @@ impl Loader {
         if let Some(known) = known {
             return known.map(|_| name);
         }
-        let read = match crate::files::read(&path, MAX_FILE) {
-            Ok(bytes) => {
-                let text = String::from_utf8_lossy(bytes.strip_prefix(b"\xEF\xBB\xBF").unwrap_or(&bytes)).into_owned();
-                let index = self.report.add_source(Source { path: path.clone(), text: text.clone().into() });
-                match self.with_scripts(|scripts| scripts.load(index, &text)) {
-                    Ok(()) => Some(index),
-                    Err(fault) => {
-                        let at = self.line_of(&fault, file.span);
-                        self.report.error(at, fault.message);
-                        None
-                    }
-                }
+        let index = self.text_file(&path, file, MAX_FILE);
+        let read = index.filter(|index| {
+            let text = self.report.source(*index).text.clone();
+            let loaded = self.with_scripts(|scripts| scripts.load(*index, &text));
+            if let Err(fault) = &loaded {
+                let at = self.line_of(fault, file.span);
+                self.report.error(at, fault.message.clone());
             }
-            Err(why) => {
-                let message = format!("cannot read {}: {why}", path.display());
-                let help = || {
-                    if path.exists() { "valid: a file of Lua".to_owned() } else { crate::paths::nearest_help(&path) }
-                };
-                self.report.error_help(file.span, message, help);
-                None
-            }
-        };
+            loaded.is_ok()
+        });
         self.running.scripts.as_mut()?.files.insert(path, read);
         read.map(|_| name)
     }

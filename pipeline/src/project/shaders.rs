@@ -113,7 +113,7 @@ impl Loader {
         lights: &[usize],
     ) -> Option<Arc<OwnShader>> {
         let (program, files) = self.own_program(context, used)?;
-        let pass = format!("{}#{}", self.pipeline_name, context.name);
+        let pass = self.pass_key(&context.name);
         let mut values: Vec<(ValueOf, glsl::Value)> = Vec::new();
         let mut whole = true;
         for given in &used.material.values {
@@ -285,7 +285,7 @@ impl Loader {
         }
         let mut files = [0; 2];
         for ((path, named), file) in paths.iter().zip([vertex, pixel]).zip(&mut files) {
-            *file = self.shader_file(path, named)?;
+            *file = self.text_file(path, named, glsl::MAX_FILE)?;
         }
         if let Some(Some(program)) = self.compiled.get(&key) {
             return Some((Arc::clone(program), files));
@@ -327,7 +327,7 @@ impl Loader {
             // The problem was reported already.
             return None;
         }
-        let file = self.shader_file(&path, named)?;
+        let file = self.text_file(&path, named, glsl::MAX_FILE)?;
         if let Some(Some(program)) = known {
             return Some((program, [file; 2]));
         }
@@ -353,26 +353,6 @@ impl Loader {
                         Some(help) => self.report.error_help(at, fault.message, || help),
                         None => self.report.error(at, fault.message),
                     }
-                }
-                None
-            }
-        }
-    }
-
-    /// Reads a shader file into the report. Invalid UTF-8 is tolerated, since it may be in comments.
-    fn shader_file(&mut self, path: &Path, named: &Value) -> Option<u32> {
-        match crate::files::read(path, glsl::MAX_FILE) {
-            Ok(bytes) => {
-                let body = bytes.strip_prefix(b"\xEF\xBB\xBF").unwrap_or(&bytes);
-                let text = String::from_utf8_lossy(body).into_owned();
-                Some(self.report.add_source(Source { path: path.to_owned(), text: text.into() }))
-            }
-            Err(why) => {
-                let message = format!("cannot read {}: {why}", path.display());
-                if path.exists() {
-                    self.report.error(named.span, message);
-                } else {
-                    self.report.error_help(named.span, message, || crate::paths::nearest_help(path));
                 }
                 None
             }

@@ -190,7 +190,7 @@ impl Loader {
     /// Parses a boolean.
     pub fn boolean(&mut self, value: &Value) -> Option<bool> {
         match value.text.to_ascii_lowercase().as_str() {
-            "true" | "1" | "yes" => Some(true),
+            _ if value.is_true() => Some(true),
             "false" | "0" | "no" => Some(false),
             _ => {
                 let message = format!("`{}` is neither true nor false", value.shown());

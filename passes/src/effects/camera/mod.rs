@@ -25,7 +25,7 @@ use crate::sampling::hemisphere::{Basis, cosine, mirrored};
 use crate::sampling::paths::{Place, Points};
 use crate::trace::{Announcement, Hit, Purpose, Ray, Tracer};
 use curitiba_pipeline::backend::{FromCamera, PixelCone};
-use curitiba_pipeline::camera_programs::SurfaceKind;
+use curitiba_pipeline::camera_programs::{SurfaceKind, with_gamma};
 use curitiba_pipeline::programs::{RayParams, RayProgram};
 use glam::{DVec3, Vec2, Vec3};
 
@@ -69,8 +69,7 @@ pub fn pixel<T: Tracer, C: Coverage>(pass: &Pass<'_, T, C>, pixel: Pixel, work: 
         sum += walk.shown(origin, direction, &points, work).as_dvec3();
     }
     let mean = (sum / f64::from(rays)).as_vec3();
-    let gamma = params.camera.gamma;
-    opaque(if gamma == 1.0 { mean } else { mean.max(Vec3::ZERO).powf(gamma.recip()) })
+    opaque(with_gamma(mean, params.camera.gamma))
 }
 
 impl<T: Tracer, C: Coverage> Walk<'_, '_, T, C> {
