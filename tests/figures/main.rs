@@ -20,6 +20,7 @@
 //! | `rays` | the bench beside Embree, several files | a row for each scene: rays a second, and ratios; `threads=16` of so many threads, `single=yes` with the ratio of single rays |
 //! | `listed` | any program that names its columns | the table that `table=` names |
 //! | `passes`, `builds` | the same | whole ray passes, and building, beside Embree's |
+//! | `growth` | the same with `--growth` | a row for each kind of work: milliseconds against triangles and pixels, exponents, efficiency of threads |
 
 mod tables;
 
@@ -176,8 +177,9 @@ fn the_documents_hold_what_was_measured() {
     }
     // Figures of one kind come from one commit. Those against Embree name their commit in each row.
     let mut commits: BTreeMap<String, BTreeSet<String>> = BTreeMap::new();
-    for (kind, _, commit) in
-        quoted.iter().filter(|(kind, ..)| !["machine", "rays", "passes", "builds", "listed"].contains(&kind.as_str()))
+    for (kind, _, commit) in quoted
+        .iter()
+        .filter(|(kind, ..)| !["machine", "rays", "passes", "builds", "growth", "listed"].contains(&kind.as_str()))
     {
         commits.entry(kind.clone()).or_default().insert(commit.clone());
     }
@@ -188,13 +190,13 @@ fn the_documents_hold_what_was_measured() {
 
 /// The curves that documents show: image, measurement, and which of its cases.
 const CURVES: [(&str, &str, usize); 7] = [
-    ("threads-SSAO", "h100_threads", 0),
-    ("threads-Final-Vidro", "h100_threads", 3),
-    ("threads-Shadows", "h100_threads", 4),
-    ("threads-Reflect-Vidro", "h100_threads", 7),
-    ("threads-Refract-Vidro", "h100_threads", 9),
-    ("threads-load-triangles", "h100_load", 0),
-    ("threads-load-textures", "h100_load", 1),
+    ("threads-SSAO", "cores_threads", 0),
+    ("threads-Final-Vidro", "cores_threads", 3),
+    ("threads-Shadows", "cores_threads", 4),
+    ("threads-Reflect-Vidro", "cores_threads", 7),
+    ("threads-Refract-Vidro", "cores_threads", 9),
+    ("threads-load-triangles", "cores_load", 0),
+    ("threads-load-textures", "cores_load", 1),
 ];
 
 #[test]

@@ -1,7 +1,7 @@
 //! Markdown tables of measurements.
 
 use serde_json::Value;
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::fmt::Write;
 
 type Options = BTreeMap<String, String>;
@@ -23,9 +23,11 @@ pub fn table(kind: &str, files: &[Value], options: &Options) -> Result<String, S
         "rays" => rays(files, options),
         "passes" => passes(files),
         "builds" => builds(files),
+        "growth" => growth(one()?),
         "listed" => listed(one()?, options),
         _ => {
-            let valid = "machine, cases, pictures, backends, agreement, counts, threads, rays, passes, builds, listed";
+            let valid =
+                "machine, cases, pictures, backends, agreement, counts, threads, rays, passes, builds, growth, listed";
             Err(format!("there is no kind `{kind}`; valid: {valid}"))
         }
     }
@@ -427,6 +429,55 @@ fn builds(files: &[Value]) -> Result<String, String> {
     if out.is_empty() { Err("no scene was built".to_owned()) } else { Ok(out) }
 }
 
+/// A row for each kind of work: milliseconds against triangles and against pixels, each with the exponent of its power law, and
+/// what each number of threads keeps of the time of one.
+fn growth(file: &Value) -> Result<String, String> {
+    let points = |name: &str| file[name].as_array().cloned().unwrap_or_default();
+    let (triangles, pixels) = (points("triangles"), points("pixels"));
+    let slopes = |name: &str| points(name).iter().map(|slope| cell(slope["slope"].as_f64())).collect::<Vec<_>>();
+    let (by_triangles, by_pixels) = (slopes("triangle_slopes"), slopes("pixel_slopes"));
+    let works = triangles.first().and_then(|point| point["samples"].as_array()).ok_or("no growth was measured")?;
+
+    let mut names = vec![String::new()];
+    names.extend(
+        triangles.iter().map(|point| format!("{} triangles", grouped(point["triangles"].as_u64().unwrap_or(0)))),
+    );
+    names.push("exponent".to_owned());
+    names.extend(pixels.iter().map(|point| format!("{} pixels a side", point["size"])));
+    names.push("exponent".to_owned());
+    let efficiencies = points("efficiencies");
+    let threads: BTreeSet<u64> = efficiencies.iter().filter_map(|one| one["threads"].as_u64()).collect();
+    names.extend(
+        threads.iter().map(|threads| format!("efficiency of {threads} threads, by the clock and by the processor")),
+    );
+    let mut out = format!("| {} |\n|{}\n", names.join(" | "), "---|".repeat(names.len()));
+
+    for (index, work) in works.iter().enumerate() {
+        let ms = |point: &Value| cell(median(&point["samples"][index]["times"]["cpu_s"]).map(|seconds| seconds * 1e3));
+        let slope = |slopes: &[String]| slopes.get(index).cloned().unwrap_or_default();
+        let mut cells = vec![text(&work["work"]).to_owned()];
+        cells.extend(triangles.iter().map(ms));
+        cells.push(slope(&by_triangles));
+        cells.extend(pixels.iter().map(ms));
+        cells.push(slope(&by_pixels));
+        for count in &threads {
+            let of = |one: &&Value| one["work"] == work["work"] && one["threads"] == *count;
+            let one = efficiencies.iter().find(of).ok_or_else(|| format!("no efficiency of {count} threads"))?;
+            let [clock, processor] = ["efficiency", "efficiency_cpu"].map(|name| cell(one[name].as_f64()));
+            cells.push(format!("{clock}, {processor}"));
+        }
+        let _ = writeln!(out, "| {} |", cells.join(" | "));
+    }
+    Ok(out)
+}
+
+/// The median of a list of numbers, the upper one of two.
+fn median(list: &Value) -> Option<f64> {
+    let mut numbers: Vec<f64> = list.as_array()?.iter().filter_map(Value::as_f64).collect();
+    numbers.sort_by(f64::total_cmp);
+    numbers.get(numbers.len() / 2).copied()
+}
+
 fn scenes(files: &[Value]) -> impl Iterator<Item = &Value> {
     files.iter().filter_map(|file| file["scenes"].as_array()).flatten()
 }
@@ -491,6 +542,25 @@ fn ray_passes_are_rows_and_backends_columns() {
     assert!(
         table("backends", std::slice::from_ref(&one), &thesis).is_err() && table("backends", &[one], &names).is_err()
     );
+}
+
+#[test]
+fn growth_has_a_row_for_each_work() {
+    let point = |triangles: u64, size: u64, seconds: f64| serde_json::json!({"triangles": triangles, "size": size, "samples": [{"work": "build", "times": {"cpu_s": [9.0, seconds, 1e-4]}}]});
+    let mut file = serde_json::json!({
+        "triangles": [point(10, 64, 0.001), point(20_000, 64, 0.002)], "triangle_slopes": [{"work": "build", "slope": 1.05}],
+        "pixels": [point(10, 64, 0.004)], "pixel_slopes": [{"work": "build", "slope": 0.25}],
+        "efficiencies": [{"work": "build", "threads": 2, "efficiency": 0.8, "efficiency_cpu": 1.0}],
+    });
+    let made = table("growth", std::slice::from_ref(&file), &Options::new()).expect("a table");
+    assert!(
+        made.starts_with("|  | 10 triangles | 20,000 triangles | exponent | 64 pixels a side | exponent |"),
+        "{made}"
+    );
+    assert!(made.ends_with("| build | 1.00 | 2.00 | 1.05 | 4.00 | 0.25 | 0.80, 1.00 |\n"), "{made}");
+    file["efficiencies"][0]["work"] = "trace".into();
+    assert!(table("growth", std::slice::from_ref(&file), &Options::new()).is_err());
+    assert!(table("growth", &[serde_json::json!({})], &Options::new()).is_err());
 }
 
 #[test]
