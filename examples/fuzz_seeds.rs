@@ -16,7 +16,7 @@ fn main() -> std::io::Result<()> {
         eprintln!("usage: fuzz_seeds FOLDER");
         std::process::exit(2);
     };
-    let names = fuzz_targets::TARGETS.iter().map(|target| target.name).chain(["shader"]);
+    let names = fuzz_targets::TARGETS.iter().map(|target| target.name).chain(["shader", "script"]);
     let loaders = names
         .flat_map(|target| seeds::of(target).into_iter().map(move |(name, bytes)| (target, name.to_owned(), bytes)));
     let renders = input::seeds().into_iter().map(|(name, bytes)| ("render", name, bytes));

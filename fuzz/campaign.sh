@@ -13,7 +13,7 @@ set -euo pipefail
 here=$(cd "$(dirname "$0")" && pwd)
 seconds=${1:-600}
 shift || true
-all=(project_xml mlib cbo obj gltf studio collada ogre texture picture shader render)
+all=(project_xml mlib cbo obj gltf studio collada ogre texture picture shader script render)
 targets=("$@")
 [ $# -gt 0 ] || targets=("${all[@]}")
 bin=$(realpath "${BIN:-$here/target/x86_64-unknown-linux-gnu/release}")

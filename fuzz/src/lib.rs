@@ -7,6 +7,8 @@ pub mod body;
 pub mod fuzz_targets;
 #[path = "../../passes/tests/fuzz_render/input.rs"]
 pub mod input;
+#[path = "../../pipeline/tests/fuzz_targets/script.rs"]
+pub mod script;
 #[path = "../../pipeline/tests/fuzz_targets/shader.rs"]
 pub mod shader;
 

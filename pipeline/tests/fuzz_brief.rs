@@ -4,6 +4,9 @@
 mod fuzz_targets;
 #[path = "fuzz_targets/mutate.rs"]
 mod mutate;
+#[cfg(feature = "glsl")]
+#[path = "fuzz_targets/script.rs"]
+mod script;
 #[path = "fuzz_targets/seeds.rs"]
 mod seeds;
 #[cfg(feature = "glsl")]
@@ -32,7 +35,8 @@ type Change<T> = (&'static str, fn(&mut T));
 /// All targets that this build's features include.
 fn targets() -> impl Iterator<Item = &'static Target> {
     #[cfg(feature = "glsl")]
-    const WITH_FEATURES: &[Target] = &[Target { name: "shader", run: shader::shader }];
+    const WITH_FEATURES: &[Target] =
+        &[Target { name: "shader", run: shader::shader }, Target { name: "script", run: script::script }];
     #[cfg(not(feature = "glsl"))]
     const WITH_FEATURES: &[Target] = &[];
     TARGETS.iter().chain(WITH_FEATURES)

@@ -36,7 +36,7 @@ pub struct Target {
     pub run: fn(&[u8]) -> Outcome,
 }
 
-/// All targets except `shader`, which needs a feature that not every crate with these bodies has.
+/// All targets except `shader` and `script`, which need a feature that not every crate with these bodies has.
 pub const TARGETS: &[Target] = &[
     Target { name: "project_xml", run: project_xml },
     Target { name: "mlib", run: mlib },

@@ -54,6 +54,7 @@ pub fn of(target: &str) -> Vec<(&'static str, Vec<u8>)> {
             ("depth.glsl", DEPTH_SHADER.into()),
             ("shadowed.glsl", [SHADOWED_VERTEX, "\0", SHADOWED_FRAGMENT].concat().into()),
         ],
+        "script" => vec![("levels.lua", LEVELS_SCRIPT.into()), ("words.lua", WORDS_SCRIPT.into())],
         other => panic!("there is no target {other}"),
     }
 }
@@ -63,6 +64,42 @@ const BANDS_FRAGMENT: &str = include_str!("../../../xml_projects/shaders/glsl/ba
 
 const SHADOWED_VERTEX: &str = include_str!("../../../xml_projects/shaders/glsl/shadowed.vert");
 const SHADOWED_FRAGMENT: &str = include_str!("../../../xml_projects/shaders/glsl/shadowed.frag");
+
+/// A pass that runs once for each level.
+const LEVELS_SCRIPT: &str = r#"function before()
+    setAttr("PASS", "main#show", "Share", 0, { 0.25 })
+end
+function again()
+    local level, count = {}, {}
+    getAttr("PASS", "CURRENT", "Level", 0, level)
+    getAttr("RENDERER", "CURRENT", "COUNT", 0, count)
+    if level[1] >= count[1] then return false end
+    setAttr("PASS", "CURRENT", "Level", 0, { level[1] + 1 })
+    return true
+end
+function after()
+    saveTexture("result", "a.png")
+end
+"#;
+
+/// Most words of the language.
+const WORDS_SCRIPT: &str = r##"local runs, parts = 0, { 1, 2.5, [4] = "four", name = { 0x1p4, 7 // 2, 7 % -3, 1 << 3, ~5 } }
+local held = setmetatable and nil
+function before()
+    for at, part in ipairs(parts) do assert(type(part) == "number", at .. "") end
+    for key, part in pairs(parts) do if key == "name" then part[#part + 1] = select("#", nil, nil) end end
+    repeat runs = runs - 1 until runs < -3 or not held
+    goto done
+    ::done::
+    setAttr("RENDERER", "CURRENT", "COUNT", 0, { math.floor(math.max(2, tonumber("3"))) })
+end
+function again()
+    runs = runs + 1
+    while runs > 100 do break end
+    return runs <= 1 and tostring(runs) ~= [[2]]
+end
+function after() local function deep(n) return n > 0 and deep(n - 1) or error({ n }) end if runs > 9 then deep(3) end end
+"##;
 
 /// Shaders for a target with one colour whose depth is kept.
 const DEPTH_SHADER: &str = "1#version 440\nuniform mat4 m[2];\nuniform bool on = true;\nin vec4 position;\nin vec3 tangent;\nout vec4 p[2];\nout mat3 n;
