@@ -150,7 +150,7 @@ def render(name, about, scene, camera, program, params, integrator, samples, emi
     meshes = scene.meshes(params.get("index", 1.5))
     description = {"type": "scene", **meshes, **(emitters or {}), **(extra or {})}
     loaded = mi.load_dict(description)
-    integrator = mi.load_dict(integrator)
+    integrator = mi.load_dict(integrator) if isinstance(integrator, dict) else integrator
     sampler = mi.load_dict({"type": "independent", "sample_count": 1})
     sampler.seed(7)
     glass = {f"material{i}" for i, m in enumerate(scene.materials) if m["glass"]} | set(extra or {})
@@ -239,6 +239,38 @@ def ambient():
         {"type": "direct", "emitter_samples": 0, "bsdf_samples": 1},
         4096,
         emitters={"sky": white},
+    )
+
+
+class Near:
+    """The share of directions, by their cosines, in which nothing is within `radius`."""
+
+    def __init__(self, radius):
+        self.radius, self.ray = radius, None
+
+    def sample(self, scene, sampler, ray):
+        if self.ray is not ray:
+            self.ray, self.hit = ray, scene.ray_intersect(ray)
+            self.frame = mi.Frame3f(self.hit.n if np.dot(self.hit.n, ray.d) < 0 else -self.hit.n)
+        direction = self.frame.to_world(mi.warp.square_to_cosine_hemisphere(sampler.next_2d()))
+        away = self.hit.spawn_ray(direction)
+        away.maxt = self.radius
+        return [0.0 if scene.ray_test(away) else 1.0], None
+
+
+def ambient_near():
+    scene, paint = yard()
+    scene.sphere(paint, (0.7, 0.45, 0.3), 0.45, 1, False)
+    radius = 0.5
+    render(
+        "ambient_near",
+        "The share of directions, by their cosines, in which nothing is within half a unit.",
+        scene,
+        {"eye": [0.3, 2.4, 3.1], "target": [0, 0.2, -0.1], "fov_y": 42},
+        "ssao",
+        {"radius": radius, "samples": 256},
+        Near(radius),
+        4096,
     )
 
 
@@ -359,6 +391,7 @@ def mirror_sphere():
 SCENES = {
     "hard_shadow": shadow,
     "ambient_occlusion": ambient,
+    "ambient_near": ambient_near,
     "pane_1_1": lambda: pane(1.1),
     "pane_1_5": lambda: pane(1.5),
     "two_panes": two_panes,
