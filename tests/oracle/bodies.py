@@ -39,9 +39,9 @@ def paint(diffuse):
     return {"diffuse": diffuse}
 
 
-def glass(index, extinction=(0, 0, 0), alpha=0.0, around=1.0):
-    """A body. `around` is the index of what surrounds it, which Mitsuba is told; ours finds it."""
-    return {"index": index, "extinction": extinction, "alpha": alpha, "around": around}
+def glass(index, extinction=(0, 0, 0), alpha=0.0, around=1.0, dispersion=0.0):
+    """A body. `around` is the index of what surrounds it, which Mitsuba is told; ours finds it. `dispersion` is 20 over Abbe's number."""
+    return {"index": index, "extinction": extinction, "alpha": alpha, "around": around, "dispersion": dispersion}
 
 
 def decode(code):
@@ -164,7 +164,7 @@ class Bodies(Scene):
             "accessors": accessors,
             "bufferViews": views,
             "buffers": [{"byteLength": len(data), "uri": "data:application/octet-stream;base64," + base64.b64encode(data).decode()}],
-            "extensionsUsed": [f"KHR_materials_{name}" for name in ("transmission", "volume", "ior")],
+            "extensionsUsed": sorted({name for material in materials for name in material.get("extensions", ())}),
         }
         if images:
             file["images"] = [{"uri": uri} for uri in images]
@@ -205,18 +205,22 @@ def described(number, material, images):
     volume = {"thicknessFactor": 1, "attenuationDistance": 1.0}
     volume["attenuationColor"] = [math.exp(-extinction) for extinction in material["extinction"]]
     extensions = {"transmission": {"transmissionFactor": 1}, "ior": {"ior": material["index"]}, "volume": volume}
+    if material["dispersion"] > 0:
+        extensions["dispersion"] = {"dispersion": material["dispersion"]}
     look = {"metallicFactor": 0, "roughnessFactor": math.sqrt(material["alpha"])}
     extensions = {f"KHR_materials_{name}": value for name, value in extensions.items()}
     return {**plain, "pbrMetallicRoughness": look, "extensions": extensions}
 
 
-def store(name, about, scene, set, samples, mean, error, camera=CAMERA, sun=None):
-    """Writes both files. `set` is what our program is told of its ray pass."""
+def store(name, about, scene, set, samples, mean, error, camera=CAMERA, sun=None, unseen=None):
+    """Writes both files. `set` is what our program is told of its ray pass, `unseen` what the standard errors do not know of."""
     short = lambda rows, digits: [None if row is None else [float(f"{v:.{digits}g}") for v in row] for row in rows]
     result = {
         "about": about,
         "made_by": f"Mitsuba {mi.__version__}, {mi.variant()}",
         "samples": samples,
+        # What happens in no sample has a share of about one.
+        "unseen": unseen or 1 / samples,
         "set": set,
         "camera": camera,
         **({"sun": sun} if sun else {}),
@@ -232,12 +236,17 @@ def store(name, about, scene, set, samples, mean, error, camera=CAMERA, sun=None
 
 def render(name, about, scene, set=(), samples=2048, camera=CAMERA):
     """Renders the pixels whose centres show glass, and stores them."""
+    store(name, about, scene, list(set), samples, *estimated(scene, samples, camera), camera)
+
+
+def estimated(scene, samples, camera, seed=7):
+    """Means and standard errors of the pixels whose centres show glass, None of others."""
     loaded = mi.load_dict({"type": "scene", **scene.meshes()})
     absorbs = any(any(material.get("extinction", ())) for material in scene.materials)
     kind = "volpathmis" if absorbs else "path"
     integrator = mi.load_dict({"type": kind, "max_depth": SURFACES, "rr_depth": SURFACES + 1})
     sampler = mi.load_dict({"type": "independent", "sample_count": 1})
-    sampler.seed(7)
+    sampler.seed(seed)
     bodies = {f"material{number}" for number, material in enumerate(scene.materials) if "index" in material}
     means, errors = [], []
     for ray in rays(camera):
@@ -250,7 +259,7 @@ def render(name, about, scene, set=(), samples=2048, camera=CAMERA):
         values = np.array([integrator.sample(loaded, sampler, ray)[0] for _ in range(samples)], dtype=np.float64)
         means.append(values.mean(0))
         errors.append(values.std(0, ddof=1) / math.sqrt(samples))
-    store(name, about, scene, list(set), samples, means, errors, camera)
+    return means, errors
 
 
 DEEP = "pass2.depth=12"
@@ -293,6 +302,38 @@ def rough():
     scene.room()
     about = "A box of rough glass: GGX of alpha 0.1, index 1.5, single scattering."
     render("body_rough", about, scene, ["pass2.depth=4", "pass2.paths=16"], samples=4096)
+
+
+def spectral_weights(wavelengths):
+    """What each wavelength of white light adds to red, green and blue; each colour's sum is 1."""
+    to_srgb = np.array([[3.2404542, -1.5371385, -0.4985314], [-0.9692660, 1.8760108, 0.0415560], [0.0556434, -0.2040259, 1.0572252]])
+    weights = np.array([mi.cie_d65(nm) * to_srgb @ np.array(mi.cie1931_xyz(nm)) for nm in wavelengths])
+    return weights / weights.sum(0)
+
+
+def prism():
+    """One render for each of 128 wavelengths, each with an index of its own; their weighted sum is the picture."""
+    dispersion, index, count, samples = 1.0, 1.5, 128, 16
+    wavelengths = 380 + 400 * (np.arange(count) + 0.5) / count
+
+    def scene_of(index):
+        scene = Bodies()
+        scene.sphere(scene.material(glass(index, dispersion=dispersion)), (0, 0, 0), 0.8, 1, False)
+        scene.room()
+        return scene
+
+    mean = variance = 0
+    for number, (nm, weight) in enumerate(zip(wavelengths, spectral_weights(wavelengths))):
+        bent = index + (index - 1) * dispersion / 20 * (523655 / nm**2 - 1.5168)
+        means, errors = estimated(scene_of(float(bent)), samples, CAMERA, seed=number)
+        shown = np.array([row is not None for row in means])
+        mean = mean + weight * np.array([row for row in means if row is not None])
+        variance = variance + (weight * np.array([row for row in errors if row is not None])) ** 2
+    rows = lambda values: [values[place] if there else None for there, place in zip(shown, np.cumsum(shown) - 1)]
+    # A border between two cells moves by a part of a stratum, which has up to a fortieth of a colour.
+    about = "A body of 80 flat faces, index 1.5 and Abbe's number 20, wavelength by wavelength."
+    set = ["pass2.depth=5", f"pass2.wavelengths={count}"]
+    store("body_prism", about, scene_of(index), set, count * samples, rows(mean), rows(np.sqrt(variance)), unseen=2e-3)
 
 
 def seen_through():
@@ -351,6 +392,7 @@ SCENES = {
     "body_dyed": dyed,
     "body_filled": filled,
     "body_rough": rough,
+    "body_prism": prism,
     "body_texture": seen_through,
 }
 
