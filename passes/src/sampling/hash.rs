@@ -33,6 +33,8 @@ pub const PIXEL: u32 = 0;
 pub const PATH: u32 = 1;
 /// Last word of the input of [`dimensions`].
 pub const DIMENSIONS: u32 = 2;
+/// Last word of the input of [`occlusion_bits`].
+pub const OCCLUSION: u32 = 3;
 
 /// The hash `pcg4d` (Jarzynski and Olano 2020, "Hash Functions for GPU Rendering", JCGT 9(3), listing in section 4): a permutation of
 /// 128-bit values. Written word by word: a vector in memory would be read just after its words were written, which stalls.
@@ -80,6 +82,20 @@ pub fn light_key(key: u32, number: u32) -> u32 {
 pub fn dimensions(key: u32, counter: u32) -> [u32; 2] {
     let [_, _, x, y] = pcg4d([key, counter, 0, DIMENSIONS]);
     [x, y]
+}
+
+/// Four random words of a pixel, all that an occlusion of the screen takes.
+#[must_use]
+#[inline(always)]
+pub fn occlusion_bits(x: u32, y: u32, seed: u32) -> [u32; 4] {
+    pcg4d([x, y, seed, OCCLUSION])
+}
+
+/// The 23 high bits as a number in [0, 1); exact. Without a conversion from integers, which graphics processors do slowly.
+#[must_use]
+#[inline(always)]
+pub fn fraction(bits: u32) -> f32 {
+    f32::from_bits((bits >> 9) | 0x3f80_0000) - 1.0
 }
 
 /// The 24 high bits as a number in [0, 1); exact.

@@ -171,6 +171,32 @@ fn options_of_effects_agree_with_the_processors() {
     }
 }
 
+#[test]
+fn occlusions_agree_without_perspective() {
+    let Some(mut gpu) = rasteriser() else { return };
+    let mut shot = street().through(world::from_above(4.0), SIDE, SIDE);
+    gpu.upload(&shot.scene).expect("uploads");
+    for (program, bitmask) in [
+        (EffectProgram::HorizonOcclusion, false),
+        (EffectProgram::HorizonOcclusion, true),
+        (EffectProgram::DepthOcclusion, false),
+    ] {
+        let params = EffectParams { bitmask, thickness: 0.3, ..params() };
+        let (expected, _) = shot.effect(program, params);
+        let job = EffectJob { resident: false, ..shot.job(program, params) };
+        let (found, _) = run(&mut gpu, &job).expect("a whole job");
+        let (outlying, mean) = difference(&found, &expected);
+        println!("{program:?}, bitmask {bitmask}: outliers {outlying:.5}, mean {mean:.2e}");
+        assert!(
+            outlying <= if bitmask { 1e-2 } else { 2.0 * OUTLIERS } && mean < 1e-3,
+            "{program:?}: {outlying} {mean}"
+        );
+        // Control: there is occlusion to compare.
+        let shut = expected.iter().filter(|pixel| pixel[0] < 0.9).count();
+        assert!(shut > 100, "{program:?}: {shut}");
+    }
+}
+
 /// Asserts that the numbers of glass pixels are equal, and that answers differ only for single rays at outlines.
 fn answers_agree(found: Option<Answers>, expected: Option<Answers>, what: &str) {
     let (Some(found), Some(expected)) = (found, expected) else { return assert_eq!(found, expected, "{what}") };

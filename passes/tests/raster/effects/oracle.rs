@@ -1,7 +1,8 @@
 //! Screen-space occlusion in `f64`, pixel by pixel and step by step as the formulas are written: the reference for the
 //! processor's vector code.
 
-use curitiba_passes::sampling::hash::{dimensions, pixel_key, unit};
+use curitiba_passes::raster::effects::occlusion::{JITTERS, most_pixels};
+use curitiba_passes::sampling::hash::{fraction, occlusion_bits, unit};
 use curitiba_pipeline::backend::EffectJob;
 use curitiba_pipeline::raster_effects::EffectProgram;
 use glam::{DMat4, DVec2, DVec3, DVec4, Vec4};
@@ -23,6 +24,24 @@ pub struct Oracle<'a> {
     /// Distance from a pixel's edge in pixels, and relative distance from other limits, below which a step is
     /// undecided.
     margin: f64,
+}
+
+/// The line of the picture on which a slice is seen, in pixels.
+struct Line {
+    from: DVec2,
+    along: DVec2,
+    /// Length along the slice that covers one pixel.
+    pixel: f64,
+    /// Pixels to the end of the radius on both sides.
+    ends: [f64; 2],
+}
+
+impl Line {
+    /// The place of a step, from its share of the way.
+    fn step(&self, side: usize, share: f64) -> [f64; 2] {
+        let pixels = 1.0 + (self.ends[side] - 1.0) * share * share;
+        (self.from + self.along * [1.0, -1.0][side] * pixels).to_array()
+    }
 }
 
 /// The pixel that a step along a slice reads.
@@ -60,8 +79,8 @@ impl<'a> Oracle<'a> {
 
     /// Vector `T` of a slice, and the jitters of its sides.
     fn slice(&self, [x, y]: [u32; 2], index: u32, to_eye: DVec3) -> (DVec3, [f64; 2]) {
-        let key = pixel_key(x, y, self.job.seed);
-        let offset = f64::from(unit(dimensions(key, 0)[0]));
+        let bits = occlusion_bits(x, y, self.job.seed);
+        let offset = f64::from(unit(bits[0]));
         let (sin, cos) = (PI * (f64::from(index) + offset) / f64::from(self.job.params.slices)).sin_cos();
         // The tangents of Duff and others 2017, listing 3: the choice of tangents is a part of the method.
         let DVec3 { x, y, z } = to_eye;
@@ -69,7 +88,8 @@ impl<'a> Oracle<'a> {
         let (a, b) = (-1.0 / (sign + z), -x * y / (sign + z));
         let tangent = DVec3::new(1.0 + sign * x * x * a, sign * b, -sign * x);
         let bitangent = DVec3::new(b, sign + y * y * a, -y);
-        (tangent * cos + bitangent * sin, dimensions(key, 1 + index).map(|bits| unit(bits).into()))
+        let jitter = |side: usize| fraction(bits[2 + side].wrapping_add(JITTERS[side].wrapping_mul(index))).into();
+        (tangent * cos + bitangent * sin, [jitter(0), jitter(1)])
     }
 
     fn place(&self, position: DVec3) -> Option<[f64; 2]> {
@@ -80,7 +100,11 @@ impl<'a> Oracle<'a> {
 
     /// The pixel that shows a position.
     fn look(&self, [x, y]: [u32; 2], position: DVec3, decided: &mut bool) -> Step {
-        let Some([column, row]) = self.place(position) else { return Step::Outside };
+        self.place(position).map_or(Step::Outside, |place| self.look_at([x, y], place, decided))
+    }
+
+    /// The pixel at a column and row.
+    fn look_at(&self, [x, y]: [u32; 2], [column, row]: [f64; 2], decided: &mut bool) -> Step {
         *decided &= [column, row].iter().all(|at| (at - at.round()).abs() > self.margin);
         let [width, height] = [self.job.width, self.job.height];
         if !(column >= 0.0 && row >= 0.0 && column < width.into() && row < height.into()) {
@@ -94,6 +118,21 @@ impl<'a> Oracle<'a> {
     fn difference(&self, index: usize, position: DVec3) -> Option<DVec3> {
         let stored = self.job.position[index];
         (stored != [0.0; 4]).then(|| vector(stored) - position).filter(|delta| delta.is_finite())
+    }
+
+    /// The line of the picture on which a slice is seen.
+    fn line(&self, position: DVec3, across: DVec3) -> Line {
+        // By a small difference.
+        let small = 1e-6 * (self.eye - position).length();
+        let near = [1.0, -1.0].map(|side| self.place(position + across * small * side));
+        let from = self.place(position).map_or(DVec2::NAN, DVec2::from_array);
+        let moved = near[0].zip(near[1]).map_or(DVec2::ZERO, |(a, b)| DVec2::from_array(a) - DVec2::from_array(b));
+        let most = f64::from(most_pixels(self.job.width, self.job.height));
+        let ends = [1.0, -1.0].map(|side| {
+            let end = self.place(position + across * side * f64::from(self.job.params.radius));
+            end.map_or(most, |end| (DVec2::from_array(end) - from).length().min(most))
+        });
+        Line { from, along: moved.normalize_or_zero(), pixel: 2.0 * small / moved.length(), ends }
     }
 
     fn by_horizons(&self, pixel: [u32; 2], position: DVec3, to_eye: DVec3, normal: DVec3) -> Open {
@@ -110,20 +149,15 @@ impl<'a> Oracle<'a> {
             }
             let (sin, cos) = (projected.dot(across) / weight, projected.dot(to_eye) / weight);
             let shear = (aside - normal * off) / (weight * weight);
-            // Length of a pixel along `T`, by a small difference.
-            let small = 1e-6 * (self.eye - position).length();
-            let far = |side: f64| self.place(position + across * small * side);
-            let moved = far(1.0).zip(far(-1.0)).map_or(0.0, |(a, b)| (a[0] - b[0]).hypot(a[1] - b[1]));
-            let nearest = 2.0 * small / moved;
-            decided &= (nearest / radius - 1.0).abs() > self.margin;
-            for (side, jitter) in [1.0, -1.0].into_iter().zip(jitter) {
+            let line = self.line(position, across);
+            decided &= (line.pixel / radius - 1.0).abs() > self.margin;
+            for (number, (side, jitter)) in [1.0, -1.0].into_iter().zip(jitter).enumerate() {
                 let open = -side * sin;
                 let mut horizon = open;
-                let steps = if nearest < radius { self.job.params.steps } else { 0 };
+                let steps = if line.pixel < radius { self.job.params.steps } else { 0 };
                 for step in 0..steps {
                     let share = (f64::from(step) + jitter) / f64::from(self.job.params.steps);
-                    let distance = nearest + (radius - nearest) * share * share;
-                    let Step::At(seen) = self.look(pixel, position + across * side * distance, &mut decided) else {
+                    let Step::At(seen) = self.look_at(pixel, line.step(number, share), &mut decided) else {
                         continue;
                     };
                     let Some(delta) = self.difference(seen, position) else { continue };
@@ -151,7 +185,7 @@ impl<'a> Oracle<'a> {
     fn by_sectors(&self, pixel: [u32; 2], position: DVec3, to_eye: DVec3, normal: DVec3) -> Open {
         let (radius, thickness) = (f64::from(self.job.params.radius), f64::from(self.job.params.thickness));
         let slices = self.job.params.slices;
-        let jitter_of_sectors = f64::from(unit(dimensions(pixel_key(pixel[0], pixel[1], self.job.seed), 0)[1]));
+        let jitter_of_sectors = f64::from(unit(occlusion_bits(pixel[0], pixel[1], self.job.seed)[1]));
         let (mut visible, mut whole, mut decided) = (0.0, 0.0, true);
         for index in 0..slices {
             let (across, jitter) = self.slice(pixel, index, to_eye);
@@ -164,11 +198,8 @@ impl<'a> Oracle<'a> {
             }
             let gamma = projected.dot(across).atan2(projected.dot(to_eye));
             let shear = (aside - normal * off) / (weight * weight);
-            let small = 1e-6 * (self.eye - position).length();
-            let far = |side: f64| self.place(position + across * small * side);
-            let moved = far(1.0).zip(far(-1.0)).map_or(0.0, |(a, b)| (a[0] - b[0]).hypot(a[1] - b[1]));
-            let nearest = 2.0 * small / moved;
-            decided &= (nearest / radius - 1.0).abs() > self.margin;
+            let line = self.line(position, across);
+            decided &= (line.pixel / radius - 1.0).abs() > self.margin;
             // The integral of `cos(h - γ) |sin h|` from the eye's direction to a signed angle, clamped at the tangent
             // plane.
             let contribution = |angle: f64| {
@@ -178,12 +209,11 @@ impl<'a> Oracle<'a> {
             let (first, last) = (contribution(-PI), contribution(PI));
             let turned = (jitter_of_sectors + f64::from(index as f32 / slices as f32)).fract();
             let mut shut = [false; 32];
-            for (side, jitter) in [1.0, -1.0].into_iter().zip(jitter) {
-                let steps = if nearest < radius { self.job.params.steps } else { 0 };
+            for (number, (side, jitter)) in [1.0, -1.0].into_iter().zip(jitter).enumerate() {
+                let steps = if line.pixel < radius { self.job.params.steps } else { 0 };
                 for step in 0..steps {
                     let share = (f64::from(step) + jitter) / f64::from(self.job.params.steps);
-                    let distance = nearest + (radius - nearest) * share * share;
-                    let Step::At(seen) = self.look(pixel, position + across * side * distance, &mut decided) else {
+                    let Step::At(seen) = self.look_at(pixel, line.step(number, share), &mut decided) else {
                         continue;
                     };
                     let Some(delta) = self.difference(seen, position) else { continue };

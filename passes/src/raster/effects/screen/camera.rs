@@ -88,6 +88,21 @@ impl ScreenCamera {
         self.from.w != 0.0
     }
 
+    /// Lines of sight, relative to [`Self::from`]. In perspective the first is that through the centre of the first pixel, at depth 1; else
+    /// it is the position that this pixel shows at depth 0, and the second is the step to the next depth. Zeros for a blind camera.
+    #[must_use]
+    pub fn sights(&self) -> [Vec3; 2] {
+        let rows = [self.columns, self.rows, self.depths].map(Vec4::as_dvec4);
+        let of_pixels = DMat3::from_cols(rows[0].truncate(), rows[1].truncate(), rows[2].truncate()).transpose();
+        if of_pixels.determinant() == 0.0 {
+            return [Vec3::ZERO; 2];
+        }
+        let sight = of_pixels.inverse();
+        let at = if self.perspective() { DVec3::new(0.5, 0.5, 1.0) } else { DVec3::new(0.5, 0.5, 0.0) };
+        let corner = sight * (at - DVec3::new(rows[0].w, rows[1].w, rows[2].w));
+        [corner, sight.z_axis].map(|sight| sight.as_vec3())
+    }
+
     /// Column, row and nearness of a position.
     #[must_use]
     #[inline]

@@ -16,7 +16,11 @@ struct Frame {
 @group(0) @binding(3) var triangle_buffer: texture_2d<u32>;
 @group(1) @binding(0) var<uniform> frame: Frame;
 @group(1) @binding(1) var<uniform> params: Params;
+//#if SHARE
+@group(1) @binding(2) var output: texture_storage_2d<r32float, write>;
+//#else
 @group(1) @binding(2) var output: texture_storage_2d<rgba32float, write>;
+//#endif
 
 // The unit direction from the eye to a position, and the unit normal turned to the eye.
 struct Facing {

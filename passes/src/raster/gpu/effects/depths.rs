@@ -8,7 +8,7 @@ use super::bindings::{bind, layout, uniform};
 use super::inputs::Inputs;
 use super::kept::Kept;
 use super::programs::compute_pipeline;
-use super::shader::{self, DEPTHS_GROUP};
+use super::shader::{self, LARGE_GROUP};
 use super::uniforms::DepthsUniform;
 use crate::raster::effects::screen::camera::ScreenCamera;
 use crate::raster::gpu::device::Gpu;
@@ -89,6 +89,6 @@ impl Depths {
         pass.set_bind_group(0, gbuffer, &[]);
         pass.set_bind_group(1, &picture.group, &[]);
         let (width, height) = picture.size;
-        pass.dispatch_workgroups(width.div_ceil(DEPTHS_GROUP), height.div_ceil(DEPTHS_GROUP), 1);
+        pass.dispatch_workgroups(width.div_ceil(LARGE_GROUP), height.div_ceil(LARGE_GROUP), 1);
     }
 }

@@ -8,7 +8,7 @@ struct Params {
 @group(1) @binding(0) var<uniform> params: Params;
 @group(1) @binding(1) var depths: texture_storage_2d<r32float, write>;
 
-@compute @workgroup_size(DEPTHS_GROUP, DEPTHS_GROUP)
+@compute @workgroup_size(LARGE_GROUP, LARGE_GROUP)
 fn main(@builtin(global_invocation_id) id: vec3<u32>) {
     if any(id.xy >= textureDimensions(depths)) {
         return;

@@ -14,7 +14,10 @@ use std::time::Duration;
 /// The compiled filter.
 #[derive(Debug)]
 pub(crate) struct ShareFilter {
-    program: Program,
+    /// Writes a colour.
+    last: Program,
+    /// Writes a number a pixel, for another level.
+    between: Option<Program>,
 }
 
 /// What is filtered, and how.
@@ -24,37 +27,41 @@ pub(crate) struct Filtered<'a> {
     pub size: (u32, u32),
     /// The bind group with positions and normals.
     pub gbuffer: &'a wgpu::BindGroup,
-    /// The shares, and a picture of the same size and format. The levels write alternately to the second and the first.
-    pub pictures: [&'a wgpu::TextureView; 2],
-    /// Number of levels.
-    pub levels: u32,
+    /// The shares, and what each level writes.
+    pub pictures: &'a [&'a wgpu::TextureView],
+    /// Whether the pictures but the last have a number a pixel, and not a colour.
+    pub shares: bool,
     /// Exponent of the result.
     pub exponent: f32,
 }
 
 impl ShareFilter {
     pub fn new(gpu: &Gpu, inputs: &Inputs) -> Result<Self, BackendError> {
-        Ok(Self { program: Program::new(gpu, inputs, Variant::FILTER)? })
+        Ok(Self { last: Program::new(gpu, inputs, Variant::filter(true))?, between: None })
     }
 
     /// Filters, and waits.
     pub fn run(
-        &self,
+        &mut self,
         gpu: &Gpu,
+        inputs: &Inputs,
         timer: Option<&Timer>,
         filtered: &Filtered<'_>,
         progress: &Progress,
     ) -> Result<Part, BackendError> {
-        let [first, second] = filtered.pictures;
+        let levels = filtered.pictures.len().saturating_sub(1);
+        if filtered.shares && levels > 1 && self.between.is_none() {
+            self.between = Some(Program::new(gpu, inputs, Variant::filter(false))?);
+        }
         let mut part = Part::default();
-        for level in 0..filtered.levels {
-            let (from, to) = if level % 2 == 0 { (first, second) } else { (second, first) };
-            let group = self.program.bind(gpu, to, &[wgpu::BindingResource::TextureView(from)])?;
-            let exponent = if level + 1 == filtered.levels { filtered.exponent } else { 1.0 };
-            let uniform = FilterUniform { step: 1 << level, exponent };
+        for (level, pair) in (0..).zip(filtered.pictures.windows(2)) {
+            let is_last = level as usize + 1 == levels;
+            let program = self.between.as_ref().filter(|_| filtered.shares && !is_last).unwrap_or(&self.last);
+            let group = program.bind(gpu, pair[1], &[wgpu::BindingResource::TextureView(pair[0])])?;
+            let uniform = FilterUniform { level, exponent: if is_last { filtered.exponent } else { 1.0 } };
             let bound = Bound { groups: &[filtered.gbuffer, &group], before: None };
             let task = task(filtered.size, level);
-            part = together(part, self.program.run(gpu, timer, &bound, bytemuck::bytes_of(&uniform), &task, progress)?);
+            part = together(part, program.run(gpu, timer, &bound, bytemuck::bytes_of(&uniform), &task, progress)?);
         }
         Ok(part)
     }
@@ -87,7 +94,7 @@ impl RayFilter {
     /// Filters shares over the surfaces of these positions and normals, and waits. The last of the levels, which write alternately to
     /// the second picture and the first, takes the power. Returns the time by the device's clock, if it has one.
     pub fn run(
-        &self,
+        &mut self,
         gpu: &Gpu,
         [position, normal]: [&wgpu::TextureView; 2],
         pictures: [&wgpu::Texture; 2],
@@ -96,7 +103,8 @@ impl RayFilter {
         let gbuffer = self.inputs.bind(gpu, [None, Some(position), Some(normal), None]);
         let size = (pictures[0].width(), pictures[0].height());
         let views = pictures.map(|picture| picture.create_view(&wgpu::TextureViewDescriptor::default()));
-        let filtered = Filtered { size, gbuffer: &gbuffer, pictures: views.each_ref(), levels, exponent };
-        Ok(self.filter.run(gpu, self.timer.as_ref(), &filtered, &Progress::default())?.device)
+        let pictures: Vec<&wgpu::TextureView> = (0..=levels as usize).map(|level| &views[level % 2]).collect();
+        let filtered = Filtered { size, gbuffer: &gbuffer, pictures: &pictures, shares: false, exponent };
+        Ok(self.filter.run(gpu, &self.inputs, self.timer.as_ref(), &filtered, &Progress::default())?.device)
     }
 }

@@ -1,8 +1,8 @@
 // One level of the edge-avoiding filter of ambient occlusion: `raster::effects::filter`.
 
 struct Params {
-    // Distance between neighbouring taps, in pixels.
-    step: i32,
+    // Neighbouring taps are 2 to this power pixels apart.
+    level: u32,
     // Exponent of the result.
     exponent: f32,
 }
@@ -25,14 +25,14 @@ fn main(
     @builtin(local_invocation_id) local: vec3<u32>,
     @builtin(local_invocation_index) index: u32,
 ) {
-    let step = u32(params.step);
-    let corner = vec2<i32>(group.xy / step * (GROUP * step) + group.xy % step + vec2<u32>(0u, frame.first_row))
-        - 2 * params.step;
+    let step = 1u << params.level;
+    let square = (group.xy >> vec2<u32>(params.level)) * (GROUP * step);
+    let corner = vec2<i32>(square + (group.xy & vec2<u32>(step - 1u)) + vec2<u32>(0u, frame.first_row)) - 2 * i32(step);
     for (var at = index; at < TILE * TILE; at += GROUP * GROUP) {
-        load(at, corner + params.step * vec2<i32>(vec2<u32>(at % TILE, at / TILE)));
+        load(at, corner + i32(step) * vec2<i32>(vec2<u32>(at % TILE, at / TILE)));
     }
     workgroupBarrier();
-    let pixel = corner + params.step * vec2<i32>(local.xy + 2u);
+    let pixel = corner + i32(step) * vec2<i32>(local.xy + 2u);
     if all(pixel < vec2<i32>(frame.size)) {
         let share = power(filtered((local.y + 2u) * TILE + local.x + 2u), params.exponent);
         textureStore(output, pixel, vec4<f32>(vec3<f32>(share), 1.0));
@@ -41,17 +41,18 @@ fn main(
 
 // Reads a pixel into a place of the tile. Beyond the picture there is no surface.
 fn load(at: u32, pixel: vec2<i32>) {
-    places[at] = vec4<f32>(0.0);
-    surfaces[at] = vec4<f32>(0.0);
-    if any(pixel < vec2<i32>(0)) || any(pixel >= vec2<i32>(frame.size)) {
-        return;
+    var place = vec4<f32>(0.0);
+    var surface = vec4<f32>(0.0);
+    if all(pixel >= vec2<i32>(0)) && all(pixel < vec2<i32>(frame.size)) {
+        let position = textureLoad(position_buffer, pixel, 0).xyz;
+        let normal = textureLoad(normal_buffer, pixel, 0).xyz;
+        let squared = dot(normal, normal);
+        let shown = squared > 0.0 && squared < LARGEST && all(abs(position) < vec3<f32>(LARGEST));
+        place = vec4<f32>(select(vec3<f32>(0.0), position, shown), textureLoad(shares, pixel, 0).x);
+        surface = select(vec4<f32>(0.0), vec4<f32>(normal * inverseSqrt(squared), 1.0), shown);
     }
-    let position = textureLoad(position_buffer, pixel, 0).xyz;
-    let normal = textureLoad(normal_buffer, pixel, 0).xyz;
-    let length_ = length(normal);
-    let shown = length_ > 0.0 && length_ < LARGEST && all(abs(position) < vec3<f32>(LARGEST));
-    places[at] = vec4<f32>(select(vec3<f32>(0.0), position, shown), textureLoad(shares, pixel, 0).x);
-    surfaces[at] = select(vec4<f32>(0.0), vec4<f32>(normal / length_, 1.0), shown);
+    places[at] = place;
+    surfaces[at] = surface;
 }
 
 // The average around a pixel of the tile.
@@ -83,10 +84,9 @@ fn tap(here: vec4<f32>, surface: vec4<f32>, at: u32) -> vec2<f32> {
     let distance_squared = dot(away, away);
     // Without a surface, the normal is 0.
     let alike = max((dot(surface.xyz, other.xyz) - LEAST_NORMALS) * (1.0 / (1.0 - LEAST_NORMALS)), 0.0);
-    let aside = vec2<f32>(dot(away, surface.xyz), dot(away, other.xyz));
-    let squares = aside * aside;
+    let aside = max(abs(dot(away, surface.xyz)), abs(dot(away, other.xyz)));
     let bound = max(MOST_OFF * MOST_OFF * distance_squared, SMALLEST);
-    let alongside = max(1.0 - max(squares.x, squares.y) / bound, 0.0);
+    let alongside = max(1.0 - aside * aside / bound, 0.0);
     let squared = alike * alike;
     let root = squared * squared * alongside;
     let weight = select(0.0, root * root, distance_squared > 0.0);

@@ -49,7 +49,7 @@ use filter::{Filtered, ShareFilter};
 use inputs::{Inputs, Ready};
 use kept::Kept;
 use maps::{Maps, MapsKey, Shot};
-use programs::{Bound, OUTPUT_FORMAT, Program, Task};
+use programs::{Bound, OUTPUT_FORMAT, Program, SHARE_FORMAT, Task};
 use rayon::prelude::*;
 use screen::Marching;
 use shader::Variant;
@@ -81,10 +81,8 @@ pub(super) struct Effects {
     asks: [Option<Ask>; 2],
     maps: Kept<MapsKey, Maps>,
     outputs: Kept<(u32, u32), Output>,
-    /// Outputs of every other level of the filter.
-    filtered: Kept<(u32, u32), Output>,
-    /// Whether the last pass ended in `filtered`.
-    ends_in_filtered: bool,
+    /// What a filter reads: that of the occlusion and of every other level, and that of the levels between, if there are any.
+    shares: [Kept<(u32, u32), Output>; 2],
     /// Bind group 1 of programs, by output and maps. Groups of dropped resources are removed.
     groups: HashMap<GroupKey, wgpu::BindGroup>,
     glass: Table,
@@ -116,10 +114,10 @@ struct Output {
 }
 
 impl Output {
-    fn new(gpu: &Gpu, width: u32, height: u32) -> Result<Self, BackendError> {
+    fn new(gpu: &Gpu, format: wgpu::TextureFormat, (width, height): (u32, u32)) -> Result<Self, BackendError> {
         let read = wgpu::TextureUsages::TEXTURE_BINDING | wgpu::TextureUsages::COPY_SRC;
         let usage = wgpu::TextureUsages::STORAGE_BINDING | read;
-        let texture = texture(gpu, "effect", OUTPUT_FORMAT, [width, height], usage);
+        let texture = texture(gpu, "effect", format, [width, height], usage);
         gpu.check("creation of an effect's output")?;
         let view = texture.create_view(&wgpu::TextureViewDescriptor::default());
         Ok(Self { texture, view })
@@ -160,8 +158,7 @@ impl Effects {
             asks: [None, None],
             maps: Kept::default(),
             outputs: Kept::default(),
-            filtered: Kept::default(),
-            ends_in_filtered: false,
+            shares: Default::default(),
             groups: HashMap::new(),
             glass: Table::new(gpu)?,
             boxes: Table::new(gpu)?,
@@ -185,8 +182,9 @@ impl Effects {
         let pixels = |output: &Output| u64::from(output.texture.width()) * u64::from(output.texture.height());
         let marching = self.marching.as_ref().map_or(0, Marching::bytes);
         let depths = self.depths.as_ref().map_or(0, Depths::bytes);
-        let outputs = self.outputs.values().chain(self.filtered.values()).map(pixels);
-        maps + marching + depths + 16 * outputs.sum::<u64>() + self.inputs.bytes()
+        let outputs: u64 = self.outputs.values().map(pixels).sum();
+        let shares: u64 = self.shares.iter().flat_map(Kept::values).map(pixels).sum();
+        maps + marching + depths + 16 * outputs + 4 * shares + self.inputs.bytes()
     }
 
     /// Runs a pass. `drawn` is the last draw, if that is a whole picture. Without an `output` the picture stays on the
@@ -239,7 +237,10 @@ impl Effects {
         };
 
         let size = (job.width, job.height);
-        let (_, made) = self.outputs.require(gpu, size, |(width, height)| Output::new(gpu, *width, *height))?;
+        let (_, mut made) = self.outputs.require(gpu, size, |size| Output::new(gpu, OUTPUT_FORMAT, *size))?;
+        for shares in self.shares.iter_mut().take(levels(job).min(2) as usize) {
+            made |= shares.require(gpu, size, |size| Output::new(gpu, SHARE_FORMAT, *size))?.1;
+        }
         if made {
             self.groups.clear();
         }
@@ -259,8 +260,6 @@ impl Effects {
         let bound = Bound { groups: &groups, before: Some(&before) };
         let part = program.run(gpu, context.timer, &bound, &prepared.params, &task, progress)?;
         stats.pixels = together(part, prepared.building);
-        // The levels write alternately to the two outputs.
-        self.ends_in_filtered = levels(job) % 2 == 1;
         if levels(job) > 0 {
             let part = self.average(context, job, &gbuffer, progress)?;
             stats.pixels = together(stats.pixels, part);
@@ -285,8 +284,7 @@ impl Effects {
 
     /// The picture of the last pass.
     pub fn picture(&self) -> Option<&wgpu::Texture> {
-        let written = if self.ends_in_filtered { &self.filtered } else { &self.outputs };
-        written.last().map(|output| &output.texture)
+        self.outputs.last().map(|output| &output.texture)
     }
 
     /// Filters an ambient occlusion, in as many levels as the job asks for.
@@ -303,13 +301,15 @@ impl Effects {
             none => none.insert(ShareFilter::new(gpu, &self.inputs)?),
         };
         let size = (job.width, job.height);
-        self.filtered.require(gpu, size, |(width, height)| Output::new(gpu, *width, *height))?;
-        let (Some(first), Some(second)) = (self.outputs.last(), self.filtered.last()) else {
-            return Err(failure("a filter was not prepared"));
-        };
-        let (levels, exponent) = (levels(job), job.params.intensity);
-        let pictures = [&first.view, &second.view];
-        filter.run(gpu, context.timer, &Filtered { size, gbuffer, pictures, levels, exponent }, progress)
+        let levels = levels(job) as usize;
+        // The levels write alternately to the shares, and the last one the output.
+        let mut pictures = Vec::new();
+        for level in 0..=levels {
+            let kept = if level == levels { &self.outputs } else { &self.shares[level % 2] };
+            pictures.push(&kept.last().ok_or_else(|| failure("a filter was not prepared"))?.view);
+        }
+        let filtered = Filtered { size, gbuffer, pictures: &pictures, shares: true, exponent: job.params.intensity };
+        filter.run(gpu, &self.inputs, context.timer, &filtered, progress)
     }
 
     /// Nearest and farthest depth of the pixels that need the program's maps, 0 if these are glass pixels. `None` if no
@@ -365,7 +365,8 @@ impl Effects {
         if let Some(group) = self.groups.get(&key) {
             return Ok(group.clone());
         }
-        let (Some(output), Some(compiled)) = (self.outputs.last(), self.programs.get(&variant)) else {
+        let outputs = if variant.share { &self.shares[0] } else { &self.outputs };
+        let (Some(output), Some(compiled)) = (outputs.last(), self.programs.get(&variant)) else {
             return Err(failure("an effect was not prepared"));
         };
         let mut resources = Vec::new();

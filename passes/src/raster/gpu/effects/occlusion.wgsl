@@ -1,11 +1,17 @@
 // Screen-space ambient occlusion: `raster::effects::occlusion`.
 //
-//   HORIZONS   by horizons, or by sectors; else by the difference of depths
-//   BITMASK    by sectors of a bitmask
+//   HORIZONS      by horizons, or by sectors; else by the difference of depths
+//   BITMASK       by sectors of a bitmask
+//   PERSPECTIVE   the camera has perspective
 
 struct Params {
     camera: ScreenCamera,
     eye: vec4<f32>,
+    // In perspective the line of sight through the centre of the first pixel, at depth 1; else the position that it shows at depth 0. Both
+    // relative to the camera's origin.
+    corner: vec4<f32>,
+    // Without perspective, the step to the next depth.
+    sight: vec4<f32>,
     // Cosine and sine of the angle from a slice to the next.
     turn: vec2<f32>,
     radius: f32,
@@ -14,24 +20,29 @@ struct Params {
     steps: u32,
     seed: u32,
     thickness: f32,
+    // 1 divided by the number of slices, and of steps.
+    per_slice: f32,
+    interval: f32,
+    // The farthest that a step goes, in pixels.
+    most: f32,
 }
 
 @group(1) @binding(3) var depths: texture_2d<f32>;
 
-// A pixel of the picture: `raster::effects::occlusion::pixels`. Vectors in its basis have components along the direction to the
-// eye and along two vectors across.
+// A pixel of the picture: `raster::effects::occlusion::pixels`. What it shows is on the line of sight through its centre. Vectors in its
+// basis have components along the direction to the eye and along two vectors across.
 struct Here {
     // Column and row, as numbers that `ROUND` is added to.
     center: vec2<f32>,
-    // Column and row of the position, less half a pixel.
-    place: vec2<f32>,
     depth: f32,
     // What columns and rows are divided by: the depth, 1 without perspective.
     w: f32,
+    // Distance from the eye.
+    eye: f32,
     // Columns, rows and `w` along the two vectors across: see `Slice`.
     rates: mat2x3<f32>,
     // Steps of the position to the next column, row and depth; in the pixel's basis. Those to columns and rows are to be multiplied by
-    // the depth.
+    // the depth. In perspective the step to the next depth is along the first axis.
     right: vec3<f32>,
     down: vec3<f32>,
     sight: vec3<f32>,
@@ -43,105 +54,141 @@ struct Here {
 struct Slice {
     // Cosine and sine of its angle.
     turn: vec2<f32>,
-    // The position at a distance `r` along the slice is seen `rate.xy * r / (w + rate.z * r)` away from the pixel's own place.
-    rate: vec3<f32>,
+    // Its unit direction in columns and rows.
+    along: vec2<f32>,
+    // Columns and rows, taken as one length, and `w` for each unit of length.
+    rate: vec2<f32>,
     // Length along the slice that covers one pixel of the picture.
     pixel: f32,
-    // Relative position of the steps of each side in their interval.
-    jitter: vec2<f32>,
 }
 
-// What a pixel shows, as seen from another. Outside the picture, and where a pixel shows nothing, it is `FAR`: beyond any radius.
-struct Seen {
-    // Columns and rows from that pixel, times the depth.
-    aside: vec2<f32>,
-    deeper: f32,
+// The pixel that a step finds.
+struct Found {
+    // Column and row, as numbers that `ROUND` was added to.
+    rounded: vec2<f32>,
+    pixel: vec2<u32>,
     // Whether it is a pixel of the picture.
     inside: bool,
 }
 
 fn compute(pixel: vec2<u32>) -> vec4<f32> {
-    let position = textureLoad(position_buffer, pixel, 0).xyz;
-    let seen = facing(params.eye.xyz, position, textureLoad(normal_buffer, pixel, 0).xyz);
     let depth = textureLoad(depths, pixel, 0).x;
-    if !seen.known || !(depth < FAR) {
+    let normal = textureLoad(normal_buffer, pixel, 0).xyz;
+    let squared = dot(normal, normal);
+    if !(depth < FAR && squared > 0.0 && squared < LARGEST) {
         return vec4<f32>(1.0);
     }
-    return vec4<f32>(vec3<f32>(power(open(pixel, position, depth, seen), params.intensity)), 1.0);
+    return vec4<f32>(vec3<f32>(power(open(pixel, depth, normal * inverseSqrt(squared)), params.intensity)), 1.0);
 }
 
-fn here_at(pixel: vec2<u32>, position: vec3<f32>, depth: f32, seen: Facing) -> Here {
+fn here_at(pixel: vec2<u32>, depth: f32, stored: vec3<f32>) -> Here {
     let camera = params.camera;
-    let perspective = camera.origin.w != 0.0;
-    let basis = basis_around(-seen.view);
-    let from_origin = vec4<f32>(position - camera.origin.xyz, 1.0);
-    let w = to_w(depth);
-    let place = vec2<f32>(dot(camera.columns, from_origin), dot(camera.rows, from_origin)) / w;
-    let sight = select(camera.forward.xyz, from_origin.xyz / depth, perspective);
+    let at = vec2<f32>(pixel);
+    let corner = params.corner.xyz + at.x * camera.right.xyz + at.y * camera.down.xyz;
+//#if PERSPECTIVE
+    let away = corner;
+//#else
+    let away = corner + depth * params.sight.xyz + camera.origin.xyz - params.eye.xyz;
+//#endif
+    let squared = dot(away, away);
+    let inverse = inverseSqrt(squared);
+    let basis = basis_around(-away * inverse);
+    let tilted = stored * basis;
+    let turned_to = select(tilted, -tilted, tilted.x < 0.0);
+    let normal = vec3<f32>(max(turned_to.x, LEAST_NORMAL), turned_to.yz);
+    let right = camera.right.xyz * basis;
+    let down = camera.down.xyz * basis;
+//#if PERSPECTIVE
+    // The inverse of the steps across.
+    let scale = 1.0 / (right.y * down.z - down.y * right.z);
+    let rates = mat2x2<f32>(vec2<f32>(down.z, -right.z) * scale, vec2<f32>(-down.y, right.y) * scale);
+    let deeper = vec2<f32>(right.x, down.x) * inverse * rates;
+    let size = squared * inverse;
     return Here(
-        vec2<f32>(pixel) + ROUND,
-        place - 0.5,
+        at + ROUND,
         depth,
-        w,
-        mat2x3<f32>(rate_along(basis[1], place, perspective), rate_along(basis[2], place, perspective)),
-        camera.right.xyz * basis,
-        camera.down.xyz * basis,
-        sight * basis,
-        seen.normal * basis,
+        depth,
+        depth * size,
+        mat2x3<f32>(vec3<f32>(rates[0], deeper.x), vec3<f32>(rates[1], deeper.y)),
+        right,
+        down,
+        vec3<f32>(-size, 0.0, 0.0),
+        normal,
     );
+//#else
+    return Here(
+        at + ROUND,
+        depth,
+        1.0,
+        squared * inverse,
+        mat2x3<f32>(rate_along(basis[1]), rate_along(basis[2])),
+        right,
+        down,
+        params.sight.xyz * basis,
+        normal,
+    );
+//#endif
 }
 
-fn rate_along(across: vec3<f32>, place: vec2<f32>, perspective: bool) -> vec3<f32> {
-    let camera = params.camera;
-    let deeper = select(0.0, dot(camera.depths.xyz, across), perspective);
-    return vec3<f32>(
-        vec2<f32>(dot(camera.columns.xyz, across), dot(camera.rows.xyz, across)) - place * deeper,
-        deeper,
-    );
+//#if PERSPECTIVE
+//#else
+fn rate_along(across: vec3<f32>) -> vec3<f32> {
+    return vec3<f32>(dot(params.camera.columns.xyz, across), dot(params.camera.rows.xyz, across), 0.0);
 }
+//#endif
 
 // Cosine and sine of the first slice's angle.
-fn first_turn(key: u32) -> vec2<f32> {
-    return half_turn(unit(dimensions(key, 0u)).x / f32(params.slices)).yx;
+fn first_turn(bits: u32) -> vec2<f32> {
+    return half_turn(unit(bits) * params.per_slice).yx;
 }
 
 fn turned(turn: vec2<f32>) -> vec2<f32> {
     return vec2<f32>(turn.x * params.turn.x - turn.y * params.turn.y, turn.y * params.turn.x + turn.x * params.turn.y);
 }
 
-fn slice_of(here: Here, key: u32, index: u32, turn: vec2<f32>) -> Slice {
+fn slice_of(here: Here, turn: vec2<f32>) -> Slice {
     let rate = here.rates * turn;
-    return Slice(turn, rate, here.w / length(rate.xy), unit(dimensions(key, 1u + index)));
+    let squared = dot(rate.xy, rate.xy);
+    let inverse = inverseSqrt(squared);
+    return Slice(turn, rate.xy * inverse, vec2<f32>(squared * inverse, rate.z), here.w * inverse);
 }
 
-// The pixel that shows the position at this distance along the slice.
-fn look(here: Here, slice: Slice, reach: f32) -> Seen {
-    let w = here.w + slice.rate.z * reach;
-    let at = here.place + slice.rate.xy * (reach / w);
-    // Adding `ROUND` rounds to an integer, which the sum holds in its low bits. As a fused product with a 1 that compilers do not know,
-    // none can reorder this sum with another.
-    let rounded = fma(at, vec2<f32>(params.eye.w), vec2<f32>(ROUND));
+// Pixels from the middle to positions at these distances along a slice; at most `most`, which are those behind the eye.
+fn pixels_to(here: Here, slice: Slice, reach: vec2<f32>) -> vec2<f32> {
+    let w = fma(vec2<f32>(slice.rate.y), reach, vec2<f32>(here.w));
+    let pixels = min(abs(reach) * slice.rate.x / w, vec2<f32>(params.most));
+    return select(vec2<f32>(params.most), pixels, w > vec2<f32>(0.0));
+}
+
+// The pixel so many pixels along the slice.
+fn look(here: Here, slice: Slice, pixels: f32) -> Found {
+    // Adding to `ROUND` rounds to an integer, which the sum holds in its low bits.
+    let rounded = fma(slice.along, vec2<f32>(pixels), here.center);
     let pixel = bitcast<vec2<u32>>(rounded) - ROUND_BITS;
-    let inside = w > 0.0 && all(pixel < frame.size);
-    var depth = FAR;
-    if inside {
-        depth = textureLoad(depths, pixel, 0).x;
-    }
-    return Seen((rounded - here.center) * to_w(depth), depth - here.depth, inside);
+    return Found(rounded, pixel, all(pixel < frame.size));
+}
+
+// Columns and rows from the middle. A fused product with a 1 that compilers do not know: none can cancel `ROUND`.
+fn aside(here: Here, found: Found) -> vec2<f32> {
+    return fma(found.rounded, vec2<f32>(params.eye.w), -here.center);
 }
 
 // What columns and rows are divided by at a depth: 1 without perspective.
 fn to_w(depth: f32) -> f32 {
-    return fma(depth, params.camera.origin.w, 1.0 - params.camera.origin.w);
+//#if PERSPECTIVE
+    return depth;
+//#else
+    return 1.0;
+//#endif
 }
 
 //#if HORIZONS
 // The plane of a slice.
 struct Plane {
-    // Cosine and sine of the projected normal's angle from the direction to the eye.
+    // Components of the normal to the eye and along the slice. Their length is the slice's weight.
     normal: vec2<f32>,
-    // Length of that projection: the slice's weight. 0 where it does not count.
-    weight: f32,
+    // Square of that length.
+    squared: f32,
     // Steps to the next column, row and depth along the slice (x) and to the eye (y), after they are moved into the plane along the
     // tangent plane.
     right: vec2<f32>,
@@ -154,18 +201,17 @@ fn plane_of(here: Here, turn: vec2<f32>) -> Plane {
     let across = here.normal.y * turn.x + here.normal.z * turn.y;
     let off = here.normal.z * turn.x - here.normal.y * turn.y;
     let squared = across * across + here.normal.x * here.normal.x;
-    // The normal is almost perpendicular to the plane.
-    if squared < LEAST_WEIGHT {
-        return Plane(vec2<f32>(1.0, 0.0), 0.0, vec2<f32>(0.0), vec2<f32>(0.0), vec2<f32>(0.0));
-    }
-    let weight = sqrt(squared);
     let shear = vec2<f32>(across, here.normal.x) * (off / squared);
     return Plane(
-        vec2<f32>(here.normal.x, across) / weight,
-        weight,
+        vec2<f32>(here.normal.x, across),
+        squared,
         into_plane(here.right, turn, shear),
         into_plane(here.down, turn, shear),
+//#if PERSPECTIVE
+        vec2<f32>(0.0, here.sight.x),
+//#else
         into_plane(here.sight, turn, shear),
+//#endif
     );
 }
 
@@ -173,62 +219,86 @@ fn into_plane(step: vec3<f32>, turn: vec2<f32>, shear: vec2<f32>) -> vec2<f32> {
     return vec2<f32>(step.y * turn.x + step.z * turn.y, step.x) + shear * (step.z * turn.x - step.y * turn.y);
 }
 
-// What is seen, along a side of the slice (x, above 0 on that side) and to the eye (y).
-fn in_plane(plane: Plane, seen: Seen, towards: f32) -> vec2<f32> {
-    let moved = seen.aside.x * plane.right + seen.aside.y * plane.down + seen.deeper * plane.sight;
+// What is seen at a depth, along a side of the slice (x, above 0 on that side) and to the eye (y).
+fn in_plane(here: Here, plane: Plane, found: Found, depth: f32, towards: f32) -> vec2<f32> {
+    let aside = aside(here, found);
+//#if PERSPECTIVE
+    // The pixel's own position is `eye` from the eye.
+    let x = depth * (towards * (aside.x * plane.right.x + aside.y * plane.down.x));
+    return vec2<f32>(x, fma(depth, fma(aside.x, plane.right.y, fma(aside.y, plane.down.y, plane.sight.y)), here.eye));
+//#else
+    let moved = aside.x * plane.right + aside.y * plane.down + (depth - here.depth) * plane.sight;
     return vec2<f32>(towards * moved.x, moved.y);
+//#endif
 }
 
-fn open(pixel: vec2<u32>, position: vec3<f32>, depth: f32, seen: Facing) -> f32 {
-    let here = here_at(pixel, position, depth, seen);
-    let key = pixel_key(pixel.x, pixel.y, params.seed);
+fn open(pixel: vec2<u32>, depth: f32, normal: vec3<f32>) -> f32 {
+    let here = here_at(pixel, depth, normal);
+    let bits = occlusion_bits(pixel, params.seed);
     let steps = f32(params.steps);
-    let interval = 1.0 / steps;
-    var turn = first_turn(key);
+    var turn = first_turn(bits.x);
+    var seeds = bits.zw;
     var taken = 0.0;
     var whole = 0.0;
 //#if BITMASK
-    let eye = distance(params.eye.xyz, position);
-    let jitter = unit(dimensions(key, 0u)).y;
+    let jitter = unit(bits.y);
 //#endif
     for (var index = 0u; index < params.slices; index++) {
-        let slice = slice_of(here, key, index, turn);
+        let slice = slice_of(here, turn);
         let plane = plane_of(here, turn);
         turn = turned(turn);
-        let tilt = sign(plane.normal.y) * angle(vec2<f32>(abs(plane.normal.y), plane.normal.x)).x;
+        let first = fraction(seeds) * params.interval;
+        seeds += vec2<u32>(JITTER_1, JITTER_2);
+        // Else the normal is almost perpendicular to the plane.
+        let counts = plane.squared >= LEAST_WEIGHT;
+        let tilt = tilt_of(plane);
         let all = plane.normal.x + tilt * plane.normal.y;
-        whole += plane.weight * all;
-        if !(slice.pixel < params.radius && plane.weight > 0.0) {
+        whole += select(0.0, all, counts);
+        if !(slice.pixel < params.radius && counts) {
             continue;
         }
-        let first = slice.jitter * interval;
+        // Both sides go from one pixel away to the end of the radius.
+        let span = pixels_to(here, slice, vec2<f32>(params.radius, -params.radius)) - 1.0;
 //#if BITMASK
-        let sectors = sectors_of(plane.normal, tilt, all, fract(jitter + f32(index) / f32(params.slices)));
+        let sectors = sectors_of(plane, tilt, all, fract(jitter + f32(index) * params.per_slice));
         var shut = 0u;
         for (var step = 0.0; step < steps; step += 1.0) {
-            let reach = reaches(slice, fma(vec2<f32>(step), vec2<f32>(interval), first));
-            shut |= shut_by(sectors, 1.0, plane, look(here, slice, reach.x), eye)
-                | shut_by(sectors, -1.0, plane, look(here, slice, -reach.y), eye);
+            let pixels = reaches(span, fma(vec2<f32>(step), vec2<f32>(params.interval), first));
+            let right = look(here, slice, pixels.x);
+            let left = look(here, slice, -pixels.y);
+            shut |= shut_by(sectors, 1.0, plane, here, right) | shut_by(sectors, -1.0, plane, here, left);
         }
-        taken += plane.weight * all * f32(countOneBits(shut)) * (1.0 / SECTORS);
+        taken += all * f32(countOneBits(shut)) * (1.0 / SECTORS);
 //#else
-        // The two horizons, as directions; both start at the tangent plane.
-        let start = vec4<f32>(plane.normal.x, -plane.normal.y, plane.normal);
+        // The two horizons; both start at the tangent plane.
+        let start = vec2<f32>(-plane.normal.y, plane.normal.y) / plane.normal.x;
         var horizons = start;
-        // Two steps at a time: a turn of the loop costs about half a step.
+        // Two steps at a time, so that four reads are in flight.
         var step = 0.0;
         if (params.steps & 1u) == 1u {
-            horizons = both_raised(horizons, here, slice, plane, first);
+            let pixels = reaches(span, first);
+            let right = look(here, slice, pixels.x);
+            let left = look(here, slice, -pixels.y);
+            let seen = vec2<f32>(textureLoad(depths, right.pixel, 0).x, textureLoad(depths, left.pixel, 0).x);
+            horizons = both_raised(horizons, here, plane, right, left, seen);
             step = 1.0;
         }
         for (; step < steps; step += 2.0) {
-            let share = fma(vec2<f32>(step), vec2<f32>(interval), first);
-            horizons = both_raised(horizons, here, slice, plane, share);
-            horizons = both_raised(horizons, here, slice, plane, share + interval);
+            let share = fma(vec2<f32>(step), vec2<f32>(params.interval), first);
+            let near = reaches(span, share);
+            let far = reaches(span, share + params.interval);
+            let right = look(here, slice, near.x);
+            let left = look(here, slice, -near.y);
+            let far_right = look(here, slice, far.x);
+            let far_left = look(here, slice, -far.y);
+            let seen = vec2<f32>(textureLoad(depths, right.pixel, 0).x, textureLoad(depths, left.pixel, 0).x);
+            let beyond = vec2<f32>(textureLoad(depths, far_right.pixel, 0).x, textureLoad(depths, far_left.pixel, 0).x);
+            horizons = both_raised(horizons, here, plane, right, left, seen);
+            horizons = both_raised(horizons, here, plane, far_right, far_left, beyond);
         }
-        let mirrored = vec2<f32>(plane.normal.x, -plane.normal.y);
-        taken += plane.weight
-            * (lost(plane.normal, tilt, horizons.xy, start.xy) + lost(mirrored, -tilt, horizons.zw, start.zw));
+        if any(horizons != start) {
+            taken += lost(plane, horizons);
+        }
 //#endif
     }
     if whole > 0.0 {
@@ -237,9 +307,15 @@ fn open(pixel: vec2<u32>, position: vec3<f32>, depth: f32, seen: Facing) -> f32 
     return 1.0;
 }
 
-// Distances of a step to both sides, from its share of the way. Steps are denser near the pixel.
-fn reaches(slice: Slice, share: vec2<f32>) -> vec2<f32> {
-    return slice.pixel + (params.radius - slice.pixel) * share * share;
+// Pixels of a step on both sides, from its share of the way. Steps are denser near the pixel.
+fn reaches(span: vec2<f32>, share: vec2<f32>) -> vec2<f32> {
+    return fma(span, share * share, vec2<f32>(1.0));
+}
+
+// The angle of the projected normal from the direction to the eye, as twice that of its half: `tan(g / 2) = sin g / (1 + cos g)`.
+fn tilt_of(plane: Plane) -> f32 {
+    let half = plane.normal.y / (plane.normal.x + sqrt(plane.squared));
+    return 2.0 * arc_tangent(half);
 }
 
 //#if BITMASK
@@ -247,22 +323,28 @@ fn reaches(slice: Slice, share: vec2<f32>) -> vec2<f32> {
 struct Sectors {
     // Cosine and sine of the projected normal's angle.
     normal: vec2<f32>,
-    // The contribution of the whole slice.
+    // The contribution of the whole slice, without its weight.
     all: f32,
     // For each side, the contribution between the direction to the eye and the tangent plane.
     limit: vec2<f32>,
     jitter: f32,
 }
 
-fn sectors_of(normal: vec2<f32>, tilt: f32, all: f32, jitter: f32) -> Sectors {
+fn sectors_of(plane: Plane, tilt: f32, all: f32, jitter: f32) -> Sectors {
+    let scale = inverseSqrt(plane.squared);
+    let normal = plane.normal * scale;
     let limit = 0.25 * (2.0 * normal.x + vec2<f32>(PI + 2.0 * tilt, 2.0 * tilt - PI) * normal.y);
-    return Sectors(normal, all, limit, jitter);
+    return Sectors(normal, all * scale, limit, jitter);
 }
 
 // A mask of the sectors that something seen on one side of a slice shuts.
-fn shut_by(sectors: Sectors, towards: f32, plane: Plane, seen: Seen, eye: f32) -> u32 {
-    let front = in_plane(plane, seen, towards);
-    let away = normalize(front - vec2<f32>(0.0, eye));
+fn shut_by(sectors: Sectors, towards: f32, plane: Plane, here: Here, found: Found) -> u32 {
+    var depth = FAR;
+    if found.inside {
+        depth = textureLoad(depths, found.pixel, 0).x;
+    }
+    let front = in_plane(here, plane, found, depth, towards);
+    let away = normalize(front - vec2<f32>(0.0, here.eye));
     // Distances at which that line enters and leaves the disk of the radius.
     let middle = dot(front, away);
     let inside = middle * middle + (params.radius * params.radius - dot(front, front));
@@ -298,52 +380,70 @@ fn below(count: f32) -> u32 {
     return select(0u, 0xffffffffu >> ((32u - bits) & 31u), bits > 0u);
 }
 //#else
-// Both horizons of a slice, raised by a step.
-fn both_raised(horizons: vec4<f32>, here: Here, slice: Slice, plane: Plane, share: vec2<f32>) -> vec4<f32> {
-    let reach = reaches(slice, share);
-    return vec4<f32>(
-        raised(horizons.xy, plane, look(here, slice, reach.x), 1.0),
-        raised(horizons.zw, plane, look(here, slice, -reach.y), -1.0),
-    );
+// Both horizons of a slice, raised to what is seen at these depths.
+fn both_raised(
+    horizons: vec2<f32>,
+    here: Here,
+    plane: Plane,
+    right: Found,
+    left: Found,
+    seen: vec2<f32>,
+) -> vec2<f32> {
+    return max(horizons, vec2<f32>(horizon(here, plane, right, seen.x, 1.0), horizon(here, plane, left, seen.y, -1.0)));
 }
 
-// A horizon raised to what is seen, if that is above it and within the radius.
-fn raised(horizon: vec2<f32>, plane: Plane, seen: Seen, towards: f32) -> vec2<f32> {
-    let front = in_plane(plane, seen, towards);
-    let within = dot(front, front) <= params.radius * params.radius;
+// The cotangent of the angle between the direction to the eye and what is seen; `-FAR` where nothing is seen within the radius. Outside the
+// picture the depth may be any.
+fn horizon(here: Here, plane: Plane, found: Found, depth: f32, towards: f32) -> f32 {
+    let front = in_plane(here, plane, found, depth, towards);
     // The move into the plane may bring a near pixel to the other side. For the pixel itself all differences are 0.
-    let higher = front.x > 0.0 && front.y * horizon.x > horizon.y * front.x;
-    return select(horizon, front, within && higher);
+    let counts = found.inside && front.x > 0.0 && dot(front, front) <= params.radius * params.radius;
+    return select(-FAR, front.y / front.x, counts);
 }
 
-// What a horizon takes away: `(cos g - cos(2h - g) + 2h sin g) / 4` at the tangent plane less that at the horizon `h`, for the normal's
-// angle `g`.
-fn lost(normal: vec2<f32>, tilt: f32, horizon: vec2<f32>, start: vec2<f32>) -> f32 {
-    if all(horizon == start) {
-        return 0.0;
-    }
-    let h = angle(horizon);
-    return 0.25 * (normal.x * (1.0 + h.y) + normal.y * (h.z + PI + 2.0 * (tilt - h.x)));
+// What two horizons take away, with the slice's weight: on each side `(cos g sin^2 d + sin g (d - sin d cos d)) / 2` for the angle `d`
+// between the tangent plane and the horizon, which is `(cos g - cos(2h - g) + 2h sin g) / 4` at the tangent plane less that at `h`.
+fn lost(plane: Plane, horizons: vec2<f32>) -> f32 {
+    // Sines and cosines of both angles, times a length.
+    let up = fma(horizons, vec2<f32>(plane.normal.x), vec2<f32>(plane.normal.y, -plane.normal.y));
+    let along = fma(horizons, vec2<f32>(-plane.normal.y, plane.normal.y), vec2<f32>(plane.normal.x));
+    let scaled = up / (up * up + along * along);
+    // The difference of the angles has one arc tangent.
+    let difference = direction(up.x * along.y - along.x * up.y, along.x * along.y + up.x * up.y);
+    let products = scaled * along;
+    return 0.5 * (plane.normal.x * dot(scaled, up) + plane.normal.y * (difference - (products.x - products.y)));
+}
+
+// The angle of the direction `(x, y)`, -π..π.
+fn direction(y: f32, x: f32) -> f32 {
+    let sides = abs(vec2<f32>(x, y));
+    let within = arc_tangent(min(sides.x, sides.y) / max(sides.x, sides.y));
+    let quarter = select(within, 0.5 * PI - within, sides.y > sides.x);
+    let half = select(quarter, PI - quarter, x < 0.0);
+    return select(half, -half, y < 0.0);
 }
 //#endif
 
+// The arc tangent of -1..1, by the odd polynomial of degree 11 whose greatest error is least: 1.7e-6. A device's own may be off by 4096
+// units in the last place (Vulkan 1.3, "Precision and Operation of SPIR-V Instructions").
+fn arc_tangent(q: f32) -> f32 {
+    let qq = q * q;
+    var sum = -0.011719135;
+    sum = fma(sum, qq, 0.05264735);
+    sum = fma(sum, qq, -0.11642648);
+    sum = fma(sum, qq, 0.19354038);
+    sum = fma(sum, qq, -0.33262283);
+    return q * fma(sum, qq, 0.99997722);
+}
+
+//#if BITMASK
 // The angle of a direction from the second axis, 0..π, then cosine and sine of twice that angle; the first component is not below 0.
-// The arc tangent is Abramowitz and Stegun, "Handbook of Mathematical Functions", 4.4.49: error below 2e-8 besides rounding. A
-// device's own may be off by 4096 units in the last place (Vulkan 1.3, "Precision and Operation of SPIR-V Instructions").
 fn angle(direction: vec2<f32>) -> vec3<f32> {
     let height = abs(direction.y);
     let steep = height >= direction.x;
     let q = select(height / direction.x, direction.x / height, steep);
     let qq = q * q;
-    var sum = 0.0028662257;
-    sum = sum * qq - 0.016165737;
-    sum = sum * qq + 0.042909614;
-    sum = sum * qq - 0.07528964;
-    sum = sum * qq + 0.10656264;
-    sum = sum * qq - 0.142089;
-    sum = sum * qq + 0.19993551;
-    sum = sum * qq - 0.33333145;
-    let within = sum * qq * q + q;
+    let within = arc_tangent(q);
     let upward = select(0.5 * PI - within, within, steep);
     let scale = 1.0 / (1.0 + qq);
     let double = vec2<f32>(1.0 - qq, 2.0 * q) * scale;
@@ -354,32 +454,44 @@ fn angle(direction: vec2<f32>) -> vec3<f32> {
         select(double.y, -double.y, down),
     );
 }
+//#endif
 //#else
-fn open(pixel: vec2<u32>, position: vec3<f32>, depth: f32, seen: Facing) -> f32 {
-    let here = here_at(pixel, position, depth, seen);
-    let key = pixel_key(pixel.x, pixel.y, params.seed);
-    let largest = max(abs(position.x), max(abs(position.y), abs(position.z)));
+fn open(pixel: vec2<u32>, depth: f32, normal: vec3<f32>) -> f32 {
+    let here = here_at(pixel, depth, normal);
+    let bits = occlusion_bits(pixel, params.seed);
+    let camera = params.camera;
+    let corner = params.corner.xyz + f32(pixel.x) * camera.right.xyz + f32(pixel.y) * camera.down.xyz;
+//#if PERSPECTIVE
+    let position = abs(camera.origin.xyz + depth * corner);
+//#else
+    let position = abs(camera.origin.xyz + corner + depth * params.sight.xyz);
+//#endif
+    let largest = max(position.x, max(position.y, position.z));
     let tolerance = max(DEPTH_TOLERANCE * params.radius, 4.0 * EPSILON * largest);
     // Heights above the tangent plane of the steps to the next column, row and depth.
     let heights = vec3<f32>(dot(here.right, here.normal), dot(here.down, here.normal), dot(here.sight, here.normal));
-    var turn = first_turn(key);
+    var turn = first_turn(bits.x);
+    var seeds = bits.zw;
     var occluded = 0u;
     var samples = 0u;
     for (var index = 0u; index < params.slices; index++) {
-        let slice = slice_of(here, key, index, turn);
+        let slice = slice_of(here, turn);
         turn = turned(turn);
-        for (var side = 0u; side < 2u; side++) {
-            let jitter = select(slice.jitter.x, slice.jitter.y, side == 1u);
-            let reach = select(params.radius, -params.radius, side == 1u);
-            for (var step = 0u; step < params.steps; step++) {
-                let other = look(here, slice, reach * sqrt((f32(step) + jitter) / f32(params.steps)));
-                if !other.inside || all(other.aside == vec2<f32>(0.0)) {
+        let jitter = fraction(seeds);
+        seeds += vec2<u32>(JITTER_1, JITTER_2);
+        for (var step = 0u; step < params.steps; step++) {
+            let reach = vec2<f32>(params.radius, -params.radius) * sqrt((f32(step) + jitter) * params.interval);
+            let pixels = pixels_to(here, slice, reach) * vec2<f32>(1.0, -1.0);
+            for (var side = 0u; side < 2u; side++) {
+                let found = look(here, slice, select(pixels.x, pixels.y, side == 1u));
+                let aside = aside(here, found);
+                if !found.inside || all(aside == vec2<f32>(0.0)) {
                     continue;
                 }
                 samples += 1u;
-                if other.deeper < FAR - here.depth && dot(vec3<f32>(other.aside, other.deeper), heights) > tolerance {
-                    occluded += 1u;
-                }
+                let other = textureLoad(depths, found.pixel, 0).x;
+                let height = dot(vec3<f32>(aside * to_w(other), other - here.depth), heights);
+                occluded += u32(other < FAR && height > tolerance);
             }
         }
     }
@@ -434,14 +546,17 @@ fn pcg4d(counters: vec4<u32>) -> vec4<u32> {
     return v;
 }
 
-fn pixel_key(x: u32, y: u32, seed: u32) -> u32 {
-    return pcg4d(vec4<u32>(x, y, seed, HASH_PIXEL)).w;
+// `sampling::hash::occlusion_bits`.
+fn occlusion_bits(pixel: vec2<u32>, seed: u32) -> vec4<u32> {
+    return pcg4d(vec4<u32>(pixel, seed, HASH_OCCLUSION));
 }
 
-fn dimensions(key: u32, counter: u32) -> vec2<u32> {
-    return pcg4d(vec4<u32>(key, counter, 0u, HASH_DIMENSIONS)).zw;
+// `sampling::hash::unit`.
+fn unit(bits: u32) -> f32 {
+    return f32(bits >> 8u) * (1.0 / 16777216.0);
 }
 
-fn unit(bits: vec2<u32>) -> vec2<f32> {
-    return vec2<f32>(bits >> vec2<u32>(8u)) * (1.0 / 16777216.0);
+// `sampling::hash::fraction`: the 23 high bits as numbers in [0, 1). No conversion of integers, which devices do slowly.
+fn fraction(bits: vec2<u32>) -> vec2<f32> {
+    return bitcast<vec2<f32>>((bits >> vec2<u32>(9u)) | vec2<u32>(0x3f800000u)) - 1.0;
 }

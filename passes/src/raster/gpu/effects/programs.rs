@@ -11,11 +11,13 @@ use curitiba_pipeline::executor::Progress;
 use curitiba_pipeline::raster_effects::EffectProgram;
 use std::time::Instant;
 
-use super::shader::{self, GROUP, Variant};
+use super::shader::{self, LARGE_GROUP, Variant};
 use super::uniforms::{self, FrameUniform};
 
 /// The output's format.
 pub const OUTPUT_FORMAT: wgpu::TextureFormat = wgpu::TextureFormat::Rgba32Float;
+/// The same of what a filter reads.
+pub const SHARE_FORMAT: wgpu::TextureFormat = wgpu::TextureFormat::R32Float;
 /// Approximate number of texels that one submission reads. Drivers abort work that runs for seconds; this much takes a
 /// tenth of a second on slow hardware.
 const TEXELS_PER_SUBMISSION: u64 = 1 << 30;
@@ -24,6 +26,8 @@ const TEXELS_PER_SUBMISSION: u64 = 1 << 30;
 #[derive(Debug)]
 pub struct Program {
     pipeline: wgpu::ComputePipeline,
+    /// Pixels along a side of a workgroup.
+    group: u32,
     /// Layout of group 1.
     layout: wgpu::BindGroupLayout,
     frame: wgpu::Buffer,
@@ -95,14 +99,15 @@ impl Program {
         let program = variant.program;
         let limits = &gpu.limits;
         let most = limits.max_compute_invocations_per_workgroup;
-        if most < GROUP * GROUP || limits.max_compute_workgroup_size_x.min(limits.max_compute_workgroup_size_y) < GROUP
+        let group = variant.group();
+        if most < group * group || limits.max_compute_workgroup_size_x.min(limits.max_compute_workgroup_size_y) < group
         {
-            let why = format!("{} has no compute shaders of {GROUP} x {GROUP} threads;", gpu.adapter);
+            let why = format!("{} has no compute shaders of {group} x {group} threads;", gpu.adapter);
             return Err(unsupported(program.info().name, &why));
         }
         let output = wgpu::BindingType::StorageTexture {
             access: wgpu::StorageTextureAccess::WriteOnly,
-            format: OUTPUT_FORMAT,
+            format: if variant.share { SHARE_FORMAT } else { OUTPUT_FORMAT },
             view_dimension: wgpu::TextureViewDimension::D2,
         };
         let params_bytes = uniforms::params_bytes(variant);
@@ -110,14 +115,14 @@ impl Program {
         let label = program.info().name;
         let layout = layout(&gpu.device, label, types.into_iter().chain(resources(variant)));
         let source = shader::source(variant);
-        let groups = [&inputs.layout, &layout, &inputs.layout];
+        let layouts = [&inputs.layout, &layout, &inputs.layout];
         let count = if shader::reads_behind(program) { 3 } else { 2 };
-        let pipeline = compute_pipeline(gpu, Some(label), source, &groups[..count]);
+        let pipeline = compute_pipeline(gpu, Some(label), source, &layouts[..count]);
         gpu.check(&format!("building the program {label}"))?;
         let usage = wgpu::BufferUsages::UNIFORM | wgpu::BufferUsages::COPY_DST;
         let frame = gpu.buffer("creation of an effect's uniforms", usage, size_of::<FrameUniform>() as u64)?;
         let params = gpu.buffer("creation of an effect's uniforms", usage, params_bytes as u64)?;
-        Ok(Self { pipeline, layout, frame, params })
+        Ok(Self { pipeline, group, layout, frame, params })
     }
 
     /// Binds the output, and the program's resources besides the G-buffer.
@@ -170,7 +175,7 @@ impl Program {
                 for (index, group) in (0..).zip(bound.groups.iter().copied()) {
                     pass.set_bind_group(index, group, &[]);
                 }
-                let groups = |pixels: u32| pixels.div_ceil(GROUP * task.apart) * task.apart;
+                let groups = |pixels: u32| pixels.div_ceil(self.group * task.apart) * task.apart;
                 pass.dispatch_workgroups(groups(task.width), groups(band.end - band.start), 1);
             }
             device = submit(gpu, timer, encoder, is_last, doing)?;
@@ -197,7 +202,7 @@ impl Task {
     fn bands(self) -> impl Iterator<Item = std::ops::Range<u32>> {
         let per_row = self.texels.max(1) * u64::from(self.width);
         let rows = u32::try_from(TEXELS_PER_SUBMISSION / per_row.max(1)).unwrap_or(u32::MAX);
-        let rows = (rows.min(self.height) / GROUP * GROUP).max(GROUP);
+        let rows = (rows.min(self.height) / LARGE_GROUP * LARGE_GROUP).max(LARGE_GROUP);
         let height = self.height;
         (0..height).step_by(rows as usize).map(move |first| first..first.saturating_add(rows).min(height))
     }
@@ -221,9 +226,12 @@ mod tests {
             let mut next = 0;
             for band in task.bands() {
                 assert_eq!(band.start, next);
-                assert!(band.end > band.start && (band.end % GROUP == 0 || band.end == height));
+                assert!(band.end > band.start && (band.end % LARGE_GROUP == 0 || band.end == height));
                 let work = u64::from(band.end - band.start) * u64::from(width) * texels;
-                assert!(work <= TEXELS_PER_SUBMISSION || band.end - band.start <= GROUP, "{width} {height} {work}");
+                assert!(
+                    work <= TEXELS_PER_SUBMISSION || band.end - band.start <= LARGE_GROUP,
+                    "{width} {height} {work}"
+                );
                 next = band.end;
             }
             assert_eq!(next, height);

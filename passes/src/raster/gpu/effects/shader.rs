@@ -2,10 +2,10 @@
 
 use crate::effects::SHADOWED;
 use crate::raster::effects::filter::{self, MOST_OFF, SPLINE};
-use crate::raster::effects::occlusion::{DEPTH_TOLERANCE, SECTORS};
+use crate::raster::effects::occlusion::{DEPTH_TOLERANCE, JITTERS, SECTORS};
 use crate::raster::effects::planes::NO_PLANE;
 use crate::raster::effects::proxy::LEAST_ALONG;
-use crate::raster::effects::screen::camera::LEAST_COSINE;
+use crate::raster::effects::screen::camera::{LEAST_COSINE, ScreenCamera};
 use crate::raster::effects::screen::march::{LEAST_SPAN, ROUNDING, STEP};
 use crate::raster::effects::screen::pyramid::{MAX_LEVELS, NOTHING};
 use crate::raster::effects::shadow::MAX_SLOPE;
@@ -20,8 +20,9 @@ use std::fmt::Write;
 pub const ENTRY: &str = "main";
 /// Pixels along a side of a workgroup.
 pub const GROUP: u32 = 8;
-/// The same where depths are computed: with more threads a group, that little work takes half the time.
-pub const DEPTHS_GROUP: u32 = 16;
+/// The same where depths are computed: with more threads a group, that little work takes half the time. Occlusions and their filter read what
+/// their neighbours read.
+pub const LARGE_GROUP: u32 = 16;
 
 /// Shared by all programs. It comes last in the text, so that compiler messages count the lines of the program's own
 /// file.
@@ -54,6 +55,9 @@ pub const SEGMENT: u32 = 16;
 /// Squared weight below which a slice does not count, as in `raster::effects::occlusion`.
 const LEAST_WEIGHT: f32 = 1e-6;
 
+/// Least component of a normal to the eye: with it, a cotangent is finite.
+const LEAST_NORMAL: f32 = 1e-6;
+
 /// The depth of pixels that show nothing, beyond any radius. Squares of it times the side of a picture are within the range of `f32`.
 const FAR: f32 = 1e14;
 
@@ -70,24 +74,46 @@ pub struct Variant {
     pub border: bool,
     /// For `gtao`: by bitmasks instead of horizons.
     pub bitmask: bool,
+    /// For occlusions: the camera has perspective.
+    pub perspective: bool,
     /// The filter that follows an ambient occlusion, instead of the occlusion itself.
     pub filter: bool,
+    /// The output is a number a pixel, which a filter reads, and not a colour.
+    pub share: bool,
 }
 
 impl Variant {
-    /// The variant of the filter, which all ambient occlusions share.
-    pub const FILTER: Self =
-        Self { program: EffectProgram::HorizonOcclusion, soft: false, border: false, bitmask: false, filter: true };
+    /// A program for a point of light, without options.
+    pub fn plain(program: EffectProgram) -> Self {
+        let (soft, border, bitmask, perspective) = (false, false, false, false);
+        Self { program, soft, border, bitmask, perspective, filter: false, share: false }
+    }
+
+    /// The filter, which all ambient occlusions share. All of its levels but the last write a number a pixel.
+    pub fn filter(last: bool) -> Self {
+        Self { filter: true, share: !last, ..Self::plain(EffectProgram::HorizonOcclusion) }
+    }
 
     /// The variant that a job asks for.
     pub fn of(job: &EffectJob<'_>) -> Self {
         let is = |program| job.program == program;
+        let occludes = is(EffectProgram::HorizonOcclusion) || is(EffectProgram::DepthOcclusion);
         Self {
             program: job.program,
             soft: is(EffectProgram::ShadowMap) && job.params.sun > 0.0,
             border: is(EffectProgram::ShadowMap) && job.params.border == Border::Rays,
             bitmask: is(EffectProgram::HorizonOcclusion) && job.params.bitmask,
+            perspective: occludes && ScreenCamera::or_blind(&job.view, job.width, job.height).perspective(),
             filter: false,
+            share: occludes && job.params.filter > 0,
+        }
+    }
+
+    /// Pixels along a side of a workgroup.
+    pub fn group(self) -> u32 {
+        match self.program {
+            EffectProgram::DepthOcclusion | EffectProgram::HorizonOcclusion => LARGE_GROUP,
+            _ => GROUP,
         }
     }
 }
@@ -110,19 +136,23 @@ fn text(program: EffectProgram) -> (&'static str, &'static str) {
 ///
 /// # Panics
 /// If the directives in its text are malformed; a test generates every program.
-pub fn source(Variant { program, soft, border, bitmask, filter }: Variant) -> String {
+pub fn source(variant: Variant) -> String {
+    let Variant { program, soft, border, bitmask, perspective, filter, share } = variant;
     let (file, text) = if filter { ("filter.wgsl", include_str!("filter.wgsl")) } else { text(program) };
-    let mut source = cut(file, text, |name| {
+    let defines = |name: &str| {
         Some(match name {
             "REFRACT" => program.refracts(),
             "SOFT" => soft,
             "BORDER" => border,
             "BITMASK" => bitmask,
             "HORIZONS" => program == EffectProgram::HorizonOcclusion,
+            "PERSPECTIVE" => perspective,
+            "SHARE" => share,
             _ => return None,
         })
-    });
-    source.push_str(COMMON);
+    };
+    let mut source = cut(file, text, defines);
+    source.push_str(&cut("common.wgsl", COMMON, defines));
     if !filter {
         source.push_str(PIXELS);
     }
@@ -139,7 +169,7 @@ pub fn source(Variant { program, soft, border, bitmask, filter }: Variant) -> St
     if program.refracts() {
         source.push_str(FRESNEL);
     }
-    push_constants(&mut source);
+    push_constants(&mut source, variant.group());
     source
 }
 
@@ -151,21 +181,21 @@ pub fn reads_behind(program: EffectProgram) -> bool {
 /// The shader that computes a level of the pyramid of nearest surfaces.
 pub fn pyramid_source() -> String {
     let mut source = [include_str!("pyramid.wgsl"), SCREEN_CAMERA].concat();
-    push_constants(&mut source);
+    push_constants(&mut source, GROUP);
     source
 }
 
 /// The shader that computes the depths of an occlusion.
 pub fn depths_source() -> String {
     let mut source = [include_str!("depths.wgsl"), SCREEN_CAMERA].concat();
-    push_constants(&mut source);
+    push_constants(&mut source, GROUP);
     source
 }
 
 /// The shader that surveys the planes of glass.
 pub fn survey_source() -> String {
     let mut source = [include_str!("survey.wgsl"), GLAZING].concat();
-    push_constants(&mut source);
+    push_constants(&mut source, GROUP);
     source
 }
 
@@ -176,17 +206,19 @@ pub fn survey_source() -> String {
 pub fn ask_source(glass: bool) -> String {
     let mut source = cut("ask.wgsl", include_str!("ask.wgsl"), |name| (name == "GLASS").then_some(glass));
     source.push_str(GLASS);
-    push_constants(&mut source);
+    push_constants(&mut source, GROUP);
     source
 }
 
-fn push_constants(source: &mut String) {
+/// Adds the constants; `group` is the number of pixels along a side of a workgroup.
+fn push_constants(source: &mut String, group: u32) {
     // Infinities are not handed to drivers; no program has to distinguish them from large numbers.
     let floats = [
         ("SHADOWED", SHADOWED),
         ("MAX_SLOPE", MAX_SLOPE),
         ("DEPTH_TOLERANCE", DEPTH_TOLERANCE),
         ("LEAST_WEIGHT", LEAST_WEIGHT),
+        ("LEAST_NORMAL", LEAST_NORMAL),
         ("EPSILON", f32::EPSILON),
         ("PI", std::f32::consts::PI),
         ("LARGEST", f32::MAX),
@@ -215,15 +247,16 @@ fn push_constants(source: &mut String) {
         ("MAX_CASCADES", MAX_CASCADES),
         ("SEARCH_TAPS", SEARCH_TAPS as u32),
         ("FILTER_TAPS", FILTER_TAPS as u32),
-        ("GROUP", GROUP),
-        ("DEPTHS_GROUP", DEPTHS_GROUP),
+        ("GROUP", group),
+        ("LARGE_GROUP", LARGE_GROUP),
         ("SEGMENT", SEGMENT),
         ("SUMS", SUMS),
         ("MAX_LEVELS", MAX_LEVELS as u32),
         ("NO_PLANE", NO_PLANE),
         ("ROUND_BITS", ROUND.to_bits()),
-        ("HASH_PIXEL", hash::PIXEL),
-        ("HASH_DIMENSIONS", hash::DIMENSIONS),
+        ("HASH_OCCLUSION", hash::OCCLUSION),
+        ("JITTER_1", JITTERS[0]),
+        ("JITTER_2", JITTERS[1]),
     ];
     for (name, value) in integers {
         _ = writeln!(source, "const {name} = {value}u;");
@@ -236,11 +269,6 @@ pub mod tests {
     use curitiba_pipeline::raster_effects::EFFECT_PROGRAMS;
     use wgpu::naga;
 
-    /// The variant for a point of light.
-    pub fn hard(program: EffectProgram) -> Variant {
-        Variant { program, soft: false, border: false, bitmask: false, filter: false }
-    }
-
     pub fn validate(source: &str) -> Result<naga::Module, String> {
         let module = naga::front::wgsl::parse_str(source).map_err(|error| error.emit_to_string(source))?;
         naga::valid::Validator::new(naga::valid::ValidationFlags::all(), naga::valid::Capabilities::empty())
@@ -252,10 +280,12 @@ pub mod tests {
     #[test]
     fn every_program_parses_and_validates_and_needs_no_feature() {
         for info in EFFECT_PROGRAMS {
-            let module = validate(&source(hard(info.program))).unwrap_or_else(|error| panic!("{}\n{error}", info.name));
+            let module = validate(&source(Variant::plain(info.program)))
+                .unwrap_or_else(|error| panic!("{}\n{error}", info.name));
             let entries: Vec<_> =
                 module.entry_points.iter().map(|entry| (entry.name.as_str(), entry.workgroup_size)).collect();
-            assert_eq!(entries, [(ENTRY, [GROUP, GROUP, 1])], "{}", info.name);
+            let group = Variant::plain(info.program).group();
+            assert_eq!(entries, [(ENTRY, [group, group, 1])], "{}", info.name);
         }
     }
 
@@ -269,19 +299,32 @@ pub mod tests {
 
     #[test]
     fn the_pyramid_the_survey_and_the_depths_parse_and_validate() {
-        for source in [pyramid_source(), survey_source(), depths_source(), source(Variant::FILTER)] {
+        for source in [
+            pyramid_source(),
+            survey_source(),
+            depths_source(),
+            source(Variant::filter(false)),
+            source(Variant::filter(true)),
+        ] {
             validate(&source).unwrap_or_else(|error| panic!("{error}"));
         }
     }
 
     #[test]
     fn programs_that_share_a_text_differ() {
-        let has = |program, what: &str| source(hard(program)).contains(what);
+        let has = |program, what: &str| source(Variant::plain(program)).contains(what);
         assert!(has(EffectProgram::CubeRefraction, "fn fresnel") && !has(EffectProgram::CubeReflection, "fn fresnel"));
-        let soft = source(Variant { soft: true, ..hard(EffectProgram::ShadowMap) });
+        let soft = source(Variant { soft: true, ..Variant::plain(EffectProgram::ShadowMap) });
         assert!(soft.contains("fn search_radius") && !has(EffectProgram::ShadowMap, "fn search_radius"));
         assert!(validate(&soft).is_ok());
-        let bitmask = source(Variant { bitmask: true, ..hard(EffectProgram::HorizonOcclusion) });
+        for program in [EffectProgram::HorizonOcclusion, EffectProgram::DepthOcclusion] {
+            for (share, bitmask) in [(false, false), (true, false), (true, true)] {
+                let perspective = source(Variant { perspective: true, share, bitmask, ..Variant::plain(program) });
+                validate(&perspective).unwrap_or_else(|error| panic!("{error}"));
+                assert_eq!(perspective.contains("texture_storage_2d<r32float"), share);
+            }
+        }
+        let bitmask = source(Variant { bitmask: true, ..Variant::plain(EffectProgram::HorizonOcclusion) });
         assert!(bitmask.contains("fn shut_by(") && !has(EffectProgram::HorizonOcclusion, "fn shut_by("));
         validate(&bitmask).unwrap_or_else(|error| panic!("{error}"));
         assert!(has(EffectProgram::HorizonOcclusion, "fn lost(") && !has(EffectProgram::DepthOcclusion, "fn lost("));
@@ -289,7 +332,7 @@ pub mod tests {
 
     #[test]
     fn an_invalid_program_is_found_out() {
-        let source = source(hard(EffectProgram::ShadowMap));
+        let source = source(Variant::plain(EffectProgram::ShadowMap));
         let broken = source.replace("depth >= stored", "depth >= params.reach");
         assert_ne!(broken, source);
         assert!(validate(&source).is_ok() && validate(&broken).is_err());

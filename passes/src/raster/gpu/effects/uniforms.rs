@@ -4,6 +4,7 @@ use super::shader::Variant;
 use crate::raster::effects::cascades::Cascades;
 use crate::raster::effects::cube::{AXES, FACES};
 use crate::raster::effects::mirrors::Mirror;
+use crate::raster::effects::occlusion::most_pixels;
 use crate::raster::effects::panes::Probe;
 use crate::raster::effects::screen::camera::ScreenCamera;
 use crate::raster::effects::screen::pyramid::{Level, MAX_LEVELS};
@@ -260,7 +261,7 @@ pub struct SurveyUniform {
 #[derive(Debug, Clone, Copy, PartialEq, bytemuck::Pod, bytemuck::Zeroable)]
 #[repr(C)]
 pub struct FilterUniform {
-    pub step: i32,
+    pub level: u32,
     pub exponent: f32,
 }
 
@@ -270,6 +271,8 @@ pub struct FilterUniform {
 pub struct OcclusionUniform {
     camera: ScreenCamera,
     eye: Vec4,
+    corner: Vec4,
+    sight: Vec4,
     turn: Vec2,
     radius: f32,
     intensity: f32,
@@ -277,16 +280,23 @@ pub struct OcclusionUniform {
     steps: u32,
     seed: u32,
     thickness: f32,
+    per_slice: f32,
+    interval: f32,
+    most: f32,
+    padding: u32,
 }
 
 impl OcclusionUniform {
     pub fn new(job: &EffectJob<'_>, camera: ScreenCamera) -> Self {
         let params = &job.params;
         let (sin, cos) = (std::f64::consts::PI / f64::from(params.slices)).sin_cos();
+        let [corner, sight] = camera.sights();
         Self {
             camera,
             // A 1 that compilers do not know.
             eye: job.view.eye.extend(1.0),
+            corner: corner.extend(0.0),
+            sight: sight.extend(0.0),
             turn: Vec2::new(cos as f32, sin as f32),
             radius: params.radius,
             // If there is a filter, it applies the exponent to the averages.
@@ -295,6 +305,10 @@ impl OcclusionUniform {
             steps: params.steps,
             seed: job.seed,
             thickness: job.params.thickness,
+            per_slice: 1.0 / params.slices as f32,
+            interval: 1.0 / params.steps as f32,
+            most: most_pixels(job.width, job.height),
+            padding: 0,
         }
     }
 }
@@ -308,7 +322,7 @@ pub struct DepthsUniform {
 
 #[cfg(test)]
 mod tests {
-    use super::super::shader::tests::{hard, validate};
+    use super::super::shader::tests::validate;
     use super::super::shader::{ask_source, depths_source, pyramid_source, source, survey_source};
     use super::*;
     use curitiba_pipeline::raster_effects::EFFECT_PROGRAMS;
@@ -331,7 +345,7 @@ mod tests {
     }
 
     fn layout(program: EffectProgram, name: &str) -> (Vec<(String, usize)>, usize) {
-        layout_in(&validate(&source(hard(program))).expect("valid"), name)
+        layout_in(&validate(&source(Variant::plain(program))).expect("valid"), name)
     }
 
     #[test]
@@ -366,7 +380,7 @@ mod tests {
             assert_eq!(layout(program, "Probe"), offsets!(ProbeBox: low, high, center, proxy_low, proxy_high));
         }
         let params = |source: &str| layout_in(&validate(source).expect("valid"), "Params");
-        assert_eq!(params(&source(Variant::FILTER)), offsets!(FilterUniform: step, exponent));
+        assert_eq!(params(&source(Variant::filter(true))), offsets!(FilterUniform: level, exponent));
         assert_eq!(params(&depths_source()), offsets!(DepthsUniform: camera));
         assert_eq!(params(&pyramid_source()), offsets!(PyramidUniform: camera, fine, coarse, base));
         assert_eq!(params(&survey_source()), offsets!(SurveyUniform: size, id_base, ranges));
@@ -376,8 +390,10 @@ mod tests {
         assert_eq!(layout(PlanarReflection, "Params"), offsets!(PlanarUniform: mirrors, ranges));
         assert_eq!(layout(PlanarReflection, "Mirror"), offsets!(MirrorPlane: normal, plane, layer));
         for program in [HorizonOcclusion, DepthOcclusion] {
-            let occlusion =
-                offsets!(OcclusionUniform: camera, eye, turn, radius, intensity, slices, steps, seed, thickness);
+            let occlusion = offsets!(
+                OcclusionUniform: camera, eye, corner, sight, turn, radius, intensity, slices, steps, seed, thickness, per_slice, interval,
+                most
+            );
             assert_eq!(layout(program, "Params"), occlusion);
         }
     }
