@@ -9,7 +9,7 @@ mod decide;
 mod limits;
 mod spectrum;
 
-pub use closed::{Closedness, closedness};
+pub use closed::{Closedness, closedness, connected};
 pub use decide::{Decided, TRANSPARENT, decide};
 pub use limits::{CutoffColor, MOST_BOUNCES, PathLimits, Roulette};
 pub use spectrum::{MOST_STRATA, Stratum, color_matching, daylight, strata};
@@ -51,7 +51,8 @@ pub enum GlassShadow {
     Opaque,
     /// In a straight line, weakened by Fresnel transmission at each surface and by absorption inside bodies.
     Straight,
-    /// As [`Self::Straight`], but exact spheres that are glass bodies refract the light and so focus it.
+    /// As [`Self::Straight`], but exact spheres that are glass bodies refract the light and so focus it; with photons, solid meshes do as
+    /// well.
     Caustic,
 }
 
