@@ -1,7 +1,6 @@
 //! The executor: carries out a plan with a rasteriser and a ray backend, and times every step.
 
 mod accumulate;
-mod caustics;
 mod change;
 mod compute;
 mod dirty;

@@ -1,6 +1,5 @@
 //! Loads scenes, resolves materials, and hands both to the engines.
 
-use super::caustics::caustics;
 use super::shaders;
 use super::{LoadedScenes, Observer, PassMaterials, Progress, RenderError, Renderer, SceneNotes, StepKind};
 use crate::backend::{Attachments, BackendError, GBuffer, Glow, NormalMap, Shade};
@@ -280,7 +279,7 @@ impl Renderer {
                 }
                 Work::Rays { params: RayParams { shadow: GlassShadow::Caustic, .. }, .. } => {
                     let photons = self.plan.photons(&planned);
-                    focused = caustics(&pass.name, &self.scenes[set].scene, &resolved.dielectrics, photons);
+                    focused = glass::caustics(&pass.name, &self.scenes[set].scene, &resolved.dielectrics, photons);
                 }
                 _ => {}
             }

@@ -4,11 +4,13 @@
 //! `glass=auto` the materials decide ([`decide`]): closed surfaces of materials with a volume are solid bodies, other transparent
 //! materials are thin walls, and a material that the project names but whose properties do not make it glass stays a pane.
 
+mod caustics;
 mod closed;
 mod decide;
 mod limits;
 mod spectrum;
 
+pub use caustics::caustics;
 pub use closed::{Closedness, closedness, connected};
 pub use decide::{Decided, TRANSPARENT, decide};
 pub use limits::{CutoffColor, MOST_BOUNCES, PathLimits, Roulette};

@@ -1,11 +1,12 @@
 //! What of a scene focuses light in a pass with `shadow=caustic`, for the plan.
 
+use super::{Dielectric, Shape};
 use crate::diagnostic::Decision;
-use crate::glass::{Dielectric, Shape};
 use crate::scene::{RenderScene, Sphere};
 
-/// Decisions whether a pass has spheres that focus light, and what its photons do with each material of glass meshes.
-pub(super) fn caustics(pass: &str, scene: &RenderScene, dielectrics: &[Dielectric], photons: u32) -> Vec<Decision> {
+/// For a pass with `shadow=caustic`, and so many photons: decisions whether it has spheres that focus light, and what its photons do with each material of glass meshes.
+#[must_use]
+pub fn caustics(pass: &str, scene: &RenderScene, dielectrics: &[Dielectric], photons: u32) -> Vec<Decision> {
     let mut decisions = vec![of_spheres(pass, &scene.geometry.spheres, dielectrics)];
     if photons > 0 {
         decisions.extend(of_meshes(pass, scene, dielectrics, photons));
