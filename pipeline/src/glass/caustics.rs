@@ -4,7 +4,8 @@ use super::{Dielectric, Shape};
 use crate::diagnostic::Decision;
 use crate::scene::{RenderScene, Sphere};
 
-/// For a pass with `shadow=caustic`, and so many photons: decisions whether it has spheres that focus light, and what its photons do with each material of glass meshes.
+/// For a pass with `shadow=caustic` and so many photons: decisions whether it has spheres that focus light, and what its photons do with each
+/// material of glass meshes.
 #[must_use]
 pub fn caustics(pass: &str, scene: &RenderScene, dielectrics: &[Dielectric], photons: u32) -> Vec<Decision> {
     let mut decisions = vec![of_spheres(pass, &scene.geometry.spheres, dielectrics)];
@@ -38,7 +39,7 @@ fn of_meshes(pass: &str, scene: &RenderScene, dielectrics: &[Dielectric], photon
             Shape::Opaque => continue,
             Shape::Solid if dielectric.index > 1.0 => {
                 let why = format!(
-                    "its {triangles} triangles are bodies that throw a shadow; the pass shoots {photons} photons at all of its bodies"
+                    "its {triangles} triangles are bodies that throw a shadow; the pass shoots {photons} photons at all bodies"
                 );
                 (true, why)
             }
