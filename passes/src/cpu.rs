@@ -8,13 +8,15 @@ mod intersections;
 use crate::effects::{
     AlphaTested, Area, ByCones, Coverage, Opaque, Pass, Pixel, Preparation, TILE, Workspace, camera, combined,
     deferred_shadows, dielectric,
-    dielectric::{Lenses, Media},
+    dielectric::{Lenses, Media, PhotonMap, Targets},
     reflection, refraction, ssao,
 };
 use crate::raster::effects::filter::Filter;
 use crate::sampling::HemisphereSampler;
 use crate::trace::{Bvh, DynTracer, Erased, Quality, SphereTree, Tracer, WithSpheres};
-use curitiba_pipeline::backend::{BackendError, BuildStats, IntersectionJob, RayBackend, RayCounts, RayJob, RayStats};
+use curitiba_pipeline::backend::{
+    BackendError, BuildStats, IntersectionJob, PhotonCounts, RayBackend, RayCounts, RayJob, RayStats,
+};
 use curitiba_pipeline::executor::Progress;
 use curitiba_pipeline::glass::Dielectric;
 use curitiba_pipeline::image::Image;
@@ -281,10 +283,11 @@ pub(crate) fn trace_pixels(
 /// share before it.
 ///
 /// # Errors
-/// As [`trace`], or if glass is to be sampled to an error, which takes all of the picture.
+/// As [`trace`], or if glass is to be sampled to an error or photons are asked for, which takes all of the picture.
 pub fn trace_pixel<T: Tracer>(tracer: &T, job: &RayJob<'_>, x: u32, y: u32) -> Result<[f32; 4], BackendError> {
     check::buffers(NAME, job)?;
     check::adaptive(NAME, job)?;
+    check::photons(NAME, job)?;
     run(tracer, job, One(Pixel { x, y, index: y as usize * job.width as usize + x as usize }))
 }
 
@@ -295,6 +298,7 @@ pub fn trace_pixel<T: Tracer>(tracer: &T, job: &RayJob<'_>, x: u32, y: u32) -> R
 pub fn trace_pixel_by_rays(tracer: &dyn DynTracer, job: &RayJob<'_>, x: u32, y: u32) -> Result<[f32; 4], BackendError> {
     check::buffers(NAME, job)?;
     check::adaptive(NAME, job)?;
+    check::photons(NAME, job)?;
     run_by_rays(tracer, job, One(Pixel { x, y, index: y as usize * job.width as usize + x as usize }))
 }
 
@@ -337,7 +341,7 @@ fn run<'o, T: Tracer, R: Runner<'o>>(tracer: &T, job: &RayJob<'_>, runner: R) ->
     })
 }
 
-fn new_pass<'a, T: Tracer, C: Coverage>(
+pub(crate) fn new_pass<'a, T: Tracer, C: Coverage>(
     job: &'a RayJob<'a>,
     tracer: &'a T,
     coverage: C,
@@ -369,6 +373,8 @@ fn new_pass<'a, T: Tracer, C: Coverage>(
         spectrum: dielectric::spectrum(job),
         facets: dielectric::facets(job),
         lenses: Lenses::default(),
+        targets: Targets::default(),
+        photons: PhotonMap::default(),
         disc,
         eye,
         progress,
@@ -376,6 +382,8 @@ fn new_pass<'a, T: Tracer, C: Coverage>(
     if !job.dielectrics.is_empty() {
         pass.around_eye = dielectric::around_eye(&pass);
         pass.lenses = dielectric::lenses(&pass).map_err(|why| check::missing(NAME, job, &why))?;
+        pass.targets = dielectric::targets(&pass);
+        pass.photons = dielectric::photons(&pass).map_err(|refused| check::missing(NAME, job, &refused.to_string()))?;
     }
     Ok(pass)
 }
@@ -383,6 +391,11 @@ fn new_pass<'a, T: Tracer, C: Coverage>(
 /// The pixels for which a program is run: all, or one.
 trait Runner<'o> {
     type Output;
+
+    /// What was computed, with the photons that were shot before.
+    fn with_photons(output: Self::Output, _: PhotonCounts) -> Self::Output {
+        output
+    }
 
     /// Who may give the pixels up.
     fn progress(&self) -> Option<&'o Progress> {
@@ -424,6 +437,11 @@ struct Whole<'o> {
 
 impl<'o> Runner<'o> for Whole<'o> {
     type Output = RayCounts;
+
+    fn with_photons(mut rays: RayCounts, photons: PhotonCounts) -> RayCounts {
+        rays.photons += photons;
+        rays
+    }
 
     fn progress(&self) -> Option<&'o Progress> {
         Some(self.progress)
@@ -515,7 +533,8 @@ fn run_textured<'o, T: Tracer, C: Coverage, R: Runner<'o>>(pass: &Pass<'_, T, C>
         RayProgram::Refraction => pixels.each(alone, |p, w| refraction::corrected::pixel(pass, p, w)),
         RayProgram::Final if bodies => {
             let prepare = |area, work: &mut Workspace| combined::bodies::prepare(pass, area, work);
-            pixels.each(before(prepare), |p, w| combined::bodies::pixel(pass, p, w))
+            let computed = pixels.each(before(prepare), |p, w| combined::bodies::pixel(pass, p, w));
+            R::with_photons(computed, pass.photons.counts)
         }
         RayProgram::Final => {
             let prepare = |area, work: &mut Workspace| combined::corrected::prepare(pass, area, work);

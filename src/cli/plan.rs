@@ -7,7 +7,7 @@ use anstyle::{AnsiColor, Style};
 use curitiba::args::ProjectArgs;
 use curitiba::pipeline::diagnostic::Decision;
 use curitiba::pipeline::files::record_files_read;
-use curitiba::pipeline::glass::decide;
+use curitiba::pipeline::glass::{GlassShadow, caustics, decide};
 use curitiba::pipeline::memory::mebibytes;
 use curitiba::pipeline::plan::{Plan, PlannedPass, Traced, Work};
 use curitiba::pipeline::programs::{Fidelity, RayProgram};
@@ -134,9 +134,16 @@ fn glass(plan: &Plan, scenes: &[Scene]) -> Result<Vec<Decision>, Failure> {
         let needs = Needs::NOTHING;
         let options = BuildOptions { needs, max_bytes: plan.settings.max_memory, ..BuildOptions::default() };
         let (built, _) = RenderScene::build(scene.clone(), &options)?;
-        let decided = decide(&mut Arc::new(built), &plan.project.path);
+        let mut built = Arc::new(built);
+        let decided = decide(&mut built, &plan.project.path);
         print_warnings(&decided.warnings);
         decisions.extend(decided.decisions);
+        for planned in plan.passes.iter().filter(|planned| asks(planned)) {
+            if matches!(&planned.work, Work::Rays { params, .. } if params.shadow == GlassShadow::Caustic) {
+                let name = &plan.pass(planned).name;
+                decisions.extend(caustics(name, &built, &decided.dielectrics, plan.photons(planned)));
+            }
+        }
         let blended = |material: &&Material| {
             material.transmission_texture.is_some_and(|texture| scene.textures[texture as usize].is_clear())
         };

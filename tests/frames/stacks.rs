@@ -170,6 +170,11 @@ fn glass_on_small_stacks() {
         ("glass/Frosted.xml", CORRECTED, &["pass2.samples=2", "pass2.paths=4"]),
         ("glass/Prism.xml", CORRECTED, &["pass2.samples=2", "pass2.wavelengths=4"]),
         ("glass/Caustics.xml", CORRECTED, &["pass2.samples=2", "pass2.sunsamples=4"]),
+        (
+            "glass/MeshCaustics.xml",
+            CORRECTED,
+            &["pass2.samples=2", "pass2.sunsamples=4", "pass2.wavelengths=2", "pass2.photons=20000"],
+        ),
     ]);
 }
 

@@ -75,6 +75,22 @@ pub fn adaptive(backend: &'static str, job: &RayJob<'_>) -> Result<(), BackendEr
     }
 }
 
+/// Refuses photons, for whoever computes a single pixel.
+///
+/// # Errors
+/// [`BackendError::Unsupported`] of that backend.
+pub fn photons(backend: &'static str, job: &RayJob<'_>) -> Result<(), BackendError> {
+    match job.program.photons(&job.params) {
+        _ if job.fidelity == Fidelity::Thesis => Ok(()),
+        0 => Ok(()),
+        photons => {
+            let why =
+                format!("photons={photons} are shot for all of the picture, and one pixel is asked for: set photons=0");
+            Err(missing(backend, job, &why))
+        }
+    }
+}
+
 /// Refuses texture lookups that are filtered by ray cones, for a backend that has none.
 ///
 /// # Errors

@@ -2,7 +2,7 @@
 
 use super::camera::Eye;
 use super::coverage::Coverage;
-use super::dielectric::{Lenses, Media};
+use super::dielectric::{Lenses, Media, PhotonMap, Targets};
 use crate::sampling::HemisphereSampler;
 use crate::sampling::cone::ConeSampler;
 use crate::sampling::hash::pixel_key;
@@ -45,6 +45,10 @@ pub struct Pass<'a, T, C> {
     pub facets: Vec<[u32; 2]>,
     /// The spheres that focus light, with `shadow=caustic`; else empty.
     pub lenses: Lenses,
+    /// The meshes that photons are shot at: they stop straight light. Empty where a pass shoots none.
+    pub targets: Targets,
+    /// The photons that were shot at them.
+    pub photons: PhotonMap,
     /// Directions to the discs of directional lights; `None` where these are points.
     pub disc: Option<ConeSampler>,
     /// Where rays start; `None` for programs that read a G-buffer.

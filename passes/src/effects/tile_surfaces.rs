@@ -210,7 +210,7 @@ pub(super) fn prepare_light<T: Tracer, C: Coverage>(
 mod tests {
     use super::{Survey, TileSurfaces};
     use crate::effects::coverage::Opaque;
-    use crate::effects::dielectric::{Lenses, Media};
+    use crate::effects::dielectric::{Lenses, Media, PhotonMap, Targets};
     use crate::effects::pass::Pass;
     use crate::effects::tests::world::{Shot, World, grid};
     use crate::effects::tile::{Area, PART, TILE, corner_of, part_of};
@@ -268,6 +268,8 @@ mod tests {
             spectrum: Vec::new(),
             facets: Vec::new(),
             lenses: Lenses::default(),
+            targets: Targets::default(),
+            photons: PhotonMap::default(),
             disc: None,
             eye: None,
             progress: None,

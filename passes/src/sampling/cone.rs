@@ -61,7 +61,7 @@ impl ConeSampler {
 /// `height` h of the cone's cap: 1 - cos θ = r² h, and sin θ = r √(h (2 - r² h)). Shirley, Wang and Zimmerman 1996, "Monte Carlo Techniques
 /// for Direct Lighting Calculations", ACM TOG 15(1), section 3.2, sample a luminaire's cone in this way, with the polar map instead of the
 /// concentric one.
-fn in_cone(point: Vec2, height: f32) -> Vec3 {
+pub(crate) fn in_cone(point: Vec2, height: f32) -> Vec3 {
     let disk = concentric_disk(point);
     let below = disk.length_squared() * height;
     (disk * (height * (2.0 - below)).sqrt()).extend(1.0 - below)

@@ -21,6 +21,15 @@ pub const SPECTRUM: u32 = ROULETTE + 1;
 /// Counter of [`dimensions`] for the order of the points that choose microfacets.
 pub const FACET_ORDER: u32 = ROULETTE + 2;
 
+/// Counter of [`dimensions`] for the place on a body's disc where a photon starts.
+pub const PHOTON_PLACE: u32 = ROULETTE + 3;
+
+/// Counter of [`dimensions`] for the direction of a photon; that before it is for the order of these directions.
+pub const PHOTON_DIRECTION: u32 = ROULETTE + 5;
+
+/// Counter of [`dimensions`] for the way on of a photon.
+pub const PHOTON_WAY: u32 = ROULETTE + 6;
+
 /// Branch of [`path_key`] for the second half of a pixel's sample.
 pub const HALF: u32 = 1 << 30;
 
@@ -35,6 +44,9 @@ pub const PATH: u32 = 1;
 pub const DIMENSIONS: u32 = 2;
 /// Last word of the input of [`occlusion_bits`].
 pub const OCCLUSION: u32 = 3;
+
+/// Last word of the input of [`photon_key`].
+pub const PHOTON: u32 = 3;
 
 /// The hash `pcg4d` (Jarzynski and Olano 2020, "Hash Functions for GPU Rendering", JCGT 9(3), listing in section 4): a permutation of
 /// 128-bit values. Written word by word: a vector in memory would be read just after its words were written, which stalls.
@@ -62,6 +74,13 @@ pub fn pcg4d([x, y, z, w]: [u32; 4]) -> [u32; 4] {
 #[inline(always)]
 pub fn pixel_key(x: u32, y: u32, seed: u32) -> u32 {
     pcg4d([x, y, seed, PIXEL])[3]
+}
+
+/// The key of the photons that are shot at one of a scene's targets, in the `round`-th time that the sequence begins.
+#[must_use]
+pub fn photon_key(target: u32, round: u32, seed: u32) -> u32 {
+    // A word for both: there are few targets, and a round has 2^32 photons.
+    pcg4d([target ^ round.rotate_left(16), seed, 0, PHOTON])[3]
 }
 
 /// The key for what a ray that left along `branch` hits: each bounce path has its own random numbers.

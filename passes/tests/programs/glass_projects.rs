@@ -2,7 +2,7 @@
 
 use curitiba_passes::cpu::CpuRays;
 use curitiba_passes::raster::cpu::CpuRasteriser;
-use curitiba_pipeline::backend::RayCounts;
+use curitiba_pipeline::backend::{PhotonCounts, RayCounts};
 use curitiba_pipeline::executor::{Engines, Renderer, Silent};
 use curitiba_pipeline::image::Image;
 use curitiba_pipeline::plan::{Plan, Settings};
@@ -83,6 +83,16 @@ fn glass_is_what_its_materials_say_and_no_pixel_is_black() {
             ],
         ),
         (
+            "MeshCaustics",
+            &[
+                ("amber glass", "solid"),
+                ("flint", "solid"),
+                ("pool water", "solid"),
+                ("crown", "solid"),
+                ("bottle glass", "solid"),
+            ],
+        ),
+        (
             "Frosted",
             &[
                 ("glass of roughness 0", "solid"),
@@ -105,7 +115,7 @@ fn glass_is_what_its_materials_say_and_no_pixel_is_black() {
         let dark = if name == "Prism" { 4 } else { 0 };
         assert!(rays.lost * 100 < rays.refracted && black(&image) <= dark, "{name}: {} {rays:?}", black(&image));
         // Spectral colours are outside the gamut of sRGB, so components may be negative.
-        let least = if name == "Prism" { -0.5 } else { 0.0 };
+        let least = if matches!(name, "Prism" | "MeshCaustics") { -0.5 } else { 0.0 };
         assert!(image.pixels.iter().flatten().all(|value| value.is_finite() && *value >= least), "{name}");
     }
 }
@@ -159,4 +169,22 @@ fn spheres_focus_light_where_the_project_asks_for_it() {
     let same = caustic.image.pixels.iter().zip(&straight.image.pixels).filter(|(a, b)| (a[0] - b[0]).abs() < 0.05);
     let share = same.count() as f64 / caustic.image.pixels.len() as f64;
     assert!(share > 0.5 && share < 0.99, "{share}");
+}
+
+/// Meshes throw a shadow and focus light with photons; the timing row counts them, and the rest of the picture does not change.
+#[test]
+fn meshes_focus_light_where_the_project_asks_for_photons() {
+    let few = ["pass2.samples=0", "pass2.sun=0", "pass2.wavelengths=4"];
+    let [photons, straight] = ["200000", "0"].map(|count| {
+        let set = format!("pass2.photons={count}");
+        render("MeshCaustics", Fidelity::Corrected, &[&[set.as_str()], &few[..]].concat())
+    });
+    let brightest = |Rendered { image, .. }: &Rendered| image.pixels.iter().map(|[r, ..]| *r).fold(0.0, f32::max);
+    assert!(brightest(&photons) > 1.2 * brightest(&straight), "{} {}", brightest(&photons), brightest(&straight));
+    let counts = photons.rays.photons;
+    assert!(counts.shot == 200_000 && counts.landed > 50_000 && counts.lost * 1000 < counts.shot, "{counts:?}");
+    assert_eq!(straight.rays.photons, PhotonCounts::default());
+    let same = photons.image.pixels.iter().zip(&straight.image.pixels).filter(|(a, b)| (a[0] - b[0]).abs() < 0.05);
+    let share = same.count() as f64 / photons.image.pixels.len() as f64;
+    assert!(share > 0.4 && share < 0.99, "{share}");
 }

@@ -28,6 +28,6 @@ pub use raster_job::{DrawStats, HandOver, LoadStore, RasterJob};
 pub use rasteriser::Rasteriser;
 pub use ray_backend::RayBackend;
 pub use ray_job::{FromCamera, IntersectionJob, NO_HIT, RayJob};
-pub use ray_stats::{BuildStats, PathsSpent, RayCounts, RayStats};
+pub use ray_stats::{BuildStats, PathsSpent, PhotonCounts, RayCounts, RayStats};
 pub use shade::{Glow, NormalMap, Shade};
 pub use view::{Lamp, PixelCone, Sun, View};

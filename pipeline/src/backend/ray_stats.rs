@@ -25,13 +25,55 @@ pub struct RayCounts {
     /// than are tracked. Not part of the total.
     #[serde(default)]
     pub lost: u64,
+    /// What became of photons, and the rays that they took.
+    #[serde(default, skip_serializing_if = "PhotonCounts::is_empty")]
+    pub photons: PhotonCounts,
+}
+
+/// What became of the photons that were shot at bodies of glass. Those that are neither landed nor lost missed the body, were in the shadow of
+/// something before it, or left the scene.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
+pub struct PhotonCounts {
+    /// Photons shot.
+    pub shot: u64,
+    /// Photons that a body of glass sent to a surface.
+    pub landed: u64,
+    /// Photons given up after too many surfaces, and paths inside more nested bodies than are tracked.
+    pub lost: u64,
+    /// Rays traced for them.
+    pub rays: u64,
+}
+
+impl PhotonCounts {
+    /// Whether none were shot.
+    #[must_use]
+    pub fn is_empty(&self) -> bool {
+        *self == Self::default()
+    }
+}
+
+impl std::ops::AddAssign for PhotonCounts {
+    fn add_assign(&mut self, other: Self) {
+        self.shot += other.shot;
+        self.landed += other.landed;
+        self.lost += other.lost;
+        self.rays += other.rays;
+    }
+}
+
+impl std::fmt::Display for PhotonCounts {
+    /// Such as `1000000 photons shot with 4100000 rays, 960000 landed, 12 lost`.
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        let Self { shot, landed, lost, rays } = self;
+        write!(f, "{shot} photons shot with {rays} rays, {landed} landed, {lost} lost")
+    }
 }
 
 impl RayCounts {
     /// Number of all rays traced.
     #[must_use]
     pub fn total(self) -> u64 {
-        self.shadow + self.occlusion + self.reflected + self.refracted + self.camera + self.buffer
+        self.shadow + self.occlusion + self.reflected + self.refracted + self.camera + self.buffer + self.photons.rays
     }
 }
 
@@ -45,6 +87,7 @@ impl std::ops::AddAssign for RayCounts {
         self.buffer += other.buffer;
         self.certain += other.certain;
         self.lost += other.lost;
+        self.photons += other.photons;
     }
 }
 

@@ -4,7 +4,8 @@
 //! samples, each of which continues where the one before ended, trace the same rays as 64 samples at once. New seeds for each batch
 //! would lose the advantage of the sequence: an error that falls like n^-0.75 instead of n^-0.5.
 //!
-//! Shadow rays over the light's disc are accumulated in the same way.
+//! Shadow rays over the light's disc are accumulated in the same way. Photons are shot anew for each batch: they continue their sequence as
+//! well, and are averaged over smaller and smaller discs.
 //!
 //! Where a pass writes a share of light raised to an exponent, its batches are traced with exponent 1 and the exponent is applied
 //! to their mean, since the mean of powers is not the power of the mean. With batches of 2^k samples the result equals that of all
@@ -306,6 +307,7 @@ impl Renderer {
             first,
             first_path: first,
             first_sun: first,
+            photon_batch: pass.estimate.batches(),
             ..pass.params
         };
         if info.writes == Writes::Share && info.reads("intensity") {
@@ -340,7 +342,7 @@ fn accumulates(plan: &Plan, planned: &PlannedPass) -> Result<Option<(RayParams, 
     let (Work::Rays { params, .. }, PassKind::Ray(ray)) = (&planned.work, &pass.kind) else { return Ok(None) };
     let info = ray.program.info();
     let of_occlusion = info.samples(params) > 0;
-    if !of_occlusion && info.sun_samples(params) == 0 {
+    if !of_occlusion && info.sun_samples(params) == 0 && ray.program.photons(params) == 0 {
         return Ok(None);
     }
     let refused = |why: String, help: String| {

@@ -13,7 +13,7 @@ use crate::memory::{self, Refused};
 use crate::plan::{PlannedPass, Traced, Work};
 use crate::programs::{Fidelity, RayParams};
 use crate::project::{CameraStart, ColorMap, MaterialPattern, PassKind, TextureMap};
-use crate::scene::{BuildOptions, LoadOptions, Material, RenderScene, Sphere, TextureSource};
+use crate::scene::{BuildOptions, LoadOptions, Material, RenderScene, TextureSource};
 use glam::{DVec3, Vec3, Vec4};
 use std::sync::Arc;
 use std::time::Instant;
@@ -248,7 +248,7 @@ impl Renderer {
             let culled = |(index, material): (usize, &Material)| material.single_sided && !solid(index);
             resolved.culled = materials.iter().enumerate().map(culled).collect();
         }
-        let mut focused = None;
+        let mut focused = Vec::new();
         if let PassKind::Effect(effect) = &pass.kind {
             resolved.glass = matching(&effect.glass);
             resolved.shadow_glass = vec![false; materials.len()];
@@ -278,8 +278,8 @@ impl Renderer {
                     resolved.shadow_glass.fill(false);
                 }
                 Work::Rays { params: RayParams { shadow: GlassShadow::Caustic, .. }, .. } => {
-                    let spheres = &self.scenes[set].scene.geometry.spheres;
-                    focused = Some(caustics(&pass.name, spheres, &resolved.dielectrics));
+                    let photons = self.plan.photons(&planned);
+                    focused = glass::caustics(&pass.name, &self.scenes[set].scene, &resolved.dielectrics, photons);
                 }
                 _ => {}
             }
@@ -430,20 +430,6 @@ impl PassMaterials {
             *shadow_glass |= kind.passes_light();
         }
     }
-}
-
-/// Decision whether a pass with `shadow=caustic` has spheres that focus light.
-fn caustics(pass: &str, spheres: &[Sphere], dielectrics: &[Dielectric]) -> Decision {
-    let bends = |sphere: &&Sphere| {
-        let dielectric = dielectrics.get(sphere.material as usize);
-        dielectric.is_some_and(|dielectric| dielectric.shape == Shape::Solid && dielectric.index > 1.0)
-    };
-    let count = spheres.iter().filter(bends).count();
-    let why = match count {
-        0 => "no exact sphere is a body of glass that bends light: it goes straight on".to_owned(),
-        _ => format!("{count} exact spheres of glass bend light: those that stand alone focus it"),
-    };
-    Decision { what: format!("caustics for pass `{pass}`"), built: count > 0, why }
 }
 
 /// Converts the colours of a project's maps from display values to a colour space.

@@ -246,7 +246,10 @@ fn by_kind(rays: RayCounts) -> String {
         (rays.certain, "occlusion certain without"),
         (rays.lost, "lost in glass"),
     ];
-    let traced: Vec<String> =
+    let mut traced: Vec<String> =
         kinds.iter().filter(|(count, _)| *count > 0).map(|(count, kind)| format!("{count} {kind}")).collect();
+    if !rays.photons.is_empty() {
+        traced.push(rays.photons.to_string());
+    }
     if traced.is_empty() { String::new() } else { format!(": {}", traced.join(", ")) }
 }

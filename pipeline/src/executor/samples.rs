@@ -162,6 +162,7 @@ impl Renderer {
         if sample == 0 {
             return (params, settings.seed);
         }
+        let params = RayParams { photon_batch: sample, ..params };
         let sequence = settings.fidelity == Fidelity::Corrected && params.sampler == Sampler::Sobol;
         if !(sequence && self.engines.rays_of(pass).continues_sequences()) {
             return (params, PixelSamples::seed(settings.seed, sample));

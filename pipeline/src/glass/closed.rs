@@ -65,6 +65,19 @@ fn weld(geometry: &Geometry, triangles: &[u32]) -> (Vec<[u32; 3]>, Vec<Vec3>) {
     (corners.collect(), points)
 }
 
+/// By triangle of the list: the number of the connected part of the surface that it belongs to. Parts are numbered from 0 in the order of
+/// their first triangles. Corners are one as in [`closedness`].
+#[must_use]
+pub fn connected(geometry: &Geometry, triangles: &[u32]) -> Vec<u32> {
+    let (corners, points) = weld(geometry, triangles);
+    let mut numbers = HashMap::new();
+    let number = |part: u32| {
+        let next = numbers.len() as u32;
+        *numbers.entry(part).or_insert(next)
+    };
+    parts(&corners, points.len()).into_iter().map(number).collect()
+}
+
 /// By triangle: its connected part of the surface, identified by one of the part's points (union-find).
 fn parts(corners: &[[u32; 3]], points: usize) -> Vec<u32> {
     fn root(parents: &mut [u32], mut point: u32) -> u32 {
@@ -200,6 +213,18 @@ mod tests {
             panic!("closed")
         };
         assert_eq!(inside_out, (0..24).collect::<Vec<_>>());
+    }
+
+    #[test]
+    fn bodies_are_told_apart_by_their_corners() {
+        let geometry = boxes(&[(-1.0, 1.0, false), (2.0, 3.0, false), (1.0, 2.0, true)]);
+        let all: Vec<u32> = (0..36).collect();
+        // The third box touches both others at a corner, so that all of them are one part.
+        assert_eq!(connected(&geometry, &all), [0; 36]);
+        let apart = connected(&geometry, &all[..24]);
+        assert!(apart[..12].iter().all(|part| *part == 0) && apart[12..].iter().all(|part| *part == 1), "{apart:?}");
+        assert_eq!(connected(&geometry, &[20, 3, 21]), [0, 1, 0], "numbered as they come");
+        assert_eq!(connected(&geometry, &[]), [0_u32; 0]);
     }
 
     #[test]

@@ -4,12 +4,14 @@
 //! `glass=auto` the materials decide ([`decide`]): closed surfaces of materials with a volume are solid bodies, other transparent
 //! materials are thin walls, and a material that the project names but whose properties do not make it glass stays a pane.
 
+mod caustics;
 mod closed;
 mod decide;
 mod limits;
 mod spectrum;
 
-pub use closed::{Closedness, closedness};
+pub use caustics::caustics;
+pub use closed::{Closedness, closedness, connected};
 pub use decide::{Decided, TRANSPARENT, decide};
 pub use limits::{CutoffColor, MOST_BOUNCES, PathLimits, Roulette};
 pub use spectrum::{MOST_STRATA, Stratum, color_matching, daylight, strata};
@@ -51,7 +53,8 @@ pub enum GlassShadow {
     Opaque,
     /// In a straight line, weakened by Fresnel transmission at each surface and by absorption inside bodies.
     Straight,
-    /// As [`Self::Straight`], but exact spheres that are glass bodies refract the light and so focus it.
+    /// As [`Self::Straight`], but exact spheres that are glass bodies refract the light and so focus it; with photons, solid meshes do as
+    /// well.
     Caustic,
 }
 

@@ -214,9 +214,11 @@ impl Plan {
         leave_out(ray.program.asks_of_filter(&params), "the report's programs filter nothing");
         let asked = ray.program.sampled_to(&params).map(|error| format!("error={error}"));
         leave_out(asked, "the report's panes leave nothing to chance");
+        let asked = Some(ray.program.photons(&params)).filter(|photons| *photons > 0);
+        leave_out(asked.map(|photons| format!("photons={photons}")), "the report's panes focus no light");
         let texture_lod = TextureLod::Zero;
         let (glass, background, shadow) = (GlassRule::Pane, Background::Black, GlassShadow::Report);
-        RayParams { glass, background, shadow, error: 0.0, sun: 0.0, filter: 0, texture_lod, ..params }
+        RayParams { glass, background, shadow, error: 0.0, photons: 0, sun: 0.0, filter: 0, texture_lod, ..params }
     }
 
     /// Adds the decision which program runs for a pass whose rays start at the camera; fails for a camera that no program supports.

@@ -15,6 +15,7 @@ mod lines;
 mod liveness;
 mod off;
 mod parts;
+mod photons;
 mod preview;
 mod samples;
 mod settings;
@@ -235,6 +236,7 @@ impl Plan {
         plan.explain_samples()?;
         plan.explain_filters();
         plan.explain_adaptive_sampling();
+        plan.explain_photons();
         plan.explain_cones();
         plan.explain_lights()?;
         plan.warn_of_rounded_positions();
@@ -452,18 +454,27 @@ impl Plan {
         program.info().needs_structure(&params, finds_glass || self.settings.fidelity == Fidelity::Thesis)
     }
 
+    /// What is counted with the render targets, in words: such as `, filters and photons`.
+    fn beside_targets(&self) -> String {
+        let kinds = [
+            (self.filter_bytes(), "filters"),
+            (self.adaptive_bytes(), "adaptive sampling"),
+            (self.photon_bytes(), "photons"),
+        ];
+        let names: Vec<&str> = kinds.iter().filter(|(bytes, _)| *bytes > 0).map(|(_, name)| *name).collect();
+        match names.split_last() {
+            None => String::new(),
+            Some((last, before)) => before.iter().map(|name| format!(", {name}")).collect::<String>() + " and " + last,
+        }
+    }
+
     fn check_memory(&self) -> Result<(), PlanError> {
         let (needed, allowed) = (self.target_bytes(), self.settings.max_memory);
         if needed > allowed {
             return Err(PlanError::new(
                 format!(
                     "the render targets{} take {}, and {} is allowed",
-                    match (self.filter_bytes() > 0, self.adaptive_bytes() > 0) {
-                        (false, false) => "",
-                        (true, false) => " and filters",
-                        (false, true) => " and adaptive sampling",
-                        (true, true) => ", filters and adaptive sampling",
-                    },
+                    self.beside_targets(),
                     mebibytes(needed),
                     mebibytes(allowed)
                 ),

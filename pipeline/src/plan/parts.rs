@@ -219,7 +219,8 @@ impl Plan {
         }
     }
 
-    /// Bytes of the targets, the window, the depths that passes leave, the sums of samples, the filters and adaptive sampling, for the largest part.
+    /// Bytes of the targets, the window, the depths that passes leave, the sums of samples, the filters, adaptive sampling and photons, for the largest
+    /// part.
     #[must_use]
     pub fn target_bytes(&self) -> u64 {
         let bytes = |target: &super::PlannedTarget| {
@@ -237,7 +238,13 @@ impl Plan {
         }
         let depths = left.into_iter().map(|target| 4 * self.held_pixels(self.target_size(target))).sum::<u64>();
         let targets = 16 * self.parts.pixels() + self.targets.iter().map(bytes).sum::<u64>();
-        targets + depths + self.sum_bytes() + self.share_bytes() + self.filter_bytes() + self.adaptive_bytes()
+        targets
+            + depths
+            + self.sum_bytes()
+            + self.share_bytes()
+            + self.filter_bytes()
+            + self.adaptive_bytes()
+            + self.photon_bytes()
     }
 
     /// Number of pixels held for a target or window of this size: those of the largest part if it is rendered in parts.

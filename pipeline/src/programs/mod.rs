@@ -9,8 +9,8 @@ mod table;
 pub(crate) mod tests;
 
 pub use params::{
-    ADAPTIVE_BYTES, FILTER_BYTES, LARGEST_SUN, LEAST_ADAPTIVE_PATHS, MAX_FILTER_LEVELS, MOST_PATHS, MOST_SAMPLES,
-    MOST_SUN_SAMPLES, PARAMS, ParamInfo, RayParams, Values,
+    ADAPTIVE_BYTES, FILTER_BYTES, LARGEST_SUN, LEAST_ADAPTIVE_PATHS, MAX_FILTER_LEVELS, MOST_PATHS, MOST_PHOTONS,
+    MOST_SAMPLES, MOST_SUN_SAMPLES, PARAMS, PHOTON_BYTES, ParamInfo, RayParams, Values,
 };
 pub use query::Query;
 pub use table::{PROCS, ProcInfo, RAY_PROGRAMS, RayProgram, RayProgramInfo, Traces, Writes, procs_of_kind};

@@ -35,6 +35,10 @@ pub struct RayParams {
     /// red, green and blue, in the units of the colour, up to 1. 0 follows [`Self::paths`] at every pixel; above 0, `paths` is the most
     /// of a pixel.
     pub error: f32,
+    /// Photons that are shot at glass meshes for their caustics, with [`GlassShadow::Caustic`]; 0 shoots none.
+    pub photons: u32,
+    /// Radius of the discs over which photons are averaged, scene units; 0 chooses it by the bodies' size and the number of photons.
+    pub photon_radius: f32,
     /// Limits for following light in glass.
     pub limits: PathLimits,
     /// Angular diameter of the light's disc, in degrees; 0 for a light without a disc, whose shadows are hard. Corrected fidelity
@@ -53,6 +57,9 @@ pub struct RayParams {
     pub first_path: u32,
     /// Position in the sequence of the first of the [`Self::sun_samples`].
     pub first_sun: u32,
+    /// Number of the batch of [`Self::photons`] that is shot, from 0: each continues the sequence of the one before, with a smaller
+    /// radius.
+    pub photon_batch: u32,
     /// Parameters of programs whose rays start at the camera. For these programs [`Self::samples`] is the number of camera rays a
     /// pixel; 0 means one ray through the pixel's centre.
     pub camera: CameraParams,
@@ -75,6 +82,8 @@ impl Default for RayParams {
             wavelengths: 16,
             paths: 16,
             error: 0.0,
+            photons: 0,
+            photon_radius: 0.0,
             limits: PathLimits::DEFAULT,
             sun: 0.0,
             sun_samples: 16,
@@ -83,6 +92,7 @@ impl Default for RayParams {
             first: 0,
             first_path: 0,
             first_sun: 0,
+            photon_batch: 0,
             camera: CameraParams::default(),
         }
     }
@@ -96,6 +106,10 @@ pub const MOST_PATHS: u32 = 4096;
 pub const LEAST_ADAPTIVE_PATHS: u32 = 4;
 /// Bytes a pixel that adaptive sampling takes at most on the processor.
 pub const ADAPTIVE_BYTES: u64 = 88;
+/// Largest value of [`RayParams::photons`].
+pub const MOST_PHOTONS: u32 = 1 << 26;
+/// Bytes that a photon takes at most on the processor, with its share of the table by which it is found.
+pub const PHOTON_BYTES: u64 = 64;
 /// Largest angular diameter of the light's disc, in degrees; the sun's is 0.53.
 pub const LARGEST_SUN: f32 = 90.0;
 /// Largest value of [`RayParams::sun_samples`].
@@ -192,7 +206,7 @@ pub const PARAMS: &[ParamInfo] = &[
     ParamInfo {
         name: "shadow",
         about: "light behind glass: 0.9 a surface as in the report, none, or straight on by Fresnel's share and absorption; with caustic, where \
-                exact spheres bend it",
+                exact spheres bend it, and meshes with photons above 0",
         valid: "report, opaque, straight, caustic (thesis fidelity: report)",
         values: Values::Names(&["report", "opaque", "straight", "caustic"]),
     },
@@ -215,6 +229,20 @@ pub const PARAMS: &[ParamInfo] = &[
                 as many paths as that takes, at most paths; 0 gives each pixel all paths",
         valid: "0..=1, above 0 with paths=4 or more",
         values: Values::Number(0.0, 1.0),
+    },
+    ParamInfo {
+        name: "photons",
+        about: "with glass=auto and shadow=caustic, photons that are shot at solid meshes for their caustics; 0 lets light go straight \
+                through meshes",
+        valid: "0..=67108864 (thesis fidelity: 0)",
+        values: Values::Integer(0, MOST_PHOTONS),
+    },
+    ParamInfo {
+        name: "photonradius",
+        about: "radius of the discs over which photons are averaged, in scene units; 0 chooses it by the size of the bodies and the number \
+                of photons",
+        valid: "0..=1e5",
+        values: Values::Number(0.0, LONGEST),
     },
     ParamInfo {
         name: "cutoff",
@@ -358,6 +386,8 @@ impl RayParams {
                 self.paths = value.parse().ok().filter(valid).ok_or_else(wrong)?;
             }
             "error" => self.error = float(|v| (0.0..=1.0).contains(&v))?,
+            "photons" => self.photons = value.parse().ok().filter(|v| *v <= MOST_PHOTONS).ok_or_else(wrong)?,
+            "photonradius" => self.photon_radius = float(|v| (0.0..=LONGEST).contains(&v))?,
             "sun" => self.sun = float(|v| (0.0..=LARGEST_SUN).contains(&v))?,
             "sunsamples" => {
                 let valid = |count: &u32| (1..=MOST_SUN_SAMPLES).contains(count);
@@ -400,6 +430,8 @@ impl RayParams {
             "wavelengths" => self.wavelengths.to_string(),
             "paths" => self.paths.to_string(),
             "error" => self.error.to_string(),
+            "photons" => self.photons.to_string(),
+            "photonradius" => self.photon_radius.to_string(),
             "sun" => self.sun.to_string(),
             "sunsamples" => self.sun_samples.to_string(),
             "filter" => self.filter.to_string(),

@@ -257,6 +257,8 @@ pub const RAY_PROGRAMS: &[RayProgramInfo] = &[
             "glass",
             "background",
             "shadow",
+            "photons",
+            "photonradius",
             "wavelengths",
             "paths",
             "error",
@@ -419,6 +421,14 @@ impl RayProgram {
     pub fn sampled_to(self, params: &RayParams) -> Option<f32> {
         let asks = params.error > 0.0 && self.info().reads("error") && params.glass == GlassRule::Auto;
         asks.then_some(params.error)
+    }
+
+    /// Number of photons that are shot at glass meshes with these parameters; 0 where light goes straight through meshes.
+    #[must_use]
+    pub fn photons(self, params: &RayParams) -> u32 {
+        let asks =
+            self.info().reads("photons") && params.glass == GlassRule::Auto && params.shadow == GlassShadow::Caustic;
+        if asks { params.photons } else { 0 }
     }
 
     /// Whether a pixel's colour depends on chance with these parameters and materials ([`RayJob::dielectrics`]): rough glass, glass that

@@ -31,6 +31,8 @@ fn every_parameter_is_settable_by_its_name() {
         ("wavelengths", "24"),
         ("paths", "48"),
         ("error", "0.02"),
+        ("photons", "1000"),
+        ("photonradius", "0.5"),
         ("cutoff", "0.01"),
         ("cutoffcolor", "background"),
         ("roulette", "on"),
@@ -66,6 +68,8 @@ fn every_parameter_is_settable_by_its_name() {
         wavelengths: 24,
         paths: 48,
         error: 0.02,
+        photons: 1000,
+        photon_radius: 0.5,
         limits: PathLimits {
             cutoff: 0.01,
             cutoff_color: CutoffColor::Background,
@@ -80,6 +84,7 @@ fn every_parameter_is_settable_by_its_name() {
         first: 0,
         first_path: 0,
         first_sun: 0,
+        photon_batch: 0,
         camera: CameraParams {
             light_width: 0.4,
             light_depth: 0.3,
@@ -92,7 +97,7 @@ fn every_parameter_is_settable_by_its_name() {
         },
     };
     assert_eq!(params, expected);
-    assert_eq!(PARAMS.len(), 30, "this test sets every parameter");
+    assert_eq!(PARAMS.len(), 32, "this test sets every parameter");
 }
 
 #[test]
@@ -129,6 +134,17 @@ fn glass_is_sampled_to_an_error_only_where_materials_say_what_glass_is() {
     let limits = PathLimits { cutoff: 0.1, ..PathLimits::DEFAULT };
     assert!(!stochastic(&RayParams { limits, ..auto }, clear));
     assert!(stochastic(&RayParams { limits: PathLimits { roulette: Roulette::On, ..limits }, ..auto }, clear));
+}
+
+#[test]
+fn photons_are_shot_only_where_materials_say_what_glass_is_and_shadows_ask_for_them() {
+    let asked = RayParams { photons: 9, ..RayParams::default() };
+    let caustic = RayParams { glass: GlassRule::Auto, shadow: GlassShadow::Caustic, ..asked };
+    let of = |program: RayProgram, params: &RayParams| program.photons(params);
+    assert_eq!([of(RayProgram::Final, &caustic), of(RayProgram::Refraction, &caustic)], [9, 0]);
+    assert_eq!(of(RayProgram::Final, &RayParams { shadow: GlassShadow::Straight, ..caustic }), 0);
+    assert_eq!(of(RayProgram::Final, &RayParams { glass: GlassRule::Pane, ..caustic }), 0);
+    assert_eq!(RayParams::default().photons, 0);
 }
 
 #[test]

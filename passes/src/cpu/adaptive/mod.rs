@@ -155,6 +155,7 @@ fn sample<T: Tracer, C: Sync>(
         most: counts().max().unwrap_or(0),
         exhausted: pixels.iter().filter(|pixel| pixel.count >= most).count() as u64,
     };
+    rays.photons += pass.photons.counts;
     Ok(RayStats { rays, adaptive: Some(spent), ..RayStats::default() })
 }
 

@@ -73,7 +73,7 @@ fn matters<T, C>(pass: &Pass<'_, T, C>) -> bool {
     matches!(pass.job.params.shadow, GlassShadow::Straight | GlassShadow::Caustic)
 }
 
-/// As [`corrected::visible`], with coloured light behind glass and the light that spheres focus.
+/// As [`corrected::visible`], with coloured light behind glass and the light that spheres and meshes focus.
 fn visible<T: Tracer, C: Coverage>(
     pass: &Pass<'_, T, C>,
     (color, lit): (Vec3, impl FnOnce() -> Lit),
@@ -82,8 +82,9 @@ fn visible<T: Tracer, C: Coverage>(
     key: u32,
     work: &mut Workspace,
 ) -> Vec3 {
+    let focuses = !(pass.lenses.is_empty() && pass.photons.is_empty());
     let is_certain = color == Vec3::ZERO || pass.is_sky(side.id);
-    if is_certain || !matters(pass) || (known.light.is_some() && pass.lenses.is_empty()) {
+    if is_certain || !matters(pass) || (known.light.is_some() && !focuses) {
         return corrected::visible(pass, color, surface, (side, known), key, work);
     }
     let mut light = match known.light {
@@ -97,8 +98,10 @@ fn visible<T: Tracer, C: Coverage>(
         }
         None => pass.straight_light(surface, (side.facing, side.id), key, work),
     };
-    if !pass.lenses.is_empty() {
-        light += (1.0 - SHADOWED) * pass.focused_light(surface, side.facing, &lit(), work);
+    if focuses {
+        let lit = lit();
+        light += (1.0 - SHADOWED) * pass.focused_light(surface, side.facing, &lit, work);
+        light += (1.0 - SHADOWED) * pass.photon_light(surface, side.facing, &lit);
     }
     // The light is in the first factor; a share of 1 leaves only the occlusion to compute.
     light * corrected::visible(pass, color, surface, (side, Known { light: Some(1.0), ..known }), key, work)

@@ -24,6 +24,14 @@ pub(in crate::effects) struct Lit {
     pub(in crate::effects) tint: Vec3,
 }
 
+impl Lit {
+    /// The colour that a light of this colour would give the surface from a unit direction, as a share of the colour that it has.
+    pub(super) fn share(&self, light: Vec3, towards: Vec3) -> Vec3 {
+        let taken = |cosine: f32| self.tint * light * cosine + AMBIENT;
+        taken(self.normal.dot(towards).max(0.0)) / taken(self.cosine)
+    }
+}
+
 /// The plane of a point, a sphere's centre and the light.
 struct Plane {
     /// Away from the axis, towards the point.
@@ -99,8 +107,7 @@ impl<T: Tracer, C: Coverage> Pass<'_, T, C> {
         work: &mut Workspace,
     ) -> Vec3 {
         let to_sphere = -plane.vector(bundle, bundle.ray.direction).as_vec3();
-        let taken = |cosine: f32| lit.tint * self.light_color * cosine + AMBIENT;
-        let share = taken(lit.normal.dot(to_sphere).max(0.0)) / taken(lit.cosine);
+        let share = lit.share(self.light_color, to_sphere);
         let place = |at: DVec2| (lens.center + lens.radius * plane.vector(bundle, at)).as_vec3();
         let [exit, entry] = [bundle.ray.exit(), bundle.ray.entry()].map(place);
         let ways = [segment(surface.origin(to_sphere), exit), segment(exit, entry), self.light_ray(entry)];
@@ -114,8 +121,11 @@ impl<T: Tracer, C: Coverage> Pass<'_, T, C> {
         light
     }
 
-    /// Whether light that meets this is focused by it, and so does not go straight on to `to`.
+    /// Whether light that meets this is focused by it, or brought by photons, and so does not go straight on to `to`.
     pub(super) fn focuses(&self, id: u32, to: Vec3) -> bool {
+        if self.targets.at(id).is_some() {
+            return true;
+        }
         let outside =
             || self.sphere(id).is_some_and(|sphere| sphere.center.distance_squared(to) > sphere.radius.powi(2));
         T::SPHERES && self.lenses.contains(id) && outside()

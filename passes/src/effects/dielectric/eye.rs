@@ -19,7 +19,7 @@ pub fn around_eye<T: Tracer, C: Coverage>(pass: &Pass<'_, T, C>) -> Media {
 }
 
 /// The bodies of glass that a point is in: those that a line from it leaves without having entered them.
-fn around<T: Tracer, C: Coverage>(pass: &Pass<'_, T, C>, point: Vec3) -> Media {
+pub(super) fn around<T: Tracer, C: Coverage>(pass: &Pass<'_, T, C>, point: Vec3) -> Media {
     let solid = |material: u32| pass.job.dielectrics[material as usize].shape == Shape::Solid;
     if !pass.job.dielectrics.iter().any(|dielectric| dielectric.shape == Shape::Solid) {
         return Media::NONE;

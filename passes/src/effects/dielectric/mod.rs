@@ -2,8 +2,8 @@
 //!
 //! From the ground up: `media` knows in which bodies a point of a path lies, `eye` in which the camera is,
 //! `slab` what a wall with two faces does, `filter` what a surface takes beside Fresnel's share, `shadow` what is
-//! left of light that falls straight through, `ball` what a sphere does with parallel light, `lenses` which spheres focus it, `caustic` what that adds to surfaces, `variant` says what device programs know, `ways` which ways are followed, `branch` is a way on from a surface, `limits` where it is not followed, `facets` are those of a rough one, `walk` follows paths, and
-//! `solid` is the surface of a body. May use: what is about one point, beside this folder.
+//! left of light that falls straight through, `ball` what a sphere does with parallel light, `lenses` which spheres focus it, `caustic` what that adds to surfaces, `targets` which meshes do, `photon_map` the light that landed, `variant` says what device programs know, `ways` which ways are followed, `branch` is a way on from a surface, `limits` where it is not followed, `facets` are those of a rough one, `walk` follows paths,
+//! `solid` is the surface of a body, and `photons` follows light to surfaces. May use: what is about one point, beside this folder.
 //!
 //! Radiance is not scaled by the square of the index inside a body, as basic radiance would be: it cancels where light leaves again,
 //! and the light that falls on a surface inside is not scaled either.
@@ -17,9 +17,12 @@ mod filter;
 mod lenses;
 mod limits;
 mod media;
+mod photon_map;
+mod photons;
 mod shadow;
 mod slab;
 mod solid;
+mod targets;
 mod variant;
 mod walk;
 mod ways;
@@ -28,7 +31,10 @@ pub(super) use caustic::Lit;
 pub(crate) use eye::{around_eye, lenses};
 pub use lenses::Lenses;
 pub use media::{Border, Crossing, MOST, Media};
+pub use photon_map::{Cloud, Photon, PhotonMap};
+pub(crate) use photons::{photons, targets};
 pub use slab::{Slab, slab};
+pub use targets::{Target, Targets};
 pub use variant::{Variant, check_glass};
 pub use walk::MOST_SURFACES;
 pub(super) use walk::Walk;

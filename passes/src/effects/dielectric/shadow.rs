@@ -9,7 +9,7 @@ use crate::effects::sun::{Disc, LitSide};
 use crate::effects::surface::Surface;
 use crate::effects::{Coverage, LevelZero, Pass, Workspace};
 use crate::trace::{Hit, Purpose, Ray, Tracer};
-use curitiba_pipeline::glass::Shape;
+use curitiba_pipeline::glass::{Dielectric, Shape};
 use glam::Vec3;
 
 /// Hits of one surface are no farther apart, as a share of their distance.
@@ -101,8 +101,8 @@ impl<T: Tracer, C: Coverage> Pass<'_, T, C> {
             let normal = self
                 .sphere_normal(ray, hit)
                 .unwrap_or_else(|| interpolate(geometry, &geometry.normals, hit).normalize_or_zero());
-            let share =
-                |ratio: f32| interface_of(dielectric, self.job.params.fresnel, normal.dot(ray.direction).abs(), ratio);
+            let cos = normal.dot(ray.direction).abs();
+            let share = |ratio: f32| interface_of(dielectric, self.job.params.fresnel, cos, ratio);
             passes *= match dielectric.shape {
                 Shape::Solid => {
                     let Border { after, ratio, overflows, .. } = media.cross(crossing(hit), dielectrics);
@@ -112,19 +112,25 @@ impl<T: Tracer, C: Coverage> Pass<'_, T, C> {
                         (1.0 - share(ratio.max(1.0 / ratio)).reflectance) * self.filter(hit, LevelZero, dielectric)
                     })
                 }
-                Shape::Thin => {
-                    let ratio = dielectric.index / media.index(dielectrics);
-                    let face = share(ratio.max(1.0 / ratio));
-                    slab(face.reflectance, kept_across(dielectric, face.cos_refracted)).transmitted
-                        * self.filter(hit, LevelZero, dielectric)
-                }
-                Shape::Pane | Shape::Opaque => Vec3::splat(THROUGH_GLASS),
+                Shape::Thin | Shape::Pane | Shape::Opaque => self.passes_straight(hit, dielectric, cos, media),
             };
         }
         passes * self.on_the_way(media, ray.t_max - from)
     }
 
-    fn on_the_way(&self, media: Media, length: f32) -> Vec3 {
+    /// The share of light that a thin wall or a pane in these media lets straight on, at an angle of this cosine.
+    pub(super) fn passes_straight(&self, hit: &Hit, dielectric: &Dielectric, cos: f32, media: Media) -> Vec3 {
+        if dielectric.shape != Shape::Thin {
+            return Vec3::splat(THROUGH_GLASS);
+        }
+        let ratio = dielectric.index / media.index(self.job.dielectrics);
+        let face = interface_of(dielectric, self.job.params.fresnel, cos, ratio.max(1.0 / ratio));
+        slab(face.reflectance, kept_across(dielectric, face.cos_refracted)).transmitted
+            * self.filter(hit, LevelZero, dielectric)
+    }
+
+    /// What light keeps on a way in these media.
+    pub(super) fn on_the_way(&self, media: Media, length: f32) -> Vec3 {
         media.top().map_or(Vec3::ONE, |material| self.job.dielectrics[material as usize].transmittance(length))
     }
 }

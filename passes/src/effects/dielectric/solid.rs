@@ -17,15 +17,15 @@ const REFERENCE: f32 = 587.6;
 
 /// Both ways on from a surface, for light of one wavelength.
 #[derive(Clone, Copy)]
-struct Onward<K> {
+pub(super) struct Onward<K> {
     /// Share of the light that is reflected; the rest enters.
-    reflectance: f32,
+    pub(super) reflectance: f32,
     /// Where what is reflected goes.
-    mirrored: Vec3,
+    pub(super) mirrored: Vec3,
     /// Where what enters goes; `None` at total reflection.
-    refracted: Option<Vec3>,
+    pub(super) refracted: Option<Vec3>,
     /// What other facets of a rough surface leave of both; 1 where it is smooth.
-    kept: [f32; 2],
+    pub(super) kept: [f32; 2],
     /// The cones of what is reflected and of what enters.
     cones: [K; 2],
 }
@@ -107,7 +107,7 @@ where
     }
 
     /// Where a surface sends light; `ratio` is the index behind it over that before.
-    fn ways(
+    pub(super) fn ways(
         &self,
         met: Met<'_, FootprintOf<C>>,
         dielectric: &Dielectric,

@@ -152,7 +152,7 @@ impl Ways for Sample<'_> {
 }
 
 /// A number in a shuffled order, in which each aligned block of 2^k numbers stays a block.
-fn in_order(number: u32, order: u32) -> u32 {
+pub(super) fn in_order(number: u32, order: u32) -> u32 {
     laine_karras(number.reverse_bits(), order).reverse_bits()
 }
 

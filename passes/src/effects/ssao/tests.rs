@@ -23,6 +23,8 @@ const DEFAULTS: RayParams = RayParams {
     wavelengths: 16,
     paths: 16,
     error: 0.0,
+    photons: 0,
+    photon_radius: 0.0,
     limits: PathLimits::DEFAULT,
     first: 0,
     first_path: 0,
@@ -31,6 +33,7 @@ const DEFAULTS: RayParams = RayParams {
     filter: 0,
     texture_lod: TextureLod::Cones,
     first_sun: 0,
+    photon_batch: 0,
     camera: CameraParams::DEFAULT,
 };
 

@@ -5,13 +5,14 @@ mod caustics;
 mod dispersion;
 mod limits;
 mod own;
+mod photons;
 mod rough;
 mod shells;
 mod spheres;
 
 use crate::effects::fresnel;
 use crate::effects::tests::world::{Shot, World, assert_close};
-use curitiba_pipeline::backend::RayCounts;
+use curitiba_pipeline::backend::{RayCounts, RayJob};
 use curitiba_pipeline::glass::{Dielectric, GlassRule, GlassShadow, Shape};
 use curitiba_pipeline::programs::Fidelity::Corrected;
 use curitiba_pipeline::programs::{RayParams, RayProgram};

@@ -166,7 +166,7 @@ fn rough_glass_is_the_same_for_any_number_of_threads() {
     // Tile by tile or pixel by pixel, and another seed.
     let alone = crate::cpu::trace_pixel(&tree, &job, 12, 12).expect("a complete job");
     assert_eq!(alone, one.0[12 * 24 + 12]);
-    let other = shot.run_on(&tree, &curitiba_pipeline::backend::RayJob { seed: 1, ..job }).0;
+    let other = shot.run_on(&tree, &RayJob { seed: 1, ..job }).0;
     let differs = one.0.iter().zip(&other).filter(|(one, other)| one != other).count();
     assert!(differs > 50, "control: {differs}");
 }

@@ -1,0 +1,211 @@
+//! Photons that have landed on surfaces, and the light that they bring there.
+//!
+//! A photon carries power: the area of the light's cross section that it stands for, by colour, where the light's own irradiance across its
+//! direction is 1. The irradiance at a point is the sum of the powers that landed within a radius r, each weighted by Epanechnikov's kernel
+//! 2 / (π r²) (1 - d² / r²) of its distance d, whose integral over the disc is 1 (Jensen, "Global Illumination using Photon Maps", EGWR 1996,
+//! with another kernel).
+//!
+//! Its error is that of the blur, which falls as r², and that of the number of photons in the disc. Both fall where r falls as the sixth root of
+//! the number of photons; over batches, by the progressive radius of Knaus and Zwicker ("Progressive Photon Mapping: A Probabilistic Approach",
+//! ACM TOG 30(3), 2011, equation 20) with alpha = 2/3: so the mean over batches goes to the right value.
+//!
+//! Photons are found by a table of cells. They are sorted by cell and number, so that sums have one order whatever thread shot which.
+
+use curitiba_pipeline::backend::PhotonCounts;
+use curitiba_pipeline::memory::{Refused, zeroed};
+use curitiba_pipeline::programs::PHOTON_BYTES;
+use glam::{IVec3, Vec3};
+use rayon::prelude::*;
+
+/// Least cosine between the normals of a point and of where a photon landed, for which they are the same surface.
+const ALIKE: f32 = 0.7;
+
+/// Greatest distance of a photon from the tangent plane of a point, as a share of the radius.
+const FLAT: f32 = 0.3;
+
+/// Radius of the discs for one photon, as a share of the target's radius: for a million it is 0.015.
+const SPREAD: f64 = 0.15;
+
+/// A photon on a surface.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Photon {
+    /// Where it landed, world.
+    pub position: Vec3,
+    /// Unit direction in which it came.
+    pub direction: Vec3,
+    /// Unit geometric normal there, on the side that it came from.
+    pub normal: Vec3,
+    /// Its power, by colour; see the module's text. 0 for a photon that did not land.
+    pub power: Vec3,
+    /// Its number among those that were shot at the same target.
+    pub number: u32,
+    /// The entry of the table that finds it.
+    bucket: u32,
+}
+
+// One entry of the table for each photon, rounded up to a power of two.
+const _: () = assert!(size_of::<Photon>() as u64 + 2 * 4 <= PHOTON_BYTES);
+
+impl Photon {
+    /// One that did not land.
+    pub const NONE: Self = Self {
+        position: Vec3::ZERO,
+        direction: Vec3::ZERO,
+        normal: Vec3::ZERO,
+        power: Vec3::ZERO,
+        number: 0,
+        bucket: 0,
+    };
+
+    /// One that landed.
+    #[must_use]
+    pub fn new(position: Vec3, (direction, normal): (Vec3, Vec3), power: Vec3, number: u32) -> Self {
+        Self { position, direction, normal, power, number, bucket: 0 }
+    }
+}
+
+/// Least radius of the discs, as a share of the target's radius: so their areas and the numbers of cells are finite.
+const LEAST: f64 = 1e-5;
+
+/// The radius of the discs of a target of this radius for so many photons of a batch. `chosen` is that of the first batch; 0 chooses one.
+#[must_use]
+pub fn radius(chosen: f32, target: f64, photons: u32, batch: u32) -> f32 {
+    let first =
+        if chosen > 0.0 { f64::from(chosen) } else { SPREAD * target * f64::from(photons.max(1)).powf(-1.0 / 6.0) };
+    let square: f64 = (1..=batch).map(|k| (f64::from(k) + 2.0 / 3.0) / (f64::from(k) + 1.0)).product();
+    (first * square.sqrt()).max(LEAST * target) as f32
+}
+
+/// The photons of one target.
+#[derive(Debug)]
+pub struct Cloud {
+    photons: Vec<Photon>,
+    /// By entry of the table: its first photon, and at the end the number of photons.
+    starts: Vec<u32>,
+    low: Vec3,
+    high: Vec3,
+    radius: f32,
+}
+
+impl Cloud {
+    /// Sorts photons that are averaged over discs of a radius above 0; those of power 0 are left out.
+    ///
+    /// # Errors
+    /// If there is too little memory for the table.
+    pub fn new(mut photons: Vec<Photon>, radius: f32) -> Result<Self, Refused> {
+        photons.retain(|photon| photon.power != Vec3::ZERO);
+        let entries = photons.len().next_power_of_two();
+        let mut cloud =
+            Self { photons, starts: zeroed(entries + 1)?, low: Vec3::INFINITY, high: Vec3::NEG_INFINITY, radius };
+        let side = cloud.cells_a_unit();
+        cloud
+            .photons
+            .par_iter_mut()
+            .for_each(|photon| photon.bucket = bucket((photon.position * side).floor().as_ivec3(), entries));
+        cloud.photons.par_sort_unstable_by_key(|photon| (photon.bucket, photon.number));
+        for photon in &cloud.photons {
+            cloud.starts[photon.bucket as usize + 1] += 1;
+            cloud.low = cloud.low.min(photon.position);
+            cloud.high = cloud.high.max(photon.position);
+        }
+        for entry in 0..entries {
+            cloud.starts[entry + 1] += cloud.starts[entry];
+        }
+        Ok(cloud)
+    }
+
+    /// Cells are as wide as a disc: a disc touches two of them along each axis.
+    fn cells_a_unit(&self) -> f32 {
+        0.5 / self.radius
+    }
+
+    /// Calls `each` with every photon that lit the side of a surface with this unit normal at a point, and the kernel's weight, 1 over an area.
+    fn each_near(&self, point: Vec3, normal: Vec3, mut each: impl FnMut(&Photon, f32)) {
+        let radius = self.radius;
+        if point.cmplt(self.low - radius).any() || point.cmpgt(self.high + radius).any() {
+            return;
+        }
+        let (square, whole) = (radius * radius, 2.0 / (std::f32::consts::PI * radius * radius));
+        let side = self.cells_a_unit();
+        let [low, high] = [point - radius, point + radius].map(|corner| (corner * side).floor().as_ivec3());
+        // Two cells may have one entry of the table, whose photons count once.
+        let (mut seen, mut count) = ([0; 8], 0);
+        for corner in 0..8 {
+            let pick = |axis: usize| if corner >> axis & 1 == 0 { low[axis] } else { high[axis] };
+            let entry = bucket(IVec3::new(pick(0), pick(1), pick(2)), self.starts.len() - 1) as usize;
+            if seen[..count].contains(&entry) {
+                continue;
+            }
+            seen[count] = entry;
+            count += 1;
+            for photon in &self.photons[self.starts[entry] as usize..self.starts[entry + 1] as usize] {
+                let from = photon.position - point;
+                let height = from.dot(normal);
+                let distance = from.length_squared() - height * height;
+                let same = photon.normal.dot(normal) >= ALIKE && photon.direction.dot(normal) < 0.0;
+                if distance < square && height.abs() <= FLAT * radius && same {
+                    each(photon, whole * (1.0 - distance.max(0.0) / square));
+                }
+            }
+        }
+    }
+}
+
+/// The entry of a cell in a table whose length is a power of two (Teschner and others, "Optimized Spatial Hashing for Collision Detection of
+/// Deformable Objects", VMV 2003).
+fn bucket(cell: IVec3, entries: usize) -> u32 {
+    let [x, y, z] = cell.to_array().map(|coordinate| coordinate as u32);
+    let mixed = x.wrapping_mul(73_856_093) ^ y.wrapping_mul(19_349_663) ^ z.wrapping_mul(83_492_791);
+    // The low bits of such products are those of the low bits of the coordinates alone.
+    (mixed ^ mixed >> 15) & (entries - 1) as u32
+}
+
+/// All photons of a pass.
+#[derive(Debug, Default)]
+pub struct PhotonMap {
+    clouds: Vec<Cloud>,
+    /// What became of those that were shot.
+    pub counts: PhotonCounts,
+}
+
+impl PhotonMap {
+    /// That of the photons of each target.
+    #[must_use]
+    pub fn new(clouds: Vec<Cloud>, counts: PhotonCounts) -> Self {
+        Self { clouds, counts }
+    }
+
+    /// Whether no photons were shot.
+    #[must_use]
+    pub fn is_empty(&self) -> bool {
+        self.clouds.is_empty()
+    }
+
+    /// Calls `each` with every photon that lit the side of a surface with this unit normal at a point, and the kernel's weight there.
+    pub fn each_near(&self, point: Vec3, normal: Vec3, mut each: impl FnMut(&Photon, f32)) {
+        for cloud in &self.clouds {
+            cloud.each_near(point, normal, &mut each);
+        }
+    }
+
+    /// The irradiance on a side of a surface, by colour; 1 is that of the light across its direction.
+    #[must_use]
+    pub fn irradiance(&self, point: Vec3, normal: Vec3) -> Vec3 {
+        let mut sum = Vec3::ZERO;
+        self.each_near(point, normal, |photon, weight| sum += photon.power * weight);
+        sum
+    }
+
+    /// Number of targets.
+    #[cfg(test)]
+    pub fn targets(&self) -> usize {
+        self.clouds.len()
+    }
+
+    /// The power of all photons that landed.
+    #[cfg(test)]
+    pub fn power(&self) -> Vec3 {
+        let of = |photon: &Photon| photon.power.as_dvec3();
+        self.clouds.iter().flat_map(|cloud| &cloud.photons).map(of).sum::<glam::DVec3>().as_vec3()
+    }
+}

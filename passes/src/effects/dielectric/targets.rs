@@ -1,0 +1,170 @@
+//! The bodies of glass meshes at which photons are shot.
+
+use curitiba_pipeline::glass::{Dielectric, Shape, connected};
+use curitiba_pipeline::scene::Geometry;
+use glam::{DVec3, Vec3};
+
+/// Targets at most. Where more bodies stand apart, all are one.
+const MOST: usize = 1024;
+
+/// The number of a triangle that belongs to no target.
+const NONE: u16 = u16::MAX;
+
+/// Bodies that are near each other: photons are shot at a disc across the light, in which all of them lie.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Target {
+    /// Middle of the disc, and of a sphere around the bodies, world.
+    pub center: DVec3,
+    /// Radius of the disc.
+    pub radius: f64,
+    /// Radius of the sphere.
+    pub reach: f64,
+    /// Whether bodies of glass that focus no light touch its bounding box: a photon may be in them before it meets the target.
+    pub among_bodies: bool,
+}
+
+/// All targets of a scene: the bodies of meshes whose glass bends light, those together whose bounding boxes overlap.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct Targets {
+    list: Vec<Target>,
+    /// By triangle: its target.
+    of: Vec<u16>,
+}
+
+/// An axis-aligned box.
+#[derive(Debug, Clone, Copy)]
+struct Bounds {
+    low: Vec3,
+    high: Vec3,
+}
+
+impl Bounds {
+    const EMPTY: Self = Self { low: Vec3::INFINITY, high: Vec3::NEG_INFINITY };
+
+    fn with(self, other: Self) -> Self {
+        Self { low: self.low.min(other.low), high: self.high.max(other.high) }
+    }
+
+    fn around(points: impl IntoIterator<Item = Vec3>) -> Self {
+        points.into_iter().fold(Self::EMPTY, |all, point| all.with(Self { low: point, high: point }))
+    }
+
+    fn touches(&self, other: &Self) -> bool {
+        self.low.cmple(other.high).all() && other.low.cmple(self.high).all()
+    }
+}
+
+impl Targets {
+    /// Those of a scene in light that travels in the unit direction `along`. `is_disc` says whether its direction varies, for a light that is a
+    /// disc.
+    #[must_use]
+    pub fn of(geometry: &Geometry, dielectrics: &[Dielectric], along: DVec3, is_disc: bool) -> Self {
+        let solid = |material: u32| dielectrics.get(material as usize).filter(|glass| glass.shape == Shape::Solid);
+        let bends = |material: u32| solid(material).is_some_and(|glass| glass.index > 1.0);
+        let mut bounds: Vec<Bounds> = Vec::new();
+        // Triangles with the parts that they belong to.
+        let mut parts: Vec<(u32, usize)> = Vec::new();
+        let corners = |triangle: u32| Bounds::around(geometry.corners(triangle));
+        for material in (0..dielectrics.len() as u32).filter(|material| bends(*material)) {
+            let triangles = triangles_of(geometry, material);
+            let first = bounds.len();
+            for (triangle, part) in triangles.iter().zip(connected(geometry, &triangles)) {
+                let part = first + part as usize;
+                bounds.resize(bounds.len().max(part + 1), Bounds::EMPTY);
+                bounds[part] = bounds[part].with(corners(*triangle));
+                parts.push((*triangle, part));
+            }
+        }
+        if parts.is_empty() {
+            return Self::default();
+        }
+        let (boxes, target_of) = together(&bounds);
+        let spheres = geometry.spheres.iter().filter(|sphere| solid(sphere.material).is_some());
+        let spheres =
+            spheres.map(|sphere| Bounds { low: sphere.center - sphere.radius, high: sphere.center + sphere.radius });
+        let straight = (0..dielectrics.len() as u32).filter(|material| solid(*material).is_some() && !bends(*material));
+        let straight = straight.map(|material| {
+            triangles_of(geometry, material).into_iter().map(corners).fold(Bounds::EMPTY, Bounds::with)
+        });
+        let others: Vec<Bounds> = spheres.chain(straight).collect();
+        let target = |bounds: &Bounds| Target {
+            center: 0.5 * (bounds.low.as_dvec3() + bounds.high.as_dvec3()),
+            radius: 0.0,
+            reach: 0.0,
+            among_bodies: others.iter().any(|other| other.touches(bounds)),
+        };
+        let mut list: Vec<Target> = boxes.iter().map(target).collect();
+        let mut of = vec![NONE; geometry.triangles.len()];
+        for (triangle, part) in parts {
+            let number = target_of[part];
+            of[triangle as usize] = number as u16;
+            let target = &mut list[number];
+            for corner in geometry.corners(triangle) {
+                let from = corner.as_dvec3() - target.center;
+                target.reach = target.reach.max(from.length());
+                target.radius = target.radius.max(from.reject_from_normalized(along).length());
+            }
+        }
+        if is_disc {
+            // From all directions the sphere looks alike.
+            list.iter_mut().for_each(|target| target.radius = target.reach);
+        }
+        Self { list, of }
+    }
+
+    /// All of them.
+    #[must_use]
+    pub fn list(&self) -> &[Target] {
+        &self.list
+    }
+
+    /// The number of the target that a triangle belongs to.
+    #[inline]
+    #[must_use]
+    pub fn at(&self, id: u32) -> Option<usize> {
+        self.of.get(id as usize).filter(|target| **target != NONE).map(|target| usize::from(*target))
+    }
+
+    /// How many of `photons` are shot at each: by the area of the discs, so that all photons have the same power but for rounding.
+    #[must_use]
+    pub fn shares(&self, photons: u32) -> Vec<u32> {
+        let area = |target: &Target| target.radius * target.radius;
+        let whole: f64 = self.list.iter().map(area).sum();
+        let (mut before, mut shares) = (0.0, Vec::with_capacity(self.list.len()));
+        let mut shot = 0;
+        for target in &self.list {
+            before += area(target);
+            let until = if whole > 0.0 { (f64::from(photons) * (before / whole)).round() as u32 } else { 0 };
+            shares.push(until - shot);
+            shot = until;
+        }
+        shares
+    }
+}
+
+fn triangles_of(geometry: &Geometry, material: u32) -> Vec<u32> {
+    let batches = geometry.batches.iter().filter(|batch| batch.material == material);
+    batches.flat_map(|batch| batch.first..batch.first + batch.count).collect()
+}
+
+/// Joins boxes that touch, until none do: the joined boxes, and by box the one that it is in.
+fn together(parts: &[Bounds]) -> (Vec<Bounds>, Vec<usize>) {
+    if parts.len() > MOST {
+        return (vec![parts.iter().copied().fold(Bounds::EMPTY, Bounds::with)], vec![0; parts.len()]);
+    }
+    let mut groups: Vec<(Bounds, Vec<usize>)> = Vec::new();
+    for (part, bounds) in parts.iter().enumerate() {
+        let (mut bounds, mut members) = (*bounds, vec![part]);
+        while let Some(at) = groups.iter().position(|(other, _)| other.touches(&bounds)) {
+            let (other, more) = groups.remove(at);
+            bounds = bounds.with(other);
+            members.extend(more);
+        }
+        groups.push((bounds, members));
+    }
+    let mut of = vec![0; parts.len()];
+    for (number, (_, members)) in groups.iter().enumerate() {
+        members.iter().for_each(|part| of[*part] = number);
+    }
+    (groups.into_iter().map(|(bounds, _)| bounds).collect(), of)
+}

@@ -1,0 +1,56 @@
+//! What of a scene focuses light in a pass with `shadow=caustic`, for the plan.
+
+use super::{Dielectric, Shape};
+use crate::diagnostic::Decision;
+use crate::scene::{RenderScene, Sphere};
+
+/// For a pass with `shadow=caustic` and so many photons: decisions whether it has spheres that focus light, and what its photons do with each
+/// material of glass meshes.
+#[must_use]
+pub fn caustics(pass: &str, scene: &RenderScene, dielectrics: &[Dielectric], photons: u32) -> Vec<Decision> {
+    let mut decisions = vec![of_spheres(pass, &scene.geometry.spheres, dielectrics)];
+    if photons > 0 {
+        decisions.extend(of_meshes(pass, scene, dielectrics, photons));
+    }
+    decisions
+}
+
+fn of_spheres(pass: &str, spheres: &[Sphere], dielectrics: &[Dielectric]) -> Decision {
+    let bends = |sphere: &&Sphere| {
+        let dielectric = dielectrics.get(sphere.material as usize);
+        dielectric.is_some_and(|dielectric| dielectric.shape == Shape::Solid && dielectric.index > 1.0)
+    };
+    let count = spheres.iter().filter(bends).count();
+    let why = match count {
+        0 => "no exact sphere is a body of glass that bends light: it goes straight on".to_owned(),
+        _ => format!("{count} exact spheres of glass bend light: those that stand alone focus it"),
+    };
+    Decision { what: format!("caustics for pass `{pass}`"), built: count > 0, why }
+}
+
+/// One for each material of glass that has triangles.
+fn of_meshes(pass: &str, scene: &RenderScene, dielectrics: &[Dielectric], photons: u32) -> Vec<Decision> {
+    let mut decisions = Vec::new();
+    for ((index, material), dielectric) in scene.materials.iter().enumerate().zip(dielectrics) {
+        let batches = scene.geometry.batches.iter().filter(|batch| batch.material as usize == index);
+        let triangles: u64 = batches.map(|batch| u64::from(batch.count)).sum();
+        let (built, why) = match dielectric.shape {
+            _ if triangles == 0 => continue,
+            Shape::Opaque => continue,
+            Shape::Solid if dielectric.index > 1.0 => {
+                let why = format!(
+                    "its {triangles} triangles are bodies that throw a shadow; the pass shoots {photons} photons at all bodies"
+                );
+                (true, why)
+            }
+            Shape::Solid => (false, "its index is 1: light goes straight on".to_owned()),
+            Shape::Thin | Shape::Pane => (false, "it is thin: light goes straight on".to_owned()),
+        };
+        decisions.push(Decision {
+            what: format!("caustics of material `{}` in pass `{pass}`", material.name),
+            built,
+            why,
+        });
+    }
+    decisions
+}
