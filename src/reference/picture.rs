@@ -5,11 +5,12 @@ use crate::bench::Case;
 use crate::passes::reference::{Camera, Job, Look, Seen, Traced, Value};
 use crate::pipeline::backend::{Rect, Shade};
 use crate::pipeline::color::ColorSpace;
-use crate::pipeline::executor::Renderer;
+use crate::pipeline::executor::{PassMaterials, Renderer};
+use crate::pipeline::glass::{Dielectric, GlassShadow};
 use crate::pipeline::plan::{Instead, Plan, PlannedPass, Shining, Work};
 use crate::pipeline::programs::RayProgram;
 use crate::pipeline::project::{ChannelRef, PassKind, QuadSource};
-use crate::pipeline::scene::fnv1a;
+use crate::pipeline::scene::{Sphere, fnv1a};
 use glam::{DVec3, DVec4, Vec4};
 use std::ops::Range;
 
@@ -119,9 +120,26 @@ fn described(value: &Value<'_>) -> String {
             if pass.program == RayProgram::Final {
                 words.push(format!("light passes {}", marked(look.shadow_glass)));
             }
+            if info.reads("glass") && look.glass.contains(&true) && !look.dielectrics.is_empty() {
+                words.extend(of_materials(pass));
+            }
             format!("{} of ({})", words.join(", "), described(color))
         }
     }
+}
+
+/// What glass is, where its materials say so.
+fn of_materials(pass: &Traced<'_>) -> Vec<String> {
+    let (params, table) = (&pass.params, pass.look.dielectrics);
+    let mut words = vec![format!("glass by its materials {:032x}", fnv1a(format!("{table:?}").as_bytes()))];
+    // Light that no sphere focuses goes straight on.
+    let straight = matches!(params.shadow, GlassShadow::Straight | GlassShadow::Caustic);
+    if straight && pass.program == RayProgram::Final && pass.look.shadow_glass.contains(&true) {
+        words.push("light goes straight on".to_owned());
+    }
+    let spreads = |dielectric: &Dielectric| dielectric.spread > 0.0;
+    words.extend(table.iter().any(spreads).then(|| format!("colours are bent apart {}", params.wavelengths > 1)));
+    words
 }
 
 fn hashed(shades: &[Shade]) -> String {
@@ -135,8 +153,9 @@ fn marked(materials: &[bool]) -> String {
 
 /// Why the picture of a plan has no reference, as far as the plan alone determines it.
 pub(super) fn unsupported(plan: &Plan) -> Option<String> {
-    let nothing = |_: usize| Look { shades: &[], glass: &[], shadow_glass: &[], sun: None, lights: Vec::new() };
-    Expression { plan, look: &nothing, bodies: &|_| (false, false), drawn: None }.window().err()
+    let nothing =
+        |_: usize| Look { shades: &[], glass: &[], shadow_glass: &[], dielectrics: &[], sun: None, lights: Vec::new() };
+    Expression { plan, look: &nothing, spheres: &|_| &[], drawn: None }.window().err()
 }
 
 /// The job for the reference renderer, with the given samples for each of its two estimates.
@@ -153,15 +172,11 @@ pub(super) fn job(renderer: &Renderer, samples: Range<u32>) -> Result<Job<'_>, S
                 Shining::default()
             }
         };
-        let (glass, shadow_glass) = (&materials.glass, &materials.shadow_glass);
-        Look { shades: &materials.shades, glass, shadow_glass, sun, lights }
+        let PassMaterials { shades, glass, shadow_glass, dielectrics, .. } = materials;
+        Look { shades, glass, shadow_glass, dielectrics, sun, lights }
     };
-    let bodies = |index: usize| {
-        let materials = renderer.materials(index);
-        let has_bodies = !materials.dielectrics.is_empty() && materials.glass.contains(&true);
-        (has_bodies, materials.shadow_glass.contains(&true))
-    };
-    let mut expression = Expression { plan, look: &look, bodies: &bodies, drawn: None };
+    let spheres = |set: usize| renderer.scenes().nth(set).map_or(&[][..], |scene| &scene.geometry.spheres);
+    let mut expression = Expression { plan, look: &look, spheres: &spheres, drawn: None };
     let value = expression.window()?;
     let Some(drawn) = expression.drawn else {
         return Err("no pass that is shown draws anything".to_owned());
@@ -191,8 +206,8 @@ struct Expression<'p, 'a> {
     plan: &'p Plan,
     /// Materials and light as the pass at an index sees them.
     look: &'p dyn Fn(usize) -> Look<'a>,
-    /// Whether the materials of the pass at an index decide about glass and make any, and whether any lets shadow rays through.
-    bodies: &'p dyn Fn(usize) -> (bool, bool),
+    /// The exact spheres of a set of scenes.
+    spheres: &'p dyn Fn(usize) -> &'a [Sphere],
     /// The raster pass that the picture starts from.
     drawn: Option<usize>,
 }
@@ -248,7 +263,8 @@ impl<'a> Expression<'_, 'a> {
                 Ok(Value::Drawn)
             }
             (Work::Rays { scene_set, params, beyond, .. }, PassKind::Ray(ray)) => {
-                if let Some(why) = Traced::unsupported(ray.program, params, (self.bodies)(index)) {
+                let look = (self.look)(index);
+                if let Some(why) = Traced::unsupported(ray.program, params, &look, (self.spheres)(*scene_set)) {
                     return refuse(why);
                 }
                 // All G-buffer channels must come from the one raster pass that the picture starts from.
@@ -271,7 +287,7 @@ impl<'a> Expression<'_, 'a> {
                     None => Value::Constant(DVec4::W),
                 };
                 let beyond: DVec3 = beyond.as_dvec3();
-                let traced = Traced { program: ray.program, params: *params, look: (self.look)(index), beyond };
+                let traced = Traced { program: ray.program, params: *params, look, beyond };
                 Ok(Value::Traced(Box::new(traced), Box::new(color)))
             }
             (Work::Off { instead: Instead::Fill(value) }, _) => {

@@ -73,6 +73,11 @@ impl RayBackend for ReferenceRays {
         true
     }
 
+    /// For references of the picture, which trace nothing here, and those of many samples; [`Self::run`] refuses the others.
+    fn traces_spheres(&self) -> bool {
+        true
+    }
+
     fn traces_cones(&self) -> bool {
         true
     }
@@ -92,6 +97,11 @@ impl RayBackend for ReferenceRays {
         if self.exact {
             if job.program == RayProgram::Dummy {
                 return CpuRays::new().run(job, output, progress);
+            }
+            if !scene.geometry.spheres.is_empty() {
+                let what = format!("{} with exact spheres", job.program.info().stem);
+                let why = "the reference of an effect without noise knows triangles only; the picture has one: curitiba reference PROJECT";
+                return Err(BackendError::Unsupported { backend: self.name(), what, why: why.to_owned() });
             }
             let double = self.double.get_or_insert_with(|| Double::build(&scene.geometry, filtered));
             return cpu::trace_by_rays(double, job, output, progress);

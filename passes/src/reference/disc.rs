@@ -4,6 +4,8 @@ use super::job::Traced;
 use super::points::{Points, Purpose, branch};
 use glam::DVec3;
 use std::f64::consts::TAU;
+use std::iter::Sum;
+use std::ops::Div;
 
 /// Directions to the disc of a light that a sample takes at a point.
 const DIRECTIONS: u32 = 4;
@@ -31,7 +33,7 @@ impl Discs {
 
     /// The mean of a share over unit directions to light number `light`, uniform in the solid angle of its disc around the direction
     /// `center`.
-    pub fn mean(self, light: usize, center: DVec3, share: impl Fn(DVec3) -> f64) -> f64 {
+    pub fn mean<S: Sum + Div<f64, Output = S>>(self, light: usize, center: DVec3, share: impl Fn(DVec3) -> S) -> S {
         let points = Points::new(branch(self.key, light as u64), Purpose::Disc);
         let (tangent, bitangent) = center.any_orthonormal_pair();
         let direction = |number: u32| {
@@ -42,12 +44,17 @@ impl Discs {
             let (sin, cos) = (TAU * point.y).sin_cos();
             tangent * (radius * cos) + bitangent * (radius * sin) + center * (1.0 - below)
         };
-        (0..DIRECTIONS).map(|number| share(direction(number))).sum::<f64>() / f64::from(DIRECTIONS)
+        (0..DIRECTIONS).map(|number| share(direction(number))).sum::<S>() / f64::from(DIRECTIONS)
     }
 }
 
 /// The mean of a share over the directions to a light; its value in the one direction of a light that is a point.
-pub(super) fn over(discs: Option<Discs>, light: usize, center: DVec3, share: impl Fn(DVec3) -> f64) -> f64 {
+pub(super) fn over<S: Sum + Div<f64, Output = S>>(
+    discs: Option<Discs>,
+    light: usize,
+    center: DVec3,
+    share: impl Fn(DVec3) -> S,
+) -> S {
     match discs {
         Some(discs) => discs.mean(light, center, share),
         None => share(center),

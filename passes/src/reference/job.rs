@@ -2,10 +2,10 @@
 
 use super::camera::Camera;
 use curitiba_pipeline::backend::{Light, Shade, Sun};
-use curitiba_pipeline::glass::GlassShadow;
+use curitiba_pipeline::glass::{Dielectric, GlassShadow, Shape};
 use curitiba_pipeline::image::PixelFormat;
 use curitiba_pipeline::programs::{RayParams, RayProgram};
-use curitiba_pipeline::scene::RenderScene;
+use curitiba_pipeline::scene::{RenderScene, Sphere};
 use glam::{DVec3, DVec4};
 use std::ops::Range;
 
@@ -18,6 +18,8 @@ pub struct Look<'a> {
     pub glass: &'a [bool],
     /// Materials that shadow rays pass through; none in raster passes.
     pub shadow_glass: &'a [bool],
+    /// Properties of glass, where the materials decide about it (`glass=auto`); else empty, and all glass is the report's panes.
+    pub dielectrics: &'a [Dielectric],
     /// The light.
     pub sun: Option<Sun>,
     /// Several lights, or a light with a place, in place of [`Self::sun`].
@@ -53,14 +55,10 @@ pub struct Traced<'a> {
 }
 
 impl Traced<'_> {
-    /// Why the reference renderer cannot compute the pass, and what would help; `None` where it can. `has_bodies` tells whether a material is glass
-    /// as its properties say, and `dims_light` whether one lets shadow rays through.
+    /// Why the reference renderer cannot compute a pass of this program, and what would help; `None` where it can. `look` is what it sees of the
+    /// materials, and `spheres` are those of the scene.
     #[must_use]
-    pub fn unsupported(
-        program: RayProgram,
-        params: &RayParams,
-        (has_bodies, dims_light): (bool, bool),
-    ) -> Option<String> {
+    pub fn unsupported(program: RayProgram, params: &RayParams, look: &Look<'_>, spheres: &[Sphere]) -> Option<String> {
         let known = [
             RayProgram::Dummy,
             RayProgram::DeferredShadows,
@@ -73,20 +71,26 @@ impl Traced<'_> {
         if !known.contains(&program) {
             return Some(format!("`{}`, whose rays start at the camera, has no reference of its picture", info.stem));
         }
-        if has_bodies && info.reads("glass") {
-            return Some(
-                "glass as its materials say (glass=auto) has no reference of the picture: set glass=pane".to_owned(),
-            );
-        }
-        // Without glass on its way light has no rule to follow.
         let is_ruled = matches!(params.shadow, GlassShadow::Straight | GlassShadow::Caustic) && info.reads("shadow");
-        if is_ruled && dims_light {
-            let rule = params.shadow.name();
+        // Without glass on its way light has no rule to follow.
+        if !(is_ruled && look.shadow_glass.contains(&true)) {
+            return None;
+        }
+        let rule = params.shadow.name();
+        if look.dielectrics.is_empty() {
             return Some(format!(
-                "light that falls through glass by shadow={rule} has no reference of the picture: set shadow=report"
+                "light that falls through the report's panes by shadow={rule} has no reference of the picture: set shadow=report, or \
+                 glass=auto"
             ));
         }
-        None
+        let focuses = |sphere: &Sphere| {
+            let dielectric = look.dielectrics.get(sphere.material as usize);
+            dielectric.is_some_and(|dielectric| dielectric.shape == Shape::Solid && dielectric.index > 1.0)
+        };
+        (params.shadow == GlassShadow::Caustic && spheres.iter().any(focuses)).then(|| {
+            "light that exact spheres focus (shadow=caustic) has no reference of the picture: set shadow=straight"
+                .to_owned()
+        })
     }
 }
 

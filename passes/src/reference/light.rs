@@ -3,6 +3,7 @@
 use super::job::Look;
 use super::world::{Surface, World};
 use crate::trace::DoubleHit;
+use curitiba_pipeline::backend::Shade;
 use glam::{DVec3, DVec4};
 
 /// The report's ambient light.
@@ -49,7 +50,7 @@ impl Look<'_> {
                 .extend(self.seen_cosine(surface)),
         };
         let lit = shade.diffuse.as_dvec4() * arriving;
-        let reflected = match shade.texture {
+        let reflected = match texture(world, shade, surface) {
             None => lit + shade.diffuse.as_dvec4() * AMBIENT,
             Some(texture) => {
                 (lit + shade.emission.as_dvec4() + AMBIENT)
@@ -72,7 +73,7 @@ impl Look<'_> {
         };
         let diffuse = shade.diffuse.as_dvec4();
         let lit = diffuse * arriving.extend(1.0);
-        let reflected = match shade.texture {
+        let reflected = match texture(world, shade, surface) {
             None => lit + diffuse * AMBIENT,
             Some(texture) => (lit + AMBIENT) * world.texel(texture, world.texcoord(surface.triangle, surface.weights)),
         };
@@ -94,7 +95,7 @@ impl Look<'_> {
     }
 
     fn tinted(&self, world: &World<'_>, surface: &Surface, color: DVec4) -> DVec4 {
-        match self.shades[surface.material].vertex_colors {
+        match self.shades[surface.material].vertex_colors && world.sphere(surface.triangle).is_none() {
             true => color * world.tint(surface.triangle, surface.weights),
             false => color,
         }
@@ -103,7 +104,8 @@ impl Look<'_> {
     fn glow(&self, world: &World<'_>, surface: &Surface) -> DVec3 {
         let Some(glow) = self.shades[surface.material].glow else { return DVec3::ZERO };
         let uv = || world.texcoord(surface.triangle, surface.weights);
-        let texel = glow.texture.map_or(DVec3::ONE, |texture| world.texel(texture, uv()).truncate());
+        let texture = glow.texture.filter(|_| world.sphere(surface.triangle).is_none());
+        let texel = texture.map_or(DVec3::ONE, |texture| world.texel(texture, uv()).truncate());
         glow.color.as_dvec3() * texel
     }
 
@@ -118,24 +120,35 @@ impl Look<'_> {
     /// The share of the light from a direction on that side in `final`: each glass surface on the way dims it.
     pub(super) fn light_share(&self, world: &World<'_>, surface: &Surface, (facing, to_light): (DVec3, DVec3)) -> f64 {
         let stops = |hit: &DoubleHit| self.stops_light(world, hit);
-        let Some(origin) = self.start_to_light(world, surface, (facing, to_light), stops) else {
-            return SHADOWED;
-        };
+        let origin = self.start_to_light(world, surface, (facing, to_light), stops);
+        origin.and_then(|origin| self.dimmed(world, (origin, to_light), f64::INFINITY)).unwrap_or(SHADOWED)
+    }
+
+    /// What glass leaves of the light along a ray, by the report's rule; `None` where something stops it before the distance `reach`.
+    pub(super) fn dimmed(&self, world: &World<'_>, (origin, direction): (DVec3, DVec3), reach: f64) -> Option<f64> {
+        let mut crossings = self.glass_on_way(world, (origin, direction), reach)?;
+        crossings.sort_unstable_by(|a, b| a.t.total_cmp(&b.t));
+        let again = crossings.windows(2).filter(|pair| pair[1].t - pair[0].t <= ONE_SURFACE * pair[1].t).count();
+        Some(THROUGH_GLASS.powi((crossings.len() - again) as i32))
+    }
+
+    /// The surfaces of glass on a light's ray, in any order; `None` where something else stops it before the distance `reach`.
+    pub(super) fn glass_on_way(
+        &self,
+        world: &World<'_>,
+        (origin, direction): (DVec3, DVec3),
+        reach: f64,
+    ) -> Option<Vec<DoubleHit>> {
         let mut crossings = Vec::new();
-        let blocked = world.is_blocked(origin, to_light, f64::INFINITY, |hit| {
+        let blocked = world.is_blocked(origin, direction, reach, |hit| {
             let covers = world.covers(self.shades, hit);
             let glass = self.shadow_glass[world.material(hit.triangle)];
             if covers && glass {
-                crossings.push(hit.t);
+                crossings.push(*hit);
             }
             covers && !glass
         });
-        if blocked {
-            return SHADOWED;
-        }
-        crossings.sort_unstable_by(f64::total_cmp);
-        let again = crossings.windows(2).filter(|pair| pair[1] - pair[0] <= ONE_SURFACE * pair[1]).count();
-        THROUGH_GLASS.powi((crossings.len() - again) as i32)
+        (!blocked).then_some(crossings)
     }
 
     /// Whether a hit stops light and occludes in `final`.
@@ -168,11 +181,16 @@ impl Look<'_> {
     }
 }
 
+/// The texture of a surface; spheres have none.
+pub(super) fn texture(world: &World<'_>, shade: &Shade, surface: &Surface) -> Option<u32> {
+    shade.texture.filter(|_| world.sphere(surface.triangle).is_none())
+}
+
 /// The normals at the corners of a triangle that stands for a round surface, and 1 if they look to the side of normal `facing`, else -1. `None`
 /// where they are equal, or one of them is far from the triangle's.
 fn round_normals(world: &World<'_>, surface: &Surface, facing: DVec3) -> Option<(f64, [DVec3; 3])> {
     let geometry = &world.scene.geometry;
-    if geometry.normals.is_empty() {
+    if geometry.normals.is_empty() || world.sphere(surface.triangle).is_some() {
         return None;
     }
     let corners = geometry.triangles[surface.triangle as usize];

@@ -2,7 +2,7 @@
 
 use super::disc::{self, Discs};
 use super::job::Look;
-use super::light::{AMBIENT, ONE_SURFACE, THROUGH_GLASS};
+use super::light::{AMBIENT, texture};
 use super::world::{Surface, World};
 use crate::trace::DoubleHit;
 use curitiba_pipeline::backend::Light;
@@ -57,20 +57,23 @@ impl Look<'_> {
     }
 
     /// What shadows leave of a surface's colour, on a side: ambient light and the light that arrives, divided by ambient light and the
-    /// light that would arrive. `is_seen` says whether the camera sees the surface itself. Hits that `stops` stop a ray; others that
-    /// `dims` dim it. Of a light with a disc the part arrives that is seen.
+    /// light that would arrive. `is_seen` says whether the camera sees the surface itself. `passes` is the share of a light that comes along a
+    /// ray, of this origin and direction, from this distance; hits that `stops` are in its way between a triangle and the round surface that
+    /// it stands for. Of a light with a disc the part arrives that is seen.
     pub(super) fn share_of_lights(
         &self,
         (world, discs): (&World<'_>, Option<Discs>),
         (surface, facing, is_seen): (&Surface, DVec3, bool),
         cosine: impl Fn(DVec3) -> f64,
         stops: impl Fn(&DoubleHit) -> bool,
-        dims: impl Fn(&DoubleHit) -> bool,
+        passes: impl Fn((DVec3, DVec3), f64) -> DVec3,
     ) -> DVec3 {
         let (mut whole, mut left) = (DVec3::ZERO, DVec3::ZERO);
         // The part of a light from a direction that nothing takes away.
         let part = |light: &Light, towards: DVec3| {
-            let Some(origin) = self.start_to_light(world, surface, (facing, towards), &stops) else { return 0.0 };
+            let Some(origin) = self.start_to_light(world, surface, (facing, towards), &stops) else {
+                return DVec3::ZERO;
+            };
             let (direction, reach) = match light.place {
                 None => (towards, f64::INFINITY),
                 Some(place) => {
@@ -78,20 +81,7 @@ impl Look<'_> {
                     (way.normalize(), way.length() * (1.0 - BEFORE_LIGHT))
                 }
             };
-            let mut crossings = Vec::new();
-            let blocked = world.is_blocked(origin, direction, reach, |hit| {
-                if dims(hit) {
-                    crossings.push(hit.t);
-                    return false;
-                }
-                stops(hit)
-            });
-            if blocked {
-                return 0.0;
-            }
-            crossings.sort_unstable_by(f64::total_cmp);
-            let again = crossings.windows(2).filter(|pair| pair[1] - pair[0] <= ONE_SURFACE * pair[1]).count();
-            THROUGH_GLASS.powi((crossings.len() - again) as i32)
+            passes((origin, direction), reach)
         };
         for (number, light) in self.lights.iter().enumerate() {
             let (towards, color) = arriving(light, surface.position);
@@ -105,7 +95,7 @@ impl Look<'_> {
         }
         let shade = &self.shades[surface.material];
         let diffuse = shade.diffuse.as_dvec4().truncate();
-        let ambient = match shade.texture {
+        let ambient = match texture(world, shade, surface) {
             None => diffuse * AMBIENT,
             Some(_) if is_seen => shade.emission.as_dvec4().truncate() + AMBIENT,
             Some(_) => DVec3::splat(AMBIENT),
@@ -117,20 +107,19 @@ impl Look<'_> {
         DVec3::from([0, 1, 2].map(share))
     }
 
-    /// [`Self::share_of_lights`] in `final`, where glass dims light.
+    /// [`Self::share_of_lights`] in `final`, where `passes` tells what glass leaves of light.
     pub(super) fn lights_in_final(
         &self,
         (world, discs): (&World<'_>, Option<Discs>),
         surface: &Surface,
         (facing, is_seen): (DVec3, bool),
+        passes: impl Fn((DVec3, DVec3), f64) -> DVec3,
     ) -> DVec3 {
         let cosine = |towards: DVec3| match is_seen {
             true => self.cosine_seen(surface, towards),
             false => self.cosine_met(surface, towards),
         };
-        let glass = |hit: &DoubleHit| self.shadow_glass[world.material(hit.triangle)];
-        let covers = |hit: &DoubleHit| world.covers(self.shades, hit);
-        let (stops, dims) = (|hit: &DoubleHit| !glass(hit) && covers(hit), |hit: &DoubleHit| glass(hit) && covers(hit));
-        self.share_of_lights((world, discs), (surface, facing, is_seen), cosine, stops, dims)
+        let stops = |hit: &DoubleHit| self.stops_light(world, hit);
+        self.share_of_lights((world, discs), (surface, facing, is_seen), cosine, stops, passes)
     }
 }

@@ -17,19 +17,28 @@
 //! | program | here |
 //! |---|---|
 //! | `deferredShadows`, `reflection`, `refraction`, `ssao`, `final`, `dummy` | as in corrected fidelity |
+//! | glass as its materials say | as `docs/glass.md` describes it, all ways of it: four facets of the first rough surface and eight wavelengths a sample; limits that trade light for time do not count |
+//! | exact spheres | met themselves |
 //! | soft shadows | four directions to the disc of a light for a sample; its sequence continues from sample to sample |
-//! | rays from the camera, glass as its materials say | [not known](Traced::unsupported) |
+//! | rays from the camera, light that exact spheres focus (`shadow=caustic`) | [not known](Traced::unsupported) |
 //!
 //! May use: `trace` (the tree in `f64`, [`Double`](crate::trace::Double), alone).
 
+mod bodies;
 mod camera;
 mod disc;
+mod facets;
 mod glass;
 mod job;
 mod light;
 mod lights;
+mod media;
+mod optics;
 mod points;
 mod programs;
+mod spectrum;
+mod spheres;
+mod straight;
 mod texture;
 mod world;
 
@@ -52,10 +61,7 @@ use world::World;
 #[derive(Debug, Clone, thiserror::Error)]
 #[non_exhaustive]
 pub enum ReferenceError {
-    /// The scene has exact spheres; only triangles are supported.
-    #[error("exact spheres have no reference of the picture: declare them without exact=\"true\"")]
-    Spheres,
-    /// There is not enough memory for the tree or the pictures.
+    /// There is not enough memory for the trees or the pictures.
     #[error(transparent)]
     Refused(#[from] Refused),
     /// Rendering was cancelled through [`Progress::is_cancelled`].
@@ -67,15 +73,12 @@ pub enum ReferenceError {
 /// job's range. Consecutive ranges continue the same sequences.
 ///
 /// # Errors
-/// If the scene has exact spheres, there is not enough memory, or rendering was cancelled.
+/// If there is not enough memory, or rendering was cancelled.
 ///
 /// # Panics
 /// If the range of samples is empty, or a slice of a ray pass's [`Look`] is shorter than the scene's materials.
 pub fn render(job: &Job<'_>, progress: &Progress) -> Result<[Image; 2], ReferenceError> {
     assert!(!job.samples.is_empty(), "no samples");
-    if !job.seen.scene.geometry.spheres.is_empty() {
-        return Err(ReferenceError::Spheres);
-    }
     let [width, height] = job.size;
     let world = World::new(job.seen.scene, &looked_at(job))?;
     let count = width as usize * height as usize;

@@ -14,6 +14,10 @@ pub(super) enum Purpose {
     OcclusionB = 3,
     /// Directions to the disc of a light.
     Disc = 4,
+    /// Microfacets of rough glass.
+    Facet = 5,
+    /// Wavelengths.
+    Wavelength = 6,
 }
 
 /// A bijection of 64 bits whose result looks random: the finaliser of SplitMix64 (Steele, Lea and Flood, "Fast splittable pseudorandom
@@ -57,6 +61,12 @@ impl Points {
         let unit = |bits: u32| (f64::from(bits) + 0.5) / 4_294_967_296.0;
         DVec2::new(unit(index.reverse_bits() ^ shift_x), unit(bits ^ shift_y))
     }
+}
+
+/// A random point of the unit square. Those of two numbers are independent, as those of two keys and of two purposes are.
+pub(super) fn random(key: u64, purpose: Purpose, number: u32) -> DVec2 {
+    let bits = mix(mix(key ^ mix(purpose as u64)) ^ u64::from(number));
+    DVec2::new((bits >> 32) as f64 + 0.5, (bits & 0xffff_ffff) as f64 + 0.5) / 4_294_967_296.0
 }
 
 /// A cosine-distributed direction around a unit vector, from a uniform point of the unit square: the point of the

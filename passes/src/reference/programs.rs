@@ -5,6 +5,7 @@ use super::job::{Job, Traced, Value};
 use super::light::SHADOWED;
 use super::points::{Points, Purpose, cosine_direction};
 use super::world::{Surface, World};
+use crate::trace::DoubleRay;
 use curitiba_pipeline::image::PixelFormat;
 use curitiba_pipeline::programs::RayProgram;
 use glam::{DVec2, DVec3, DVec4};
@@ -19,11 +20,12 @@ pub(super) struct Sample<'w, 's> {
     pub world: &'w World<'s>,
     /// The surface that the camera ray hits.
     seen: Option<Surface>,
-    direction: DVec3,
+    /// The camera ray.
+    pub ray: DoubleRay,
     /// Key of the pixel and of the estimate.
-    key: u64,
+    pub key: u64,
     /// Index in the sequence of samples.
-    index: u32,
+    pub index: u32,
 }
 
 impl<'w, 's> Sample<'w, 's> {
@@ -32,10 +34,10 @@ impl<'w, 's> Sample<'w, 's> {
         let (seen, ray) = (&job.seen, job.seen.camera.ray(place));
         let hit = world.first(&ray, |hit| {
             let culled = seen.culled.get(world.material(hit.triangle)).is_some_and(|culled| *culled);
-            !(culled && world.is_from_behind(hit.triangle, ray.direction)) && world.covers(seen.look.shades, hit)
+            !(culled && world.is_from_behind(hit, (ray.origin, ray.direction))) && world.covers(seen.look.shades, hit)
         });
-        let seen = hit.map(|hit| world.surface(seen.look.shades, &hit, ray.direction));
-        Self { world, seen, direction: ray.direction, key, index }
+        let seen = hit.map(|hit| world.surface(seen.look.shades, &hit, (ray.origin, ray.direction)));
+        Self { world, seen, ray, key, index }
     }
 
     /// The value of the sample.
@@ -84,7 +86,11 @@ impl<'w, 's> Sample<'w, 's> {
                     let cosine = |towards: DVec3| pass.look.cosine_seen(surface, towards);
                     let covers = |hit: &crate::trace::DoubleHit| self.world.covers(pass.look.shades, hit);
                     let place = (surface, facing, true);
-                    let share = pass.look.share_of_lights((self.world, discs), place, cosine, covers, |_| false);
+                    let passes = |(origin, direction): (DVec3, DVec3), reach: f64| {
+                        let blocked = self.world.is_blocked(origin, direction, reach, covers);
+                        if blocked { DVec3::ZERO } else { DVec3::ONE }
+                    };
+                    let share = pass.look.share_of_lights((self.world, discs), place, cosine, covers, passes);
                     return share.extend(1.0);
                 }
                 gray(disc::over(discs, 0, pass.look.toward_light(), |towards| {
@@ -95,9 +101,12 @@ impl<'w, 's> Sample<'w, 's> {
                 let stops = |hit: &crate::trace::DoubleHit| self.world.covers(pass.look.shades, hit);
                 gray(self.open_share(pass, surface, (1.0, self.key), stops))
             }
-            RayProgram::Reflection if glass => self.mirror(pass, surface, self.direction).extend(1.0),
+            RayProgram::Reflection if glass => self.mirror(pass, surface, self.ray.direction).extend(1.0),
+            RayProgram::Refraction | RayProgram::Final if glass && !pass.look.dielectrics.is_empty() => {
+                self.of_material(pass, surface).extend(1.0)
+            }
             RayProgram::Refraction | RayProgram::Final if glass => {
-                self.pane(pass, surface, self.direction, (0, 1.0, self.key)).extend(1.0)
+                self.pane(pass, surface, self.ray.direction, (0, 1.0, self.key)).extend(1.0)
             }
             RayProgram::Final => {
                 // The colour was lit by the unturned shading normal, so shadows belong to the side that it points to.
@@ -122,13 +131,23 @@ impl<'w, 's> Sample<'w, 's> {
         if pass.program != RayProgram::Final || color == DVec3::ZERO || self.world.is_sky(surface.triangle) {
             return color;
         }
+        let (world, look) = (self.world, &pass.look);
         let discs = Discs::of(pass, path.1, self.index);
-        let light = if pass.look.lights.is_empty() {
-            DVec3::splat(disc::over(discs, 0, pass.look.toward_light(), |towards| {
-                pass.look.light_share(self.world, surface, (facing, towards))
-            }))
-        } else {
-            pass.look.lights_in_final((self.world, discs), surface, (facing, is_seen))
+        let to_light = look.toward_light();
+        let light = match (look.lights.is_empty(), pass.is_straight()) {
+            (true, false) => DVec3::splat(disc::over(discs, 0, to_light, |towards| {
+                look.light_share(world, surface, (facing, towards))
+            })),
+            (true, true) => {
+                disc::over(discs, 0, to_light, |towards| look.straight_share(world, surface, (facing, towards)))
+            }
+            (false, is_straight) => {
+                let passes = |ray: (DVec3, DVec3), reach: f64| match is_straight {
+                    true => look.straight(world, ray, reach),
+                    false => DVec3::splat(look.dimmed(world, ray, reach).unwrap_or(0.0)),
+                };
+                look.lights_in_final((world, discs), surface, (facing, is_seen), passes)
+            }
         };
         color * light * self.open_share(pass, surface, path, |hit| pass.look.stops_light(self.world, hit))
     }

@@ -1,9 +1,11 @@
 //! The reference renderer against closed forms, each with a control that must fail.
 
+mod glass;
+
 use super::{Camera, Job, Look, ReferenceError, Seen, Traced, Value, render};
 use curitiba_pipeline::backend::{Cone, Light, Shade, Sun};
 use curitiba_pipeline::executor::Cancellation;
-use curitiba_pipeline::glass::GlassShadow;
+use curitiba_pipeline::glass::{Dielectric, GlassShadow, Shape};
 use curitiba_pipeline::image::Image;
 use curitiba_pipeline::programs::{RayParams, RayProgram};
 use curitiba_pipeline::progress::Progress;
@@ -18,8 +20,12 @@ struct Stage {
     scene: RenderScene,
     shades: Vec<Shade>,
     glass: Vec<bool>,
+    /// By material; empty for the report's panes.
+    dielectrics: Vec<Dielectric>,
     sun: Option<Sun>,
     lights: Vec<Light>,
+    /// What rays show that leave the scene.
+    beyond: DVec3,
 }
 
 impl Stage {
@@ -44,6 +50,7 @@ impl Stage {
             shades: &self.shades,
             glass: &self.glass,
             shadow_glass: &self.glass,
+            dielectrics: &self.dielectrics,
             sun: self.sun,
             lights: self.lights.clone(),
         }
@@ -55,7 +62,7 @@ impl Stage {
     }
 
     fn traced(&self, program: RayProgram, params: RayParams) -> Value<'_> {
-        let pass = Traced { program, params, look: self.look(), beyond: DVec3::ZERO };
+        let pass = Traced { program, params, look: self.look(), beyond: self.beyond };
         Value::Traced(Box::new(pass), Box::new(Value::Drawn))
     }
 }
@@ -417,23 +424,31 @@ fn pictures_depend_neither_on_threads_nor_on_the_estimate_beside() {
 
 #[test]
 fn what_it_cannot_do_is_refused_and_it_can_be_given_up() {
-    let mut stage = crowd(Vec3::ZERO);
+    let stage = crowd(Vec3::ZERO);
     let request = Cancellation::new();
     request.cancel();
     let given_up = render(&stage.job(from_above(4), [4, 4], Value::Drawn), &Progress::until(&request));
     assert!(matches!(given_up, Err(ReferenceError::Cancelled)));
-    stage.scene.geometry.spheres.push(Sphere { center: Vec3::ZERO, radius: 1.0, material: 0 });
-    let spheres = render(&stage.job(from_above(4), [4, 4], Value::Drawn), &Progress::default());
-    assert!(matches!(spheres, Err(ReferenceError::Spheres)));
-    let refused = |program, params: RayParams, bodies| Traced::unsupported(program, &params, bodies);
-    let plain = RayParams::default();
+    let sphere = |material| Sphere { center: Vec3::ZERO, radius: 1.0, material };
+    let solid = Dielectric { shape: Shape::Solid, index: 1.5, filter: Vec3::ONE, ..Dielectric::default() };
+    let table = [Dielectric::default(), solid, Dielectric { index: 1.0, ..solid }];
+    let look = |dielectrics, dims: &'static [bool]| Look { shadow_glass: dims, dielectrics, ..stage.look() };
+    let (plain, bodies, clear) = (look(&[], &[true]), look(&table, &[false, true, true]), look(&table, &[]));
+    let refused = |program, params: RayParams, look: &Look<'_>, spheres: &[Sphere]| {
+        Traced::unsupported(program, &params, look, spheres)
+    };
+    let report = RayParams::default();
     for program in [RayProgram::DeferredShadows, RayProgram::Reflection, RayProgram::Ssao, RayProgram::Final] {
-        assert_eq!(refused(program, plain, (false, false)), None);
+        assert_eq!(refused(program, report, &plain, &[]), None);
+        assert_eq!(refused(program, report, &bodies, &[sphere(1)]), None);
     }
-    assert!(refused(RayProgram::PathTracing, plain, (false, false)).is_some_and(|why| why.contains("camera")));
-    assert!(refused(RayProgram::Refraction, plain, (true, true)).is_some_and(|why| why.contains("glass=pane")));
-    assert_eq!(refused(RayProgram::DeferredShadows, plain, (true, true)), None);
-    let straight = RayParams { shadow: GlassShadow::Straight, ..plain };
-    assert!(refused(RayProgram::Final, straight, (false, true)).is_some_and(|why| why.contains("shadow=report")));
-    assert_eq!(refused(RayProgram::Final, straight, (false, false)), None, "nothing lets light through");
+    assert!(refused(RayProgram::PathTracing, report, &plain, &[]).is_some_and(|why| why.contains("camera")));
+    let straight = RayParams { shadow: GlassShadow::Straight, ..report };
+    assert!(refused(RayProgram::Final, straight, &plain, &[]).is_some_and(|why| why.contains("shadow=report")));
+    assert_eq!(refused(RayProgram::Final, straight, &clear, &[sphere(1)]), None, "nothing lets light through");
+    assert_eq!(refused(RayProgram::Final, straight, &bodies, &[sphere(1)]), None);
+    let caustic = RayParams { shadow: GlassShadow::Caustic, ..report };
+    let focuses = refused(RayProgram::Final, caustic, &bodies, &[sphere(0), sphere(1)]);
+    assert!(focuses.is_some_and(|why| why.contains("shadow=straight")));
+    assert_eq!(refused(RayProgram::Final, caustic, &bodies, &[sphere(0), sphere(2)]), None, "they bend nothing");
 }

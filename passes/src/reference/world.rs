@@ -1,10 +1,11 @@
-//! The scene with its tree: hits, alpha tests, and points on surfaces.
+//! The scene with its trees: hits, alpha tests, and points on surfaces.
 
+use super::spheres::{BYTES_PER_SPHERE, Spheres};
 use super::texture::texel;
 use crate::trace::{Double, DoubleHit, DoubleRay};
 use curitiba_pipeline::backend::Shade;
 use curitiba_pipeline::memory::{self, Refused};
-use curitiba_pipeline::scene::RenderScene;
+use curitiba_pipeline::scene::{RenderScene, Sphere};
 use glam::{DVec2, DVec3, DVec4};
 
 /// Offset of ray origins from their surface, relative to the largest coordinate of the scene: some ten thousand
@@ -17,22 +18,24 @@ const LEAST_SQUARE: f64 = 1.0e-30;
 /// Approximate memory of the tree for each triangle, including as much again during the build.
 const BYTES_PER_TRIANGLE: u64 = 400;
 
-/// A scene and a tree over its triangles.
+/// A scene, and trees over its triangles and its exact spheres.
 pub(super) struct World<'a> {
     pub scene: &'a RenderScene,
     tree: Double,
+    spheres: Spheres,
     offset: f64,
 }
 
-/// A point of a triangle, seen from one side.
+/// A point of a triangle or a sphere, seen from one side.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Surface {
+    /// Id of the triangle or sphere.
     pub triangle: u32,
     pub material: usize,
     pub position: DVec3,
-    /// Barycentric weights of the corners.
+    /// Barycentric weights of a triangle's corners.
     pub weights: [f64; 3],
-    /// Unit normal of the counter-clockwise side.
+    /// Unit normal of the counter-clockwise side; of a sphere the outward one, as the next two.
     pub flat: DVec3,
     /// The interpolated vertex normal, neither turned nor of unit length; 0 where there is none.
     pub vertex: DVec3,
@@ -50,11 +53,15 @@ impl<'a> World<'a> {
     /// # Errors
     /// If there is not enough memory for it.
     pub fn new(scene: &'a RenderScene, looked_at: &[bool]) -> Result<Self, Refused> {
-        memory::probe(BYTES_PER_TRIANGLE * scene.geometry.triangles.len() as u64)?;
-        let tree = Double::build(&scene.geometry, looked_at);
-        let finite = scene.geometry.positions.iter().filter(|position| position.is_finite());
+        let geometry = &scene.geometry;
+        let [triangles, spheres] = [geometry.triangles.len(), geometry.spheres.len()].map(|count| count as u64);
+        memory::probe(BYTES_PER_TRIANGLE * triangles + BYTES_PER_SPHERE * spheres)?;
+        let finite = geometry.positions.iter().filter(|position| position.is_finite());
         let extent = finite.fold(0.0_f32, |extent, position| extent.max(position.abs().max_element()));
-        Ok(Self { scene, tree, offset: OFFSET * f64::from(extent) })
+        let farthest = |sphere: &Sphere| sphere.center.abs().max_element() + sphere.radius;
+        let extent = geometry.spheres.iter().map(farthest).fold(extent, f32::max);
+        let (tree, spheres) = (Double::build(geometry, looked_at), Spheres::build(geometry));
+        Ok(Self { scene, tree, spheres, offset: OFFSET * f64::from(extent) })
     }
 
     /// A vertex attribute, interpolated between the corners.
@@ -77,17 +84,25 @@ impl<'a> World<'a> {
         texel(&self.scene.textures[texture as usize], uv)
     }
 
+    /// The sphere of an id; `None` for triangles. Spheres have neither texture coordinates nor vertex colours.
+    pub fn sphere(&self, id: u32) -> Option<&Sphere> {
+        self.scene.geometry.sphere(id)
+    }
+
     /// Whether a triangle is a sky, which shows as it is.
     pub fn is_sky(&self, triangle: u32) -> bool {
         self.scene.geometry.sky.contains(triangle)
     }
 
-    pub fn material(&self, triangle: u32) -> usize {
-        self.scene.geometry.material_of(triangle) as usize
+    pub fn material(&self, id: u32) -> usize {
+        self.sphere(id).map_or_else(|| self.scene.geometry.material_of(id), |sphere| sphere.material) as usize
     }
 
-    /// The alpha test: whether the triangle has a surface at a hit.
+    /// The alpha test: whether there is a surface at a hit. Nothing is cut out of a sphere.
     pub fn covers(&self, shades: &[Shade], hit: &DoubleHit) -> bool {
+        if self.sphere(hit.triangle).is_some() {
+            return true;
+        }
         let shade = &shades[self.material(hit.triangle)];
         let Some(cutoff) = shade.alpha_cutoff.filter(|_| shade.is_cut()) else { return true };
         let weights = weights(hit);
@@ -96,15 +111,20 @@ impl<'a> World<'a> {
         texture * vertices >= f64::from(cutoff)
     }
 
-    /// Whether a triangle is seen from behind, where its corners appear clockwise.
-    pub fn is_from_behind(&self, triangle: u32, direction: DVec3) -> bool {
-        let [a, b, c] = self.scene.geometry.corners(triangle).map(|corner| corner.as_dvec3());
+    /// Whether a triangle is seen from behind, where its corners appear clockwise, or a sphere from inside.
+    pub fn is_from_behind(&self, hit: &DoubleHit, (origin, direction): (DVec3, DVec3)) -> bool {
+        if let Some(sphere) = self.sphere(hit.triangle) {
+            return (origin + direction * hit.t - sphere.center.as_dvec3()).dot(direction) > 0.0;
+        }
+        let [a, b, c] = self.scene.geometry.corners(hit.triangle).map(|corner| corner.as_dvec3());
         (b - a).cross(c - a).dot(direction) > 0.0
     }
 
     /// The nearest hit; where the material needs it, `accept` decides whether a hit counts.
-    pub fn first(&self, ray: &DoubleRay, accept: impl FnMut(&DoubleHit) -> bool) -> Option<DoubleHit> {
-        self.tree.first(ray, accept)
+    pub fn first(&self, ray: &DoubleRay, mut accept: impl FnMut(&DoubleHit) -> bool) -> Option<DoubleHit> {
+        let hit = self.tree.first(ray, &mut accept);
+        let before = DoubleRay { t_max: hit.map_or(ray.t_max, |hit| hit.t), ..*ray };
+        self.spheres.first(&before, accept).or(hit)
     }
 
     /// The nearest hit with a surface, from an origin off its own surface.
@@ -113,19 +133,23 @@ impl<'a> World<'a> {
         self.first(&ray, |hit| self.covers(shades, hit))
     }
 
-    /// Whether a hit blocks the way; where the material needs it, `stops` decides.
+    /// Whether a hit blocks the way; of spheres, and where the material needs it, `stops` decides.
     pub fn is_blocked(
         &self,
         origin: DVec3,
         direction: DVec3,
         t_max: f64,
-        stops: impl FnMut(&DoubleHit) -> bool,
+        mut stops: impl FnMut(&DoubleHit) -> bool,
     ) -> bool {
-        self.tree.any(&DoubleRay { origin, direction, t_min: 0.0, t_max }, stops)
+        let ray = DoubleRay { origin, direction, t_min: 0.0, t_max };
+        self.tree.any(&ray, &mut stops) || self.spheres.any(&ray, stops)
     }
 
-    /// The surface at a hit, seen in `direction`, with the normal maps of `shades`.
-    pub fn surface(&self, shades: &[Shade], hit: &DoubleHit, direction: DVec3) -> Surface {
+    /// The surface at a hit of a ray of this origin and direction, with the normal maps of `shades`.
+    pub fn surface(&self, shades: &[Shade], hit: &DoubleHit, (origin, direction): (DVec3, DVec3)) -> Surface {
+        if let Some(sphere) = self.sphere(hit.triangle) {
+            return on_sphere(sphere, hit, origin, direction);
+        }
         let geometry = &self.scene.geometry;
         let (triangle, weights) = (hit.triangle, weights(hit));
         let [a, b, c] = geometry.corners(triangle).map(|corner| corner.as_dvec3());
@@ -164,6 +188,31 @@ impl<'a> World<'a> {
     /// Origin of a ray that leaves a surface in this direction.
     pub fn leaving(&self, surface: &Surface, direction: DVec3) -> DVec3 {
         surface.position + surface.flat * self.offset.copysign(surface.flat.dot(direction))
+    }
+}
+
+impl Surface {
+    /// Whether the viewer is on the side that the triangle, or the sphere, faces.
+    pub fn is_front(&self) -> bool {
+        self.facing == self.flat
+    }
+}
+
+/// The surface where a ray meets a sphere.
+fn on_sphere(sphere: &Sphere, hit: &DoubleHit, origin: DVec3, direction: DVec3) -> Surface {
+    let center = sphere.center.as_dvec3();
+    let outward = (origin + direction * hit.t - center).normalize_or(-direction);
+    let facing = if outward.dot(direction) > 0.0 { -outward } else { outward };
+    Surface {
+        triangle: hit.triangle,
+        material: sphere.material as usize,
+        position: center + outward * f64::from(sphere.radius),
+        weights: [0.0; 3],
+        flat: outward,
+        vertex: outward,
+        shading: outward,
+        facing,
+        normal: facing,
     }
 }
 

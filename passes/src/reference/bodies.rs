@@ -1,0 +1,365 @@
+//! Glass as its materials say (`glass=auto`), after `docs/glass.md`: light is followed back through bodies, walls and panes.
+
+use super::facets::Facet;
+use super::glass::BOUNCE;
+use super::job::Traced;
+use super::media::{Bodies, Border};
+use super::optics::{Interface, Wall, index, interface_normal, mirrored};
+use super::points::{Purpose, branch, random};
+use super::programs::Sample;
+use super::spectrum;
+use super::world::Surface;
+use curitiba_pipeline::glass::{Dielectric, Shape};
+use glam::{DVec2, DVec3};
+
+/// Surfaces of glass on a path, at most.
+const MOST_SURFACES: u32 = 128;
+/// Facets of the first rough surface of a path, along each side of the unit square.
+const FACETS: u32 = 2;
+/// Wavelengths into which a path is divided.
+const WAVELENGTHS: u32 = 8;
+/// Number of the first of the branches that are neither the reflected nor the refracted one.
+const DIVIDED: u64 = 2;
+
+/// A path that has come to a surface.
+#[derive(Debug, Clone)]
+struct Path {
+    /// The bodies before the surface.
+    bodies: Bodies,
+    /// Surfaces of glass before.
+    surfaces: u32,
+    /// How often it was divided in two.
+    splits: u32,
+    /// The wavelength of its light, nanometres; `None` until a body has bent colours apart.
+    wavelength: Option<f64>,
+    /// Whether it has met a rough surface.
+    is_scattered: bool,
+    /// Its share of the sample, at most.
+    weight: f64,
+    key: u64,
+}
+
+/// A way on from a surface.
+#[derive(Debug, Clone)]
+struct Way {
+    direction: DVec3,
+    /// What its light counts, by colour.
+    share: DVec3,
+    bodies: Bodies,
+    /// Number of the branch: 0 where it is reflected.
+    branch: u64,
+}
+
+/// A part of a path's light at the surface of a body.
+#[derive(Debug, Clone, Copy)]
+struct Part {
+    /// Weight of its light by colour.
+    weight: DVec3,
+    wavelength: Option<f64>,
+    /// The index behind over that before.
+    ratio: f64,
+    /// Number of its branch.
+    branch: u64,
+}
+
+/// Where the surface of a body sends light: each with the share of it that no other facet stops.
+#[derive(Debug, Clone, Copy)]
+struct Onward {
+    /// Share that is reflected; the rest enters.
+    share: f64,
+    back: (DVec3, f64),
+    /// `None` at total reflection.
+    through: Option<(DVec3, f64)>,
+}
+
+impl Sample<'_, '_> {
+    /// What glass shows that the camera sees, as its material says.
+    pub(super) fn of_material(&self, pass: &Traced<'_>, surface: &Surface) -> DVec3 {
+        let origin = self.ray.origin;
+        let path = Path {
+            bodies: Bodies::around(self.world, &pass.look, origin),
+            surfaces: 0,
+            splits: 0,
+            wavelength: None,
+            is_scattered: false,
+            weight: 1.0,
+            key: self.key,
+        };
+        let kept = pass.look.kept_in(&path.bodies, surface.position.distance(origin));
+        kept * Walk { sample: self, pass }.glass(surface, self.ray.direction, path)
+    }
+}
+
+/// Follows paths of a sample.
+struct Walk<'s> {
+    sample: &'s Sample<'s, 's>,
+    pass: &'s Traced<'s>,
+}
+
+impl Walk<'_> {
+    fn dielectric(&self, surface: &Surface) -> &Dielectric {
+        &self.pass.look.dielectrics[surface.material]
+    }
+
+    /// What a surface of glass shows to a path that comes in this direction.
+    fn glass(&self, surface: &Surface, direction: DVec3, path: Path) -> DVec3 {
+        if path.surfaces >= MOST_SURFACES {
+            return DVec3::ZERO;
+        }
+        match self.dielectric(surface).shape {
+            Shape::Solid => self.solid(surface, direction, path),
+            Shape::Thin => {
+                self.over_facets(surface, direction, path, |facet, path| self.thin(surface, direction, facet, path))
+            }
+            Shape::Pane | Shape::Opaque => self.pane(surface, direction, &path),
+        }
+    }
+
+    /// The mean over the facets that a path meets at a surface; where that is smooth there is none.
+    fn over_facets(
+        &self,
+        surface: &Surface,
+        direction: DVec3,
+        path: Path,
+        each: impl Fn(Option<Facet>, Path) -> DVec3,
+    ) -> DVec3 {
+        let width = self.pass.look.width(self.sample.world, surface);
+        if width <= 0.0 {
+            return each(None, path);
+        }
+        let facet = |point| Some(Facet::seen(width, interface_normal(surface, direction), direction, point));
+        let point = |number| random(path.key, Purpose::Facet, self.sample.index * FACETS * FACETS + number);
+        if path.is_scattered {
+            return each(facet(point(0)), path);
+        }
+        let count = FACETS * FACETS;
+        let of_number = |number: u32| {
+            let cell = DVec2::new((number % FACETS).into(), (number / FACETS).into());
+            let weight = path.weight / f64::from(count);
+            let key = branch(path.key, DIVIDED + u64::from(number));
+            let own = Path { is_scattered: true, weight, key, ..path.clone() };
+            each(facet((cell + point(number)) / f64::from(FACETS)), own)
+        };
+        (0..count).map(of_number).sum::<DVec3>() / f64::from(count)
+    }
+
+    /// A wall with two faces.
+    fn thin(&self, surface: &Surface, direction: DVec3, facet: Option<Facet>, path: Path) -> DVec3 {
+        let (look, dielectric) = (&self.pass.look, self.dielectric(surface));
+        let normal = facet.map_or_else(|| interface_normal(surface, direction), |facet| facet.normal);
+        let around = look.index_in(path.bodies.fills(look.dielectrics), path.wavelength);
+        let face = Interface::of(dielectric, -normal.dot(direction), index(dielectric, None) / around);
+        let wall = Wall::new(dielectric, &face);
+        let ([back, through], [returned, passed]) = match facet {
+            None => ([mirrored(direction, normal), direction], [1.0; 2]),
+            Some(facet) => {
+                let ways = facet.of_wall(direction);
+                let kept = facet.passes(ways[0]);
+                let goes = |to: f64, way: DVec3| if facet.side(surface, way) == to { kept } else { 0.0 };
+                (ways, [goes(1.0, ways[0]), goes(-1.0, ways[1])])
+            }
+        };
+        let way = |direction, share, branch| Way { direction, share, bodies: path.bodies.clone(), branch };
+        let back = way(back, wall.reflected * returned * dielectric.mirrors().as_dvec3(), 0);
+        let through = way(through, wall.transmitted * passed * look.filter(self.sample.world, surface), 1);
+        self.split(surface, Some(back), Some(through), &path) + self.veil(surface, wall.transmitted, &path)
+    }
+
+    /// The report's pane: after the first surface of a path each one dims it.
+    fn pane(&self, surface: &Surface, direction: DVec3, path: &Path) -> DVec3 {
+        let onward = self.smooth(surface, direction, f64::from(self.pass.params.index), None);
+        let kept = if path.surfaces > 0 { BOUNCE } else { 1.0 };
+        let way = |direction, share: f64, branch| Way {
+            direction,
+            share: DVec3::splat(kept * share),
+            bodies: path.bodies.clone(),
+            branch,
+        };
+        let back = way(onward.back.0, onward.share, 0);
+        let through = onward.through.map(|(direction, _)| way(direction, 1.0 - onward.share, 1));
+        self.split(surface, Some(back), through, path)
+    }
+
+    /// The surface of a body.
+    fn solid(&self, surface: &Surface, direction: DVec3, path: Path) -> DVec3 {
+        let (look, table) = (&self.pass.look, self.pass.look.dielectrics);
+        let border = path.bodies.cross(table, surface.material, surface.is_front());
+        let straight = |share| Way { direction, share, bodies: border.after.clone(), branch: 1 };
+        if !border.is_seen {
+            return self.follow(surface, straight(DVec3::ONE), &path, 0);
+        }
+        let ratio = |wavelength| {
+            let [before, behind] = border.sides.map(|side| look.index_in(side, wavelength));
+            behind / before
+        };
+        let spreads = border.sides.iter().flatten().any(|material| table[*material].spread > 0.0);
+        let divides = spreads && path.wavelength.is_none() && self.pass.params.wavelengths > 1;
+        if !divides && ratio(path.wavelength) == 1.0 {
+            let filter = look.filter(self.sample.world, surface);
+            return self.follow(surface, straight(filter), &path, 0) + self.veil(surface, DVec3::ONE, &path);
+        }
+        self.over_facets(surface, direction, path, |facet, path| {
+            let part = |weight, wavelength, branch| Part { weight, wavelength, ratio: ratio(wavelength), branch };
+            let parts: Vec<Part> = match divides {
+                false => vec![part(DVec3::ONE, path.wavelength, 1)],
+                true => self.wavelengths(&path, part).collect(),
+            };
+            self.bent(surface, direction, (facet, &parts, &border), &path)
+        })
+    }
+
+    /// The parts of a path's light, of a wavelength each: one of each of as many equal parts of the spectrum.
+    fn wavelengths<'p>(
+        &self,
+        path: &Path,
+        part: impl Fn(DVec3, Option<f64>, u64) -> Part + 'p,
+    ) -> impl Iterator<Item = Part> + 'p {
+        let (key, first) = (path.key, self.sample.index * WAVELENGTHS);
+        let count = f64::from(WAVELENGTHS);
+        (0..WAVELENGTHS).map(move |number| {
+            let at = random(key, Purpose::Wavelength, first + number).x;
+            let (wavelength, weight) = spectrum::chosen((f64::from(number) + at) / count);
+            part(weight / count, Some(wavelength), DIVIDED + u64::from(FACETS * FACETS + number))
+        })
+    }
+
+    /// The surface of a body, for these parts of the light. Each part that enters goes on by itself; what is reflected stays together.
+    fn bent(
+        &self,
+        surface: &Surface,
+        direction: DVec3,
+        (facet, parts, border): (Option<Facet>, &[Part], &Border),
+        path: &Path,
+    ) -> DVec3 {
+        let dielectric = self.dielectric(surface);
+        let filter = self.pass.look.filter(self.sample.world, surface);
+        let both = path.splits < self.pass.params.depth;
+        let (mut color, mut entering, mut splits) = (DVec3::ZERO, DVec3::ZERO, 0);
+        let mut back: Vec<Way> = Vec::new();
+        for part in parts {
+            let onward = self.smooth(surface, direction, part.ratio, Some((dielectric, facet)));
+            entering += part.weight * (1.0 - onward.share);
+            let mut reflected = part.weight * onward.share * onward.back.1 * dielectric.mirrors().as_dvec3();
+            let passed = onward.through.map_or(0.0, |(_, kept)| (1.0 - onward.share) * kept);
+            let mut share = part.weight * passed * filter;
+            if let Some((direction, _)) = onward.through.filter(|_| share != DVec3::ZERO) {
+                let divides = reflected != DVec3::ZERO;
+                if !both {
+                    // Beyond the depth light goes through, with the weight of both.
+                    (reflected, share) = (DVec3::ZERO, share + reflected);
+                }
+                let own = Path { wavelength: part.wavelength, ..path.clone() };
+                let way = Way { direction, share, bodies: border.after.clone(), branch: part.branch };
+                let more = u32::from(both && divides);
+                color += self.follow(surface, way, &own, more);
+                splits |= more;
+            }
+            match back.iter_mut().find(|way| way.direction == onward.back.0) {
+                Some(way) => way.share += reflected,
+                None => back.push(Way {
+                    direction: onward.back.0,
+                    share: reflected,
+                    bodies: path.bodies.clone(),
+                    branch: 0,
+                }),
+            }
+        }
+        for way in back.into_iter().filter(|way| way.share != DVec3::ZERO) {
+            color += self.follow(surface, way, path, splits);
+        }
+        color + self.veil(surface, entering, path)
+    }
+
+    /// Where the surface of a body, or of the report's pane, sends light; `ratio` is the index behind over that before. By a facet, what would
+    /// go to the wrong side is lost.
+    fn smooth(
+        &self,
+        surface: &Surface,
+        direction: DVec3,
+        ratio: f64,
+        material: Option<(&Dielectric, Option<Facet>)>,
+    ) -> Onward {
+        let bend = |normal: DVec3| {
+            let cosine = -normal.dot(direction);
+            let interface = match material {
+                Some((dielectric, _)) => Interface::of(dielectric, cosine, ratio),
+                None => Interface::new(cosine, ratio),
+            };
+            (normal, interface, interface.refracted(direction, normal, ratio))
+        };
+        if let Some((_, Some(facet))) = material {
+            let (normal, interface, refracted) = bend(facet.normal);
+            let back = mirrored(direction, normal);
+            let goes = |to: f64, way: DVec3| if facet.side(surface, way) == to { facet.passes(way) } else { 0.0 };
+            let through = refracted.map(|way| (way, goes(-1.0, way)));
+            return Onward { share: interface.share, back: (back, goes(1.0, back)), through };
+        }
+        let mut bent = bend(interface_normal(surface, direction));
+        if bent.2.is_some_and(|refracted| refracted.dot(surface.facing) >= 0.0) {
+            // A bent normal can refract light back to the viewer's side; then the triangle's normal is used.
+            bent = bend(surface.facing);
+        }
+        let (normal, interface, refracted) = bent;
+        let back = (mirrored(direction, normal), 1.0);
+        Onward { share: interface.share, back, through: refracted.map(|way| (way, 1.0)) }
+    }
+
+    /// What a surface scatters back with its diffuse colour of the light that enters.
+    fn veil(&self, surface: &Surface, entering: DVec3, path: &Path) -> DVec3 {
+        let look = &self.pass.look;
+        let veil = look.veil(self.sample.world, surface);
+        if veil <= 0.0 {
+            return DVec3::ZERO;
+        }
+        veil * entering * self.lit(surface, path)
+    }
+
+    /// The colour of a surface in its light.
+    fn lit(&self, surface: &Surface, path: &Path) -> DVec3 {
+        let color = self.pass.look.met_color(self.sample.world, surface);
+        self.sample.in_light(self.pass, color, surface, (surface.facing, false), (path.weight, path.key))
+    }
+
+    /// Both ways on, or beyond the depth the one through the surface with the weight of both.
+    fn split(&self, from: &Surface, back: Option<Way>, through: Option<Way>, path: &Path) -> DVec3 {
+        let counts = |way: &Way| way.share != DVec3::ZERO;
+        match (back.filter(counts), through.filter(counts)) {
+            (Some(back), Some(through)) if path.splits < self.pass.params.depth => {
+                self.follow(from, back, path, 1) + self.follow(from, through, path, 1)
+            }
+            (Some(back), Some(through)) => {
+                let share = back.share + through.share;
+                self.follow(from, Way { share, ..through }, path, 0)
+            }
+            (back, through) => back.or(through).map_or(DVec3::ZERO, |way| self.follow(from, way, path, 0)),
+        }
+    }
+
+    /// What a way adds to the colour; the path is divided so many times more.
+    fn follow(&self, from: &Surface, way: Way, path: &Path, splits: u32) -> DVec3 {
+        let path = Path {
+            bodies: way.bodies,
+            surfaces: path.surfaces + 1,
+            splits: path.splits + splits,
+            weight: path.weight * way.share.abs().max_element(),
+            key: branch(path.key, way.branch),
+            ..*path
+        };
+        way.share * self.arriving(from, way.direction, path)
+    }
+
+    /// What arrives at a surface from a direction.
+    fn arriving(&self, at: &Surface, direction: DVec3, path: Path) -> DVec3 {
+        let (world, look) = (self.sample.world, &self.pass.look);
+        let origin = world.leaving(at, direction);
+        let Some(hit) = world.closest(look.shades, origin, direction) else {
+            return look.kept_in(&path.bodies, f64::INFINITY) * self.pass.beyond;
+        };
+        let surface = world.surface(look.shades, &hit, (origin, direction));
+        let kept = look.kept_in(&path.bodies, surface.position.distance(at.position));
+        kept * match look.glass[surface.material] {
+            true => self.glass(&surface, direction, path),
+            false => self.lit(&surface, &path),
+        }
+    }
+}
