@@ -269,7 +269,10 @@ fn parameters(pass: &Pass, settings: &Settings) -> Vec<Parameter> {
     let mut parameters: Vec<Parameter> = match &pass.kind {
         PassKind::Ray(ray) => {
             let values = ray_parameters(&pass.name, ray.params, settings);
-            let read = PARAMS.iter().filter(|info| ray.program.info().reads(info.name));
+            // Those of photons stand there where the shadow's rule shoots any.
+            let shoots = ray.program.photons(&RayParams { photons: 1, ..values }) > 0;
+            let counts = |name: &str| ray.program.info().reads(name) && (shoots || !name.starts_with("photon"));
+            let read = PARAMS.iter().filter(|info| counts(info.name));
             read.map(|info| Parameter { info, value: values.get(info.name) }).collect()
         }
         PassKind::Effect(effect) => {

@@ -55,7 +55,7 @@ fn the_shipped_projects_are_read_as_they_were_written() {
             }
         }
     }
-    assert_eq!(count, 32);
+    assert_eq!(count, 33);
 }
 
 fn triangle(folder: &Path, name: &str, material: &str) -> PathBuf {

@@ -82,6 +82,7 @@ impl Plane {
     pub(super) fn new(occlusion: &Occlusion<'_>, pixels: &Pixels, slice: &Slice) -> Self {
         const NONE: Lanes = [0.0; WIDE];
         let mut plane = Self { along: [[NONE; 3]; 2], weight: NONE, normal: [NONE; 2], span: [NONE; 2] };
+        let mut nearest = NONE;
         for lane in 0..WIDE {
             let (cos, sin) = (slice.turn[0][lane], slice.turn[1][lane]);
             let (up, tangent, bitangent) = (pixels.tilt[0][lane], pixels.tilt[1][lane], pixels.tilt[2][lane]);
@@ -93,11 +94,7 @@ impl Plane {
             plane.weight[lane] = if counts { weight } else { 0.0 };
             plane.normal[0][lane] = if counts { up / weight } else { 1.0 };
             plane.normal[1][lane] = if counts { across / weight } else { 0.0 };
-            let near = counts & (slice.pixel[lane] < occlusion.radius);
-            for side in 0..2 {
-                let ends = pixels.pixels_to(occlusion, slice, occlusion.radius, SIDES[side], lane);
-                plane.span[side][lane] = if near { ends - 1.0 } else { f32::NAN };
-            }
+            nearest[lane] = if counts & (slice.pixel[lane] < occlusion.radius) { 1.0 } else { f32::NAN };
             // A move of one unit along `V x T` within the tangent plane changes `T` and `V` by this factor times the
             // normal's components.
             let shear = off / squared;
@@ -107,6 +104,13 @@ impl Plane {
                 let aside = (s * cos - t * sin) * shear;
                 plane.along[0][axis][lane] = t * cos + s * sin + aside * across;
                 plane.along[1][axis][lane] = v[axis][lane] + aside * up;
+            }
+        }
+        // A loop over sides within that over lanes is not compiled to vectors.
+        for (span, towards) in plane.span.iter_mut().zip(SIDES) {
+            for lane in 0..WIDE {
+                let ends = pixels.pixels_to(occlusion, slice, occlusion.radius, towards, lane);
+                span[lane] = ends - nearest[lane];
             }
         }
         plane
