@@ -19,8 +19,9 @@ use curitiba::pipeline::scene::{Batch, Geometry, Material, RenderScene};
 use glam::camera::rh;
 use glam::{Vec2, Vec3, Vec4};
 use serde::Deserialize;
+use serde::de::DeserializeOwned;
 use std::f64::consts::PI;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 #[derive(Deserialize)]
@@ -68,8 +69,14 @@ struct Ball {
     radius: f32,
 }
 
-fn load(name: &str) -> Stored {
-    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/oracle").join(name).with_extension("json");
+/// A file of the oracle's folder.
+fn path(name: &str, extension: &str) -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/oracle").join(name).with_extension(extension)
+}
+
+/// What the oracle stored of a scene.
+fn load<T: DeserializeOwned>(name: &str) -> T {
+    let path = path(name, "json");
     let text = std::fs::read_to_string(&path).unwrap_or_else(|error| panic!("{}: {error}", path.display()));
     serde_json::from_str(&text).unwrap_or_else(|error| panic!("{}: {error}", path.display()))
 }
@@ -332,7 +339,7 @@ fn agrees(difference: &Difference) -> bool {
 
 #[test]
 fn a_hard_shadow_is_the_same_pixel_for_pixel() {
-    let stored = load("hard_shadow");
+    let stored: Stored = load("hard_shadow");
     let ours = render(&stored, |_| {});
     let albedo = f64::from(stored.materials[0].diffuse);
     let (mut wrong, mut shadowed, mut compared, mut most) = (0, 0, 0, 0.0_f64);
@@ -359,7 +366,7 @@ fn a_hard_shadow_is_the_same_pixel_for_pixel() {
 }
 
 fn occlusion(name: &str, change: impl Fn(&mut RayParams)) -> Difference {
-    let stored = load(name);
+    let stored: Stored = load(name);
     let ours = render(&stored, change);
     let value = |index: usize| f64::from(ours.picture.pixels[index][0]);
     // The error of independent samples; ours are stratified and have smaller errors.
@@ -400,7 +407,7 @@ fn bends_inward(ours: &Ours, eye: Vec3, index: usize) -> bool {
 }
 
 fn glass(name: &str, change: impl Fn(&mut RayParams)) -> Difference {
-    let stored = load(name);
+    let stored: Stored = load(name);
     let ours = render(&stored, &change);
     let steps = [Vec3::X, Vec3::NEG_X, Vec3::Y, Vec3::NEG_Y];
     let moved = steps.map(|step| render_from(&stored, step * 1e-3, &change).picture);

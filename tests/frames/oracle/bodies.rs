@@ -1,6 +1,6 @@
 //! Bodies of glass as `glass="auto"` has them, in whole scenes: what `tests/oracle/bodies.py` stored.
 
-use super::{Difference, Tally, agrees};
+use super::{Camera, Difference, Tally, agrees, load, path};
 use curitiba::Choice;
 use curitiba::pipeline::executor::Silent;
 use curitiba::pipeline::image::Image;
@@ -14,20 +14,10 @@ use std::path::{Path, PathBuf};
 struct Stored {
     unseen: f64,
     set: Vec<String>,
-    camera: super::Camera,
+    camera: Camera,
     sun: Option<[f32; 3]>,
     mean: Vec<Option<[f64; 3]>>,
     error: Vec<Option<[f64; 3]>>,
-}
-
-fn path(name: &str, extension: &str) -> PathBuf {
-    Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/oracle").join(name).with_extension(extension)
-}
-
-fn load(name: &str) -> Stored {
-    let path = path(name, "json");
-    let text = std::fs::read_to_string(&path).unwrap_or_else(|error| panic!("{}: {error}", path.display()));
-    serde_json::from_str(&text).unwrap_or_else(|error| panic!("{}: {error}", path.display()))
 }
 
 /// What a test changes: the eye's place, the seed, and parameters in the place of the stored ones.
@@ -40,7 +30,7 @@ struct Change<'a> {
 
 /// The picture of a scene file, in linear light.
 fn picture(stored: &Stored, file: &Path, change: Change<'_>) -> Image {
-    let super::Camera { eye, target, fov_y, width, height, .. } = stored.camera;
+    let Camera { eye, target, fov_y, width, height, .. } = stored.camera;
     let point = |[x, y, z]: [f32; 3]| DVec3::new(x.into(), y.into(), z.into());
     let effects = if stored.sun.is_some() { "shadows+glass" } else { "glass" };
     let scene = SceneOptions {
@@ -63,7 +53,7 @@ fn picture(stored: &Stored, file: &Path, change: Change<'_>) -> Image {
 /// Rough glass has no such borders; pictures of several seeds tell its noise. What its standard errors do not know of is
 /// stored beside them.
 fn difference(name: &str, file: &Path, seeds: u32, set: &[&str]) -> Difference {
-    let stored = load(name);
+    let stored: Stored = load(name);
     let change = Change { set, ..Change::default() };
     let pictures: Vec<Image> = (0..seeds).map(|seed| picture(&stored, file, Change { seed, ..change })).collect();
     let steps: &[DVec3] = if seeds > 1 { &[] } else { &[DVec3::X, DVec3::NEG_X, DVec3::Y, DVec3::NEG_Y] };
@@ -150,7 +140,7 @@ fn textures_and_holes_are_seen_alike_through_a_body() {
 /// left.
 #[test]
 fn light_that_goes_straight_on_is_kept_alike() {
-    let stored = load("body_shadow");
+    let stored: Stored = load("body_shadow");
     let image = picture(&stored, &path("body_shadow", "gltf"), Change::default());
     let lit = stored.mean.iter().position(|mean| *mean == Some([1.0; 3])).expect("a pixel in the light");
     let (mut shaded, mut unlike, mut pixels, mut most) = (0, 0, 0, 0.0_f64);
