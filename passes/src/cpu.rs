@@ -285,10 +285,7 @@ pub(crate) fn trace_pixels(
 /// # Errors
 /// As [`trace`], or if glass is to be sampled to an error or photons are asked for, which takes all of the picture.
 pub fn trace_pixel<T: Tracer>(tracer: &T, job: &RayJob<'_>, x: u32, y: u32) -> Result<[f32; 4], BackendError> {
-    check::buffers(NAME, job)?;
-    check::adaptive(NAME, job)?;
-    check::photons(NAME, job)?;
-    run(tracer, job, One(Pixel { x, y, index: y as usize * job.width as usize + x as usize }))
+    run(tracer, job, one(job, x, y)?)
 }
 
 /// [`trace_pixel`] on a tracer behind a pointer; see [`trace_by_rays`].
@@ -296,10 +293,15 @@ pub fn trace_pixel<T: Tracer>(tracer: &T, job: &RayJob<'_>, x: u32, y: u32) -> R
 /// # Errors
 /// As [`trace_pixel`].
 pub fn trace_pixel_by_rays(tracer: &dyn DynTracer, job: &RayJob<'_>, x: u32, y: u32) -> Result<[f32; 4], BackendError> {
+    run_by_rays(tracer, job, one(job, x, y)?)
+}
+
+/// One pixel of a job, of what a pixel alone can be computed.
+fn one(job: &RayJob<'_>, x: u32, y: u32) -> Result<One, BackendError> {
     check::buffers(NAME, job)?;
     check::adaptive(NAME, job)?;
     check::photons(NAME, job)?;
-    run_by_rays(tracer, job, One(Pixel { x, y, index: y as usize * job.width as usize + x as usize }))
+    Ok(One(Pixel { x, y, index: y as usize * job.width as usize + x as usize }))
 }
 
 /// Runs a program on a tracer behind a pointer. In corrected fidelity the programs are compiled with exact spheres and serve every scene;

@@ -60,4 +60,5 @@ pub use simd::InstructionSet;
 pub(crate) use simd::{Detected, F16, Kernel, LANES, Mask, Simd, WIDE, higher, lower, vector_at};
 pub use spheres::SphereTree;
 pub use tracer::{Announcement, Purpose, Tracer};
+pub(crate) use tree::Bounds;
 pub use with_spheres::WithSpheres;

@@ -2,8 +2,8 @@
 //!
 //! [`Bvh`](crate::trace::Bvh) answers rays; here the triangles themselves are needed, and areas by node.
 
+use crate::trace::Bounds;
 use curitiba_pipeline::scene::Geometry;
-use glam::Vec3;
 
 /// Children of a node, and triangles of a leaf.
 pub(super) const WIDE: usize = 8;
@@ -43,31 +43,8 @@ pub(super) struct Tree {
 }
 
 #[derive(Debug, Clone, Copy)]
-struct Extent {
-    low: Vec3,
-    high: Vec3,
-}
-
-impl Extent {
-    const EMPTY: Self = Self { low: Vec3::INFINITY, high: Vec3::NEG_INFINITY };
-
-    fn union(self, other: Self) -> Self {
-        Self { low: self.low.min(other.low), high: self.high.max(other.high) }
-    }
-
-    fn half_area(self) -> f32 {
-        let side = (self.high - self.low).max(Vec3::ZERO);
-        side.x * side.y + side.y * side.z + side.z * side.x
-    }
-
-    fn middle(self) -> Vec3 {
-        self.low * 0.5 + self.high * 0.5
-    }
-}
-
-#[derive(Debug, Clone, Copy)]
 struct Item {
-    extent: Extent,
+    extent: Bounds,
     id: u32,
 }
 
@@ -76,7 +53,7 @@ struct Item {
 struct Part {
     first: usize,
     end: usize,
-    extent: Extent,
+    extent: Bounds,
 }
 
 impl Tree {
@@ -85,15 +62,14 @@ impl Tree {
         let mut items: Vec<Item> = (0..geometry.triangles.len() as u32)
             .filter(|id| wanted(*id))
             .filter_map(|id| {
-                let [a, b, c] = geometry.corners(id);
-                let extent = Extent { low: a.min(b).min(c), high: a.max(b).max(c) };
+                let extent = Bounds::of(&geometry.corners(id));
                 (extent.low.is_finite() && extent.high.is_finite()).then_some(Item { extent, id })
             })
             .collect();
         let mut tree = Self::default();
         if !items.is_empty() {
             let end = items.len();
-            tree.node(geometry, &mut items, Part { first: 0, end, extent: Extent::EMPTY }, 0);
+            tree.node(geometry, &mut items, Part { first: 0, end, extent: Bounds::EMPTY }, 0);
         }
         tree
     }
@@ -110,12 +86,12 @@ impl Tree {
             let whole = parts.swap_remove(largest);
             let middle = whole.first + divide(&mut items[whole.first..whole.end], depth);
             for (first, end) in [(whole.first, middle), (middle, whole.end)] {
-                let extent = items[first..end].iter().fold(Extent::EMPTY, |all, item| all.union(item.extent));
+                let extent = items[first..end].iter().fold(Bounds::EMPTY, |all, item| all.union(item.extent));
                 parts.push(Part { first, end, extent });
             }
         }
         if let [only] = &mut parts[..] {
-            only.extent = items[only.first..only.end].iter().fold(Extent::EMPTY, |all, item| all.union(item.extent));
+            only.extent = items[only.first..only.end].iter().fold(Bounds::EMPTY, |all, item| all.union(item.extent));
         }
         let index = self.nodes.len();
         let none =
@@ -158,10 +134,7 @@ fn divide(items: &mut [Item], depth: usize) -> usize {
     if depth >= DEEP {
         return half;
     }
-    let middles = items.iter().fold(Extent::EMPTY, |all, item| {
-        let middle = item.extent.middle();
-        all.union(Extent { low: middle, high: middle })
-    });
+    let middles = items.iter().fold(Bounds::EMPTY, |all, item| all.union(Bounds::of(&[item.extent.middle()])));
     let side = middles.high - middles.low;
     let bin = |axis: usize, item: &Item| {
         let place = (item.extent.middle()[axis] - middles.low[axis]) / side[axis] * BINS as f32;
@@ -169,15 +142,15 @@ fn divide(items: &mut [Item], depth: usize) -> usize {
     };
     let mut best = (f32::INFINITY, 0, 0);
     for axis in (0..3).filter(|axis| side[*axis] > 0.0) {
-        let mut bins = [(Extent::EMPTY, 0_usize); BINS];
+        let mut bins = [(Bounds::EMPTY, 0_usize); BINS];
         for item in items.iter() {
             let (extent, count) = &mut bins[bin(axis, item)];
             (*extent, *count) = (extent.union(item.extent), *count + 1);
         }
-        let cost = |bins: &[(Extent, usize)]| {
+        let cost = |bins: &[(Bounds, usize)]| {
             let join =
-                |(all, sum): (Extent, usize), (extent, count): &(Extent, usize)| (all.union(*extent), sum + count);
-            let (extent, count) = bins.iter().fold((Extent::EMPTY, 0), join);
+                |(all, sum): (Bounds, usize), (extent, count): &(Bounds, usize)| (all.union(*extent), sum + count);
+            let (extent, count) = bins.iter().fold((Bounds::EMPTY, 0), join);
             if count == 0 { f32::INFINITY } else { extent.half_area() * count as f32 }
         };
         for border in 1..BINS {

@@ -156,7 +156,7 @@ fn texts(Kind { program, variant, lighting }: Kind, stage: Stage, subgroups: boo
         let instead = |text: Text| match text {
             SHADOWS => vec![text!("sampling"), text!("lights_share"), text!("lights_shadows")],
             LIGHT_SHARE => vec![text!("lights_share"), text!("lights_final")],
-            LISTED_LIGHT => vec![text!("list_lights")],
+            LISTED_LIGHT => vec![LIGHT, text!("lights_share"), text!("lights_final"), text!("list_lights")],
             text => vec![text],
         };
         texts = texts.into_iter().flat_map(instead).collect();
@@ -198,16 +198,7 @@ fn of_panes(program: RayProgram, stage: Stage, subgroups: bool) -> Option<Vec<Te
         }
         Stage::List if is_final => listed
             .into_iter()
-            .chain([
-                text!("optics"),
-                WEIGHTS,
-                LIGHT,
-                LIGHT_SHARE,
-                GLASS,
-                LISTED_LIGHT,
-                text!("final_list"),
-                text!("list"),
-            ])
+            .chain([text!("optics"), WEIGHTS, GLASS, LISTED_LIGHT, text!("final_list"), text!("list")])
             .collect(),
         Stage::List => listed.into_iter().chain([text!("ssao_list"), text!("list")]).collect(),
         Stage::Light => listed.into_iter().chain([text!("optics"), WEIGHTS, LIGHT, text!("final_light")]).collect(),

@@ -431,6 +431,14 @@ impl RayProgram {
         if asks { params.photons } else { 0 }
     }
 
+    /// Whether a parameter of [`PARAMS`](super::PARAMS) matters beside these: the program reads it, and those of photons matter only where the shadow's
+    /// rule shoots any.
+    #[must_use]
+    pub fn heeds(self, name: &str, params: &RayParams) -> bool {
+        let of_photons = matches!(name, "photons" | "photonradius");
+        self.info().reads(name) && (!of_photons || self.photons(&RayParams { photons: 1, ..*params }) > 0)
+    }
+
     /// Whether a pixel's colour depends on chance with these parameters and materials ([`RayJob::dielectrics`]): rough glass, glass that
     /// bends colours apart, or Russian roulette.
     ///

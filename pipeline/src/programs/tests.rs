@@ -145,6 +145,12 @@ fn photons_are_shot_only_where_materials_say_what_glass_is_and_shadows_ask_for_t
     assert_eq!(of(RayProgram::Final, &RayParams { shadow: GlassShadow::Straight, ..caustic }), 0);
     assert_eq!(of(RayProgram::Final, &RayParams { glass: GlassRule::Pane, ..caustic }), 0);
     assert_eq!(RayParams::default().photons, 0);
+    // What the window offers follows.
+    for (params, heeds) in [(asked, false), (RayParams { photons: 0, ..caustic }, true)] {
+        let heeded = ["photons", "photonradius"].map(|name| RayProgram::Final.heeds(name, &params));
+        assert_eq!(heeded, [heeds; 2]);
+    }
+    assert!(RayProgram::Final.heeds("samples", &asked) && !RayProgram::Refraction.heeds("samples", &asked));
 }
 
 #[test]

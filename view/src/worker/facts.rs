@@ -269,10 +269,7 @@ fn parameters(pass: &Pass, settings: &Settings) -> Vec<Parameter> {
     let mut parameters: Vec<Parameter> = match &pass.kind {
         PassKind::Ray(ray) => {
             let values = ray_parameters(&pass.name, ray.params, settings);
-            // Those of photons stand there where the shadow's rule shoots any.
-            let shoots = ray.program.photons(&RayParams { photons: 1, ..values }) > 0;
-            let counts = |name: &str| ray.program.info().reads(name) && (shoots || !name.starts_with("photon"));
-            let read = PARAMS.iter().filter(|info| counts(info.name));
+            let read = PARAMS.iter().filter(|info| ray.program.heeds(info.name, &values));
             read.map(|info| Parameter { info, value: values.get(info.name) }).collect()
         }
         PassKind::Effect(effect) => {

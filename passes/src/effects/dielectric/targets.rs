@@ -1,8 +1,9 @@
 //! The bodies of glass meshes at which photons are shot.
 
+use crate::trace::Bounds;
 use curitiba_pipeline::glass::{Dielectric, Shape, connected};
 use curitiba_pipeline::scene::Geometry;
-use glam::{DVec3, Vec3};
+use glam::DVec3;
 
 /// Targets at most. Where more bodies stand apart, all are one.
 const MOST: usize = 1024;
@@ -31,29 +32,6 @@ pub struct Targets {
     of: Vec<u16>,
 }
 
-/// An axis-aligned box.
-#[derive(Debug, Clone, Copy)]
-struct Bounds {
-    low: Vec3,
-    high: Vec3,
-}
-
-impl Bounds {
-    const EMPTY: Self = Self { low: Vec3::INFINITY, high: Vec3::NEG_INFINITY };
-
-    fn with(self, other: Self) -> Self {
-        Self { low: self.low.min(other.low), high: self.high.max(other.high) }
-    }
-
-    fn around(points: impl IntoIterator<Item = Vec3>) -> Self {
-        points.into_iter().fold(Self::EMPTY, |all, point| all.with(Self { low: point, high: point }))
-    }
-
-    fn touches(&self, other: &Self) -> bool {
-        self.low.cmple(other.high).all() && other.low.cmple(self.high).all()
-    }
-}
-
 impl Targets {
     /// Those of a scene in light that travels in the unit direction `along`. `is_disc` says whether its direction varies, for a light that is a
     /// disc.
@@ -64,14 +42,14 @@ impl Targets {
         let mut bounds: Vec<Bounds> = Vec::new();
         // Triangles with the parts that they belong to.
         let mut parts: Vec<(u32, usize)> = Vec::new();
-        let corners = |triangle: u32| Bounds::around(geometry.corners(triangle));
+        let corners = |triangle: u32| Bounds::of(&geometry.corners(triangle));
         for material in (0..dielectrics.len() as u32).filter(|material| bends(*material)) {
             let triangles = triangles_of(geometry, material);
             let first = bounds.len();
             for (triangle, part) in triangles.iter().zip(connected(geometry, &triangles)) {
                 let part = first + part as usize;
                 bounds.resize(bounds.len().max(part + 1), Bounds::EMPTY);
-                bounds[part] = bounds[part].with(corners(*triangle));
+                bounds[part] = bounds[part].union(corners(*triangle));
                 parts.push((*triangle, part));
             }
         }
@@ -84,7 +62,7 @@ impl Targets {
             spheres.map(|sphere| Bounds { low: sphere.center - sphere.radius, high: sphere.center + sphere.radius });
         let straight = (0..dielectrics.len() as u32).filter(|material| solid(*material).is_some() && !bends(*material));
         let straight = straight.map(|material| {
-            triangles_of(geometry, material).into_iter().map(corners).fold(Bounds::EMPTY, Bounds::with)
+            triangles_of(geometry, material).into_iter().map(corners).fold(Bounds::EMPTY, Bounds::union)
         });
         let others: Vec<Bounds> = spheres.chain(straight).collect();
         let target = |bounds: &Bounds| Target {
@@ -150,14 +128,14 @@ fn triangles_of(geometry: &Geometry, material: u32) -> Vec<u32> {
 /// Joins boxes that touch, until none do: the joined boxes, and by box the one that it is in.
 fn together(parts: &[Bounds]) -> (Vec<Bounds>, Vec<usize>) {
     if parts.len() > MOST {
-        return (vec![parts.iter().copied().fold(Bounds::EMPTY, Bounds::with)], vec![0; parts.len()]);
+        return (vec![parts.iter().copied().fold(Bounds::EMPTY, Bounds::union)], vec![0; parts.len()]);
     }
     let mut groups: Vec<(Bounds, Vec<usize>)> = Vec::new();
     for (part, bounds) in parts.iter().enumerate() {
         let (mut bounds, mut members) = (*bounds, vec![part]);
         while let Some(at) = groups.iter().position(|(other, _)| other.touches(&bounds)) {
             let (other, more) = groups.remove(at);
-            bounds = bounds.with(other);
+            bounds = bounds.union(other);
             members.extend(more);
         }
         groups.push((bounds, members));

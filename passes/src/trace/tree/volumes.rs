@@ -22,6 +22,22 @@ impl Bounds {
     pub(crate) fn union(self, other: Self) -> Self {
         Self { low: self.low.min(other.low), high: self.high.max(other.high) }
     }
+
+    /// Whether they have a point in common.
+    pub(crate) fn touches(&self, other: &Self) -> bool {
+        self.low.cmple(other.high).all() && other.low.cmple(self.high).all()
+    }
+
+    /// Half the surface area; 0 when empty.
+    pub(crate) fn half_area(&self) -> f32 {
+        let side = (self.high - self.low).max(Vec3::ZERO);
+        side.x * side.y + side.y * side.z + side.z * side.x
+    }
+
+    /// Their middle, which overflows only where they are empty.
+    pub(crate) fn middle(&self) -> Vec3 {
+        self.low * 0.5 + self.high * 0.5
+    }
 }
 
 /// A plane through the origin of rays that all leave to the side of its normal.

@@ -7,12 +7,20 @@ fn main(@builtin(workgroup_id) group: vec3u, @builtin(num_workgroups) groups: ve
         let color = color_of(point);
         if all(color == vec3f(0.0)) { continue; }
         let start = point_vector(point, 0u);
-        var light = SHADOWED * ONE;
-        if (bitcast<u32>(start.w) >> 31u) == 0u {
-            let facing = point_vector(point, 1u).xyz;
-            let distance = select(start.w, -start.w, dot3(facing, to_light()) < 0.0);
-            light = light_from(start.xyz + sep3(facing * distance));
+        let facing = point_vector(point, 1u).xyz;
+        var step = select(start.w, -start.w, dot3(facing, to_light()) < 0.0);
+        var way = vec3f(0.0);
+        var is_dark = false;
+        if (bitcast<u32>(start.w) >> 31u) == 1u {
+            let lift = point_vector(point, 4u);
+            way = lift.xyz;
+            step = lift.w;
+            is_dark = all(way == vec3f(0.0));
         }
+        let origin = start.xyz + sep3(facing * step);
+        if any(way != vec3f(0.0)) { is_dark = is_cut_off(ACCEPT_STOPS, origin, way); }
+        var light = SHADOWED * ONE;
+        if !is_dark { light = light_from(sep3(origin + way)); }
         let lit = sep3(color * light);
         points[POINT * point + 3u] = vec4u(bitcast<vec3u>(lit), next_of(point));
     }

@@ -1,8 +1,10 @@
-// Stores a point whose light is found by a later kernel. Few sides are turned away; their light is found now, divided by SHADOWED,
-// because the later kernel multiplies turned points by it.
+// Stores a point whose light a later kernel finds. For a side that is turned away from the light it stores how the point is lifted to the round
+// surface, from where that kernel looks for light: by 0 where none falls.
 fn put_lit_point(place: u32, surface: Surface, lit_side: vec3f, triangle: u32, key: u32, weight: f32, color: vec3f) {
     let turned = is_turned(triangle, surface.point, lit_side);
-    var lit = color;
-    if turned && any(color != vec3f(0.0)) { lit = sep3(color * share_at(turned_start(surface, lit_side, triangle))) * (1.0 / SHADOWED); }
-    put_point(place, surface, turned, key, weight, lit);
+    put_point(place, surface, turned, key, weight, color);
+    if !turned || all(color == vec3f(0.0)) { return; }
+    let distance = OFFSET_UNITS * surface.point.error;
+    let step = select(distance, -distance, dot3(lit_side, surface.facing) < 0.0);
+    points[POINT * place + 4u] = bitcast<vec4u>(vec4f(lifted(triangle, surface.point, lit_side), step));
 }

@@ -77,7 +77,14 @@ fn sample_levels(image: Texture, uv: vec2f, footprint: f32) -> vec4f {
         for (var level = 0u; level < u32(lod); level += 1u) { fine = next_level(fine); }
         blend = lod - floor(lod);
     }
-    let color = sample_level(fine, uv);
-    if blend == 0.0 { return color; }
-    return between(color, sample_level(next_level(fine), uv), blend);
+    // Drivers write out every call of a function: both levels are read in one place.
+    var color = vec4f(0.0);
+    for (var second = false; ; second = true) {
+        let read = sample_level(fine, uv);
+        if second { return between(color, read, blend); }
+        if blend == 0.0 { return read; }
+        color = read;
+        fine = next_level(fine);
+    }
+    return color;
 }
