@@ -4,3 +4,4 @@ pub mod cpu;
 pub mod effects;
 #[cfg(feature = "wgpu")]
 pub mod gpu;
+mod spheres;

@@ -16,4 +16,6 @@ mod magnified;
 mod scenes;
 mod spheres;
 #[cfg(feature = "wgpu")]
+mod spheres_gpu;
+#[cfg(feature = "wgpu")]
 mod support;

@@ -1,5 +1,4 @@
-//! Exact spheres in the processor's rasteriser, against lines of sight in `f64`; and one sphere against a mesh of
-//! 20,480 facets.
+//! Exact spheres, against lines of sight in `f64`; and one sphere against a mesh of 20,480 facets.
 
 use curitiba_passes::cpu::CpuRays;
 use curitiba_passes::raster::cpu::CpuRasteriser;
@@ -23,16 +22,16 @@ const FAR: f32 = 100.0;
 
 /// A camera, by its parameters.
 #[derive(Clone, Copy)]
-struct Eye {
-    at: Vec3,
-    towards: Vec3,
+pub struct Eye {
+    pub at: Vec3,
+    pub towards: Vec3,
     /// In perspective, the tangent of half the field of view is 1. Without, half the height is 4.
-    perspective: bool,
-    size: [u32; 2],
+    pub perspective: bool,
+    pub size: [u32; 2],
 }
 
 impl Eye {
-    fn view(&self) -> View {
+    pub fn view(&self) -> View {
         let to_view: Mat4 = rh::view::look_to_mat4(self.at, self.towards, Vec3::Y);
         let aspect = self.size[0] as f32 / self.size[1] as f32;
         let project = if self.perspective {
@@ -70,7 +69,7 @@ impl Eye {
 }
 
 /// Spheres of two materials in front of, in and behind a slanted wall.
-fn scene() -> RenderScene {
+pub fn scene() -> RenderScene {
     let mut scene = RenderScene { materials: vec![Material::default(); 3], ..RenderScene::default() };
     let geometry = &mut scene.geometry;
     geometry.positions = vec![
@@ -134,7 +133,7 @@ fn first_hit(scene: &RenderScene, eye: &Eye, x: u32, y: u32) -> (Option<(f64, u3
     (hits.first().copied(), doubtful)
 }
 
-fn shades() -> Vec<Shade> {
+pub fn shades() -> Vec<Shade> {
     [Vec4::ONE, Vec4::new(0.8, 0.3, 0.2, 1.0), Vec4::new(0.1, 0.6, 0.9, 0.5)]
         .map(|diffuse| Shade { diffuse, ..Shade::default() })
         .to_vec()
@@ -142,7 +141,18 @@ fn shades() -> Vec<Shade> {
 
 #[test]
 fn every_pixel_shows_what_its_line_of_sight_meets() {
-    let (scene, shades) = (scene(), shades());
+    meets_lines_of_sight(&mut CpuRasteriser::new(), 1.0);
+}
+
+/// Draws with a rasteriser what lines of sight of known origins and directions meet. Errors may be `times` as large as those of the
+/// processor.
+pub fn meets_lines_of_sight(rasteriser: &mut dyn Rasteriser, times: f64) {
+    let (scene, shades) = (Arc::new(scene()), shades());
+    rasteriser.upload(&scene).expect("uploads");
+    let mut draw = |job: &RasterJob<'_>, target: &mut GBuffer| {
+        rasteriser.draw(job, target).expect("a whole job");
+        rasteriser.read_back(job, ALL, target).expect("reads back");
+    };
     let towards = Vec3::new(0.1, -0.05, -1.0).normalize();
     for (at, perspective, size) in [
         (Vec3::ZERO, true, [200, 150]),
@@ -173,7 +183,7 @@ fn every_pixel_shows_what_its_line_of_sight_meets() {
             load_store: LoadStore::default(),
         };
         let mut target = GBuffer::try_new(width, height, ALL).expect("memory");
-        CpuRasteriser::new().draw(&job, &mut target).expect("a whole job");
+        draw(&job, &mut target);
         let (mut compared, mut spheres, mut seen) = (0, 0, [0; 12]);
         for (index, id) in target.triangle.iter().enumerate() {
             let (x, y) = (index as u32 % width, index as u32 / width);
@@ -198,17 +208,19 @@ fn every_pixel_shows_what_its_line_of_sight_meets() {
             // the root of that error.
             let off = found.truncate().as_dvec3().distance(point);
             let rim = normal.dot((point - at.as_dvec3()).normalize()).abs().max(0.02);
-            assert!(off < 3e-6 * (1.0 + t) / rim, "{at} {x} {y} {expected}: {off} at {t}, {rim}");
+            assert!(off < times * 3e-6 * (1.0 + t) / rim, "{at} {x} {y} {expected}: {off} at {t}, {rim}");
             let radius = found.truncate().as_dvec3().distance(sphere.center.as_dvec3());
-            assert!((radius - f64::from(sphere.radius)).abs() < 2e-7 * (1.0 + t), "it lies on the sphere");
+            assert!((radius - f64::from(sphere.radius)).abs() < times * 2e-7 * (1.0 + t), "it lies on the sphere");
             let outward = Vec4::from_array(target.normal[index]).truncate();
             let exact = ((found.truncate() - sphere.center) / sphere.radius).normalize();
-            assert!(outward.distance(exact) < 1e-6 * (1.0 + t as f32) / sphere.radius && outward.is_normalized());
+            assert!(
+                outward.distance(exact) < (times * 1e-6 * (1.0 + t)) as f32 / sphere.radius && outward.is_normalized()
+            );
             let light = outward.dot(-sun.direction).max(0.0);
-            assert!((found.w - light).abs() < 1e-6);
+            assert!(f64::from((found.w - light).abs()) < times * 1e-6);
             let diffuse = shades[sphere.material as usize].diffuse;
             let color = diffuse * 0.3 + diffuse * sun.color.extend(1.0) * light;
-            assert!(Vec4::from_array(target.color[index]).distance(color) < 1e-5);
+            assert!(Vec4::from_array(target.color[index]).distance(color) < times as f32 * 1e-5);
         }
         let all = (width * height) as usize;
         assert!(compared * 100 > all * 90 && spheres * 20 > all, "{at}: {compared} of {all}, {spheres} {seen:?}");
@@ -216,7 +228,7 @@ fn every_pixel_shows_what_its_line_of_sight_meets() {
         if at.z > 3.0 {
             assert!(seen[9] * 2 > all, "inside the eighth sphere: {seen:?}");
             let outside = RasterJob { culled: &[false, false, true], ..job };
-            CpuRasteriser::new().draw(&outside, &mut target).expect("a whole job");
+            draw(&outside, &mut target);
             assert!(target.triangle.iter().all(|id| *id != 9));
         }
     }

@@ -97,7 +97,7 @@ pub trait Rasteriser {
     fn read_back(&mut self, job: &RasterJob<'_>, wanted: Attachments, target: &mut GBuffer)
     -> Result<(), BackendError>;
     /// Whether the rasteriser draws exact spheres ([`Geometry::spheres`](crate::scene::Geometry::spheres)). No rasteriser draws
-    /// them into the maps of effects.
+    /// them into the maps of effects, and none with own shaders.
     fn draws_spheres(&self) -> bool {
         false
     }

@@ -6,6 +6,7 @@
 use super::shade::lights::sum_of_lights;
 use super::surface::{TILE, TileSurface};
 use super::tile::Tile;
+use crate::raster::spheres::covered_pixels;
 use curitiba_pipeline::backend::{NO_TRIANGLE, RasterJob};
 use curitiba_pipeline::scene::Sphere;
 use glam::{DMat4, DVec3, DVec4, Vec3, Vec4};
@@ -49,28 +50,11 @@ impl<'a> Screen<'a> {
         let mut screen = Self { job, matrix, inverse: matrix.inverse(), eye, size, seen: Vec::new() };
         let shown = |sphere: &&Sphere| hidden.get(sphere.material as usize) != Some(&true);
         for (sphere, index) in spheres.iter().zip(0..).filter(|(sphere, _)| shown(sphere)) {
-            if let Some(pixels) = screen.pixels(sphere) {
+            if let Some(pixels) = covered_pixels(sphere, (&screen.matrix, eye), size) {
                 screen.seen.push((index, pixels));
             }
         }
         Some(screen)
-    }
-
-    /// The columns and rows that a sphere covers, with a margin. `None` where the sphere is behind the eye or outside
-    /// the viewport.
-    fn pixels(&self, sphere: &Sphere) -> Option<[Range<usize>; 2]> {
-        let center = (sphere.center.as_dvec3() - self.eye).extend(1.0);
-        let [right, up, _, w] = [0, 1, 2, 3].map(|row| self.matrix.row(row));
-        let radius = f64::from(sphere.radius);
-        let range = |row: DVec4, side: f64, flip: f64| {
-            let (low, high) = extent(center, radius, row * flip, w)?;
-            // From -1..1 to pixels, with a margin of one pixel on each side for rounding.
-            let pixel = |at: f64| (0.5 * at + 0.5) * side;
-            let (low, high) = (pixel(low).floor() - 1.0, pixel(high).ceil() + 1.0);
-            let range = low.clamp(0.0, side) as usize..high.clamp(0.0, side) as usize;
-            (!range.is_empty()).then_some(range)
-        };
-        Some([range(right, self.size[0], 1.0)?, range(up, self.size[1], -1.0)?])
     }
 
     /// The first hit of the line of sight through a pixel's centre with a sphere, between the near and the far plane.
@@ -161,25 +145,4 @@ impl<'a> Screen<'a> {
             }
         }
     }
-}
-
-/// The interval of a sphere along an axis of the screen: the least and greatest x/w, where `row` and `w` give x and w
-/// of a point. `None` where the whole sphere is behind the eye.
-///
-/// The plane x = k w touches the sphere where (x - k w)² = r² |∇(x - k w)|², a quadratic equation in k.
-fn extent(center: DVec4, radius: f64, row: DVec4, w: DVec4) -> Option<(f64, f64)> {
-    let (x, depth, square) = (row.dot(center), w.dot(center), radius * radius);
-    let (along_x, along_w) = (row.truncate(), w.truncate());
-    if depth + radius * along_w.length() <= 0.0 {
-        return None;
-    }
-    let a = depth * depth - square * along_w.length_squared();
-    // Where a part of the sphere is behind the eye, the interval is unbounded.
-    if depth <= 0.0 || a <= 1e-9 * depth * depth {
-        return Some((f64::NEG_INFINITY, f64::INFINITY));
-    }
-    let b = x * depth - square * along_x.dot(along_w);
-    let c = x * x - square * along_x.length_squared();
-    let root = (b * b - a * c).max(0.0).sqrt();
-    Some(((b - root) / a, (b + root) / a))
 }

@@ -12,6 +12,8 @@ pub(crate) const RAY_BUFFERS: u32 = 8;
 
 /// Number of storage buffers of the program that computes the planes of triangles.
 const PLANE_BUFFERS: u32 = 3;
+/// Storage buffers of the program that draws exact spheres.
+const SPHERE_BUFFERS: u32 = 1;
 
 /// The adapters that may be chosen.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -130,6 +132,9 @@ fn describe(features: wgpu::Features, limits: &wgpu::Limits) -> String {
         words.push_str("; lacks ");
         words.push_str(what);
     }
+    if !draws_spheres(limits) {
+        words.push_str("; no exact spheres");
+    }
     if !has_plane_depth(features, limits) {
         words.push_str("; depth as the device interpolates it: of layers close together the farther one may be seen");
     }
@@ -139,6 +144,11 @@ fn describe(features: wgpu::Features, limits: &wgpu::Limits) -> String {
 /// Whether fragments can compute depth on the planes of their triangles.
 pub(super) fn has_plane_depth(features: wgpu::Features, limits: &wgpu::Limits) -> bool {
     features.contains(wgpu::Features::PRIMITIVE_INDEX) && limits.max_storage_buffers_per_shader_stage >= PLANE_BUFFERS
+}
+
+/// Whether vertex and fragment shaders can read what tells them of exact spheres.
+pub(super) fn draws_spheres(limits: &wgpu::Limits) -> bool {
+    limits.max_storage_buffers_per_shader_stage >= SPHERE_BUFFERS
 }
 
 /// The adapter that a user names: by its index in [`adapters`], from 0, or by a part of its name, ignoring case.
@@ -277,6 +287,16 @@ mod tests {
         {
             assert_eq!(has_plane_depth(features, limits), has);
             assert_eq!(describe(features, limits).contains("depth as the device interpolates it"), !has);
+        }
+    }
+
+    #[test]
+    fn an_adapter_says_that_it_draws_no_spheres() {
+        for count in [0, 1, 8] {
+            let limits = wgpu::Limits { max_storage_buffers_per_shader_stage: count, ..wgpu::Limits::default() };
+            assert_eq!(draws_spheres(&limits), count > 0);
+            let words = describe(wgpu::Features::empty(), &limits);
+            assert_eq!(words.contains("no exact spheres"), count == 0, "{words}");
         }
     }
 

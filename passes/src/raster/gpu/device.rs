@@ -4,7 +4,7 @@
 //! first failure, and every operation ends with a call of [`Gpu::check`], which returns it.
 
 use super::adapter::{
-    AdapterChoice, AdapterKind, AdapterSummary, MAX_BUFFER_BYTES, RAY_BUFFERS, has_plane_depth, select,
+    AdapterChoice, AdapterKind, AdapterSummary, MAX_BUFFER_BYTES, RAY_BUFFERS, draws_spheres, has_plane_depth, select,
 };
 use super::faults::{failure, unsupported};
 use curitiba_pipeline::backend::BackendError;
@@ -177,6 +177,11 @@ impl Gpu {
     /// Whether depth can be that of the planes of triangles: fragments then read that of their triangle.
     pub fn has_plane_depth(&self) -> bool {
         has_plane_depth(self.device.features(), &self.limits)
+    }
+
+    /// Whether exact spheres can be drawn, whose records vertex and fragment shaders read.
+    pub fn draws_spheres(&self) -> bool {
+        draws_spheres(&self.limits)
     }
 
     /// Whether compute programs can shade each pixel once.

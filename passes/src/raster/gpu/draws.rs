@@ -268,6 +268,11 @@ impl DrawList {
         entries
     }
 
+    /// `Frame` of the listed draws and, for several lights or one with a place, `Lights`.
+    pub fn shared_uniforms(&self) -> (&wgpu::Buffer, Option<&wgpu::Buffer>) {
+        (&self.frame, self.lights.as_ref().filter(|_| self.many))
+    }
+
     /// Changes the camera of the listed draws, for a picture of `size` pixels. Work that was submitted before keeps its camera.
     pub fn look(&self, gpu: &Gpu, view: &View, size: [u32; 2], sun: Option<Sun>) -> Result<(), BackendError> {
         let part = (self.shaded.unwrap_or(Rect { x: 0, y: 0, width: 0, height: 0 }), self.background);

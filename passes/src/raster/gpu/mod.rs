@@ -25,6 +25,7 @@ pub(crate) mod resources;
 mod shader;
 mod shaders;
 mod share;
+mod spheres;
 pub(crate) mod targets;
 #[cfg(test)]
 mod tests;
@@ -54,6 +55,7 @@ use lend::Lending;
 use pipelines::{Layouts, Pipelines};
 use quads::Quads;
 use shaders::Shaders;
+use spheres::Spheres;
 use std::sync::Arc;
 use targets::{Staging, Stored, TargetCache};
 use textures::DeviceTextures;
@@ -71,6 +73,8 @@ pub struct WgpuRasteriser {
     shades_pixels: bool,
     /// The draws that tell these ids.
     seen: DrawList,
+    /// Set when the first scene with exact spheres is drawn.
+    spheres: Option<Spheres>,
     /// Set when the first own shader is used.
     shaders: Option<Shaders>,
     scene: Option<Uploaded>,
@@ -126,7 +130,7 @@ impl SharedDevice {
 /// Device memory in use, in bytes.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct DeviceMemory {
-    /// Vertices and indices.
+    /// Vertices, indices and exact spheres.
     pub geometry: u64,
     /// Textures with their mip levels.
     pub textures: u64,
@@ -169,6 +173,7 @@ impl WgpuRasteriser {
             timer,
             draws,
             seen,
+            spheres: None,
             shaders: None,
             scene: None,
             targets: TargetCache::default(),
@@ -207,7 +212,8 @@ impl WgpuRasteriser {
     #[must_use]
     pub fn memory(&self) -> DeviceMemory {
         DeviceMemory {
-            geometry: self.scene.as_ref().map_or(0, |scene| scene.geometry.bytes()),
+            geometry: self.scene.as_ref().map_or(0, |scene| scene.geometry.bytes())
+                + self.spheres.as_ref().map_or(0, Spheres::bytes),
             textures: self.scene.as_ref().map_or(0, |scene| scene.textures.bytes)
                 + self.shaders.as_ref().map_or(0, Shaders::texture_bytes),
             attachments: self.targets.bytes(),
@@ -249,6 +255,10 @@ impl Rasteriser for WgpuRasteriser {
 
     fn draws_shaders(&self) -> bool {
         true
+    }
+
+    fn draws_spheres(&self) -> bool {
+        self.gpu.draws_spheres()
     }
 
     fn draw_with(
@@ -294,6 +304,14 @@ impl Rasteriser for WgpuRasteriser {
             let ids = RasterJob { attachments: ids, shared: Attachments::default(), lights: &[], ..*job };
             self.seen.prepare(&self.gpu, &self.layouts, &mut self.pipelines, geometry, textures, &ids)?;
         }
+        let spheres = match job.scene.geometry.spheres.is_empty() {
+            true => None,
+            false => {
+                let spheres = self.spheres.get_or_insert_default();
+                spheres.prepare(&self.gpu, self.draws.shared_uniforms(), job, part, &owned)?;
+                Some(&*spheres).filter(|spheres| !spheres.is_empty())
+            }
+        };
         let shaders = match owned.contains(&true) {
             true => {
                 let shaders = match &mut self.shaders {
@@ -330,7 +348,10 @@ impl Rasteriser for WgpuRasteriser {
             let mut pass = encoder.begin_render_pass(&wgpu::RenderPassDescriptor {
                 label: Some("gbuffer"),
                 color_attachments: visible.as_ref().unwrap_or(&attachments),
-                depth_stencil_attachment: Some(targets.depth_attachment(load_depth, store_depth)),
+                // Spheres are drawn over what was shaded, behind what is nearer.
+                depth_stencil_attachment: Some(
+                    targets.depth_attachment(load_depth, store_depth || shaded.is_some() && spheres.is_some()),
+                ),
                 timestamp_writes: timer.and_then(|timer| timer.render_span(!drawn.has_planes(), shaded.is_none())),
                 occlusion_query_set: None,
                 multiview_mask: None,
@@ -344,6 +365,9 @@ impl Rasteriser for WgpuRasteriser {
             if let Some(shaders) = shaders {
                 shaders.record(&mut pass, geometry);
             }
+            if let Some(spheres) = spheres.filter(|_| shaded.is_none()) {
+                spheres.record(&mut pass);
+            }
         }
         if shaded.is_some() {
             // The device begins with the ids while the host records the shading, which takes it longer.
@@ -355,10 +379,22 @@ impl Rasteriser for WgpuRasteriser {
             if part != Some(Rect { x: 0, y: 0, ..job.viewport }) || self.draws.is_empty() {
                 drop(encoder.begin_render_pass(&cleared));
             }
-            let timestamp_writes = timer.and_then(|timer| timer.compute_span(false, true));
+            let timestamp_writes = timer.and_then(|timer| timer.compute_span(false, spheres.is_none()));
             let descriptor = wgpu::ComputePassDescriptor { label: Some("shading"), timestamp_writes };
             let mut pass = encoder.begin_compute_pass(&descriptor);
             self.draws.record_shading(&self.gpu, &mut pass, &self.pipelines, (geometry, textures), targets)?;
+        }
+        if let (Some(part), Some(spheres)) = (shaded, spheres) {
+            let mut pass = encoder.begin_render_pass(&wgpu::RenderPassDescriptor {
+                label: Some("spheres"),
+                color_attachments: &targets.color_attachments(job.clear_color, None, [true; 4]),
+                depth_stencil_attachment: Some(targets.depth_attachment(true, store_depth)),
+                timestamp_writes: timer.and_then(|timer| timer.render_span(false, true)),
+                occlusion_query_set: None,
+                multiview_mask: None,
+            });
+            pass.set_scissor_rect(part.x, part.y, part.width, part.height);
+            spheres.record(&mut pass);
         }
         let triangles = self.draws.triangles() + shaders.map_or(0, Shaders::triangles);
         let lent = self.lending.as_ref().filter(|_| job.shared != Attachments::default());

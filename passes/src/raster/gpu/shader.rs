@@ -7,7 +7,8 @@ use glam::{Mat4, Vec4};
 use std::mem::offset_of;
 
 /// The text that all variants are cut from.
-const TEXT: &str = concat!(include_str!("gbuffer.wgsl"), "\n", include_str!("camera_planes.wgsl"));
+const TEXT: &str =
+    concat!(include_str!("gbuffer.wgsl"), "\n", include_str!("lights.wgsl"), "\n", include_str!("camera_planes.wgsl"));
 
 /// What a variant of the shader computes. Code, vertex attributes and bindings of what is off do not exist in it.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]

@@ -3,7 +3,7 @@
 use super::*;
 use curitiba_pipeline::backend::{NO_TRIANGLE, Shade, Sun, View};
 use curitiba_pipeline::raster_effects::{EffectParams, EffectProgram};
-use curitiba_pipeline::scene::{Batch, Geometry};
+use curitiba_pipeline::scene::{Batch, Geometry, Material, Sphere};
 use glam::{Mat4, Vec3, Vec4};
 
 pub(super) const SIZE: u32 = 97;
@@ -269,4 +269,60 @@ fn an_effect_on_a_destroyed_device_gives_errors() {
         let message = effect(&mut rasteriser, &scene, info.program, &drawn).expect_err("no device").to_string();
         assert!(message.contains("`--raster cpu`"), "{message}");
     }
+}
+
+/// Squares with a sphere in front of them, or without.
+fn with_spheres(spheres: Vec<Sphere>) -> Arc<RenderScene> {
+    let mut scene = squares(4);
+    let changed = Arc::make_mut(&mut scene);
+    changed.geometry.spheres = spheres;
+    let named = |name: &str| Material { name: name.to_owned(), ..Material::default() };
+    changed.materials = vec![named("plain"), named("own")];
+    scene
+}
+
+#[test]
+fn nothing_of_spheres_exists_before_a_scene_that_has_some() {
+    let Some(mut rasteriser) = rasteriser() else { return };
+    render(&mut rasteriser, &with_spheres(Vec::new())).expect("draws");
+    let without = rasteriser.memory();
+    assert!(rasteriser.spheres.is_none());
+    let sphere = Sphere { center: Vec3::new(0.0, 0.0, 0.75), radius: 0.2, material: 0 };
+    let drawn = render(&mut rasteriser, &with_spheres(vec![sphere; 3])).expect("draws");
+    let shown = drawn.triangle.iter().filter(|id| **id == 32).count();
+    assert!(shown > 100 && rasteriser.spheres.is_some(), "{shown}");
+    assert_eq!(rasteriser.memory().geometry - without.geometry, 3 * 208);
+    // What no pixel shows has no record; small buffers hold one record each, and change nothing.
+    alone(&mut rasteriser).max_buffer_bytes = 250;
+    assert_eq!(render(&mut rasteriser, &with_spheres(vec![sphere; 3])).expect("draws"), drawn);
+    let behind = Sphere { center: Vec3::new(9.0, 0.0, 0.0), ..sphere };
+    render(&mut rasteriser, &with_spheres(vec![behind])).expect("draws");
+    assert_eq!(rasteriser.spheres.as_ref().map(Spheres::bytes), Some(0));
+}
+
+#[test]
+fn spheres_that_cannot_be_drawn_are_refused_by_name() {
+    let Some(mut rasteriser) = rasteriser() else { return };
+    let sphere = Sphere { center: Vec3::new(0.0, 0.0, 0.75), radius: 0.2, material: 1 };
+    let scene = with_spheres(vec![sphere]);
+    let shades = shades();
+    let job = job(&scene, &shades);
+    let refused = |rasteriser: &WgpuRasteriser, job: &RasterJob<'_>, owned: &[bool]| {
+        let uniforms = rasteriser.draws.shared_uniforms();
+        Spheres::default().prepare(&rasteriser.gpu, uniforms, job, None, owned).expect_err("refused").to_string()
+    };
+    let message = refused(&rasteriser, &job, &[false, true]);
+    assert!(
+        message.contains("`own`") && message.contains("own shader") && message.contains("exact=\"true\""),
+        "{message}"
+    );
+    let uniforms = rasteriser.draws.shared_uniforms();
+    Spheres::default().prepare(&rasteriser.gpu, uniforms, &job, None, &[true, false]).expect("another material");
+    let message = refused(&rasteriser, &RasterJob { shades: &shades[..1], ..job }, &[]);
+    assert!(message.contains("material 1 has no colours"), "{message}");
+    assert!(rasteriser.draws_spheres());
+    alone(&mut rasteriser).limits.max_storage_buffers_per_shader_stage = 0;
+    assert!(!rasteriser.draws_spheres());
+    let message = refused(&rasteriser, &job, &[]);
+    assert!(message.contains("storage buffers") && message.contains("--raster cpu"), "{message}");
 }
