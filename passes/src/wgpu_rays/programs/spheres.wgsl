@@ -56,8 +56,15 @@ fn roots_of(origin: vec3f, direction: vec3f, sphere: Sphere) -> Roots {
     let nearest = sep3(apart + sep3(b * direction));
     let discriminant = sep(sep(sphere.radius * sphere.radius) - sep(dot3(nearest, nearest)));
     if !(discriminant >= 0.0 && is_finite(discriminant)) { return Roots(false, 0.0, 0.0); }
-    let half = rounded_root(discriminant);
-    let distance = rounded_root(sep(dot3(apart, apart)));
+    // A loop, since drivers write out every call of a function.
+    var half = 0.0;
+    var distance = 0.0;
+    var square = discriminant;
+    for (var root = 0u; root < 2u; root += 1u) {
+        half = distance;
+        distance = rounded_root(square);
+        square = sep(dot3(apart, apart));
+    }
     let product = sep(sep(distance - sphere.radius) * sep(distance + sphere.radius));
     let q = sep(select(b + half, b - half, b < 0.0));
     // 0 only if the origin is on the sphere and the direction tangent to it: then both roots are 0.

@@ -56,6 +56,8 @@ struct Case {
     sphere: Sphere,
     ray: Ray,
     from: From,
+    /// Whether the ray leaves the sphere on whose surface it starts, and coordinates resolve the sphere.
+    leaves: bool,
 }
 
 fn cases() -> Vec<Case> {
@@ -69,6 +71,7 @@ fn cases() -> Vec<Case> {
                 let mut unit = || random.vector().normalize_or(Vec3::X);
                 let (along, other) = (unit(), unit());
                 let aside = along.any_orthonormal_vector();
+                let mut leaves = false;
                 let (origin, direction) = match from {
                     From::Far(radii) => {
                         // Through the sphere, within a millionth of its rim, or past it.
@@ -81,10 +84,16 @@ fn cases() -> Vec<Case> {
                         let tilt = [1.0, 1e-3, 1e-7][index % 3];
                         let flat = along.cross(point.normal).normalize_or(aside);
                         let direction = (flat + point.normal * tilt * along.x).normalize();
+                        leaves = direction.dot(point.normal) > 0.0 && away <= 3e3 * radius;
                         (point.spawn(direction), direction)
                     }
                 };
-                cases.push(Case { sphere, ray: Ray { origin, direction, t_min: 0.0, t_max: f32::INFINITY }, from });
+                cases.push(Case {
+                    sphere,
+                    ray: Ray { origin, direction, t_min: 0.0, t_max: f32::INFINITY },
+                    from,
+                    leaves,
+                });
             }
         }
     }
@@ -137,9 +146,9 @@ fn rays_meet_spheres_at_the_processors_distances_bit_by_bit() {
     let cases = cases();
     let words = found(&rays, &cases, |text| text);
     let is_software = rays.gpu.adapter.kind == AdapterKind::Software;
-    let (mut off, mut hits, mut points, mut again) = (0, [0; 2], 0, 0);
+    let (mut off, mut hits, mut points, mut again) = (0, [0; 2], 0, [0; 2]);
     for (case, words) in cases.iter().zip(&words) {
-        let Case { sphere, ray, from } = case;
+        let Case { sphere, ray, from, leaves } = case;
         let expected = expected(case);
         off += usize::from(!is_same(words, expected));
         hits[expected[0] as usize] += 1;
@@ -149,7 +158,10 @@ fn rays_meet_spheres_at_the_processors_distances_bit_by_bit() {
         let stored = SurfacePoint::on_sphere(sphere, ray.origin);
         let same = vector(3) == met.position && vector(6) == met.normal && f32::from_bits(words[9]) == met.error;
         let same = same && vector(10) == stored.position && vector(13) == stored.normal;
-        points += usize::from(!(same && f32::from_bits(words[16]) == stored.spawn(ray.direction).x));
+        // From a hundred million radii away 46 bits are too few to be rounded as 53 are.
+        if *from != From::Far(1e8) {
+            points += usize::from(!(same && f32::from_bits(words[16]) == stored.spawn(ray.direction).x));
+        }
         // Whatever the driver: a point lies where the processor has it, to a part of the offset of rays.
         let reach = f64::from(sphere.center.abs().max_element() + sphere.radius);
         let near = |found: Vec3, expected: Vec3, more: f64| {
@@ -158,13 +170,13 @@ fn rays_meet_spheres_at_the_processors_distances_bit_by_bit() {
         let far = met_error(sphere, ray);
         assert!(near(vector(3), met.position, far), "{sphere:?} {ray:?}: {} {}", vector(3), met.position);
         assert!(near(vector(10), stored.position, 0.0), "{sphere:?} {ray:?}");
-        if *from == From::Surface && ray.direction.dot(stored.normal) > 0.0 {
-            again += usize::from(words[0] == 1 && f32::from_bits(words[2]) > 0.0);
+        if *leaves {
+            again[usize::from(words[0] == 1 && f32::from_bits(words[2]) > 0.0)] += 1;
         }
     }
     println!("of {}: {off} roots and {points} points differ; hits and misses {hits:?}", cases.len());
     assert!(hits[0] > 4000 && hits[1] > 10_000, "{hits:?}");
-    assert_eq!(again, 0, "rays that leave a sphere meet it where they start");
+    assert!(again[0] > 2000 && again[1] == 0, "rays that leave a sphere meet it where they start: {again:?}");
     let few = if is_software { 0 } else { cases.len() / 1000 };
     assert!(off <= few, "{off} roots differ");
     assert!(points * 100 <= cases.len(), "{points} points differ");
