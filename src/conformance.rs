@@ -272,6 +272,10 @@ impl RayBackend for Beside {
         self.others.iter().all(|other| other.sees_skies())
     }
 
+    fn traces_spheres(&self) -> bool {
+        self.others.iter().all(|other| other.traces_spheres())
+    }
+
     fn traces_cones(&self) -> bool {
         self.others.iter().all(|other| other.traces_cones())
     }

@@ -59,6 +59,9 @@ pub use segments::{Segment, SegmentTracer, Segments};
 pub use simd::InstructionSet;
 pub(crate) use simd::{Detected, F16, Kernel, LANES, Mask, Simd, WIDE, higher, lower, vector_at};
 pub use spheres::SphereTree;
+#[cfg(test)]
+pub(crate) use spheres::roots as sphere_roots;
+pub(crate) use spheres::{BOUNDS as SPHERE_BOUNDS, Content as SphereContent};
 pub use tracer::{Announcement, Purpose, Tracer};
 pub(crate) use tree::Bounds;
 pub use with_spheres::WithSpheres;

@@ -147,7 +147,16 @@ pub struct Params {
     pub cone_spread: f32,
     pub lights_at: u32,
     pub whole: u32,
-    pub unused: [u32; 3],
+    /// Of programs that know exact spheres.
+    pub sphere_root: u32,
+    pub spheres_at: u32,
+    pub first_sphere: u32,
+}
+
+/// The constants of programs that know exact spheres, as WGSL.
+#[must_use]
+pub fn sphere_constants() -> String {
+    crate::trace::SPHERE_BOUNDS.map(|(name, value)| format!("const {name}: f32 = {value:e}f;\n")).concat()
 }
 
 /// The constants of the programs, as WGSL.

@@ -14,6 +14,7 @@ mod programs;
 mod scene;
 mod segments;
 mod selftest;
+mod spheres;
 mod split;
 mod tables;
 #[cfg(test)]
@@ -330,7 +331,7 @@ impl WgpuRays {
     /// Refuses jobs that it cannot run.
     fn check(&self, job: &RayJob<'_>) -> Result<(), BackendError> {
         self.supports(job.program, job.fidelity)?;
-        check::scene(NAME, job, false)?;
+        check::scene(NAME, job, true)?;
         check::adaptive(NAME, job)?;
         check_glass(NAME, true, &job.params, job.dielectrics)?;
         Images::check_size(&self.gpu, job)
@@ -441,6 +442,10 @@ impl RayBackend for WgpuRays {
     }
 
     fn filters_shares(&self) -> bool {
+        true
+    }
+
+    fn traces_spheres(&self) -> bool {
         true
     }
 

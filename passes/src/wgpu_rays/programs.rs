@@ -38,12 +38,15 @@ pub struct Kind {
     pub program: RayProgram,
     pub variant: Variant,
     pub lighting: Lighting,
+    /// Whether the scene has exact spheres.
+    pub spheres: bool,
 }
 
 impl Kind {
     /// The one that a job needs.
     pub fn of(job: &RayJob<'_>) -> Self {
-        Self { program: job.program, variant: Variant::of(job), lighting: Lighting::of(job) }
+        let spheres = !job.scene.geometry.spheres.is_empty();
+        Self { program: job.program, variant: Variant::of(job), lighting: Lighting::of(job), spheres }
     }
 }
 
@@ -75,7 +78,7 @@ pub const SETTLED_SAMPLES: u32 = 6;
 
 /// The kernels of a program, in their order. [`Stage::Eye`] comes before them where the camera may be in a body. With several lights or a disc
 /// points are listed with what these light of them.
-pub fn stages(Kind { program, variant, lighting }: Kind, samples: u32) -> &'static [Stage] {
+pub fn stages(Kind { program, variant, lighting, .. }: Kind, samples: u32) -> &'static [Stage] {
     if variant == Variant::Panes(Fidelity::Thesis) {
         return &[Stage::Whole];
     }
@@ -150,7 +153,7 @@ const COMMON: [Text; 6] =
     [text!("params"), text!("wide"), text!("scene"), text!("triangle"), text!("traverse"), text!("surface")];
 
 /// The texts of a kernel, which follow the common ones; `None` if the program is not written for this backend.
-fn texts(Kind { program, variant, lighting }: Kind, stage: Stage, subgroups: bool) -> Option<Vec<Text>> {
+fn texts(Kind { program, variant, lighting, .. }: Kind, stage: Stage, subgroups: bool) -> Option<Vec<Text>> {
     let mut texts = of_panes(program, stage, subgroups)?;
     if lighting == Lighting::Lights {
         let instead = |text: Text| match text {
@@ -211,21 +214,31 @@ fn of_panes(program: RayProgram, stage: Stage, subgroups: bool) -> Option<Vec<Te
     })
 }
 
-/// A source with its parts between ⟨ and ⟩ where textures are read by ray cones, and without them where they are read at level 0.
-fn of_levels(source: &str, lod: TextureLod) -> String {
+/// A source with or without its parts between two marks.
+fn with_marked(source: &str, marks: [char; 2], are_kept: bool) -> String {
     let mut text = String::with_capacity(source.len());
-    for (index, part) in source.split(['⟨', '⟩']).enumerate() {
-        if index % 2 == 0 || lod == TextureLod::Cones {
+    for (index, part) in source.split(marks).enumerate() {
+        if index % 2 == 0 || are_kept {
             text.push_str(part);
         }
     }
     text
 }
 
-/// The functions that programs use, without a program, and with the marks of [`of_levels`].
+/// A source with its parts between ⟨ and ⟩ where textures are read by ray cones, and without them where they are read at level 0.
+fn of_levels(source: &str, lod: TextureLod) -> String {
+    with_marked(source, ['⟨', '⟩'], lod == TextureLod::Cones)
+}
+
+/// A source with its parts between ⟪ and ⟫ where the scene has exact spheres; else without them. Marks of [`of_levels`] may lie between them.
+fn of_spheres(source: &str, spheres: bool) -> String {
+    with_marked(source, ['⟪', '⟫'], spheres)
+}
+
+/// The functions that programs use, without a program, and with the marks of [`of_levels`] and [`of_spheres`].
 fn functions(
     arithmetic: Arithmetic,
-    (variant, lighting): (Variant, Lighting),
+    Kind { variant, lighting, spheres, .. }: Kind,
     split: Split,
     lod: TextureLod,
 ) -> String {
@@ -246,15 +259,19 @@ fn functions(
     if lod == TextureLod::Cones {
         source.push_str(text!("ray_cones"));
     }
+    if spheres {
+        source.push_str(&layout::sphere_constants());
+        source.push_str(text!("spheres"));
+    }
     source
 }
 
 /// The complete source of a kernel; `None` if the program is not written for this backend.
 pub fn source(kind: Kind, stage: Stage, (arithmetic, lod): (Arithmetic, TextureLod), split: Split) -> Option<String> {
-    let Kind { program, variant, lighting } = kind;
+    let Kind { program, variant, .. } = kind;
     let texts = texts(kind, stage, arithmetic.subgroups)?;
     let function = if variant == Variant::Panes(Fidelity::Thesis) { "thesis" } else { "corrected" };
-    let mut source = functions(arithmetic, (variant, lighting), split, lod);
+    let mut source = functions(arithmetic, kind, split, lod);
     source.push_str(text!("pass"));
     texts.into_iter().for_each(|text| source.push_str(text));
     match stage {
@@ -268,15 +285,17 @@ pub fn source(kind: Kind, stage: Stage, (arithmetic, lod): (Arithmetic, TextureL
         }
         _ => {}
     }
-    Some(of_levels(&source, lod))
+    Some(of_levels(&of_spheres(&source, kind.spheres), lod))
 }
 
 /// The program that traces segments between triangles.
 pub fn segments(arithmetic: Arithmetic) -> String {
     let lod = TextureLod::Zero;
-    let kind = (Variant::Panes(Fidelity::Corrected), Lighting::Sun);
+    let variant = Variant::Panes(Fidelity::Corrected);
+    // The functions do not depend on the program.
+    let kind = Kind { program: RayProgram::DeferredShadows, variant, lighting: Lighting::Sun, spheres: false };
     let functions = functions(arithmetic, kind, Split::default(), lod);
-    of_levels(&functions, lod) + text!("segments")
+    of_levels(&of_spheres(&functions, kind.spheres), lod) + text!("segments")
 }
 
 /// Whether the program is written for this backend.

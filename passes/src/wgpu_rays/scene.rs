@@ -2,14 +2,16 @@
 
 use super::NAME;
 use super::layout::{LARGEST_COORDINATE, NONE, Params};
+use super::spheres::DeviceSpheres;
 use super::split::Split;
 use crate::raster::gpu::device::Gpu;
 use crate::trace::Quality;
 use crate::trace::gpu_binary::{BinaryTree, MOST_TRIANGLES};
 use curitiba_pipeline::backend::BackendError;
 use curitiba_pipeline::scene::texture::Texture;
-use curitiba_pipeline::scene::{Geometry, RenderScene};
+use curitiba_pipeline::scene::{Geometry, RenderScene, Sphere};
 use glam::Vec3;
+use std::borrow::Cow;
 
 /// The buffers of group 1, in the order of their bindings.
 #[derive(Debug)]
@@ -42,7 +44,8 @@ pub fn too_large(gpu: &Gpu, what: &str, bytes: u64, most: u64) -> BackendError {
 const OTHER_BUFFERS: u32 = 3;
 
 /// The arrays of a scene, in the order of their bindings; [`Split`] has the same.
-const ARRAYS: [&str; 5] = ["the nodes", "the triangles of the tree", "the vertices", "the triangles", "the textures"];
+const ARRAYS: [&str; 5] =
+    ["the nodes", "the triangles and spheres of the tree", "the vertices", "the triangles", "the textures"];
 /// Which of them is that of the textures, the last.
 const TEXELS: usize = 4;
 
@@ -75,6 +78,30 @@ fn too_many(gpu: &Gpu, parts: [(&str, u64); 5], most: u64, bindings: u32) -> Bac
         gpu.adapter
     );
     BackendError::Unsupported { backend: NAME, what: "the scene".to_owned(), why }
+}
+
+/// The exact spheres of a scene for programs that have this tree of its triangles; an error if programs cannot trace them. With `traced` false
+/// nothing can hit them.
+fn spheres_of(
+    scene: &RenderScene,
+    filtered: &[bool],
+    tree: &mut BinaryTree,
+    traced: bool,
+) -> Result<DeviceSpheres, BackendError> {
+    let geometry = &scene.geometry;
+    let surfaces = geometry.surfaces();
+    let far = |sphere: &Sphere| !(sphere.center.abs().max_element() + sphere.radius <= LARGEST_COORDINATE);
+    let why = match () {
+        () if surfaces >= MOST_TRIANGLES => {
+            format!("it has {surfaces} triangles and exact spheres, and programs know fewer than {MOST_TRIANGLES}")
+        }
+        () if geometry.spheres.iter().any(far) => {
+            format!("it has exact spheres with coordinates beyond {LARGEST_COORDINATE:e}, which overflow in 32 bits")
+        }
+        () => return Ok(DeviceSpheres::new(geometry, filtered, tree, traced)),
+    };
+    let why = format!("{why}; `--backend cpu` traces it");
+    Err(BackendError::Unsupported { backend: NAME, what: "the scene".to_owned(), why })
 }
 
 /// Builds the scene's tree; an error if programs cannot trace it.
@@ -133,9 +160,13 @@ fn params_of(tree: &BinaryTree) -> Params {
 impl SceneBuffers {
     /// Builds the tree and copies it to the device together with the scene. With `traced` false, the tree is empty and nothing can be hit.
     pub fn new(gpu: &Gpu, scene: &RenderScene, filtered: &[bool], traced: bool) -> Result<Self, BackendError> {
-        let tree = if traced { tree_of(&scene.geometry, filtered)? } else { BinaryTree::default() };
+        let mut tree = if traced { tree_of(&scene.geometry, filtered)? } else { BinaryTree::default() };
         let geometry = &scene.geometry;
+        let spheres = spheres_of(scene, filtered, &mut tree, traced)?;
         let mut params = params_of(&tree);
+        params.sphere_root = spheres.root.unwrap_or(NONE);
+        params.first_sphere = geometry.triangles.len() as u32;
+        params.spheres_at = 3 * tree.triangles.len() as u32;
         let mut vertices: Vec<u32> = Vec::new();
         let mut part = |numbers: &[f32]| {
             let place = vertices.len() as u32;
@@ -161,10 +192,15 @@ impl SceneBuffers {
         let mut mesh: Vec<u32> = geometry.triangles.as_flattened().to_vec();
         params.materials_at = mesh.len() as u32;
         mesh.extend(geometry.materials());
+        mesh.extend(geometry.spheres.iter().map(|sphere| sphere.material));
         let texels = texels(scene, false);
+        let mut leaves: Cow<'_, [u8]> = Cow::Borrowed(bytemuck::cast_slice(&tree.triangles));
+        if !spheres.list.is_empty() {
+            leaves.to_mut().extend_from_slice(bytemuck::cast_slice(&spheres.list));
+        }
         let parts: [&[u8]; 5] = [
             bytemuck::cast_slice(&tree.nodes),
-            bytemuck::cast_slice(&tree.triangles),
+            &leaves,
             bytemuck::cast_slice(&vertices),
             bytemuck::cast_slice(&mesh),
             texels.as_flattened(),
@@ -207,6 +243,8 @@ impl SceneBuffers {
         let Params { normals_at, texcoords_at, colors_at, tangents_at, has_normals, .. } = self.params;
         *params = Params { root, whole, scene_low, scene_high, materials_at, ..*params };
         *params = Params { normals_at, texcoords_at, colors_at, tangents_at, has_normals, ..*params };
+        let Params { sphere_root, spheres_at, first_sphere, .. } = self.params;
+        *params = Params { sphere_root, spheres_at, first_sphere, ..*params };
     }
 
     /// The entries of bind group 1.

@@ -75,6 +75,10 @@ impl RayBackend for Lent {
         self.0.borrow().supports_glass(program, params, dielectrics)
     }
 
+    fn traces_spheres(&self) -> bool {
+        self.0.borrow().traces_spheres()
+    }
+
     fn traces_cones(&self) -> bool {
         self.0.borrow().traces_cones()
     }
@@ -249,8 +253,8 @@ fn several_lights_are_the_processors() {
     }
 }
 
-/// Glass as each material says, in front of a background: balls of several kinds, a filled glass with a bubble, and
-/// panes.
+/// Glass as each material says, in front of a background: balls of several kinds, a filled glass with a bubble, panes, and exact spheres, alone
+/// and in each other.
 #[test]
 fn glass_as_each_material_says_is_the_processors() {
     if !is_there() {
@@ -262,17 +266,34 @@ fn glass_as_each_material_says_is_the_processors() {
     let is_software = adapters().first().is_some_and(|adapter| adapter.kind == AdapterKind::Software);
     let set: &[&str] = if is_software { &["samples=9", "depth=2"] } else { &["samples=9"] };
     let lent = &Lent::wgpu();
-    for name in ["glass/balls", "glass/filled", "glass/panes"] {
+    for name in ["glass/balls", "glass/filled", "glass/panes", "glass/Spheres", "glass/Shells"] {
         record(lent, name, "MainCamera", Fidelity::Corrected, set, &found);
     }
     let found = found.lock().expect("no panic while it was held");
-    assert_eq!(found.records.len(), 3, "a pass did not run");
+    assert_eq!(found.records.len(), 5, "a pass did not run");
     for record in &found.records {
         let words = record.in_words();
         println!("{words}");
         assert!(record.within_limits, "farther off than it may be: {words}");
         assert!(record.rays.refracted > 1000, "no glass is seen: {words}");
     }
+}
+
+/// Light that exact spheres focus is the processor's alone.
+#[test]
+fn exact_spheres_are_traced_but_their_caustics_refused_by_name() {
+    if !is_there() {
+        return;
+    }
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("xml_projects/glass/Caustics.xml");
+    let open = |set: &[&str]| {
+        let set = set.iter().map(|one| format!("pass2.{one}")).collect();
+        let settings = Settings { size: Some([8, 8]), set, ..Settings::default() };
+        curitiba::open(&path, settings, Choice::CPU.traced_by(BackendChoice::Wgpu), &mut Silent)
+    };
+    let refused = open(&["depth=2"]).err().expect("it focuses").to_string();
+    assert!(refused.contains("shadow=caustic") && refused.contains("shadow=straight"), "{refused}");
+    assert!(open(&["depth=2", "shadow=straight"]).is_ok(), "exact spheres are known");
 }
 
 /// A driver that aborts long loops would darken glass without any error.

@@ -9,7 +9,7 @@ use curitiba_pipeline::scene::Sphere;
 /// discriminant is r² - |f - (f·d) d|², where f leads from the centre to the origin. The usual (f·d)² - f² + r² has terms that cancel where
 /// the sphere is far away. One root is q = b ± √ with b = -f·d, with the sign for which nothing cancels; the other is (f² - r²) / q.
 #[inline(always)]
-pub(super) fn roots(ray: &Ray, sphere: &Sphere) -> Option<[f32; 2]> {
+pub(crate) fn roots(ray: &Ray, sphere: &Sphere) -> Option<[f32; 2]> {
     let (from, direction) = (ray.origin - sphere.center, ray.direction);
     let b = -from.dot(direction);
     let nearest = from + b * direction;

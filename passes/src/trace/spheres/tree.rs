@@ -33,7 +33,7 @@ impl Bounds {
 
 /// The children or the spheres of a node.
 #[derive(Debug, Clone, Copy)]
-enum Content {
+pub(crate) enum Content {
     /// Inner node: index of the first child; the second one follows it.
     Nodes(u32),
     /// Leaf: index of its first sphere in the list, and their number.
@@ -148,6 +148,16 @@ impl SphereTree {
     #[must_use]
     pub fn bytes(&self) -> usize {
         size_of_val(self.nodes.as_slice()) + size_of_val(self.entries.as_slice())
+    }
+
+    /// The nodes, the root first: the low and high corner of each box, and what is in it.
+    pub(crate) fn nodes(&self) -> impl ExactSizeIterator<Item = ([Vec3; 2], Content)> {
+        self.nodes.iter().map(|node| ([node.bounds.low, node.bounds.high], node.content))
+    }
+
+    /// The spheres in the order in which the leaves name them: each with its id, and whether hits on it need the accept closure.
+    pub(crate) fn in_order(&self) -> impl ExactSizeIterator<Item = (Sphere, u32, bool)> {
+        self.entries.iter().map(|entry| (entry.sphere, entry.id, entry.transparent))
     }
 
     /// The nearest accepted hit of a ray; see [`Tracer::closest`](crate::trace::Tracer::closest).

@@ -31,7 +31,7 @@ struct ShadowStart { start: vec3f, kind: f32, way: vec3f }
 fn shadow_start(triangle: u32, position: vec3f) -> ShadowStart {
     let point = snap(triangle, position);
     var side = params.eye - point.position;
-    if params.has_normals != 0u {
+    ⟪if is_sphere(triangle) { side = point.normal; } else ⟫if params.has_normals != 0u {
         side = normal_at(locate(triangle, point.position));
     }
     let sign = with_sign(1.0, dot3(point.normal, side));

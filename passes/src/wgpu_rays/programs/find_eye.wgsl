@@ -9,7 +9,7 @@ fn main() {
     for (var step = 0u; step < MOST_STEPS; step += 1u) {
         var hit: Hit;
         if !closest_surface(origin, direction, &hit) { break; }
-        let surface = surface_hit(direction, hit⟨, NO_FOOTPRINT⟩);
+        let surface = surface_hit(direction, hit⟪, origin⟫⟨, NO_FOOTPRINT⟩);
         let material = material_of(hit.triangle);
         if shape_of(material) == SHAPE_SOLID {
             let enters = is_front(surface);

@@ -35,7 +35,7 @@ fn glass_color(pixel: Pixel, triangle: u32, first: Surface, first_view: vec3f, f
                 meeting = interface_at(-dot3(normal, view), params.index);
                 inside = refracts(meeting, view, normal, params.index, &refracted);
             }
-⟨            let curvature = curvature_of(glass_met, surface.facing);
+⟨            let curvature = curvature_of(glass_met, surface.facing⟪, surface.point.normal⟫);
             let cosine = -dot3(normal, view);
 ⟩            if inside {
                 count(REFRACTED);
@@ -68,7 +68,7 @@ fn glass_color(pixel: Pixel, triangle: u32, first: Surface, first_view: vec3f, f
 ⟨        cone = cone_along(next.cone, hit.t);
         let footprint = footprint_of(cone, hit.triangle, next.direction);
         glass_met = hit.triangle;
-⟩        let met = surface_hit(next.direction, hit⟨, footprint⟩);
+⟩        let met = surface_hit(next.direction, hit⟪, next.origin⟫⟨, footprint⟩);
         if !glass {
             sum += seen_through(hit, met, next.key, next.weight⟨, footprint⟩);
             continue;

@@ -18,7 +18,7 @@ fn corrected(pixel: Pixel) -> vec4f {
     let point = snap(triangle, position.xyz);
     var side = params.eye - point.position;
     var normal = point.normal;
-    if params.has_normals != 0u {
+    ⟪if is_sphere(triangle) { side = point.normal; } else ⟫if params.has_normals != 0u {
         let hit = locate(triangle, point.position);
         side = normal_at(hit);
         normal = normal_of(point, hit);

@@ -40,7 +40,13 @@ fn body_of(material: u32) -> Body {
 // The same at a hit, where a texture may say what is scattered back.
 fn body_at(material: u32, hit: Hit⟨, footprint: f32⟩) -> Body {
     var body = body_of(material);
-    if body.transmission_texture != NO_TEXTURE {
+⟪    if is_sphere(hit.triangle) {
+        body.filter_texture = NO_TEXTURE;
+        body.vertex_colors = VERTEX_COLORS_NONE;
+        body.roughness_texture = NO_TEXTURE;
+        body.transmission_texture = NO_TEXTURE;
+    }
+⟫    if body.transmission_texture != NO_TEXTURE {
         let clear = sample_numbers(body.transmission_texture, texture_coordinates(hit)⟨, footprint⟩).x;
         body.veil = 1.0 - (1.0 - body.veil) * clear;
     }
@@ -163,7 +169,8 @@ fn filter_of(body: Body, hit: Hit⟨, footprint: f32⟩) -> vec3f {
 
 // The barycentric coordinates of a point in the plane of a triangle, as a hit at distance 0.
 fn located(triangle: u32, position: vec3f) -> Hit {
-    let corners = positions_of(triangle);
+⟪    if is_sphere(triangle) { return Hit(0.0, triangle, 0.0, 0.0); }
+⟫    let corners = positions_of(triangle);
     let e1 = corners.b - corners.a; let e2 = corners.c - corners.a; let to = position - corners.a;
     let normal = cross3(e1, e2);
     let area = dot3(normal, normal);

@@ -57,7 +57,11 @@ struct Params {
     lights_at: u32,
     // Root of the tree that a sky is in as well, or NONE.
     whole: u32,
-}
+⟪    // Root of the tree of exact spheres, or NONE; the place of the spheres in `leaves`, and the id of the first one.
+    sphere_root: u32,
+    spheres_at: u32,
+    first_sphere: u32,
+⟫}
 
 @group(0) @binding(0) var<uniform> params: Params;
 @group(0) @binding(1) var color_buffer: texture_2d<f32>;

@@ -32,9 +32,11 @@ fn cone_refracted(cone: Cone, curvature: f32, cosine: f32, cos_refracted: f32, r
     return Cone(cone.width * (cos_refracted / max(cosine, LEAST_DIVISOR)), spread);
 }
 
-// The curvature of a triangle by its vertex normals, on the side of `facing`: above 0 where it is convex.
-fn curvature_of(triangle: u32, facing: vec3f) -> f32 {
-    let corners = positions_of(triangle);
+// The curvature of a triangle by its vertex normals, on the side of `facing`: above 0 where it is convex.⟪ Of a sphere by its radius;
+// `outward` is its normal.⟫
+fn curvature_of(triangle: u32, facing: vec3f⟪, outward: vec3f⟫) -> f32 {
+⟪    if is_sphere(triangle) { return with_sign(1.0 / sphere_of(triangle).radius, dot3(outward, facing)); }
+⟫    let corners = positions_of(triangle);
     let i = corners_of(triangle) * 3u + vec3u(params.normals_at);
     let na = vector_at(i.x); let nb = vector_at(i.y); let nc = vector_at(i.z);
     if all(na == nb) && all(nb == nc) { return 0.0; }
@@ -49,7 +51,9 @@ fn curvature_of(triangle: u32, facing: vec3f) -> f32 {
 
 // What a cone covers of the textures of a triangle that it meets in a unit direction.
 fn footprint_of(cone: Cone, triangle: u32, direction: vec3f) -> f32 {
-    let corners = positions_of(triangle);
+⟪    // Spheres have no texture coordinates.
+    if is_sphere(triangle) { return NO_FOOTPRINT; }
+⟫    let corners = positions_of(triangle);
     let i = corners_of(triangle);
     let ta = texcoord_at(i.x).xy; let first = texcoord_at(i.y).xy - ta; let second = texcoord_at(i.z).xy - ta;
     let normal = cross3(corners.b - corners.a, corners.c - corners.a);

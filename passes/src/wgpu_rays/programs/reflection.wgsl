@@ -10,14 +10,14 @@ fn corrected(pixel: Pixel) -> vec4f {
     var mirror = triangle;
 ⟩    for (var bounce = 0u; bounce <= params.depth; bounce += 1u) {
         let direction = mirrored(view, interface_normal(surface, view));
-⟨        cone = cone_mirrored(cone, curvature_of(mirror, surface.facing), -dot3(interface_normal(surface, view), view));
+⟨        cone = cone_mirrored(cone, curvature_of(mirror, surface.facing⟪, surface.point.normal⟫), -dot3(interface_normal(surface, view), view));
 ⟩        count(REFLECTED);
         var hit: Hit;
         if !closest_surface(spawn(surface.point, direction), direction, &hit) { return opaque(params.beyond); }
 ⟨        cone = cone_along(cone, hit.t);
         let footprint = footprint_of(cone, hit.triangle, direction);
         mirror = hit.triangle;
-⟩        surface = surface_hit(direction, hit⟨, footprint⟩);
+⟩        surface = surface_hit(direction, hit⟪, spawn(surface.point, direction)⟫⟨, footprint⟩);
         if !is_glass(hit.triangle) { return opaque(met_color(hit, surface⟨, footprint⟩)); }
         view = direction;
     }

@@ -115,11 +115,12 @@ fn table_vector(place: u32) -> vec3f { return vec3f(table_number(place), table_n
 fn shade_of(triangle: u32) -> Shade {
     let place = SHADE_WORDS * mesh_at(params.materials_at + triangle);
     let diffuse = vec3f(table_number(place), table_number(place + 1u), table_number(place + 2u));
-    return Shade(diffuse, tables[place + 3u], tables[place + 4u], table_number(place + 5u));
+⟪    if is_sphere(triangle) { return Shade(diffuse, tables[place + 3u] & ~OF_VERTICES, NO_TEXTURE, 0.0); }
+⟫    return Shade(diffuse, tables[place + 3u], tables[place + 4u], table_number(place + 5u));
 }
 fn flags_of(triangle: u32) -> u32 { return tables[SHADE_WORDS * mesh_at(params.materials_at + triangle) + 3u]; }
 fn is_glass(triangle: u32) -> bool { return (flags_of(triangle) & SHADE_GLASS) != 0u; }
-fn is_sky(triangle: u32) -> bool { return (flags_of(triangle) & SHADE_SKY) != 0u; }
+fn is_sky(triangle: u32) -> bool { return ⟪!is_sphere(triangle) && ⟫(flags_of(triangle) & SHADE_SKY) != 0u; }
 fn passes_light(triangle: u32) -> bool { return (flags_of(triangle) & SHADE_SHADOW_GLASS) != 0u; }
 // Whether there is a surface at this point of the triangle, that is, no cut-out.
 fn covers(hit: Hit) -> bool {
@@ -189,7 +190,7 @@ fn shining_color(hit: Hit, shade: Shade, lights: vec3f⟨, footprint: f32⟩) ->
     let place = SHADE_WORDS * mesh_at(params.materials_at + hit.triangle) + 6u;
     let glow = vec3f(table_number(place), table_number(place + 1u), table_number(place + 2u));
     let image = tables[place + 3u];
-    if image == NO_TEXTURE { return reflected + glow; }
+    if image == NO_TEXTURE⟪ || is_sphere(hit.triangle)⟫ { return reflected + glow; }
     return reflected + sep3(glow * sample_texture(image, texture_coordinates(hit)⟨, footprint⟩).xyz);
 }
 // The colour in the light of one directional light, with this unit normal.

@@ -36,7 +36,10 @@ fn settle(point: u32, wanted: bool, there: bool) {
     var traces = wanted && !certain;
     // Whether too many triangles were gathered around the point, but it sees none within a smaller reach.
     var asks = false;
-    var left = ballot(traces);
+⟪    // Rays that may meet a sphere are traced.
+    var is_apart = true;
+    if wanted { is_apart = !is_near_sphere(fan_origin[lane].xyz, params.radius); }
+⟫    var left = ballot(traces⟪ && is_apart⟫);
     while left != 0u {
         let leader = firstTrailingBit(left);
         let candidate = (left >> lane & 1u) != 0u;

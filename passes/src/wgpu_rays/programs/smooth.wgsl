@@ -85,7 +85,7 @@ fn meet(hit: Hit, surface: Surface, view: vec3f, path: Path⟨, footprint: f32�
 ⟨    // A thin wall's two faces undo each other's bending.
     var back_cone = path.cone;
     var on_cone = path.cone;
-    let curvature = curvature_of(hit.triangle, surface.facing);
+    let curvature = curvature_of(hit.triangle, surface.facing⟪, surface.point.normal⟫);
 ⟩    if shape == SHAPE_THIN {
         let normal = interface_normal(surface, view);
         let meeting = face_of(body, -dot3(normal, view), body.index / index_in(path.media));
@@ -154,7 +154,7 @@ fn glass_color(pixel: Pixel, triangle: u32, first: Surface, first_view: vec3f, k
             if glass && params.bodies_at == 0u && next.splits > params.depth { continue; }
 ⟨            let cone = cone_along(next.cone, hit.t);
             footprint = footprint_of(cone, hit.triangle, next.direction);
-⟩            surface = surface_hit(next.direction, hit⟨, footprint⟩);
+⟩            surface = surface_hit(next.direction, hit⟪, next.origin⟫⟨, footprint⟩);
             let length = max(dot3(surface.point.position - next.start, next.direction), 0.0);
             weight = next.weight * transmittance(extinction, length);
             if glass {

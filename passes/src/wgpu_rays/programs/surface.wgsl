@@ -59,7 +59,8 @@ fn point_on(corners: Corners, u: Wide, v: Wide) -> SurfacePoint {
 }
 // The point of a triangle nearest to a stored position.
 fn snap(triangle: u32, position: vec3f) -> SurfacePoint {
-    let corners = positions_of(triangle);
+⟪    if is_sphere(triangle) { return on_sphere(sphere_of(triangle), position); }
+⟫    let corners = positions_of(triangle);
     let first = corners.b - corners.a; let second = corners.c - corners.a;
     let scale = scale_to_one(max(most3(abs(first)), most3(abs(second))));
     let e1 = difference(corners.b, corners.a, scale); let e2 = difference(corners.c, corners.a, scale);
@@ -114,7 +115,7 @@ fn lift(position: vec3f, corner: vec3f, normal: vec3f) -> vec3f {
 struct Round { a: vec3f, b: vec3f, c: vec3f, is_round: bool }
 fn round_normals(triangle: u32, facing: vec3f) -> Round {
     var normals = Round(facing, facing, facing, false);
-    if params.has_normals == 0u { return normals; }
+    if params.has_normals == 0u⟪ || is_sphere(triangle)⟫ { return normals; }
     let i = corners_of(triangle) * 3u + vec3u(params.normals_at);
     let na = vector_at(i.x); let nb = vector_at(i.y); let nc = vector_at(i.z);
     if all(na == nb) && all(nb == nc) { return normals; }
@@ -160,7 +161,11 @@ fn surface_of(point: SurfacePoint, stored: vec3f, view: vec3f) -> Surface {
     return Surface(point, facing, select(normal, -normal, dot3(normal, facing) < 0.0));
 }
 // The surface at a ray's hit.
-fn surface_hit(direction: vec3f, hit: Hit⟨, footprint: f32⟩) -> Surface {
-    let point = point_on(positions_of(hit.triangle), wide(hit.u), wide(hit.v));
+fn surface_hit(direction: vec3f, hit: Hit⟪, origin: vec3f⟫⟨, footprint: f32⟩) -> Surface {
+⟪    if is_sphere(hit.triangle) {
+        let outside = met_on_sphere(sphere_of(hit.triangle), origin, direction, hit.t);
+        return surface_of(outside, outside.normal, direction);
+    }
+⟫    let point = point_on(positions_of(hit.triangle), wide(hit.u), wide(hit.v));
     return surface_of(point, bent_normal(hit, normal_at(hit), point.normal⟨, footprint⟩), direction);
 }

@@ -40,7 +40,7 @@ fn main(@builtin(workgroup_id) group: vec3u, @builtin(num_workgroups) groups: ve
             let origin = fan_origin[owner];
             if IS_SETTLED && params.samples <= 128u && (ray_bits[owner][sample / 32u] >> (sample % 32u) & 1u) == 0u { continue; }
             let ray = Ray(origin.xyz, fan_direction(owner, sample), 0.0, params.radius);
-            if !occluded_below(OCCLUSION_ACCEPT, ray, tops[owner], origin.w) { atomicAdd(&open_counts[owner], 1u); }
+            if !occluded_below(OCCLUSION_ACCEPT, ray, tops[owner], origin.w)⟪ && !occluded_by_sphere(OCCLUSION_ACCEPT, ray)⟫ { atomicAdd(&open_counts[owner], 1u); }
         }
         workgroupBarrier();
         if traces { points[POINT * point + 5u].x = known.x + atomicLoad(&open_counts[lane]); }

@@ -97,7 +97,8 @@ fn closest(accept: u32, ray: Ray, best: ptr<function, Hit>) -> bool {
             any = true;
         }
     }
-    return any;
+⟪    if closest_sphere(accept, &query, limit, best) { any = true; }
+⟫    return any;
 }
 
 // Whether any accepted hit exists below a node. All hits are known to lie beyond the distance `behind`; boxes that end before it are
@@ -125,4 +126,4 @@ fn occluded_below(accept: u32, ray: Ray, top: u32, behind: f32) -> bool {
     return false;
 }
 // Whether any accepted hit exists.
-fn occluded(accept: u32, ray: Ray) -> bool { return occluded_below(accept, ray, params.root, 0.0); }
+fn occluded(accept: u32, ray: Ray) -> bool { return occluded_below(accept, ray, params.root, 0.0)⟪ || occluded_by_sphere(accept, ray)⟫; }

@@ -151,10 +151,10 @@ fn side_of(direction: vec3f) -> f32 {
 }
 ⟨// The cone after a mirror of this normal, and after an interface.
 fn mirrored_cone(normal: vec3f) -> Cone {
-    return cone_mirrored(now.path.cone, curvature_of(now.hit.triangle, now.surface.facing), -dot3(normal, now.view));
+    return cone_mirrored(now.path.cone, curvature_of(now.hit.triangle, now.surface.facing⟪, now.surface.point.normal⟫), -dot3(normal, now.view));
 }
 fn refracted_cone(bent: Bend, ratio: f32) -> Cone {
-    let curvature = curvature_of(now.hit.triangle, now.surface.facing);
+    let curvature = curvature_of(now.hit.triangle, now.surface.facing⟪, now.surface.point.normal⟫);
     return cone_refracted(now.path.cone, curvature, -dot3(bent.normal, now.view), bent.meeting.cos_refracted, ratio);
 }
 ⟩fn ways_of(body: Body, ratio: f32) -> Ways {
@@ -372,7 +372,7 @@ fn glass_color(pixel: Pixel, triangle: u32, first: Surface, first_view: vec3f, k
             }
 ⟨            next.path.cone = cone_along(next.path.cone, hit.t);
             let footprint = footprint_of(next.path.cone, hit.triangle, next.direction);
-⟩            let surface = surface_hit(next.direction, hit⟨, footprint⟩);
+⟩            let surface = surface_hit(next.direction, hit⟪, next.origin⟫⟨, footprint⟩);
             let kept = transmittance(extinction, max(dot3(surface.point.position - next.start, next.direction), 0.0));
             now = Meeting(hit, surface, next.direction, next.weight * kept, next.path⟨, footprint⟩);
             if is_glass(hit.triangle) {

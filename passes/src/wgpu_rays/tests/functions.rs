@@ -47,11 +47,11 @@ fn put3(place: u32, v: vec3f) { put(place, v.x); put(place + 1u, v.y); put(place
 }
 ";
 
-struct Random(u64);
+pub(super) struct Random(pub u64);
 
 impl Random {
     /// A random number in 0..1.
-    fn unit(&mut self) -> f32 {
+    pub fn unit(&mut self) -> f32 {
         self.0 = self.0.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
         (self.0 >> 40) as f32 / 16_777_216.0
     }
@@ -61,7 +61,7 @@ impl Random {
         (self.unit() * 2.0 - 1.0) * ((self.unit() * 2.0 - 1.0) * powers).round().exp2()
     }
 
-    fn vector(&mut self) -> Vec3 {
+    pub fn vector(&mut self) -> Vec3 {
         Vec3::new(self.unit(), self.unit(), self.unit()) * 2.0 - 1.0
     }
 }
@@ -95,8 +95,20 @@ fn cases() -> (Vec<[f32; GIVEN]>, Geometry) {
 /// The device's output for each case.
 fn run(gpu: &Gpu, arithmetic: Arithmetic, cases: &[[f32; GIVEN]], geometry: &Geometry) -> Vec<[u32; WORDS]> {
     let variant = Variant::Panes(Fidelity::Corrected);
-    let kind = Kind { program: RayProgram::Final, variant, lighting: Lighting::Sun };
+    let kind = Kind { program: RayProgram::Final, variant, lighting: Lighting::Sun, spheres: false };
     let text = source(kind, Stage::Whole, (arithmetic, TextureLod::Zero), Split::default()).expect("written") + ENTRY;
+    let scene: [(u32, &[u8]); 2] =
+        [(2, bytemuck::cast_slice(&geometry.positions)), (3, bytemuck::cast_slice(&geometry.triangles))];
+    answers(gpu, text, &scene, cases)
+}
+
+/// The output of the entry `functions` of a text for each case, given what it reads of group 1.
+pub(super) fn answers<const G: usize, const W: usize>(
+    gpu: &Gpu,
+    text: String,
+    scene: &[(u32, &[u8])],
+    cases: &[[f32; G]],
+) -> Vec<[u32; W]> {
     let module = gpu.device.create_shader_module(wgpu::ShaderModuleDescriptor {
         label: Some("functions"),
         source: wgpu::ShaderSource::Wgsl(text.into()),
@@ -114,10 +126,9 @@ fn run(gpu: &Gpu, arithmetic: Arithmetic, cases: &[[f32; GIVEN]], geometry: &Geo
     let upload = |bytes: &[u8]| gpu.upload_buffer("test", storage, bytes).expect("room");
     let params = bytemuck::bytes_of(&Params::default()).to_vec();
     let params = gpu.upload_buffer("test", wgpu::BufferUsages::UNIFORM, &params).expect("room");
-    let vertices = upload(bytemuck::cast_slice(&geometry.positions));
-    let mesh = upload(bytemuck::cast_slice(&geometry.triangles));
+    let scene: Vec<_> = scene.iter().map(|(binding, bytes)| (*binding, upload(bytes))).collect();
     let given = upload(bytemuck::cast_slice(cases));
-    let bytes = (cases.len() * WORDS * 4) as u64;
+    let bytes = (cases.len() * W * 4) as u64;
     let found = gpu.buffer("test", storage | wgpu::BufferUsages::COPY_SRC, bytes).expect("room");
     let readable = wgpu::BufferUsages::MAP_READ | wgpu::BufferUsages::COPY_DST;
     let readable = gpu.buffer("test", readable, bytes).expect("room");
@@ -132,7 +143,7 @@ fn run(gpu: &Gpu, arithmetic: Arithmetic, cases: &[[f32; GIVEN]], geometry: &Geo
     };
     let groups = [
         (0, group(0, &[(0, &params)])),
-        (1, group(1, &[(2, &vertices), (3, &mesh)])),
+        (1, group(1, &scene.iter().map(|(binding, buffer)| (*binding, buffer)).collect::<Vec<_>>())),
         (3, group(3, &[(0, &given), (1, &found)])),
     ];
     let mut encoder = gpu.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
@@ -145,7 +156,7 @@ fn run(gpu: &Gpu, arithmetic: Arithmetic, cases: &[[f32; GIVEN]], geometry: &Geo
         pass.dispatch_workgroups((cases.len() as u32).div_ceil(64), 1, 1);
     }
     encoder.copy_buffer_to_buffer(&found, 0, &readable, 0, bytes);
-    let mut words = vec![[0; WORDS]; cases.len()];
+    let mut words = vec![[0; W]; cases.len()];
     gpu.read_mapped(&readable, bytes, Some(encoder.finish()), "test", |bytes| {
         bytemuck::cast_slice_mut(&mut words).copy_from_slice(bytes);
     })

@@ -20,9 +20,9 @@ use std::sync::Arc;
 
 const SIDE: u32 = 64;
 /// Number of pixels that may differ by more than a hundredth, where the last bit of a direction decides what a ray hits.
-const FEW: usize = (SIDE * SIDE) as usize / 200;
+pub(super) const FEW: usize = (SIDE * SIDE) as usize / 200;
 
-fn solid(index: f32) -> Dielectric {
+pub(super) fn solid(index: f32) -> Dielectric {
     Dielectric { shape: Shape::Solid, index, filter: Vec3::ONE, ..Dielectric::default() }
 }
 
@@ -37,12 +37,12 @@ fn block(world: &mut World, material: u32, center: Vec3, half: Vec3) {
 
 /// Tinted, veiled and overlapping bodies, one inside another, an absorbing wall and a pane, over a floor with a textured block. A texture
 /// says where the veiled body and the wall let light enter.
-fn several() -> World {
+pub(super) fn several() -> World {
     several_of([Dielectric::default(); 3])
 }
 
 /// The same, with the roughness and the dispersion of these in its tinted block, its veiled block and its wall.
-fn several_of(surfaces: [Dielectric; 3]) -> World {
+pub(super) fn several_of(surfaces: [Dielectric; 3]) -> World {
     let [tinted, veiled, wall] = surfaces;
     let with = |own: Dielectric, plain: Dielectric| Dielectric {
         alpha: own.alpha,
@@ -90,7 +90,7 @@ fn several_of(surfaces: [Dielectric; 3]) -> World {
 }
 
 /// Pictures of a world on both backends, whose rays are counted alike.
-fn both(world: &World, eye: Vec3, program: RayProgram, params: RayParams) -> Option<[Vec<[f32; 4]>; 2]> {
+pub(super) fn both(world: &World, eye: Vec3, program: RayProgram, params: RayParams) -> Option<[Vec<[f32; 4]>; 2]> {
     let mut rays = rays_in_turn()?;
     let (found, mine) = picture_on(&mut *rays, world, eye, program, params);
     let (expected, theirs) = picture_on(&mut CpuRays::new(), world, eye, program, params);
@@ -102,7 +102,7 @@ fn both(world: &World, eye: Vec3, program: RayProgram, params: RayParams) -> Opt
     Some([found, expected])
 }
 
-fn picture_on(
+pub(super) fn picture_on(
     rays: &mut dyn RayBackend,
     world: &World,
     eye: Vec3,
@@ -118,7 +118,7 @@ fn picture_on(
     picture(rays, &job)
 }
 
-fn auto(depth: u32, shadow: GlassShadow, samples: u32) -> RayParams {
+pub(super) fn auto(depth: u32, shadow: GlassShadow, samples: u32) -> RayParams {
     RayParams { glass: GlassRule::Auto, depth, shadow, samples, radius: 1.5, ..RayParams::default() }
 }
 
@@ -171,7 +171,7 @@ fn light_of_several_lights_and_of_discs_falls_through_glass_as_on_the_processor(
 }
 
 /// Where glass is rough or bends colours apart, and how: tinted block, veiled block, wall.
-fn ways(alphas: [f32; 3], spreads: [f32; 3]) -> [Dielectric; 3] {
+pub(super) fn ways(alphas: [f32; 3], spreads: [f32; 3]) -> [Dielectric; 3] {
     [0, 1, 2].map(|place| Dielectric { alpha: alphas[place], spread: spreads[place], ..Dielectric::default() })
 }
 

@@ -8,6 +8,9 @@ mod leaks;
 mod lights;
 mod limits;
 mod pictures;
+mod sphere_functions;
+mod sphere_glass;
+mod spheres;
 mod texts;
 
 use super::*;

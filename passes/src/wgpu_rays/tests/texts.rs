@@ -35,7 +35,7 @@ fn every_text() -> HashMap<String, String> {
         let bodies = [Variant::Bodies, Variant::Ways].into_iter().filter(|_| knows);
         for variant in panes.into_iter().chain(bodies) {
             let eye = variant.knows_bodies().then_some(&Stage::Eye);
-            let kind = Kind { program: info.program, variant, lighting: Lighting::Sun };
+            let kind = Kind { program: info.program, variant, lighting: Lighting::Sun, spheres: false };
             let filtered = info.reads("filter").then_some(&Stage::Surfaces);
             let kernels =
                 stages(kind, 100).iter().chain(stages(kind, 1)).chain([&Stage::Whole]).chain(eye).chain(filtered);
@@ -55,10 +55,29 @@ fn every_text() -> HashMap<String, String> {
         let knows = Variant::OF_BODIES.contains(&program);
         for variant in [panes, Variant::Bodies, Variant::Ways].into_iter().filter(|variant| knows || *variant == panes)
         {
-            let kind = Kind { program, variant, lighting: Lighting::Lights };
+            let kind = Kind { program, variant, lighting: Lighting::Lights, spheres: false };
             for stage in stages(kind, 100).iter().chain(stages(kind, 1)).chain([&Stage::Whole]) {
                 for lod in [TextureLod::Zero, TextureLod::Cones] {
                     add(kind, *stage, Arithmetic::default(), lod, Split::default());
+                }
+            }
+        }
+    }
+    // With exact spheres.
+    for info in RAY_PROGRAMS.iter().filter(|info| is_written(info.program)) {
+        let knows = Variant::OF_BODIES.contains(&info.program);
+        let panes = Variant::Panes(Fidelity::Corrected);
+        for variant in [panes, Variant::Bodies, Variant::Ways].into_iter().filter(|variant| knows || *variant == panes)
+        {
+            for lighting in [Lighting::Sun, Lighting::Lights] {
+                let kind = Kind { program: info.program, variant, lighting, spheres: true };
+                let eye = variant.knows_bodies().then_some(&Stage::Eye);
+                let filtered = info.reads("filter").then_some(&Stage::Surfaces);
+                let kernels = stages(kind, 100).iter().chain(stages(kind, 1)).chain([&Stage::Whole]);
+                for stage in kernels.chain(eye).chain(filtered) {
+                    for lod in [TextureLod::Zero, TextureLod::Cones] {
+                        add(kind, *stage, Arithmetic::default(), lod, Split::default());
+                    }
                 }
             }
         }
@@ -67,7 +86,7 @@ fn every_text() -> HashMap<String, String> {
     let split = Split { bindings: [1, 2, 3, 4, 5], bytes: 1 << 27 };
     for program in [RayProgram::Ssao, RayProgram::Final] {
         let variant = Variant::Panes(Fidelity::Corrected);
-        let kind = Kind { program, variant, lighting: Lighting::Sun };
+        let kind = Kind { program, variant, lighting: Lighting::Sun, spheres: false };
         for stage in stages(kind, 100) {
             add(kind, *stage, Arithmetic::default(), TextureLod::Zero, split);
         }
@@ -91,7 +110,8 @@ fn every_text_is_valid_wgsl_that_needs_no_extension() {
 #[test]
 fn parameters_in_a_storage_buffer_are_copied_before_anything_else() {
     for program in [RayProgram::DeferredShadows, RayProgram::Ssao, RayProgram::Final] {
-        let kind = Kind { program, variant: Variant::Panes(Fidelity::Corrected), lighting: Lighting::Sun };
+        let kind =
+            Kind { program, variant: Variant::Panes(Fidelity::Corrected), lighting: Lighting::Sun, spheres: false };
         for stage in stages(kind, 100).iter().chain(stages(kind, 1)).chain([&Stage::Whole]) {
             let text = source(kind, *stage, (Arithmetic::default(), TextureLod::Zero), Split::default());
             let text = text.expect("written");
@@ -113,7 +133,19 @@ fn parameters_in_a_storage_buffer_are_copied_before_anything_else() {
 fn parameters_lie_where_the_host_writes_them() {
     let info = RAY_PROGRAMS.iter().find(|info| is_written(info.program)).expect("a program");
     let variant = Variant::Panes(Fidelity::Corrected);
-    let kind = Kind { program: info.program, variant, lighting: Lighting::Sun };
+    let kind = Kind { program: info.program, variant, lighting: Lighting::Sun, spheres: false };
+    // The last parameters are known to programs with exact spheres alone, whose structures are as long.
+    let lengths = [false, true].map(|spheres| {
+        let kind = Kind { spheres, ..kind };
+        let text = source(kind, Stage::Whole, (Arithmetic::default(), TextureLod::Zero), Split::default());
+        let text = text.expect("it is written");
+        let module = validate(&text).expect("valid");
+        let params = module.types.iter().find(|(_, ty)| ty.name.as_deref() == Some("Params"));
+        let naga::TypeInner::Struct { span, .. } = &params.expect("declared").1.inner else { panic!("no struct") };
+        *span
+    });
+    assert_eq!(lengths[0], lengths[1]);
+    let kind = Kind { spheres: true, ..kind };
     let text = source(kind, Stage::Whole, (Arithmetic::default(), TextureLod::Zero), Split::default());
     let text = text.expect("it is written");
     let module = validate(&text).expect("valid");
@@ -134,7 +166,8 @@ fn parameters_lie_where_the_host_writes_them() {
     same!("origin_x" origin;
         eye zero to_light seed light_color samples scene_low strata scene_high depth width height first_tile end_tile tiles_across
         capacity root materials_at normals_at texcoords_at textures_at points_at open_share_at through_glass_at cut schlick
-        has_normals id_base radius index decoded_at colors_at beyond bodies_at tangents_at cone_width cone_spread lights_at whole);
+        has_normals id_base radius index decoded_at colors_at beyond bodies_at tangents_at cone_width cone_spread lights_at whole
+        sphere_root spheres_at first_sphere);
     assert_eq!((*span as usize, seen), (size_of::<Params>(), members.len() - 1));
 }
 
@@ -146,7 +179,7 @@ fn programs_that_read_level_0_have_no_word_of_cones() {
             if variant == Variant::Ways && !knows {
                 continue;
             }
-            let kind = Kind { program: info.program, variant, lighting: Lighting::Sun };
+            let kind = Kind { program: info.program, variant, lighting: Lighting::Sun, spheres: false };
             let text = |lod| {
                 let text = source(kind, Stage::Whole, (Arithmetic::default(), lod), Split::default()).expect("written");
                 // Without the parameters, which all share, and what is only said.
@@ -167,7 +200,7 @@ fn programs_of_one_light_have_no_word_of_several() {
     for info in RAY_PROGRAMS.iter().filter(|info| is_written(info.program)) {
         let variant = Variant::Panes(Fidelity::Corrected);
         let text = |lighting| {
-            let kind = Kind { program: info.program, variant, lighting };
+            let kind = Kind { program: info.program, variant, lighting, spheres: false };
             let arithmetic = (Arithmetic::default(), TextureLod::Zero);
             source(kind, Stage::Whole, arithmetic, Split::default()).expect("written")
         };
@@ -176,4 +209,21 @@ fn programs_of_one_light_have_no_word_of_several() {
             assert!(!sun.contains(word) && lights.contains(word), "{}: {word}", info.stem);
         }
     }
+}
+
+#[test]
+fn programs_of_scenes_without_spheres_have_no_word_of_them() {
+    let code = |text: &str| {
+        let code = text.lines().map(|line| line.split("//").next().unwrap_or_default());
+        code.collect::<Vec<_>>().join("\n").to_lowercase().replace("hemisphere", "")
+    };
+    let (mut with, mut without) = (0, 0);
+    for (kernel, text) in &every_text() {
+        assert!(!text.contains(['⟪', '⟫']), "{kernel}");
+        let says = code(text).contains("sphere");
+        assert_eq!(says, kernel.contains("spheres: true"), "{kernel}");
+        *if says { &mut with } else { &mut without } += 1;
+    }
+    assert!(with >= 50 && without >= 100, "{with} {without}");
+    assert!(!code(&segments(Arithmetic::default())).contains("sphere"));
 }
