@@ -84,12 +84,12 @@ class Bodies(Scene):
                         material = materials[(i + 2 * j + i * j + axis) % len(shades)]
                         self.quad(material, -center + x * at[0] + y * at[1], x / cells, y / cells)
 
-    def box(self, material, half):
-        """A closed box about the origin."""
+    def box(self, material, half, middle=(0, 0, 0)):
+        """A closed box."""
         for axis in range(3):
             for sign in (1, -1):
                 center, x, y = self.side(axis, sign, 1.0)
-                self.quad(material, center * half, x * half, y * half)
+                self.quad(material, np.array(middle) + center * half, x * half, y * half)
 
     @staticmethod
     def side(axis, sign, half):
@@ -304,12 +304,12 @@ def inside():
     body = scene.material(glass(index, (0.1, 0.5, 1.0)))
     scene.sphere(body, (0, 0, 0), 2.0, 1, False)
     scene.box(scene.material(wall(0.9)), np.array([0.3, 0.5, 0.2]))
-    for radiance, center in [(0.6, (-0.8, 0.3, -0.9)), (0.35, (0.7, -0.5, -0.5))]:
-        scene.quad(scene.material(wall(radiance)), center, (0.35, 0, 0), (0, 0.45, 0.1))
+    for radiance, middle in [(0.6, (-0.8, 0.3, -0.9)), (0.35, (0.7, -0.5, -0.5))]:
+        scene.box(scene.material(wall(radiance)), np.array([0.35, 0.45, 0.1]), middle)
     scene.room(factor=1 / index**2)
     camera = {**CAMERA, "eye": [0.2, 0.3, 1.3], "target": [0, 0, -0.4], "fov_y": 62}
     about = "The camera in a body of 80 flat faces, index 1.5 and extinctions of 0.1, 0.5 and 1, with emitters in the body and around it."
-    render("body_inside", about, scene, [DEEP], samples=2048, camera=camera, around=body)
+    render("body_inside", about, scene, [DEEP], samples=1024, camera=camera, around=body)
 
 
 def rough():
