@@ -81,6 +81,14 @@ DEVICE float3 extinction_in(const Params &params, const Media &media) {
     return body == NO_BODY ? splat(0.0f) : vector_of(params.bodies[body].extinction);
 }
 
+// What the body that the camera is in leaves of light, by colour, on its way from the surface that a pixel shows to the eye (`eye.rs`).
+template <class Tracer> DEVICE float3 kept_to_eye(const Pass<Tracer> &pass) {
+    const Media *around = (const Media *)pass.params.around_eye;
+    if (around == nullptr || around->length == 0) return splat(1.0f);
+    float3 to = xyz(pass.position()) - pass.eye();
+    return transmittance(vector_of(pass.params.bodies[around->list[around->length - 1]].extinction), sqrtf(dot(to, to)));
+}
+
 DEVICE Interface interface_at(const Params &params, float cos_incident, float ratio) {
     return params.schlick != 0u ? schlick(cos_incident, ratio) : fresnel(cos_incident, ratio);
 }
@@ -187,15 +195,12 @@ struct BodyWalk {
         float footprint;
     };
 
-    // Starts at a pixel that shows glass.
+    // Starts at a pixel that shows glass, of whose light the share `kept` reaches the eye.
     template <class Tracer>
-    DEVICE_MEMBER void enter_pixel(Pass<Tracer> &pass, unsigned triangle, const Surface &surface, float3 view, unsigned key) {
+    DEVICE_MEMBER void enter_pixel(Pass<Tracer> &pass, unsigned triangle, const Surface &surface, float3 view, unsigned key, float3 kept) {
         const Params &params = pass.params;
-        float3 stored = xyz(pass.position());
-        Hit hit = located(params, triangle, stored);
-        Path path = {splat(1.0f), params.around_eye ? *(const Media *)params.around_eye : no_media(), key, 0, 0, pass.cone_at(surface)};
-        float3 to = stored - pass.eye();
-        path.weight = transmittance(extinction_in(params, path.media), sqrtf(dot(to, to)));
+        Hit hit = located(params, triangle, xyz(pass.position()));
+        Path path = {kept, params.around_eye ? *(const Media *)params.around_eye : no_media(), key, 0, 0, pass.cone_at(surface)};
         enter(pass, {hit, surface, view, footprint_of(params, path.cone, triangle, view)}, path);
     }
 

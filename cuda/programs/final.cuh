@@ -27,6 +27,11 @@ DEVICE float weigh(const End &end, float3 &color) {
     return 1.0f;
 }
 DEVICE float3 missed_by(const Walk &walk) { return walk.missed; }
+// The weight of the surface that a pixel shows, and the walk from one of glass.
+template <class Tracer> DEVICE Share weight_to_eye(const Pass<Tracer> &pass) { return kept_to_eye(pass); }
+template <class Tracer> DEVICE void enter_glass(Walk &walk, Pass<Tracer> &pass, unsigned triangle, const End &seen, float3 view) {
+    walk.enter_pixel(pass, triangle, seen.surface, view, seen.key, seen.weight);
+}
 #else
 using Walk = GlassWalk;
 using End = GlassEnd;
@@ -34,6 +39,10 @@ using Share = float;
 DEVICE Share share_of(float value) { return value; }
 template <class Tracer> DEVICE Share light_from(Pass<Tracer> &pass, float3 origin) { return pass.light_at(origin); }
 DEVICE float weigh(const End &end, float3 &) { return end.weight; }
+template <class Tracer> DEVICE Share weight_to_eye(const Pass<Tracer> &) { return 1.0f; }
+template <class Tracer> DEVICE void enter_glass(Walk &walk, Pass<Tracer> &pass, unsigned triangle, const End &seen, float3 view) {
+    walk.enter_pixel(pass, triangle, seen.surface, view, seen.key);
+}
 #endif
 
 #ifdef CURITIBA_LIGHTS
@@ -124,11 +133,11 @@ struct PixelSurfaces {
         color = xyz(pass.color());
         end.surface = pass.surface_at(triangle, stored_normal, view);
         end.key = pixel_key(pass.pixel.x, pass.pixel.y, params.seed);
-        end.weight = share_of(1.0f);
+        end.weight = weight_to_eye(pass);
         lit_side = dot(stored_normal, end.surface.facing) < 0.0f ? -end.surface.facing : end.surface.facing;
         pass.shaded_as_seen(stored_normal, end.key);
         glass = is_glass(params, triangle);
-        if (glass) walk.enter_pixel(pass, triangle, end.surface, view, end.key);
+        if (glass) enter_glass(walk, pass, triangle, end, view);
         here = !glass;
     }
     // Finds the next surface of glass; the others have one, found already.

@@ -29,14 +29,20 @@ template <class Tracer> DEVICE float4 corrected(Pass<Tracer> &pass) {
 #ifdef CURITIBA_BODIES
 #include "bodies.cuh"
 
-// As `corrected`, of glass as each material says.
+// As `corrected`, of glass as each material says: the body that the camera is in absorbs light from other surfaces too.
 template <class Tracer> DEVICE float4 bodies(Pass<Tracer> &pass) {
     unsigned triangle = pass.triangle();
-    if (triangle == NO_TRIANGLE || !is_glass(pass.params, triangle)) return pass.color();
+    if (triangle == NO_TRIANGLE) return pass.color();
+    float3 kept = kept_to_eye(pass);
+    if (!is_glass(pass.params, triangle)) {
+        float4 color = pass.color();
+        float3 seen = kept * xyz(color);
+        return make_float4(seen.x, seen.y, seen.z, color.w);
+    }
     float3 view;
     Surface surface = pass.surface_at(triangle, pass.normal(), view);
     BodyWalk walk;
-    walk.enter_pixel(pass, triangle, surface, view, 0u);
+    walk.enter_pixel(pass, triangle, surface, view, 0u, kept);
     BodyEnd end;
     float3 color = splat(0.0f);
     while (walk.advance(pass, end)) color = color + end.weight * met_color(pass.params, end.hit, end.footprint, end.surface);

@@ -18,7 +18,12 @@ use std::path::{Path, PathBuf};
 const PROJECTS: [&str; 6] = ["SceneDummy", "SceneShadows", "SceneReflect", "SceneRefract", "SceneSSAO", "SceneFinal"];
 
 fn project(name: &str) -> PathBuf {
+    file(&format!("xml_projects/{name}.xml"))
+}
+
+/// A file of the source folder.
+fn file(path: &str) -> PathBuf {
     let built = Path::new(env!("CARGO_MANIFEST_DIR"));
     let root = if built.is_dir() { built } else { Path::new(".") };
-    root.join(format!("xml_projects/{name}.xml"))
+    root.join(path)
 }

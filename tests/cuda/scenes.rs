@@ -2,7 +2,7 @@
 
 use super::conformance::record_of;
 use super::lamps::add_lamps;
-use super::{project, there};
+use super::{file, project, there};
 use curitiba::conformance::Found;
 use curitiba::pipeline::backend::RayCounts;
 use curitiba::pipeline::image::{Image, write_png};
@@ -203,4 +203,54 @@ fn mirrors_and_glass_on_our_own_tracer_show_skies_as_the_processors_do() {
 #[test]
 fn mirrors_and_glass_on_optix_show_skies_as_the_processors_do() {
     glass_shows_skies(BackendChoice::Optix);
+}
+
+/// A camera in a dyed body among emitters, which `tests/oracle/bodies.py` has written.
+fn in_a_body(effects: &str) -> Project {
+    let options = SceneOptions {
+        effects: effects.parse().ok(),
+        look_from: Some(DVec3::new(0.2, 0.3, 1.3)),
+        look_at: Some(DVec3::new(0.0, 0.0, -0.4)),
+        fov: Some(62.0),
+        sun: Some(Vec3::new(0.3, 1.0, 0.5)),
+        ..SceneOptions::default()
+    };
+    SceneProjects::new(&[file("tests/oracle/body_inside.gltf")], &options, None, 1 << 28).expect("a scene").project()
+}
+
+/// What the camera sees directly and through the faces of the body around it, by `refraction` and by all kernels of `final`.
+fn a_body_around_the_camera(backend: BackendChoice) {
+    if there(Choice::CPU.traced_by(backend)).is_none() {
+        return;
+    }
+    let found = Arc::new(Mutex::new(Found::default()));
+    let passes = [
+        ("glass", &[][..]),
+        ("shadows,glass", &["pass2.shadow=straight"][..]),
+        ("shadows,glass", &["pass2.shadow=opaque"]),
+        ("shadows,ao,glass", &["pass2.samples=9"]),
+        ("shadows,glass", &["pass2.sun=4", "pass2.sunsamples=4"]),
+    ];
+    for (effects, set) in passes {
+        let set = set.iter().map(|one| (*one).to_owned()).collect();
+        record_of(in_a_body(effects), backend, effects, "Camera", (Fidelity::Corrected, set), None, &found);
+    }
+    let found = found.lock().expect("no panic while it was held");
+    assert_eq!(found.records.len(), passes.len(), "a pass did not run");
+    for record in &found.records {
+        let words = record.in_words();
+        println!("{words}");
+        assert!(record.within_limits, "farther off than it may be: {words}");
+        assert!(record.rays.refracted > 10_000, "few pixels show the body: {words}");
+    }
+}
+
+#[test]
+fn the_body_around_the_camera_absorbs_on_our_own_tracer_as_on_the_processor() {
+    a_body_around_the_camera(BackendChoice::Cuda);
+}
+
+#[test]
+fn the_body_around_the_camera_absorbs_on_optix_as_on_the_processor() {
+    a_body_around_the_camera(BackendChoice::Optix);
 }

@@ -24,9 +24,9 @@ SURFACES = 40
 CAMERA = {"eye": [0.8, 0.9, 3.0], "target": [0, 0, 0], "up": [0, 1, 0], "fov_y": 30, "width": SIDE, "height": SIDE}
 
 
-def wall(radiance):
-    """Emits on the side of its normals: a radiance, or rows of sRGB codes."""
-    return {"emits": radiance}
+def wall(radiance, factor=1.0):
+    """Emits on the side of its normals: a radiance, or rows of sRGB codes. Mitsuba's emits `factor` times the radiance."""
+    return {"emits": radiance, "factor": factor}
 
 
 def lattice(rows):
@@ -72,9 +72,9 @@ class Bodies(Scene):
         self.materials.append(made)
         return len(self.materials) - 1
 
-    def room(self, shades=SHADES, half=6.0, cells=4):
+    def room(self, shades=SHADES, half=6.0, cells=4, factor=1.0):
         """Six walls, turned inward, whose radiance changes from cell to cell."""
-        materials = [self.material(wall(shade)) for shade in shades]
+        materials = [self.material(wall(shade, factor)) for shade in shades]
         for axis in range(3):
             for sign in (1, -1):
                 center, x, y = self.side(axis, -sign, half)
@@ -84,12 +84,12 @@ class Bodies(Scene):
                         material = materials[(i + 2 * j + i * j + axis) % len(shades)]
                         self.quad(material, -center + x * at[0] + y * at[1], x / cells, y / cells)
 
-    def box(self, material, half):
-        """A closed box about the origin."""
+    def box(self, material, half, middle=(0, 0, 0)):
+        """A closed box."""
         for axis in range(3):
             for sign in (1, -1):
                 center, x, y = self.side(axis, sign, 1.0)
-                self.quad(material, center * half, x * half, y * half)
+                self.quad(material, np.array(middle) + center * half, x * half, y * half)
 
     @staticmethod
     def side(axis, sign, half):
@@ -125,7 +125,7 @@ class Bodies(Scene):
                 if isinstance(emits, list):
                     radiance = texture([[decode(code) for code in row] for row in emits])
                 else:
-                    radiance = {"type": "rgb", "value": emits}
+                    radiance = {"type": "rgb", "value": emits * material["factor"]}
                 properties["emitter"] = mi.load_dict({"type": "area", "radiance": radiance})
             name, count = f"material{number}", len(positions) // 3
             mesh = mi.Mesh(name, 3 * count, count, has_vertex_texcoords=True, props=properties)
@@ -234,13 +234,14 @@ def store(name, about, scene, set, samples, mean, error, camera=CAMERA, sun=None
     print(f"{name}: {len(shown)} pixels, mean {np.mean(shown, 0)}", flush=True)
 
 
-def render(name, about, scene, set=(), samples=2048, camera=CAMERA):
+def render(name, about, scene, set=(), samples=2048, camera=CAMERA, around=None):
     """Renders the pixels whose centres show glass, and stores them."""
-    store(name, about, scene, list(set), samples, *estimated(scene, samples, camera), camera)
+    store(name, about, scene, list(set), samples, *estimated(scene, samples, camera, around=around), camera)
 
 
-def estimated(scene, samples, camera, seed=7):
-    """Means and standard errors of the pixels whose centres show glass, None of others."""
+def estimated(scene, samples, camera, seed=7, around=None):
+    """Means and standard errors of the pixels whose centres show glass, None of others. With the number of the body `around` the camera those
+    of all that it sees."""
     loaded = mi.load_dict({"type": "scene", **scene.meshes()})
     absorbs = any(any(material.get("extinction", ())) for material in scene.materials)
     kind = "volpathmis" if absorbs else "path"
@@ -248,15 +249,16 @@ def estimated(scene, samples, camera, seed=7):
     sampler = mi.load_dict({"type": "independent", "sample_count": 1})
     sampler.seed(seed)
     bodies = {f"material{number}" for number, material in enumerate(scene.materials) if "index" in material}
+    of_eye = [shape.interior_medium() for shape in loaded.shapes() if shape.id() == f"material{around}"]
     means, errors = [], []
     for ray in rays(camera):
         hit = loaded.ray_intersect(ray)
-        if not hit.is_valid() or hit.shape.id() not in bodies:
+        if not hit.is_valid() or (around is None and hit.shape.id() not in bodies):
             means.append(None)
             errors.append(None)
             continue
         ray = mi.RayDifferential3f(ray)
-        values = np.array([integrator.sample(loaded, sampler, ray)[0] for _ in range(samples)], dtype=np.float64)
+        values = np.array([integrator.sample(loaded, sampler, ray, *of_eye)[0] for _ in range(samples)], dtype=np.float64)
         means.append(values.mean(0))
         errors.append(values.std(0, ddof=1) / math.sqrt(samples))
     return means, errors
@@ -294,6 +296,20 @@ def filled():
     scene.room()
     about = "A body of index 1.5 with one of index 1.33 and extinctions of 0.2, 0.8 and 1.6 in it."
     render("body_filled", about, scene, [DEEP], samples=4096)
+
+
+def inside():
+    """Inside of a body Mitsuba's radiance of what is outside is greater by the square of the index, which ours leaves out."""
+    scene, index = Bodies(), 1.5
+    body = scene.material(glass(index, (0.1, 0.5, 1.0)))
+    scene.sphere(body, (0, 0, 0), 2.0, 1, False)
+    scene.box(scene.material(wall(0.9)), np.array([0.3, 0.5, 0.2]))
+    for radiance, middle in [(0.6, (-0.8, 0.3, -0.9)), (0.35, (0.7, -0.5, -0.5))]:
+        scene.box(scene.material(wall(radiance)), np.array([0.35, 0.45, 0.1]), middle)
+    scene.room(factor=1 / index**2)
+    camera = {**CAMERA, "eye": [0.2, 0.3, 1.3], "target": [0, 0, -0.4], "fov_y": 62}
+    about = "The camera in a body of 80 flat faces, index 1.5 and extinctions of 0.1, 0.5 and 1, with emitters in the body and around it."
+    render("body_inside", about, scene, [DEEP], samples=1024, camera=camera, around=body)
 
 
 def rough():
@@ -391,6 +407,7 @@ SCENES = {
     "body_ball": ball,
     "body_dyed": dyed,
     "body_filled": filled,
+    "body_inside": inside,
     "body_rough": rough,
     "body_prism": prism,
     "body_texture": seen_through,

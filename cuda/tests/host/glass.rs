@@ -70,6 +70,10 @@ impl Scene {
         self.scene.materials[self.diffuse.len() - 1].sky = true;
         self.scene.geometry.sky = TriangleRanges::of_triangles(&self.scene.geometry, &self.scene.skies());
     }
+
+    fn is_glass(&self, material: u32) -> bool {
+        self.dielectrics[material as usize].shape != Shape::Opaque
+    }
 }
 
 /// A box whose outer faces are counter-clockwise.
@@ -186,6 +190,26 @@ fn under_water() -> Scene {
     scene
 }
 
+/// Extinctions of the water that the camera of [`among_things_under_water`] is in, and of the vessel around it.
+const WATER: Vec3 = Vec3::new(0.5, 0.2, 0.05);
+const VESSEL: Vec3 = Vec3::new(0.02, 0.1, 0.6);
+
+/// The camera in water in a vessel of glass, before a wall and a ball that are in the water too.
+fn among_things_under_water() -> Scene {
+    let mut scene = Scene::new(Vec3::new(0.1, 0.2, 0.9), Vec3::new(0.3, 0.0, -1.0));
+    let block = |half: f32| cuboid(Vec3::splat(-half), Vec3::splat(half));
+    scene.add(Dielectric { extinction: VESSEL, ..solid(1.5) }, Vec3::ONE, &block(1.6), flat);
+    scene.add(Dielectric { extinction: WATER, ..solid(1.33) }, Vec3::ONE, &block(1.4), flat);
+    let opaque = Dielectric::default();
+    let wall = cuboid(Vec3::new(-1.0, -1.1, -1.2), Vec3::new(0.5, 1.2, -1.0));
+    scene.add(opaque, Vec3::new(0.8, 0.7, 0.5), &wall, flat);
+    let center = Vec3::new(0.3, -0.2, -0.2);
+    let round = move |corner: Vec3, _: Vec3| (corner - center).normalize();
+    scene.add(opaque, Vec3::new(0.3, 0.9, 0.6), &ball(center, 0.35), round);
+    scene.add(opaque, Vec3::ONE, &cuboid(Vec3::new(-4.0, -2.5, -4.0), Vec3::new(4.0, -2.0, 4.0)), flat);
+    scene
+}
+
 struct GBuffer {
     position: Vec<[f32; 4]>,
     normal: Vec<[f32; 4]>,
@@ -241,6 +265,25 @@ pub(crate) struct Asked<'a> {
 
 /// The largest difference of a colour, the number of ray kinds whose counts differ, and the number of pixels that show glass.
 pub(crate) fn differences(program: &Path, scene: &Scene, asked: Asked<'_>) -> (f32, usize, usize) {
+    let geometry = &scene.scene.geometry;
+    let (mut largest, mut shown) = (0.0_f32, 0);
+    let differ = each_pixel(program, scene, asked, |seen, pixel, [found, expected]| {
+        let difference = (found - expected).abs();
+        largest = if difference.is_nan() { f32::INFINITY } else { largest.max(difference.max_element()) };
+        let triangle = seen.triangle[pixel];
+        shown += usize::from(triangle != NO_TRIANGLE && scene.is_glass(geometry.material_of(triangle)));
+    });
+    (largest, differ, shown)
+}
+
+/// Hands each pixel, with what the device program and the processor compute there, to `visit`. Returns the number of ray kinds whose counts
+/// differ.
+fn each_pixel(
+    program: &Path,
+    scene: &Scene,
+    asked: Asked<'_>,
+    mut visit: impl FnMut(&GBuffer, usize, [Vec3; 2]),
+) -> usize {
     let geometry = &scene.scene.geometry;
     let tree = Bvh::build(geometry, &vec![true; scene.dielectrics.len()], Quality::default());
     let seen = rasterised(scene, &tree);
@@ -298,24 +341,18 @@ pub(crate) fn differences(program: &Path, scene: &Scene, asked: Asked<'_>) -> (f
     let found = run(program, "", &input);
     let found = found.as_chunks::<7>().0;
     assert_eq!(found.len(), expected.pixels.len());
-    let (mut largest, mut shown) = (0.0_f32, 0);
     let mut counts = [0_u64; 4];
     for (pixel, (found, expected)) in found.iter().zip(&expected.pixels).enumerate() {
-        for channel in 0..3 {
-            let difference = (f32::from_bits(found[channel]) - expected[channel]).abs();
-            largest = if difference.is_nan() { f32::INFINITY } else { largest.max(difference) };
-        }
+        let color = Vec3::from([0, 1, 2].map(|channel| f32::from_bits(found[channel])));
+        visit(&seen, pixel, [color, Vec3::from_slice(expected)]);
         counts.iter_mut().zip(&found[3..]).for_each(|(count, found)| *count += u64::from(*found));
-        let triangle = seen.triangle[pixel];
-        shown += usize::from(triangle != NO_TRIANGLE && glass[geometry.material_of(triangle) as usize]);
     }
     let rays = stats.rays;
     // Shadow rays of `final` are not compared: the processor first traces some of a tile's rays to one light together, and those through
     // glass again; and it lights surfaces of no weight.
     let shadow = if asked.program == RayProgram::Final { counts[3] } else { rays.shadow };
     let expected = [rays.reflected, rays.refracted, rays.lost, shadow];
-    let differ = counts.iter().zip(&expected).filter(|(a, b)| a != b).count();
-    (largest, differ, shown)
+    counts.iter().zip(&expected).filter(|(a, b)| a != b).count()
 }
 
 fn serialised(scene: &Scene, seen: &GBuffer, job: &RayJob<'_>) -> Vec<u32> {
@@ -381,7 +418,7 @@ fn glass_of_the_device_programs_looks_as_on_the_processor() {
     for program in [RayProgram::Refraction, RayProgram::Final] {
         let name = format!("glass-{program:?}");
         let Some(compiled) = compiled_program(program, &name, None) else { return };
-        for scene in [several(), under_water(), under_a_sky()] {
+        for scene in [several(), under_water(), among_things_under_water(), under_a_sky()] {
             for (fresnel, shadow, depth, lod) in [
                 (Fresnel::Exact, GlassShadow::Straight, 5, TextureLod::Zero),
                 (Fresnel::Schlick, GlassShadow::Report, 2, TextureLod::Zero),
@@ -451,6 +488,50 @@ fn a_wrong_word_of_the_device_programs_is_noticed() {
         let Some(compiled) = compiled_program(program, "glass-changed", Some(("bodies.cuh", change))) else { return };
         let (largest, _, _) = differences(&compiled, &scene, asked(program));
         assert!(largest > 1e-3, "{change:?} is not noticed: {largest}");
+    }
+}
+
+/// What the camera sees directly in the body around it, by the closed form: the colour times exp(-extinction * distance).
+#[test]
+fn the_body_around_the_camera_absorbs_light_from_what_is_in_it() {
+    let (scene, lod) = (among_things_under_water(), TextureLod::Zero);
+    let is_right = |program: RayProgram, change: Option<(&str, [&str; 2])>| {
+        let source = if program == RayProgram::Final { "glass_final.cpp" } else { "glass.cpp" };
+        let compiled = compiled_with(source, &format!("glass-inside-{program:?}"), change)?;
+        let (fresnel, shadow) = (Fresnel::Exact, GlassShadow::Straight);
+        let asked = Asked { program, fresnel, shadow, depth: 3, lod, lights: &[], sun: 0.0 };
+        let (mut opaque, mut off, mut around, mut unlike) = (0, 0.0_f32, 0.0_f32, 0.0_f32);
+        each_pixel(&compiled, &scene, asked, |seen, pixel, [found, expected]| {
+            let triangle = seen.triangle[pixel];
+            if triangle == NO_TRIANGLE || scene.is_glass(scene.scene.geometry.material_of(triangle)) {
+                return;
+            }
+            let [position, color] = [&seen.position, &seen.color].map(|image| Vec3::from_slice(&image[pixel]));
+            let way = position.as_dvec3().distance(scene.eye.as_dvec3());
+            let of = |extinction: Vec3| color * (-extinction.as_dvec3() * way).map(f64::exp).as_vec3();
+            opaque += 1;
+            unlike = unlike.max((found - expected).abs().max_element());
+            if program == RayProgram::Refraction {
+                off = off.max((found - of(WATER)).abs().max_element());
+                around = around.max((found - of(VESSEL)).abs().max_element());
+            }
+        });
+        assert!(opaque > 300, "{opaque} pixels show what is in the water");
+        let is_control = program == RayProgram::Refraction && change.is_none();
+        assert!(!is_control || around > 0.05, "control: the body around the water takes others: {around}");
+        Some(off < ROUNDING && unlike < ROUNDING)
+    };
+    for program in [RayProgram::Refraction, RayProgram::Final] {
+        let Some(right) = is_right(program, None) else { return };
+        assert!(right, "{program:?}");
+    }
+    for (program, header, change) in [
+        (RayProgram::Final, "final.cuh", ["end.weight = weight_to_eye(pass);", "end.weight = share_of(1.0f);"]),
+        (RayProgram::Refraction, "refraction.cuh", ["float3 seen = kept * xyz(color);", "float3 seen = xyz(color);"]),
+        (RayProgram::Refraction, "bodies.cuh", ["around->list[around->length - 1]", "around->list[0]"]),
+    ] {
+        let Some(right) = is_right(program, Some((header, change))) else { return };
+        assert!(!right, "{change:?} is not noticed");
     }
 }
 

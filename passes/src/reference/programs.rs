@@ -3,6 +3,7 @@
 use super::disc::{self, Discs};
 use super::job::{Job, Traced, Value};
 use super::light::SHADOWED;
+use super::media::Bodies;
 use super::points::{Points, Purpose, cosine_direction};
 use super::world::{Surface, World};
 use crate::trace::DoubleRay;
@@ -112,10 +113,22 @@ impl<'w, 's> Sample<'w, 's> {
                 // The colour was lit by the unturned shading normal, so shadows belong to the side that it points to.
                 let turned = surface.shading.dot(surface.facing) < 0.0;
                 let facing = if turned { -surface.facing } else { surface.facing };
-                self.in_light(pass, own().truncate(), surface, (facing, true), (1.0, self.key)).extend(1.0)
+                let color = self.kept_on_sight(pass, surface) * own().truncate();
+                self.in_light(pass, color, surface, (facing, true), (1.0, self.key)).extend(1.0)
+            }
+            RayProgram::Refraction => {
+                let color = own();
+                (self.kept_on_sight(pass, surface) * color.truncate()).extend(color.w)
             }
             _ => own(),
         }
+    }
+
+    /// What is left, by colour, of the light from a surface that the camera sees. With glass as its materials say the medium around the camera
+    /// reaches up to that surface, since no border of a body comes before it.
+    fn kept_on_sight(&self, pass: &Traced<'_>, surface: &Surface) -> DVec3 {
+        let (look, origin) = (&pass.look, self.ray.origin);
+        look.kept_in(&Bodies::around(self.world, look, origin), surface.position.distance(origin))
     }
 
     /// In `final`, the colour times its light share (on the side of normal `facing`, of what the camera sees itself or of what a ray meets) and its occlusion; in other

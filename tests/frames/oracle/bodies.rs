@@ -120,6 +120,12 @@ fn a_body_in_a_body_shows_the_room_alike() {
     compared("body_filled", 1, 200, ["\"ior\":1.33", "\"ior\":1.31"]);
 }
 
+/// The camera is in the body, which absorbs light from emitters in it as well as what comes through its faces.
+#[test]
+fn a_camera_in_a_body_sees_emitters_in_it_and_outside_alike() {
+    compared("body_inside", 1, 300, ["\"attenuationDistance\":1.0", "\"attenuationDistance\":0.95"]);
+}
+
 #[test]
 fn rough_bodies_scatter_alike() {
     compared("body_rough", 32, 300, ["\"roughnessFactor\":0.31622776601683794", "\"roughnessFactor\":0.35"]);

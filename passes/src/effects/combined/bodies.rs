@@ -11,7 +11,8 @@ use crate::trace::{Hit, Tracer};
 use curitiba_pipeline::glass::GlassShadow;
 use glam::{Vec3, Vec4};
 
-/// As [`corrected::pixel`], with this glass.
+/// As [`corrected::pixel`], with this glass. Where the camera is in a body, that body absorbs light from opaque surfaces too; the background
+/// has no place, and keeps its colour.
 pub fn pixel<T: Tracer, C: Coverage>(pass: &Pass<'_, T, C>, pixel: Pixel, work: &mut Workspace) -> [f32; 4] {
     pixel_of(pass, pixel, AllWays, work)
 }
@@ -56,7 +57,8 @@ fn pixel_of<T: Tracer, C: Coverage>(
         let cosine = pass.position(pixel).w.max(0.0);
         Lit { normal: stored_normal.normalize_or(facing), cosine, tint: pass.tint(triangle) }
     };
-    opaque(visible(pass, (Vec4::from_array(color).truncate(), lit), (&surface, side), known, key, work))
+    let color = pass.kept_to_eye(pixel) * Vec4::from_array(color).truncate();
+    opaque(visible(pass, (color, lit), (&surface, side), known, key, work))
 }
 
 /// As [`corrected::prepare`]; where the colour of light matters, pixels behind glass are left to compute their own

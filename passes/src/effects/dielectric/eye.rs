@@ -2,7 +2,7 @@
 
 use super::lenses::Lenses;
 use super::media::{Crossing, Media};
-use crate::effects::{Coverage, LevelZero, Pass};
+use crate::effects::{Coverage, LevelZero, Pass, Pixel};
 use crate::trace::Tracer;
 use curitiba_pipeline::glass::{GlassShadow, Shape};
 use glam::Vec3;
@@ -36,6 +36,18 @@ pub(super) fn around<T: Tracer, C: Coverage>(pass: &Pass<'_, T, C>, point: Vec3)
         origin = surface.origin(direction);
     }
     Media::at_start_of(crossings, pass.job.dielectrics)
+}
+
+impl<T: Tracer, C: Coverage> Pass<'_, T, C> {
+    /// What is left of light, by colour, on its way from the surface that a pixel shows to the camera: the body that the camera is in fills
+    /// the whole way, since the pixel shows the first surface on it. Exactly 1 where the camera is in no body.
+    ///
+    /// The near plane may cut away the surface of a body; what is seen through the cut counts as seen inside.
+    pub(in crate::effects) fn kept_to_eye(&self, pixel: Pixel) -> Vec3 {
+        let Some(body) = self.around_eye.top() else { return Vec3::ONE };
+        let length = self.position(pixel).truncate().distance(self.job.eye);
+        self.job.dielectrics[body as usize].transmittance(length)
+    }
 }
 
 /// The spheres that focus light, with the rule of shadows that asks for it; else none.

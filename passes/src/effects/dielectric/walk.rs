@@ -89,9 +89,7 @@ where
             cone: self.pass.cone_at(&surface),
         };
         let footprint = self.pass.footprint(path.cone, &hit, view);
-        let length = stored.distance(self.pass.job.eye);
-        transmittance(self.extinction(path.media), length)
-            * self.glass(Met { hit: &hit, surface: &surface, view, footprint }, path, work)
+        self.pass.kept_to_eye(pixel) * self.glass(Met { hit: &hit, surface: &surface, view, footprint }, path, work)
     }
 
     fn extinction(&self, media: Media) -> Vec3 {

@@ -8,7 +8,7 @@ use crate::effects::thesis::BOUNCE;
 use crate::effects::{Cone, Coverage, Pass, Pixel, Workspace, opaque};
 use crate::sampling::hash::path_key;
 use crate::trace::{Announcement, Hit, Purpose, Tracer};
-use glam::Vec3;
+use glam::{Vec3, Vec4};
 
 /// The blended colour of a glass pixel; other pixels keep their colour.
 pub fn pixel<T: Tracer, C: Coverage>(pass: &Pass<'_, T, C>, pixel: Pixel, work: &mut Workspace) -> [f32; 4] {
@@ -23,7 +23,8 @@ pub fn pixel<T: Tracer, C: Coverage>(pass: &Pass<'_, T, C>, pixel: Pixel, work: 
     opaque(Glass { pass, shade }.blend(seen, 0, 0, work))
 }
 
-/// As [`pixel`], where each material says what kind of glass it is.
+/// As [`pixel`], where each material says what kind of glass it is. Where the camera is in a body, that body absorbs light from other
+/// surfaces too; the background has no place, and keeps its colour.
 pub fn pixel_of_bodies<T: Tracer, C: Coverage>(pass: &Pass<'_, T, C>, pixel: Pixel, work: &mut Workspace) -> [f32; 4] {
     of_bodies(pass, pixel, AllWays, work)
 }
@@ -45,9 +46,11 @@ fn of_bodies<T: Tracer, C: Coverage>(
     ways: impl Ways,
     work: &mut Workspace,
 ) -> [f32; 4] {
-    let Some(triangle) = pass.triangle(pixel).filter(|triangle| pass.is_glass(*triangle)) else {
-        return pass.job.color[pixel.index];
-    };
+    let stored = pass.job.color[pixel.index];
+    let Some(triangle) = pass.triangle(pixel) else { return stored };
+    if !pass.is_glass(triangle) {
+        return (Vec4::from_array(stored) * pass.kept_to_eye(pixel).extend(1.0)).to_array();
+    }
     let seen = pass.surface_at(pixel, triangle, pass.normal(pixel));
     let shade = |hit: &Hit, footprint: FootprintOf<C>, surface: &Surface, _: Media, _: u32, _: &mut Workspace| {
         pass.met_color(hit, footprint, surface)

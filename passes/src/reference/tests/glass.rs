@@ -62,8 +62,13 @@ impl Stage {
 
     /// What is seen along a ray.
     fn along(&self, origin: DVec3, direction: DVec3, params: RayParams) -> DVec3 {
+        self.shown_by(RayProgram::Refraction, (origin, direction), params)
+    }
+
+    /// What a program shows along a ray.
+    fn shown_by(&self, program: RayProgram, (origin, direction): (DVec3, DVec3), params: RayParams) -> DVec3 {
         let narrow = project::Camera { fov_y: 1e-9, ..look_from(origin, origin + direction, Vec3::Y) };
-        let value = self.traced(RayProgram::Refraction, params);
+        let value = self.traced(program, params);
         let job = Job { samples: 0..4, ..self.job(Camera::new(&narrow, DVec3::ZERO, 1.0), [1, 1], value) };
         let [first, second] = picture(&job).map(|image| Vec4::from_array(image.pixels[0]).as_dvec4().truncate());
         0.5 * (first + second)
@@ -455,4 +460,44 @@ fn a_frosted_wall_blurs_what_is_behind_it_and_gains_no_light() {
     assert!(low > 0.0 && high < 12.0 / 13.0 && (both.0 - both.1).abs() < 0.02, "{both:?} {frosted:?}");
     assert!(both.2 > both.0 + 0.02, "control: a narrower distribution: {both:?}");
     assert!(own > 1e-3 && own < 0.05, "its noise is told: {own}");
+}
+
+/// A wall that a camera sees in the body around it: its colour, times what the way leaves.
+#[test]
+fn a_camera_in_a_body_sees_opaque_surfaces_through_it() {
+    let (near, far) = (Vec3::new(0.1, 0.4, 0.9), Vec3::new(0.7, 0.05, 0.3));
+    let color = DVec3::new(0.5, 0.25, 0.125);
+    let eye = DVec3::new(0.3, -0.2, 1.4);
+    // Of the bodies around the middle, blocks or spheres, each with its half size; in the last case the eye is in none.
+    for (bodies, around) in [
+        (&[(near, 4.0)][..], near),
+        (&[(far, 4.0), (near, 3.0)], near),
+        (&[(near, 4.0), (far, 0.1)], near),
+        (&[], Vec3::ZERO),
+    ] {
+        for are_spheres in [false, true] {
+            let mut stage = Stage::white();
+            for (extinction, half) in bodies {
+                match are_spheres {
+                    true => stage.sphere(solid(1.4, *extinction), Vec3::ZERO, *half),
+                    false => stage.block(solid(1.4, *extinction), Vec3::ZERO, Vec3::splat(*half)),
+                };
+            }
+            stage.quad(color.as_vec3(), Vec3::new(0.0, 0.0, -1.6), Vec3::X * 2.0, Vec3::Y * 2.0);
+            stage.sun = Some(Sun { direction: Vec3::NEG_Z, color: Vec3::ZERO });
+            let stage = stage.settled();
+            for target in [DVec3::new(-1.2, 0.7, -1.6), DVec3::new(1.4, -1.1, -1.6)] {
+                let expected = color * (-around.as_dvec3() * target.distance(eye)).map(f64::exp);
+                let what = format!("{bodies:?} {are_spheres} {target}");
+                let found = stage.along(eye, target - eye, to_depth(4));
+                assert!(close(found, expected, 1e-6), "{what}: {found} {expected}");
+                assert!(around == Vec3::ZERO || !close(found, color, 0.05), "control: {what}");
+                // By the report's rule each surface above the wall leaves nine tenths of the light there.
+                let above = bodies.iter().filter(|(_, half)| *half > 1.0).count();
+                let found = stage.shown_by(RayProgram::Final, (eye, target - eye), to_depth(4));
+                let expected = 0.9_f64.powi(above as i32) * expected;
+                assert!(close(found, expected, 1e-6), "final, {what}: {found} {expected}");
+            }
+        }
+    }
 }

@@ -8,6 +8,19 @@ fn around_eye() -> Media {
     return media;
 }
 
+// What a body (NONE: air) leaves of light, by colour, on its way from the surface that a pixel shows to the eye.
+fn kept_to_eye(pixel: Pixel, body: u32) -> vec3f {
+    if body == NONE { return vec3f(1.0); }
+    let to = stored_position(pixel).xyz - params.eye;
+    return transmittance(extinction_of(body), sqrt(dot3(to, to)));
+}
+// A colour that a pixel shows, as it reaches the eye through the body around it.
+fn seen_from_eye(pixel: Pixel, color: vec3f) -> vec3f {
+    let length = atomicLoad(&ray_counts[AROUND_EYE + MOST_BODIES]);
+    if length == 0u { return color; }
+    return color * kept_to_eye(pixel, atomicLoad(&ray_counts[AROUND_EYE + length - 1u]));
+}
+
 // By the normal that bends light, or the flat surface's where that would send refracted light back to the viewer's side.
 struct Bend { normal: vec3f, meeting: Interface, enters: bool, refracted: vec3f }
 fn bent_by(body: Body, normal: vec3f, view: vec3f, ratio: f32) -> Bend {

@@ -46,7 +46,7 @@ fn corrected(pixel: Pixel) -> vec4f {
     let lit_side = select(facing, -facing, dot3(shown.stored, facing) < 0.0);
     let key = pixel_key(pixel);
     shaded_as_seen(shown.stored, key);
-    return opaque(visible(color.xyz, shown.surface, lit_side, triangle, key));
+    return opaque(visible(seen_from_eye(pixel, color.xyz), shown.surface, lit_side, triangle, key));
 }
 
 fn thesis(pixel: Pixel) -> vec4f {

@@ -43,6 +43,6 @@ fn list(pixel: Pixel, slot: u32) {
     }
     let lit_side = select(surface.facing, -surface.facing, dot3(stored, surface.facing) < 0.0);
     shaded_as_seen(stored, key);
-    put_lit_point(slot, surface, lit_side, triangle, key, 1.0, stored_color(pixel).xyz);
+    put_lit_point(slot, surface, lit_side, triangle, key, 1.0, seen_from_eye(pixel, stored_color(pixel).xyz));
 }
 fn list_nothing(slot: u32) { put_nothing(slot, NONE); }

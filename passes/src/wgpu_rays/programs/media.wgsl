@@ -69,10 +69,11 @@ fn index_of(body: u32) -> f32 {
     return table_number(body_place(body) + 1u);
 }
 fn index_in(media: Media) -> f32 { return index_of(top_of(media)); }
+fn extinction_of(body: u32) -> vec3f { return table_vector(body_place(body) + 2u); }
 fn extinction_in(media: Media) -> vec3f {
     let body = top_of(media);
     if body == NONE { return vec3f(0.0); }
-    return table_vector(body_place(body) + 2u);
+    return extinction_of(body);
 }
 // Puts one body more; says whether it fills the place then.
 fn put_body(media: ptr<function, Media>, body: u32) -> bool {

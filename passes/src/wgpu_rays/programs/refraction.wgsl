@@ -10,7 +10,9 @@ fn thesis_seen(position: vec3f, direction: vec3f, hit: Hit) -> vec3f {
 
 fn corrected(pixel: Pixel) -> vec4f {
     let triangle = stored_triangle(pixel);
-    if triangle == NO_TRIANGLE || !is_glass(triangle) { return stored_color(pixel); }
+    let color = stored_color(pixel);
+    if triangle == NO_TRIANGLE { return color; }
+    if !is_glass(triangle) { return vec4f(seen_from_eye(pixel, color.xyz), color.w); }
     let point = snap(triangle, stored_position(pixel).xyz);
     let view = normalize_or(point.position - params.eye, -point.normal);
     return opaque(glass_color(pixel, triangle, surface_of(point, stored_normal(pixel), view), view, pixel_key(pixel)) + missed_color());

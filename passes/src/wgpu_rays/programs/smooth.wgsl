@@ -122,9 +122,8 @@ fn glass_color(pixel: Pixel, triangle: u32, first: Surface, first_view: vec3f, k
     stored = 0u;
     missed = vec3f(0.0);
     let position = stored_position(pixel).xyz;
-    let to = position - params.eye;
     var path = Path(vec3f(1.0), around_eye(), key, 0u, 0u⟨, cone_at(first)⟩);
-    path.weight = transmittance(extinction_in(path.media), sqrt(dot3(to, to)));
+    path.weight = kept_to_eye(pixel, top_of(path.media));
     var hit = located(triangle, position);
     var surface = first;
     var view = first_view;

@@ -318,10 +318,9 @@ fn glass_color(pixel: Pixel, triangle: u32, first: Surface, first_view: vec3f, k
     follows = false;
     missed = vec3f(0.0);
     let position = stored_position(pixel).xyz;
-    let to = position - params.eye;
     let around = around_eye();
     let path = Path(around, key, 0u, 0u, NONE, NONE, 1.0, 0u, 0u⟨, cone_at(first)⟩);
-    now = Meeting(located(triangle, position), first, first_view, transmittance(extinction_in(around), sqrt(dot3(to, to))), path⟨,
+    now = Meeting(located(triangle, position), first, first_view, kept_to_eye(pixel, top_of(around)), path⟨,
                   footprint_of(path.cone, triangle, first_view)⟩);
     var part = WHOLE;
     var is_flat = false;

@@ -341,6 +341,64 @@ fn the_camera_may_be_in_a_body() {
     assert!(differing(&other, &expected, 0.01) > 10 * FEW, "absorption is seen");
 }
 
+const WATER: Vec3 = Vec3::new(0.3, 0.1, 0.6);
+const VESSEL: Vec3 = Vec3::new(0.02, 0.5, 0.1);
+
+/// A wall and a block in water, in a vessel of glass; both absorb light or are clear, and light passes them or does not.
+fn in_water(absorbs: bool, passes_light: bool) -> World {
+    let mut world = World { beyond: Vec3::splat(0.8), ..World::lit_along(Vec3::new(0.3, -0.4, -1.0)) };
+    for (extinction, index, half) in [(VESSEL, 1.5, 3.2), (WATER, 1.33, 3.0)] {
+        let extinction = if absorbs { extinction } else { Vec3::ZERO };
+        let material = world.dielectric(Dielectric { extinction, ..solid(index) });
+        block(&mut world, material, Vec3::ZERO, Vec3::splat(half));
+    }
+    let [wall, red] = [Vec3::new(0.8, 0.7, 0.5), Vec3::new(0.9, 0.3, 0.2)].map(|color| world.paint(color));
+    world.quad(wall, Vec3::new(-0.8, 0.0, -2.2), Vec3::X * 1.7, Vec3::Y * 2.4);
+    block(&mut world, red, Vec3::new(0.3, -0.2, -0.6), Vec3::new(0.4, 0.5, 0.3));
+    if !passes_light {
+        world.shadow_glass.fill(false);
+    }
+    world
+}
+
+#[test]
+fn the_body_around_the_camera_absorbs_light_from_what_is_in_it() {
+    let eye = Vec3::new(0.1, 0.2, 1.5);
+    let world = in_water(true, true);
+    let shot = Shot::of(&world, eye, grid(SIDE, eye - Vec3::Z * 4.0, Vec3::X * 2.6, Vec3::Y * 2.2));
+    let is_opaque = |index: &usize| !world.glass[world.scene.geometry.material_of(shot.triangle[*index]) as usize];
+    let opaque: Vec<usize> = (0..shot.triangle.len()).filter(is_opaque).collect();
+    assert!(opaque.len() > 1000 && opaque.len() + 200 < shot.triangle.len(), "{}", opaque.len());
+    let at = |pixels: &[[f32; 4]], index: usize| Vec3::from_slice(&pixels[index]);
+    let apart = |one: Vec3, other: Vec3| (one - other).abs().max_element();
+    let cut = PathLimits { cutoff: 0.01, ..PathLimits::DEFAULT };
+    for (program, params) in [
+        (RayProgram::Refraction, auto(4, GlassShadow::Report, 0)),
+        (RayProgram::Refraction, RayParams { limits: cut, ..auto(4, GlassShadow::Report, 0) }),
+        (RayProgram::Final, auto(4, GlassShadow::Straight, 2)),
+        (RayProgram::Final, auto(4, GlassShadow::Opaque, 2)),
+    ] {
+        let passes_light = params.shadow != GlassShadow::Opaque;
+        let Some([found, expected]) = both(&in_water(true, passes_light), eye, program, params) else { return };
+        let off = differing(&found, &expected, 0.01);
+        assert!(off <= FEW, "{program:?} {params:?}: {off} pixels are off");
+        // The last bit may decide whether a ray to the light meets an edge.
+        let unlike = opaque.iter().filter(|index| apart(at(&found, **index), at(&expected, **index)) > 1e-4).count();
+        assert!(unlike <= FEW, "{program:?} {params:?}: {unlike} opaque pixels are off");
+        let (clear, _) = picture_on(&mut CpuRays::new(), &in_water(false, passes_light), eye, program, params);
+        for index in opaque.iter().copied() {
+            let way = at(&shot.position, index).as_dvec3().distance(eye.as_dvec3());
+            let of = |sigma: Vec3| at(&shot.color, index) * (-sigma.as_dvec3() * way).map(f64::exp).as_vec3();
+            if program == RayProgram::Refraction {
+                let off = [WATER, VESSEL].map(|sigma| apart(at(&found, index), of(sigma)));
+                assert!(off[0] < 1e-5 && off[1] > 0.01, "{params:?}, {index}: {off:?}");
+            }
+        }
+        let dyed = opaque.iter().filter(|index| apart(at(&found, **index), at(&clear, **index)) > 0.01).count();
+        assert!(dyed > opaque.len() * 9 / 10, "control: {params:?}, {dyed} of {} pixels", opaque.len());
+    }
+}
+
 #[test]
 fn mirrors_show_the_nearest_texels_of_magnified_textures_that_ask_for_them() {
     let pictures = |magnification, texture_lod| {

@@ -3,6 +3,7 @@
 mod ball;
 mod caustics;
 mod dispersion;
+mod inside;
 mod limits;
 mod own;
 mod photons;
