@@ -90,7 +90,8 @@ fn spheres_of(
 ) -> Result<DeviceSpheres, BackendError> {
     let geometry = &scene.geometry;
     let surfaces = geometry.surfaces();
-    let far = |sphere: &Sphere| !(sphere.center.abs().max_element() + sphere.radius <= LARGEST_COORDINATE);
+    let reach = |sphere: &Sphere| sphere.center.abs().max_element() + sphere.radius;
+    let far = |sphere: &Sphere| reach(sphere).is_nan() || reach(sphere) > LARGEST_COORDINATE;
     let why = match () {
         () if surfaces >= MOST_TRIANGLES => {
             format!("it has {surfaces} triangles and exact spheres, and programs know fewer than {MOST_TRIANGLES}")

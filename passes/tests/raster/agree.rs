@@ -164,6 +164,10 @@ const STRICT: Allowed = Allowed { coverage: 1e-4, triangle: 2e-3, vector: 0.0, c
 /// differently, and devices compute their attributes from areas that nearly vanish.
 const NEEDLES: Allowed = Allowed { coverage: 1e-3, triangle: 5e-3, vector: 1e-3, color: 1e-3 };
 
+/// For holes of a texture, which end where a level of detail has half of its alpha: on an H200 20 of 187,500 pixels are in a hole on one of the two
+/// alone.
+const CUT: Allowed = Allowed { coverage: 3e-4, ..STRICT };
+
 /// For normal maps seen from far away: levels of detail differ, and light ends abruptly at the horizon of the surface.
 const BUMPS: Allowed = Allowed { vector: 2e-3, ..STRICT };
 
@@ -178,12 +182,12 @@ fn render(rasteriser: &mut dyn Rasteriser, setup: &Setup, job: &RasterJob<'_>, w
 }
 
 fn setups() -> Vec<(Setup, Allowed)> {
-    let scenes = [hills(160), hills(16), grazing(), cut_out(), tinted(), bumpy(0.0)];
+    let scenes = [hills(160), hills(16), grazing(), tinted(), bumpy(0.0)];
     let kinds = [0, 2, 3, 4, 5, 6];
     // Triangles smaller than a pixel, and needles, must be many to cover anything.
     let soups = kinds.map(|kind| soup(kind, if kind == 2 { 20_000 } else { 3000 }));
     let strict = scenes.into_iter().chain(soups).map(|setup| (setup, STRICT));
-    strict.chain([(soup(1, 20_000), NEEDLES), (bumpy(1.0), BUMPS)]).collect()
+    strict.chain([(cut_out(), CUT), (soup(1, 20_000), NEEDLES), (bumpy(1.0), BUMPS)]).collect()
 }
 
 const WIDTH: u32 = 500;
