@@ -61,6 +61,7 @@ pub(crate) use simd::{Detected, F16, Kernel, LANES, Mask, Simd, WIDE, higher, lo
 pub use spheres::SphereTree;
 #[cfg(test)]
 pub(crate) use spheres::roots as sphere_roots;
+#[cfg(feature = "wgpu")]
 pub(crate) use spheres::{BOUNDS as SPHERE_BOUNDS, Content as SphereContent};
 pub use tracer::{Announcement, Purpose, Tracer};
 pub(crate) use tree::Bounds;

@@ -151,11 +151,13 @@ impl SphereTree {
     }
 
     /// The nodes, the root first: the low and high corner of each box, and what is in it.
+    #[cfg(feature = "wgpu")]
     pub(crate) fn nodes(&self) -> impl ExactSizeIterator<Item = ([Vec3; 2], Content)> {
         self.nodes.iter().map(|node| ([node.bounds.low, node.bounds.high], node.content))
     }
 
     /// The spheres in the order in which the leaves name them: each with its id, and whether hits on it need the accept closure.
+    #[cfg(feature = "wgpu")]
     pub(crate) fn in_order(&self) -> impl ExactSizeIterator<Item = (Sphere, u32, bool)> {
         self.entries.iter().map(|entry| (entry.sphere, entry.id, entry.transparent))
     }
