@@ -6,12 +6,12 @@ use crate::passes::reference::{Camera, Job, Look, Seen, Traced, Value};
 use crate::pipeline::backend::{Rect, Shade};
 use crate::pipeline::color::ColorSpace;
 use crate::pipeline::executor::{PassMaterials, Renderer};
-use crate::pipeline::glass::{Dielectric, GlassShadow, Shape};
+use crate::pipeline::glass::{Dielectric, GlassShadow};
 use crate::pipeline::plan::{Instead, Plan, PlannedPass, Shining, Work};
 use crate::pipeline::programs::RayProgram;
 use crate::pipeline::project::{ChannelRef, PassKind, QuadSource};
 use crate::pipeline::scene::{Sphere, fnv1a};
-use glam::{DVec3, DVec4, Vec3, Vec4};
+use glam::{DVec3, DVec4, Vec4};
 use std::ops::Range;
 
 /// Must change whenever the reference renderer gives different pictures.
@@ -140,8 +140,7 @@ fn of_materials(pass: &Traced<'_>) -> Vec<String> {
     let spreads = |dielectric: &Dielectric| dielectric.spread > 0.0;
     words.extend(table.iter().any(spreads).then(|| format!("colours are bent apart {}", params.wavelengths > 1)));
     // Earlier references took nothing of what a camera in a body sees directly.
-    let absorbs = |dielectric: &Dielectric| dielectric.shape == Shape::Solid && dielectric.extinction != Vec3::ZERO;
-    words.extend(table.iter().any(absorbs).then(|| "the body around the camera absorbs all that is seen".to_owned()));
+    words.extend(pass.look.absorbs().then(|| "the body around the camera absorbs all that is seen".to_owned()));
     words
 }
 

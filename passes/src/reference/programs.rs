@@ -128,6 +128,9 @@ impl<'w, 's> Sample<'w, 's> {
     /// reaches up to that surface, since no border of a body comes before it.
     fn kept_on_sight(&self, pass: &Traced<'_>, surface: &Surface) -> DVec3 {
         let (look, origin) = (&pass.look, self.ray.origin);
+        if !look.absorbs() {
+            return DVec3::ONE;
+        }
         look.kept_in(&Bodies::around(self.world, look, origin), surface.position.distance(origin))
     }
 

@@ -8,7 +8,7 @@ use super::world::{Surface, World};
 use crate::trace::DoubleHit;
 use curitiba_pipeline::color::ColorSpace;
 use curitiba_pipeline::glass::{Dielectric, GlassShadow, Shape};
-use glam::{DVec3, DVec4};
+use glam::{DVec3, DVec4, Vec3};
 
 impl Traced<'_> {
     /// Whether light falls straight through glass. Where no sphere focuses it, `caustic` is the same.
@@ -88,6 +88,13 @@ impl Look<'_> {
     /// The index of what fills a place; 1 for air.
     pub(super) fn index_in(&self, material: Option<usize>, wavelength: Option<f64>) -> f64 {
         material.map_or(1.0, |material| index(&self.dielectrics[material], wavelength))
+    }
+
+    /// Whether a solid body absorbs light.
+    #[must_use]
+    pub fn absorbs(&self) -> bool {
+        let absorbs = |dielectric: &Dielectric| dielectric.shape == Shape::Solid && dielectric.extinction != Vec3::ZERO;
+        self.dielectrics.iter().any(absorbs)
     }
 
     /// What light keeps over a length in these bodies.

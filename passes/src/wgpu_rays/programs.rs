@@ -204,7 +204,9 @@ fn of_panes(program: RayProgram, stage: Stage, subgroups: bool) -> Option<Vec<Te
             .chain([text!("optics"), WEIGHTS, GLASS, LISTED_LIGHT, text!("final_list"), text!("list")])
             .collect(),
         Stage::List => listed.into_iter().chain([text!("ssao_list"), text!("list")]).collect(),
-        Stage::Light => listed.into_iter().chain([text!("optics"), WEIGHTS, LIGHT, text!("final_light")]).collect(),
+        Stage::Light => {
+            listed.into_iter().chain([text!("optics"), WEIGHTS, LIGHT, LIGHT_SHARE, text!("final_light")]).collect()
+        }
         Stage::Settle => fans.into_iter().chain([text!("cone"), text!("nearby"), text!("settle")]).collect(),
         Stage::Trace | Stage::TraceAll => fans.into_iter().chain([text!("trace")]).collect(),
         Stage::Sum if is_final => {

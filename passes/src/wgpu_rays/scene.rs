@@ -101,24 +101,25 @@ fn spheres_of(
         }
         () => return Ok(DeviceSpheres::new(geometry, filtered, tree, traced)),
     };
+    Err(refused(&why))
+}
+
+/// The error for a scene that programs cannot trace.
+fn refused(why: &str) -> BackendError {
     let why = format!("{why}; `--backend cpu` traces it");
-    Err(BackendError::Unsupported { backend: NAME, what: "the scene".to_owned(), why })
+    BackendError::Unsupported { backend: NAME, what: "the scene".to_owned(), why }
 }
 
 /// Builds the scene's tree; an error if programs cannot trace it.
 fn tree_of(geometry: &Geometry, filtered: &[bool]) -> Result<BinaryTree, BackendError> {
-    let refuse = |why: String| {
-        let why = format!("{why}; `--backend cpu` traces it");
-        Err(BackendError::Unsupported { backend: NAME, what: "the scene".to_owned(), why })
-    };
     let triangles = geometry.triangles.len();
     if triangles >= MOST_TRIANGLES {
-        return refuse(format!("it has {triangles} triangles, and the tree holds fewer than {MOST_TRIANGLES}"));
+        return Err(refused(&format!("it has {triangles} triangles, and the tree holds fewer than {MOST_TRIANGLES}")));
     }
     let tree = BinaryTree::build(geometry, filtered, Quality::default());
     let largest = tree.bounds.map(|point| Vec3::from(point).abs().max_element());
     if largest.into_iter().any(|coordinate| coordinate > LARGEST_COORDINATE) {
-        return refuse(format!("it has coordinates beyond {LARGEST_COORDINATE:e}, which overflow in 32 bits"));
+        return Err(refused(&format!("it has coordinates beyond {LARGEST_COORDINATE:e}, which overflow in 32 bits")));
     }
     Ok(tree)
 }

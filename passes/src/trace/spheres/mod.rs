@@ -1,6 +1,6 @@
 //! Rays against exact spheres: the test, and a tree over many.
 //!
-//! `sphere` tests one ray and one sphere; `tree` holds many spheres. May use: `rounding`, `ray`.
+//! `sphere` tests one ray and one sphere; `tree` holds many spheres. May use: `rounding`, `ray`, `tree`.
 
 mod sphere;
 mod tree;

@@ -2,6 +2,7 @@
 
 use super::sphere::roots;
 use crate::trace::ray::{Hit, Ray};
+use crate::trace::tree::Bounds;
 use curitiba_pipeline::scene::{Geometry, Sphere};
 use glam::{DVec3, Vec3};
 
@@ -12,23 +13,10 @@ const DEPTH: usize = 40;
 /// Replaces the reciprocal of a component that is 0. Slab distances are then huge instead of infinite, and no product is NaN.
 const VERTICAL: f64 = 1e300;
 
-/// An axis-parallel box.
-#[derive(Debug, Clone, Copy)]
-struct Bounds {
-    low: Vec3,
-    high: Vec3,
-}
-
-impl Bounds {
-    /// The box of a sphere, rounded outwards.
-    fn of(sphere: &Sphere) -> Self {
-        let (low, high) = (sphere.center - sphere.radius, sphere.center + sphere.radius);
-        Self { low: low.map(f32::next_down), high: high.map(f32::next_up) }
-    }
-
-    fn union(self, other: Self) -> Self {
-        Self { low: self.low.min(other.low), high: self.high.max(other.high) }
-    }
+/// The box of a sphere, rounded outwards.
+fn around(sphere: &Sphere) -> Bounds {
+    let (low, high) = (sphere.center - sphere.radius, sphere.center + sphere.radius);
+    Bounds { low: low.map(f32::next_down), high: high.map(f32::next_up) }
 }
 
 /// The children or the spheres of a node.
@@ -107,7 +95,7 @@ impl SphereTree {
         let mut tree = Self { nodes: Vec::new(), entries: geometry.spheres.iter().zip(first..).map(entry).collect() };
         if !tree.entries.is_empty() {
             tree.nodes.push(Node {
-                bounds: Bounds::of(&tree.entries[0].sphere),
+                bounds: around(&tree.entries[0].sphere),
                 content: Content::Spheres(0, tree.entries.len() as u32),
             });
             tree.divide(0, 0..tree.entries.len());
@@ -117,7 +105,7 @@ impl SphereTree {
 
     fn divide(&mut self, node: usize, range: std::ops::Range<usize>) {
         let entries = &mut self.entries[range.clone()];
-        let boxes = entries.iter().map(|entry| Bounds::of(&entry.sphere));
+        let boxes = entries.iter().map(|entry| around(&entry.sphere));
         self.nodes[node].bounds = boxes.reduce(Bounds::union).unwrap_or(self.nodes[node].bounds);
         self.nodes[node].content = Content::Spheres(range.start as u32, range.len() as u32);
         if range.len() <= LEAF {
@@ -253,7 +241,7 @@ impl SphereTree {
                 }
                 Content::Spheres(first, count) => {
                     for entry in &self.entries[first as usize..][..count as usize] {
-                        if slabs.enters(&Bounds::of(&entry.sphere), t_max).is_some() {
+                        if slabs.enters(&around(&entry.sphere), t_max).is_some() {
                             t_max = each(entry, ray);
                         }
                     }

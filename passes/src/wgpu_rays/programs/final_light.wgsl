@@ -8,20 +8,13 @@ fn main(@builtin(workgroup_id) group: vec3u, @builtin(num_workgroups) groups: ve
         if all(color == vec3f(0.0)) { continue; }
         let start = point_vector(point, 0u);
         let facing = point_vector(point, 1u).xyz;
-        var step = select(start.w, -start.w, dot3(facing, to_light()) < 0.0);
-        var way = vec3f(0.0);
-        var is_dark = false;
+        let step = select(start.w, -start.w, dot3(facing, to_light()) < 0.0);
+        var ray_start = RayStart(start.xyz + sep3(facing * step), false);
         if (bitcast<u32>(start.w) >> 31u) == 1u {
             let lift = point_vector(point, 4u);
-            way = lift.xyz;
-            step = lift.w;
-            is_dark = all(way == vec3f(0.0));
+            ray_start = lifted_start(start.xyz + sep3(facing * (lift.w * abs(start.w))), lift.xyz);
         }
-        let origin = start.xyz + sep3(facing * step);
-        if any(way != vec3f(0.0)) { is_dark = is_cut_off(ACCEPT_STOPS, origin, way); }
-        var light = SHADOWED * ONE;
-        if !is_dark { light = light_from(sep3(origin + way)); }
-        let lit = sep3(color * light);
+        let lit = sep3(color * share_at(ray_start));
         points[POINT * point + 3u] = vec4u(bitcast<vec3u>(lit), next_of(point));
     }
     count_rays(place);

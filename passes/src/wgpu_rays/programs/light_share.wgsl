@@ -3,11 +3,9 @@
 
 // Where a ray to the light starts from a side of a triangle; none does where `is_dark`.
 struct RayStart { origin: vec3f, is_dark: bool }
-// The start for a side that is turned away from the light.
-fn turned_start(surface: Surface, lit_side: vec3f, triangle: u32) -> RayStart {
-    let way = lifted(triangle, surface.point, lit_side);
+// The start on the round surface above `start`, from a side that is turned away from the light; `way` leads there (`lifted`).
+fn lifted_start(start: vec3f, way: vec3f) -> RayStart {
     if all(way == vec3f(0.0)) { return RayStart(vec3f(0.0), true); }
-    let start = spawn(surface.point, lit_side);
     return RayStart(sep3(start + way), is_cut_off(ACCEPT_STOPS, start, way));
 }
 // The share of the light that reaches a start.
@@ -18,6 +16,8 @@ fn share_at(start: RayStart) -> Weight {
 // The share of the light that reaches a surface on `lit_side`.
 fn light_share(surface: Surface, lit_side: vec3f, triangle: u32) -> Weight {
     var start = RayStart(spawn(surface.point, to_light()), false);
-    if is_turned(triangle, surface.point, lit_side) { start = turned_start(surface, lit_side, triangle); }
+    if is_turned(triangle, surface.point, lit_side) {
+        start = lifted_start(spawn(surface.point, lit_side), lifted(triangle, surface.point, lit_side));
+    }
     return share_at(start);
 }

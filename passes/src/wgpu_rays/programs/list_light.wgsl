@@ -4,7 +4,6 @@ fn put_lit_point(place: u32, surface: Surface, lit_side: vec3f, triangle: u32, k
     let turned = is_turned(triangle, surface.point, lit_side);
     put_point(place, surface, turned, key, weight, color);
     if !turned || all(color == vec3f(0.0)) { return; }
-    let distance = OFFSET_UNITS * surface.point.error;
-    let step = select(distance, -distance, dot3(lit_side, surface.facing) < 0.0);
-    points[POINT * place + 4u] = bitcast<vec4u>(vec4f(lifted(triangle, surface.point, lit_side), step));
+    let side = select(1.0, -1.0, dot3(lit_side, surface.facing) < 0.0);
+    points[POINT * place + 4u] = bitcast<vec4u>(vec4f(lifted(triangle, surface.point, lit_side), side));
 }

@@ -6,7 +6,7 @@
 //   1: the side to the viewer; w: the key of its random numbers
 //   2: the shading normal; w: its weight in the pixel's sum
 //   3: its colour; w: the next point of the pixel, or NONE
-//   4: of a side that is turned from the light, the vector by which it is lifted; w: the step off the surface on that side. Then, with up to 128
+//   4: of a side that is turned from the light, the vector by which it is lifted; w: -1 where that side is not the viewer's, else 1. Then, with up to 128
 //      occlusion rays, one bit for each that is still to be traced
 //   5: number of rays known to be open; the distance before which nothing stops the remaining rays; the node below which everything
 //      lies that they may hit, or NONE where no ray remains

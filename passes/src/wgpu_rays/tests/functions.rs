@@ -19,11 +19,15 @@ const COUNT: usize = 20_000;
 const GIVEN: usize = 12;
 const WORDS: usize = 30;
 
-const ENTRY: &str = "
+/// What every entry reads and writes.
+const CASES: &str = "
 @group(3) @binding(0) var<storage, read> given: array<f32>;
 @group(3) @binding(1) var<storage, read_write> found: array<u32>;
 fn put(place: u32, x: f32) { found[place] = bitcast<u32>(x); }
 fn put3(place: u32, v: vec3f) { put(place, v.x); put(place + 1u, v.y); put(place + 2u, v.z); }
+";
+
+const ENTRY: &str = "
 @compute @workgroup_size(64) fn functions(@builtin(global_invocation_id) id: vec3u) {
     let k = 12u * id.x;
     if k >= arrayLength(&given) { return; }
@@ -102,7 +106,7 @@ fn run(gpu: &Gpu, arithmetic: Arithmetic, cases: &[[f32; GIVEN]], geometry: &Geo
     answers(gpu, text, &scene, cases)
 }
 
-/// The output of the entry `functions` of a text for each case, given what it reads of group 1.
+/// The output of the entry `functions` of a text, which [`CASES`] follow, for each case, given what it reads of group 1.
 pub(super) fn answers<const G: usize, const W: usize>(
     gpu: &Gpu,
     text: String,
@@ -111,7 +115,7 @@ pub(super) fn answers<const G: usize, const W: usize>(
 ) -> Vec<[u32; W]> {
     let module = gpu.device.create_shader_module(wgpu::ShaderModuleDescriptor {
         label: Some("functions"),
-        source: wgpu::ShaderSource::Wgsl(text.into()),
+        source: wgpu::ShaderSource::Wgsl((text + CASES).into()),
     });
     let pipeline = gpu.device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
         label: Some("functions"),

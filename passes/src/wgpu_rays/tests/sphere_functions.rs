@@ -18,10 +18,6 @@ const GIVEN: usize = 12;
 const WORDS: usize = 17;
 
 const ENTRY: &str = "
-@group(3) @binding(0) var<storage, read> given: array<f32>;
-@group(3) @binding(1) var<storage, read_write> found: array<u32>;
-fn put(place: u32, x: f32) { found[place] = bitcast<u32>(x); }
-fn put3(place: u32, v: vec3f) { put(place, v.x); put(place + 1u, v.y); put(place + 2u, v.z); }
 fn given3(k: u32) -> vec3f { return vec3f(given[k], given[k + 1u], given[k + 2u]); }
 @compute @workgroup_size(64) fn functions(@builtin(global_invocation_id) id: vec3u) {
     let k = 12u * id.x;
