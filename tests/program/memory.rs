@@ -125,7 +125,7 @@ macro_rules! ladders {
 ladders! {
     render_ends_by_itself_under_every_limit: "render SHIPPED/SceneFinal.xml --raster cpu --backend cpu --size 200x200 --set pass2.samples=4 --threads 4";
     bench_ends_by_itself_under_every_limit: "bench SHIPPED/SceneShadows.xml --raster cpu --backend cpu --size 96x96 --frames 1 --no-error --json b.json --threads 3";
-    scene_ends_by_itself_under_every_limit: "scene --generate 100000 -o square";
+    scene_ends_by_itself_under_every_limit: "scene --generate 400000 -o square";
     compare_ends_by_itself_under_every_limit: "compare picture.png picture.png --heat heat.png --threads 2";
     report_ends_by_itself_under_every_limit: "report SHIPPED --quick --time 5 --size 16x16 --max-triangles 1 --raster cpu --backend cpu --threads 2";
 }
