@@ -8,18 +8,15 @@ and reflect none. Paths of Mitsuba meet up to 40 surfaces.
 """
 
 import base64
-import json
 import math
 import struct
-import sys
 import zlib
 
 import mitsuba as mi
 import numpy as np
 
-from oracle import FOLDER, SHADES, Scene, rays
+from common import FOLDER, SHADES, SIDE, Geometry, estimated, independent, mesh, rays, rgb, rounded, run, told, write
 
-SIDE = 24
 SURFACES = 40
 CAMERA = {"eye": [0.8, 0.9, 3.0], "target": [0, 0, 0], "up": [0, 1, 0], "fov_y": 30, "width": SIDE, "height": SIDE}
 
@@ -65,8 +62,8 @@ def png(rows):
     return "data:image/png;base64," + base64.b64encode(file).decode()
 
 
-class Bodies(Scene):
-    """Triangles by material, as in `oracle.py`; materials are the dictionaries above."""
+class Bodies(Geometry):
+    """Triangles by material; materials are the dictionaries above."""
 
     def material(self, made):
         self.materials.append(made)
@@ -100,10 +97,10 @@ class Bodies(Scene):
 
     def corners(self, number):
         """Positions and texture coordinates of the triangles of a material. Two triangles are a quad where coordinates count."""
-        used = [t[:3] for t in self.triangles if t[3] == number]
+        used = self.of(number)
         halves = [[(0, 0), (1, 0), (0, 1)], [(1, 1), (0, 1), (1, 0)]]
-        positions = [self.positions[vertex] for triangle in used for vertex in triangle]
-        places = [place for index in range(len(used)) for place in halves[index % 2]]
+        positions = [self.positions[vertex] for vertex in used]
+        places = [place for index in range(len(used) // 3) for place in halves[index % 2]]
         return np.array(positions, dtype=np.float32), np.array(places, dtype=np.float32)
 
     def meshes(self):
@@ -116,24 +113,17 @@ class Bodies(Scene):
             if any(material.get("extinction", ())):
                 # Colours end at 1 there.
                 most = max(material["extinction"])
-                extinction = {"type": "rgb", "value": [value / most for value in material["extinction"]]}
-                black = {"type": "rgb", "value": [0.0] * 3}
-                inside = {"type": "homogeneous", "sigma_t": extinction, "scale": most, "albedo": black}
+                extinction = rgb([value / most for value in material["extinction"]])
+                inside = {"type": "homogeneous", "sigma_t": extinction, "scale": most, "albedo": rgb([0.0] * 3)}
                 properties["interior"] = mi.load_dict(inside)
             if "emits" in material:
                 emits = material["emits"]
                 if isinstance(emits, list):
                     radiance = texture([[decode(code) for code in row] for row in emits])
                 else:
-                    radiance = {"type": "rgb", "value": emits * material["factor"]}
+                    radiance = rgb(emits * material["factor"])
                 properties["emitter"] = mi.load_dict({"type": "area", "radiance": radiance})
-            name, count = f"material{number}", len(positions) // 3
-            mesh = mi.Mesh(name, 3 * count, count, has_vertex_texcoords=True, props=properties)
-            values = mi.traverse(mesh)
-            values["vertex_positions"], values["vertex_texcoords"] = positions.ravel(), places.ravel()
-            values["faces"] = np.arange(3 * count, dtype=np.uint32)
-            values.update()
-            made[name] = mesh
+            made[f"material{number}"] = mesh(f"material{number}", positions, properties, places=places)
         return made
 
     def gltf(self):
@@ -175,7 +165,7 @@ class Bodies(Scene):
 
 def bsdf(material):
     """What a surface does, for Mitsuba."""
-    black = {"type": "diffuse", "reflectance": {"type": "rgb", "value": 0.0}}
+    black = {"type": "diffuse", "reflectance": rgb(0.0)}
     if "emits" in material or "diffuse" in material:
         return black
     if "holes" in material:
@@ -214,7 +204,6 @@ def described(number, material, images):
 
 def store(name, about, scene, set, samples, mean, error, camera=CAMERA, sun=None, unseen=None):
     """Writes both files. `set` is what our program is told of its ray pass, `unseen` what the standard errors do not know of."""
-    short = lambda rows, digits: [None if row is None else [float(f"{v:.{digits}g}") for v in row] for row in rows]
     result = {
         "about": about,
         "made_by": f"Mitsuba {mi.__version__}, {mi.variant()}",
@@ -224,44 +213,30 @@ def store(name, about, scene, set, samples, mean, error, camera=CAMERA, sun=None
         "set": set,
         "camera": camera,
         **({"sun": sun} if sun else {}),
-        "mean": short(mean, 5),
-        "error": short(error, 2),
+        "mean": rounded(mean, 5),
+        "error": rounded(error, 2),
     }
-    dump = lambda what, path: path.write_text(json.dumps(what, separators=(",", ":")).replace(',"', ',\n"') + "\n")
-    dump(result, FOLDER / f"{name}.json")
-    dump(scene.gltf(), FOLDER / f"{name}.gltf")
-    shown = [row for row in mean if row is not None]
-    print(f"{name}: {len(shown)} pixels, mean {np.mean(shown, 0)}", flush=True)
+    write(FOLDER / f"{name}.gltf", scene.gltf())
+    told(name, mean, write(FOLDER / f"{name}.json", result))
 
 
 def render(name, about, scene, set=(), samples=2048, camera=CAMERA, around=None):
     """Renders the pixels whose centres show glass, and stores them."""
-    store(name, about, scene, list(set), samples, *estimated(scene, samples, camera, around=around), camera)
+    store(name, about, scene, list(set), samples, *seen(scene, samples, camera, around=around), camera)
 
 
-def estimated(scene, samples, camera, seed=7, around=None):
+def seen(scene, samples, camera, seed=7, around=None):
     """Means and standard errors of the pixels whose centres show glass, None of others. With the number of the body `around` the camera those
     of all that it sees."""
     loaded = mi.load_dict({"type": "scene", **scene.meshes()})
     absorbs = any(any(material.get("extinction", ())) for material in scene.materials)
     kind = "volpathmis" if absorbs else "path"
     integrator = mi.load_dict({"type": kind, "max_depth": SURFACES, "rr_depth": SURFACES + 1})
-    sampler = mi.load_dict({"type": "independent", "sample_count": 1})
-    sampler.seed(seed)
+    sampler = independent(seed)
     bodies = {f"material{number}" for number, material in enumerate(scene.materials) if "index" in material}
     of_eye = [shape.interior_medium() for shape in loaded.shapes() if shape.id() == f"material{around}"]
-    means, errors = [], []
-    for ray in rays(camera):
-        hit = loaded.ray_intersect(ray)
-        if not hit.is_valid() or (around is None and hit.shape.id() not in bodies):
-            means.append(None)
-            errors.append(None)
-            continue
-        ray = mi.RayDifferential3f(ray)
-        values = np.array([integrator.sample(loaded, sampler, ray, *of_eye)[0] for _ in range(samples)], dtype=np.float64)
-        means.append(values.mean(0))
-        errors.append(values.std(0, ddof=1) / math.sqrt(samples))
-    return means, errors
+    sample = lambda ray: integrator.sample(loaded, sampler, ray, *of_eye)[0]
+    return estimated(loaded, camera, lambda hit: around is not None or hit.shape.id() in bodies, sample, samples)
 
 
 DEEP = "pass2.depth=12"
@@ -341,7 +316,7 @@ def prism():
     mean = variance = 0
     for number, (nm, weight) in enumerate(zip(wavelengths, spectral_weights(wavelengths))):
         bent = index + (index - 1) * dispersion / 20 * (523655 / nm**2 - 1.5168)
-        means, errors = estimated(scene_of(float(bent)), samples, CAMERA, seed=number)
+        means, errors = seen(scene_of(float(bent)), samples, CAMERA, seed=number)
         shown = np.array([row is not None for row in means])
         mean = mean + weight * np.array([row for row in means if row is not None])
         variance = variance + (weight * np.array([row for row in errors if row is not None])) ** 2
@@ -414,5 +389,4 @@ SCENES = {
 }
 
 if __name__ == "__main__":
-    for name in sys.argv[1:] or SCENES:
-        SCENES[name]()
+    run(SCENES)

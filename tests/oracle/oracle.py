@@ -9,52 +9,27 @@ compared. Rays go through pixel centres, as ours do; the scalar variant needs ne
 interface is used.
 """
 
-import json
 import math
-import pathlib
-import sys
 
 import mitsuba as mi
 import numpy as np
 
-mi.set_variant("scalar_rgb")
-
-FOLDER = pathlib.Path(__file__).parent
-SIDE = 24
+from common import FOLDER, SHADES, SIDE, Geometry, estimated, independent, mesh, rgb, rounded, run, told, write
 
 
-class Scene:
-    """Triangles by material; `radiance` of a material makes it an emitter on the side of its normals."""
+class Scene(Geometry):
+    """Triangles by material. `tint` of a position, if there is one, scales at each vertex what its material emits. Mitsuba cannot
+    sample points of such emitters, so they are black mirrors, which ask for no light."""
 
-    def __init__(self):
-        self.positions, self.normals, self.triangles, self.materials = [], [], [], []
-        self.shared = {}
+    def __init__(self, tint=None):
+        super().__init__()
+        self.tint = tint
 
-    def material(self, diffuse, glass=False, factor=None):
-        """`factor` times the ambient colour of our programs, 0.3 * diffuse, is what Mitsuba's emitter sends out."""
-        self.materials.append({"diffuse": diffuse, "glass": glass, "factor": factor})
+    def material(self, diffuse, glass=False, factor=None, reflects=False):
+        """`factor` times the ambient colour of our programs, 0.3 * diffuse, is what Mitsuba's emitter sends out. An emitter reflects
+        nothing there, unless it `reflects`; then it must not shine on anything."""
+        self.materials.append({"diffuse": diffuse, "glass": glass, "factor": factor, "reflects": reflects or factor is None})
         return len(self.materials) - 1
-
-    def triangle(self, material, corners, normals=None):
-        corners = np.asarray(corners, dtype=np.float32)
-        if normals is None:
-            normal = np.cross(corners[1] - corners[0], corners[2] - corners[0])
-            normals = [normal / np.linalg.norm(normal)] * 3
-        self.triangles.append([self.vertex(*v) for v in zip(corners, np.asarray(normals, dtype=np.float32))] + [material])
-
-    def vertex(self, position, normal):
-        key = (*position.tolist(), *normal.tolist())
-        if key not in self.shared:
-            self.shared[key] = len(self.positions)
-            self.positions.append(position.tolist())
-            self.normals.append(normal.tolist())
-        return self.shared[key]
-
-    def quad(self, material, center, x, y):
-        center, x, y = (np.asarray(v, dtype=np.float64) for v in (center, x, y))
-        a, b, c, d = center - x - y, center + x - y, center + x + y, center - x + y
-        self.triangle(material, [a, b, d])
-        self.triangle(material, [c, d, b])
 
     def checker(self, center, x, y, cells, factor, shades):
         """A wall of `cells` by `cells` quads whose diffuse colours change from cell to cell."""
@@ -66,128 +41,79 @@ class Scene:
                 material = materials[(i + 2 * j + i * j) % len(shades)]
                 self.quad(material, center + x * at[0] + y * at[1], x / cells, y / cells)
 
-    def sphere(self, material, center, radius, levels, smooth):
-        """A subdivided icosahedron."""
-        g = (1 + math.sqrt(5)) / 2
-        points = []
-        for a, b in [(1, g), (-1, g), (1, -g), (-1, -g)]:
-            points += [(0, a, b), (a, b, 0), (b, 0, a)]
-        points = [np.array(p, dtype=np.float64) / math.sqrt(1 + g * g) for p in points]
-        near = lambda p, q: np.linalg.norm(points[p] - points[q]) < 1.1
-        faces = [
-            (i, j, k)
-            for i in range(12)
-            for j in range(i + 1, 12)
-            for k in range(j + 1, 12)
-            if near(i, j) and near(j, k) and near(i, k)
-        ]
-        triangles = [[points[i] for i in face] for face in faces]
-        for _ in range(levels):
-            unit = lambda p, q: (p + q) / np.linalg.norm(p + q)
-            finer = []
-            for a, b, c in triangles:
-                ab, bc, ca = unit(a, b), unit(b, c), unit(c, a)
-                finer += [[a, ab, ca], [ab, b, bc], [ca, bc, c], [ab, bc, ca]]
-            triangles = finer
-        for corners in triangles:
-            if np.dot(np.cross(corners[1] - corners[0], corners[2] - corners[0]), corners[0]) < 0:
-                corners = [corners[0], corners[2], corners[1]]
-            placed = [np.asarray(center) + radius * corner for corner in corners]
-            self.triangle(material, placed, corners if smooth else None)
+    def tints(self):
+        """The tint of each vertex."""
+        return [float(np.float32(self.tint(*position))) for position in self.positions]
 
-    def meshes(self, index):
-        """One Mitsuba mesh a material."""
+    def meshes(self, glass):
+        """One Mitsuba mesh for each material; glass of ours has the material `glass`."""
         made = {}
         for number, material in enumerate(self.materials):
-            used = [t[:3] for t in self.triangles if t[3] == number]
+            used = self.of(number)
             if not used:
                 continue
-            vertices = np.array([self.positions[v] for t in used for v in t], dtype=np.float32)
-            normals = np.array([self.normals[v] for t in used for v in t], dtype=np.float32)
-            if material["glass"]:
-                bsdf = {"type": "dielectric", "int_ior": index, "ext_ior": 1.0}
-            else:
-                reflectance = 0.0 if material["factor"] is not None else material["diffuse"]
-                bsdf = {"type": "twosided", "nested": {"type": "diffuse", "reflectance": {"type": "rgb", "value": reflectance}}}
             properties = mi.Properties()
-            properties["bsdf"] = mi.load_dict(bsdf)
+            if material["glass"]:
+                properties["bsdf"] = mi.load_dict(glass)
+            elif self.tint:
+                properties["bsdf"] = mi.load_dict({"type": "conductor", "specular_reflectance": rgb(0.0)})
+            else:
+                reflectance = material["diffuse"] if material["reflects"] else 0.0
+                nested = {"type": "diffuse", "reflectance": rgb(reflectance)}
+                properties["bsdf"] = mi.load_dict({"type": "twosided", "nested": nested})
             if material["factor"] is not None:
                 radiance = 0.3 * material["diffuse"] * material["factor"]
-                properties["emitter"] = mi.load_dict({"type": "area", "radiance": {"type": "rgb", "value": radiance}})
-            count = len(used)
-            mesh = mi.Mesh(f"material{number}", 3 * count, count, has_vertex_normals=True, props=properties)
-            values = mi.traverse(mesh)
-            values["vertex_positions"] = vertices.ravel()
-            values["faces"] = np.arange(3 * count, dtype=np.uint32)
-            values.update()
-            # New positions make it compute normals of its own, so ours come after them.
-            values["vertex_normals"] = normals.ravel()
-            values.update()
-            made[f"material{number}"] = mesh
+                tinted = {"type": "mesh_attribute", "name": "vertex_tint", "scale": radiance}
+                emitter = {"type": "area", "radiance": tinted if self.tint else rgb(radiance)}
+                # Mitsuba would light a flat wall by its own light, because its points are sampled with their bent normals.
+                weight = {"sampling_weight": 0.0} if material["reflects"] else {}
+                properties["emitter"] = mi.load_dict({**emitter, **weight})
+            positions, normals = (np.array([rows[v] for v in used], dtype=np.float32) for rows in (self.positions, self.normals))
+            tints = np.array(self.tints(), dtype=np.float32)[used] if self.tint else None
+            made[f"material{number}"] = mesh(f"material{number}", positions, properties, normals, tints=tints)
         return made
 
 
-def rays(camera):
-    """Rays through the centres of the pixels, top row first."""
-    eye, target, up = (np.asarray(camera[k], dtype=np.float64) for k in ("eye", "target", "up"))
-    forward = (target - eye) / np.linalg.norm(target - eye)
-    right = np.cross(forward, up)
-    right /= np.linalg.norm(right)
-    above = np.cross(right, forward)
-    extent = math.tan(math.radians(camera["fov_y"]) / 2)
-    for row in range(camera["height"]):
-        for column in range(camera["width"]):
-            x = (2 * (column + 0.5) / camera["width"] - 1) * extent * camera["width"] / camera["height"]
-            y = (1 - 2 * (row + 0.5) / camera["height"]) * extent
-            direction = forward + x * right + y * above
-            direction /= np.linalg.norm(direction)
-            yield mi.Ray3f(mi.Point3f(*eye), mi.Vector3f(*direction))
+def dielectric(index):
+    """Smooth glass."""
+    return {"type": "dielectric", "int_ior": index, "ext_ior": 1.0}
 
 
-def render(name, about, scene, camera, program, params, integrator, samples, emitters=None, extra=None, only_glass=False):
-    """Renders and stores one scene."""
+def render(name, about, scene, camera, program, params, integrator, samples, emitters=None, extra=None, glass=None):
+    """Renders and stores one scene. With `glass`, the material of our glass, only pixels that show it are compared."""
     camera = {"width": SIDE, "height": SIDE, "up": [0, 1, 0], **camera}
-    meshes = scene.meshes(params.get("index", 1.5))
-    description = {"type": "scene", **meshes, **(emitters or {}), **(extra or {})}
-    loaded = mi.load_dict(description)
+    meshes = scene.meshes(glass)
+    loaded = mi.load_dict({"type": "scene", **meshes, **(emitters or {}), **(extra or {})})
     integrator = mi.load_dict(integrator) if isinstance(integrator, dict) else integrator
-    sampler = mi.load_dict({"type": "independent", "sample_count": 1})
-    sampler.seed(7)
-    glass = {f"material{i}" for i, m in enumerate(scene.materials) if m["glass"]} | set(extra or {})
-    means, errors = [], []
-    for ray in rays(camera):
-        hit = loaded.ray_intersect(ray)
-        seen = hit.is_valid() and (not only_glass or hit.shape.id() in glass or hit.shape.id() == "ball")
-        if not seen:
-            means.append(None)
-            errors.append(None)
-            continue
-        ray = mi.RayDifferential3f(ray)
-        values = np.array([integrator.sample(loaded, sampler, ray)[0][0] for _ in range(samples)], dtype=np.float64)
-        means.append(float(f"{values.mean():.6g}"))
-        errors.append(float(f"{values.std(ddof=1) / math.sqrt(samples):.3g}") if samples > 1 else 0.0)
-    shorten = lambda rows: [[float(f"{v:.9g}") for v in row] for row in rows]
+    sampler = independent(7)
+    compared = {f"material{i}" for i, m in enumerate(scene.materials) if m["glass"] or not glass} | set(extra or {})
+
+    def sample(ray):
+        radiance = integrator.sample(loaded, sampler, ray)[0]
+        return None if radiance is None else radiance[0]
+
+    means, errors = estimated(loaded, camera, lambda hit: hit.shape.id() in compared, sample, samples)
     result = {
         "about": about,
         "made_by": f"Mitsuba {mi.__version__}, {mi.variant()}, {samples} samples a pixel",
         "program": program,
         "params": params,
         "camera": camera,
-        "positions": shorten(scene.positions),
-        "normals": shorten(scene.normals),
+        "positions": rounded(scene.positions, 9),
+        "normals": rounded(scene.normals, 9),
+        **({"tints": rounded(scene.tints(), 9)} if scene.tint else {}),
         "triangles": scene.triangles,
         "materials": [{"diffuse": m["diffuse"], "glass": m["glass"]} for m in scene.materials],
-        "mean": means,
-        "error": errors,
+        "mean": rounded(means, 6),
+        "error": rounded(errors, 3),
     }
     if emitters and "sun" in emitters:
         result["sun"] = emitters["sun"]["direction"]
+    if emitters and "sky" in emitters and program == "reflection":
+        result["beyond"] = emitters["sky"]["radiance"]["value"]
     if extra and "ball" in extra:
         result["sphere"] = {"center": extra["ball"]["center"], "radius": extra["ball"]["radius"]}
-    text = json.dumps(result, separators=(",", ":")).replace(',"', ',\n"')
-    (FOLDER / f"{name}.json").write_text(text + "\n")
-    shown = [m for m in means if m is not None]
-    print(f"{name}: {len(shown)} pixels, mean {np.mean(shown):.5f}, {len(text) // 1024} KiB", flush=True)
+    told(name, means, write(FOLDER / f"{name}.json", result))
 
 
 def yard():
@@ -200,16 +126,13 @@ def yard():
     return scene, paint
 
 
-SHADES = [0.9, 0.15, 0.6, 0.3, 0.75]
-
-
 def shadow():
     scene, paint = yard()
     scene.sphere(paint, (0.7, 0.45, 0.3), 0.45, 1, True)
     direction = [0.43, -0.8, -0.37]
     length = math.sqrt(sum(v * v for v in direction))
     direction = [v / length for v in direction]
-    sun = {"type": "directional", "direction": direction, "irradiance": {"type": "rgb", "value": 1.0}}
+    sun = {"type": "directional", "direction": direction, "irradiance": rgb(1.0)}
     render(
         "hard_shadow",
         "Radiance of a diffuse scene (reflectance 0.8) in a directional light of irradiance 1; a smooth-shaded ball.",
@@ -228,7 +151,7 @@ def ambient():
     scene.sphere(paint, (0.7, 0.45, 0.3), 0.45, 1, False)
     for material in scene.materials:
         material["diffuse"] = 1.0
-    white = {"type": "constant", "radiance": {"type": "rgb", "value": 1.0}}
+    white = {"type": "constant", "radiance": rgb(1.0)}
     render(
         "ambient_occlusion",
         "Radiance of a white diffuse scene in a white environment of radiance 1, direct light only: the open share.",
@@ -297,7 +220,7 @@ def pane(index):
         {"index": index, "depth": 5},
         {"type": "path", "max_depth": 2, "rr_depth": 100},
         4096,
-        only_glass=True,
+        glass=dielectric(index),
     )
 
 
@@ -318,7 +241,7 @@ def two_panes():
         {"index": index, "depth": 1},
         {"type": "path", "max_depth": 3, "rr_depth": 100},
         4096,
-        only_glass=True,
+        glass=dielectric(index),
     )
 
 
@@ -338,7 +261,7 @@ def solid_slab():
         {"index": index, "depth": 10},
         {"type": "path", "max_depth": 13, "rr_depth": 100},
         4096,
-        only_glass=True,
+        glass=dielectric(index),
     )
 
 
@@ -366,14 +289,14 @@ def mirror_mesh():
         {"index": 1.5, "depth": 0},
         {"type": "path", "max_depth": 2, "rr_depth": 100},
         4096,
-        only_glass=True,
+        glass=dielectric(1.5),
     )
 
 
 def mirror_sphere():
     scene = Scene()
     room(scene)
-    ball = {"type": "sphere", "center": [0, 0, 0], "radius": 1.0, "bsdf": {"type": "dielectric", "int_ior": 1.5, "ext_ior": 1.0}}
+    ball = {"type": "sphere", "center": [0, 0, 0], "radius": 1.0, "bsdf": dielectric(1.5)}
     render(
         "sphere",
         "What an exact glass sphere of index 1.5 mirrors of a room of emitters; ours is a mesh of 20,480 triangles.",
@@ -384,7 +307,7 @@ def mirror_sphere():
         {"type": "path", "max_depth": 2, "rr_depth": 100},
         4096,
         extra={"ball": ball},
-        only_glass=True,
+        glass=dielectric(1.5),
     )
 
 
@@ -401,5 +324,4 @@ SCENES = {
 }
 
 if __name__ == "__main__":
-    for name in sys.argv[1:] or SCENES:
-        SCENES[name]()
+    run(SCENES)
