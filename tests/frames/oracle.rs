@@ -1,10 +1,11 @@
-//! Our pictures against those of another renderer, Mitsuba 3, whose results `oracle.py` stored beside this file.
+//! Our pictures against those of another renderer, Mitsuba 3, whose results the scripts of `tests/oracle` stored.
 //!
 //! These tests do not need Mitsuba. Each scene is stored with its description. Here it is rasterised and traced as in a
 //! project, and compared with the stored means by their standard errors: no pixel may deviate by too many of them, and
 //! the mean of the squares must be that of chance.
 
 mod bodies;
+mod mirrors;
 
 use curitiba::passes::cpu::CpuRays;
 use curitiba::passes::raster::cpu::CpuRasteriser;
@@ -24,22 +25,27 @@ use std::f64::consts::PI;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-#[derive(Deserialize)]
+#[derive(Clone, Deserialize)]
 struct Stored {
     program: String,
     params: Params,
     camera: Camera,
     positions: Vec<[f32; 3]>,
     normals: Vec<[f32; 3]>,
+    /// Factors of the vertices' colours; none are 1.
+    #[serde(default)]
+    tints: Vec<f32>,
     triangles: Vec<[u32; 4]>,
     materials: Vec<Paint>,
     sun: Option<[f32; 3]>,
+    /// Radiance of the background; none is black.
+    beyond: Option<f32>,
     sphere: Option<Ball>,
     mean: Vec<Option<f64>>,
     error: Vec<Option<f64>>,
 }
 
-#[derive(Deserialize)]
+#[derive(Clone, Deserialize)]
 struct Params {
     index: Option<f32>,
     depth: Option<u32>,
@@ -47,7 +53,7 @@ struct Params {
     samples: Option<u32>,
 }
 
-#[derive(Deserialize)]
+#[derive(Clone, Copy, Deserialize)]
 struct Camera {
     eye: [f32; 3],
     target: [f32; 3],
@@ -57,13 +63,13 @@ struct Camera {
     height: u32,
 }
 
-#[derive(Deserialize)]
+#[derive(Clone, Deserialize)]
 struct Paint {
     diffuse: f32,
     glass: bool,
 }
 
-#[derive(Deserialize)]
+#[derive(Clone, Deserialize)]
 struct Ball {
     center: [f32; 3],
     radius: f32,
@@ -113,7 +119,7 @@ fn icosphere(levels: u32) -> Vec<[Vec3; 3]> {
 /// The scene of a description, with triangles sorted by material.
 fn scene(stored: &Stored) -> RenderScene {
     let mut geometry = Geometry::default();
-    let mut materials = Vec::new();
+    let (mut materials, mut colors) = (Vec::new(), Vec::new());
     let mut add = |material: u32, corners: [Vec3; 3], normals: [Vec3; 3]| {
         let first = geometry.positions.len() as u32;
         geometry.positions.extend(corners);
@@ -133,6 +139,8 @@ fn scene(stored: &Stored) -> RenderScene {
             let position = |vertex: u32| Vec3::from(stored.positions[vertex as usize]);
             let normal = |vertex: u32| Vec3::from(stored.normals[vertex as usize]).normalize();
             add(material, vertices.map(position), vertices.map(normal));
+            let tint = |vertex: u32| stored.tints.get(vertex as usize).map(|tint| Vec3::splat(*tint).extend(1.0));
+            colors.extend(vertices.into_iter().filter_map(tint));
         }
     }
     if let Some(ball) = &stored.sphere {
@@ -142,6 +150,7 @@ fn scene(stored: &Stored) -> RenderScene {
             add(material, normals.map(|normal| Vec3::from(ball.center) + normal * ball.radius), normals);
         }
     }
+    geometry.colors = colors;
     RenderScene { geometry, materials, ..RenderScene::default() }
 }
 
@@ -161,7 +170,9 @@ fn render(stored: &Stored, change: impl Fn(&mut RayParams)) -> Ours {
 /// The same with the eye displaced by `moved`.
 fn render_from(stored: &Stored, moved: Vec3, change: impl Fn(&mut RayParams)) -> Ours {
     let scene = Arc::new(scene(stored));
-    let paint = |paint: &Paint| Shade { diffuse: Vec3::splat(paint.diffuse).extend(1.0), ..Shade::default() };
+    let vertex_colors = !stored.tints.is_empty();
+    let paint =
+        |paint: &Paint| Shade { diffuse: Vec3::splat(paint.diffuse).extend(1.0), vertex_colors, ..Shade::default() };
     let mut shades: Vec<Shade> = stored.materials.iter().map(paint).collect();
     let mut glass: Vec<bool> = stored.materials.iter().map(|paint| paint.glass).collect();
     if stored.sphere.is_some() {
@@ -202,6 +213,7 @@ fn render_from(stored: &Stored, moved: Vec3, change: impl Fn(&mut RayParams)) ->
     let program = match stored.program.as_str() {
         "deferredShadows" => RayProgram::DeferredShadows,
         "ssao" => RayProgram::Ssao,
+        "reflection" => RayProgram::Reflection,
         "refraction" => RayProgram::Refraction,
         other => panic!("no program `{other}` is compared"),
     };
@@ -236,7 +248,7 @@ fn render_from(stored: &Stored, moved: Vec3, change: impl Fn(&mut RayParams)) ->
         shades: &shades,
         glass: &glass,
         shadow_glass: &vec![false; glass.len()],
-        beyond: Vec3::ZERO,
+        beyond: Vec3::splat(stored.beyond.unwrap_or(0.0)),
         dielectrics: &[],
     };
     let mut rays = CpuRays::new();
@@ -251,7 +263,7 @@ fn render_from(stored: &Stored, moved: Vec3, change: impl Fn(&mut RayParams)) ->
 struct Difference {
     /// Pixels that both renderers compare.
     pixels: usize,
-    /// Pixels that only one of them compares, because their centres are next to an outline.
+    /// Pixels that only one of them compares: their centres are next to an outline, or the oracle left them out.
     unmatched: usize,
     /// Omitted pixels: their value jumps if the eye moves by a thousandth, so rounding decides what they show, or their
     /// shading normal mirrors into the body.
@@ -266,15 +278,15 @@ struct Difference {
     ratio: f64,
 }
 
-/// Compares pixels by their standard errors. `error` returns ours for a value; it is added to the oracle's.
+/// Compares pixels by their standard errors. `error` returns ours for a pixel and its value; it is added to the oracle's.
 fn difference(
     stored: &Stored,
     ours: &Ours,
     jumps: impl Fn(usize) -> bool,
     quantity: impl Fn(usize) -> f64,
-    error: impl Fn(f64) -> f64,
+    error: impl Fn(usize, f64) -> f64,
 ) -> Difference {
-    let only_glass = stored.program == "refraction";
+    let only_glass = ["reflection", "refraction"].contains(&stored.program.as_str());
     let (mut tally, mut unmatched, mut jumping) = (Tally::default(), 0, 0);
     for (index, (mean, standard)) in stored.mean.iter().zip(&stored.error).enumerate() {
         let triangle = ours.buffer.triangle[index];
@@ -289,7 +301,7 @@ fn difference(
             continue;
         }
         let value = quantity(index);
-        tally.add(value, *mean, standard.hypot(error(value)));
+        tally.add(value, *mean, standard.hypot(error(index, value)));
     }
     Difference { unmatched, jumping, ..tally.difference() }
 }
@@ -371,7 +383,7 @@ fn occlusion(name: &str, change: impl Fn(&mut RayParams)) -> Difference {
     let value = |index: usize| f64::from(ours.picture.pixels[index][0]);
     // The error of independent samples; ours are stratified and have smaller errors.
     let samples = f64::from(ours.samples);
-    difference(&stored, &ours, |_| false, value, |open| (open * (1.0 - open) / samples).sqrt())
+    difference(&stored, &ours, |_| false, value, |_, open| (open * (1.0 - open) / samples).sqrt())
 }
 
 #[test]
@@ -406,19 +418,30 @@ fn bends_inward(ours: &Ours, eye: Vec3, index: usize) -> bool {
     normal.dot(view) >= 0.0 || mirrored.dot(facing) <= 1e-4
 }
 
+/// How far the eye is moved to find what jumps.
+const MOVED: f64 = 1e-3;
+
 fn glass(name: &str, change: impl Fn(&mut RayParams)) -> Difference {
-    let stored: Stored = load(name);
-    let ours = render(&stored, &change);
+    glass_of(&load(name), 0.0, change)
+}
+
+/// Compares the pixels that show glass. A pixel is left out if its value jumps when the eye moves by a thousandth. Our standard error is
+/// what its value changes when the eye moves by `rounding`.
+fn glass_of(stored: &Stored, rounding: f64, change: impl Fn(&mut RayParams)) -> Difference {
+    let ours = render(stored, &change);
     let steps = [Vec3::X, Vec3::NEG_X, Vec3::Y, Vec3::NEG_Y];
-    let moved = steps.map(|step| render_from(&stored, step * 1e-3, &change).picture);
+    let moved = steps.map(|step| render_from(stored, step * MOVED as f32, &change).picture);
+    let value = |index: usize| f64::from(ours.picture.pixels[index][0]);
+    let changes = |index: usize| {
+        moved.iter().map(|picture| (f64::from(picture.pixels[index][0]) - value(index)).abs()).fold(0.0, f64::max)
+    };
     let jumps = |index: usize| {
         if bends_inward(&ours, Vec3::from(stored.camera.eye), index) {
             return true;
         }
-        let value = ours.picture.pixels[index][0];
-        moved.iter().any(|picture| (picture.pixels[index][0] - value).abs() > 5e-2 * value.abs() + 1e-6)
+        changes(index) > 5e-2 * value(index).abs() + 1e-6
     };
-    let found = difference(&stored, &ours, jumps, |index| f64::from(ours.picture.pixels[index][0]), |_| 0.0);
+    let found = difference(stored, &ours, jumps, value, |index, _| changes(index) * rounding / MOVED);
     assert!(found.jumping * 6 <= found.pixels, "too little is compared: {found:?}");
     found
 }
