@@ -487,7 +487,7 @@ fn yard() -> World {
 }
 
 #[test]
-fn pictures_by_cones_do_not_depend_on_the_threads_nor_on_who_compiled_the_tracer() {
+fn pictures_by_cones_do_not_depend_on_the_threads() {
     let world = yard();
     let (triangles, spheres) = (&world.tree(), &world.spheres());
     let tracer = WithSpheres { triangles, spheres };
@@ -505,10 +505,6 @@ fn pictures_by_cones_do_not_depend_on_the_threads_nor_on_who_compiled_the_tracer
         let zero = shot.job(program, Corrected, RayParams { texture_lod: TextureLod::Zero, ..asked });
         let zero = shot.run_on(&tracer, &zero);
         assert!(zero.0 != one.0 && zero.1 == one.1, "control: other levels by the same rays");
-        let mut output = Image::filled(job.width, job.height, [f32::NAN; 4]);
-        cpu::trace_by_rays(&tracer, &job, &mut output, &Progress::default()).expect("a complete job");
-        let differ = output.pixels.iter().zip(&one.0).filter(|(by_rays, tiles)| by_rays != tiles).count();
-        assert_eq!(differ, 0, "{program:?}");
         let pixel = cpu::trace_pixel(&tracer, &job, 20, 17).expect("a complete job");
         assert_eq!(pixel, one.0[17 * 40 + 20]);
     }
