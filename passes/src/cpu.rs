@@ -182,18 +182,16 @@ pub(crate) fn empty() -> Structure {
     Structure { triangles, spheres: SphereTree::default() }
 }
 
-/// Traces a job. Scenes without spheres use programs that are compiled without them.
+/// Traces a job.
 fn trace_in(
     Structure { triangles, spheres }: &Structure,
     job: &RayJob<'_>,
     output: &mut Image,
     (filter, progress): (&mut Filter, &Progress),
 ) -> Result<RayStats, BackendError> {
-    if job.scene.geometry.spheres.is_empty() {
-        trace_with(triangles, job, output, (filter, progress))
-    } else {
-        trace_with(&WithSpheres { triangles, spheres }, job, output, (filter, progress))
-    }
+    let with_spheres = WithSpheres { triangles, spheres };
+    let tracer: &dyn DynTracer = if job.scene.geometry.spheres.is_empty() { triangles } else { &with_spheres };
+    trace_with(tracer, job, output, (filter, progress))
 }
 
 fn in_host(job: &RayJob<'_>) -> Result<(), BackendError> {
@@ -211,12 +209,13 @@ pub fn may_trace(job: &RayJob<'_>) -> bool {
     job.program.info().needs_structure(&job.params, finds_glass).0
 }
 
-/// Runs a program other than `dummy` on any tracer of the job's scene.
+/// Runs a program other than `dummy` on any tracer of the job's scene. The programs know it by a pointer, so that they are compiled once for
+/// all tracers: what they ask are packets, fans and rays that take far longer than the call.
 ///
 /// # Errors
 /// [`BackendError::Unsupported`] if the job lacks something that the program reads; the error names it.
-pub fn trace<T: Tracer>(
-    tracer: &T,
+pub fn trace(
+    tracer: &dyn DynTracer,
     job: &RayJob<'_>,
     output: &mut Image,
     progress: &Progress,
@@ -224,8 +223,8 @@ pub fn trace<T: Tracer>(
     trace_with(tracer, job, output, (&mut Filter::default(), progress))
 }
 
-fn trace_with<T: Tracer>(
-    tracer: &T,
+fn trace_with(
+    tracer: &dyn DynTracer,
     job: &RayJob<'_>,
     output: &mut Image,
     (filter, progress): (&mut Filter, &Progress),
@@ -238,24 +237,6 @@ fn trace_with<T: Tracer>(
     let rays = filter::filtered((filter, progress), job, output, |job, output| {
         run(tracer, job, Whole { output, progress, tiles })
     })?;
-    Ok(RayStats { rays, ..RayStats::default() })
-}
-
-/// [`trace`] ray by ray, on a tracer behind a pointer: the programs are compiled once for all tracers. The same picture, but slower.
-///
-/// # Errors
-/// As [`trace`], or if glass is to be sampled to an error.
-pub fn trace_by_rays(
-    tracer: &dyn DynTracer,
-    job: &RayJob<'_>,
-    output: &mut Image,
-    progress: &Progress,
-) -> Result<RayStats, BackendError> {
-    check::images(NAME, job, output)?;
-    check::adaptive(NAME, job)?;
-    let tiles = tiles_at_a_time(job);
-    let trace = |job: &RayJob<'_>, output: &mut Image| run_by_rays(tracer, job, Whole { output, progress, tiles });
-    let rays = filter::filtered((&mut Filter::default(), progress), job, output, trace)?;
     Ok(RayStats { rays, ..RayStats::default() })
 }
 
@@ -284,62 +265,28 @@ pub(crate) fn trace_pixels(
 ///
 /// # Errors
 /// As [`trace`], or if glass is to be sampled to an error or photons are asked for, which takes all of the picture.
-pub fn trace_pixel<T: Tracer>(tracer: &T, job: &RayJob<'_>, x: u32, y: u32) -> Result<[f32; 4], BackendError> {
-    run(tracer, job, one(job, x, y)?)
-}
-
-/// [`trace_pixel`] on a tracer behind a pointer; see [`trace_by_rays`].
-///
-/// # Errors
-/// As [`trace_pixel`].
-pub fn trace_pixel_by_rays(tracer: &dyn DynTracer, job: &RayJob<'_>, x: u32, y: u32) -> Result<[f32; 4], BackendError> {
-    run_by_rays(tracer, job, one(job, x, y)?)
-}
-
-/// One pixel of a job, of what a pixel alone can be computed.
-fn one(job: &RayJob<'_>, x: u32, y: u32) -> Result<One, BackendError> {
+pub fn trace_pixel(tracer: &dyn DynTracer, job: &RayJob<'_>, x: u32, y: u32) -> Result<[f32; 4], BackendError> {
     check::buffers(NAME, job)?;
     check::adaptive(NAME, job)?;
     check::photons(NAME, job)?;
-    Ok(One(Pixel { x, y, index: y as usize * job.width as usize + x as usize }))
+    run(tracer, job, One(Pixel { x, y, index: y as usize * job.width as usize + x as usize }))
 }
 
-/// Runs a program on a tracer behind a pointer. In corrected fidelity the programs are compiled with exact spheres and serve every scene;
-/// thesis fidelity has neither spheres nor cut-outs.
-fn run_by_rays<'o, R: Runner<'o>>(
-    tracer: &dyn DynTracer,
-    job: &RayJob<'_>,
-    runner: R,
-) -> Result<R::Output, BackendError> {
+/// Runs the program of a job. Programs are compiled with and without exact spheres, cut-outs and ray cones, so that scenes without them do not
+/// pay. Each combination takes the compiler a minute; those with spheres or cones always test cut-outs.
+fn run<'o, R: Runner<'o>>(tracer: &dyn DynTracer, job: &RayJob<'_>, runner: R) -> Result<R::Output, BackendError> {
     in_host(job)?;
     check::scene(NAME, job, tracer.knows_spheres())?;
-    Ok(match job.fidelity {
-        Fidelity::Corrected if job.texture_lod() == TextureLod::Cones => {
-            let coverage = ByCones(AlphaTested { scene: job.scene, shades: job.shades });
-            run_textured(&new_pass(job, &Erased::<true>(tracer), coverage, runner.progress())?, runner)
-        }
-        Fidelity::Corrected => {
-            let cut = job.shades.iter().any(|shade| shade.alpha_cutoff.is_some());
-            let coverage = cut.then_some(AlphaTested { scene: job.scene, shades: job.shades });
-            run_corrected(&new_pass(job, &Erased::<true>(tracer), coverage, runner.progress())?, runner)
-        }
-        Fidelity::Thesis => run_thesis(&new_pass(job, &Erased::<false>(tracer), Opaque, runner.progress())?, runner),
-    })
-}
-
-fn run<'o, T: Tracer, R: Runner<'o>>(tracer: &T, job: &RayJob<'_>, runner: R) -> Result<R::Output, BackendError> {
-    in_host(job)?;
-    check::scene(NAME, job, T::SPHERES)?;
-    let coverage = AlphaTested { scene: job.scene, shades: job.shades };
-    if job.texture_lod() == TextureLod::Cones {
-        return Ok(run_textured(&new_pass(job, tracer, ByCones(coverage), runner.progress())?, runner));
-    }
+    let (triangles, all) = (Erased::<false>::new(tracer), Erased::<true>::new(tracer));
+    let has_spheres = !job.scene.geometry.spheres.is_empty();
+    let cutouts = AlphaTested { scene: job.scene, shades: job.shades };
     let cut = job.fidelity == Fidelity::Corrected && job.shades.iter().any(|shade| shade.alpha_cutoff.is_some());
-    // Programs with spheres always test cut-outs: each combination is compiled separately, and takes a minute.
-    Ok(if T::SPHERES || cut {
-        run_program(&new_pass(job, tracer, coverage, runner.progress())?, runner)
-    } else {
-        run_program(&new_pass(job, tracer, Opaque, runner.progress())?, runner)
+    let progress = runner.progress();
+    Ok(match job.texture_lod() {
+        TextureLod::Cones => run_textured(&new_pass(job, &all, ByCones(cutouts), progress)?, runner),
+        TextureLod::Zero if has_spheres => run_corrected(&new_pass(job, &all, cutouts, progress)?, runner),
+        TextureLod::Zero if cut => run_corrected(&new_pass(job, &triangles, cutouts, progress)?, runner),
+        TextureLod::Zero => run_program(&new_pass(job, &triangles, Opaque, progress)?, runner),
     })
 }
 
@@ -478,7 +425,6 @@ impl Runner<'_> for One {
 fn run_program<'o, T: Tracer, C: Coverage, R: Runner<'o>>(pass: &Pass<'_, T, C>, pixels: R) -> R::Output {
     match pass.job.fidelity {
         Fidelity::Corrected => run_corrected(pass, pixels),
-        Fidelity::Thesis if T::SPHERES => unreachable!("`check::scene` refuses exact spheres in thesis fidelity"),
         Fidelity::Thesis => run_thesis(pass, pixels),
     }
 }

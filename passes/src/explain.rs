@@ -56,7 +56,7 @@ pub fn pixel_on<'a>(tracer: &impl Tracer, job: &RayJob<'a>, x: u32, y: u32) -> R
     let value = if job.program == RayProgram::Dummy {
         job.color.get(index).copied().unwrap_or_default()
     } else {
-        cpu::trace_pixel_by_rays(&recorder, job, x, y)?
+        cpu::trace_pixel(&recorder, job, x, y)?
     };
     Ok(PixelRays { job: *job, pixel: [x, y], value, events: recorder.events() })
 }

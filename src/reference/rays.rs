@@ -104,7 +104,7 @@ impl RayBackend for ReferenceRays {
                 return Err(BackendError::Unsupported { backend: self.name(), what, why: why.to_owned() });
             }
             let double = self.double.get_or_insert_with(|| Double::build(&scene.geometry, filtered));
-            return cpu::trace_by_rays(double, job, output, progress);
+            return cpu::trace(double, job, output, progress);
         }
         if self.fast.is_none() {
             let mut fast = CpuRays::new();

@@ -66,7 +66,7 @@ impl RayBackend for BruteRays {
 
     fn run(&mut self, job: &RayJob<'_>, output: &mut Image, progress: &Progress) -> Result<RayStats, BackendError> {
         match &self.0 {
-            Some(tracer) => cpu::trace_by_rays(tracer, job, output, progress),
+            Some(tracer) => cpu::trace(tracer, job, output, progress),
             None => CpuRays::new().run(job, output, progress),
         }
     }

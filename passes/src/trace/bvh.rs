@@ -215,7 +215,9 @@ impl Tracer for Bvh {
         self.find_any_of_packets::<false>(packets, blocked, &mut accept);
     }
 
-    const DECIDES: bool = true;
+    fn decides(&self) -> bool {
+        true
+    }
 
     fn decide(&self, estimates: &Estimates, decided: &mut Decided) {
         self.instruction_set.run(Decide { tree: &self.tree, estimates, decided });

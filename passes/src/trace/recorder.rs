@@ -143,6 +143,7 @@ fn listen<'l>(
 
 impl<T: Tracer> Tracer for Recorder<'_, T> {
     const SPHERES: bool = T::SPHERES;
+    const LISTENS: bool = true;
 
     fn closest(&self, ray: &Ray, mut accept: impl FnMut(&Hit) -> bool) -> Option<Hit> {
         let mut asked = Vec::new();

@@ -78,6 +78,9 @@ pub trait Tracer: Sync {
         rays.iter().enumerate().map(bit).sum()
     }
 
+    /// Whether [`Self::announce`] does anything; else nobody need call it.
+    const LISTENS: bool = false;
+
     /// Announces the purpose of the rays that follow. Tracers ignore it, at no cost; a [`Recorder`](super::Recorder) keeps it.
     #[inline(always)]
     fn announce(&self, rays: Announcement) {
@@ -157,7 +160,9 @@ pub trait Tracer: Sync {
     }
 
     /// Whether [`Self::decide`] ever decides a ray.
-    const DECIDES: bool = false;
+    fn decides(&self) -> bool {
+        false
+    }
 
     /// Decides rays whose origins are only estimated, where the answer is certain, so that only the other rays need to be traced. A tracer
     /// may always decide none.

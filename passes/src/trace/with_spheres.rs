@@ -26,6 +26,7 @@ impl<T> WithSpheres<'_, T> {
 
 impl<T: Tracer> Tracer for WithSpheres<'_, T> {
     const SPHERES: bool = true;
+    const LISTENS: bool = T::LISTENS;
 
     fn closest(&self, ray: &Ray, mut accept: impl FnMut(&Hit) -> bool) -> Option<Hit> {
         let triangle = self.triangles.closest(ray, &mut accept);

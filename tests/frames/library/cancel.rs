@@ -115,8 +115,7 @@ impl RayBackend for Stopped {
         let (done, never) = (OnceLock::new(), Cancellation::new());
         let stop = self.stop.get().unwrap_or(&never);
         let (bvh, rays, stop_at) = (self.bvh.as_ref().expect("it was built"), &*self.rays, self.stop_at);
-        let result =
-            cpu::trace_by_rays(&Tripwire { bvh, rays, stop_at, stop, progress, done: &done }, job, output, progress);
+        let result = cpu::trace(&Tripwire { bvh, rays, stop_at, stop, progress, done: &done }, job, output, progress);
         if let Some(done) = done.get() {
             let (end, total) = progress.get();
             self.told.set([*done, end, total]).expect("one frame is stopped");

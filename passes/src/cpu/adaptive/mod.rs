@@ -11,7 +11,7 @@ mod tests;
 use super::{NAME, Rows, WORKSPACE, Whole, alone, before, check, each_tile, in_host, new_pass};
 use crate::effects::dielectric::{Met, Sample};
 use crate::effects::{AlphaTested, Area, ByCones, Coverage, Pass, Pixel, Workspace, combined, opaque, refraction};
-use crate::trace::Tracer;
+use crate::trace::{DynTracer, Erased, Tracer};
 use allocation::{Sampled, doubled, error, first_count, most_of_half};
 use curitiba_pipeline::backend::{BackendError, PathsSpent, RayCounts, RayJob, RayStats};
 use curitiba_pipeline::executor::Progress;
@@ -42,15 +42,16 @@ pub(super) fn asked(job: &RayJob<'_>) -> Option<f32> {
 ///
 /// # Errors
 /// [`BackendError::Unsupported`] if the job lacks something that its program reads; if there is not enough memory.
-pub(super) fn trace<T: Tracer>(
-    tracer: &T,
+pub(super) fn trace(
+    tracer: &dyn DynTracer,
     job: &RayJob<'_>,
     asked: f32,
     output: &mut Image,
     progress: &Progress,
 ) -> Result<RayStats, BackendError> {
     in_host(job)?;
-    check::scene(NAME, job, T::SPHERES)?;
+    check::scene(NAME, job, tracer.knows_spheres())?;
+    let tracer = &Erased::<true>::new(tracer);
     let coverage = AlphaTested { scene: job.scene, shades: job.shades };
     match job.texture_lod() {
         TextureLod::Cones => trace_pass(&new_pass(job, tracer, ByCones(coverage), Some(progress))?, asked, output),

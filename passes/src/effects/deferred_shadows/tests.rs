@@ -208,7 +208,9 @@ impl Tracer for Counting<'_> {
         self.tree.occluded(ray, accept)
     }
 
-    const DECIDES: bool = true;
+    fn decides(&self) -> bool {
+        true
+    }
 
     fn decide(&self, estimates: &Estimates, decided: &mut Decided) {
         self.tree.decide(estimates, decided);

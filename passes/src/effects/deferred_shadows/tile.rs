@@ -73,7 +73,7 @@ impl Tile {
         (self.dark, self.turned) = ([0; PARTS], [0; PARTS]);
         self.places.clear();
         let simd = Detected::cached();
-        let is_sketched = T::DECIDES && simd.run(Draw { sketch: &mut self.sketch, pass, area });
+        let is_sketched = pass.tracer.decides() && simd.run(Draw { sketch: &mut self.sketch, pass, area });
         let mut rays = 0;
         if is_sketched {
             rays += self.decide(pass, area);

@@ -6,9 +6,7 @@ use crate::trace::WithSpheres;
 use curitiba_pipeline::backend::{FromCamera, Glow, PixelCone, RayCounts, RayJob, View};
 use curitiba_pipeline::camera_programs::{CameraParams, SurfaceKind};
 use curitiba_pipeline::color::decode;
-use curitiba_pipeline::executor::Progress;
 use curitiba_pipeline::glass::{Dielectric, GlassRule, Shape};
-use curitiba_pipeline::image::Image;
 use curitiba_pipeline::programs::Fidelity::Corrected;
 use curitiba_pipeline::programs::{RayParams, RayProgram, TextureLod};
 use curitiba_pipeline::scene::texture::{Texture, Wrap, lod};
@@ -487,7 +485,7 @@ fn yard() -> World {
 }
 
 #[test]
-fn pictures_by_cones_do_not_depend_on_the_threads_nor_on_who_compiled_the_tracer() {
+fn pictures_by_cones_do_not_depend_on_the_threads() {
     let world = yard();
     let (triangles, spheres) = (&world.tree(), &world.spheres());
     let tracer = WithSpheres { triangles, spheres };
@@ -505,10 +503,6 @@ fn pictures_by_cones_do_not_depend_on_the_threads_nor_on_who_compiled_the_tracer
         let zero = shot.job(program, Corrected, RayParams { texture_lod: TextureLod::Zero, ..asked });
         let zero = shot.run_on(&tracer, &zero);
         assert!(zero.0 != one.0 && zero.1 == one.1, "control: other levels by the same rays");
-        let mut output = Image::filled(job.width, job.height, [f32::NAN; 4]);
-        cpu::trace_by_rays(&tracer, &job, &mut output, &Progress::default()).expect("a complete job");
-        let differ = output.pixels.iter().zip(&one.0).filter(|(by_rays, tiles)| by_rays != tiles).count();
-        assert_eq!(differ, 0, "{program:?}");
         let pixel = cpu::trace_pixel(&tracer, &job, 20, 17).expect("a complete job");
         assert_eq!(pixel, one.0[17 * 40 + 20]);
     }
