@@ -183,6 +183,10 @@ impl<T: DeviceTracer> RayBackend for DeviceRays<T> {
         true
     }
 
+    fn traces_spheres(&self) -> bool {
+        T::SPHERES
+    }
+
     fn build(&mut self, scene: &Arc<RenderScene>, filtered: &[bool]) -> Result<BuildStats, BackendError> {
         self.gpus.iter_mut().for_each(OneGpu::clear);
         let prepared = T::prepare(scene, filtered);
@@ -255,7 +259,7 @@ fn check_job<T: DeviceTracer>(job: &RayJob<'_>) -> Result<(), BackendError> {
         return Err(check::missing(T::NAME, job, "it traces whole pictures, and this is a part; use --backend cpu"));
     }
     if job.program != RayProgram::Dummy {
-        check::scene(T::NAME, job, false)?;
+        check::scene(T::NAME, job, T::SPHERES)?;
         check::filter(T::NAME, job)?;
         check::adaptive(T::NAME, job)?;
         check_glass(T::NAME, false, &job.params, job.dielectrics)?;
