@@ -4,7 +4,7 @@ use super::conformance::record_of;
 use super::lamps::add_lamps;
 use super::{project, there};
 use curitiba::conformance::Found;
-use curitiba::pipeline::backend::{RayBackend as _, RayCounts};
+use curitiba::pipeline::backend::RayCounts;
 use curitiba::pipeline::glass::{GlassRule, GlassShadow};
 use curitiba::pipeline::programs::{Fidelity, RayProgram};
 use curitiba::pipeline::project::{self, MaterialPattern, PassKind, Project};
