@@ -114,28 +114,29 @@ DEVICE float decoded(float encoded) {
 }
 // The share of the light that enters at a hit and is scattered back.
 DEVICE float veil_at(const Params &params, const Body &body, const Hit &hit, float footprint) {
-    if (body.transmission_texture == NO_TEXTURE) return body.veil;
+    if (body.transmission_texture == NO_TEXTURE OF_SPHERES(|| is_sphere(params, hit.triangle))) return body.veil;
     float clear = sample_numbers(params, body.transmission_texture, texture_coordinates(params, hit), footprint).x;
     return 1.0f - (1.0f - body.veil) * clear;
 }
 // The share of the light that passes, by colour, of that which is not reflected.
 DEVICE float3 filter_of(const Params &params, const Body &body, const Hit &hit, float footprint) {
     float3 texel = splat(1.0f);
-    if (body.filter_texture != NO_TEXTURE) {
+    if (body.filter_texture != NO_TEXTURE OF_SPHERES(&& !is_sphere(params, hit.triangle))) {
         texel = xyz(sample_texture(params, body.filter_texture, texture_coordinates(params, hit), footprint));
         // A share of light is linear whatever the colours of the pass are.
         if (params.decoded == nullptr) texel = vec3(decoded(texel.x), decoded(texel.y), decoded(texel.z));
     }
     float3 vertices = splat(1.0f);
-    if (body.filter_vertex_colors != VERTEX_COLORS_NONE) {
+    if (body.filter_vertex_colors != VERTEX_COLORS_NONE OF_SPHERES(&& !is_sphere(params, hit.triangle))) {
         vertices = xyz(vertex_color(params, hit));
         if (body.filter_vertex_colors == VERTEX_COLORS_DISPLAY) vertices = vec3(decoded(vertices.x), decoded(vertices.y), decoded(vertices.z));
     }
     return (1.0f - veil_at(params, body, hit, footprint)) * vector_of(body.filter) * texel * vertices;
 }
 
-// The barycentric coordinates of a point in the plane of a triangle, as a hit at distance 0.
+// The barycentric coordinates of a point in the plane of a triangle, as a hit at distance 0. Spheres have none.
 DEVICE Hit located(const Params &params, unsigned triangle, float3 point) {
+    OF_SPHERES(if (is_sphere(params, triangle)) return Hit{0.0f, triangle, 0.0f, 0.0f};)
     Corners corners = positions_of(params, triangle);
     double3 a = wide(corners.a), e1 = wide(corners.b) - a, e2 = wide(corners.c) - a, to = wide(point) - a;
     double3 normal = cross(e1, e2);
@@ -271,7 +272,7 @@ struct BodyWalk {
         Cone mirrored, refracted;
     };
     DEVICE_MEMBER Cones cones_of(const Params &params, const Met &met, const Path &path, float3 normal, const Interface &interface, float ratio) {
-        float curvature = curvature_of(params, met.hit.triangle, met.surface.facing), cosine = -dot(normal, met.view);
+        float curvature = curvature_of(params, met.hit.triangle, met.surface.facing OF_SPHERES(, met.surface.point.position)), cosine = -dot(normal, met.view);
         return {cone_mirrored(path.cone, curvature, cosine), cone_refracted(path.cone, curvature, cosine, interface.cos_refracted, ratio)};
     }
 
@@ -348,7 +349,7 @@ struct BodyWalk {
             if (glass && params.bodies == nullptr && next.splits > params.depth) continue;
             Cone cone = cone_along(next.cone, hit.t);
             float footprint = footprint_of(params, cone, hit.triangle, next.direction);
-            Surface met = surface_hit(params, next.direction, hit, footprint);
+            Surface met = surface_hit(params, OF_SPHERES(next.origin, ) next.direction, hit, footprint);
             float length = fmaxf(dot(met.point.position - next.from, next.direction), 0.0f);
             float3 weight = next.weight * transmittance(extinction, length);
             if (!glass) {
@@ -361,6 +362,12 @@ struct BodyWalk {
     }
 };
 
+#ifdef CURITIBA_SPHERES
+// The outward normal of a sphere where a line crosses it.
+DEVICE float3 sphere_normal(const Params &params, const Crossings &crossings, float3 direction, const Hit &hit) {
+    return met_on_sphere(sphere_of(params, hit.triangle), crossings.origin, direction, hit.t).normal;
+}
+#endif
 // The side of a body's surface that a line meets, by the geometric normal.
 DEVICE bool line_enters(const Params &params, float3 direction, unsigned triangle) {
     Corners corners = positions_of(params, triangle);
@@ -401,7 +408,7 @@ template <class Tracer> DEVICE void find_bodies_around_eye(Pass<Tracer> &pass) {
     for (unsigned step = 0; step < MOST_STEPS; ++step) {
         Hit hit;
         if (!pass.closest_or_sky(origin, direction, hit)) break;
-        Surface surface = surface_hit(params, direction, hit, NO_FOOTPRINT);
+        Surface surface = surface_hit(params, OF_SPHERES(origin, ) direction, hit, NO_FOOTPRINT);
         if (is_solid(params, hit.triangle)) {
             unsigned material = __ldg(params.materials + hit.triangle);
             bool enters = is_front(surface);
@@ -428,7 +435,11 @@ template <class Tracer> static __device__ OUTLINED float3 straight_through(Pass<
     float3 direction = pass.to_light();
     constexpr float ROUNDING = 16.0f * UNIT_ROUNDOFF;
     auto material = [&](unsigned i) { return __ldg(params.materials + crossings.met[i].triangle); };
-    auto enters = [&](unsigned i) { return line_enters(params, direction, crossings.met[i].triangle); };
+    auto enters = [&](unsigned i) {
+        OF_SPHERES(const Hit &hit = crossings.met[i];
+                   if (is_sphere(params, hit.triangle)) return dot(sphere_normal(params, crossings, direction, hit), direction) < 0.0f;)
+        return line_enters(params, direction, crossings.met[i].triangle);
+    };
     unsigned kept = 0;
     for (unsigned i = 0; i < crossings.stored; ++i) {
         if (kept > 0) {
@@ -449,7 +460,13 @@ template <class Tracer> static __device__ OUTLINED float3 straight_through(Pass<
         passes = passes * transmittance(extinction_in(params, media), hit.t - from);
         from = hit.t;
         const Body &body = params.bodies[material(i)];
+#ifdef CURITIBA_SPHERES
+        float3 normal = is_sphere(params, hit.triangle) ? sphere_normal(params, crossings, direction, hit)
+                                                        : normalize_or_zero(normal_at(params, hit));
+        float cosine = fabsf(dot(normal, direction));
+#else
         float cosine = fabsf(dot(normalize_or_zero(normal_at(params, hit)), direction));
+#endif
         if (body.shape == SHAPE_SOLID) {
             Border border = cross_border(params, media, material(i), enters(i));
             pass.rays.lost += border.overflows;
@@ -474,6 +491,7 @@ template <class Tracer> DEVICE float3 light_through_bodies(Pass<Tracer> &pass, f
     if ((pass.params.asks & ASKS_STRAIGHT) == 0u) return splat(pass.light_at(origin));
     Crossings crossings;
     crossings.stored = crossings.beyond = 0;
+    OF_SPHERES(crossings.origin = origin;)
     Ray ray = {origin, pass.to_light(), 0.0f, pass.light_end()};
     if (pass.tracer.template occluded<ACCEPT_COUNTS>(ray, &crossings)) return splat(in_shadow(pass.params));
     return splat(in_shadow(pass.params)) + (1.0f - in_shadow(pass.params)) * straight_through(pass, crossings);

@@ -62,5 +62,18 @@ for tracer in bvh optix; do
         compile "ptx/$tracer/lights/$program.ptx" "${extra[@]}" -DCURITIBA_LIGHTS -DCURITIBA_PROGRAM="\"$program.cuh\"" \
             -DCURITIBA_FIDELITY="$fidelity" "-DCURITIBA_${fidelity^^}" "$tracer.cu"
     done
+    # `spheres` and `spheres_lights` are corrected fidelity for scenes with exact spheres, of glass as each material says.
+    for set in spheres spheres_lights; do
+        [ "$tracer" = bvh ] || continue
+        programs="deferredShadows reflection refraction ssao final" more=()
+        [ "$set" = spheres_lights ] && programs="deferredShadows reflection refraction final" more=(-DCURITIBA_LIGHTS)
+        mkdir -p "ptx/$tracer/$set"
+        for program in $programs; do
+            fidelity=corrected
+            [ "$program" = refraction ] || [ "$program" = final ] && fidelity=bodies
+            compile "ptx/$tracer/$set/$program.ptx" -DCURITIBA_SPHERES "${more[@]}" -DCURITIBA_PROGRAM="\"$program.cuh\"" \
+                -DCURITIBA_FIDELITY="$fidelity" "-DCURITIBA_${fidelity^^}" "$tracer.cu"
+        done
+    done
     compile "ptx/$tracer/segments.ptx" "${extra[@]}" "${called[@]}" -DCURITIBA_CORRECTED segments.cu
 done

@@ -77,10 +77,12 @@ DEVICE Settled settle(const Params &params, bool wanted, const Fan &fan, unsigne
     if (wanted) memory.fans[lane] = SharedFan::of(fan);
     __syncwarp();
     Settled settled = nothing_settled();
-    bool certain = wanted && params.node_count == 0, traces = wanted && !certain;
+    // The rays of points that a sphere is in reach of are traced.
+    OF_SPHERES(bool has_sphere = wanted && is_near_sphere(params, fan.origin, params.radius);)
+    bool certain = wanted && params.node_count == 0 OF_SPHERES(&& !has_sphere), traces = wanted && !certain;
     // Whether too much was found around a point, but nothing that it sees.
     bool asks = false;
-    unsigned left = __ballot_sync(WHOLE_WARP, traces);
+    unsigned left = __ballot_sync(WHOLE_WARP, traces OF_SPHERES(&& !has_sphere));
     while (left != 0) {
         // Points near one of them, and that one.
         int leader = __ffs(left) - 1;
@@ -215,6 +217,8 @@ DEVICE void make_ready(const Params &params, const Points &points, TracingMemory
         owner = queued & 31u;
         Query query;
         query.longest = 0;
+        // A ray that is not made of numbers meets no sphere either.
+        OF_SPHERES(query.direction = splat(0.0f);)
         able = prepare(points.fans[owner].ray(params, queued >> 5), query);
         float3 d = query.direction;
         // Off by its last bits, which the box test allows for.
@@ -224,6 +228,7 @@ DEVICE void make_ready(const Params &params, const Points &points, TracingMemory
         memory.direction[ray] = make_float4(d.x, d.y, d.z, query.shear.x);
         memory.shear[ray] = query.shear.y;
         memory.blocked[ray] = 0;
+        OF_SPHERES(able = able && params.node_count != 0;)
     }
     unsigned mask = __ballot_sync(WHOLE_WARP, able);
     if (able) {
@@ -278,6 +283,10 @@ DEVICE void trace_shared(const Params &params, Points &points, unsigned samples,
         if (ready < RAYS && !(last && queued == 0)) continue;
         trace_together<ACCEPT>(params, points, nodes, memory, lane);
         for (unsigned ray = lane; ray < ready; ray += 32u) {
+#ifdef CURITIBA_SPHERES
+            float3 origin = xyz(points.origins[memory.owner(ray) & 31u]), direction = xyz(memory.direction[ray]);
+            if (!memory.blocked[ray] && occluded_by_sphere<ACCEPT>(params, {origin, direction, 0.0f, params.radius}, nullptr)) continue;
+#endif
             if (!memory.blocked[ray]) atomicAdd(points.open + (memory.owner(ray) & 31u), 1u);
         }
         __syncwarp();

@@ -26,6 +26,7 @@ template <class Tracer> DEVICE float4 corrected(Pass<Tracer> &pass) {
     if (triangle == NO_TRIANGLE || !(position.w > 0.0f)) return splat4(1.0f);
     SurfacePoint point = snap(params, triangle, xyz(position));
     float3 side = pass.eye() - point.position, normal = point.normal;
+    OF_SPHERES(if (is_sphere(params, triangle)) side = point.normal; else)
     if (params.normals != nullptr) {
         Hit hit = locate(params, triangle, point.position);
         side = normal_at(params, hit);
@@ -49,6 +50,7 @@ template <class Tracer> DEVICE float4 corrected(Pass<Tracer> &pass) {
     if (triangle == NO_TRIANGLE || !(position.w > 0.0f)) return splat4(1.0f);
     SurfacePoint point = snap(params, triangle, xyz(position));
     float3 side;
+    OF_SPHERES(if (is_sphere(params, triangle)) side = point.normal; else)
     if (params.normals == nullptr) {
         side = pass.eye() - point.position;
     } else {

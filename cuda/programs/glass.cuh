@@ -66,7 +66,7 @@ struct GlassWalk {
             interface = interface_of(params, -dot(normal, view));
             enters = refract(interface, view, normal, params.index, refracted);
         }
-        float curvature = curvature_of(params, triangle, surface.facing), cosine = -dot(normal, view);
+        float curvature = curvature_of(params, triangle, surface.facing OF_SPHERES(, surface.point.position)), cosine = -dot(normal, view);
         follows = false;
         if (enters) {
             pass.rays.refracted += 1;
@@ -102,7 +102,7 @@ struct GlassWalk {
             if (glass && next.bounces >= params.depth) continue;
             Cone there = cone_along(next.cone, hit.t);
             float footprint = footprint_of(params, there, hit.triangle, next.direction);
-            Surface met = surface_hit(params, next.direction, hit, footprint);
+            Surface met = surface_hit(params, OF_SPHERES(next.origin, ) next.direction, hit, footprint);
             if (!glass) {
                 end = {hit, met, next.weight, next.key, footprint};
                 return true;

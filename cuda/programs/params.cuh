@@ -43,6 +43,7 @@ constexpr unsigned MAX_DEPTH = 16u;
 constexpr unsigned MAX_CROSSINGS = 32u;
 constexpr unsigned THROUGH_GLASS_ENTRIES = 64u;
 constexpr unsigned STACK = 37u;
+constexpr unsigned SPHERE_STACK = 40u;
 constexpr unsigned SURFACE_BYTES = 64u;
 constexpr unsigned SETTLED_BYTES = 32u;
 constexpr unsigned BLOCK_WIDTH = 8u;
@@ -89,6 +90,7 @@ constexpr float DEVICE_NORMAL_ERROR = 1.4901161e-8f;
 constexpr float OFFSET_UNITS = 3.2e1f;
 constexpr float OFFSET_REACH = 5e-1f;
 constexpr float OFFSET_MARGIN = 3.2e1f;
+constexpr float SPHERE_OFFSET = 4e0f;
 constexpr double DEVICE_SHARPEST = 1e-6;
 
 struct Shade {
@@ -156,6 +158,48 @@ static_assert(offsetof(Light, exponent) == 44, "Light::exponent");
 static_assert(offsetof(Light, attenuation) == 48, "Light::attenuation");
 static_assert(offsetof(Light, inner) == 60, "Light::inner");
 static_assert(offsetof(Light, outer) == 64, "Light::outer");
+
+struct Sphere {
+    float center[3];
+    float radius;
+    unsigned id;
+    unsigned place;
+    unsigned unused[2];
+};
+static_assert(sizeof(Sphere) == 32, "Sphere");
+static_assert(offsetof(Sphere, center) == 0, "Sphere::center");
+static_assert(offsetof(Sphere, radius) == 12, "Sphere::radius");
+static_assert(offsetof(Sphere, id) == 16, "Sphere::id");
+static_assert(offsetof(Sphere, place) == 20, "Sphere::place");
+static_assert(offsetof(Sphere, unused) == 24, "Sphere::unused");
+
+struct SphereNode {
+    float low[3];
+    unsigned first;
+    float high[3];
+    unsigned count;
+};
+static_assert(sizeof(SphereNode) == 32, "SphereNode");
+static_assert(offsetof(SphereNode, low) == 0, "SphereNode::low");
+static_assert(offsetof(SphereNode, first) == 12, "SphereNode::first");
+static_assert(offsetof(SphereNode, high) == 16, "SphereNode::high");
+static_assert(offsetof(SphereNode, count) == 28, "SphereNode::count");
+
+struct Spheres {
+    const SphereNode * nodes;
+    const Sphere * list;
+    unsigned node_count;
+    unsigned first;
+    float low[3];
+    float high[3];
+};
+static_assert(sizeof(Spheres) == 48, "Spheres");
+static_assert(offsetof(Spheres, nodes) == 0, "Spheres::nodes");
+static_assert(offsetof(Spheres, list) == 8, "Spheres::list");
+static_assert(offsetof(Spheres, node_count) == 16, "Spheres::node_count");
+static_assert(offsetof(Spheres, first) == 20, "Spheres::first");
+static_assert(offsetof(Spheres, low) == 24, "Spheres::low");
+static_assert(offsetof(Spheres, high) == 36, "Spheres::high");
 
 struct TextureInfo {
     unsigned long long first;

@@ -38,9 +38,13 @@ DEVICE float curvature_by(const Corners &corners, float3 na, float3 nb, float3 n
     float length = dot(ab, ab) + dot(bc, bc) + dot(ca, ca);
     return length > 0.0f ? turn / length : 0.0f;
 }
-// The same as seen from the side of `facing`.
-DEVICE float curvature_of(const Params &params, unsigned triangle, float3 facing) {
+// The same as seen from the side of `facing`; of a sphere by its radius, at a position on it.
+DEVICE float curvature_of(const Params &params, unsigned triangle, float3 facing OF_SPHERES(, float3 position)) {
     if (!has_cones(params)) return 0.0f;
+    OF_SPHERES(if (is_sphere(params, triangle)) {
+        const Sphere &sphere = sphere_of(params, triangle);
+        return copysignf(1.0f / sphere.radius, dot(position - vector_of(sphere.center), facing));
+    })
     uint3 i = corners_of(params, triangle);
     float3 a = vector_at(params.normals, i.x), b = vector_at(params.normals, i.y), c = vector_at(params.normals, i.z);
     float curvature = curvature_by(positions_of(params, triangle), a, b, c);
@@ -48,9 +52,9 @@ DEVICE float curvature_of(const Params &params, unsigned triangle, float3 facing
 }
 
 // What a cone covers of the textures of a triangle that it meets in a unit direction: the area of the square of its longer side, in
-// texture coordinates.
+// texture coordinates. Spheres have none.
 DEVICE float footprint_of(const Params &params, Cone cone, unsigned triangle, float3 direction) {
-    if (!has_cones(params) || params.texcoords == nullptr) return NO_FOOTPRINT;
+    if (!has_cones(params) || params.texcoords == nullptr OF_SPHERES(|| is_sphere(params, triangle))) return NO_FOOTPRINT;
     Corners corners = positions_of(params, triangle);
     uint3 i = corners_of(params, triangle);
     float2 a = __ldg(params.texcoords + i.x), b = __ldg(params.texcoords + i.y), c = __ldg(params.texcoords + i.z);

@@ -14,13 +14,13 @@ template <class Tracer> DEVICE float4 corrected(Pass<Tracer> &pass) {
     Cone cone = pass.cone_at(surface);
     for (unsigned bounce = 0; bounce <= params.depth; ++bounce) {
         float3 normal = interface_normal(surface, view), direction = reflect(view, normal);
-        cone = cone_mirrored(cone, curvature_of(params, triangle, surface.facing), -dot(normal, view));
+        cone = cone_mirrored(cone, curvature_of(params, triangle, surface.facing OF_SPHERES(, surface.point.position)), -dot(normal, view));
         pass.rays.reflected += 1;
         Hit hit;
         if (!pass.closest_or_sky(spawn(surface.point, direction), direction, hit)) return opaque(vector_of(params.beyond));
         cone = cone_along(cone, hit.t);
         float footprint = footprint_of(params, cone, hit.triangle, direction);
-        surface = surface_hit(params, direction, hit, footprint);
+        surface = surface_hit(params, OF_SPHERES(spawn(surface.point, direction), ) direction, hit, footprint);
         if (!is_glass(params, hit.triangle)) return opaque(met_color(params, hit, footprint, surface));
         view = direction;
         triangle = hit.triangle;

@@ -149,9 +149,33 @@ DEVICE float4 sample_texture(const Params &params, unsigned texture, float2 uv, 
     return sample_numbers(params, texture, uv, footprint, params.decoded);
 }
 
+// The exact spheres of a scene (`spheres.cuh`); null where there are none that a ray could meet.
+DEVICE const Spheres *spheres_of(const Params &params) { return (const Spheres *)params.handle; }
+// Whether an id is that of a sphere, which follow those of the triangles.
+DEVICE bool is_sphere(const Params &params, unsigned id) {
+    const Spheres *spheres = spheres_of(params);
+    return spheres != nullptr && id >= spheres->first;
+}
+DEVICE const Sphere &sphere_of(const Params &params, unsigned id) {
+    const Spheres *spheres = spheres_of(params);
+    return spheres->list[spheres->list[id - spheres->first].place];
+}
+
+#ifdef CURITIBA_SPHERES
+// Spheres have neither texture coordinates nor vertex colours nor bumps. Nothing is cut out of them, and none is a sky.
+DEVICE Shade shade_of(const Params &params, unsigned id) {
+    Shade shade = params.shades[__ldg(params.materials + id)];
+    if (is_sphere(params, id)) {
+        shade.flags &= ~(SHADE_CUT | SHADE_VERTEX_COLORS | SHADE_NORMAL_MAP | SHADE_SKY);
+        shade.texture = shade.glow_texture = NO_TEXTURE;
+    }
+    return shade;
+}
+#else
 DEVICE const Shade &shade_of(const Params &params, unsigned triangle) {
     return params.shades[__ldg(params.materials + triangle)];
 }
+#endif
 DEVICE bool is_glass(const Params &params, unsigned triangle) { return shade_of(params, triangle).flags & SHADE_GLASS; }
 // Whether it shows as it is, without shadows and occlusion.
 DEVICE bool is_sky(const Params &params, unsigned triangle) { return shade_of(params, triangle).flags & SHADE_SKY; }
@@ -260,6 +284,8 @@ DEVICE bool is_before(Crossing a, Crossing b) { return a < b; }
 struct Crossings {
     Crossing met[MAX_CROSSINGS];
     unsigned stored, beyond;
+    // Where the ray starts: which side of a sphere it crosses is seen by the point that it meets.
+    OF_SPHERES(float3 origin;)
 };
 DEVICE void add_crossing(Crossings &crossings, const Hit &hit) {
     if (crossings.stored == MAX_CROSSINGS) {

@@ -2,12 +2,7 @@
 // `effects/optics.rs`).
 #pragma once
 #include "ray_cone.cuh"
-
-// A point of a triangle, with what is known of its error along the normal. Rays start off `start`.
-struct SurfacePoint {
-    float3 position, normal, start;
-    float error;
-};
+#include "spheres.cuh"
 
 // Whether a position is within a margin of a border, given the inward direction, as long as the border.
 DEVICE bool near_border(double3 position, double3 from, double3 inward, double margin) {
@@ -60,8 +55,9 @@ DEVICE SurfacePoint point_on(const Corners &corners, double u, double v) {
     double margin = (double)OFFSET_MARGIN * (double)UNIT_ROUNDOFF * (largest + (double)OFFSET_REACH * reach);
     return {narrow(position), narrow(normal), narrow(drawn_in(from, normal, position, margin)), error};
 }
-// The point of a triangle nearest to a stored position.
+// The point of a triangle or sphere nearest to a stored position.
 DEVICE SurfacePoint snap(const Params &params, unsigned triangle, float3 position) {
+    OF_SPHERES(if (is_sphere(params, triangle)) return on_sphere(sphere_of(params, triangle), position);)
     Corners corners = positions_of(params, triangle);
     double3 a = wide(corners.a), e1 = wide(corners.b) - a, e2 = wide(corners.c) - a, to = wide(position) - a;
     double d11 = dot(e1, e1), d12 = dot(e1, e2), d22 = dot(e2, e2), d1 = dot(to, e1), d2 = dot(to, e2);
@@ -98,6 +94,7 @@ struct Round {
 };
 DEVICE float3 weighed(const Round &of, const Hit &at) { return of.a * (1.0f - at.u - at.v) + of.b * at.u + of.c * at.v; }
 DEVICE bool round_normals(const Params &params, unsigned triangle, float3 facing, Round &normals) {
+    OF_SPHERES(if (is_sphere(params, triangle)) return false;)
     if (params.normals == nullptr) return false;
     uint3 i = corners_of(params, triangle);
     float3 na = vector_at(params.normals, i.x), nb = vector_at(params.normals, i.y), nc = vector_at(params.normals, i.z);
@@ -155,8 +152,12 @@ DEVICE float3 interface_normal(const Surface &surface, float3 view) {
     return usable ? surface.normal : surface.facing;
 }
 
-// The point that a ray meets; its bumps are read at the level of the footprint.
-DEVICE Surface surface_hit(const Params &params, float3 direction, const Hit &hit, float footprint) {
+// The point that a ray from an origin meets; its bumps are read at the level of the footprint.
+DEVICE Surface surface_hit(const Params &params, OF_SPHERES(float3 origin, ) float3 direction, const Hit &hit, float footprint) {
+    OF_SPHERES(if (is_sphere(params, hit.triangle)) {
+        SurfacePoint point = met_on_sphere(sphere_of(params, hit.triangle), origin, direction, hit.t);
+        return surface_of(point, point.normal, direction);
+    })
     SurfacePoint point = point_on(positions_of(params, hit.triangle), (double)hit.u, (double)hit.v);
     return surface_of(point, bent_normal(params, hit, normal_at(params, hit), point.normal, footprint), direction);
 }

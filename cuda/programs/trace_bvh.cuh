@@ -207,6 +207,13 @@ struct Bvh {
             }
             return false;
         });
+#ifdef CURITIBA_SPHERES
+        Hit sphere = closest_sphere<ACCEPT>(params, {ray.origin, ray.direction, ray.t_min, any ? best.t : ray.t_max});
+        if (sphere.triangle != NO_TRIANGLE) {
+            best = sphere;
+            any = true;
+        }
+#endif
         return any;
     }
 
@@ -220,6 +227,7 @@ struct Bvh {
             blocked = hit.t < query.t_max && (!transparent || accepts(params, ACCEPT, hit, crossings));
             return blocked;
         });
+        OF_SPHERES(blocked = blocked || occluded_by_sphere<ACCEPT>(params, ray, crossings);)
         return blocked;
     }
 

@@ -10,7 +10,12 @@
 #else
 #define OUTLINED __noinline__
 #endif
-
+// What is theirs of programs that know exact spheres, and is not there in the others.
+#ifdef CURITIBA_SPHERES
+#define OF_SPHERES(...) __VA_ARGS__
+#else
+#define OF_SPHERES(...)
+#endif
 
 DEVICE float3 vec3(float x, float y, float z) { return make_float3(x, y, z); }
 DEVICE float3 splat(float s) { return make_float3(s, s, s); }

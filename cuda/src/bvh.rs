@@ -105,6 +105,8 @@ struct Kernel {
     program: RayProgram,
     variant: Variant,
     lighting: Lighting,
+    /// Whether they know exact spheres.
+    spheres: bool,
     /// Finds the bodies that the camera is in.
     find_eye: Option<CudaFunction>,
     /// Kernels that run before the one that writes the picture.
@@ -173,10 +175,16 @@ pub struct BvhTracer {
     room: Option<u64>,
 }
 
+/// Whether the scene of a job has exact spheres, which takes programs of their own.
+fn has_spheres(job: &RayJob<'_>) -> bool {
+    !job.scene.geometry.spheres.is_empty()
+}
+
 impl Kernel {
     /// Whether these are the kernels of a job.
     fn is_of(&self, job: &RayJob<'_>) -> bool {
-        (self.program, self.variant, self.lighting) == (job.program, Variant::of(job), Lighting::of(job))
+        let of_job = (job.program, Variant::of(job), Lighting::of(job), has_spheres(job));
+        (self.program, self.variant, self.lighting, self.spheres) == of_job
     }
 }
 
@@ -204,7 +212,8 @@ impl BvhTracer {
     /// Copies the parameters of a launch to the device with the tree of the sky in them, and refers to them.
     fn fill_sky(&mut self, device: &Device, params: &mut Params) -> Result<(), BackendError> {
         let Some(sky) = &self.sky else { return Ok(()) };
-        let mut own = Params { sky: 0, ..*params };
+        // Exact spheres are no part of a sky.
+        let mut own = Params { sky: 0, handle: 0, ..*params };
         sky.fill(device, &mut own);
         device.replace("the parameters of the sky", &mut self.params_of_sky, &[own])?;
         params.sky = self.params_of_sky.address(device);
@@ -276,6 +285,7 @@ fn start(device: &Device, kernel: &CudaFunction, dealt: Dealt, params: &Params) 
 
 impl DeviceTracer for BvhTracer {
     const NAME: &'static str = "cuda";
+    const SPHERES: bool = true;
     /// About 115 on the device, plus about 500 on the host during the build, for obvhs's tree, its collapse and the copy.
     const BYTES_PER_TRIANGLE: u64 = 610;
 
@@ -329,19 +339,25 @@ impl DeviceTracer for BvhTracer {
     }
 
     fn load(&mut self, device: &Device, job: &RayJob<'_>) -> Result<(), BackendError> {
-        let (program, variant, lighting) = (job.program, Variant::of(job), Lighting::of(job));
+        let (program, variant, lighting, spheres) =
+            (job.program, Variant::of(job), Lighting::of(job), has_spheres(job));
         let info = program.info();
         if self.kernels.iter().any(|kernel| kernel.is_of(job)) {
             return Ok(());
         }
-        let text =
-            Self::program(program, variant, lighting).ok_or_else(|| programs::not_written(Self::NAME, program))?;
+        let text = if spheres {
+            programs::with_spheres(program, variant, lighting)
+        } else {
+            Self::program(program, variant, lighting)
+        };
+        let text = text.ok_or_else(|| programs::not_written(Self::NAME, program))?;
         let loaded = device.context().load_module(Ptx::from_src(text));
         let kernel = loaded.and_then(|module| {
             let load = |stage: &Stage| Ok((*stage, module.load_function(stage.entry)?));
             let find_eye = (variant == Variant::Bodies).then(|| module.load_function("find_eye")).transpose()?;
             let stages = stages(program, variant, lighting).iter().map(load).collect::<Result<_, DriverError>>()?;
-            Ok(Kernel { program, variant, lighting, find_eye, stages, function: module.load_function(info.entry)? })
+            let function = module.load_function(info.entry)?;
+            Ok(Kernel { program, variant, lighting, spheres, find_eye, stages, function })
         });
         let failed = |error| device.fault(&format!("loading the kernels of `{}`", info.stem), &error);
         self.kernels.push(kernel.map_err(failed)?);

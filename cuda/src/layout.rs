@@ -4,7 +4,7 @@ use crate::device::Address;
 use cudarc::driver::DeviceRepr;
 use curitiba_passes::effects::constants as effects;
 pub use curitiba_passes::effects::constants::{MAX_CROSSINGS, MAX_DEPTH, NO_TEXTURE, THROUGH_GLASS_ENTRIES};
-use curitiba_passes::trace::gpu_tree;
+use curitiba_passes::trace::{SPHERE_BOUNDS, SPHERE_STACK, gpu_tree};
 use curitiba_pipeline::scene::normal_map;
 use std::fmt::Write as _;
 
@@ -117,6 +117,48 @@ shared_structs! {
         outer: f32 = "float",
     }
 
+    /// An exact sphere, in the order of the tree over them.
+    struct Sphere {
+        /// Centre in the world, relative to the scene's origin.
+        center: [f32; 3] = "float[3]",
+        /// Radius.
+        radius: f32 = "float",
+        /// Id of the surface, with [`gpu_tree::TRANSPARENT`].
+        id: u32 = "unsigned",
+        /// Not of this sphere: index of the sphere whose id is the first one plus the index of this entry.
+        place: u32 = "unsigned",
+        /// Fills the struct up to 32 bytes.
+        unused: [u32; 2] = "unsigned[2]",
+    }
+
+    /// A node of the tree over exact spheres: that of [`SphereTree`](curitiba_passes::trace::SphereTree).
+    struct SphereNode {
+        /// Low corner of the box.
+        low: [f32; 3] = "float[3]",
+        /// Of a leaf: index of its first sphere. Else: index of the first child; the second one follows it.
+        first: u32 = "unsigned",
+        /// High corner of the box.
+        high: [f32; 3] = "float[3]",
+        /// Number of spheres of a leaf; 0 of an inner node.
+        count: u32 = "unsigned",
+    }
+
+    /// The exact spheres of a scene.
+    struct Spheres {
+        /// Nodes of the tree, the root first.
+        nodes: Address = "const SphereNode *",
+        /// The spheres.
+        list: Address = "const Sphere *",
+        /// Number of nodes; 0 where rays meet no sphere.
+        node_count: u32 = "unsigned",
+        /// Id of the first sphere.
+        first: u32 = "unsigned",
+        /// Low corner of the bounds of all spheres.
+        low: [f32; 3] = "float[3]",
+        /// High corner of the bounds of all spheres.
+        high: [f32; 3] = "float[3]",
+    }
+
     /// Level 0 of a texture; where there are other levels, they follow it.
     struct TextureInfo {
         /// Index of the texture's first texel in [`Params::texels`].
@@ -159,7 +201,7 @@ shared_structs! {
         tangents: Address = "const float4 *",
         /// Vertices of the triangles, three indices each.
         triangles: Address = "const unsigned *",
-        /// Material of each triangle.
+        /// Material of each triangle, then of each exact sphere.
         materials: Address = "const unsigned *",
         /// Shading data of each material.
         shades: Address = "const Shade *",
@@ -193,7 +235,8 @@ shared_structs! {
         settled: Address = "uint4 *",
         /// Number of surfaces that the list has room for.
         capacity: u64 = "unsigned long long",
-        /// Handle of the acceleration structure that OptiX built.
+        /// Handle of the acceleration structure that OptiX built. On our own traversal, in scenes with exact spheres, the address of
+        /// [`Spheres`].
         handle: Address = "unsigned long long",
         /// Glass data of each material, where materials define their glass; 0 where all glass is panes.
         bodies: Address = "const Body *",
@@ -295,6 +338,15 @@ unsafe impl DeviceRepr for Body {}
 #[allow(unsafe_code, reason = "says that the struct may be copied to the device")]
 // SAFETY: as above.
 unsafe impl DeviceRepr for Light {}
+#[allow(unsafe_code, reason = "says that the struct may be copied to the device")]
+// SAFETY: as above.
+unsafe impl DeviceRepr for Sphere {}
+#[allow(unsafe_code, reason = "says that the struct may be copied to the device")]
+// SAFETY: as above.
+unsafe impl DeviceRepr for SphereNode {}
+#[allow(unsafe_code, reason = "says that the struct may be copied to the device")]
+// SAFETY: as above.
+unsafe impl DeviceRepr for Spheres {}
 
 /// The light has a place.
 pub const LIGHT_PLACE: u32 = 1;
@@ -417,6 +469,7 @@ pub fn header() -> String {
         ("MAX_CROSSINGS", MAX_CROSSINGS),
         ("THROUGH_GLASS_ENTRIES", THROUGH_GLASS_ENTRIES),
         ("STACK", gpu_tree::STACK as u32),
+        ("SPHERE_STACK", SPHERE_STACK as u32),
         ("SURFACE_BYTES", SURFACE_BYTES),
         ("SETTLED_BYTES", SETTLED_BYTES),
         ("BLOCK_WIDTH", BLOCK_WIDTH),
@@ -448,7 +501,7 @@ pub fn header() -> String {
         ("LEAST_HEIGHT", normal_map::LEAST_HEIGHT),
         ("LEAST_COSINE", normal_map::LEAST_COSINE),
     ];
-    for (name, value) in floats.into_iter().chain(gpu_tree::BOUNDS.iter().copied()) {
+    for (name, value) in floats.into_iter().chain(gpu_tree::BOUNDS.iter().copied()).chain(SPHERE_BOUNDS) {
         writeln!(text, "constexpr float {name} = {value:e}f;").expect("strings grow");
     }
     writeln!(text, "constexpr double DEVICE_SHARPEST = {:e};", gpu_tree::DEVICE_SHARPEST).expect("strings grow");

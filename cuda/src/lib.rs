@@ -20,6 +20,7 @@ pub mod scene;
 pub mod segments;
 mod shared_gbuffer;
 mod sobol_table;
+pub mod spheres;
 mod staging;
 mod stripes;
 

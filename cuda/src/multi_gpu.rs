@@ -183,6 +183,10 @@ impl<T: DeviceTracer> RayBackend for DeviceRays<T> {
         true
     }
 
+    fn traces_spheres(&self) -> bool {
+        T::SPHERES
+    }
+
     fn build(&mut self, scene: &Arc<RenderScene>, filtered: &[bool]) -> Result<BuildStats, BackendError> {
         self.gpus.iter_mut().for_each(OneGpu::clear);
         let prepared = T::prepare(scene, filtered);
@@ -255,7 +259,7 @@ fn check_job<T: DeviceTracer>(job: &RayJob<'_>) -> Result<(), BackendError> {
         return Err(check::missing(T::NAME, job, "it traces whole pictures, and this is a part; use --backend cpu"));
     }
     if job.program != RayProgram::Dummy {
-        check::scene(T::NAME, job, false)?;
+        check::scene(T::NAME, job, T::SPHERES)?;
         check::filter(T::NAME, job)?;
         check::adaptive(T::NAME, job)?;
         check_glass(T::NAME, false, &job.params, job.dielectrics)?;
@@ -266,8 +270,65 @@ fn check_job<T: DeviceTracer>(job: &RayJob<'_>) -> Result<(), BackendError> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use curitiba_pipeline::backend::RayCounts;
+    use crate::bvh::BvhTracer;
+    use crate::optix::OptixTracer;
+    use curitiba_pipeline::backend::{PixelCone, RayCounts, Shade, Sun};
+    use curitiba_pipeline::glass::GlassShadow;
+    use curitiba_pipeline::scene::{Geometry, Material, Sphere};
+    use glam::Vec3;
     use std::time::Duration;
+
+    /// A job of one pixel in a scene of one exact sphere, handed to `check`.
+    fn of_a_sphere(program: RayProgram, fidelity: Fidelity, check: impl Fn(&RayJob<'_>)) {
+        let sphere = Sphere { center: Vec3::ZERO, radius: 1.0, material: 0 };
+        let geometry = Geometry { spheres: vec![sphere], ..Geometry::default() };
+        let scene = RenderScene { geometry, materials: vec![Material::default()], ..RenderScene::default() };
+        check(&RayJob {
+            from_camera: None,
+            origin: [0; 2],
+            scene: &scene,
+            program,
+            params: RayParams::default(),
+            fidelity,
+            seed: 0,
+            eye: Vec3::Z,
+            cone: PixelCone::default(),
+            lights: &[],
+            sun: Some(Sun { direction: Vec3::NEG_Z, color: Vec3::ONE }),
+            width: 1,
+            height: 1,
+            position: &[[0.0, 0.0, 1.0, 1.0]],
+            normal: &[[0.0, 0.0, 1.0, 0.0]],
+            color: &[[1.0; 4]],
+            triangle: &[0],
+            shared: None,
+            shades: &[Shade::default()],
+            glass: &[false],
+            shadow_glass: &[false],
+            beyond: Vec3::ZERO,
+            dielectrics: &[],
+        });
+    }
+
+    #[test]
+    fn exact_spheres_are_for_our_own_traversal_in_corrected_fidelity() {
+        for program in [RayProgram::DeferredShadows, RayProgram::Reflection, RayProgram::Ssao, RayProgram::Final] {
+            of_a_sphere(program, Fidelity::Corrected, |job| {
+                check_job::<BvhTracer>(job).expect("cuda knows them");
+                let refused = check_job::<OptixTracer>(job).expect_err("optix does not").to_string();
+                assert!(refused.contains("optix") && refused.contains("exact spheres"), "{refused}");
+                let focused = RayParams { shadow: GlassShadow::Caustic, ..job.params };
+                let glass = [Dielectric::default()];
+                let refused = check_job::<BvhTracer>(&RayJob { params: focused, dielectrics: &glass, ..*job });
+                let refused = refused.expect_err("spheres that focus light").to_string();
+                assert!(refused.contains("shadow=caustic"), "{refused}");
+            });
+            of_a_sphere(program, Fidelity::Thesis, |job| {
+                let refused = check_job::<BvhTracer>(job).expect_err("the report has triangles").to_string();
+                assert!(refused.contains("exact spheres") && refused.contains("corrected"), "{refused}");
+            });
+        }
+    }
 
     #[test]
     fn every_row_is_dealt_once_whatever_the_size_and_the_number_of_gpus() {

@@ -33,6 +33,8 @@ use std::time::{Duration, Instant};
 pub trait DeviceTracer: Sized + Send {
     /// Name of the tracer: `cuda` or `optix`.
     const NAME: &'static str;
+    /// Whether its programs know exact spheres.
+    const SPHERES: bool;
     /// Approximate host and device memory a triangle takes in the structure and while it is built, in bytes.
     const BYTES_PER_TRIANGLE: u64;
     /// What the processor computes from a scene, once for all GPUs.
@@ -468,9 +470,10 @@ impl<T: DeviceTracer> OneGpu<T> {
         prepared: &T::Prepared,
     ) -> Result<BuildStats, BackendError> {
         self.device.bind()?;
-        let buffers = SceneBuffers::new(&self.device, scene)?;
+        let buffers = SceneBuffers::new(&self.device, scene, Some(filtered))?;
         let mut stats = self.tracer.build(&self.device, scene, filtered, prepared, &buffers)?;
         stats.bytes += buffers.bytes();
+        stats.nodes += buffers.sphere_nodes();
         self.synchronise("building")?;
         self.built = Some((Arc::clone(scene), buffers));
         Ok(stats)
@@ -555,7 +558,7 @@ impl<T: DeviceTracer> OneGpu<T> {
             }
             _ if !may_trace(job) => {
                 self.clear();
-                unbuilt = SceneBuffers::new(&self.device, job.scene)?;
+                unbuilt = SceneBuffers::new(&self.device, job.scene, None)?;
                 unbuilt.fill(&self.device, &mut params);
             }
             _ => return Err(check::missing(T::NAME, job, "its scene's acceleration structure was not built")),

@@ -37,6 +37,33 @@ macro_rules! bodies {
         ])),*];
     };
 }
+macro_rules! spheres {
+    ($($program:ident $stem:literal),* $(,)?) => {
+        /// PTX of the programs for scenes with exact spheres, on our own traversal, in corrected fidelity, where they see glass as defined by each
+        /// material.
+        const SPHERES: &[(RayProgram, &str)] = &[$((RayProgram::$program, text!("bvh/spheres/", $stem))),*];
+    };
+}
+macro_rules! spheres_in_lights {
+    ($($program:ident $stem:literal),* $(,)?) => {
+        /// The same for several lights, lights with a place and discs.
+        const SPHERES_IN_LIGHTS: &[(RayProgram, &str)] =
+            &[$((RayProgram::$program, text!("bvh/spheres_lights/", $stem))),*];
+    };
+}
+spheres! {
+    DeferredShadows "deferredShadows",
+    Reflection "reflection",
+    Refraction "refraction",
+    Ssao "ssao",
+    Final "final",
+}
+spheres_in_lights! {
+    DeferredShadows "deferredShadows",
+    Reflection "reflection",
+    Refraction "refraction",
+    Final "final",
+}
 bodies! {
     Refraction "refraction",
     Final "final",
@@ -76,6 +103,19 @@ fn text(program: RayProgram, tracer: usize, variant: Variant, lighting: Lighting
 #[must_use]
 pub fn on_bvh(program: RayProgram, variant: Variant, lighting: Lighting) -> Option<&'static str> {
     text(program, 0, variant, lighting)
+}
+
+/// As [`on_bvh`], for scenes with exact spheres. `None` also in thesis fidelity, which knows triangles only; `dummy` traces nothing.
+#[must_use]
+pub fn with_spheres(program: RayProgram, variant: Variant, lighting: Lighting) -> Option<&'static str> {
+    let of =
+        |table: &[(RayProgram, &'static str)]| table.iter().find(|(own, _)| *own == program).map(|(_, text)| *text);
+    match (variant, lighting) {
+        _ if program == RayProgram::Dummy => on_bvh(program, variant, lighting),
+        (Variant::Ways | Variant::Panes(Fidelity::Thesis), _) => None,
+        (Variant::Panes(Fidelity::Corrected) | Variant::Bodies, Lighting::Sun) => of(SPHERES),
+        (Variant::Panes(Fidelity::Corrected) | Variant::Bodies, Lighting::Lights) => of(SPHERES_IN_LIGHTS),
+    }
 }
 
 /// A program on OptiX: all entries that a project may name, such as `__raygen__buffer_camera` or `__closesthit__closest_hit`. Both
@@ -170,6 +210,37 @@ mod tests {
         }
         for text in [segments_on_bvh(), segments_on_optix()] {
             assert_eq!(text.lines().next(), Some(first_line.as_str()), "segments.ptx: run cuda/programs/build.sh");
+        }
+        for (program, text) in SPHERES.iter().chain(SPHERES_IN_LIGHTS) {
+            let stem = program.info().stem;
+            assert_eq!(text.lines().next(), Some(first_line.as_str()), "spheres, {stem}: run cuda/programs/build.sh");
+        }
+    }
+
+    #[test]
+    fn scenes_with_spheres_have_the_kernels_of_scenes_without_and_others_know_no_sphere() {
+        for info in RAY_PROGRAMS {
+            for (variant, lighting) in VARIANTS {
+                let without = on_bvh(info.program, variant, lighting);
+                let of_triangles = variant == PANES[1] && info.program != RayProgram::Dummy;
+                let Some(text) = with_spheres(info.program, variant, lighting) else {
+                    assert!(without.is_none() || of_triangles, "{} {variant:?} {lighting:?}", info.stem);
+                    continue;
+                };
+                // Those of glass as each material says are all that there are with spheres.
+                let of = |variant| on_bvh(info.program, variant, lighting);
+                let of_glass = of(Variant::Bodies).or(of(PANES[0])).expect("written");
+                let entries = |text: &str| {
+                    let named = |line: &str| line.contains(".entry ").then(|| line.to_owned());
+                    text.lines().filter_map(named).collect::<Vec<_>>()
+                };
+                assert_eq!(entries(text), entries(of_glass), "{} {variant:?} {lighting:?}", info.stem);
+                if info.program != RayProgram::Dummy {
+                    assert!(text.contains("by_sphere") || text.contains("closest_sphere"), "{}", info.stem);
+                    assert!(!text.contains(".ftz.f32") && text.contains(".target sm_75"), "{}", info.stem);
+                }
+                assert!(without.is_none_or(|text| !text.contains("_sphere")), "{} knows spheres", info.stem);
+            }
         }
     }
 

@@ -6,12 +6,13 @@ use crate::layout::{
     SHADE_SHADOW_GLASS, SHADE_SKY, SHADE_VERTEX_COLORS, SHAPE_OPAQUE, SHAPE_PANE, SHAPE_SOLID, SHAPE_THIN, Shade,
     TextureInfo, VERTEX_COLORS_DISPLAY, VERTEX_COLORS_LINEAR, VERTEX_COLORS_NONE, WRAP_CLAMP, WRAP_MIRROR, WRAP_REPEAT,
 };
+use crate::spheres::SphereBuffers;
 use curitiba_pipeline::backend::{self, BackendError, RayJob};
 use curitiba_pipeline::color::{ColorSpace, DECODED};
 use curitiba_pipeline::glass::{Dielectric, Shape};
 use curitiba_pipeline::programs::Fidelity;
-use curitiba_pipeline::scene::RenderScene;
 use curitiba_pipeline::scene::texture::Wrap;
+use curitiba_pipeline::scene::{Geometry, RenderScene};
 
 /// The scene data that programs read, whatever traces the rays.
 #[derive(Debug, Default)]
@@ -25,6 +26,7 @@ pub struct SceneBuffers {
     tangents: Buffer<f32>,
     triangles: Buffer<u32>,
     materials: Buffer<u32>,
+    spheres: SphereBuffers,
     textures: Buffer<TextureInfo>,
     texels: Buffer<u8>,
     /// Whether the textures have all of their mip levels, and not only level 0.
@@ -34,8 +36,8 @@ pub struct SceneBuffers {
 }
 
 impl SceneBuffers {
-    /// Copies a scene to the device.
-    pub fn new(device: &Device, scene: &RenderScene) -> Result<Self, BackendError> {
+    /// Copies a scene to the device; `transparent` is that of the structure over it, `None` where none is built and rays meet nothing.
+    pub fn new(device: &Device, scene: &RenderScene, transparent: Option<&[bool]>) -> Result<Self, BackendError> {
         let geometry = &scene.geometry;
         let (textures, texels) = textures(scene, false);
         Ok(Self {
@@ -46,7 +48,8 @@ impl SceneBuffers {
             colors: device.upload("vertex colours", bytemuck::cast_slice(&geometry.colors))?,
             tangents: device.upload("vertex tangents", bytemuck::cast_slice(&geometry.tangents))?,
             triangles: device.upload("triangles", bytemuck::cast_slice(&geometry.triangles))?,
-            materials: device.upload("the materials of triangles", &geometry.materials().collect::<Vec<_>>())?,
+            materials: device.upload("the materials of triangles", &materials(geometry))?,
+            spheres: SphereBuffers::new(device, scene, transparent)?,
             textures: device.upload("texture sizes", &textures)?,
             texels: device.upload("textures", &texels)?,
             decoded: device.upload("the codes of sRGB", if scene.decodes_texels() { &DECODED[..] } else { &[] })?,
@@ -75,6 +78,7 @@ impl SceneBuffers {
         params.tangents = self.tangents.address(device);
         params.triangles = self.triangles.address(device);
         params.materials = self.materials.address(device);
+        params.handle = self.spheres.address(device);
         params.textures = self.textures.address(device);
         params.texels = self.texels.address(device);
         params.decoded = self.decoded.address(device);
@@ -83,6 +87,11 @@ impl SceneBuffers {
     /// Addresses of vertex positions, triangles and their materials, for a structure that is built on the device.
     pub fn mesh(&self, device: &Device) -> [Address; 3] {
         [self.positions.address(device), self.triangles.address(device), self.materials.address(device)]
+    }
+
+    /// Number of nodes of the tree of exact spheres.
+    pub fn sphere_nodes(&self) -> u64 {
+        self.spheres.node_count()
     }
 
     /// Size in bytes of device memory.
@@ -94,10 +103,16 @@ impl SceneBuffers {
             + self.tangents.bytes()
             + self.triangles.bytes()
             + self.materials.bytes()
+            + self.spheres.bytes()
             + self.textures.bytes()
             + self.texels.bytes()
             + self.decoded.bytes()
     }
+}
+
+/// The material of each triangle, then of each exact sphere.
+fn materials(geometry: &Geometry) -> Vec<u32> {
+    geometry.materials().chain(geometry.spheres.iter().map(|sphere| sphere.material)).collect()
 }
 
 /// Sizes and texels of every texture, of level 0 or, one after the other, of all levels.
@@ -205,7 +220,8 @@ pub fn emissions(job: &RayJob<'_>) -> Vec<f32> {
 mod tests {
     use super::*;
     use curitiba_pipeline::scene::texture::Texture;
-    use curitiba_pipeline::scene::{Batch, Geometry};
+    use curitiba_pipeline::scene::{Batch, Sphere};
+    use glam::Vec3;
 
     #[test]
     fn triangles_know_their_material_and_textures_their_texels() {
@@ -213,7 +229,9 @@ mod tests {
             batches: vec![Batch { material: 3, first: 0, count: 2 }, Batch { material: 1, first: 2, count: 1 }],
             ..Geometry::default()
         };
-        assert_eq!(geometry.materials().collect::<Vec<_>>(), [3, 3, 1]);
+        assert_eq!(materials(&geometry), [3, 3, 1]);
+        let sphere = Sphere { center: Vec3::ZERO, radius: 1.0, material: 5 };
+        assert_eq!(materials(&Geometry { spheres: vec![sphere; 2], ..geometry }), [3, 3, 1, 5, 5]);
         let texture = |width: u32, value: u8| Texture::new(String::new(), width, 1, vec![[value; 4]; width as usize]);
         let scene = RenderScene { textures: vec![texture(2, 7), texture(1, 9)], ..RenderScene::default() };
         let (infos, texels) = textures(&scene, false);

@@ -153,7 +153,7 @@ impl OptixSegments {
         };
         // Every material has an any-hit program, which excludes the pair's triangles by their ids.
         let asks = vec![true; materials.max(1)];
-        let buffers = SceneBuffers::new(&device, &scene)?;
+        let buffers = SceneBuffers::new(&device, &scene, None)?;
         tracer.build(&device, &scene, &asks, &(), &buffers)?;
         let pipeline = SegmentPipeline::new(&device, tracer, see_through)?;
         Ok(Self { pipeline, room: Room::default(), counts: Buffer::default(), device })

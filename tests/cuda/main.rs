@@ -10,6 +10,7 @@ mod lamps;
 mod nvidia;
 mod scenes;
 mod several;
+mod spheres;
 
 use nvidia::there;
 use std::path::{Path, PathBuf};

@@ -136,6 +136,7 @@ impl OptixTracer {
 
 impl DeviceTracer for OptixTracer {
     const NAME: &'static str = "optix";
+    const SPHERES: bool = false;
     /// An upper estimate of the device memory that OptiX takes while it builds. A sky is built after all else was compacted. By the sizes of
     /// structures, and not measured, both fit where the triangles from the first of the sky to its last are at most half of the scene.
     const BYTES_PER_TRIANGLE: u64 = 250;

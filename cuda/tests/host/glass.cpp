@@ -1,5 +1,5 @@
 // The programs that know glass as each material says, on the host: the same text with a tracer that asks all triangles. With CURITIBA_LIGHTS
-// also those that know several lights.
+// also those that know several lights; with CURITIBA_SPHERES those that know exact spheres, which are asked by their tree.
 #define CURITIBA_BODIES
 #include "cuda.h"
 #include "triangle.cuh"
@@ -7,16 +7,20 @@
 #include "final.cuh"
 #define CURITIBA_COMPUTES bodies
 #elif defined(CURITIBA_OF_SHADOWS)
-#include "bodies.cuh"
 #include "deferredShadows.cuh"
 #define CURITIBA_COMPUTES corrected
 #elif defined(CURITIBA_OF_MIRRORS)
-#include "bodies.cuh"
 #include "reflection.cuh"
+#define CURITIBA_COMPUTES corrected
+#elif defined(CURITIBA_OF_OCCLUSION)
+#include "ssao.cuh"
 #define CURITIBA_COMPUTES corrected
 #else
 #include "refraction.cuh"
 #define CURITIBA_COMPUTES bodies
+#endif
+#ifndef CURITIBA_OF_FINAL
+#include "bodies.cuh"
 #endif
 #include "words.h"
 
@@ -48,6 +52,13 @@ struct AllTriangles {
             limit = hit.t;
             any = true;
         }
+#ifdef CURITIBA_SPHERES
+        Hit sphere = closest_sphere<ACCEPT>(params, {ray.origin, ray.direction, ray.t_min, limit});
+        if (sphere.triangle != NO_TRIANGLE) {
+            best = sphere;
+            any = true;
+        }
+#endif
         return any;
     }
     template <Accept ACCEPT> bool occluded(const Ray &ray, Crossings *crossings) const {
@@ -62,6 +73,7 @@ struct AllTriangles {
             hit.triangle = id;
             if (accepts(params, ACCEPT, hit, crossings)) return true;
         }
+        OF_SPHERES(return occluded_by_sphere<ACCEPT>(params, ray, crossings);)
         return false;
     }
     template <Accept ACCEPT, class Rays>
@@ -163,17 +175,31 @@ int main() {
     params.normal = normal.data();
     params.color = color.data();
     params.triangle = triangle.data();
+    if (word() == 0) params.bodies = nullptr;
+    params.samples = word();
+    params.strata = word();
+    params.radius = number();
+    std::vector<float> open_share(params.samples + 1);
+    numbers(open_share);
+    params.open_share = open_share.data();
+#ifdef CURITIBA_SPHERES
+    SpheresOfWords spheres;
+    for (unsigned count = word(); count > 0; --count) materials.push_back(word());
+    params.materials = materials.data();
+    params.handle = (unsigned long long)&spheres.described;
+#endif
     std::vector<float> through(THROUGH_GLASS_ENTRIES);
     for (size_t i = 0; i < through.size(); ++i) through[i] = std::pow(THROUGH_GLASS, (float)i);
     params.through_glass = through.data();
     Media around_eye;
-    params.around_eye = &around_eye;
+    if (params.bodies != nullptr) params.around_eye = &around_eye;
     Scene around = scene;
+    around.params.handle = 0;
     around.bound([&](unsigned id) { return is_sky(params, id); });
     if (around.params.scene_low[0] <= around.params.scene_high[0]) params.sky = &around.params;
     AllTriangles tracer = {params, scene.count()};
     Pass<AllTriangles> eye = {params, tracer, {}, true, {}};
-    find_bodies_around_eye(eye);
+    if (params.around_eye != nullptr) find_bodies_around_eye(eye);
     for (unsigned i = 0; i < pixels; ++i) {
         Pass<AllTriangles> pass = {params, tracer, {i % params.width, i / params.width, i}, true, {}};
         put(xyz(::CURITIBA_COMPUTES(pass)));

@@ -1,19 +1,21 @@
 //! `refraction` and `final` with glass as defined by each material: the source of the device programs, compiled for the host with a tracer
 //! that tests all triangles, compared with the processor's programs.
 
+use super::spheres::sphere_words;
 use super::{compiled_with, light_words, run, words};
 use curitiba_cuda::layout::NO_TEXTURE;
 use curitiba_cuda::scene::{emissions, lights, shades};
+use curitiba_cuda::spheres::Packed;
 use curitiba_passes::cpu;
-use curitiba_passes::effects::{LightTable, Preparation};
-use curitiba_passes::trace::{Bvh, Hit, Quality, Ray, Tracer};
+use curitiba_passes::effects::{LightTable, Preparation, open_shares};
+use curitiba_passes::trace::{Bvh, Hit, Quality, Ray, SphereTree, SurfacePoint, Tracer, WithSpheres};
 use curitiba_pipeline::backend::{Glow, Light, NO_TRIANGLE, PixelCone, RayJob, Shade, Sun};
 use curitiba_pipeline::executor::Progress;
 use curitiba_pipeline::glass::{Dielectric, GlassRule, GlassShadow, Shape};
 use curitiba_pipeline::image::Image;
-use curitiba_pipeline::programs::{Fidelity, Fresnel, RayParams, RayProgram, TextureLod};
+use curitiba_pipeline::programs::{Fidelity, Fresnel, RayParams, RayProgram, Sampler, TextureLod};
 use curitiba_pipeline::scene::texture::Texture;
-use curitiba_pipeline::scene::{Batch, Geometry, Material, RenderScene, TriangleRanges};
+use curitiba_pipeline::scene::{Batch, Geometry, Material, RenderScene, Sphere, TriangleRanges};
 use glam::{Vec2, Vec3, Vec4};
 use std::path::Path;
 
@@ -32,7 +34,7 @@ pub(crate) struct Scene {
 }
 
 impl Scene {
-    fn new(eye: Vec3, target: Vec3) -> Self {
+    pub(crate) fn new(eye: Vec3, target: Vec3) -> Self {
         // Texels at random: no level of this texture is like another.
         let texels =
             (0..64 * 48_u32).map(|i| [i, i * i, i * 7, 0].map(|code| (code.wrapping_mul(0x9e37_79b9) >> 24) as u8));
@@ -71,8 +73,35 @@ impl Scene {
         self.scene.geometry.sky = TriangleRanges::of_triangles(&self.scene.geometry, &self.scene.skies());
     }
 
-    fn is_glass(&self, material: u32) -> bool {
-        self.dielectrics[material as usize].shape != Shape::Opaque
+    /// Adds exact spheres, of a new material each; they come behind all triangles, which are added before.
+    pub(crate) fn add_spheres(&mut self, spheres: &[(Dielectric, Vec3, Sphere)]) {
+        for (what, diffuse, sphere) in spheres {
+            let material = self.dielectrics.len() as u32;
+            self.scene.geometry.spheres.push(Sphere { material, ..*sphere });
+            self.scene.materials.push(Material::default());
+            self.dielectrics.push(*what);
+            self.diffuse.push(*diffuse);
+            self.sky.push(None);
+        }
+    }
+
+    /// The same scene seen from elsewhere.
+    pub(crate) fn seen(self, eye: Vec3, target: Vec3) -> Self {
+        Self { eye, target, ..self }
+    }
+
+    /// The material of a triangle or sphere.
+    fn material_of(&self, id: u32) -> u32 {
+        let geometry = &self.scene.geometry;
+        geometry.sphere(id).map_or_else(|| geometry.material_of(id), |sphere| sphere.material)
+    }
+
+    fn is_glass(&self, id: u32) -> bool {
+        self.dielectrics[self.material_of(id) as usize].shape != Shape::Opaque
+    }
+
+    pub(crate) fn is_sphere(&self, id: u32) -> bool {
+        self.scene.geometry.sphere(id).is_some()
     }
 }
 
@@ -119,7 +148,7 @@ fn flat(_: Vec3, normal: Vec3) -> Vec3 {
     normal
 }
 
-fn solid(index: f32) -> Dielectric {
+pub(crate) fn solid(index: f32) -> Dielectric {
     Dielectric { shape: Shape::Solid, index, filter: Vec3::ONE, ..Dielectric::default() }
 }
 
@@ -210,14 +239,14 @@ fn among_things_under_water() -> Scene {
     scene
 }
 
-struct GBuffer {
+pub(crate) struct GBuffer {
     position: Vec<[f32; 4]>,
     normal: Vec<[f32; 4]>,
     color: Vec<[f32; 4]>,
-    triangle: Vec<u32>,
+    pub(crate) triangle: Vec<u32>,
 }
 
-fn rasterised(scene: &Scene, tree: &Bvh) -> GBuffer {
+fn rasterised(scene: &Scene, tree: &impl Tracer) -> GBuffer {
     let geometry: &Geometry = &scene.scene.geometry;
     let forward = (scene.target - scene.eye).normalize();
     let right = forward.cross(Vec3::Y).normalize();
@@ -236,15 +265,21 @@ fn rasterised(scene: &Scene, tree: &Bvh) -> GBuffer {
             seen.triangle.push(NO_TRIANGLE);
             continue;
         };
+        let color = (0.7 * scene.diffuse[scene.material_of(hit.triangle) as usize]).extend(1.0).to_array();
+        seen.color.push(color);
+        seen.triangle.push(hit.triangle);
+        if let Some(sphere) = geometry.sphere(hit.triangle) {
+            let point = SurfacePoint::on_sphere_by(sphere, &ray, hit.t);
+            seen.position.push(point.position.extend(1.0).to_array());
+            seen.normal.push(point.normal.extend(0.0).to_array());
+            continue;
+        }
         let at = |values: &[Vec3]| {
             let [a, b, c] = geometry.triangles[hit.triangle as usize].map(|vertex| values[vertex as usize]);
             a * (1.0 - hit.u - hit.v) + b * hit.u + c * hit.v
         };
-        let material = geometry.material_of(hit.triangle) as usize;
         seen.position.push(at(&geometry.positions).extend(1.0).to_array());
         seen.normal.push(at(&geometry.normals).normalize().extend(0.0).to_array());
-        seen.color.push((0.7 * scene.diffuse[material]).extend(1.0).to_array());
-        seen.triangle.push(hit.triangle);
     }
     seen
 }
@@ -261,32 +296,49 @@ pub(crate) struct Asked<'a> {
     pub lights: &'a [Light],
     /// Degrees of the discs of directional lights; 0 for points.
     pub sun: f32,
+    /// Occlusion rays of a point, a square number, in strata; 0 for none.
+    pub samples: u32,
+    /// All glass is panes, whatever the materials say.
+    pub panes: bool,
 }
 
 /// The largest difference of a colour, the number of ray kinds whose counts differ, and the number of pixels that show glass.
 pub(crate) fn differences(program: &Path, scene: &Scene, asked: Asked<'_>) -> (f32, usize, usize) {
-    let geometry = &scene.scene.geometry;
     let (mut largest, mut shown) = (0.0_f32, 0);
     let differ = each_pixel(program, scene, asked, |seen, pixel, [found, expected]| {
         let difference = (found - expected).abs();
         largest = if difference.is_nan() { f32::INFINITY } else { largest.max(difference.max_element()) };
         let triangle = seen.triangle[pixel];
-        shown += usize::from(triangle != NO_TRIANGLE && scene.is_glass(geometry.material_of(triangle)));
+        shown += usize::from(triangle != NO_TRIANGLE && scene.is_glass(triangle));
     });
     (largest, differ, shown)
 }
 
 /// Hands each pixel, with what the device program and the processor compute there, to `visit`. Returns the number of ray kinds whose counts
 /// differ.
-fn each_pixel(
+pub(crate) fn each_pixel(
+    program: &Path,
+    scene: &Scene,
+    asked: Asked<'_>,
+    visit: impl FnMut(&GBuffer, usize, [Vec3; 2]),
+) -> usize {
+    let (geometry, transparent) = (&scene.scene.geometry, vec![true; scene.dielectrics.len()]);
+    let triangles = &Bvh::build(geometry, &transparent, Quality::default());
+    if geometry.spheres.is_empty() {
+        return each_pixel_on(triangles, program, scene, asked, visit);
+    }
+    let spheres = &SphereTree::build(geometry, &transparent);
+    each_pixel_on(&WithSpheres { triangles, spheres }, program, scene, asked, visit)
+}
+
+fn each_pixel_on<T: Tracer>(
+    tree: &T,
     program: &Path,
     scene: &Scene,
     asked: Asked<'_>,
     mut visit: impl FnMut(&GBuffer, usize, [Vec3; 2]),
 ) -> usize {
-    let geometry = &scene.scene.geometry;
-    let tree = Bvh::build(geometry, &vec![true; scene.dielectrics.len()], Quality::default());
-    let seen = rasterised(scene, &tree);
+    let seen = rasterised(scene, tree);
     let shade = |((diffuse, dielectric), sky): ((&Vec3, &Dielectric), &Option<Glow>)| {
         if sky.is_some() {
             return Shade { diffuse: Vec4::W, glow: *sky, ..Shade::default() };
@@ -299,12 +351,14 @@ fn each_pixel(
     let glass: Vec<bool> = scene.dielectrics.iter().map(|dielectric| dielectric.shape != Shape::Opaque).collect();
     let sun = Sun { direction: Vec3::new(-0.4, -0.8, -0.5).normalize(), color: Vec3::new(0.9, 0.8, 0.7) };
     let params = RayParams {
-        samples: 0,
+        samples: asked.samples,
+        sampler: Sampler::Strata,
+        radius: 1.3,
         index: 1.1,
         depth: asked.depth,
         fresnel: asked.fresnel,
         shadow: asked.shadow,
-        glass: GlassRule::Auto,
+        glass: if asked.panes { GlassRule::Pane } else { GlassRule::Auto },
         texture_lod: asked.lod,
         sun: asked.sun,
         sun_samples: 5,
@@ -333,10 +387,10 @@ fn each_pixel(
         glass: &glass,
         shadow_glass: &glass,
         beyond: BEYOND,
-        dielectrics: &scene.dielectrics,
+        dielectrics: if asked.panes { &[] } else { &scene.dielectrics },
     };
     let mut expected = Image::filled(SIZE, SIZE, [0.0; 4]);
-    let stats = cpu::trace(&tree, &job, &mut expected, &Progress::default()).expect("the job is whole");
+    let stats = cpu::trace(tree, &job, &mut expected, &Progress::default()).expect("the job is whole");
     let input = serialised(scene, &seen, &job);
     let found = run(program, "", &input);
     let found = found.as_chunks::<7>().0;
@@ -402,6 +456,16 @@ fn serialised(scene: &Scene, seen: &GBuffer, job: &RayJob<'_>) -> Vec<u32> {
         input.extend(words(vectors));
         input.push(seen.triangle[pixel]);
     }
+    input.push(u32::from(!job.dielectrics.is_empty()));
+    let side = (1..=job.params.samples).find(|side| side * side == job.params.samples).unwrap_or(0);
+    input.extend([job.params.samples, side, job.params.radius.to_bits()]);
+    let open = open_shares(job.params.samples, job.params.intensity);
+    input.extend(open.into_iter().map(f32::to_bits));
+    if !geometry.spheres.is_empty() {
+        input.extend(sphere_words(&Packed::of(geometry, &vec![true; scene.dielectrics.len()])));
+        input.push(geometry.spheres.len() as u32);
+        input.extend(geometry.spheres.iter().map(|sphere| sphere.material));
+    }
     input
 }
 
@@ -426,7 +490,8 @@ fn glass_of_the_device_programs_looks_as_on_the_processor() {
                 (Fresnel::Exact, GlassShadow::Straight, 3, TextureLod::Cones),
                 (Fresnel::Schlick, GlassShadow::Report, 0, TextureLod::Cones),
             ] {
-                let asked = Asked { program, fresnel, shadow, depth, lod, lights: &[], sun: 0.0 };
+                let asked =
+                    Asked { program, fresnel, shadow, depth, lod, lights: &[], sun: 0.0, samples: 0, panes: false };
                 let (largest, counts, shown) = differences(&compiled, &scene, asked);
                 let what = format!("{program:?}, {fresnel:?}, {shadow:?}, depth {depth}, {lod:?}");
                 assert!(largest < ROUNDING && counts == 0, "{what}: {largest}, {counts} counts differ");
@@ -441,7 +506,7 @@ fn a_wrong_word_of_the_device_programs_is_noticed() {
     let lod = TextureLod::Cones;
     let asked = |program| {
         let (fresnel, shadow) = (Fresnel::Exact, GlassShadow::Straight);
-        Asked { program, fresnel, shadow, depth: 5, lod, lights: &[], sun: 0.0 }
+        Asked { program, fresnel, shadow, depth: 5, lod, lights: &[], sun: 0.0, samples: 0, panes: false }
     };
     for (program, scene, change) in [
         // Absorption over twice the distance.
@@ -499,11 +564,11 @@ fn the_body_around_the_camera_absorbs_light_from_what_is_in_it() {
         let source = if program == RayProgram::Final { "glass_final.cpp" } else { "glass.cpp" };
         let compiled = compiled_with(source, &format!("glass-inside-{program:?}"), change)?;
         let (fresnel, shadow) = (Fresnel::Exact, GlassShadow::Straight);
-        let asked = Asked { program, fresnel, shadow, depth: 3, lod, lights: &[], sun: 0.0 };
+        let asked = Asked { program, fresnel, shadow, depth: 3, lod, lights: &[], sun: 0.0, samples: 0, panes: false };
         let (mut opaque, mut off, mut around, mut unlike) = (0, 0.0_f32, 0.0_f32, 0.0_f32);
         each_pixel(&compiled, &scene, asked, |seen, pixel, [found, expected]| {
             let triangle = seen.triangle[pixel];
-            if triangle == NO_TRIANGLE || scene.is_glass(scene.scene.geometry.material_of(triangle)) {
+            if triangle == NO_TRIANGLE || scene.is_glass(triangle) {
                 return;
             }
             let [position, color] = [&seen.position, &seen.color].map(|image| Vec3::from_slice(&image[pixel]));
@@ -551,7 +616,7 @@ fn a_wrong_word_of_what_is_said_of_a_sky_is_noticed() {
         (RayProgram::Final, "final.cuh", ["is_black(color) || is_sky(params, triangle)", "is_black(color)"]),
     ] {
         let Some(compiled) = compiled_program(program, "sky-changed", Some((header, change))) else { return };
-        let asked = Asked { program, fresnel, shadow, depth: 5, lod, lights: &[], sun: 0.0 };
+        let asked = Asked { program, fresnel, shadow, depth: 5, lod, lights: &[], sun: 0.0, samples: 0, panes: false };
         let (largest, _, _) = differences(&compiled, &under_a_sky(), asked);
         assert!(largest > 1e-3, "{change:?} is not noticed: {largest}");
     }

@@ -73,7 +73,7 @@ fn what_arrives_of_lights_has_the_bits_of_the_processor() {
 }
 
 /// A directional light, a lamp whose light ends, one inside of the veiled box, and a spot light.
-fn lamps() -> Vec<Light> {
+pub(crate) fn lamps() -> Vec<Light> {
     let lamp = |place: Vec3, color: Vec3, range: f32| Light {
         place: Some(place),
         direction: Vec3::ZERO,
@@ -106,8 +106,18 @@ const SOURCES: [(RayProgram, &str); 4] = [
     (RayProgram::Final, "lights_final.cpp"),
 ];
 
-fn asked(program: RayProgram, shadow: GlassShadow, lights: &[Light]) -> Asked<'_> {
-    Asked { program, fresnel: Fresnel::Exact, shadow, depth: 3, lod: TextureLod::Zero, lights, sun: 0.0 }
+pub(crate) fn asked(program: RayProgram, shadow: GlassShadow, lights: &[Light]) -> Asked<'_> {
+    Asked {
+        program,
+        fresnel: Fresnel::Exact,
+        shadow,
+        depth: 3,
+        lod: TextureLod::Zero,
+        lights,
+        sun: 0.0,
+        samples: 0,
+        panes: false,
+    }
 }
 
 #[test]

@@ -5,6 +5,7 @@
 
 mod glass;
 mod lights;
+mod spheres;
 
 use curitiba_cuda::layout::{WRAP_CLAMP, WRAP_MIRROR, WRAP_REPEAT};
 use curitiba_passes::effects::{

@@ -53,6 +53,36 @@ struct Scene {
     unsigned count() const { return (unsigned)triangles.size() / 3; }
 };
 
+// Exact spheres: the nodes of their tree, the spheres in its order, and the id of the first.
+struct SpheresOfWords {
+    std::vector<SphereNode> nodes;
+    std::vector<Sphere> list;
+    Spheres described = {};
+
+    template <class T> static void read(std::vector<T> &values) {
+        values.resize(word());
+        for (T &value : values) {
+            unsigned words[sizeof value / sizeof(unsigned)];
+            for (unsigned &each : words) each = word();
+            std::memcpy(&value, words, sizeof value);
+        }
+    }
+    SpheresOfWords() {
+        read(nodes);
+        read(list);
+        described.first = word();
+        describe();
+    }
+    // Takes what is in the lists.
+    void describe() {
+        described.nodes = nodes.data();
+        described.list = list.data();
+        described.node_count = (unsigned)nodes.size();
+        std::memcpy(described.low, nodes[0].low, sizeof described.low);
+        std::memcpy(described.high, nodes[0].high, sizeof described.high);
+    }
+};
+
 // Reads all of standard input.
 static void read_all() {
     unsigned value;

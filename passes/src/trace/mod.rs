@@ -58,11 +58,9 @@ pub use reference::{BruteForce, Double, DoubleHit, DoubleRay};
 pub use segments::{Segment, SegmentTracer, Segments};
 pub use simd::InstructionSet;
 pub(crate) use simd::{Detected, F16, Kernel, LANES, Mask, Simd, WIDE, higher, lower, vector_at};
-pub use spheres::SphereTree;
 #[cfg(test)]
 pub(crate) use spheres::roots as sphere_roots;
-#[cfg(feature = "wgpu")]
-pub(crate) use spheres::{BOUNDS as SPHERE_BOUNDS, Content as SphereContent};
+pub use spheres::{BOUNDS as SPHERE_BOUNDS, Content as SphereContent, DEPTH as SPHERE_STACK, SphereTree};
 pub use tracer::{Announcement, Purpose, Tracer};
 pub(crate) use tree::Bounds;
 pub use with_spheres::WithSpheres;

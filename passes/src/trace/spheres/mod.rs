@@ -5,12 +5,9 @@
 mod sphere;
 mod tree;
 
-#[cfg(feature = "wgpu")]
-pub(crate) use tree::Content;
-pub use tree::SphereTree;
+pub use tree::{Content, DEPTH, SphereTree};
 
 /// The error bound of points on spheres, with its name in device code.
-#[cfg(feature = "wgpu")]
-pub(crate) const BOUNDS: [(&str, f32); 1] = [("SPHERE_OFFSET", crate::trace::rounding::SPHERE_OFFSET)];
+pub const BOUNDS: [(&str, f32); 1] = [("SPHERE_OFFSET", crate::trace::rounding::SPHERE_OFFSET)];
 #[cfg(test)]
 pub(crate) use sphere::roots;

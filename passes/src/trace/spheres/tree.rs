@@ -9,7 +9,7 @@ use glam::{DVec3, Vec3};
 /// Greatest number of spheres in a leaf.
 const LEAF: usize = 4;
 /// Bound on the number of levels: each level halves the spheres, and there are fewer than 2^32.
-const DEPTH: usize = 40;
+pub const DEPTH: usize = 40;
 /// Replaces the reciprocal of a component that is 0. Slab distances are then huge instead of infinite, and no product is NaN.
 const VERTICAL: f64 = 1e300;
 
@@ -21,7 +21,7 @@ fn around(sphere: &Sphere) -> Bounds {
 
 /// The children or the spheres of a node.
 #[derive(Debug, Clone, Copy)]
-pub(crate) enum Content {
+pub enum Content {
     /// Inner node: index of the first child; the second one follows it.
     Nodes(u32),
     /// Leaf: index of its first sphere in the list, and their number.
@@ -139,14 +139,12 @@ impl SphereTree {
     }
 
     /// The nodes, the root first: the low and high corner of each box, and what is in it.
-    #[cfg(feature = "wgpu")]
-    pub(crate) fn nodes(&self) -> impl ExactSizeIterator<Item = ([Vec3; 2], Content)> {
+    pub fn nodes(&self) -> impl ExactSizeIterator<Item = ([Vec3; 2], Content)> {
         self.nodes.iter().map(|node| ([node.bounds.low, node.bounds.high], node.content))
     }
 
     /// The spheres in the order in which the leaves name them: each with its id, and whether hits on it need the accept closure.
-    #[cfg(feature = "wgpu")]
-    pub(crate) fn in_order(&self) -> impl ExactSizeIterator<Item = (Sphere, u32, bool)> {
+    pub fn in_order(&self) -> impl ExactSizeIterator<Item = (Sphere, u32, bool)> {
         self.entries.iter().map(|entry| (entry.sphere, entry.id, entry.transparent))
     }
 

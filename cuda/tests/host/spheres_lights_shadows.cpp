@@ -1,0 +1,5 @@
+// `deferredShadows` of scenes with exact spheres and several lights.
+#define CURITIBA_SPHERES
+#define CURITIBA_LIGHTS
+#define CURITIBA_OF_SHADOWS
+#include "glass.cpp"

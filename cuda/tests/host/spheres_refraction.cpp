@@ -1,0 +1,3 @@
+// `refraction` of scenes with exact spheres.
+#define CURITIBA_SPHERES
+#include "glass.cpp"
