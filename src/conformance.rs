@@ -280,6 +280,10 @@ impl RayBackend for Beside {
         self.others.iter().all(|other| other.traces_cones())
     }
 
+    fn shoots_photons(&self) -> bool {
+        self.others.iter().all(|other| other.shoots_photons())
+    }
+
     fn continues_sequences(&self) -> bool {
         self.others.iter().all(|other| other.continues_sequences())
     }

@@ -45,6 +45,15 @@ pub struct CpuRays {
     filter: Filter,
 }
 
+#[cfg(feature = "wgpu")]
+impl Structure {
+    /// That of a scene; the arguments are those of [`RayBackend::build`].
+    pub(crate) fn new(scene: &RenderScene, filtered: &[bool]) -> Self {
+        let triangles = Bvh::build(&scene.geometry, filtered, Quality::default());
+        Self { triangles, spheres: SphereTree::build(&scene.geometry, filtered) }
+    }
+}
+
 impl CpuRays {
     /// A backend without an acceleration structure.
     #[must_use]
@@ -132,6 +141,10 @@ impl RayBackend for CpuRays {
         true
     }
 
+    fn shoots_photons(&self) -> bool {
+        true
+    }
+
     fn bytes_per_triangle(&self) -> u64 {
         BYTES_PER_TRIANGLE
     }
@@ -174,6 +187,18 @@ impl RayBackend for CpuRays {
         self.filter = filter;
         traced
     }
+}
+
+/// The spheres that focus the light of a job, where what lies in what is to be asked of this structure of its scene.
+///
+/// # Errors
+/// [`BackendError::Unsupported`] if there are too many of them.
+#[cfg(feature = "wgpu")]
+pub(crate) fn lenses(structure: &Structure, job: &RayJob<'_>) -> Result<Lenses, BackendError> {
+    let job = RayJob { params: RayParams { photons: 0, ..job.params }, ..*job };
+    let Structure { triangles, spheres } = structure;
+    let coverage = AlphaTested { scene: job.scene, shades: job.shades };
+    Ok(new_pass(&job, &WithSpheres { triangles, spheres }, coverage, None)?.lenses)
 }
 
 /// The structure of an empty scene.

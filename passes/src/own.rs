@@ -96,6 +96,10 @@ impl<F: Fn(At<'_>) -> [f32; 4] + Sync> RayBackend for OwnProgram<F> {
         self.rays.traces_cones()
     }
 
+    fn shoots_photons(&self) -> bool {
+        self.rays.shoots_photons()
+    }
+
     fn build(&mut self, scene: &Arc<RenderScene>, filtered: &[bool]) -> Result<BuildStats, BackendError> {
         self.rays.build(scene, filtered)
     }

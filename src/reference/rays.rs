@@ -82,6 +82,10 @@ impl RayBackend for ReferenceRays {
         true
     }
 
+    fn shoots_photons(&self) -> bool {
+        true
+    }
+
     fn build(&mut self, scene: &Arc<RenderScene>, filtered: &[bool]) -> Result<BuildStats, BackendError> {
         (self.double, self.fast) = (None, None);
         self.scene = Some((Arc::clone(scene), filtered.to_vec()));

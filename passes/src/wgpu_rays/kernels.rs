@@ -71,12 +71,11 @@ impl Kernels {
         &mut self,
         gpu: &Gpu,
         job: &RayJob<'_>,
-        stages: &[Stage],
+        (kind, stages): (Kind, &[Stage]),
         arithmetic: Arithmetic,
     ) -> Result<Vec<(Stage, &wgpu::ComputePipeline)>, BackendError> {
-        let kind = Kind::of(job);
         let lod = job.texture_lod();
-        let key = |stage: Stage| (kind, stage, (arithmetic, lod));
+        let key = |stage: Stage| (kind.at(stage), stage, (arithmetic, lod));
         for &stage in stages {
             if self.compiled.contains_key(&key(stage)) {
                 continue;

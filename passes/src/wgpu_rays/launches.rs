@@ -105,7 +105,7 @@ fn groups_of(stage: Stage, tiles: u32) -> u32 {
     match stage {
         Stage::Settle | Stage::Trace | Stage::TraceAll => tiles * (TILE * TILE / 32),
         Stage::Eye => 1,
-        Stage::Whole | Stage::List | Stage::Light | Stage::Sum | Stage::Surfaces => tiles,
+        Stage::Whole | Stage::List | Stage::Light | Stage::Focus | Stage::Sum | Stage::Surfaces => tiles,
     }
 }
 

@@ -1,8 +1,10 @@
 //! Structs and constants that the host and the programs share.
 
 use crate::effects::constants as effects;
+use crate::effects::dielectric::{LENS_WIDTH, ball};
 use crate::trace::gpu_binary;
 use bytemuck::{Pod, Zeroable};
+use std::f64::consts::FRAC_PI_2;
 use std::fmt::Write as _;
 
 /// Rays bounce on the material (reflection and refraction).
@@ -31,7 +33,8 @@ pub const WRAP_MIRROR: u32 = 1;
 pub const WRAP_CLAMP: u32 = 2;
 /// Words of a material as rays in glass see it.
 pub const BODY_WORDS: u32 = 23;
-/// Words in front of them, of what a pass asks of paths in glass: whether light falls straight through; then by [`HEAD`].
+/// Words in front of them, of what a pass asks of paths in glass: 0 where light is dimmed as in the report, 1 where it falls straight through, or the
+/// place of the spheres that focus it ([`LENS_HEAD`]); then by [`HEAD`].
 pub const BODY_HEAD: u32 = 1 + HEAD.len() as u32;
 /// What programs call the places of these words, from the second on.
 pub const HEAD: [&str; 10] = [
@@ -157,6 +160,36 @@ pub struct Params {
 #[must_use]
 pub fn sphere_constants() -> String {
     crate::trace::SPHERE_BOUNDS.map(|(name, value)| format!("const {name}: f32 = {value:e}f;\n")).concat()
+}
+
+/// Words in front of the spheres that focus light: their number, the tangent of half the angle of the light's disc, the place of a word for each
+/// exact sphere that says whether it does, and the direction of light in two parts. Then come the points of the quadratures.
+pub const LENS_HEAD: u32 = 9;
+/// Words of such a sphere.
+pub const LENS_WORDS: u32 = 9;
+/// Words of a node of an index of refraction.
+pub const NODE_WORDS: u32 = 10;
+
+/// The constants of programs that know spheres which focus light, as WGSL.
+#[must_use]
+pub fn lens_constants() -> String {
+    let integers = [
+        ("LENS_HEAD", LENS_HEAD),
+        ("LENS_BLUR", 1),
+        ("LENS_FLAGS", 2),
+        ("LENS_AXIS", 3),
+        ("LENS_WORDS", LENS_WORDS),
+        ("NODE_WORDS", NODE_WORDS),
+        ("CELLS", ball::CELLS as u32),
+        ("POINTS", ball::POINTS as u32),
+        ("POINTS_AT_AXIS", ball::POINTS_AT_AXIS as u32),
+        ("MOST_NEWTON", 40),
+        ("OTHER_SIDE", 1 << 31),
+    ];
+    let step = FRAC_PI_2 / ball::CELLS as f64;
+    let floats = [("STEP", step as f32), ("RIGHT_ANGLE", FRAC_PI_2 as f32), ("LENS_WIDTH", LENS_WIDTH as f32)];
+    let integers = integers.map(|(name, value)| format!("const {name}: u32 = {value}u;\n")).concat();
+    integers + &floats.map(|(name, value)| format!("const {name}: f32 = {value:e}f;\n")).concat()
 }
 
 /// The constants of the programs, as WGSL.

@@ -10,6 +10,7 @@ mod images;
 mod kernels;
 mod launches;
 mod layout;
+mod lenses;
 mod programs;
 mod scene;
 mod segments;
@@ -35,7 +36,7 @@ use curitiba_pipeline::backend::{
     BackendError, BuildStats, Gpu as Device, Limits, RayBackend, RayCounts, RayJob, RayStats,
 };
 use curitiba_pipeline::executor::Progress;
-use curitiba_pipeline::glass::{Dielectric, Shape};
+use curitiba_pipeline::glass::{Dielectric, Shape, first_target};
 use curitiba_pipeline::image::Image;
 use curitiba_pipeline::programs::{Fidelity, RayParams, RayProgram, TextureLod, Traces};
 use curitiba_pipeline::scene::RenderScene;
@@ -46,6 +47,7 @@ use launches::{Clock, Work};
 use layout::{
     COUNTS_BUFFER_BYTES, CUT_LOOPS, POINT_BYTES, Params, RAY_COUNT_KINDS, RAY_COUNT_SLOTS, START_BYTES, TILE,
 };
+use lenses::FindsLenses;
 use programs::{Arithmetic, Kind, Stage};
 use scene::SceneBuffers;
 use split::Split;
@@ -63,6 +65,10 @@ const LIST_BYTES: u64 = 3 * 1024 * 1024 * POINT_BYTES;
 /// Why a picture is thrown away.
 const CUT: &str = "its driver leaves loops that have not ended after some ten thousand steps, and the rays to the discs of lights take more at a \
                    pixel; set sunsamples lower on the pass, use --backend cpu, or allow it with --fallback cpu";
+/// The same where spheres focus light.
+const CUT_FOCUS: &str = "its driver leaves loops that have not ended after some ten thousand steps, and the light of so many spheres that focus it, \
+                         or the rays to the light's disc, take more at a point; set shadow=straight or sunsamples lower on the pass, use \
+                         --backend cpu, or allow it with --fallback cpu";
 /// Greatest depth of paths through bodies of glass on drivers that cut loops: with it, `xml_projects/glass` is complete there; at depth 4
 /// light is missing.
 const CUT_DEPTH: u32 = 2;
@@ -83,6 +89,12 @@ pub struct WgpuRays {
     /// Points of surfaces whose light and occlusion are found by successive kernels.
     points: wgpu::Buffer,
     built: Option<(Arc<RenderScene>, SceneBuffers)>,
+    /// What the scene was built with, and what is asked of it where spheres may lie in bodies.
+    filtered: Vec<bool>,
+    lenses: FindsLenses,
+    /// Number of points for which tests leave room.
+    #[cfg(test)]
+    room: Option<u32>,
     /// The attachments of a rasteriser on the same device, once they are read in place.
     lending: Option<Arc<Lending>>,
     /// Number of tiles of the next launch, by what the kernels are written for and the number of rays to the discs of lights.
@@ -133,6 +145,10 @@ impl WgpuRays {
             counts,
             counts_staging,
             built: None,
+            filtered: Vec::new(),
+            lenses: FindsLenses::default(),
+            #[cfg(test)]
+            room: None,
             lending: None,
             sizes: HashMap::new(),
         })
@@ -181,14 +197,17 @@ impl WgpuRays {
             None => (self.images.upload(&gpu, job)?, Some(start.elapsed())),
         };
         let has_levels = self.require_levels(job)?;
-        let tables = Tables::of(job, has_levels).map_err(|why| check::missing(NAME, job, &why))?;
-        let (kind, disc_rays) = (Kind::of(job), disc_rays(job));
+        let lenses = self.lenses.of(job, &self.filtered)?;
+        let tables = Tables::of(job, &lenses, has_levels).map_err(|why| check::missing(NAME, job, &why))?;
+        let (kind, disc_rays) = (Kind::of(job, !lenses.is_empty()), disc_rays(job));
         let mut stages = programs::stages(kind, tables.params.samples).to_vec();
         if kind.variant.knows_bodies() && job.dielectrics.iter().any(|dielectric| dielectric.shape == Shape::Solid) {
             stages.insert(0, Stage::Eye);
         }
         let most_tiles = self.require_points(job, &stages)?;
         let capacity = (self.points.size() / POINT_BYTES) as u32;
+        #[cfg(test)]
+        let capacity = self.room.unwrap_or(capacity).min(capacity);
         let mut params = Params { id_base: views.id_base, capacity, ..tables.params };
         // Kept alive until the launches are done.
         let unbuilt;
@@ -219,7 +238,7 @@ impl WgpuRays {
         self.clear_counts()?;
         let doing = format!("running `{}`", job.program.info().stem);
         let work = Work {
-            kernels: self.kernels.require(&gpu, job, &stages, self.arithmetic)?,
+            kernels: self.kernels.require(&gpu, job, (kind, &stages), self.arithmetic)?,
             groups: groups.each_ref(),
             first_tiles: launches::first_tiles(disc_rays),
             most_tiles,
@@ -233,7 +252,7 @@ impl WgpuRays {
             let [normals, other] = self.images.for_filter(&gpu, job)?.map(wgpu::Texture::clone);
             let group = self.bind_images(&views, &normals)?;
             let work = Work {
-                kernels: self.kernels.require(&gpu, job, &[Stage::Surfaces], self.arithmetic)?,
+                kernels: self.kernels.require(&gpu, job, (kind, &[Stage::Surfaces]), self.arithmetic)?,
                 groups: [&group, &groups[1], &groups[2]],
                 first_tiles: u32::MAX,
                 most_tiles: u32::MAX,
@@ -266,7 +285,14 @@ impl WgpuRays {
             None => None,
         };
         let held_bytes = self.images.bytes() + words.size() + self.points.size() + COUNTS_BUFFER_BYTES;
-        Ok(RayStats { rays: self.read_counts(job)?, adaptive: None, upload, read_back, device_time, held_bytes })
+        Ok(RayStats {
+            rays: self.read_counts(job, if kind.focuses { CUT_FOCUS } else { CUT })?,
+            adaptive: None,
+            upload,
+            read_back,
+            device_time,
+            held_bytes,
+        })
     }
 
     /// Copies the mip levels of the scene's textures to the device for the first job that asks for them. Returns whether they are there.
@@ -334,6 +360,10 @@ impl WgpuRays {
         check::scene(NAME, job, true)?;
         check::adaptive(NAME, job)?;
         check_glass(NAME, true, &job.params, job.dielectrics)?;
+        let photons = job.program.photons(&job.params);
+        if let Some(target) = first_target(job.scene, job.dielectrics).filter(|_| photons > 0) {
+            return Err(BackendError::no_photons(NAME, job.program.info().stem, photons, target));
+        }
         Images::check_size(&self.gpu, job)
     }
 
@@ -345,7 +375,7 @@ impl WgpuRays {
         self.gpu.check("clearing the ray counts")
     }
 
-    fn read_counts(&self, job: &RayJob<'_>) -> Result<RayCounts, BackendError> {
+    fn read_counts(&self, job: &RayJob<'_>, cut: &str) -> Result<RayCounts, BackendError> {
         let descriptor = wgpu::CommandEncoderDescriptor { label: Some("ray counts") };
         let mut encoder = self.gpu.device.create_command_encoder(&descriptor);
         encoder.copy_buffer_to_buffer(&self.counts, 0, &self.counts_staging, 0, COUNTS_BUFFER_BYTES);
@@ -362,7 +392,7 @@ impl WgpuRays {
             }
         })?;
         if are_cut {
-            return Err(check::missing(NAME, job, CUT));
+            return Err(check::missing(NAME, job, cut));
         }
         let [shadow, occlusion, reflected, refracted, certain, lost] = kinds;
         Ok(RayCounts { shadow, occlusion, reflected, refracted, certain, lost, ..RayCounts::default() })
@@ -459,7 +489,7 @@ impl RayBackend for WgpuRays {
 
     fn build(&mut self, scene: &Arc<RenderScene>, filtered: &[bool]) -> Result<BuildStats, BackendError> {
         // The old scene is released first: memory may not hold both.
-        self.built = None;
+        (self.built, self.lenses, self.filtered) = (None, FindsLenses::default(), filtered.to_vec());
         let buffers = SceneBuffers::new(&self.gpu, scene, filtered, true).map_err(of_rays)?;
         let stats = BuildStats { bytes: buffers.bytes, nodes: buffers.nodes };
         self.built = Some((Arc::clone(scene), buffers));

@@ -40,13 +40,21 @@ pub struct Kind {
     pub lighting: Lighting,
     /// Whether the scene has exact spheres.
     pub spheres: bool,
+    /// Whether some of them focus light.
+    pub focuses: bool,
 }
 
 impl Kind {
-    /// The one that a job needs.
-    pub fn of(job: &RayJob<'_>) -> Self {
+    /// The one that a job needs whose spheres focus light or do not.
+    pub fn of(job: &RayJob<'_>, focuses: bool) -> Self {
         let spheres = !job.scene.geometry.spheres.is_empty();
-        Self { program: job.program, variant: Variant::of(job), lighting: Lighting::of(job), spheres }
+        Self { program: job.program, variant: Variant::of(job), lighting: Lighting::of(job), spheres, focuses }
+    }
+
+    /// What a kernel is written for: of focused light only those know that ask for light.
+    pub fn at(self, stage: Stage) -> Self {
+        let asks = matches!(stage, Stage::Whole | Stage::List | Stage::Focus | Stage::Sum);
+        Self { focuses: self.focuses && asks, ..self }
     }
 }
 
@@ -61,6 +69,8 @@ pub enum Stage {
     List,
     /// Traces the points' shadow rays.
     Light,
+    /// Finds the light that exact spheres focus on the points.
+    Focus,
     /// Settles the points' occlusion rays by the triangles near them.
     Settle,
     /// Traces the occlusion rays that are not settled.
@@ -77,12 +87,17 @@ pub enum Stage {
 pub const SETTLED_SAMPLES: u32 = 6;
 
 /// The kernels of a program, in their order. [`Stage::Eye`] comes before them where the camera may be in a body. With several lights or a disc
-/// points are listed with what these light of them.
-pub fn stages(Kind { program, variant, lighting, .. }: Kind, samples: u32) -> &'static [Stage] {
+/// points are listed with what these light of them, and where spheres focus light with what comes straight.
+pub fn stages(Kind { program, variant, lighting, focuses, .. }: Kind, samples: u32) -> &'static [Stage] {
     if variant == Variant::Panes(Fidelity::Thesis) {
         return &[Stage::Whole];
     }
     match program {
+        RayProgram::Final if focuses && samples >= SETTLED_SAMPLES => {
+            &[Stage::List, Stage::Focus, Stage::Settle, Stage::Trace, Stage::Sum]
+        }
+        RayProgram::Final if focuses && samples > 0 => &[Stage::List, Stage::Focus, Stage::TraceAll, Stage::Sum],
+        RayProgram::Final if focuses => &[Stage::List, Stage::Focus, Stage::Sum],
         RayProgram::DeferredShadows if lighting == Lighting::Lights => &[Stage::Whole],
         RayProgram::Final if lighting == Lighting::Lights && samples >= SETTLED_SAMPLES => {
             &[Stage::List, Stage::Settle, Stage::Trace, Stage::Sum]
@@ -148,18 +163,42 @@ const LISTED_LIGHT: Text = text!("list_light");
 /// `deferredShadows`; with several lights or a disc it is another text.
 const SHADOWS: Text = text!("deferredShadows");
 
+/// What shadows leave of several lights and of discs.
+const LIGHTS_SHARE: [Text; 4] = [text!("light_cosine"), text!("discs"), text!("cut_loops"), text!("lights_share")];
+/// Light that comes straight through glass: how much passes, and who asks for it.
+const STRAIGHT: [Text; 2] = [text!("light_straight"), text!("light_from")];
+/// The same where spheres focus light.
+const STRAIGHT_OR_FOCUSED: [Text; 2] = [text!("light_straight"), text!("light_focused")];
+/// Light that spheres focus on a surface.
+const FOCUS: [Text; 2] = [text!("ball"), text!("focus")];
+/// What it takes of [`LIGHTS_SHARE`].
+const FOR_FOCUS: [Text; 2] = [text!("light_cosine"), text!("cut_loops")];
+
 /// The texts that all programs share, except for those that depend on the rounding of products or on the lights.
 const COMMON: [Text; 6] =
     [text!("params"), text!("wide"), text!("scene"), text!("triangle"), text!("traverse"), text!("surface")];
 
 /// The texts of a kernel, which follow the common ones; `None` if the program is not written for this backend.
-fn texts(Kind { program, variant, lighting, .. }: Kind, stage: Stage, subgroups: bool) -> Option<Vec<Text>> {
+fn texts(Kind { program, variant, lighting, focuses, .. }: Kind, stage: Stage, subgroups: bool) -> Option<Vec<Text>> {
     let mut texts = of_panes(program, stage, subgroups)?;
+    if focuses {
+        let listed = [LIGHT, LIGHT_SHARE, text!("list_focused")];
+        let instead = |text: Text| match (text, lighting) {
+            (LISTED_LIGHT, Lighting::Sun) => [text!("light_cosine")].into_iter().chain(listed).collect(),
+            (LISTED_LIGHT, Lighting::Lights) => listed.to_vec(),
+            (LIGHT_SHARE, Lighting::Sun) => [LIGHT_SHARE].into_iter().chain(FOR_FOCUS).chain(FOCUS).collect(),
+            (LIGHT_SHARE, Lighting::Lights) => [LIGHT_SHARE].into_iter().chain(FOCUS).collect(),
+            (text, _) => vec![text],
+        };
+        texts = texts.into_iter().flat_map(instead).collect();
+    }
     if lighting == Lighting::Lights {
         let instead = |text: Text| match text {
-            SHADOWS => vec![text!("sampling"), text!("lights_share"), text!("lights_shadows")],
-            LIGHT_SHARE => vec![text!("lights_share"), text!("lights_final")],
-            LISTED_LIGHT => vec![LIGHT, text!("lights_share"), text!("lights_final"), text!("list_lights")],
+            SHADOWS => [text!("sampling")].into_iter().chain(LIGHTS_SHARE).chain([text!("lights_shadows")]).collect(),
+            LIGHT_SHARE => LIGHTS_SHARE.into_iter().chain([text!("lights_final")]).collect(),
+            LISTED_LIGHT => {
+                [LIGHT].into_iter().chain(LIGHTS_SHARE).chain([text!("lights_final"), text!("list_lights")]).collect()
+            }
             text => vec![text],
         };
         texts = texts.into_iter().flat_map(instead).collect();
@@ -172,7 +211,8 @@ fn texts(Kind { program, variant, lighting, .. }: Kind, stage: Stage, subgroups:
         WEIGHTS => vec![text!("media"), text!("start_media"), text!("face_smooth")],
         GLASS if variant == Variant::Ways => vec![text!("bodies"), text!("facets"), text!("ways")],
         GLASS => vec![text!("bodies"), text!("smooth")],
-        LIGHT => vec![text!("light_straight")],
+        LIGHT if focuses => STRAIGHT_OR_FOCUSED.to_vec(),
+        LIGHT => STRAIGHT.to_vec(),
         text => vec![text],
     };
     Some(texts.into_iter().flat_map(instead).collect())
@@ -207,6 +247,10 @@ fn of_panes(program: RayProgram, stage: Stage, subgroups: bool) -> Option<Vec<Te
         Stage::Light => {
             listed.into_iter().chain([text!("optics"), WEIGHTS, LIGHT, LIGHT_SHARE, text!("final_light")]).collect()
         }
+        Stage::Focus => {
+            let light = [text!("optics"), WEIGHTS, LIGHT].into_iter().chain(FOR_FOCUS).chain(FOCUS);
+            listed.into_iter().chain(light).chain([text!("final_focus")]).collect()
+        }
         Stage::Settle => fans.into_iter().chain([text!("cone"), text!("nearby"), text!("settle")]).collect(),
         Stage::Trace | Stage::TraceAll => fans.into_iter().chain([text!("trace")]).collect(),
         Stage::Sum if is_final => {
@@ -237,10 +281,15 @@ fn of_spheres(source: &str, spheres: bool) -> String {
     with_marked(source, ['⟪', '⟫'], spheres)
 }
 
-/// The functions that programs use, without a program, and with the marks of [`of_levels`] and [`of_spheres`].
+/// A source with its parts between ⦃ and ⦄ where spheres focus light; else without them. They may lie between marks of [`of_spheres`].
+fn of_focus(source: &str, focuses: bool) -> String {
+    with_marked(source, ['⦃', '⦄'], focuses)
+}
+
+/// The functions that programs use, without a program, and with the marks of [`of_levels`], [`of_spheres`] and [`of_focus`].
 fn functions(
     arithmetic: Arithmetic,
-    Kind { variant, lighting, spheres, .. }: Kind,
+    Kind { variant, lighting, spheres, focuses, .. }: Kind,
     split: Split,
     lod: TextureLod,
 ) -> String {
@@ -253,11 +302,17 @@ fn functions(
     let product = if arithmetic.fused { text!("product_fused") } else { text!("product_split") };
     let mut source = layout::constants() + &split.text();
     let crossings = if variant.knows_bodies() { text!("crossings_hits") } else { text!("crossings") };
-    let lights = match lighting {
-        Lighting::Sun => text!("sun"),
-        Lighting::Lights => text!("lights"),
+    let lights: &[Text] = match lighting {
+        Lighting::Sun if focuses => &[text!("sun_segments"), text!("shading")],
+        Lighting::Lights if focuses => &[text!("lights"), text!("lights_segments"), text!("shading")],
+        Lighting::Sun => &[text!("sun")],
+        Lighting::Lights => &[text!("lights"), text!("shading")],
     };
-    COMMON.into_iter().chain([lights, crossings, rounding, product]).for_each(|text| source.push_str(text));
+    COMMON
+        .into_iter()
+        .chain(lights.iter().copied())
+        .chain([crossings, rounding, product])
+        .for_each(|text| source.push_str(text));
     if lod == TextureLod::Cones {
         source.push_str(text!("ray_cones"));
     }
@@ -265,11 +320,15 @@ fn functions(
         source.push_str(&layout::sphere_constants());
         source.push_str(text!("spheres"));
     }
+    if focuses {
+        source.push_str(&layout::lens_constants());
+    }
     source
 }
 
 /// The complete source of a kernel; `None` if the program is not written for this backend.
 pub fn source(kind: Kind, stage: Stage, (arithmetic, lod): (Arithmetic, TextureLod), split: Split) -> Option<String> {
+    let kind = kind.at(stage);
     let Kind { program, variant, .. } = kind;
     let texts = texts(kind, stage, arithmetic.subgroups)?;
     let function = if variant == Variant::Panes(Fidelity::Thesis) { "thesis" } else { "corrected" };
@@ -287,7 +346,20 @@ pub fn source(kind: Kind, stage: Stage, (arithmetic, lod): (Arithmetic, TextureL
         }
         _ => {}
     }
-    Some(of_levels(&of_spheres(&source, kind.spheres), lod))
+    Some(of_levels(&of_focus(&of_spheres(&source, kind.spheres), kind.focuses), lod))
+}
+
+/// What a sphere does with parallel light, with all that it takes, for tests that say what becomes of the bundles.
+#[cfg(test)]
+pub fn ball(arithmetic: Arithmetic) -> String {
+    let variant = Variant::Bodies;
+    let kind = Kind { program: RayProgram::Final, variant, lighting: Lighting::Sun, spheres: true, focuses: true };
+    let texts = texts(kind, Stage::Focus, false).expect("it is written");
+    // All but the kernel, and how bundles light surfaces.
+    let texts = texts.into_iter().filter(|text| ![text!("focus"), text!("final_focus")].contains(text));
+    let source = functions(arithmetic, kind, Split::default(), TextureLod::Zero) + text!("pass");
+    let source = texts.fold(source, |source, text| source + text);
+    of_levels(&of_focus(&of_spheres(&source, true), true), TextureLod::Zero)
 }
 
 /// The program that traces segments between triangles.
@@ -295,9 +367,10 @@ pub fn segments(arithmetic: Arithmetic) -> String {
     let lod = TextureLod::Zero;
     let variant = Variant::Panes(Fidelity::Corrected);
     // The functions do not depend on the program.
-    let kind = Kind { program: RayProgram::DeferredShadows, variant, lighting: Lighting::Sun, spheres: false };
+    let kind =
+        Kind { program: RayProgram::DeferredShadows, variant, lighting: Lighting::Sun, spheres: false, focuses: false };
     let functions = functions(arithmetic, kind, Split::default(), lod);
-    of_levels(&of_spheres(&functions, kind.spheres), lod) + text!("segments")
+    of_levels(&of_focus(&of_spheres(&functions, kind.spheres), kind.focuses), lod) + text!("segments")
 }
 
 /// Whether the program is written for this backend.

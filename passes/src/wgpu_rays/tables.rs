@@ -6,8 +6,9 @@ use super::layout::{
     SHAPE_OPAQUE, SHAPE_PANE, SHAPE_SOLID, SHAPE_THIN, TEXTURE_WORDS, VERTEX_COLORS_DISPLAY, VERTEX_COLORS_LINEAR,
     VERTEX_COLORS_NONE, WRAP_CLAMP, WRAP_MIRROR, WRAP_REPEAT,
 };
+use super::lenses;
 use crate::effects::constants::{MAX_DEPTH, NO_TEXTURE, THROUGH_GLASS, THROUGH_GLASS_ENTRIES};
-use crate::effects::dielectric::{facets, spectrum};
+use crate::effects::dielectric::{Lenses, facets, spectrum};
 use crate::effects::{LightTable, Preparation};
 use crate::sampling::HemisphereSampler;
 use crate::sampling::cone::ConeSampler;
@@ -25,11 +26,12 @@ pub struct Tables {
 }
 
 impl Tables {
-    /// The tables of a job. `has_levels` says whether the textures lie in memory with all of their mip levels.
+    /// The tables of a job whose spheres focus light as `lenses` says. `has_levels` says whether the textures lie in memory with all of their
+    /// mip levels.
     ///
     /// # Errors
     /// If the number of samples is not valid; the message says why.
-    pub fn of(job: &RayJob<'_>, has_levels: bool) -> Result<Self, String> {
+    pub fn of(job: &RayJob<'_>, lenses: &Lenses, has_levels: bool) -> Result<Self, String> {
         let Preparation { sampler, open_share, to_light, light_color, disc } = Preparation::of(job)?;
         let (strata, points) = match sampler {
             None => (0, Vec::new()),
@@ -55,7 +57,12 @@ impl Tables {
         } else {
             let strata_at = part(spectrum_words(job));
             let facets_at = part(facets(job).into_flattened());
-            part(bodies(job, [strata_at, facets_at]))
+            let straight = matches!(job.params.shadow, GlassShadow::Straight | GlassShadow::Caustic);
+            // Never at 0 or 1, where the materials are.
+            let lenses_at = part(Vec::new());
+            part(lenses::words(job, lenses, lenses_at));
+            let light = if lenses.is_empty() { straight.into() } else { lenses_at };
+            part(bodies(job, light, [strata_at, facets_at]))
         };
         // Never at 0, which means one directional light.
         let lights_at = match LightTable::of(job) {
@@ -203,12 +210,12 @@ fn spectrum_words(job: &RayJob<'_>) -> Vec<u32> {
     spectrum(job).iter().flat_map(words).map(f32::to_bits).collect()
 }
 
-/// What the pass asks of paths in glass (`BODY_HEAD`), and what the job knows of glass: `Body` of `programs/media.wgsl`. The places are
-/// those of the strata and of the points of facets.
-fn bodies(job: &RayJob<'_>, [strata_at, facets_at]: [u32; 2]) -> Vec<u32> {
+/// What the pass asks of paths in glass (`BODY_HEAD`), and what the job knows of glass: `Body` of `programs/media.wgsl`. `light` says whether
+/// light falls straight through, or where the spheres are that focus it; the places are those of the strata and of the points of facets.
+fn bodies(job: &RayJob<'_>, light: u32, [strata_at, facets_at]: [u32; 2]) -> Vec<u32> {
     let RayParams { limits, first, first_path, .. } = &job.params;
     let head: [u32; BODY_HEAD as usize] = [
-        (job.params.shadow == GlassShadow::Straight).into(),
+        light,
         limits.cutoff.to_bits(),
         limits.reflections,
         limits.refractions,

@@ -32,6 +32,15 @@ impl BackendError {
         Self::Unsupported { backend, what: format!("{what} with exact spheres ({place})"), why }
     }
 
+    /// The error of a backend that shoots no photons. `what` names the pass's program, `target` the first material whose meshes they are shot at.
+    #[must_use]
+    pub fn no_photons(backend: &'static str, what: &str, photons: u32, target: &str) -> Self {
+        let why = "it shoots none; set photons=0 on the pass, so that light goes straight through meshes, use --backend cpu, or allow it with \
+                   --fallback cpu";
+        let what = format!("{what} with photons={photons} at the glass meshes of material `{target}`");
+        Self::Unsupported { backend, what, why: why.to_owned() }
+    }
+
     /// The error of a rasteriser that runs no GLSL, for a pass with own shaders; `place` is where the first of them is named.
     #[must_use]
     pub fn no_shaders(backend: &'static str, place: &str) -> Self {

@@ -91,6 +91,10 @@ pub trait RayBackend {
     fn traces_cones(&self) -> bool {
         false
     }
+    /// Whether it shoots photons at glass meshes ([`RayParams::photons`] above 0), with a rule of shadows that it knows.
+    fn shoots_photons(&self) -> bool {
+        false
+    }
     /// Builds the acceleration structure; the executor times this step. `filtered` says by material index whether rays of any pass
     /// may pass through it (alpha-cut textures, glass that shadow rays pass), so that hits need an any-hit test. Shadow and occlusion rays
     /// do not hit the triangles of a sky ([`Geometry::sky`](crate::scene::Geometry::sky)).

@@ -2,8 +2,9 @@
 
 use super::{Fallback, Observer, RenderError, Renderer};
 use crate::backend::{BackendError, RayBackend};
+use crate::glass::first_target;
 use crate::plan::Traced;
-use crate::programs::RayProgram;
+use crate::programs::{RayParams, RayProgram};
 
 impl Renderer {
     /// Every ray backend that failed so far, and its replacement.
@@ -86,10 +87,27 @@ impl Renderer {
             let materials = self.materials.get(index).filter(|materials| materials.glass.contains(&true));
             let glass = || materials.map_or(Ok(()), |m| rays.supports_glass(program, &params, &m.dielectrics));
             let sky = || self.unseen_sky(index, scene_set, (program, rays)).map_or(Ok(()), Err);
+            let photons = || self.unshot_photons(index, scene_set, (program, &params, rays)).map_or(Ok(()), Err);
             let supported = rays.supports(program, self.plan.settings.fidelity);
-            let error = supported.and_then(|()| glass()).and_then(|()| sky()).err()?;
+            let error = supported.and_then(|()| glass()).and_then(|()| photons()).and_then(|()| sky()).err()?;
             Some((pass.name.clone(), error))
         })
+    }
+
+    /// The error for photons that a pass shoots at meshes and its backend does not.
+    fn unshot_photons(
+        &self,
+        index: usize,
+        scene_set: usize,
+        (program, params, rays): (RayProgram, &RayParams, &dyn RayBackend),
+    ) -> Option<BackendError> {
+        let photons = program.photons(params);
+        if photons == 0 || rays.shoots_photons() {
+            return None;
+        }
+        let materials = &self.materials.get(index)?.dielectrics;
+        let target = first_target(&self.scenes.get(scene_set)?.scene, materials)?;
+        Some(BackendError::no_photons(rays.name(), program.info().stem, photons, target))
     }
 
     /// The error for a sky that the glass of a pass would show and its backend does not.

@@ -15,6 +15,18 @@ pub fn caustics(pass: &str, scene: &RenderScene, dielectrics: &[Dielectric], pho
     decisions
 }
 
+/// The first material whose glass meshes photons are shot at: bodies of triangles whose index is above 1.
+#[must_use]
+pub fn first_target<'s>(scene: &'s RenderScene, dielectrics: &[Dielectric]) -> Option<&'s str> {
+    let bends = |material: usize| {
+        let dielectric = dielectrics.get(material);
+        dielectric.is_some_and(|dielectric| dielectric.shape == Shape::Solid && dielectric.index > 1.0)
+    };
+    let mut batches = scene.geometry.batches.iter();
+    let batch = batches.find(|batch| batch.count > 0 && bends(batch.material as usize))?;
+    Some(scene.materials.get(batch.material as usize).map_or("", |material| material.name.as_str()))
+}
+
 fn of_spheres(pass: &str, spheres: &[Sphere], dielectrics: &[Dielectric]) -> Decision {
     let bends = |sphere: &&Sphere| {
         let dielectric = dielectrics.get(sphere.material as usize);

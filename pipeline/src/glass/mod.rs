@@ -10,7 +10,7 @@ mod decide;
 mod limits;
 mod spectrum;
 
-pub use caustics::caustics;
+pub use caustics::{caustics, first_target};
 pub use closed::{Closedness, closedness, connected};
 pub use decide::{Decided, TRANSPARENT, decide};
 pub use limits::{CutoffColor, MOST_BOUNCES, PathLimits, Roulette};

@@ -83,6 +83,10 @@ impl RayBackend for Lent {
         self.0.borrow().traces_cones()
     }
 
+    fn traces_sun_discs(&self) -> bool {
+        self.0.borrow().traces_sun_discs()
+    }
+
     fn knows_lights(&self) -> bool {
         self.0.borrow().knows_lights()
     }
@@ -279,21 +283,52 @@ fn glass_as_each_material_says_is_the_processors() {
     }
 }
 
-/// Light that exact spheres focus is the processor's alone.
+/// Light that exact spheres focus, seen directly and through glass.
 #[test]
-fn exact_spheres_are_traced_but_their_caustics_refused_by_name() {
+fn caustics_of_exact_spheres_are_the_processors() {
     if !is_there() {
         return;
     }
-    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("xml_projects/glass/Caustics.xml");
-    let open = |set: &[&str]| {
+    let found = Arc::new(Mutex::new(Found::default()));
+    let is_software = adapters().first().is_some_and(|adapter| adapter.kind == AdapterKind::Software);
+    let set: &[&str] = if is_software { &["samples=9", "sunsamples=4", "depth=2"] } else { &["samples=9"] };
+    let lent = &Lent::wgpu();
+    record(lent, "glass/Caustics", "MainCamera", Fidelity::Corrected, set, &found);
+    let found = found.lock().expect("no panic while it was held");
+    assert_eq!(found.records.len(), 1, "a pass did not run");
+    let record = &found.records[0];
+    let words = record.in_words();
+    println!("{words} {:?} {:?}", record.rays, record.cpu_rays);
+    assert!(record.within_limits, "farther off than it may be: {words}");
+    let (mine, theirs) = (record.rays, record.cpu_rays.expect("the processor ran"));
+    assert!(mine.shadow.abs_diff(theirs.shadow) <= theirs.shadow / 100, "{words}");
+    // Control: without focused light a pixel has a ray to each point of the disc, and few others.
+    assert!(theirs.shadow > 5 * u64::from(SIDE * SIDE), "{theirs:?}");
+}
+
+/// Photons are the processor's alone: only bodies of meshes are refused.
+#[test]
+fn photons_at_meshes_are_refused_by_name() {
+    if !is_there() {
+        return;
+    }
+    let open = |project: &str, set: &[&str]| {
+        let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("xml_projects/glass").join(project);
         let set = set.iter().map(|one| format!("pass2.{one}")).collect();
         let settings = Settings { size: Some([8, 8]), set, ..Settings::default() };
         curitiba::open(&path, settings, Choice::CPU.traced_by(BackendChoice::Wgpu), &mut Silent)
     };
-    let refused = open(&["depth=2"]).err().expect("it focuses").to_string();
-    assert!(refused.contains("shadow=caustic") && refused.contains("shadow=straight"), "{refused}");
-    assert!(open(&["depth=2", "shadow=straight"]).is_ok(), "exact spheres are known");
+    let plain = ["depth=2", "wavelengths=1"];
+    let refused = open("MeshCaustics.xml", &plain).err().expect("it has photons").to_string();
+    assert!(
+        refused.contains("photons=") && refused.contains("material `") && refused.contains("photons=0"),
+        "{refused}"
+    );
+    assert!(
+        open("MeshCaustics.xml", &[&plain[..], &["photons=0"]].concat()).is_ok(),
+        "light goes straight through meshes"
+    );
+    assert!(open("Caustics.xml", &["depth=2", "photons=1000"]).is_ok(), "photons are shot at no sphere");
 }
 
 /// A driver that aborts long loops would darken glass without any error.

@@ -16,11 +16,12 @@ use glam::{DVec2, DVec3};
 use std::f64::consts::{FRAC_PI_2, PI};
 
 /// Steps of the angle of incidence between which rays that turn back are looked for.
-const CELLS: usize = 64;
+pub const CELLS: usize = 64;
 
 /// Points of a quadrature, and their number for points so near to the axis that rays of all sides reach them.
-const POINTS: usize = 8;
-const POINTS_AT_AXIS: usize = 32;
+pub const POINTS: usize = 8;
+/// See [`POINTS`].
+pub const POINTS_AT_AXIS: usize = 32;
 
 /// Refraction by a sphere of this index, above 1.
 #[derive(Debug, Clone)]
@@ -56,6 +57,13 @@ impl Turned {
         let (half_sin, half_cos) = (sin * inner - cos * inner_sin, cos * inner + sin * inner_sin);
         let direction = DVec2::new(-2.0 * half_sin * half_cos, half_cos * half_cos - half_sin * half_sin);
         Self { sin, cos, inner, direction, rate: 2.0 * (1.0 - cos / (index * inner)) }
+    }
+
+    /// By how much more it is turned for a larger angle of incidence.
+    #[cfg(feature = "wgpu")]
+    #[must_use]
+    pub fn rate(&self) -> f64 {
+        self.rate
     }
 
     /// How far it passes a point, signed: m of the module's text.
@@ -148,6 +156,26 @@ impl Ball {
             gauss_legendre(count).map(on_sine).collect()
         });
         Self { index, nodes, points }
+    }
+
+    /// The index of refraction.
+    #[cfg(feature = "wgpu")]
+    #[must_use]
+    pub fn index(&self) -> f64 {
+        self.index
+    }
+
+    /// The rays of `CELLS + 1` angles of incidence from 0 to a right angle, in equal steps.
+    #[cfg(feature = "wgpu")]
+    #[must_use]
+    pub fn nodes(&self) -> &[Turned] {
+        &self.nodes
+    }
+
+    /// Points between -1 and 1 and their weights, of the quadrature of most points and then of that near the axis.
+    #[cfg(feature = "wgpu")]
+    pub fn quadratures(&self) -> impl Iterator<Item = DVec2> {
+        self.points.iter().flatten().copied()
     }
 
     /// The light that reaches a point outside the sphere (its distance from the axis, at least 0, and its place along it), as the mean over

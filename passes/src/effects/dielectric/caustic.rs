@@ -11,7 +11,7 @@ use glam::{DVec2, DVec3, Vec3};
 
 /// Half the width over which the light of a point is spread, as a share of the sphere's radius. Where the light is a disc that blurs more,
 /// that serves.
-const WIDTH: f64 = 1e-3;
+pub const WIDTH: f64 = 1e-3;
 
 /// How a surface takes light, and what of it is in its colour.
 #[derive(Debug, Clone, Copy)]
@@ -58,8 +58,7 @@ impl<T: Tracer, C: Coverage> Pass<'_, T, C> {
         lit: &Lit,
         work: &mut Workspace,
     ) -> Vec3 {
-        let axis = -self.to_light.as_dvec3().normalize_or_zero();
-        let blur = (0.5 * f64::from(self.job.params.sun)).to_radians().tan();
+        let (axis, blur) = (axis(self.to_light), blur(self.job.params.sun));
         let mut light = Vec3::ZERO;
         for (lens, ball) in self.lenses.iter() {
             let from = (surface.position().as_dvec3() - lens.center) / lens.radius;
@@ -130,6 +129,16 @@ impl<T: Tracer, C: Coverage> Pass<'_, T, C> {
             || self.sphere(id).is_some_and(|sphere| sphere.center.distance_squared(to) > sphere.radius.powi(2));
         T::SPHERES && self.lenses.contains(id) && outside()
     }
+}
+
+/// Where light goes that comes from this direction.
+pub fn axis(to_light: Vec3) -> DVec3 {
+    -to_light.as_dvec3().normalize_or_zero()
+}
+
+/// Half the width of the light's disc, of this angle in degrees, at the distance 1.
+pub fn blur(sun: f32) -> f64 {
+    (0.5 * f64::from(sun)).to_radians().tan()
 }
 
 /// The ray from one place to another.

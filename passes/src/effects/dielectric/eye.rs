@@ -4,6 +4,7 @@ use super::lenses::Lenses;
 use super::media::{Crossing, Media};
 use crate::effects::{Coverage, LevelZero, Pass, Pixel};
 use crate::trace::Tracer;
+use curitiba_pipeline::backend::RayJob;
 use curitiba_pipeline::glass::{GlassShadow, Shape};
 use glam::Vec3;
 
@@ -55,10 +56,14 @@ impl<T: Tracer, C: Coverage> Pass<'_, T, C> {
 /// # Errors
 /// As [`Lenses::of`].
 pub fn lenses<T: Tracer, C: Coverage>(pass: &Pass<'_, T, C>) -> Result<Lenses, String> {
-    let asked = pass.job.params.shadow == GlassShadow::Caustic && pass.job.program.info().reads("shadow");
-    let shines = pass.to_light != Vec3::ZERO;
-    if !(T::SPHERES && asked && shines && !pass.job.dielectrics.is_empty()) {
+    if !(T::SPHERES && asks_for_lenses(pass.job)) {
         return Ok(Lenses::default());
     }
     Lenses::of(&pass.job.scene.geometry, pass.job.dielectrics, |center| around(pass, center).count() > 1)
+}
+
+/// Whether a job asks which spheres focus light: by its rule of shadows, where there is glass and a light.
+pub fn asks_for_lenses(job: &RayJob<'_>) -> bool {
+    let asked = job.params.shadow == GlassShadow::Caustic && job.program.info().reads("shadow");
+    asked && job.sun.is_some_and(|sun| sun.direction != Vec3::ZERO) && !job.dielectrics.is_empty()
 }

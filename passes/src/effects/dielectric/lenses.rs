@@ -88,6 +88,27 @@ impl Lenses {
         self.list.iter().map(|lens| (lens, &self.balls[lens.ball]))
     }
 
+    /// What each index does with light.
+    #[cfg(feature = "wgpu")]
+    #[must_use]
+    pub fn balls(&self) -> &[Ball] {
+        &self.balls
+    }
+
+    /// The place of a sphere's index among [`Self::balls`].
+    #[cfg(feature = "wgpu")]
+    #[must_use]
+    pub fn ball_of(&self, lens: &Lens) -> usize {
+        lens.ball
+    }
+
+    /// By sphere of the scene, whether it focuses light.
+    #[cfg(feature = "wgpu")]
+    #[must_use]
+    pub fn by_sphere(&self) -> &[bool] {
+        &self.focuses
+    }
+
     /// Whether there are none.
     #[must_use]
     pub fn is_empty(&self) -> bool {

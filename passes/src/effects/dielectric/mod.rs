@@ -8,7 +8,7 @@
 //! Radiance is not scaled by the square of the index inside a body, as basic radiance would be: it cancels where light leaves again,
 //! and the light that falls on a surface inside is not scaled either.
 
-mod ball;
+pub(crate) mod ball;
 mod branch;
 mod caustic;
 mod eye;
@@ -28,6 +28,10 @@ mod walk;
 mod ways;
 
 pub(super) use caustic::Lit;
+#[cfg(feature = "wgpu")]
+pub(crate) use caustic::{WIDTH as LENS_WIDTH, axis as light_axis, blur as light_blur};
+#[cfg(feature = "wgpu")]
+pub(crate) use eye::asks_for_lenses;
 pub(crate) use eye::{around_eye, lenses};
 pub use lenses::Lenses;
 pub use media::{Border, Crossing, MOST, Media};

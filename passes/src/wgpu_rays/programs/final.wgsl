@@ -3,7 +3,7 @@
 // A colour times the share of the light and the ambient occlusion. Black stays black, and a sky as it is, without tracing a ray.
 fn visible(color: vec3f, surface: Surface, lit_side: vec3f, triangle: u32, key: u32) -> vec3f {
     if all(color == vec3f(0.0)) || is_sky(triangle) { return color; }
-    let light = light_share(surface, lit_side, triangle);
+    let light = light_share(surface, lit_side, triangle)⦃ + focused_share(surface, lit_side, triangle)⦄;
     return sep3(color * light) * occlusion(ACCEPT_STOPS, surface, key);
 }
 fn seen_through(hit: Hit, surface: Surface, key: u32, weight: Weight⟨, footprint: f32⟩) -> vec3f {

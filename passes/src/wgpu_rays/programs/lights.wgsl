@@ -80,13 +80,3 @@ fn met_color(hit: Hit, surface: Surface⟨, footprint: f32⟩) -> vec3f {
     return shining_color(hit, shade, sum⟨, footprint⟩);
 }
 
-// By which normal the next surface is shaded whose light is asked for, and the key of its random numbers; and where a ray met it, or else the
-// camera sees it.
-struct Shading { normal: vec3f, key: u32, is_met: bool, hit: Hit }
-var<private> shading: Shading;
-fn shaded_as_seen(normal: vec3f, key: u32) {
-    shading.normal = normal;
-    shading.key = key;
-    shading.is_met = false;
-}
-fn shaded_as_met(hit: Hit, surface: Surface, key: u32) { shading = Shading(surface.normal, key, true, hit); }

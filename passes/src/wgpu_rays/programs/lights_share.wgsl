@@ -1,39 +1,3 @@
-// What the shadows of several lights leave of a surface's colour (`effects/lights.rs`). `light_reaches` of a program follows a ray to the
-// light that is looked at, and says what of it passes.
-
-// The cosine of a light at a point.
-fn light_cosine(shade: Shade, triangle: u32, position: vec3f, towards: vec3f) -> f32 {
-    if (shade.flags & SHADE_NORMAL_MAP) != 0u && params.has_normals != 0u {
-        var hit = shading.hit;
-        if !shading.is_met { hit = locate(triangle, position); }
-        return min(cosine_to(shade, hit, shading.normal, towards), 1.0);
-    }
-    return clamp(dot3(towards, shading.normal), 0.0, 1.0);
-}
-
-// A direction to the disc of a light: uniform in the solid angle of a cone around the basis's normal (`sampling/cone.rs`).
-fn disc_direction(sample: u32, seeds: vec2u, basis: Basis) -> vec3f {
-    let place = tables[params.lights_at + 4u] + 2u * sample;
-    let point = vec2f(unit_of(scramble_reversed(tables[place], seeds.x)), unit_of(scramble_reversed(tables[place + 1u], seeds.y)));
-    let height = table_number(params.lights_at + 3u);
-    let disk = concentric_disk(point);
-    let below = sep((sep(disk.x * disk.x) + sep(disk.y * disk.y)) * height);
-    let stretch = sep(sqrt(sep(height * (2.0 - below))));
-    return to_world(basis, vec3f(sep(disk.x * stretch), sep(disk.y * stretch), 1.0 - below));
-}
-// The key of the random numbers of a light.
-fn light_key(number: u32) -> u32 {
-    if number == 0u { return shading.key; }
-    return path_key(shading.key, BRANCH_LIGHTS + number);
-}
-
-// Notes where the driver has left a loop before its end: from then on it leaves each loop after one step.
-fn note_cut_loops() {
-    var steps = 0u;
-    while steps < 2u + params.zero { steps += 1u; }
-    if steps < 2u { atomicStore(&ray_counts[CUT_LOOPS], 1u); }
-}
-
 // By colour, what reaches a point of a light in the direction `towards`: of a disc the mean over it. A direction from which the side is dark
 // brings what is in shadow, without a ray. What cuts the point off from the round surface that its triangle stands for is asked once.
 fn light_seen(accept: u32, point: SurfacePoint, facing: vec3f, triangle: u32, light: Light, towards: vec3f, number: u32) -> vec3f {

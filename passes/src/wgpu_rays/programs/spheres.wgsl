@@ -113,7 +113,9 @@ fn next_sphere_leaf(descent: ptr<function, SphereDescent>, t_min: f32, limit: f3
 
 // Whether a candidate hit on a sphere of a transparent material counts (`accepts`): nothing is cut out of it.
 fn accepts_sphere(accept: u32, hit: Hit) -> bool {
-    let passes = accept != ACCEPT_ALL && accept != ACCEPT_COVERED && passes_light(hit.triangle);
+⦃    if accept == ACCEPT_COUNTS && hit.triangle == left_out { return false; }
+    if accept == ACCEPT_COUNTS && focuses(hit.triangle) { return true; }
+⦄    let passes = accept != ACCEPT_ALL && accept != ACCEPT_COVERED && passes_light(hit.triangle);
     if passes && accept == ACCEPT_COUNTS { add_crossing(hit); }
     return !passes;
 }

@@ -99,18 +99,19 @@ fn cases() -> (Vec<[f32; GIVEN]>, Geometry) {
 /// The device's output for each case.
 fn run(gpu: &Gpu, arithmetic: Arithmetic, cases: &[[f32; GIVEN]], geometry: &Geometry) -> Vec<[u32; WORDS]> {
     let variant = Variant::Panes(Fidelity::Corrected);
-    let kind = Kind { program: RayProgram::Final, variant, lighting: Lighting::Sun, spheres: false };
+    let kind = Kind { program: RayProgram::Final, variant, lighting: Lighting::Sun, spheres: false, focuses: false };
     let text = source(kind, Stage::Whole, (arithmetic, TextureLod::Zero), Split::default()).expect("written") + ENTRY;
     let scene: [(u32, &[u8]); 2] =
         [(2, bytemuck::cast_slice(&geometry.positions)), (3, bytemuck::cast_slice(&geometry.triangles))];
-    answers(gpu, text, &scene, cases)
+    answers(gpu, text, (&scene, &[]), cases)
 }
 
-/// The output of the entry `functions` of a text, which [`CASES`] follow, for each case, given what it reads of group 1.
+/// The output of the entry `functions` of a text, which [`CASES`] follow, for each case, given what it reads of group 1 and the tables
+/// of group 2, if it reads them.
 pub(super) fn answers<const G: usize, const W: usize>(
     gpu: &Gpu,
     text: String,
-    scene: &[(u32, &[u8])],
+    (scene, tables): (&[(u32, &[u8])], &[u32]),
     cases: &[[f32; G]],
 ) -> Vec<[u32; W]> {
     let module = gpu.device.create_shader_module(wgpu::ShaderModuleDescriptor {
@@ -145,11 +146,14 @@ pub(super) fn answers<const G: usize, const W: usize>(
         let descriptor = wgpu::BindGroupDescriptor { label: None, layout: &layout, entries: &entries };
         gpu.device.create_bind_group(&descriptor)
     };
+    let tables = (!tables.is_empty()).then(|| upload(bytemuck::cast_slice(tables)));
     let groups = [
         (0, group(0, &[(0, &params)])),
         (1, group(1, &scene.iter().map(|(binding, buffer)| (*binding, buffer)).collect::<Vec<_>>())),
         (3, group(3, &[(0, &given), (1, &found)])),
     ];
+    let groups = groups.into_iter().chain(tables.as_ref().map(|tables| (2, group(2, &[(0, tables)]))));
+    let groups: Vec<_> = groups.collect();
     let mut encoder = gpu.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
     {
         let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor::default());

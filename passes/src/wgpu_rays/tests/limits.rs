@@ -165,7 +165,7 @@ fn pictures_are_the_same_without_a_clock_and_in_launches_of_any_size() {
         // One tile a launch in dispatches one group wide, and several launches of which the last is short.
         for (tiles, most) in [(1, 1), (7, 3), (100, 65_535)] {
             alone(rays).limits.max_compute_workgroups_per_dimension = most;
-            rays.sizes.insert((Kind::of(job), 0), Some(tiles));
+            rays.sizes.insert((Kind::of(job, false), 0), Some(tiles));
             let (found, mine) = picture(rays, job);
             assert!(bits(&found) == bits(&expected), "{tiles} tiles a launch");
             assert_eq!((mine.rays.shadow, mine.device_time), (theirs.rays.shadow, None));

@@ -1,6 +1,8 @@
 //! Compares the backend with the processor. Without an adapter, tests that need one print `skipped: why` and pass; with
 //! `CURITIBA_REQUIRE_GPU_TESTS=1` they fail instead.
 
+mod bundles;
+mod caustics;
 mod cones;
 mod functions;
 mod glass;

@@ -99,7 +99,8 @@ fn cases() -> Vec<Case> {
 /// What the device answers; `change` is applied to the text of the programs.
 fn found(rays: &WgpuRays, cases: &[Case], change: impl Fn(String) -> String) -> Vec<[u32; WORDS]> {
     let variant = Variant::Panes(Fidelity::Corrected);
-    let kind = Kind { program: RayProgram::Reflection, variant, lighting: Lighting::Sun, spheres: true };
+    let kind =
+        Kind { program: RayProgram::Reflection, variant, lighting: Lighting::Sun, spheres: true, focuses: false };
     let text = source(kind, Stage::Whole, (rays.arithmetic, TextureLod::Zero), Split::default()).expect("written");
     let given: Vec<[f32; GIVEN]> = cases
         .iter()
@@ -110,7 +111,7 @@ fn found(rays: &WgpuRays, cases: &[Case], change: impl Fn(String) -> String) -> 
             [x, y, z, sphere.radius, a, b, c, u, v, w, t, 0.0]
         })
         .collect();
-    answers(&rays.gpu, change(text) + ENTRY, &[], &given)
+    answers(&rays.gpu, change(text) + ENTRY, (&[], &[]), &given)
 }
 
 /// The roots of the processor as the device says them.

@@ -35,7 +35,7 @@ fn every_text() -> HashMap<String, String> {
         let bodies = [Variant::Bodies, Variant::Ways].into_iter().filter(|_| knows);
         for variant in panes.into_iter().chain(bodies) {
             let eye = variant.knows_bodies().then_some(&Stage::Eye);
-            let kind = Kind { program: info.program, variant, lighting: Lighting::Sun, spheres: false };
+            let kind = Kind { program: info.program, variant, lighting: Lighting::Sun, spheres: false, focuses: false };
             let filtered = info.reads("filter").then_some(&Stage::Surfaces);
             let kernels =
                 stages(kind, 100).iter().chain(stages(kind, 1)).chain([&Stage::Whole]).chain(eye).chain(filtered);
@@ -55,7 +55,7 @@ fn every_text() -> HashMap<String, String> {
         let knows = Variant::OF_BODIES.contains(&program);
         for variant in [panes, Variant::Bodies, Variant::Ways].into_iter().filter(|variant| knows || *variant == panes)
         {
-            let kind = Kind { program, variant, lighting: Lighting::Lights, spheres: false };
+            let kind = Kind { program, variant, lighting: Lighting::Lights, spheres: false, focuses: false };
             for stage in stages(kind, 100).iter().chain(stages(kind, 1)).chain([&Stage::Whole]) {
                 for lod in [TextureLod::Zero, TextureLod::Cones] {
                     add(kind, *stage, Arithmetic::default(), lod, Split::default());
@@ -70,7 +70,7 @@ fn every_text() -> HashMap<String, String> {
         for variant in [panes, Variant::Bodies, Variant::Ways].into_iter().filter(|variant| knows || *variant == panes)
         {
             for lighting in [Lighting::Sun, Lighting::Lights] {
-                let kind = Kind { program: info.program, variant, lighting, spheres: true };
+                let kind = Kind { program: info.program, variant, lighting, spheres: true, focuses: false };
                 let eye = variant.knows_bodies().then_some(&Stage::Eye);
                 let filtered = info.reads("filter").then_some(&Stage::Surfaces);
                 let kernels = stages(kind, 100).iter().chain(stages(kind, 1)).chain([&Stage::Whole]);
@@ -82,11 +82,24 @@ fn every_text() -> HashMap<String, String> {
             }
         }
     }
+    // Where spheres focus light.
+    for variant in [Variant::Bodies, Variant::Ways] {
+        for lighting in [Lighting::Sun, Lighting::Lights] {
+            let kind = Kind { program: RayProgram::Final, variant, lighting, spheres: true, focuses: true };
+            for stage in
+                [100, 1, 0].into_iter().flat_map(|samples| stages(kind, samples)).chain([&Stage::Whole, &Stage::Eye])
+            {
+                for lod in [TextureLod::Zero, TextureLod::Cones] {
+                    add(kind, *stage, Arithmetic::default(), lod, Split::default());
+                }
+            }
+        }
+    }
     // With arrays in several bindings.
     let split = Split { bindings: [1, 2, 3, 4, 5], bytes: 1 << 27 };
     for program in [RayProgram::Ssao, RayProgram::Final] {
         let variant = Variant::Panes(Fidelity::Corrected);
-        let kind = Kind { program, variant, lighting: Lighting::Sun, spheres: false };
+        let kind = Kind { program, variant, lighting: Lighting::Sun, spheres: false, focuses: false };
         for stage in stages(kind, 100) {
             add(kind, *stage, Arithmetic::default(), TextureLod::Zero, split);
         }
@@ -110,8 +123,13 @@ fn every_text_is_valid_wgsl_that_needs_no_extension() {
 #[test]
 fn parameters_in_a_storage_buffer_are_copied_before_anything_else() {
     for program in [RayProgram::DeferredShadows, RayProgram::Ssao, RayProgram::Final] {
-        let kind =
-            Kind { program, variant: Variant::Panes(Fidelity::Corrected), lighting: Lighting::Sun, spheres: false };
+        let kind = Kind {
+            program,
+            variant: Variant::Panes(Fidelity::Corrected),
+            lighting: Lighting::Sun,
+            spheres: false,
+            focuses: false,
+        };
         for stage in stages(kind, 100).iter().chain(stages(kind, 1)).chain([&Stage::Whole]) {
             let text = source(kind, *stage, (Arithmetic::default(), TextureLod::Zero), Split::default());
             let text = text.expect("written");
@@ -133,7 +151,7 @@ fn parameters_in_a_storage_buffer_are_copied_before_anything_else() {
 fn parameters_lie_where_the_host_writes_them() {
     let info = RAY_PROGRAMS.iter().find(|info| is_written(info.program)).expect("a program");
     let variant = Variant::Panes(Fidelity::Corrected);
-    let kind = Kind { program: info.program, variant, lighting: Lighting::Sun, spheres: false };
+    let kind = Kind { program: info.program, variant, lighting: Lighting::Sun, spheres: false, focuses: false };
     // The last parameters are known to programs with exact spheres alone, whose structures are as long.
     let lengths = [false, true].map(|spheres| {
         let kind = Kind { spheres, ..kind };
@@ -179,7 +197,7 @@ fn programs_that_read_level_0_have_no_word_of_cones() {
             if variant == Variant::Ways && !knows {
                 continue;
             }
-            let kind = Kind { program: info.program, variant, lighting: Lighting::Sun, spheres: false };
+            let kind = Kind { program: info.program, variant, lighting: Lighting::Sun, spheres: false, focuses: false };
             let text = |lod| {
                 let text = source(kind, Stage::Whole, (Arithmetic::default(), lod), Split::default()).expect("written");
                 // Without the parameters, which all share, and what is only said.
@@ -200,7 +218,7 @@ fn programs_of_one_light_have_no_word_of_several() {
     for info in RAY_PROGRAMS.iter().filter(|info| is_written(info.program)) {
         let variant = Variant::Panes(Fidelity::Corrected);
         let text = |lighting| {
-            let kind = Kind { program: info.program, variant, lighting, spheres: false };
+            let kind = Kind { program: info.program, variant, lighting, spheres: false, focuses: false };
             let arithmetic = (Arithmetic::default(), TextureLod::Zero);
             source(kind, Stage::Whole, arithmetic, Split::default()).expect("written")
         };
@@ -226,4 +244,28 @@ fn programs_of_scenes_without_spheres_have_no_word_of_them() {
     }
     assert!(with >= 50 && without >= 100, "{with} {without}");
     assert!(!code(&segments(Arithmetic::default())).contains("sphere"));
+}
+
+#[test]
+fn programs_where_no_sphere_focuses_light_have_no_word_of_it() {
+    let words = ["focus", "lens", "left_out", "segment", "struct Turned", "⦃", "⦄"];
+    let code = |text: &str| text.lines().filter(|line| !line.trim_start().starts_with("//")).collect::<String>();
+    let (mut with, mut without) = (0, 0);
+    for (kernel, text) in &every_text() {
+        let code = code(text);
+        let says = words.iter().any(|word| code.contains(word));
+        let knows = [" Whole ", " List ", " Focus ", " Sum "].iter().any(|stage| kernel.contains(stage));
+        assert_eq!(says, knows && kernel.contains("focuses: true"), "{kernel}");
+        *if says { &mut with } else { &mut without } += 1;
+    }
+    assert!(with >= 30 && without >= 200, "{with} {without}");
+    // Kernels that ask for no light are those of any scene with spheres.
+    let variant = Variant::Bodies;
+    let of = |focuses| {
+        let kind = Kind { program: RayProgram::Final, variant, lighting: Lighting::Sun, spheres: true, focuses };
+        let text = |stage| source(kind, stage, (Arithmetic::default(), TextureLod::Zero), Split::default());
+        [Stage::Eye, Stage::Settle, Stage::Trace, Stage::Sum].map(text)
+    };
+    let (mine, others) = (of(true), of(false));
+    assert!(mine[..3] == others[..3] && mine[3] != others[3]);
 }

@@ -1,0 +1,18 @@
+// One directional light that is a point, as in `sun.wgsl`, and the segments on which focused light comes: what asks for the light then follows the
+// segment. Stands in the place of `sun.wgsl` where exact spheres focus light.
+var<private> is_segment: bool;
+var<private> segment_direction: vec3f;
+var<private> segment_length: f32;
+// From now on the light is looked for along a segment.
+fn look_along(direction: vec3f, length: f32) {
+    is_segment = true;
+    segment_direction = direction;
+    segment_length = length;
+}
+fn look_at_sun() { is_segment = false; }
+fn to_light() -> vec3f { return select(params.to_light, segment_direction, is_segment); }
+fn light_end() -> f32 { return select(HUGE, segment_length, is_segment); }
+fn way_left(gone: f32) -> f32 { return select(HUGE, segment_length - gone, is_segment); }
+fn in_shadow() -> f32 { return SHADOWED; }
+fn met_color(hit: Hit, surface: Surface⟨, footprint: f32⟩) -> vec3f { return lit_color(hit, surface.normal⟨, footprint⟩); }
+

@@ -1,0 +1,270 @@
+//! Light that exact spheres focus, in pictures: closed forms, and the processor's pictures.
+
+use super::glass::{FEW, auto, both, picture_on, solid};
+use super::pictures::differing;
+use super::{picture, rays_in_turn};
+use crate::cpu::CpuRays;
+use crate::effects::dielectric::ball::Turned;
+use crate::effects::tests::world::{Shot, World};
+use crate::wgpu_rays::layout::{COUNT_BYTES, COUNTS_BUFFER_BYTES};
+use crate::wgpu_rays::{CUT_FOCUS, WgpuRays};
+use curitiba_pipeline::backend::{RayBackend, RayJob, Sun};
+use curitiba_pipeline::glass::{Dielectric, GlassShadow, Shape};
+use curitiba_pipeline::programs::{Fidelity, RayParams, RayProgram};
+use curitiba_pipeline::scene::RenderScene;
+use glam::{Vec2, Vec3};
+use std::f64::consts::FRAC_PI_2;
+use std::sync::Arc;
+
+/// A sphere of glass so high above a white floor at z = 0, under light that falls straight down.
+fn above_a_floor(index: f32, height: f32) -> World {
+    let mut world = World::lit_along(Vec3::NEG_Z);
+    let glass = world.dielectric(solid(index));
+    world.sphere(glass, Vec3::Z * height, 1.0);
+    let ground = world.paint(Vec3::ONE);
+    world.quad(ground, Vec3::ZERO, Vec3::X * 20.0, Vec3::Y * 20.0);
+    world
+}
+
+/// The irradiance of the floor so far from the axis, in units of the light's, seen from below the sphere. The light is so strong that ambient light
+/// counts nothing.
+fn irradiance(rays: &mut dyn RayBackend, world: &World, radii: impl Iterator<Item = f32>) -> Vec<f64> {
+    let places = radii.map(|radius| Vec3::new(0.6, 0.8, 0.0) * radius);
+    let shot = Shot::of(world, Vec3::new(0.01, 0.02, 0.3), places);
+    let scene: Arc<RenderScene> = Arc::new(world.scene.clone());
+    let sun = world.sun.map(|sun| Sun { color: Vec3::splat(1e7), ..sun });
+    let params = auto(2, GlassShadow::Caustic, 0);
+    let job = RayJob { scene: &scene, sun, ..shot.job(RayProgram::Final, Fidelity::Corrected, params) };
+    rays.build(&scene, &vec![true; scene.materials.len()]).expect("built");
+    let (pixels, _) = picture(rays, &job);
+    let share = |(pixel, color): (&[f32; 4], &[f32; 4])| (f64::from(pixel[0]) / f64::from(color[0]) - 0.5) * 2.0;
+    pixels.iter().zip(&shot.color).map(share).collect()
+}
+
+/// The closed form of the irradiance of a plane below a sphere, without any blur: the sum over the rays that arrive so far from the axis of
+/// T b db / (rho drho), with the roots of rho(i) = rho and -rho between steps of the angle of incidence.
+fn closed_form(index: f64, height: f64, radius: f64) -> f64 {
+    let reaches = |incidence: f64| {
+        let ray = Turned::at(incidence, index);
+        let (sin, cos) = incidence.sin_cos();
+        let inner = (1.0 - (sin / index).powi(2)).sqrt();
+        // Where the ray leaves the sphere, and its direction.
+        let (angle, turned) =
+            (incidence + std::f64::consts::PI - 2.0 * (sin / index).asin(), 2.0 * (incidence - (sin / index).asin()));
+        let rho = angle.sin() - turned.tan() * (angle.cos() + height);
+        let (s, p) = ((cos - index * inner) / (cos + index * inner), (index * cos - inner) / (index * cos + inner));
+        let passes = (1.0 - 0.5 * (s * s + p * p)).powi(2);
+        (rho, passes, ray.direction.y > 0.0)
+    };
+    let steps = 2_000;
+    let at = |step: f64| FRAC_PI_2 * step / f64::from(steps);
+    let mut sum = 0.0;
+    for side in [radius, -radius] {
+        for step in 0..steps {
+            let [low, high] = [f64::from(step), f64::from(step + 1)].map(|step| (at(step), reaches(at(step))));
+            let down = low.1.2 && high.1.2;
+            if !down || (low.1.0 - side) * (high.1.0 - side) > 0.0 || low.1.0 == side {
+                continue;
+            }
+            let (mut a, mut b) = (low.0, high.0);
+            for _ in 0..60 {
+                let middle = 0.5 * (a + b);
+                if (reaches(middle).0 - side) * (low.1.0 - side) > 0.0 { a = middle } else { b = middle }
+            }
+            let h = 1e-6;
+            let slope = (reaches(a + h).0 - reaches(a - h).0) / (2.0 * h);
+            sum += reaches(a).1 * (a.sin() * a.cos() / (radius * slope)).abs();
+        }
+    }
+    sum
+}
+
+#[test]
+fn the_irradiance_below_a_sphere_has_the_closed_form() {
+    let Some(mut rays) = rays_in_turn() else { return };
+    // On the axis (1 - R)^4 / (1 - H / f)^2, with f = n / (2 (n - 1)).
+    for (height, expected) in [(2.0_f32, 8.2944), (3.0, 0.9216)] {
+        let found = irradiance(&mut *rays, &above_a_floor(1.5, height), [0.0].into_iter())[0];
+        println!("on the axis at {height}: {found}, and {expected}");
+        assert!((found / expected - 1.0).abs() < 1e-3, "{height}: {found} {expected}");
+    }
+    let world = above_a_floor(1.5, 2.0);
+    // The means of rings, to four digits; where the sun shines as well, without it.
+    const STEPS: u16 = 400;
+    for ([inner, outer], expected) in [
+        ([0.0_f32, 0.1], 6.807),
+        ([0.1, 0.2], 4.058),
+        ([0.2, 0.3], 2.234),
+        ([0.3, 0.5], 1.039),
+        ([0.5, 1.0], 0.2768),
+        ([1.0, 2.0], 0.0384),
+    ] {
+        let square =
+            |step: u16| inner * inner + (outer * outer - inner * inner) * (f32::from(step) + 0.5) / f32::from(STEPS);
+        let all = irradiance(&mut *rays, &world, (0..STEPS).map(|step| square(step).sqrt()));
+        let direct = if inner >= 1.0 { 1.0 } else { 0.0 };
+        let mean = all.iter().sum::<f64>() / f64::from(STEPS) - direct;
+        println!("ring {inner} to {outer}: {mean}, and {expected}");
+        assert!((mean - expected).abs() < 2e-3 * expected + 2e-4, "{inner} to {outer}: {mean} {expected}");
+    }
+    // Point by point, where the closed form is finite and hardly curved over the width.
+    for (index, height) in [(1.5_f32, 2.0_f32), (1.33, 3.0), (2.42, 1.5)] {
+        let radii = || (0..300).map(|step| 0.02 + 0.003 * step as f32);
+        let found = irradiance(&mut *rays, &above_a_floor(index, height), radii());
+        let (mut square, mut number, mut worst) = (0.0, 0.0, 0.0_f64);
+        for (radius, found) in radii().zip(&found) {
+            let [before, here, after] =
+                [-4e-3, 0.0, 4e-3].map(|way| closed_form(index.into(), height.into(), f64::from(radius) + way));
+            if (before - here).abs().max((after - here).abs()) > 0.1 * here {
+                continue;
+            }
+            let error = (found - here) / here;
+            square += error * error;
+            number += 1.0;
+            worst = worst.max(error.abs());
+        }
+        let rmse = (square / number).sqrt();
+        println!("index {index} at {height}: {number} points, RMSE {rmse:.1e}, worst {worst:.1e}");
+        assert!(number > 200.0 && rmse < 1e-4 && worst < 1e-3, "{index} {height}: {rmse} {worst}");
+    }
+    // Control: of another index.
+    let other = irradiance(&mut *rays, &above_a_floor(1.53, 2.0), [0.0].into_iter())[0];
+    assert!((other / 8.2944 - 1.0).abs() > 0.05, "{other}");
+}
+
+const EYE: Vec3 = Vec3::new(0.2, 0.4, 7.0);
+
+/// Spheres over a floor and before a wall, of which some focus light: a clear one, one that absorbs, one that lies in a block of glass, two that
+/// touch, and one of index 1; beside a red thin wall that takes of focused light.
+fn spheres() -> World {
+    let mut world = World { beyond: Vec3::new(0.2, 0.5, 0.9), ..World::lit_along(Vec3::new(-0.25, -0.8, -0.5)) };
+    let floor = world.paint(Vec3::new(0.8, 0.7, 0.5));
+    world.quad(floor, Vec3::new(0.0, -1.7, 0.0), Vec3::Z * 9.0, Vec3::X * 9.0);
+    world.quad(floor, Vec3::new(0.0, 0.0, -2.0), Vec3::X * 9.0, Vec3::Y * 9.0);
+    let clear = world.dielectric(solid(1.5));
+    world.sphere(clear, Vec3::new(-0.9, -0.4, 0.6), 0.7);
+    let blue = world.dielectric(Dielectric { extinction: Vec3::new(1.2, 0.5, 0.1), veil: 0.1, ..solid(1.33) });
+    world.sphere(blue, Vec3::new(0.9, -0.8, 0.3), 0.6);
+    world.sphere(clear, Vec3::new(2.0, 0.9, 0.0), 0.4);
+    world.sphere(blue, Vec3::new(2.4, 1.4, 0.0), 0.4);
+    let air = world.dielectric(solid(1.0));
+    world.sphere(air, Vec3::new(-2.0, 1.2, 0.0), 0.5);
+    let block = world.dielectric(Dielectric { priority: 1, ..solid(1.2) });
+    for (x, y, z) in [(Vec3::X, Vec3::Y, Vec3::Z), (Vec3::Y, Vec3::Z, Vec3::X), (Vec3::Z, Vec3::X, Vec3::Y)] {
+        for side in [1.0, -1.0] {
+            world.quad(block, Vec3::new(0.2, 1.3, 0.0) + z * 0.5 * side, x * 0.5 * side, y * 0.5);
+        }
+    }
+    let bead = world.dielectric(solid(1.8));
+    world.sphere(bead, Vec3::new(0.2, 1.3, 0.0), 0.3);
+    let wall = Dielectric { shape: Shape::Thin, thickness: 0.1, filter: Vec3::new(0.9, 0.3, 0.2), ..solid(1.5) };
+    let wall = world.dielectric(wall);
+    world.quad(wall, Vec3::new(-1.2, -1.4, -0.2), Vec3::X * 0.4, Vec3::Z * 0.5);
+    world
+}
+
+/// How many pixels differ where light is focused and where it goes straight, on the processor.
+fn seen(world: &World, params: RayParams, expected: &[[f32; 4]]) -> usize {
+    let straight = RayParams { shadow: GlassShadow::Straight, ..params };
+    let (without, _) = picture_on(&mut CpuRays::new(), world, EYE, RayProgram::Final, straight);
+    differing(&without, expected, 0.02)
+}
+
+#[test]
+fn focused_light_falls_where_the_processors_does() {
+    let world = spheres();
+    // Several kernels, one after the other, without occlusion and with it; a light that is a point, and a disc.
+    for params in
+        [auto(2, GlassShadow::Caustic, 0), RayParams { sun: 1.5, sun_samples: 4, ..auto(2, GlassShadow::Caustic, 2) }]
+    {
+        let Some([found, expected]) = both(&world, EYE, RayProgram::Final, params) else { return };
+        let (off, changed) = (differing(&found, &expected, 0.01), seen(&world, params, &expected));
+        println!("{off} pixels are off by more than a hundredth; focused light changes {changed}");
+        assert!(off <= FEW, "{params:?}: {off} pixels are off");
+        assert!(changed > 4 * FEW, "{changed} pixels show focused light");
+    }
+}
+
+#[test]
+fn pixels_whose_points_do_not_fit_have_the_same_light() {
+    let Some(mut rays) = rays_in_turn() else { return };
+    let world = spheres();
+    let params = auto(2, GlassShadow::Caustic, 0);
+    let (expected, _) = picture_on(&mut *rays, &world, EYE, RayProgram::Final, params);
+    // For one point of each pixel and a few seen through glass.
+    rays.room = Some(64 * 64 + 10);
+    let (found, _) = picture_on(&mut *rays, &world, EYE, RayProgram::Final, params);
+    rays.room = None;
+    assert_eq!(differing(&found, &expected, 1e-3), 0);
+    // One launch, whose points are counted behind the rays.
+    let mut listed = 0;
+    let mut encoder = rays.gpu.device.create_command_encoder(&wgpu::CommandEncoderDescriptor { label: None });
+    encoder.copy_buffer_to_buffer(&rays.counts, 0, &rays.counts_staging, 0, COUNTS_BUFFER_BYTES);
+    let finished = Some(encoder.finish());
+    let read = rays.gpu.read_mapped(&rays.counts_staging, COUNTS_BUFFER_BYTES, finished, "reading", |bytes| {
+        listed = bytemuck::cast_slice::<u8, u32>(bytes)[COUNT_BYTES as usize / 4];
+    });
+    read.expect("read");
+    assert!(listed > 64 * 64 + 100, "control: {listed} points, and all fit");
+}
+
+#[test]
+fn spheres_that_focus_nothing_have_the_programs_of_straight_light() {
+    let Some(mut rays) = rays_in_turn() else { return };
+    let mut world = World::lit_along(Vec3::new(0.3, 0.2, -1.0));
+    let air = world.dielectric(solid(1.0));
+    world.sphere(air, Vec3::Z * 2.0, 1.0);
+    let ground = world.paint(Vec3::ONE);
+    world.quad(ground, Vec3::ZERO, Vec3::X * 20.0, Vec3::Y * 20.0);
+    let [caustic, straight] = [GlassShadow::Caustic, GlassShadow::Straight]
+        .map(|shadow| picture_on(&mut *rays, &world, EYE, RayProgram::Final, auto(2, shadow, 0)).0);
+    assert!(super::bits(&caustic) == super::bits(&straight));
+    let Some((kind, _)) = rays.sizes.keys().find(|(kind, _)| kind.program == RayProgram::Final) else { panic!("ran") };
+    assert!(!kind.focuses, "{kind:?}");
+}
+
+#[test]
+fn photons_at_meshes_are_refused_by_name_and_spheres_alone_are_not() {
+    let Some(mut rays) = rays_in_turn() else { return };
+    assert!(!rays.shoots_photons() && CpuRays::new().shoots_photons());
+    let params = RayParams { photons: 5000, ..auto(2, GlassShadow::Caustic, 0) };
+    let run = |rays: &mut WgpuRays, world: &World, params: RayParams| {
+        let shot = Shot::of(world, EYE, [Vec3::ZERO]);
+        let scene: Arc<RenderScene> = Arc::new(world.scene.clone());
+        let job = RayJob { scene: &scene, ..shot.job(RayProgram::Final, Fidelity::Corrected, params) };
+        rays.build(&scene, &vec![true; scene.materials.len()]).expect("built");
+        let mut output = curitiba_pipeline::image::Image::filled(1, 1, [0.0; 4]);
+        rays.run(&job, &mut output, &super::Progress::default()).map(|_| ())
+    };
+    let refused = run(&mut rays, &spheres(), params).expect_err("there is a block").to_string();
+    assert!(
+        refused.contains("photons=5000") && refused.contains("material `") && refused.contains("photons=0"),
+        "{refused}"
+    );
+    assert!(run(&mut rays, &above_a_floor(1.5, 2.0), params).is_ok(), "no mesh is shot at");
+    assert!(run(&mut rays, &spheres(), RayParams { photons: 0, ..params }).is_ok());
+}
+
+/// A driver that leaves loops would lose the light of most of a thousand spheres without a word.
+#[test]
+fn more_spheres_than_a_driver_takes_in_one_loop_are_refused() {
+    let Some(mut rays) = rays_in_turn() else { return };
+    let mut world = World::lit_along(Vec3::NEG_Z);
+    let glass = world.dielectric(solid(1.5));
+    for index in 0..1000 {
+        let at = Vec2::new((index % 32) as f32, (index / 32) as f32) - 16.0;
+        world.sphere(glass, (at * 0.3).extend(1.0), 0.1);
+    }
+    let ground = world.paint(Vec3::ONE);
+    world.quad(ground, Vec3::ZERO, Vec3::X * 20.0, Vec3::Y * 20.0);
+    let shot = Shot::of(&world, Vec3::Z * 0.5, [Vec3::ZERO, Vec3::X]);
+    let scene: Arc<RenderScene> = Arc::new(world.scene.clone());
+    let params = auto(2, GlassShadow::Caustic, 0);
+    let job = RayJob { scene: &scene, ..shot.job(RayProgram::Final, Fidelity::Corrected, params) };
+    rays.build(&scene, &vec![true; scene.materials.len()]).expect("built");
+    let mut output = curitiba_pipeline::image::Image::filled(2, 1, [0.0; 4]);
+    match rays.run(&job, &mut output, &super::Progress::default()) {
+        Ok(_) => assert!(!super::selftest::cuts_loops(&rays.gpu).expect("tried"), "light is missing"),
+        Err(error) => assert!(error.to_string().contains(CUT_FOCUS), "{error}"),
+    }
+}
