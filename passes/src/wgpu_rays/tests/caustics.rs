@@ -188,6 +188,11 @@ fn focused_light_falls_where_the_processors_does() {
 #[test]
 fn pixels_whose_points_do_not_fit_have_the_same_light() {
     let Some(mut rays) = rays_in_turn() else { return };
+    if super::selftest::cuts_loops(&rays.gpu).expect("tried") {
+        return eprintln!(
+            "skipped: one thread finds the light of several points, for which this driver leaves loops and says so"
+        );
+    }
     let world = spheres();
     let params = auto(2, GlassShadow::Caustic, 0);
     let (expected, _) = picture_on(&mut *rays, &world, EYE, RayProgram::Final, params);
