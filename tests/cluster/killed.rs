@@ -59,9 +59,17 @@ fn a_benchmark_that_is_killed_fifty_times_is_whole_in_the_end() {
     let took = start.elapsed().as_millis() as u64;
     first.kill().expect("killed");
     first.wait().expect("it ended");
-    let killed = kill(folder, &in_parts, scattered(50, took * 5 / 4), whole);
-    let left = names(&parts).iter().filter(|name| name.ends_with(".json")).count() - 1;
-    println!("{killed} of 50 were still running, and left {left} of 120 rows; the first took {took} ms");
+    // On a machine that became slower since, no process gets as far as a row: then more are killed, later.
+    let (mut killed, mut left, mut below) = (0, 0, took * 5 / 4);
+    for _ in 0..6 {
+        killed += kill(folder, &in_parts, scattered(50, below), whole);
+        left = names(&parts).iter().filter(|name| name.ends_with(".json")).count() - 1;
+        if left > 1 {
+            break;
+        }
+        below *= 2;
+    }
+    println!("{killed} were still running, and left {left} of 120 rows; the first took {took} ms");
     assert!(killed >= 10 && left > 1, "{killed} were still running, and left {left} rows");
     succeeds(folder, &in_parts);
     let (_, told) = succeeds(folder, &["merge", "all.json", "parts"]);
