@@ -44,6 +44,9 @@ inline int __clz(unsigned v) {
     return zeros;
 }
 inline unsigned __byte_perm(unsigned a, unsigned b, unsigned selector) {
+    // Whole words, which are chosen for each triangle.
+    if (selector == 0x3210u) return a;
+    if (selector == 0x7654u) return b;
     std::uint64_t bytes = (std::uint64_t)b << 32 | a;
     unsigned result = 0;
     for (int place = 0; place < 4; ++place) result |= (unsigned)(bytes >> 8 * (selector >> 4 * place & 7u) & 255u) << 8 * place;
