@@ -45,12 +45,11 @@ pub struct CpuRays {
     filter: Filter,
 }
 
-#[cfg(feature = "wgpu")]
 impl Structure {
-    /// That of a scene; the arguments are those of [`RayBackend::build`].
-    pub(crate) fn new(scene: &RenderScene, filtered: &[bool]) -> Self {
-        let triangles = Bvh::build(&scene.geometry, filtered, Quality::default());
-        Self { triangles, spheres: SphereTree::build(&scene.geometry, filtered) }
+    /// That of a scene; the arguments are those of [`RayBackend::build_until`], and so is what gives nothing.
+    pub(crate) fn build_until(scene: &RenderScene, filtered: &[bool], progress: &Progress) -> Option<Self> {
+        let triangles = Bvh::build_until(&scene.geometry, filtered, Quality::default(), progress)?;
+        Some(Self { triangles, spheres: SphereTree::build(&scene.geometry, filtered) })
     }
 }
 
@@ -128,12 +127,12 @@ impl RayBackend for CpuRays {
     ) -> Result<BuildStats, BackendError> {
         // The old structure is released first: two would not always fit.
         self.built = None;
-        let Some(triangles) = Bvh::build_until(&scene.geometry, filtered, Quality::default(), progress) else {
+        let Some(built) = Structure::build_until(scene, filtered, progress) else {
             return Ok(BuildStats::default());
         };
-        let spheres = SphereTree::build(&scene.geometry, filtered);
+        let Structure { triangles, spheres } = &built;
         let (bytes, nodes) = (triangles.bytes() + spheres.bytes(), triangles.node_count() + spheres.node_count());
-        self.built = Some((Arc::clone(scene), Structure { triangles, spheres }));
+        self.built = Some((Arc::clone(scene), built));
         Ok(BuildStats { bytes: bytes as u64, nodes: nodes as u64 })
     }
 
@@ -198,7 +197,8 @@ pub(crate) fn lenses(structure: &Structure, job: &RayJob<'_>) -> Result<Lenses, 
     let job = RayJob { params: RayParams { photons: 0, ..job.params }, ..*job };
     let Structure { triangles, spheres } = structure;
     let coverage = AlphaTested { scene: job.scene, shades: job.shades };
-    Ok(new_pass(&job, &WithSpheres { triangles, spheres }, coverage, None)?.lenses)
+    let tracer = WithSpheres { triangles, spheres };
+    Ok(new_pass(&job, &Erased::<true>::new(&tracer), coverage, None)?.lenses)
 }
 
 /// The structure of an empty scene.

@@ -5,20 +5,27 @@
 #include "surface.cuh"
 #include "words.h"
 
-// The nearest hit of each ray, and whether it meets any sphere.
+static Ray ray_of_words() {
+    Ray ray = {vector(), vector(), 0.0f, 0.0f};
+    ray.t_min = number();
+    ray.t_max = number();
+    return ray;
+}
+
+// The nearest hit of a ray, and whether it meets any sphere.
+static void put_met(const Params &params, const Ray &ray) {
+    Hit hit = closest_sphere<ACCEPT_ALL>(params, ray);
+    put(hit.triangle);
+    put(hit.triangle == NO_TRIANGLE ? 0.0f : hit.t);
+    put((unsigned)occluded_by_sphere<ACCEPT_ALL>(params, ray, nullptr));
+}
+
+// What each ray meets.
 static void rays() {
     SpheresOfWords spheres;
     Params params = {};
     params.handle = (unsigned long long)&spheres.described;
-    while (place < input.size()) {
-        Ray ray = {vector(), vector(), 0.0f, 0.0f};
-        ray.t_min = number();
-        ray.t_max = number();
-        Hit hit = closest_sphere<ACCEPT_ALL>(params, ray);
-        put(hit.triangle);
-        put(hit.triangle == NO_TRIANGLE ? 0.0f : hit.t);
-        put((unsigned)occluded_by_sphere<ACCEPT_ALL>(params, ray, nullptr));
-    }
+    while (place < input.size()) put_met(params, ray_of_words());
 }
 
 // Whether rays of a length may meet a sphere.
@@ -47,13 +54,8 @@ static void alone() {
         Spheres spheres = {&node, &sphere, 1, 0, {node.low[0], node.low[1], node.low[2]}, {node.high[0], node.high[1], node.high[2]}};
         Params params = {};
         params.handle = (unsigned long long)&spheres;
-        Ray ray = {vector(), vector(), 0.0f, 0.0f};
-        ray.t_min = number();
-        ray.t_max = number();
-        Hit hit = closest_sphere<ACCEPT_ALL>(params, ray);
-        put(hit.triangle);
-        put(hit.triangle == NO_TRIANGLE ? 0.0f : hit.t);
-        put((unsigned)occluded_by_sphere<ACCEPT_ALL>(params, ray, nullptr));
+        Ray ray = ray_of_words();
+        put_met(params, ray);
         SurfacePoint points[] = {on_sphere(sphere, ray.origin), met_on_sphere(sphere, ray.origin, ray.direction, number())};
         for (const SurfacePoint &point : points) {
             put(point.position);

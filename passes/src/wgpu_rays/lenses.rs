@@ -6,6 +6,7 @@ use crate::effects::dielectric::ball::{Ball, Turned};
 use crate::effects::dielectric::{Lenses, Variant, asks_for_lenses, light_axis, light_blur};
 use curitiba_pipeline::backend::{BackendError, RayJob};
 use curitiba_pipeline::glass::{Dielectric, Shape};
+use curitiba_pipeline::progress::Progress;
 use curitiba_pipeline::scene::Geometry;
 use glam::{DVec3, Vec3};
 
@@ -32,7 +33,9 @@ impl FindsLenses {
             return Ok(Lenses::default());
         }
         if has_bodies(&job.scene.geometry, job.dielectrics) {
-            let structure = self.structure.get_or_insert_with(|| Structure::new(job.scene, filtered));
+            let build =
+                || Structure::build_until(job.scene, filtered, &Progress::default()).expect("nobody gives it up");
+            let structure = self.structure.get_or_insert_with(build);
             return cpu::lenses(structure, job);
         }
         // Spheres that touch each other are left out anyway.
