@@ -162,16 +162,20 @@ pub struct Warnings {
 impl Warnings {
     /// Counts a warning `what` in `file`. `place` is called only while places are still kept.
     pub fn add(&mut self, file: &Path, what: &'static str, remedy: &'static str, place: impl FnOnce() -> String) {
+        let group = self.group(file, what, remedy);
+        group.count += 1;
+        if group.places.len() < WarningGroup::PLACES {
+            group.places.push(place());
+        }
+    }
+
+    fn group(&mut self, file: &Path, what: &'static str, remedy: &'static str) -> &mut WarningGroup {
         let index =
             self.groups.iter().position(|group| group.what == what && group.file == file).unwrap_or_else(|| {
                 self.groups.push(WarningGroup { file: file.to_owned(), what, remedy, count: 0, places: Vec::new() });
                 self.groups.len() - 1
             });
-        let group = &mut self.groups[index];
-        group.count += 1;
-        if group.places.len() < WarningGroup::PLACES {
-            group.places.push(place());
-        }
+        &mut self.groups[index]
     }
 
     /// Appends the warnings of another file.

@@ -50,7 +50,8 @@ impl Report {
         self.errors > 0
     }
 
-    fn push(&mut self, severity: Severity, at: Span, message: String, help: impl FnOnce() -> Option<String>) {
+    /// Not generic, since there are hundreds of callers; `help` is called once at most.
+    fn push(&mut self, severity: Severity, at: Span, message: String, help: &mut dyn FnMut() -> Option<String>) {
         // A pass that a script repeats is read for each run.
         let same = |(place, problem): &(Span, Problem)| {
             *place == at && problem.severity == severity && problem.message == message
@@ -69,22 +70,24 @@ impl Report {
 
     /// Reports an error without a hint.
     pub fn error(&mut self, at: Span, message: impl Into<String>) {
-        self.push(Severity::Error, at, message.into(), || None);
+        self.push(Severity::Error, at, message.into(), &mut || None);
     }
 
     /// Reports an error with a hint. `help` is called only if the error is kept.
     pub fn error_help(&mut self, at: Span, message: impl Into<String>, help: impl FnOnce() -> String) {
-        self.push(Severity::Error, at, message.into(), || Some(help()));
+        let mut help = Some(help);
+        self.push(Severity::Error, at, message.into(), &mut || help.take().map(|help| help()));
     }
 
     /// Reports a warning: something was left out or replaced.
     pub fn warning(&mut self, at: Span, message: impl Into<String>, help: impl FnOnce() -> Option<String>) {
-        self.push(Severity::Warning, at, message.into(), help);
+        let mut help = Some(help);
+        self.push(Severity::Warning, at, message.into(), &mut || help.take().and_then(|help| help()));
     }
 
     /// Reports a note.
     pub fn note(&mut self, at: Span, message: impl Into<String>) {
-        self.push(Severity::Note, at, message.into(), || None);
+        self.push(Severity::Note, at, message.into(), &mut || None);
     }
 
     /// The current point in the sequence of reports.
