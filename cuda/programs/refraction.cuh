@@ -27,7 +27,13 @@ template <class Tracer> DEVICE float4 corrected(Pass<Tracer> &pass) {
 }
 
 #ifdef CURITIBA_BODIES
+#ifdef CURITIBA_WAYS
+#include "ways.cuh"
+using Walk = WaysWalk;
+#else
 #include "bodies.cuh"
+using Walk = BodyWalk;
+#endif
 
 // As `corrected`, of glass as each material says: the body that the camera is in absorbs light from other surfaces too.
 template <class Tracer> DEVICE float4 bodies(Pass<Tracer> &pass) {
@@ -41,7 +47,7 @@ template <class Tracer> DEVICE float4 bodies(Pass<Tracer> &pass) {
     }
     float3 view;
     Surface surface = pass.surface_at(triangle, pass.normal(), view);
-    BodyWalk walk;
+    Walk walk;
     walk.enter_pixel(pass, triangle, surface, view, 0u, kept);
     BodyEnd end;
     float3 color = splat(0.0f);
