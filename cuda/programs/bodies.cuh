@@ -50,8 +50,10 @@ DEVICE bool without_body(Media &media, unsigned body, bool &fills) {
 // What a line that crosses the surface of a body finds.
 struct Border {
     Media after;
+#ifdef CURITIBA_WAYS
     // What fills the place before and behind.
     unsigned before, behind;
+#endif
     // Index of refraction behind over that before; where another body fills the place on both sides there is no surface.
     float ratio;
     bool is_surface, overflows;
@@ -67,8 +69,10 @@ DEVICE Border cross_border(const Params &params, const Media &media, unsigned bo
         // Who leaves a body that is not known to have been entered was in it all the same.
         before = with_body(params, media, body, border.is_surface, border.overflows);
     }
+#ifdef CURITIBA_WAYS
     border.before = top_of(before);
     border.behind = top_of(border.after);
+#endif
     border.ratio = border.is_surface ? index_in(params, border.after) / index_in(params, before) : 1.0f;
     return border;
 }
@@ -103,7 +107,7 @@ DEVICE Interface interface_at(const Params &params, float cos_incident, float ra
 DEVICE const Ways &ways_asked(const Params &params) { return *(const Ways *)params.segments; }
 #endif
 // The same of a material, whose own reflectance, if it has one, replaces Fresnel's except at total reflection (`interface_of` of `optics.rs`).
-DEVICE Interface face_at(const Params &params, [[maybe_unused]] unsigned material, float cos_incident, float ratio) {
+DEVICE Interface face_at(const Params &params, OF_WAYS(unsigned material, ) float cos_incident, float ratio) {
     Interface interface = interface_at(params, cos_incident, ratio);
 #ifdef CURITIBA_WAYS
     const Face &face = ways_asked(params).faces[material];
@@ -494,12 +498,12 @@ template <class Tracer> static __device__ OUTLINED float3 straight_through(Pass<
             pass.rays.lost += border.overflows;
             media = border.after;
             if (border.is_surface) {
-                Interface face = face_at(params, material(i), cosine, fmaxf(border.ratio, 1.0f / border.ratio));
+                Interface face = face_at(params, OF_WAYS(material(i), ) cosine, fmaxf(border.ratio, 1.0f / border.ratio));
                 passes = passes * ((1.0f - face.reflectance) * filter_of(params, body, hit, NO_FOOTPRINT));
             }
         } else if (body.shape == SHAPE_THIN) {
             float ratio = body.index / index_in(params, media);
-            Interface face = face_at(params, material(i), cosine, fmaxf(ratio, 1.0f / ratio));
+            Interface face = face_at(params, OF_WAYS(material(i), ) cosine, fmaxf(ratio, 1.0f / ratio));
             passes = passes * (wall_of(face.reflectance, kept_across(body, face.cos_refracted)).transmitted * filter_of(params, body, hit, NO_FOOTPRINT));
         } else {
             passes = passes * THROUGH_GLASS;

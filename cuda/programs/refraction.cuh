@@ -48,7 +48,13 @@ template <class Tracer> DEVICE float4 bodies(Pass<Tracer> &pass) {
     float3 view;
     Surface surface = pass.surface_at(triangle, pass.normal(), view);
     Walk walk;
-    walk.enter_pixel(pass, triangle, surface, view, 0u, kept);
+#ifdef CURITIBA_WAYS
+    // Ways are chosen by the random numbers of the pixel.
+    unsigned key = pixel_key(pass.pixel.x, pass.pixel.y, pass.params.seed);
+#else
+    constexpr unsigned key = 0u;
+#endif
+    walk.enter_pixel(pass, triangle, surface, view, key, kept);
     BodyEnd end;
     float3 color = splat(0.0f);
     while (walk.advance(pass, end)) color = color + end.weight * met_color(pass.params, end.hit, end.footprint, end.surface);

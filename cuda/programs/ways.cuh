@@ -41,7 +41,7 @@ DEVICE float passes_facets(const Microfacet &facet, float3 direction) {
     return (1.0f + facet.viewer) / (1.0f + facet.viewer + smith(facet.alpha, fabsf(dot(direction, facet.surface))));
 }
 
-DEVICE float largest(float3 v) { return fmaxf(v.x, fmaxf(v.y, v.z)); }
+DEVICE float greatest(float3 v) { return fmaxf(v.x, fmaxf(v.y, v.z)); }
 
 // The tree of rays of one pixel, walked from end to end.
 struct WaysWalk {
@@ -152,7 +152,7 @@ struct WaysWalk {
         path.refractions += !mirrors;
         if (mirrors ? path.reflections > ways.reflections : path.refractions > ways.refractions) return -1.0f;
         // Weights of wavelengths may be negative.
-        path.importance = path.importance * largest(absolute(weight));
+        path.importance = path.importance * greatest(absolute(weight));
         if (path.importance >= ways.cutoff) return 1.0f;
         if ((ways.asks & WAYS_ROULETTE) == 0u) return -1.0f;
         float chance = path.importance / ways.cutoff;
@@ -457,7 +457,7 @@ struct WaysWalk {
             now = {hit, met, next.direction, next.weight * left, footprint, next.path};
             now.path.cone = cone;
             if (is_glass(params, hit.triangle)) {
-                now.path.importance = now.path.importance * largest(left);
+                now.path.importance = now.path.importance * greatest(left);
                 meets = true;
                 continue;
             }

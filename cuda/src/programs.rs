@@ -263,7 +263,11 @@ mod tests {
                 }
                 // Those that follow ways are the same for all scenes.
                 let is_for_all = variant == Variant::Ways && without == Some(text);
-                assert!(is_for_all || without.is_none_or(|text| !text.contains("_sphere")), "{} knows spheres", info.stem);
+                assert!(
+                    is_for_all || without.is_none_or(|text| !text.contains("_sphere")),
+                    "{} knows spheres",
+                    info.stem
+                );
             }
         }
     }

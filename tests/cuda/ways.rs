@@ -98,7 +98,8 @@ fn rough(backend: BackendChoice) {
         &["pass2.samples=16", "pass2.paths=4", "pass2.depth=1"],
         &["pass2.samples=0", "pass2.paths=4", "pass2.texturelod=cones", "pass2.cutoff=0.005", "pass2.roulette=on"],
     ];
-    let mut runs: Vec<(Project, &str, &[&str])> = Vec::from(sets.map(|set| (loaded("glass/Frosted"), "glass/Frosted", set)));
+    let mut runs: Vec<(Project, &str, &[&str])> =
+        Vec::from(sets.map(|set| (loaded("glass/Frosted"), "glass/Frosted", set)));
     let mut in_lights = loaded("glass/Frosted");
     add_lamps(&mut in_lights, "MainCamera");
     runs.push((in_lights, "glass/Frosted", &["pass2.samples=4", "pass2.paths=4", "pass2.depth=1"]));

@@ -185,6 +185,7 @@ int main() {
     numbers(open_share);
     params.open_share = open_share.data();
 #ifdef CURITIBA_WAYS
+    params.seed = word();
     std::vector<Face> faces(bodies.size());
     for (Face &face : faces) {
         face.spread = number();

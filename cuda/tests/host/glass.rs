@@ -503,6 +503,7 @@ fn serialised(job: &RayJob<'_>) -> Vec<u32> {
     let open = open_shares(job.params.samples, job.params.intensity);
     input.extend(open.into_iter().map(f32::to_bits));
     if Variant::of(job) == Variant::Ways {
+        input.push(job.seed);
         input.extend(way_words(&WayTables::of(job)));
     }
     if !geometry.spheres.is_empty() {
@@ -550,8 +551,18 @@ fn glass_of_the_device_programs_looks_as_on_the_processor() {
                 (Fresnel::Exact, GlassShadow::Straight, 3, TextureLod::Cones),
                 (Fresnel::Schlick, GlassShadow::Report, 0, TextureLod::Cones),
             ] {
-                let asked =
-                    Asked { program, fresnel, shadow, depth, lod, lights: &[], sun: 0.0, samples: 0, panes: false, divided: WHOLE };
+                let asked = Asked {
+                    program,
+                    fresnel,
+                    shadow,
+                    depth,
+                    lod,
+                    lights: &[],
+                    sun: 0.0,
+                    samples: 0,
+                    panes: false,
+                    divided: WHOLE,
+                };
                 let (largest, counts, shown) = differences(&compiled, &scene, asked);
                 let what = format!("{program:?}, {fresnel:?}, {shadow:?}, depth {depth}, {lod:?}");
                 assert!(largest < ROUNDING && counts == 0, "{what}: {largest}, {counts} counts differ");
@@ -566,7 +577,18 @@ fn a_wrong_word_of_the_device_programs_is_noticed() {
     let lod = TextureLod::Cones;
     let asked = |program| {
         let (fresnel, shadow) = (Fresnel::Exact, GlassShadow::Straight);
-        Asked { program, fresnel, shadow, depth: 5, lod, lights: &[], sun: 0.0, samples: 0, panes: false, divided: WHOLE }
+        Asked {
+            program,
+            fresnel,
+            shadow,
+            depth: 5,
+            lod,
+            lights: &[],
+            sun: 0.0,
+            samples: 0,
+            panes: false,
+            divided: WHOLE,
+        }
     };
     for (program, scene, change) in [
         // Absorption over twice the distance.
@@ -624,7 +646,18 @@ fn the_body_around_the_camera_absorbs_light_from_what_is_in_it() {
         let source = if program == RayProgram::Final { "glass_final.cpp" } else { "glass.cpp" };
         let compiled = compiled_with(source, &format!("glass-inside-{program:?}"), change)?;
         let (fresnel, shadow) = (Fresnel::Exact, GlassShadow::Straight);
-        let asked = Asked { program, fresnel, shadow, depth: 3, lod, lights: &[], sun: 0.0, samples: 0, panes: false, divided: WHOLE };
+        let asked = Asked {
+            program,
+            fresnel,
+            shadow,
+            depth: 3,
+            lod,
+            lights: &[],
+            sun: 0.0,
+            samples: 0,
+            panes: false,
+            divided: WHOLE,
+        };
         let (mut opaque, mut off, mut around, mut unlike) = (0, 0.0_f32, 0.0_f32, 0.0_f32);
         each_pixel(&compiled, &scene, asked, |seen, pixel, [found, expected]| {
             let triangle = seen.triangle[pixel];
@@ -676,7 +709,18 @@ fn a_wrong_word_of_what_is_said_of_a_sky_is_noticed() {
         (RayProgram::Final, "final.cuh", ["is_black(color) || is_sky(params, triangle)", "is_black(color)"]),
     ] {
         let Some(compiled) = compiled_program(program, "sky-changed", Some((header, change))) else { return };
-        let asked = Asked { program, fresnel, shadow, depth: 5, lod, lights: &[], sun: 0.0, samples: 0, panes: false, divided: WHOLE };
+        let asked = Asked {
+            program,
+            fresnel,
+            shadow,
+            depth: 5,
+            lod,
+            lights: &[],
+            sun: 0.0,
+            samples: 0,
+            panes: false,
+            divided: WHOLE,
+        };
         let (largest, _, _) = differences(&compiled, &under_a_sky(), asked);
         assert!(largest > 1e-3, "{change:?} is not noticed: {largest}");
     }

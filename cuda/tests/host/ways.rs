@@ -2,7 +2,8 @@
 //! `ways.cuh` bit for bit, and the programs that follow such paths, compiled for the host as those in `glass.rs`.
 
 use super::glass::{
-    Asked, Divided, ROUNDING, Scene, WHOLE, differences, each_pixel, each_pixel_of, several, solid, under_a_sky, under_water,
+    Asked, Divided, ROUNDING, Scene, WHOLE, differences, each_pixel, each_pixel_of, several, solid, under_a_sky,
+    under_water,
 };
 use super::lights::{asked, lamps};
 use super::spheres::with_spheres;
@@ -13,9 +14,7 @@ use curitiba_passes::effects::interface_of;
 use curitiba_passes::raster::cpu::CpuRasteriser;
 use curitiba_pipeline::backend::{BackendError, BuildStats, RayBackend, RayJob, RayStats};
 use curitiba_pipeline::executor::{Engines, Progress, Renderer, Silent};
-use curitiba_pipeline::glass::{
-    CutoffColor, Dielectric, GlassShadow, MOST_BOUNCES, PathLimits, Reflectance, Roulette,
-};
+use curitiba_pipeline::glass::{CutoffColor, Dielectric, GlassShadow, MOST_BOUNCES, PathLimits, Reflectance, Roulette};
 use curitiba_pipeline::image::Image;
 use curitiba_pipeline::plan::{Plan, Settings};
 use curitiba_pipeline::programs::{Fidelity, Fresnel, RayParams, RayProgram, TextureLod};
@@ -119,7 +118,11 @@ fn indices_and_reflectances_of_the_device_are_those_of_the_processor() {
     assert!(differ == 0 && all == 20_000 && own > 5000, "{differ} of {all} differ, {own} have a curve of their own");
     for (name, header, change) in [
         ("ways-line", "params.cuh", ["CAUCHY_AT_D = 1.5168e0f", "CAUCHY_AT_D = 1.5169e0f"]),
-        ("ways-side", "bodies.cuh", ["ratio < 1.0f ? interface.cos_refracted", "ratio > 1.0f ? interface.cos_refracted"]),
+        (
+            "ways-side",
+            "bodies.cuh",
+            ["ratio < 1.0f ? interface.cos_refracted", "ratio > 1.0f ? interface.cos_refracted"],
+        ),
         ("ways-total", "bodies.cuh", ["face.exponent < 0.0f || is_total", "face.exponent < 0.0f"]),
     ] {
         let changed = functions(name, header, Some(change)).expect("there is a compiler");
@@ -210,7 +213,8 @@ fn paths_that_are_cut_off_are_those_of_the_processor() {
     let all = PathLimits::DEFAULT;
     let background = CutoffColor::Background;
     for (program, source) in SOURCES {
-        for (scene, kinds) in [(several(), 6), (frosted(several()), 1), (dispersing(several()), 1), (under_water(), 2)] {
+        for (scene, kinds) in [(several(), 6), (frosted(several()), 1), (dispersing(several()), 1), (under_water(), 2)]
+        {
             let limits = [
                 PathLimits { cutoff: 0.05, ..all },
                 PathLimits { cutoff: 0.2, cutoff_color: background, ..all },
@@ -295,7 +299,8 @@ fn glass_that_is_rough_and_bends_colours_apart_looks_as_on_the_processor() {
 fn reflectances_of_materials_own_look_as_on_the_processor() {
     for (program, source) in SOURCES {
         for scene in [several(), under_water(), under_a_sky()].map(owned) {
-            for (fresnel, shadow) in [(Fresnel::Exact, GlassShadow::Straight), (Fresnel::Schlick, GlassShadow::Report)] {
+            for (fresnel, shadow) in [(Fresnel::Exact, GlassShadow::Straight), (Fresnel::Schlick, GlassShadow::Report)]
+            {
                 let asked = Asked { fresnel, depth: 4, ..asked(program, shadow, &[]) };
                 let Some(()) = compare(source, &scene, asked, "own") else { return };
             }
@@ -315,7 +320,11 @@ fn spheres_and_several_lights_are_seen_by_all_ways_as_on_the_processor() {
         let lit = asked(RayProgram::Final, GlassShadow::Straight, lights);
         for asked in [
             Asked { divided: BOTH, lod: TextureLod::Cones, depth: 2, ..lit },
-            Asked { divided: Divided { limits: PathLimits { cutoff: 0.02, ..PathLimits::DEFAULT }, ..BOTH }, depth: 4, ..lit },
+            Asked {
+                divided: Divided { limits: PathLimits { cutoff: 0.02, ..PathLimits::DEFAULT }, ..BOTH },
+                depth: 4,
+                ..lit
+            },
         ] {
             let Some(()) = compare(source, &scene, asked, "spheres") else { return };
         }
@@ -324,7 +333,12 @@ fn spheres_and_several_lights_are_seen_by_all_ways_as_on_the_processor() {
 
 #[test]
 fn a_wrong_word_of_paths_that_are_divided_or_cut_off_is_noticed() {
-    let of = |divided| Asked { divided, depth: 3, lod: TextureLod::Cones, ..asked(RayProgram::Refraction, GlassShadow::Report, &[]) };
+    let of = |divided| Asked {
+        divided,
+        depth: 3,
+        lod: TextureLod::Cones,
+        ..asked(RayProgram::Refraction, GlassShadow::Report, &[])
+    };
     let cut_off = PathLimits { cutoff: 0.2, cutoff_color: CutoffColor::Background, ..PathLimits::DEFAULT };
     let by_chance = PathLimits { cutoff: 0.3, roulette: Roulette::On, ..PathLimits::DEFAULT };
     let bounces = PathLimits { reflections: 1, ..PathLimits::DEFAULT };
@@ -332,8 +346,12 @@ fn a_wrong_word_of_paths_that_are_divided_or_cut_off_is_noticed() {
     let own = owned(several());
     for (scene, divided, change) in [
         // What absorption leaves does not count for the cut-off; nor by how many a path is divided.
-        (&plain, cut(cut_off), ["now.path.importance = now.path.importance * largest(left);", ""]),
-        (&rough, Divided { paths: 3, limits: cut_off, ..WHOLE }, ["now.path.importance = now.path.importance / (float)last.ways;", ""]),
+        (&plain, cut(cut_off), ["now.path.importance = now.path.importance * greatest(left);", ""]),
+        (
+            &rough,
+            Divided { paths: 3, limits: cut_off, ..WHOLE },
+            ["now.path.importance = now.path.importance / (float)last.ways;", ""],
+        ),
         // Cut paths are black.
         (&plain, cut(cut_off), ["missed = missed + whole * vector_of(params.beyond);\n            return", "return"]),
         // Roulette that gains no weight, and with the chances of another counter.
@@ -343,8 +361,16 @@ fn a_wrong_word_of_paths_that_are_divided_or_cut_off_is_noticed() {
         (&plain, cut(bounces), ["path.reflections > ways.reflections", "path.reflections >= ways.reflections"]),
         // Colours that keep the index of line d; negative weights that are cut off; reflected light without its colour.
         (&colors, EACH_COLOR, ["if (stratum == NO_WAY) return index;", "return index;"]),
-        (&colors, EACH_COLOR, ["stratum.weight = xyz(numbers);", "stratum.weight = vec3(fmaxf(numbers.x, 0.0f), numbers.y, numbers.z);"]),
-        (&own, WHOLE, ["on.reflectance * on.kept_back * vector_of(face.mirrors)", "splat(on.reflectance * on.kept_back)"]),
+        (
+            &colors,
+            EACH_COLOR,
+            ["stratum.weight = xyz(numbers);", "stratum.weight = vec3(fmaxf(numbers.x, 0.0f), numbers.y, numbers.z);"],
+        ),
+        (
+            &own,
+            WHOLE,
+            ["on.reflectance * on.kept_back * vector_of(face.mirrors)", "splat(on.reflectance * on.kept_back)"],
+        ),
         // Facets of another counter; without the texture; which stop no light; and walls that let light straight on.
         (&rough, EACH_FACET, ["dimensions(now.path.key, HASH_FACETS)", "dimensions(now.path.key, HASH_DISC)"]),
         (&rough, EACH_FACET, ["float alpha = face.alpha * roughness * roughness;", "float alpha = face.alpha;"]),
@@ -424,9 +450,9 @@ fn pictures_of_projects_of_glass_are_the_processors() {
     }
     let Some(program) = compiled_with("ways_final.cpp", "ways", None) else { return };
     for (name, least, set) in [
-        ("Prism", 20_000, &["pass2.wavelengths=16"][..]),
-        ("Prism", 5_000, &["pass2.wavelengths=8", "pass2.cutoff=0.01"]),
-        ("Frosted", 20_000, &["pass2.paths=8", "pass2.depth=2"]),
+        ("Prism", 40_000, &["pass2.wavelengths=16"][..]),
+        ("Prism", 10_000, &["pass2.wavelengths=8", "pass2.cutoff=0.01"]),
+        ("Frosted", 10_000, &["pass2.paths=8", "pass2.depth=2"]),
         ("balls", 1_000, &["pass2.cutoff=0.02"]),
         ("balls", 1_000, &["pass2.cutoff=0.05", "pass2.cutoffcolor=background", "pass2.reflections=3"]),
         ("balls", 1_000, &["pass2.cutoff=0.05", "pass2.roulette=on"]),

@@ -33,8 +33,8 @@ pub(crate) use caustic::{WIDTH as LENS_WIDTH, axis as light_axis, blur as light_
 #[cfg(feature = "wgpu")]
 pub(crate) use eye::asks_for_lenses;
 pub(crate) use eye::{around_eye, lenses};
-pub use lenses::Lenses;
 pub use facets::Facet as Microfacet;
+pub use lenses::Lenses;
 pub use media::{Border, Crossing, MOST, Media};
 pub use photon_map::{Cloud, Photon, PhotonMap};
 pub(crate) use photons::{photons, targets};
