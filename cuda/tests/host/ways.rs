@@ -453,9 +453,9 @@ fn pictures_of_projects_of_glass_are_the_processors() {
         ("Prism", 40_000, &["pass2.wavelengths=16"][..]),
         ("Prism", 10_000, &["pass2.wavelengths=8", "pass2.cutoff=0.01"]),
         ("Frosted", 10_000, &["pass2.paths=8", "pass2.depth=2"]),
-        ("balls", 1_000, &["pass2.cutoff=0.02"]),
-        ("balls", 1_000, &["pass2.cutoff=0.05", "pass2.cutoffcolor=background", "pass2.reflections=3"]),
-        ("balls", 1_000, &["pass2.cutoff=0.05", "pass2.roulette=on"]),
+        ("balls", 300, &["pass2.cutoff=0.02"]),
+        ("balls", 300, &["pass2.cutoff=0.05", "pass2.cutoffcolor=background", "pass2.reflections=3"]),
+        ("balls", 300, &["pass2.cutoff=0.05", "pass2.roulette=on"]),
     ] {
         let found = Rc::new(RefCell::new(Vec::new()));
         let rays = OnHost { inner: CpuRays::new(), program: program.clone(), found: Rc::clone(&found) };
