@@ -1,5 +1,6 @@
 // Glass as each material says (`effects/dielectric` of the Rust reference): bodies that light enters and leaves, thin walls and the
-// report's panes, all of them smooth and without dispersion; light that falls straight through; and a background.
+// report's panes, all of them smooth and without dispersion; light that falls straight through; and a background. `ways.cuh` follows paths
+// through all other glass.
 //
 // The Rust reference recurses; here the tree of rays is walked with a list of the branches still to be traced, each with the weight of
 // its colour. The sum is the same but for the order of its roundings.
@@ -49,6 +50,10 @@ DEVICE bool without_body(Media &media, unsigned body, bool &fills) {
 // What a line that crosses the surface of a body finds.
 struct Border {
     Media after;
+#ifdef CURITIBA_WAYS
+    // What fills the place before and behind.
+    unsigned before, behind;
+#endif
     // Index of refraction behind over that before; where another body fills the place on both sides there is no surface.
     float ratio;
     bool is_surface, overflows;
@@ -64,6 +69,10 @@ DEVICE Border cross_border(const Params &params, const Media &media, unsigned bo
         // Who leaves a body that is not known to have been entered was in it all the same.
         before = with_body(params, media, body, border.is_surface, border.overflows);
     }
+#ifdef CURITIBA_WAYS
+    border.before = top_of(before);
+    border.behind = top_of(border.after);
+#endif
     border.ratio = border.is_surface ? index_in(params, border.after) / index_in(params, before) : 1.0f;
     return border;
 }
@@ -91,6 +100,23 @@ template <class Tracer> DEVICE float3 kept_to_eye(const Pass<Tracer> &pass) {
 
 DEVICE Interface interface_at(const Params &params, float cos_incident, float ratio) {
     return params.schlick != 0u ? schlick(cos_incident, ratio) : fresnel(cos_incident, ratio);
+}
+
+#ifdef CURITIBA_WAYS
+// What the pass asks of paths that are divided or cut off.
+DEVICE const Ways &ways_asked(const Params &params) { return *(const Ways *)params.segments; }
+#endif
+// The same of a material, whose own reflectance, if it has one, replaces Fresnel's except at total reflection (`interface_of` of `optics.rs`).
+DEVICE Interface face_at(const Params &params, OF_WAYS(unsigned material, ) float cos_incident, float ratio) {
+    Interface interface = interface_at(params, cos_incident, ratio);
+#ifdef CURITIBA_WAYS
+    const Face &face = ways_asked(params).faces[material];
+    bool is_total = interface.cos_refracted == 0.0f && interface.reflectance >= 1.0f;
+    if (face.exponent < 0.0f || is_total) return interface;
+    float cosine = ratio < 1.0f ? interface.cos_refracted : fminf(fmaxf(cos_incident, 0.0f), 1.0f);
+    interface.reflectance = face.minimum + (face.maximum - face.minimum) * (float)pow((double)(1.0f - cosine), (double)face.exponent);
+#endif
+    return interface;
 }
 
 // A plane-parallel wall after all reflections between its faces (`slab.rs`).
@@ -472,12 +498,12 @@ template <class Tracer> static __device__ OUTLINED float3 straight_through(Pass<
             pass.rays.lost += border.overflows;
             media = border.after;
             if (border.is_surface) {
-                Interface face = interface_at(params, cosine, fmaxf(border.ratio, 1.0f / border.ratio));
+                Interface face = face_at(params, OF_WAYS(material(i), ) cosine, fmaxf(border.ratio, 1.0f / border.ratio));
                 passes = passes * ((1.0f - face.reflectance) * filter_of(params, body, hit, NO_FOOTPRINT));
             }
         } else if (body.shape == SHAPE_THIN) {
             float ratio = body.index / index_in(params, media);
-            Interface face = interface_at(params, cosine, fmaxf(ratio, 1.0f / ratio));
+            Interface face = face_at(params, OF_WAYS(material(i), ) cosine, fmaxf(ratio, 1.0f / ratio));
             passes = passes * (wall_of(face.reflectance, kept_across(body, face.cos_refracted)).transmitted * filter_of(params, body, hit, NO_FOOTPRINT));
         } else {
             passes = passes * THROUGH_GLASS;

@@ -75,5 +75,17 @@ for tracer in bvh optix; do
                 -DCURITIBA_FIDELITY="$fidelity" "-DCURITIBA_${fidelity^^}" "$tracer.cu"
         done
     done
+    # `ways` and `ways_lights` follow paths through glass that is rough, bends colours apart or has a reflectance of its own, or that are cut
+    # off. Our own traversal knows exact spheres there; without any it asks for none.
+    for set in ways ways_lights; do
+        more=() known=()
+        [ "$set" = ways_lights ] && more=(-DCURITIBA_LIGHTS)
+        [ "$tracer" = bvh ] && known=(-DCURITIBA_SPHERES)
+        mkdir -p "ptx/$tracer/$set"
+        for program in refraction final; do
+            compile "ptx/$tracer/$set/$program.ptx" "${extra[@]}" -DCURITIBA_WAYS "${known[@]}" "${more[@]}" \
+                -DCURITIBA_PROGRAM="\"$program.cuh\"" -DCURITIBA_FIDELITY=bodies -DCURITIBA_BODIES "$tracer.cu"
+        done
+    done
     compile "ptx/$tracer/segments.ptx" "${extra[@]}" "${called[@]}" -DCURITIBA_CORRECTED segments.cu
 done

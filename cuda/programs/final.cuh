@@ -4,6 +4,9 @@
 #ifdef CURITIBA_BODIES
 #include "bodies.cuh"
 #endif
+#ifdef CURITIBA_WAYS
+#include "ways.cuh"
+#endif
 #ifdef CURITIBA_LIGHTS
 #include "light_share.cuh"
 #endif
@@ -16,7 +19,11 @@ constexpr unsigned LISTING_BLOCKS = 8, LIGHTING_BLOCKS = 10;
 
 // What glass is: what each material says, with shares of light by colour, or the report's panes.
 #ifdef CURITIBA_BODIES
+#ifdef CURITIBA_WAYS
+using Walk = WaysWalk;
+#else
 using Walk = BodyWalk;
+#endif
 using End = BodyEnd;
 using Share = float3;
 DEVICE Share share_of(float value) { return splat(value); }

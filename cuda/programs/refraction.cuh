@@ -27,7 +27,13 @@ template <class Tracer> DEVICE float4 corrected(Pass<Tracer> &pass) {
 }
 
 #ifdef CURITIBA_BODIES
+#ifdef CURITIBA_WAYS
+#include "ways.cuh"
+using Walk = WaysWalk;
+#else
 #include "bodies.cuh"
+using Walk = BodyWalk;
+#endif
 
 // As `corrected`, of glass as each material says: the body that the camera is in absorbs light from other surfaces too.
 template <class Tracer> DEVICE float4 bodies(Pass<Tracer> &pass) {
@@ -41,8 +47,14 @@ template <class Tracer> DEVICE float4 bodies(Pass<Tracer> &pass) {
     }
     float3 view;
     Surface surface = pass.surface_at(triangle, pass.normal(), view);
-    BodyWalk walk;
-    walk.enter_pixel(pass, triangle, surface, view, 0u, kept);
+    Walk walk;
+#ifdef CURITIBA_WAYS
+    // Ways are chosen by the random numbers of the pixel.
+    unsigned key = pixel_key(pass.pixel.x, pass.pixel.y, pass.params.seed);
+#else
+    constexpr unsigned key = 0u;
+#endif
+    walk.enter_pixel(pass, triangle, surface, view, key, kept);
     BodyEnd end;
     float3 color = splat(0.0f);
     while (walk.advance(pass, end)) color = color + end.weight * met_color(pass.params, end.hit, end.footprint, end.surface);

@@ -16,6 +16,12 @@
 #else
 #define OF_SPHERES(...)
 #endif
+// The same of programs that follow paths through all glass.
+#ifdef CURITIBA_WAYS
+#define OF_WAYS(...) __VA_ARGS__
+#else
+#define OF_WAYS(...)
+#endif
 
 DEVICE float3 vec3(float x, float y, float z) { return make_float3(x, y, z); }
 DEVICE float3 splat(float s) { return make_float3(s, s, s); }

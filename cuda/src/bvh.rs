@@ -8,6 +8,7 @@ use crate::nodes::WideNode;
 use crate::one_gpu::DeviceTracer;
 use crate::programs;
 use crate::scene::SceneBuffers;
+use crate::ways::ways_of_path;
 use cudarc::driver::{CudaFunction, DriverError, LaunchConfig, PushKernelArg as _};
 use cudarc::nvrtc::Ptx;
 use curitiba_passes::effects::Lighting;
@@ -79,9 +80,12 @@ fn stages(program: RayProgram, variant: Variant, lighting: Lighting) -> &'static
 /// With fewer rays a point than this, settling costs more than tracing the rays.
 const FEW_SAMPLES: u32 = 6;
 
-/// Average number of entries in the list of surfaces for each pixel of a launch; together 256 bytes. A pixel whose surfaces find no room is
-/// computed by one thread from beginning to end.
+/// Average number of entries in the list of surfaces for each pixel of a launch and for each way into which its path is divided; together 256
+/// bytes. A pixel whose surfaces find no room is computed by one thread from beginning to end.
 const SURFACES_PER_PIXEL: u64 = 4;
+
+/// Greatest number of entries for the ways of paths; together 512 MiB. Paths that nothing divides have more in very wide pictures only.
+const SURFACES_OF_WAYS: u64 = 1 << 23;
 
 /// Device memory of a triangle in the tree, in bytes: three vectors of four numbers.
 const BYTES_OF_TRIANGLE: u64 = 48;
@@ -231,11 +235,11 @@ impl BvhTracer {
 
     /// Reserves the buffers through which the kernels of a program communicate, which are kept for the next launch, and sets the counters
     /// to 0.
-    fn make_room(&mut self, device: &Device, program: RayProgram, params: &mut Params) -> Result<(), BackendError> {
+    fn make_room(&mut self, device: &Device, job: &RayJob<'_>, params: &mut Params) -> Result<(), BackendError> {
         let pixels = params.width as usize * params.height as usize;
         let mut points = pixels;
-        if program == RayProgram::Final {
-            self.make_room_for_surfaces(device, params)?;
+        if job.program == RayProgram::Final {
+            self.make_room_for_surfaces(device, ways_of_path(job), params)?;
             points = params.capacity as usize;
         }
         device.clear("the progress of the kernels", &mut self.progress, PROGRESS)?;
@@ -248,10 +252,11 @@ impl BvhTracer {
         Ok(())
     }
 
-    /// Reserves the list of surfaces of a launch.
-    fn make_room_for_surfaces(&mut self, device: &Device, params: &mut Params) -> Result<(), BackendError> {
-        let launched = u64::from(params.width) * u64::from(params.rows);
-        let room = self.room.unwrap_or(SURFACES_PER_PIXEL * launched).min(u64::from(u32::MAX / 2));
+    /// Reserves the list of surfaces of a launch whose paths are divided into so many ways.
+    fn make_room_for_surfaces(&mut self, device: &Device, ways: u32, params: &mut Params) -> Result<(), BackendError> {
+        let whole = SURFACES_PER_PIXEL * u64::from(params.width) * u64::from(params.rows);
+        let divided = whole.max((whole * u64::from(ways)).min(SURFACES_OF_WAYS));
+        let room = self.room.unwrap_or(divided).min(u64::from(u32::MAX / 2));
         let room = room.next_multiple_of(u64::from(WARP));
         let words = room * u64::from(SURFACE_BYTES) / size_of::<f32>() as u64;
         device.reserve("the surfaces of `final`", &mut self.surfaces, words as usize)?;
@@ -354,7 +359,7 @@ impl DeviceTracer for BvhTracer {
         let loaded = device.context().load_module(Ptx::from_src(text));
         let kernel = loaded.and_then(|module| {
             let load = |stage: &Stage| Ok((*stage, module.load_function(stage.entry)?));
-            let find_eye = (variant == Variant::Bodies).then(|| module.load_function("find_eye")).transpose()?;
+            let find_eye = variant.knows_bodies().then(|| module.load_function("find_eye")).transpose()?;
             let stages = stages(program, variant, lighting).iter().map(load).collect::<Result<_, DriverError>>()?;
             let function = module.load_function(info.entry)?;
             Ok(Kernel { program, variant, lighting, spheres, find_eye, stages, function })
@@ -374,7 +379,7 @@ impl DeviceTracer for BvhTracer {
             return start(device, find_eye, Dealt::Once, params).map_err(failed);
         }
         if !self.kernels[index].stages.is_empty() {
-            self.make_room(device, job.program, params)?;
+            self.make_room(device, job, params)?;
         }
         let Kernel { stages, function, .. } = &self.kernels[index];
         for (stage, kernel) in stages.iter().filter(|(stage, _)| !stage.settles || params.settled != 0) {

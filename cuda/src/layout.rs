@@ -5,6 +5,7 @@ use cudarc::driver::DeviceRepr;
 use curitiba_passes::effects::constants as effects;
 pub use curitiba_passes::effects::constants::{MAX_CROSSINGS, MAX_DEPTH, NO_TEXTURE, THROUGH_GLASS_ENTRIES};
 use curitiba_passes::trace::{SPHERE_BOUNDS, SPHERE_STACK, gpu_tree};
+use curitiba_pipeline::glass::{CAUCHY, CAUCHY_AT_D, Dielectric};
 use curitiba_pipeline::scene::normal_map;
 use std::fmt::Write as _;
 
@@ -71,7 +72,7 @@ shared_structs! {
         normal_scale: f32 = "float",
     }
 
-    /// A material for rays in glass: `Dielectric` of the pipeline, smooth and without dispersion.
+    /// A material for rays in glass: `Dielectric` of the pipeline, without what [`Face`] adds.
     struct Body {
         /// [`SHAPE_OPAQUE`], [`SHAPE_PANE`], [`SHAPE_THIN`] or [`SHAPE_SOLID`].
         shape: u32 = "unsigned",
@@ -93,6 +94,50 @@ shared_structs! {
         priority: u32 = "unsigned",
         /// Texture whose red channel multiplies the share that is not scattered back: an index into [`Params::textures`], or [`NO_TEXTURE`].
         transmission_texture: u32 = "unsigned",
+    }
+
+    /// What else glass of a material does, in programs that follow ways: what [`Body`] does not say of a `Dielectric`.
+    struct Face {
+        /// Index of refraction at 486.1 nm minus that at 656.3 nm; 0 without dispersion.
+        spread: f32 = "float",
+        /// Width of the microfacet distribution, 0 (smooth) to 1.
+        alpha: f32 = "float",
+        /// Texture whose green channel, squared, multiplies the width: an index into [`Params::textures`], or [`NO_TEXTURE`].
+        roughness_texture: u32 = "unsigned",
+        /// What is kept of reflected light, by colour channel.
+        mirrors: [f32; 3] = "float[3]",
+        /// Share reflected at normal incidence, in the place of Fresnel's.
+        minimum: f32 = "float",
+        /// Share reflected at grazing incidence.
+        maximum: f32 = "float",
+        /// Exponent of the curve between both; below 0 where Fresnel's share serves.
+        exponent: f32 = "float",
+    }
+
+    /// What a pass asks of paths in glass that are divided or cut off.
+    struct Ways {
+        /// Glass data of each material, in addition to [`Params::bodies`].
+        faces: Address = "const Face *",
+        /// Parts of the spectrum: their weights of red, green and blue, and the wavelength in nanometres.
+        strata: Address = "const float4 *",
+        /// Points of the unit square that choose microfacets, bits reversed, one for each way on from rough glass.
+        facets: Address = "const uint2 *",
+        /// Number of strata; 0 where no colours are bent apart.
+        stratum_count: u32 = "unsigned",
+        /// Number of ways on from rough glass; 0 where none is rough.
+        facet_count: u32 = "unsigned",
+        /// Flags: [`WAYS_CUT`], [`WAYS_ROULETTE`], [`WAYS_BACKGROUND`].
+        asks: u32 = "unsigned",
+        /// With [`WAYS_CUT`]: least share of the pixel's colour that depends on a path.
+        cutoff: f32 = "float",
+        /// With [`WAYS_CUT`]: most reflections on a path.
+        reflections: u32 = "unsigned",
+        /// With [`WAYS_CUT`]: most refractions on a path.
+        refractions: u32 = "unsigned",
+        /// With [`WAYS_ROULETTE`]: what sets the chances of a sample apart from those of other samples of a pixel.
+        chances: u32 = "unsigned",
+        /// Fills the struct up to its alignment.
+        unused: u32 = "unsigned",
     }
 
     /// A light of a pass that has several, one with a place or one that is a disc: `Light` of the pipeline.
@@ -292,7 +337,8 @@ shared_structs! {
         cone_width: f32 = "float",
         /// By how much it grows for each scene unit.
         cone_spread: f32 = "float",
-        /// Segments between triangles, two vectors each: (start, length), (direction, pair).
+        /// Segments between triangles, two vectors each: (start, length), (direction, pair). In programs that follow ways, the address of
+        /// [`Ways`].
         segments: Address = "const float4 *",
         /// For each pair: the two triangles that do not block its segments.
         own: Address = "const uint2 *",
@@ -334,6 +380,12 @@ unsafe impl DeviceRepr for TextureInfo {}
 #[allow(unsafe_code, reason = "says that the struct may be copied to the device")]
 // SAFETY: as above.
 unsafe impl DeviceRepr for Body {}
+#[allow(unsafe_code, reason = "says that the struct may be copied to the device")]
+// SAFETY: as above.
+unsafe impl DeviceRepr for Face {}
+#[allow(unsafe_code, reason = "says that the struct may be copied to the device")]
+// SAFETY: as above.
+unsafe impl DeviceRepr for Ways {}
 
 #[allow(unsafe_code, reason = "says that the struct may be copied to the device")]
 // SAFETY: as above.
@@ -384,6 +436,12 @@ pub const VERTEX_COLORS_NONE: u32 = 0;
 pub const VERTEX_COLORS_LINEAR: u32 = 1;
 /// Vertex colours are display values (sRGB) of shares of light.
 pub const VERTEX_COLORS_DISPLAY: u32 = 2;
+/// Paths are cut off below a share of the pixel's colour, or after a number of reflections or refractions.
+pub const WAYS_CUT: u32 = 1;
+/// A path below that share is followed by chance.
+pub const WAYS_ROULETTE: u32 = 2;
+/// The background stands for paths that are not followed; if unset, black does.
+pub const WAYS_BACKGROUND: u32 = 4;
 /// Stands for the medium outside all bodies.
 pub const NO_BODY: u32 = u32::MAX;
 /// Size of a list of bodies in bytes: [`effects::MOST_BODIES`] entries and their number.
@@ -450,6 +508,9 @@ pub fn header() -> String {
         ("VERTEX_COLORS_NONE", VERTEX_COLORS_NONE),
         ("VERTEX_COLORS_LINEAR", VERTEX_COLORS_LINEAR),
         ("VERTEX_COLORS_DISPLAY", VERTEX_COLORS_DISPLAY),
+        ("WAYS_CUT", WAYS_CUT),
+        ("WAYS_ROULETTE", WAYS_ROULETTE),
+        ("WAYS_BACKGROUND", WAYS_BACKGROUND),
         ("NO_BODY", NO_BODY),
         ("MOST_BODIES", effects::MOST_BODIES),
         ("MOST_SURFACES", effects::MOST_SURFACES),
@@ -462,8 +523,11 @@ pub fn header() -> String {
         ("HASH_DIMENSIONS", effects::DIMENSIONS),
         ("HASH_SCRAMBLE", effects::SCRAMBLE),
         ("HASH_DISC", effects::DISC),
+        ("HASH_FACETS", effects::FACETS),
+        ("HASH_ROULETTE", effects::ROULETTE),
         ("BRANCH_REFLECTED", effects::REFLECTED),
         ("BRANCH_REFRACTED", effects::REFRACTED),
+        ("BRANCH_SCATTERED", effects::SCATTERED),
         ("BRANCH_LIGHTS", effects::LIGHTS),
         ("MAX_DEPTH", MAX_DEPTH),
         ("MAX_CROSSINGS", MAX_CROSSINGS),
@@ -500,6 +564,9 @@ pub fn header() -> String {
         ("LEAST_SQUARE", effects::LEAST_SQUARE),
         ("LEAST_HEIGHT", normal_map::LEAST_HEIGHT),
         ("LEAST_COSINE", normal_map::LEAST_COSINE),
+        ("CAUCHY", CAUCHY),
+        ("CAUCHY_AT_D", CAUCHY_AT_D),
+        ("SMOOTH_ALPHA", Dielectric::SMOOTH),
     ];
     for (name, value) in floats.into_iter().chain(gpu_tree::BOUNDS.iter().copied()).chain(SPHERE_BOUNDS) {
         writeln!(text, "constexpr float {name} = {value:e}f;").expect("strings grow");

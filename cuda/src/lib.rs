@@ -23,6 +23,7 @@ mod sobol_table;
 pub mod spheres;
 mod staging;
 mod stripes;
+pub mod ways;
 
 pub use multi_gpu::{CudaRays, DeviceRays, OptixRays};
 pub use segments::{CudaSegments, OptixSegments};

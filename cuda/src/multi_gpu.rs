@@ -11,7 +11,7 @@ use crate::stripes::{Stripe, launches, pixels_of_launch};
 use crate::{peers, programs, shared_gbuffer};
 use curitiba_passes::cpu::check;
 use curitiba_passes::effects::Lighting;
-use curitiba_passes::effects::dielectric::{Variant, check_glass};
+use curitiba_passes::effects::dielectric::{Variant, check_focused};
 use curitiba_pipeline::backend::{BackendError, BuildStats, Gpu, Limits, RayBackend, RayJob, RayStats};
 use curitiba_pipeline::executor::Progress;
 use curitiba_pipeline::glass::Dielectric;
@@ -164,7 +164,7 @@ impl<T: DeviceTracer> RayBackend for DeviceRays<T> {
         params: &RayParams,
         dielectrics: &[Dielectric],
     ) -> Result<(), BackendError> {
-        check_glass(T::NAME, false, params, dielectrics)
+        check_focused(T::NAME, params, dielectrics)
     }
 
     fn traces_cones(&self) -> bool {
@@ -262,7 +262,7 @@ fn check_job<T: DeviceTracer>(job: &RayJob<'_>) -> Result<(), BackendError> {
         check::scene(T::NAME, job, T::SPHERES)?;
         check::filter(T::NAME, job)?;
         check::adaptive(T::NAME, job)?;
-        check_glass(T::NAME, false, &job.params, job.dielectrics)?;
+        check_focused(T::NAME, &job.params, job.dielectrics)?;
     }
     Ok(())
 }

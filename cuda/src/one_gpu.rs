@@ -3,7 +3,7 @@
 use crate::device::{Address, Buffer, Device};
 use crate::layout::{
     ASKS_EYE, ASKS_STRAIGHT, BLOCK_HEIGHT, Body, EXCEPTION_SLOT, MAX_DEPTH, MEDIA_BYTES, Params, RAY_COUNT_KINDS,
-    REACHES, THROUGH_GLASS_ENTRIES,
+    REACHES, THROUGH_GLASS_ENTRIES, Ways,
 };
 use crate::peers::{Copies, Lent, copy_here, copy_parts};
 use crate::scene::{SceneBuffers, bodies, emissions, lights, shades};
@@ -11,6 +11,7 @@ use crate::shared_gbuffer::Joined;
 use crate::sobol_table::table;
 use crate::staging::Staging;
 use crate::stripes::{Launch, Stripe, launches, pixels_of_launch};
+use crate::ways::WayTables;
 use cudarc::driver::sys::CUevent_flags;
 use cudarc::driver::{CudaEvent, DeviceRepr};
 use curitiba_passes::cpu::{check, may_trace};
@@ -107,6 +108,12 @@ struct Images {
     shades: Table<crate::layout::Shade>,
     bodies: Table<Body>,
     around_eye: Buffer<u32>,
+    faces: Table<crate::layout::Face>,
+    /// Parts of the spectrum.
+    strata: Table<f32>,
+    /// Points that choose microfacets.
+    facets: Table<u32>,
+    ways: Table<Ways>,
     lights: Table<crate::layout::Light>,
     emissions: Table<f32>,
     /// Points of the discs of lights.
@@ -120,8 +127,29 @@ impl Images {
         let tables = [self.open_share.buffer.bytes(), self.through_glass.buffer.bytes(), self.sobol.buffer.bytes()];
         let lights = self.lights.buffer.bytes() + self.emissions.buffer.bytes() + self.disc.buffer.bytes();
         let materials = self.shades.buffer.bytes() + self.bodies.buffer.bytes();
-        let others = [self.triangle.bytes(), self.counts.bytes(), materials, lights];
+        let ways = self.faces.buffer.bytes()
+            + self.strata.buffer.bytes()
+            + self.facets.buffer.bytes()
+            + self.ways.buffer.bytes();
+        let others = [self.triangle.bytes(), self.counts.bytes(), materials, lights, ways];
         [&attachments[..], &tables, &others].concat().iter().sum()
+    }
+}
+
+impl Images {
+    /// Copies what a pass asks of paths in glass that are divided or cut off.
+    fn set_ways(&mut self, device: &Device, tables: WayTables) -> Result<(), BackendError> {
+        let WayTables { faces, strata, facets, ways } = tables;
+        self.faces.set(device, "the surfaces of glass", faces)?;
+        if !strata.is_empty() {
+            self.strata.set(device, "the parts of the spectrum", strata)?;
+        }
+        if !facets.is_empty() {
+            self.facets.set(device, "the points of microfacets", facets)?;
+        }
+        let (faces, strata, facets) =
+            (self.faces.address(device), self.strata.address(device), self.facets.address(device));
+        self.ways.set(device, "what is asked of paths in glass", vec![Ways { faces, strata, facets, ..ways }])
     }
 }
 
@@ -325,6 +353,10 @@ impl<T: DeviceTracer> OneGpu<T> {
         if has_bodies {
             device.clear("what the camera is in", &mut images.around_eye, MEDIA_BYTES as usize / size_of::<u32>())?;
         }
+        let follows_ways = Variant::of(job) == Variant::Ways;
+        if follows_ways {
+            images.set_ways(device, WayTables::of(job))?;
+        }
         let cone = if job.texture_lod() == TextureLod::Cones { job.cone } else { PixelCone::default() };
         device.clear("the ray counts", &mut images.counts, EXCEPTION_SLOT as usize + 1)?;
         Ok(Params {
@@ -385,7 +417,7 @@ impl<T: DeviceTracer> OneGpu<T> {
             listed: [0; REACHES as usize - 1],
             cone_width: cone.width,
             cone_spread: cone.spread,
-            segments: 0,
+            segments: if follows_ways { images.ways.address(device) } else { 0 },
             own: 0,
             blocked: 0,
             segment_count: 0,

@@ -51,6 +51,17 @@ macro_rules! spheres_in_lights {
             &[$((RayProgram::$program, text!("bvh/spheres_lights/", $stem))),*];
     };
 }
+macro_rules! ways {
+    ($($program:ident $stem:literal),* $(,)?) => {
+        /// PTX of the programs that follow paths through glass that is rough, bends colours apart or has a reflectance of its own, or that are
+        /// cut off: `[lighting][tracer]`, with one directional light that is a point and with others, on our own traversal, where they know
+        /// exact spheres, and on OptiX.
+        const WAYS: &[(RayProgram, [[&str; 2]; 2])] = &[$((RayProgram::$program, [
+            [text!("bvh/ways/", $stem), text!("optix/ways/", $stem)],
+            [text!("bvh/ways_lights/", $stem), text!("optix/ways_lights/", $stem)],
+        ])),*];
+    };
+}
 spheres! {
     DeferredShadows "deferredShadows",
     Reflection "reflection",
@@ -61,6 +72,10 @@ spheres! {
 spheres_in_lights! {
     DeferredShadows "deferredShadows",
     Reflection "reflection",
+    Refraction "refraction",
+    Final "final",
+}
+ways! {
     Refraction "refraction",
     Final "final",
 }
@@ -88,7 +103,11 @@ fn text(program: RayProgram, tracer: usize, variant: Variant, lighting: Lighting
         table.iter().find(|(own, _)| *own == program).map(|(_, texts)| texts[tracer])
     };
     match (variant, lighting) {
-        (Variant::Ways, _) | (Variant::Panes(Fidelity::Thesis), Lighting::Lights) => None,
+        (Variant::Ways, _) => {
+            let (_, texts) = WAYS.iter().find(|(own, _)| *own == program)?;
+            Some(texts[usize::from(lighting == Lighting::Lights)][tracer])
+        }
+        (Variant::Panes(Fidelity::Thesis), Lighting::Lights) => None,
         (_, Lighting::Lights) => of(LIGHTS),
         (Variant::Panes(fidelity), Lighting::Sun) => {
             let (_, texts) = TABLE.iter().find(|(own, _)| *own == program)?;
@@ -111,10 +130,10 @@ pub fn with_spheres(program: RayProgram, variant: Variant, lighting: Lighting) -
     let of =
         |table: &[(RayProgram, &'static str)]| table.iter().find(|(own, _)| *own == program).map(|(_, text)| *text);
     match (variant, lighting) {
-        _ if program == RayProgram::Dummy => on_bvh(program, variant, lighting),
-        (Variant::Ways | Variant::Panes(Fidelity::Thesis), _) => None,
-        (Variant::Panes(Fidelity::Corrected) | Variant::Bodies, Lighting::Sun) => of(SPHERES),
-        (Variant::Panes(Fidelity::Corrected) | Variant::Bodies, Lighting::Lights) => of(SPHERES_IN_LIGHTS),
+        _ if program == RayProgram::Dummy || variant == Variant::Ways => on_bvh(program, variant, lighting),
+        (Variant::Panes(Fidelity::Thesis), _) => None,
+        (_, Lighting::Sun) => of(SPHERES),
+        (_, Lighting::Lights) => of(SPHERES_IN_LIGHTS),
     }
 }
 
@@ -151,17 +170,20 @@ mod tests {
     use std::path::{Path, PathBuf};
 
     const PANES: [Variant; 2] = [Variant::Panes(Fidelity::Corrected), Variant::Panes(Fidelity::Thesis)];
-    const VARIANTS: [(Variant, Lighting); 5] = [
+    const VARIANTS: [(Variant, Lighting); 7] = [
         (PANES[0], Lighting::Sun),
         (PANES[1], Lighting::Sun),
         (Variant::Bodies, Lighting::Sun),
+        (Variant::Ways, Lighting::Sun),
         (PANES[0], Lighting::Lights),
         (Variant::Bodies, Lighting::Lights),
+        (Variant::Ways, Lighting::Lights),
     ];
 
     #[test]
     fn those_that_know_bodies_are_those_that_are_asked_for_them() {
         assert_eq!(BODIES.iter().map(|(program, _)| *program).collect::<Vec<_>>(), Variant::OF_BODIES);
+        assert_eq!(WAYS.iter().map(|(program, _)| *program).collect::<Vec<_>>(), Variant::OF_BODIES);
     }
 
     #[test]
@@ -239,7 +261,13 @@ mod tests {
                     assert!(text.contains("by_sphere") || text.contains("closest_sphere"), "{}", info.stem);
                     assert!(!text.contains(".ftz.f32") && text.contains(".target sm_75"), "{}", info.stem);
                 }
-                assert!(without.is_none_or(|text| !text.contains("_sphere")), "{} knows spheres", info.stem);
+                // Those that follow ways are the same for all scenes.
+                let is_for_all = variant == Variant::Ways && without == Some(text);
+                assert!(
+                    is_for_all || without.is_none_or(|text| !text.contains("_sphere")),
+                    "{} knows spheres",
+                    info.stem
+                );
             }
         }
     }

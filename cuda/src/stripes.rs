@@ -1,6 +1,7 @@
 //! The rows of a picture that a GPU computes, and the launches that they are divided into.
 
 use crate::layout::BLOCK_HEIGHT;
+use crate::ways::ways_of_path;
 use curitiba_passes::effects::disc_rays;
 use curitiba_pipeline::backend::RayJob;
 use std::ops::Range;
@@ -11,6 +12,9 @@ const PIXELS_OF_LAUNCH: u32 = 1 << 20;
 
 /// Greatest number of rays to the discs of lights from the points that the pixels of a launch show, for the same reason.
 const DISC_RAYS_OF_LAUNCH: u32 = 1 << 26;
+
+/// Greatest number of ways on from glass into which the paths of the pixels of a launch are divided, for the same reason.
+const WAYS_OF_LAUNCH: u32 = 1 << 21;
 
 /// Consecutive rows of a picture that one GPU computes.
 #[derive(Debug)]
@@ -65,7 +69,11 @@ pub(crate) fn launches(stripes: &[Stripe<'_>], width: u32, pixels: u32) -> Vec<L
 
 /// Greatest number of pixels of a launch of this job.
 pub(crate) fn pixels_of_launch(job: &RayJob<'_>) -> u32 {
-    PIXELS_OF_LAUNCH.min(DISC_RAYS_OF_LAUNCH / disc_rays(job).max(1))
+    let of_ways = match ways_of_path(job) {
+        1 => PIXELS_OF_LAUNCH,
+        ways => WAYS_OF_LAUNCH / ways,
+    };
+    PIXELS_OF_LAUNCH.min(DISC_RAYS_OF_LAUNCH / disc_rays(job).max(1)).min(of_ways)
 }
 
 #[cfg(test)]

@@ -11,6 +11,7 @@ mod nvidia;
 mod scenes;
 mod several;
 mod spheres;
+mod ways;
 
 use nvidia::there;
 use std::path::{Path, PathBuf};

@@ -140,7 +140,7 @@ mod tests {
     fn every_program_that_is_called_is_in_the_module() {
         for info in RAY_PROGRAMS {
             let panes = [Fidelity::Corrected, Fidelity::Thesis].map(Variant::Panes);
-            let variants = panes.into_iter().chain([Variant::Bodies]);
+            let variants = panes.into_iter().chain([Variant::Bodies, Variant::Ways]);
             let kinds =
                 variants.flat_map(|variant| [Lighting::Sun, Lighting::Lights].map(|lighting| (variant, lighting)));
             for (variant, lighting) in kinds {

@@ -1,5 +1,6 @@
 // The programs that know glass as each material says, on the host: the same text with a tracer that asks all triangles. With CURITIBA_LIGHTS
-// also those that know several lights; with CURITIBA_SPHERES those that know exact spheres, which are asked by their tree.
+// also those that know several lights; with CURITIBA_SPHERES those that know exact spheres, which are asked by their tree; with CURITIBA_WAYS
+// those that follow paths through all glass.
 #define CURITIBA_BODIES
 #include "cuda.h"
 #include "triangle.cuh"
@@ -23,6 +24,7 @@
 #include "bodies.cuh"
 #endif
 #include "words.h"
+#include <memory>
 
 struct AllTriangles {
     const Params &params;
@@ -182,11 +184,45 @@ int main() {
     std::vector<float> open_share(params.samples + 1);
     numbers(open_share);
     params.open_share = open_share.data();
+#ifdef CURITIBA_WAYS
+    params.seed = word();
+    std::vector<Face> faces(bodies.size());
+    for (Face &face : faces) {
+        face.spread = number();
+        face.alpha = number();
+        face.roughness_texture = word();
+        numbers(face.mirrors);
+        face.minimum = number();
+        face.maximum = number();
+        face.exponent = number();
+    }
+    std::vector<float4> strata(word());
+    for (float4 &stratum : strata) {
+        float3 weight = vector();
+        stratum = make_float4(weight.x, weight.y, weight.z, number());
+    }
+    std::vector<uint2> facets(word());
+    for (uint2 &facet : facets) {
+        facet.x = word();
+        facet.y = word();
+    }
+    Ways ways = {faces.data(), strata.data(), facets.data(), (unsigned)strata.size(), (unsigned)facets.size()};
+    ways.asks = word();
+    ways.cutoff = number();
+    ways.reflections = word();
+    ways.refractions = word();
+    ways.chances = word();
+    params.segments = (const float4 *)&ways;
+#endif
 #ifdef CURITIBA_SPHERES
-    SpheresOfWords spheres;
-    for (unsigned count = word(); count > 0; --count) materials.push_back(word());
-    params.materials = materials.data();
-    params.handle = (unsigned long long)&spheres.described;
+    // Programs that follow ways are those of scenes without spheres, too.
+    std::unique_ptr<SpheresOfWords> spheres;
+    if (place < input.size()) {
+        spheres = std::make_unique<SpheresOfWords>();
+        for (unsigned count = word(); count > 0; --count) materials.push_back(word());
+        params.materials = materials.data();
+        params.handle = (unsigned long long)&spheres->described;
+    }
 #endif
     std::vector<float> through(THROUGH_GLASS_ENTRIES);
     for (size_t i = 0; i < through.size(); ++i) through[i] = std::pow(THROUGH_GLASS, (float)i);

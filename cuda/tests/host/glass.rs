@@ -6,12 +6,14 @@ use super::{compiled_with, light_words, run, words};
 use curitiba_cuda::layout::NO_TEXTURE;
 use curitiba_cuda::scene::{emissions, lights, shades};
 use curitiba_cuda::spheres::Packed;
+use curitiba_cuda::ways::WayTables;
 use curitiba_passes::cpu;
+use curitiba_passes::effects::dielectric::Variant;
 use curitiba_passes::effects::{LightTable, Preparation, open_shares};
 use curitiba_passes::trace::{Bvh, Hit, Quality, Ray, SphereTree, SurfacePoint, Tracer, WithSpheres};
-use curitiba_pipeline::backend::{Glow, Light, NO_TRIANGLE, PixelCone, RayJob, Shade, Sun};
+use curitiba_pipeline::backend::{Glow, Light, NO_TRIANGLE, PixelCone, RayCounts, RayJob, Shade, Sun};
 use curitiba_pipeline::executor::Progress;
-use curitiba_pipeline::glass::{Dielectric, GlassRule, GlassShadow, Shape};
+use curitiba_pipeline::glass::{Dielectric, GlassRule, GlassShadow, PathLimits, Shape};
 use curitiba_pipeline::image::Image;
 use curitiba_pipeline::programs::{Fidelity, Fresnel, RayParams, RayProgram, Sampler, TextureLod};
 use curitiba_pipeline::scene::texture::Texture;
@@ -88,6 +90,13 @@ impl Scene {
     /// The same scene seen from elsewhere.
     pub(crate) fn seen(self, eye: Vec3, target: Vec3) -> Self {
         Self { eye, target, ..self }
+    }
+
+    /// The same scene with glass that was changed, by the number of its material.
+    pub(crate) fn of_glass(mut self, change: impl Fn(usize, &mut Dielectric)) -> Self {
+        let glass = self.dielectrics.iter_mut().enumerate().filter(|(_, what)| what.shape != Shape::Opaque);
+        glass.for_each(|(material, what)| change(material, what));
+        self
     }
 
     /// The material of a triangle or sphere.
@@ -205,7 +214,7 @@ fn with_several(mut scene: Scene) -> Scene {
 }
 
 /// The camera in water, in a room.
-fn under_water() -> Scene {
+pub(crate) fn under_water() -> Scene {
     let mut scene = Scene::new(Vec3::new(0.1, 0.2, 0.3), Vec3::new(-0.3, 0.4, -1.0));
     scene.add(
         Dielectric::default(),
@@ -300,7 +309,21 @@ pub(crate) struct Asked<'a> {
     pub samples: u32,
     /// All glass is panes, whatever the materials say.
     pub panes: bool,
+    /// How paths are divided and cut off.
+    pub divided: Divided,
 }
+
+/// Into how many ways rough glass and the spectrum divide a path, where it is cut off, and the seed of chances.
+#[derive(Clone, Copy)]
+pub(crate) struct Divided {
+    pub paths: u32,
+    pub wavelengths: u32,
+    pub limits: PathLimits,
+    pub seed: u32,
+}
+
+/// Nothing divides a path, and all of it is followed.
+pub(crate) const WHOLE: Divided = Divided { paths: 1, wavelengths: 1, limits: PathLimits::DEFAULT, seed: 0 };
 
 /// The largest difference of a colour, the number of ray kinds whose counts differ, and the number of pixels that show glass.
 pub(crate) fn differences(program: &Path, scene: &Scene, asked: Asked<'_>) -> (f32, usize, usize) {
@@ -362,6 +385,9 @@ fn each_pixel_on<T: Tracer>(
         texture_lod: asked.lod,
         sun: asked.sun,
         sun_samples: 5,
+        paths: asked.divided.paths,
+        wavelengths: asked.divided.wavelengths,
+        limits: asked.divided.limits,
         ..RayParams::default()
     };
     let job = RayJob {
@@ -371,7 +397,7 @@ fn each_pixel_on<T: Tracer>(
         program: asked.program,
         params,
         fidelity: Fidelity::Corrected,
-        seed: 0,
+        seed: asked.divided.seed,
         eye: scene.eye,
         cone: PixelCone { width: 0.0, spread: 1.0 / SIZE as f32 },
         lights: asked.lights,
@@ -391,37 +417,53 @@ fn each_pixel_on<T: Tracer>(
     };
     let mut expected = Image::filled(SIZE, SIZE, [0.0; 4]);
     let stats = cpu::trace(tree, &job, &mut expected, &Progress::default()).expect("the job is whole");
-    let input = serialised(scene, &seen, &job);
-    let found = run(program, "", &input);
+    each_pixel_of(program, &job, (&expected, stats.rays), |pixel, colors| visit(&seen, pixel, colors))
+}
+
+/// Hands each pixel of a job, with what the device program shows there and what the processor did, to `visit`. Returns the number of ray kinds
+/// whose counts differ.
+pub(crate) fn each_pixel_of(
+    program: &Path,
+    job: &RayJob<'_>,
+    (expected, rays): (&Image, RayCounts),
+    mut visit: impl FnMut(usize, [Vec3; 2]),
+) -> usize {
+    let found = run(program, "", &serialised(job));
     let found = found.as_chunks::<7>().0;
     assert_eq!(found.len(), expected.pixels.len());
     let mut counts = [0_u64; 4];
     for (pixel, (found, expected)) in found.iter().zip(&expected.pixels).enumerate() {
         let color = Vec3::from([0, 1, 2].map(|channel| f32::from_bits(found[channel])));
-        visit(&seen, pixel, [color, Vec3::from_slice(expected)]);
+        visit(pixel, [color, Vec3::from_slice(expected)]);
         counts.iter_mut().zip(&found[3..]).for_each(|(count, found)| *count += u64::from(*found));
     }
-    let rays = stats.rays;
     // Shadow rays of `final` are not compared: the processor first traces some of a tile's rays to one light together, and those through
     // glass again; and it lights surfaces of no weight.
-    let shadow = if asked.program == RayProgram::Final { counts[3] } else { rays.shadow };
+    let shadow = if job.program == RayProgram::Final { counts[3] } else { rays.shadow };
     let expected = [rays.reflected, rays.refracted, rays.lost, shadow];
     counts.iter().zip(&expected).filter(|(a, b)| a != b).count()
 }
 
-fn serialised(scene: &Scene, seen: &GBuffer, job: &RayJob<'_>) -> Vec<u32> {
-    let geometry = &scene.scene.geometry;
+/// A job as a host program reads it: each triangle has corners of its own.
+fn serialised(job: &RayJob<'_>) -> Vec<u32> {
+    let geometry = &job.scene.geometry;
+    let corners = || geometry.triangles.iter().flatten().map(|vertex| *vertex as usize);
     let mut input = vec![geometry.triangles.len() as u32];
-    input.extend(words(geometry.positions.iter().copied()));
-    input.extend(words(geometry.normals.iter().copied()));
-    input.extend(geometry.texcoords.iter().flat_map(|texcoord| texcoord.to_array()).map(f32::to_bits));
+    input.extend(words(corners().map(|vertex| geometry.positions[vertex])));
+    input.extend(words(corners().map(|vertex| geometry.normals[vertex])));
+    let texcoord = |vertex: usize| geometry.texcoords.get(vertex).copied().unwrap_or_default();
+    input.extend(corners().flat_map(|vertex| texcoord(vertex).to_array()).map(f32::to_bits));
     input.extend(geometry.materials());
-    let texture = &scene.scene.textures[0];
+    let none = Texture::new("none".to_owned(), 1, 1, vec![[0; 4]]);
+    let texture = job.scene.textures.first().unwrap_or(&none);
     let texels = texture.levels.iter().flat_map(|level| &level.texels);
     input.extend([texture.levels[0].width, texture.levels[0].height, texels.clone().count() as u32]);
     input.extend(texels.map(|texel| u32::from_le_bytes(*texel)));
-    input.push(scene.dielectrics.len() as u32);
-    for (dielectric, shade) in scene.dielectrics.iter().zip(shades(job)) {
+    // Where all glass is panes, nobody asks the materials.
+    let none = vec![Dielectric::default(); job.shades.len()];
+    let dielectrics = if job.dielectrics.is_empty() { &none[..] } else { job.dielectrics };
+    input.push(dielectrics.len() as u32);
+    for (dielectric, shade) in dielectrics.iter().zip(shades(job)) {
         input.push(dielectric.shape as u32);
         input.push(dielectric.index.to_bits());
         input.extend(words([dielectric.extinction, dielectric.filter]));
@@ -450,22 +492,41 @@ fn serialised(scene: &Scene, seen: &GBuffer, job: &RayJob<'_>) -> Vec<u32> {
     input.extend([table.hidden.to_bits(), height.to_bits(), points.len() as u32]);
     input.extend(points.as_flattened());
     input.extend([job.width, job.height]);
-    for pixel in 0..seen.triangle.len() {
-        let vectors =
-            [&seen.position, &seen.normal, &seen.color].map(|image| Vec4::from_array(image[pixel]).truncate());
+    for pixel in 0..job.triangle.len() {
+        let vectors = [job.position, job.normal, job.color].map(|image| Vec4::from_array(image[pixel]).truncate());
         input.extend(words(vectors));
-        input.push(seen.triangle[pixel]);
+        input.push(job.triangle[pixel]);
     }
     input.push(u32::from(!job.dielectrics.is_empty()));
     let side = (1..=job.params.samples).find(|side| side * side == job.params.samples).unwrap_or(0);
     input.extend([job.params.samples, side, job.params.radius.to_bits()]);
     let open = open_shares(job.params.samples, job.params.intensity);
     input.extend(open.into_iter().map(f32::to_bits));
+    if Variant::of(job) == Variant::Ways {
+        input.push(job.seed);
+        input.extend(way_words(&WayTables::of(job)));
+    }
     if !geometry.spheres.is_empty() {
-        input.extend(sphere_words(&Packed::of(geometry, &vec![true; scene.dielectrics.len()])));
+        input.extend(sphere_words(&Packed::of(geometry, &vec![true; job.shades.len()])));
         input.push(geometry.spheres.len() as u32);
         input.extend(geometry.spheres.iter().map(|sphere| sphere.material));
     }
+    input
+}
+
+/// What programs that follow ways are asked, as a host program reads it.
+pub(crate) fn way_words(tables: &WayTables) -> Vec<u32> {
+    let WayTables { faces, strata, facets, ways } = tables;
+    let mut input = Vec::new();
+    for face in faces {
+        input.extend([face.spread.to_bits(), face.alpha.to_bits(), face.roughness_texture]);
+        input.extend(face.mirrors.into_iter().chain([face.minimum, face.maximum, face.exponent]).map(f32::to_bits));
+    }
+    input.push(ways.stratum_count);
+    input.extend(strata.iter().copied().map(f32::to_bits));
+    input.push(ways.facet_count);
+    input.extend(facets);
+    input.extend([ways.asks, ways.cutoff.to_bits(), ways.reflections, ways.refractions, ways.chances]);
     input
 }
 
@@ -490,8 +551,18 @@ fn glass_of_the_device_programs_looks_as_on_the_processor() {
                 (Fresnel::Exact, GlassShadow::Straight, 3, TextureLod::Cones),
                 (Fresnel::Schlick, GlassShadow::Report, 0, TextureLod::Cones),
             ] {
-                let asked =
-                    Asked { program, fresnel, shadow, depth, lod, lights: &[], sun: 0.0, samples: 0, panes: false };
+                let asked = Asked {
+                    program,
+                    fresnel,
+                    shadow,
+                    depth,
+                    lod,
+                    lights: &[],
+                    sun: 0.0,
+                    samples: 0,
+                    panes: false,
+                    divided: WHOLE,
+                };
                 let (largest, counts, shown) = differences(&compiled, &scene, asked);
                 let what = format!("{program:?}, {fresnel:?}, {shadow:?}, depth {depth}, {lod:?}");
                 assert!(largest < ROUNDING && counts == 0, "{what}: {largest}, {counts} counts differ");
@@ -506,7 +577,18 @@ fn a_wrong_word_of_the_device_programs_is_noticed() {
     let lod = TextureLod::Cones;
     let asked = |program| {
         let (fresnel, shadow) = (Fresnel::Exact, GlassShadow::Straight);
-        Asked { program, fresnel, shadow, depth: 5, lod, lights: &[], sun: 0.0, samples: 0, panes: false }
+        Asked {
+            program,
+            fresnel,
+            shadow,
+            depth: 5,
+            lod,
+            lights: &[],
+            sun: 0.0,
+            samples: 0,
+            panes: false,
+            divided: WHOLE,
+        }
     };
     for (program, scene, change) in [
         // Absorption over twice the distance.
@@ -564,7 +646,18 @@ fn the_body_around_the_camera_absorbs_light_from_what_is_in_it() {
         let source = if program == RayProgram::Final { "glass_final.cpp" } else { "glass.cpp" };
         let compiled = compiled_with(source, &format!("glass-inside-{program:?}"), change)?;
         let (fresnel, shadow) = (Fresnel::Exact, GlassShadow::Straight);
-        let asked = Asked { program, fresnel, shadow, depth: 3, lod, lights: &[], sun: 0.0, samples: 0, panes: false };
+        let asked = Asked {
+            program,
+            fresnel,
+            shadow,
+            depth: 3,
+            lod,
+            lights: &[],
+            sun: 0.0,
+            samples: 0,
+            panes: false,
+            divided: WHOLE,
+        };
         let (mut opaque, mut off, mut around, mut unlike) = (0, 0.0_f32, 0.0_f32, 0.0_f32);
         each_pixel(&compiled, &scene, asked, |seen, pixel, [found, expected]| {
             let triangle = seen.triangle[pixel];
@@ -616,7 +709,18 @@ fn a_wrong_word_of_what_is_said_of_a_sky_is_noticed() {
         (RayProgram::Final, "final.cuh", ["is_black(color) || is_sky(params, triangle)", "is_black(color)"]),
     ] {
         let Some(compiled) = compiled_program(program, "sky-changed", Some((header, change))) else { return };
-        let asked = Asked { program, fresnel, shadow, depth: 5, lod, lights: &[], sun: 0.0, samples: 0, panes: false };
+        let asked = Asked {
+            program,
+            fresnel,
+            shadow,
+            depth: 5,
+            lod,
+            lights: &[],
+            sun: 0.0,
+            samples: 0,
+            panes: false,
+            divided: WHOLE,
+        };
         let (largest, _, _) = differences(&compiled, &under_a_sky(), asked);
         assert!(largest > 1e-3, "{change:?} is not noticed: {largest}");
     }

@@ -1,7 +1,7 @@
 //! Several lights, lights with a place, and lights that are discs: what arrives of them at a point, bit for bit; and the programs that know
 //! them, compiled for the host as those in `glass.rs`.
 
-use super::glass::{Asked, ROUNDING, differences, several, under_a_sky};
+use super::glass::{Asked, ROUNDING, WHOLE, differences, several, under_a_sky};
 use super::{Random, compiled, compiled_with, light_words, run, words};
 use curitiba_cuda::scene::lights as device_lights;
 use curitiba_passes::sampling::cone::ConeSampler;
@@ -117,6 +117,7 @@ pub(crate) fn asked(program: RayProgram, shadow: GlassShadow, lights: &[Light]) 
         sun: 0.0,
         samples: 0,
         panes: false,
+        divided: WHOLE,
     }
 }
 

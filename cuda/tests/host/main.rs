@@ -6,6 +6,7 @@
 mod glass;
 mod lights;
 mod spheres;
+mod ways;
 
 use curitiba_cuda::layout::{WRAP_CLAMP, WRAP_MIRROR, WRAP_REPEAT};
 use curitiba_passes::effects::{

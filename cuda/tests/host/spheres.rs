@@ -267,7 +267,7 @@ fn sphere(center: [f32; 3], radius: f32) -> Sphere {
 
 /// Spheres beside the bodies of triangles of a scene: an absorbing one with a bubble, a core that reaches out of it and comes first, one in a
 /// body of triangles, one of index 1, a thin one, a pane, a veiled one, and three that are not glass.
-fn with_spheres(mut scene: Scene) -> Scene {
+pub(crate) fn with_spheres(mut scene: Scene) -> Scene {
     let sigma = Vec3::new(0.1, 0.4, 0.9);
     let textured =
         Dielectric { filter_texture: Some(0), transmission_texture: Some(0), filter_vertex_colors: true, ..solid(1.6) };

@@ -25,7 +25,7 @@ pub use programs::Rounding;
 pub use segments::WgpuSegments;
 
 use crate::cpu::{check, may_trace};
-use crate::effects::dielectric::{Variant, check_glass};
+use crate::effects::dielectric::Variant;
 use crate::effects::disc_rays;
 use crate::raster::gpu::device::Gpu;
 use crate::raster::gpu::faults::of_rays;
@@ -359,7 +359,6 @@ impl WgpuRays {
         self.supports(job.program, job.fidelity)?;
         check::scene(NAME, job, true)?;
         check::adaptive(NAME, job)?;
-        check_glass(NAME, true, &job.params, job.dielectrics)?;
         let photons = job.program.photons(&job.params);
         if let Some(target) = first_target(job.scene, job.dielectrics).filter(|_| photons > 0) {
             return Err(BackendError::no_photons(NAME, job.program.info().stem, photons, target));
@@ -439,7 +438,6 @@ impl RayBackend for WgpuRays {
         params: &RayParams,
         dielectrics: &[Dielectric],
     ) -> Result<(), BackendError> {
-        check_glass(NAME, true, params, dielectrics)?;
         let is_asked = !dielectrics.is_empty() && Variant::OF_BODIES.contains(&program);
         let divides =
             |dielectric: &Dielectric| dielectric.alpha > 0.0 || (dielectric.spread > 0.0 && params.wavelengths > 1);

@@ -33,13 +33,14 @@ pub(crate) use caustic::{WIDTH as LENS_WIDTH, axis as light_axis, blur as light_
 #[cfg(feature = "wgpu")]
 pub(crate) use eye::asks_for_lenses;
 pub(crate) use eye::{around_eye, lenses};
+pub use facets::Facet as Microfacet;
 pub use lenses::Lenses;
 pub use media::{Border, Crossing, MOST, Media};
 pub use photon_map::{Cloud, Photon, PhotonMap};
 pub(crate) use photons::{photons, targets};
 pub use slab::{Slab, slab};
 pub use targets::{Target, Targets};
-pub use variant::{Variant, check_glass};
+pub use variant::{Variant, check_focused};
 pub use walk::MOST_SURFACES;
 pub(super) use walk::Walk;
 pub(super) use ways::{AllWays, Ways};
@@ -49,8 +50,9 @@ use crate::sampling::owen_sobol::reversed_sobol;
 use curitiba_pipeline::backend::RayJob;
 use curitiba_pipeline::glass::{Stratum, strata};
 
-/// By path through rough glass, its Sobol point, bits reversed; none where no glass is rough.
-pub(crate) fn facets(job: &RayJob<'_>) -> Vec<[u32; 2]> {
+/// By path through rough glass, its Sobol point in the unit square, bits reversed; none where no glass is rough.
+#[must_use]
+pub fn facets(job: &RayJob<'_>) -> Vec<[u32; 2]> {
     if job.dielectrics.iter().all(|dielectric| dielectric.alpha <= 0.0) {
         return Vec::new();
     }
@@ -58,7 +60,8 @@ pub(crate) fn facets(job: &RayJob<'_>) -> Vec<[u32; 2]> {
 }
 
 /// The strata of the spectrum that a job asks for; none where no body bends colours apart.
-pub(crate) fn spectrum(job: &RayJob<'_>) -> Vec<Stratum> {
+#[must_use]
+pub fn spectrum(job: &RayJob<'_>) -> Vec<Stratum> {
     let disperses = job.dielectrics.iter().any(|dielectric| dielectric.spread > 0.0);
     if disperses && job.params.wavelengths > 1 { strata(job.params.wavelengths) } else { Vec::new() }
 }

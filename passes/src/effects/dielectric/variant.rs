@@ -27,7 +27,7 @@ impl Variant {
         let has = Self::OF_BODIES.contains(&job.program);
         match () {
             () if !(asks && has && job.fidelity == Fidelity::Corrected) => Self::Panes(job.fidelity),
-            () if asks_of_ways(&job.params, job.dielectrics).is_some() => Self::Ways,
+            () if asks_of_ways(&job.params, job.dielectrics) => Self::Ways,
             () => Self::Bodies,
         }
     }
@@ -39,80 +39,69 @@ impl Variant {
     }
 }
 
-/// What a pass asks that smooth glass of one index and whole paths do not answer: what it is, and what would help.
-fn asks_of_ways(params: &RayParams, dielectrics: &[Dielectric]) -> Option<(&'static str, &'static str)> {
+/// Whether a pass asks what smooth glass of one index and whole paths do not answer.
+fn asks_of_ways(params: &RayParams, dielectrics: &[Dielectric]) -> bool {
     let disperses = params.wavelengths > 1 && dielectrics.iter().any(|dielectric| dielectric.spread > 0.0);
     let rough = dielectrics.iter().any(|dielectric| dielectric.alpha > 0.0);
     let own = dielectrics.iter().any(|dielectric| dielectric.reflectance.is_some() || dielectric.reflection.is_some());
     let cut = params.limits.cut() && !dielectrics.is_empty();
-    match () {
-        () if disperses => Some(("glass that bends colours apart", "set wavelengths=1 on the pass, use --backend cpu")),
-        () if own => Some(("glass with a reflectance or a colour of reflections of its own", "use --backend cpu")),
-        () if rough => Some(("rough glass", "use --backend cpu")),
-        () if cut => {
-            Some(("glass whose paths are cut off", "leave out cutoff, reflections and refractions, use --backend cpu"))
-        }
-        () => None,
-    }
+    disperses || rough || own || cut
 }
 
-/// Refuses what device programs lack of the glass that a pass finds where they know no [`Variant::Ways`]: light that spheres focus, bodies that bend
-/// colours apart, rough surfaces, reflectances of their own, and paths that are cut off.
+/// Refuses light that spheres or photons focus where device programs do not know it.
 ///
 /// # Errors
 /// [`BackendError::Unsupported`], with what would help.
-pub fn check_glass(
+pub fn check_focused(
     backend: &'static str,
-    knows_ways: bool,
     params: &RayParams,
     dielectrics: &[Dielectric],
 ) -> Result<(), BackendError> {
-    if knows_ways {
+    if params.shadow != GlassShadow::Caustic || dielectrics.is_empty() {
         return Ok(());
     }
-    let focuses = params.shadow == GlassShadow::Caustic && !dielectrics.is_empty();
-    let focused = focuses.then_some(("shadow=caustic", "set shadow=straight on the pass, use --backend cpu"));
-    let Some((what, help)) = asks_of_ways(params, dielectrics).or(focused) else { return Ok(()) };
-    let why = format!(
-        "its programs know smooth glass of one index, and shadows of straight light; {help}, or allow it with --fallback cpu"
-    );
-    Err(BackendError::Unsupported { backend, what: what.to_owned(), why })
+    let why = "its programs know shadows of straight light; set shadow=straight on the pass, use --backend cpu, or allow it with \
+               --fallback cpu"
+        .to_owned();
+    Err(BackendError::Unsupported { backend, what: "shadow=caustic".to_owned(), why })
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use curitiba_pipeline::glass::PathLimits;
+    use curitiba_pipeline::glass::{PathLimits, Reflectance};
 
     #[test]
-    fn what_devices_lack_is_refused_by_name() {
-        let (plain, all) = (Dielectric::default(), RayParams::default());
-        assert!(check_glass("cuda", false, &all, &[]).is_ok() && check_glass("cuda", false, &all, &[plain]).is_ok());
-        let flint = [plain, Dielectric { spread: 0.02, ..plain }];
-        let refused = check_glass("cuda", false, &all, &flint).expect_err("it disperses").to_string();
-        assert!(refused.contains("bends colours apart") && refused.contains("wavelengths=1"), "{refused}");
-        assert!(check_glass("cuda", false, &RayParams { wavelengths: 1, ..all }, &flint).is_ok());
-        let frosted =
-            check_glass("optix", false, &all, &[Dielectric { alpha: 0.2, ..plain }]).expect_err("it is rough");
-        assert!(frosted.to_string().contains("rough glass"), "{frosted}");
-        let caustic = RayParams { shadow: GlassShadow::Caustic, ..all };
-        let focused = check_glass("cuda", false, &caustic, &[plain]).expect_err("it focuses").to_string();
+    fn light_that_is_focused_is_refused_by_name_where_glass_may_focus_it() {
+        let caustic = RayParams { shadow: GlassShadow::Caustic, ..RayParams::default() };
+        let plain = [Dielectric::default()];
+        let focused = check_focused("cuda", &caustic, &plain).expect_err("it focuses").to_string();
         assert!(focused.contains("shadow=caustic") && focused.contains("shadow=straight"), "{focused}");
-        assert!(check_glass("cuda", false, &caustic, &[]).is_ok());
-        let limits = PathLimits { cutoff: 0.01, ..PathLimits::DEFAULT };
-        let cut =
-            check_glass("cuda", false, &RayParams { limits, ..all }, &[plain]).expect_err("it cuts off").to_string();
-        assert!(cut.contains("cut off") && cut.contains("leave out cutoff"), "{cut}");
+        assert!(check_focused("cuda", &caustic, &[]).is_ok());
+        assert!(check_focused("cuda", &RayParams::default(), &plain).is_ok());
     }
 
     #[test]
-    fn who_follows_all_ways_knows_focused_light_too() {
-        let glass = [Dielectric { spread: 0.02, alpha: 0.2, ..Dielectric::default() }];
-        let limits = PathLimits { cutoff: 0.01, ..PathLimits::DEFAULT };
-        let params = RayParams { limits, ..RayParams::default() };
-        assert!(check_glass("wgpu", true, &params, &glass).is_ok());
-        let caustic = RayParams { shadow: GlassShadow::Caustic, ..params };
-        assert!(check_glass("wgpu", true, &caustic, &glass).is_ok());
-        assert!(check_glass("cuda", false, &caustic, &glass).is_err(), "control");
+    fn each_kind_of_glass_and_each_limit_asks_for_ways_by_itself() {
+        let (plain, all) = (Dielectric::default(), RayParams::default());
+        assert!(!asks_of_ways(&all, &[plain]) && !asks_of_ways(&all, &[]));
+        let flint = [plain, Dielectric { spread: 0.02, ..plain }];
+        assert!(asks_of_ways(&all, &flint) && !asks_of_ways(&RayParams { wavelengths: 1, ..all }, &flint));
+        let curve = Reflectance::of_index(1.5);
+        for glass in [
+            Dielectric { alpha: 0.2, ..plain },
+            Dielectric { reflectance: Some(curve), ..plain },
+            Dielectric { reflection: Some(Vec3::ONE), ..plain },
+        ] {
+            assert!(asks_of_ways(&all, &[plain, glass]), "{glass:?}");
+        }
+        for limits in [
+            PathLimits { cutoff: 0.01, ..PathLimits::DEFAULT },
+            PathLimits { reflections: 3, ..PathLimits::DEFAULT },
+            PathLimits { refractions: 3, ..PathLimits::DEFAULT },
+        ] {
+            assert!(asks_of_ways(&RayParams { limits, ..all }, &[plain]), "{limits:?}");
+            assert!(!asks_of_ways(&RayParams { limits, ..all }, &[]), "no glass");
+        }
     }
 }

@@ -1,0 +1,72 @@
+//! Paths in glass that are divided or cut off: what a pass asks of them, as the device has it.
+
+use crate::layout::{Face, NO_TEXTURE, WAYS_BACKGROUND, WAYS_CUT, WAYS_ROULETTE, Ways};
+use curitiba_passes::effects::dielectric::{Variant, facets, spectrum};
+use curitiba_pipeline::backend::RayJob;
+use curitiba_pipeline::glass::{CutoffColor, Dielectric, Reflectance, Roulette, Stratum};
+use curitiba_pipeline::programs::RayParams;
+
+/// The tables of a pass whose programs follow ways.
+#[derive(Debug, Clone, PartialEq)]
+pub struct WayTables {
+    /// By material.
+    pub faces: Vec<Face>,
+    /// The parts of the spectrum, four numbers each.
+    pub strata: Vec<f32>,
+    /// The points that choose microfacets, two numbers each.
+    pub facets: Vec<u32>,
+    /// What is asked, without the addresses of these tables.
+    pub ways: Ways,
+}
+
+impl WayTables {
+    /// The tables of a job.
+    #[must_use]
+    pub fn of(job: &RayJob<'_>) -> Self {
+        let RayParams { limits, first, first_path, .. } = &job.params;
+        let (strata, facets) = (spectrum(job), facets(job));
+        let asked = |flag: u32, is_asked: bool| if is_asked { flag } else { 0 };
+        let ways = Ways {
+            stratum_count: strata.len() as u32,
+            facet_count: facets.len() as u32,
+            asks: asked(WAYS_CUT, limits.cut())
+                | asked(WAYS_ROULETTE, limits.roulette == Roulette::On)
+                | asked(WAYS_BACKGROUND, limits.cutoff_color == CutoffColor::Background),
+            cutoff: limits.cutoff,
+            reflections: limits.reflections,
+            refractions: limits.refractions,
+            chances: first ^ first_path.rotate_left(16),
+            ..Ways::default()
+        };
+        let numbers = |Stratum { wavelength, weight }: &Stratum| [weight.x, weight.y, weight.z, *wavelength];
+        Self {
+            faces: job.dielectrics.iter().map(face).collect(),
+            strata: strata.iter().flat_map(numbers).collect(),
+            facets: facets.into_flattened(),
+            ways,
+        }
+    }
+}
+
+fn face(dielectric: &Dielectric) -> Face {
+    // No curve has an exponent below 0.
+    let none = Reflectance { minimum: 0.0, maximum: 0.0, exponent: -1.0 };
+    let Reflectance { minimum, maximum, exponent } = dielectric.reflectance.unwrap_or(none);
+    Face {
+        spread: dielectric.spread,
+        alpha: dielectric.alpha,
+        roughness_texture: dielectric.roughness_texture.unwrap_or(NO_TEXTURE),
+        mirrors: dielectric.mirrors().to_array(),
+        minimum,
+        maximum,
+        exponent,
+    }
+}
+
+/// Into how many ways rough glass and the spectrum divide a path of a pixel, at most; 1 where nothing does.
+pub(crate) fn ways_of_path(job: &RayJob<'_>) -> u32 {
+    if Variant::of(job) != Variant::Ways {
+        return 1;
+    }
+    (facets(job).len().max(1) * spectrum(job).len().max(1)) as u32
+}

@@ -1,0 +1,3 @@
+// `refraction` that follows paths through all glass.
+#define CURITIBA_WAYS
+#include "glass.cpp"

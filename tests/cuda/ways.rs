@@ -1,0 +1,156 @@
+//! Glass that is rough, bends colours apart or has a reflectance of its own, and paths that are cut off, against the processor's.
+
+use super::conformance::record_of;
+use super::lamps::add_lamps;
+use super::scenes::made;
+use super::{file, project, there};
+use curitiba::conformance::{Found, Record};
+use curitiba::pipeline::backend::RayCounts;
+use curitiba::pipeline::programs::Fidelity;
+use curitiba::pipeline::project::{self, Project};
+use curitiba::{BackendChoice, Choice};
+use std::sync::{Arc, Mutex};
+
+fn loaded(name: &str) -> Project {
+    project::load(&project(name)).expect("the project loads")
+}
+
+/// Runs the ray pass of each project with its settings; `None` without the backend.
+fn records(backend: BackendChoice, runs: Vec<(Project, &str, &[&str])>) -> Option<Vec<Record>> {
+    there(Choice::CPU.traced_by(backend))?;
+    let found = Arc::new(Mutex::new(Found::default()));
+    let count = runs.len();
+    for (project, name, set) in runs {
+        let set = set.iter().map(|one| (*one).to_owned()).collect();
+        record_of(project, backend, name, "MainCamera", (Fidelity::Corrected, set), None, &found);
+    }
+    let records = std::mem::take(&mut found.lock().expect("no panic while it was held").records);
+    assert_eq!(records.len(), count, "a pass did not run");
+    Some(records)
+}
+
+/// Pictures are within the limits, and on our own tracer rays in glass are as many as the processor's.
+fn agrees(backend: BackendChoice, runs: Vec<(Project, &str, &[&str])>) {
+    let Some(records) = records(backend, runs) else { return };
+    for record in &records {
+        let words = record.in_words();
+        println!("{words}");
+        assert!(record.within_limits, "farther off than it may be: {words}");
+        assert!(record.rays.refracted > 1000, "no glass is seen: {words}");
+        if record.backend == "cuda" {
+            let glass = |rays: RayCounts| [rays.reflected, rays.refracted, rays.lost];
+            assert_eq!(glass(record.rays), glass(record.cpu_rays.expect("the processor ran")), "{words}");
+        }
+    }
+}
+
+fn cut_off(backend: BackendChoice) {
+    let sets: [&[&str]; 5] = [
+        &["pass2.samples=0", "pass2.cutoff=0.02"],
+        &["pass2.samples=16", "pass2.cutoff=0.1", "pass2.cutoffcolor=background"],
+        &["pass2.samples=0", "pass2.reflections=1", "pass2.refractions=4"],
+        &["pass2.samples=0", "pass2.cutoff=0.05", "pass2.roulette=on"],
+        &["pass2.samples=0", "pass2.cutoff=0.05", "pass2.roulette=on", "pass2.shadow=report"],
+    ];
+    agrees(backend, Vec::from(sets.map(|set| (loaded("glass/balls"), "glass/balls", set))));
+    // Fewer rays are traced than without.
+    let sets: [&[&str]; 2] = [&["pass2.samples=0"], &["pass2.samples=0", "pass2.cutoff=0.02"]];
+    let Some(records) = records(backend, Vec::from(sets.map(|set| (loaded("glass/balls"), "glass/balls", set)))) else {
+        return;
+    };
+    let rays = |record: &Record| record.rays.reflected + record.rays.refracted;
+    assert!(rays(&records[1]) < rays(&records[0]), "nothing is cut off");
+}
+
+#[test]
+fn paths_that_are_cut_off_on_our_own_tracer_are_the_processors() {
+    cut_off(BackendChoice::Cuda);
+}
+
+#[test]
+fn paths_that_are_cut_off_on_optix_are_the_processors() {
+    cut_off(BackendChoice::Optix);
+}
+
+fn colors(backend: BackendChoice) {
+    let sets: [&[&str]; 4] = [
+        &["pass2.samples=0", "pass2.depth=3"],
+        &["pass2.samples=4", "pass2.wavelengths=5", "pass2.depth=2"],
+        &["pass2.samples=0", "pass2.wavelengths=4", "pass2.texturelod=cones", "pass2.fresnel=schlick"],
+        &["pass2.samples=0", "pass2.wavelengths=4", "pass2.cutoff=0.01"],
+    ];
+    agrees(backend, Vec::from(sets.map(|set| (loaded("glass/Prism"), "glass/Prism", set))));
+}
+
+#[test]
+fn colours_on_our_own_tracer_are_bent_apart_as_the_processors() {
+    colors(BackendChoice::Cuda);
+}
+
+#[test]
+fn colours_on_optix_are_bent_apart_as_the_processors() {
+    colors(BackendChoice::Optix);
+}
+
+fn rough(backend: BackendChoice) {
+    let sets: [&[&str]; 3] = [
+        &["pass2.samples=0", "pass2.paths=8", "pass2.depth=2"],
+        &["pass2.samples=16", "pass2.paths=4", "pass2.depth=1"],
+        &["pass2.samples=0", "pass2.paths=4", "pass2.texturelod=cones", "pass2.cutoff=0.005", "pass2.roulette=on"],
+    ];
+    let mut runs: Vec<(Project, &str, &[&str])> =
+        Vec::from(sets.map(|set| (loaded("glass/Frosted"), "glass/Frosted", set)));
+    let mut in_lights = loaded("glass/Frosted");
+    add_lamps(&mut in_lights, "MainCamera");
+    runs.push((in_lights, "glass/Frosted", &["pass2.samples=4", "pass2.paths=4", "pass2.depth=1"]));
+    agrees(backend, runs);
+}
+
+#[test]
+fn rough_glass_on_our_own_tracer_is_the_processors() {
+    rough(BackendChoice::Cuda);
+}
+
+#[test]
+fn rough_glass_on_optix_is_the_processors() {
+    rough(BackendChoice::Optix);
+}
+
+#[test]
+fn exact_spheres_on_our_own_tracer_are_followed_by_cut_off_paths_as_the_processors() {
+    let sets: [&[&str]; 2] =
+        [&["pass2.samples=0", "pass2.cutoff=0.02"], &["pass2.samples=9", "pass2.cutoff=0.05", "pass2.roulette=on"]];
+    let names = ["glass/Spheres", "glass/Shells"];
+    let runs = names.iter().flat_map(|name| sets.map(|set| (loaded(name), *name, set)));
+    agrees(BackendChoice::Cuda, runs.collect());
+}
+
+/// The balls, with reflectances and colours of their own.
+fn own(backend: BackendChoice) {
+    let text = std::fs::read_to_string(file("xml_projects/glass/scenes/balls.gltf")).expect("readable");
+    let mut changed = text;
+    for (name, extras) in [
+        ("clear glass", r#"{"schlick":{"minimum":0.1,"maximum":0.8,"exponent":3},"reflectionColor":[1,0.6,0.3]}"#),
+        ("diamond", r#"{"reflectionColor":[0.5,0.9,1],"refractionColor":[0.9,0.8,1]}"#),
+    ] {
+        let named = format!("\"name\": \"{name}\",");
+        assert_eq!(changed.matches(&named).count(), 1, "{name}");
+        changed = changed.replace(&named, &format!("{named} \"extras\": {extras},"));
+    }
+    let folder = tempfile::tempdir().expect("a folder");
+    std::fs::write(folder.path().join("own.gltf"), changed).expect("a file");
+    let project = || made(folder.path(), "own.gltf", "shadows,glass");
+    let runs: Vec<(Project, &str, &[&str])> =
+        vec![(project(), "own", &["pass2.shadow=straight"]), (project(), "own", &["pass2.shadow=report"])];
+    agrees(backend, runs);
+}
+
+#[test]
+fn reflectances_of_their_own_on_our_own_tracer_are_the_processors() {
+    own(BackendChoice::Cuda);
+}
+
+#[test]
+fn reflectances_of_their_own_on_optix_are_the_processors() {
+    own(BackendChoice::Optix);
+}
