@@ -139,6 +139,6 @@ fn programs_on_a_batch_of_a_sequence_compute_what_the_processors_do() {
         // As many samples from elsewhere in the sequence are others.
         let others = picture(&compiled, &scene, batch(program, sun, 100, 7));
         let differ = pictures[0].iter().zip(&others).filter(|(a, b)| a != b).count();
-        assert!(differ > 50, "{program:?}: {differ} pixels differ");
+        assert!(differ > 20, "{program:?}: {differ} pixels differ");
     }
 }
