@@ -19,7 +19,7 @@ pub mod programs;
 pub mod scene;
 pub mod segments;
 mod shared_gbuffer;
-mod sobol_table;
+pub mod sobol_table;
 pub mod spheres;
 mod staging;
 mod stripes;

@@ -146,11 +146,6 @@ impl<T: DeviceTracer> RayBackend for DeviceRays<T> {
         Limits { parts: false, ..Limits::NONE }
     }
 
-    fn continues_sequences(&self) -> bool {
-        // The device's tables hold only the beginning of the sequence of points.
-        false
-    }
-
     fn supports(&self, program: RayProgram, fidelity: Fidelity) -> Result<(), BackendError> {
         match T::program(program, Variant::Panes(fidelity), Lighting::Sun) {
             Some(_) => Ok(()),

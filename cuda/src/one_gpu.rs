@@ -317,11 +317,6 @@ impl<T: DeviceTracer> OneGpu<T> {
         let prepared = Preparation::of(job).map_err(|why| check::missing(T::NAME, job, &why))?;
         let Preparation { sampler, open_share, to_light, light_color, disc } = prepared;
         let samples = job.program.info().samples(&job.params);
-        if job.params.first > 0 {
-            let why = "its table of points is of the beginning of the sequence; use --backend cpu or wgpu".to_owned();
-            let what = "the continuation of a sequence of samples".to_owned();
-            return Err(BackendError::Unsupported { backend: T::NAME, what, why });
-        }
         let (strata, points) = match sampler {
             None => (0, Vec::new()),
             Some(HemisphereSampler::Strata { side }) => (side, Vec::new()),

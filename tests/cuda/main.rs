@@ -3,6 +3,7 @@
 //! Without a GPU, these tests print `skipped: why` and pass; with `CURITIBA_REQUIRE_CUDA_TESTS=1` they fail instead.
 //! The binary runs on any machine: where the source folder is missing, it looks for the projects in the current folder.
 
+mod accumulate;
 mod conformance;
 #[path = "../lamps/mod.rs"]
 mod lamps;

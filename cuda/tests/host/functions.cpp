@@ -2,6 +2,7 @@
 // output; `main.rs` says what is in them, and compares.
 #include "cuda.h"
 #include "cone_test.cuh"
+#include "fan.cuh"
 #include "lights.cuh"
 #include "words.h"
 
@@ -91,6 +92,24 @@ static void samples() {
         put(exact.cos_refracted);
         put(rough.reflectance);
         put(rough.cos_refracted);
+    }
+}
+
+// The points of a fan in the two orders in which warps take them.
+static void turns() {
+    Params params = {};
+    params.samples = word();
+    unsigned key = word();
+    std::vector<uint2> table = read_sobol_table();
+    params.sobol = table.data();
+    SharedFan fan = {};
+    fan.seeds = scrambling_of(key);
+    for (unsigned turn = 0; turn < params.samples; ++turn) {
+        for (unsigned sample : {fan.sample_of(params, turn), fan.neighbour(params, turn)}) {
+            float2 point = scrambled_point(params, sample, fan.seeds);
+            put(point.x);
+            put(point.y);
+        }
     }
 }
 
@@ -202,6 +221,7 @@ int main(int count, char **arguments) {
     else if (what == "lifts") lifts();
     else if (what == "bumps") bumps();
     else if (what == "samples") samples();
+    else if (what == "turns") turns();
     else if (what == "lights") lights();
     else if (what == "discs") discs();
     else if (what == "cones") cones();

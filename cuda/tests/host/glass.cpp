@@ -181,6 +181,8 @@ int main() {
     params.samples = word();
     params.strata = word();
     params.radius = number();
+    std::vector<uint2> sobol = read_sobol_table();
+    params.sobol = sobol.data();
     std::vector<float> open_share(params.samples + 1);
     numbers(open_share);
     params.open_share = open_share.data();

@@ -1,15 +1,18 @@
 //! `refraction` and `final` with glass as defined by each material: the source of the device programs, compiled for the host with a tracer
 //! that tests all triangles, compared with the processor's programs.
 
+use super::lights;
 use super::spheres::sphere_words;
 use super::{compiled_with, light_words, run, words};
 use curitiba_cuda::layout::NO_TEXTURE;
 use curitiba_cuda::scene::{emissions, lights, shades};
+use curitiba_cuda::sobol_table;
 use curitiba_cuda::spheres::Packed;
 use curitiba_cuda::ways::WayTables;
 use curitiba_passes::cpu;
 use curitiba_passes::effects::dielectric::Variant;
 use curitiba_passes::effects::{LightTable, Preparation, open_shares};
+use curitiba_passes::sampling::HemisphereSampler;
 use curitiba_passes::trace::{Bvh, Hit, Quality, Ray, SphereTree, SurfacePoint, Tracer, WithSpheres};
 use curitiba_pipeline::backend::{Glow, Light, NO_TRIANGLE, PixelCone, RayCounts, RayJob, Shade, Sun};
 use curitiba_pipeline::executor::Progress;
@@ -305,8 +308,10 @@ pub(crate) struct Asked<'a> {
     pub lights: &'a [Light],
     /// Degrees of the discs of directional lights; 0 for points.
     pub sun: f32,
-    /// Occlusion rays of a point, a square number, in strata; 0 for none.
+    /// Occlusion rays of a point; 0 for none.
     pub samples: u32,
+    /// Of a batch of the Sobol sequences: how many points of them came before it. `None`: occlusion rays, a square number, lie in strata.
+    pub after: Option<u32>,
     /// All glass is panes, whatever the materials say.
     pub panes: bool,
     /// How paths are divided and cut off.
@@ -375,7 +380,9 @@ fn each_pixel_on<T: Tracer>(
     let sun = Sun { direction: Vec3::new(-0.4, -0.8, -0.5).normalize(), color: Vec3::new(0.9, 0.8, 0.7) };
     let params = RayParams {
         samples: asked.samples,
-        sampler: Sampler::Strata,
+        sampler: if asked.after.is_some() { Sampler::Sobol } else { Sampler::Strata },
+        first: asked.after.unwrap_or(0),
+        first_sun: asked.after.unwrap_or(0),
         radius: 1.3,
         index: 1.1,
         depth: asked.depth,
@@ -487,7 +494,7 @@ fn serialised(job: &RayJob<'_>) -> Vec<u32> {
     input.push(lights.len() as u32);
     input.extend(lights.iter().flat_map(light_words));
     input.extend(emissions(job).into_iter().map(f32::to_bits));
-    let disc = Preparation::of(job).expect("few samples").disc;
+    let Preparation { sampler, disc, .. } = Preparation::of(job).expect("few samples");
     let (height, points) = disc.as_ref().map_or((0.0, &[][..]), |disc| (disc.height(), disc.points()));
     input.extend([table.hidden.to_bits(), height.to_bits(), points.len() as u32]);
     input.extend(points.as_flattened());
@@ -498,8 +505,13 @@ fn serialised(job: &RayJob<'_>) -> Vec<u32> {
         input.push(job.triangle[pixel]);
     }
     input.push(u32::from(!job.dielectrics.is_empty()));
-    let side = (1..=job.params.samples).find(|side| side * side == job.params.samples).unwrap_or(0);
-    input.extend([job.params.samples, side, job.params.radius.to_bits()]);
+    let (side, points) = match sampler {
+        Some(HemisphereSampler::Strata { side }) => (side, Vec::new()),
+        Some(HemisphereSampler::Sobol(points)) => (0, sobol_table::table(points)),
+        None => (0, Vec::new()),
+    };
+    input.extend([job.params.samples, side, job.params.radius.to_bits(), points.len() as u32]);
+    input.extend(points);
     let open = open_shares(job.params.samples, job.params.intensity);
     input.extend(open.into_iter().map(f32::to_bits));
     if Variant::of(job) == Variant::Ways {
@@ -551,18 +563,7 @@ fn glass_of_the_device_programs_looks_as_on_the_processor() {
                 (Fresnel::Exact, GlassShadow::Straight, 3, TextureLod::Cones),
                 (Fresnel::Schlick, GlassShadow::Report, 0, TextureLod::Cones),
             ] {
-                let asked = Asked {
-                    program,
-                    fresnel,
-                    shadow,
-                    depth,
-                    lod,
-                    lights: &[],
-                    sun: 0.0,
-                    samples: 0,
-                    panes: false,
-                    divided: WHOLE,
-                };
+                let asked = Asked { fresnel, depth, lod, ..lights::asked(program, shadow, &[]) };
                 let (largest, counts, shown) = differences(&compiled, &scene, asked);
                 let what = format!("{program:?}, {fresnel:?}, {shadow:?}, depth {depth}, {lod:?}");
                 assert!(largest < ROUNDING && counts == 0, "{what}: {largest}, {counts} counts differ");
@@ -575,21 +576,7 @@ fn glass_of_the_device_programs_looks_as_on_the_processor() {
 #[test]
 fn a_wrong_word_of_the_device_programs_is_noticed() {
     let lod = TextureLod::Cones;
-    let asked = |program| {
-        let (fresnel, shadow) = (Fresnel::Exact, GlassShadow::Straight);
-        Asked {
-            program,
-            fresnel,
-            shadow,
-            depth: 5,
-            lod,
-            lights: &[],
-            sun: 0.0,
-            samples: 0,
-            panes: false,
-            divided: WHOLE,
-        }
-    };
+    let asked = |program| Asked { depth: 5, lod, ..lights::asked(program, GlassShadow::Straight, &[]) };
     for (program, scene, change) in [
         // Absorption over twice the distance.
         (
@@ -645,19 +632,7 @@ fn the_body_around_the_camera_absorbs_light_from_what_is_in_it() {
     let is_right = |program: RayProgram, change: Option<(&str, [&str; 2])>| {
         let source = if program == RayProgram::Final { "glass_final.cpp" } else { "glass.cpp" };
         let compiled = compiled_with(source, &format!("glass-inside-{program:?}"), change)?;
-        let (fresnel, shadow) = (Fresnel::Exact, GlassShadow::Straight);
-        let asked = Asked {
-            program,
-            fresnel,
-            shadow,
-            depth: 3,
-            lod,
-            lights: &[],
-            sun: 0.0,
-            samples: 0,
-            panes: false,
-            divided: WHOLE,
-        };
+        let asked = Asked { lod, ..lights::asked(program, GlassShadow::Straight, &[]) };
         let (mut opaque, mut off, mut around, mut unlike) = (0, 0.0_f32, 0.0_f32, 0.0_f32);
         each_pixel(&compiled, &scene, asked, |seen, pixel, [found, expected]| {
             let triangle = seen.triangle[pixel];
@@ -695,7 +670,6 @@ fn the_body_around_the_camera_absorbs_light_from_what_is_in_it() {
 
 #[test]
 fn a_wrong_word_of_what_is_said_of_a_sky_is_noticed() {
-    let (fresnel, shadow, lod) = (Fresnel::Exact, GlassShadow::Straight, TextureLod::Zero);
     for (program, header, change) in [
         // A sky before what is at the same distance.
         (
@@ -709,18 +683,7 @@ fn a_wrong_word_of_what_is_said_of_a_sky_is_noticed() {
         (RayProgram::Final, "final.cuh", ["is_black(color) || is_sky(params, triangle)", "is_black(color)"]),
     ] {
         let Some(compiled) = compiled_program(program, "sky-changed", Some((header, change))) else { return };
-        let asked = Asked {
-            program,
-            fresnel,
-            shadow,
-            depth: 5,
-            lod,
-            lights: &[],
-            sun: 0.0,
-            samples: 0,
-            panes: false,
-            divided: WHOLE,
-        };
+        let asked = Asked { depth: 5, ..lights::asked(program, GlassShadow::Straight, &[]) };
         let (largest, _, _) = differences(&compiled, &under_a_sky(), asked);
         assert!(largest > 1e-3, "{change:?} is not noticed: {largest}");
     }

@@ -116,6 +116,7 @@ pub(crate) fn asked(program: RayProgram, shadow: GlassShadow, lights: &[Light]) 
         lights,
         sun: 0.0,
         samples: 0,
+        after: None,
         panes: false,
         divided: WHOLE,
     }

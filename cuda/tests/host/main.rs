@@ -3,6 +3,7 @@
 //!
 //! Each comparison has a negative control: with one constant of the header changed, it fails.
 
+mod batches;
 mod glass;
 mod lights;
 mod spheres;

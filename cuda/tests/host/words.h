@@ -83,6 +83,15 @@ struct SpheresOfWords {
     }
 };
 
+// The table of the Sobol points of occlusion (`sobol_table.rs`), after its number of words.
+[[maybe_unused]] static std::vector<uint2> read_sobol_table() {
+    unsigned words = word();
+    std::vector<uint2> table((words + 1) / 2);
+    std::memcpy(table.data(), input.data() + place, words * sizeof(unsigned));
+    place += words;
+    return table;
+}
+
 // Reads all of standard input.
 static void read_all() {
     unsigned value;

@@ -20,7 +20,8 @@ pub trait RayBackend {
     fn limits(&self) -> Limits {
         Limits::NONE
     }
-    /// Whether the backend can continue sample sequences where another job ended: [`RayParams::first`] above 0.
+    /// Whether the backend can continue sample sequences where another job ended: [`RayParams::first`], [`RayParams::first_path`] and
+    /// [`RayParams::first_sun`] above 0. Without, samples are not accumulated, and each of several samples of a pixel has its own seed.
     fn continues_sequences(&self) -> bool {
         true
     }

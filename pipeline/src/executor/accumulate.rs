@@ -152,7 +152,8 @@ impl Renderer {
     /// # Errors
     /// As [`Self::frame`], or where samples cannot be accumulated: with strata, which are no sequence, and so in thesis fidelity;
     /// for colours with an exponent (`final` with an `intensity` other than 1); for a pass that reads what another one accumulates;
-    /// for pictures in bands, and with several samples a pixel.
+    /// for pictures in bands, and with several samples a pixel; on a backend that does not
+    /// [continue sequences](crate::backend::RayBackend::continues_sequences).
     pub fn accumulation(&mut self, observer: &mut dyn Observer) -> Result<Accumulation, RenderError> {
         self.settle(observer)?;
         if self.samples().are_several() {
@@ -171,6 +172,15 @@ impl Renderer {
             let Some((params, info)) = accumulates(&self.plan, planned)? else { continue };
             let pass = self.plan.pass(planned);
             let Some(target) = pass.target else { continue };
+            let rays = self.engines.rays_of(&pass.name);
+            if !rays.continues_sequences() {
+                let (name, backend) = (&pass.name, rays.name());
+                let message = format!(
+                    "samples of pass `{name}` cannot be accumulated: the ray backend `{backend}` does not continue a sequence of samples"
+                );
+                let help = format!("use --set {name}.backend=cpu, or all samples at once: --set {name}.samples=N");
+                return Err(PlanError { message, help: Some(help) }.into());
+            }
             let (width, height) = (self.targets[target].width, self.targets[target].height);
             let is_share = info.writes == Writes::Share;
             let channels = if is_share { 1 } else { 4 };

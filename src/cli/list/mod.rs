@@ -140,6 +140,7 @@ fn ray_support(rays: &dyn RayBackend) -> Vec<String> {
         ("error above 0", rays.samples_adaptively()),
         ("texturelod", rays.traces_cones()),
         ("a sky in glass", rays.sees_skies()),
+        ("--accumulate", rays.continues_sequences()),
     ];
     let verdict = |does| if does { "yes" } else { "no: use --backend cpu" };
     lines.extend(more.map(|(asked, does)| format!("    {asked:14}  {}", verdict(does))));

@@ -5,7 +5,7 @@ use super::{file, frame, opened, rms, samples, settings};
 use curitiba::passes::cpu::CpuRays;
 use curitiba::passes::raster::cpu::CpuRasteriser;
 use curitiba::pipeline::backend::{BackendError, BuildStats, RayBackend, RayJob, RayStats, Rect};
-use curitiba::pipeline::executor::{Engines, Progress, Renderer, Silent};
+use curitiba::pipeline::executor::{Engines, Goal, Progress, Renderer, Silent};
 use curitiba::pipeline::image::Image;
 use curitiba::pipeline::plan::{Plan, Settings};
 use curitiba::pipeline::programs::{Fidelity, RayParams, RayProgram};
@@ -58,12 +58,16 @@ fn noted(settings: Settings, continues: bool) -> (Vec<[u32; 4]>, Image) {
     noted_of("SceneSSAO", settings, continues)
 }
 
-fn noted_of(name: &str, settings: Settings, continues: bool) -> (Vec<[u32; 4]>, Image) {
+fn noting(name: &str, settings: Settings, continues: bool) -> (Renderer, Noted) {
     let plan = Plan::new(project::load(&file(name)).expect("it loads"), settings).expect("a plan");
     let noted = Noted::default();
     let rays = Noting { rays: CpuRays::new(), continues, noted: Rc::clone(&noted) };
     let engines = Engines::new(Box::new(CpuRasteriser::new()), Box::new(rays));
-    let mut renderer = Renderer::new(plan, engines, &mut Silent).expect("the scene loads");
+    (Renderer::new(plan, engines, &mut Silent).expect("the scene loads"), noted)
+}
+
+fn noted_of(name: &str, settings: Settings, continues: bool) -> (Vec<[u32; 4]>, Image) {
+    let (mut renderer, noted) = noting(name, settings, continues);
     let picture = frame(&mut renderer);
     let list = noted.borrow().clone();
     (list, picture)
@@ -97,6 +101,22 @@ fn sequences_go_on_and_others_have_seeds_of_their_own() {
         assert_eq!(seeds.len(), 4);
         assert!(rms(&other, &picture) < 0.1, "another noise of the same picture");
     }
+}
+
+#[test]
+fn backends_that_do_not_continue_a_sequence_accumulate_nothing() {
+    let accumulated = |continues: bool| {
+        let (mut renderer, noted) = noting("SceneSSAO", settings("SceneSSAO", 1), continues);
+        let done = renderer.accumulate(Goal::Samples(16), &mut Silent).map(|done| done.samples());
+        let firsts = noted.borrow().iter().map(|noted| noted[0]).collect::<Vec<_>>();
+        (done.map_err(|error| error.to_string()), firsts)
+    };
+    let (done, firsts) = accumulated(true);
+    assert_eq!((done, firsts), (Ok(16), (0..16).collect()));
+    let (refused, firsts) = accumulated(false);
+    let error = refused.expect_err("refused");
+    assert!(error.contains("`noting` does not continue") && error.contains("--set pass2.backend=cpu"), "{error}");
+    assert!(firsts.is_empty(), "nothing was traced");
 }
 
 /// Aliasing and noise fall together. The reference has other random numbers.

@@ -1,0 +1,3 @@
+// `ssao`.
+#define CURITIBA_OF_OCCLUSION
+#include "glass.cpp"
