@@ -100,7 +100,7 @@ fn mapped(folder: &Path, filter: u32) -> Project {
     made(folder, &file, "shadows,glass")
 }
 
-pub(crate) fn made(folder: &Path, file: &str, effects: &str) -> Project {
+fn made(folder: &Path, file: &str, effects: &str) -> Project {
     let from = Some(DVec3::new(1.5, 1.2, 3.5));
     let options = SceneOptions { effects: effects.parse().ok(), look_from: from, ..SceneOptions::default() };
     SceneProjects::new(&[folder.join(file)], &options, None, 1 << 28).expect("a scene").project()

@@ -2,12 +2,11 @@
 
 use super::conformance::record_of;
 use super::lamps::add_lamps;
-use super::scenes::made;
 use super::{file, project, there};
 use curitiba::conformance::{Found, Record};
 use curitiba::pipeline::backend::RayCounts;
 use curitiba::pipeline::programs::Fidelity;
-use curitiba::pipeline::project::{self, Project};
+use curitiba::pipeline::project::{self, Project, SceneOptions, SceneProjects};
 use curitiba::{BackendChoice, Choice};
 use std::sync::{Arc, Mutex};
 
@@ -22,7 +21,10 @@ fn records(backend: BackendChoice, runs: Vec<(Project, &str, &[&str])>) -> Optio
     let count = runs.len();
     for (project, name, set) in runs {
         let set = set.iter().map(|one| (*one).to_owned()).collect();
-        record_of(project, backend, name, "MainCamera", (Fidelity::Corrected, set), None, &found);
+        // A project that is made of a scene has a camera of another name.
+        let of_file = project.cameras.iter().any(|camera| camera.name == "MainCamera");
+        let camera = if of_file { "MainCamera" } else { "Camera" };
+        record_of(project, backend, name, camera, (Fidelity::Corrected, set), None, &found);
     }
     let records = std::mem::take(&mut found.lock().expect("no panic while it was held").records);
     assert_eq!(records.len(), count, "a pass did not run");
@@ -139,7 +141,10 @@ fn own(backend: BackendChoice) {
     }
     let folder = tempfile::tempdir().expect("a folder");
     std::fs::write(folder.path().join("own.gltf"), changed).expect("a file");
-    let project = || made(folder.path(), "own.gltf", "shadows,glass");
+    let project = || {
+        let options = SceneOptions { effects: "shadows,glass".parse().ok(), ..SceneOptions::default() };
+        SceneProjects::new(&[folder.path().join("own.gltf")], &options, None, 1 << 28).expect("a scene").project()
+    };
     let runs: Vec<(Project, &str, &[&str])> =
         vec![(project(), "own", &["pass2.shadow=straight"]), (project(), "own", &["pass2.shadow=report"])];
     agrees(backend, runs);
