@@ -1,7 +1,7 @@
 //! The rows of a picture that a GPU computes, and the launches that they are divided into.
 
 use crate::layout::BLOCK_HEIGHT;
-use crate::ways::ways_of_path;
+use curitiba_passes::effects::dielectric::ways_of_path;
 use curitiba_passes::effects::disc_rays;
 use curitiba_pipeline::backend::RayJob;
 use std::ops::Range;

@@ -1,7 +1,7 @@
 //! Paths in glass that are divided or cut off: what a pass asks of them, as the device has it.
 
 use crate::layout::{Face, NO_TEXTURE, WAYS_BACKGROUND, WAYS_CUT, WAYS_ROULETTE, Ways};
-use curitiba_passes::effects::dielectric::{Variant, facets, spectrum};
+use curitiba_passes::effects::dielectric::{facets, spectrum};
 use curitiba_pipeline::backend::RayJob;
 use curitiba_pipeline::glass::{CutoffColor, Dielectric, Reflectance, Roulette, Stratum};
 use curitiba_pipeline::programs::RayParams;
@@ -61,12 +61,4 @@ fn face(dielectric: &Dielectric) -> Face {
         maximum,
         exponent,
     }
-}
-
-/// Into how many ways rough glass and the spectrum divide a path of a pixel, at most; 1 where nothing does.
-pub(crate) fn ways_of_path(job: &RayJob<'_>) -> u32 {
-    if Variant::of(job) != Variant::Ways {
-        return 1;
-    }
-    (facets(job).len().max(1) * spectrum(job).len().max(1)) as u32
 }

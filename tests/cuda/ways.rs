@@ -129,8 +129,7 @@ fn exact_spheres_on_our_own_tracer_are_followed_by_cut_off_paths_as_the_processo
 
 /// The balls, with reflectances and colours of their own.
 fn own(backend: BackendChoice) {
-    let text = std::fs::read_to_string(file("xml_projects/glass/scenes/balls.gltf")).expect("readable");
-    let mut changed = text;
+    let mut changed = std::fs::read_to_string(file("xml_projects/glass/scenes/balls.gltf")).expect("readable");
     for (name, extras) in [
         ("clear glass", r#"{"schlick":{"minimum":0.1,"maximum":0.8,"exponent":3},"reflectionColor":[1,0.6,0.3]}"#),
         ("diamond", r#"{"reflectionColor":[0.5,0.9,1],"refractionColor":[0.9,0.8,1]}"#),

@@ -25,7 +25,7 @@ pub use programs::Rounding;
 pub use segments::WgpuSegments;
 
 use crate::cpu::{check, may_trace};
-use crate::effects::dielectric::Variant;
+use crate::effects::dielectric::{Variant, disperses, is_rough};
 use crate::effects::disc_rays;
 use crate::raster::gpu::device::Gpu;
 use crate::raster::gpu::faults::of_rays;
@@ -439,10 +439,8 @@ impl RayBackend for WgpuRays {
         dielectrics: &[Dielectric],
     ) -> Result<(), BackendError> {
         let is_asked = !dielectrics.is_empty() && Variant::OF_BODIES.contains(&program);
-        let divides =
-            |dielectric: &Dielectric| dielectric.alpha > 0.0 || (dielectric.spread > 0.0 && params.wavelengths > 1);
         let (what, help) = match () {
-            () if is_asked && dielectrics.iter().any(divides) => {
+            () if is_asked && (is_rough(dielectrics) || disperses(params, dielectrics)) => {
                 ("glass that divides paths (rough, or of several wavelengths)".to_owned(), String::new())
             }
             () if is_asked && params.depth > CUT_DEPTH => {

@@ -40,7 +40,8 @@ pub use photon_map::{Cloud, Photon, PhotonMap};
 pub(crate) use photons::{photons, targets};
 pub use slab::{Slab, slab};
 pub use targets::{Target, Targets};
-pub use variant::{Variant, check_focused};
+pub use variant::{Variant, check_focused, ways_of_path};
+pub(crate) use variant::{disperses, is_rough};
 pub use walk::MOST_SURFACES;
 pub(super) use walk::Walk;
 pub(super) use ways::{AllWays, Ways};
@@ -53,7 +54,7 @@ use curitiba_pipeline::glass::{Stratum, strata};
 /// By path through rough glass, its Sobol point in the unit square, bits reversed; none where no glass is rough.
 #[must_use]
 pub fn facets(job: &RayJob<'_>) -> Vec<[u32; 2]> {
-    if job.dielectrics.iter().all(|dielectric| dielectric.alpha <= 0.0) {
+    if !is_rough(job.dielectrics) {
         return Vec::new();
     }
     (0..job.params.paths).map(|path| reversed_sobol(job.params.first_path.wrapping_add(path))).collect()
@@ -62,8 +63,7 @@ pub fn facets(job: &RayJob<'_>) -> Vec<[u32; 2]> {
 /// The strata of the spectrum that a job asks for; none where no body bends colours apart.
 #[must_use]
 pub fn spectrum(job: &RayJob<'_>) -> Vec<Stratum> {
-    let disperses = job.dielectrics.iter().any(|dielectric| dielectric.spread > 0.0);
-    if disperses && job.params.wavelengths > 1 { strata(job.params.wavelengths) } else { Vec::new() }
+    if disperses(&job.params, job.dielectrics) { strata(job.params.wavelengths) } else { Vec::new() }
 }
 
 #[cfg(test)]

@@ -1,7 +1,7 @@
 //! What device programs know of glass: they exist in variants, so that panes do not pay for what bodies take.
 
 use curitiba_pipeline::backend::{BackendError, RayJob};
-use curitiba_pipeline::glass::{Dielectric, GlassShadow};
+use curitiba_pipeline::glass::{Dielectric, GlassShadow, MOST_STRATA};
 use curitiba_pipeline::programs::{Fidelity, RayParams, RayProgram};
 use glam::Vec3;
 
@@ -39,13 +39,32 @@ impl Variant {
     }
 }
 
+/// Whether a pass asks for colours that glass bends apart.
+pub(crate) fn disperses(params: &RayParams, dielectrics: &[Dielectric]) -> bool {
+    params.wavelengths > 1 && dielectrics.iter().any(|dielectric| dielectric.spread > 0.0)
+}
+
+/// Whether any glass is rough.
+pub(crate) fn is_rough(dielectrics: &[Dielectric]) -> bool {
+    dielectrics.iter().any(|dielectric| dielectric.alpha > 0.0)
+}
+
+/// Into how many ways rough glass and the spectrum divide a path of a pixel, at most; 1 where nothing does.
+#[must_use]
+pub fn ways_of_path(job: &RayJob<'_>) -> u32 {
+    if Variant::of(job) != Variant::Ways {
+        return 1;
+    }
+    let facets = if is_rough(job.dielectrics) { job.params.paths.max(1) } else { 1 };
+    let strata = if disperses(&job.params, job.dielectrics) { job.params.wavelengths.min(MOST_STRATA) } else { 1 };
+    facets.saturating_mul(strata)
+}
+
 /// Whether a pass asks what smooth glass of one index and whole paths do not answer.
 fn asks_of_ways(params: &RayParams, dielectrics: &[Dielectric]) -> bool {
-    let disperses = params.wavelengths > 1 && dielectrics.iter().any(|dielectric| dielectric.spread > 0.0);
-    let rough = dielectrics.iter().any(|dielectric| dielectric.alpha > 0.0);
     let own = dielectrics.iter().any(|dielectric| dielectric.reflectance.is_some() || dielectric.reflection.is_some());
     let cut = params.limits.cut() && !dielectrics.is_empty();
-    disperses || rough || own || cut
+    disperses(params, dielectrics) || is_rough(dielectrics) || own || cut
 }
 
 /// Refuses light that spheres or photons focus where device programs do not know it.
