@@ -68,7 +68,7 @@ fn many_samples_of_the_product_agree_with_the_reference_and_one_does_not() {
         ("SceneFinal.xml", &["pass2.samples=64"]),
     ] {
         for camera in ["MainCamera", "Vidro"] {
-            let case = case(name, of_size([64, 48], camera, set));
+            let case = case(name, of_size([40, 30], camera, set));
             let (reference, _) = made_of(folder.path(), &case, 64);
             let best = rmse(&frame(&case, 64), &reference.picture);
             let plain = rmse(&frame(&case, 1), &reference.picture);
