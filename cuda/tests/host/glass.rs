@@ -25,6 +25,7 @@ use glam::{Vec2, Vec3, Vec4};
 use std::path::Path;
 
 const SIZE: u32 = 28;
+pub(crate) const PIXELS: usize = (SIZE * SIZE) as usize;
 const BEYOND: Vec3 = Vec3::new(0.2, 0.5, 0.9);
 
 /// A scene, the optical data of its materials, and the camera.
@@ -567,7 +568,7 @@ fn glass_of_the_device_programs_looks_as_on_the_processor() {
                 let (largest, counts, shown) = differences(&compiled, &scene, asked);
                 let what = format!("{program:?}, {fresnel:?}, {shadow:?}, depth {depth}, {lod:?}");
                 assert!(largest < ROUNDING && counts == 0, "{what}: {largest}, {counts} counts differ");
-                assert!(shown > 150, "{what}: {shown} pixels show glass");
+                assert!(shown > PIXELS / 5, "{what}: {shown} pixels show glass");
             }
         }
     }
@@ -649,7 +650,7 @@ fn the_body_around_the_camera_absorbs_light_from_what_is_in_it() {
                 around = around.max((found - of(VESSEL)).abs().max_element());
             }
         });
-        assert!(opaque > 150, "{opaque} pixels show what is in the water");
+        assert!(opaque > PIXELS / 5, "{opaque} pixels show what is in the water");
         let is_control = program == RayProgram::Refraction && change.is_none();
         assert!(!is_control || around > 0.05, "control: the body around the water takes others: {around}");
         Some(off < ROUNDING && unlike < ROUNDING)

@@ -1,7 +1,7 @@
 //! Exact spheres: the test of a ray, the tree over many and points on them, bit for bit; and the programs that know them, compiled for the
 //! host as those in `glass.rs`.
 
-use super::glass::{Asked, ROUNDING, Scene, differences, each_pixel, several, solid, under_a_sky};
+use super::glass::{Asked, PIXELS, ROUNDING, Scene, differences, each_pixel, several, solid, under_a_sky};
 use super::lights::{asked, lamps};
 use super::{Random, compiled_with, run, words};
 use curitiba_cuda::spheres::Packed;
@@ -352,7 +352,7 @@ fn programs_of_scenes_with_spheres_show_what_the_processors_do() {
             // The camera sees the same for every program.
             if program == RayProgram::DeferredShadows {
                 let shown = pixels_of_spheres(&compiled, scene, straight);
-                assert!(shown > 120, "scene {index}: {shown} pixels show spheres");
+                assert!(shown > PIXELS / 6, "scene {index}: {shown} pixels show spheres");
             }
         }
     }

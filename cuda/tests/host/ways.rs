@@ -2,8 +2,8 @@
 //! `ways.cuh` bit for bit, and the programs that follow such paths, compiled for the host as those in `glass.rs`.
 
 use super::glass::{
-    Asked, Divided, ROUNDING, Scene, WHOLE, differences, each_pixel, each_pixel_of, several, solid, under_a_sky,
-    under_water,
+    Asked, Divided, PIXELS, ROUNDING, Scene, WHOLE, differences, each_pixel, each_pixel_of, several, solid,
+    under_a_sky, under_water,
 };
 use super::lights::{asked, lamps};
 use super::spheres::with_spheres;
@@ -181,7 +181,7 @@ fn compare(source: &str, scene: &Scene, asked: Asked<'_>, what: &str) -> Option<
     let compiled = compiled_with(source, "ways", None)?;
     let (largest, counts, shown) = differences(&compiled, scene, asked);
     assert!(largest < ROUNDING && counts == 0, "{source}, {what}: {largest}, {counts} counts differ");
-    assert!(shown > 150, "{source}, {what}: {shown} pixels show glass");
+    assert!(shown > PIXELS / 5, "{source}, {what}: {shown} pixels show glass");
     Some(())
 }
 
