@@ -243,13 +243,19 @@ fn nothing(
     })
 }
 
-/// `io`, of which `open` gives a file that takes what is written and keeps nothing.
+/// `io`, of which `open` gives a file that takes what is written and keeps nothing. A function that held the file would hold the interpreter,
+/// which holds the function, so that neither were ever freed: each call makes a file.
 fn files(lua: &Lua, left_out: &Rc<RefCell<BTreeSet<&'static str>>>) -> Result<Table, Error> {
-    let (io, file) = (lua.create_table()?, lua.create_table()?);
-    for name in ["write", "flush", "close"] {
-        file.set(name, nothing(lua, "io.open", left_out)?)?;
-    }
-    io.set("open", lua.create_function(move |_, _: Variadic<Value>| Ok(file.clone()))?)?;
+    let io = lua.create_table()?;
+    let left_out = Rc::clone(left_out);
+    let open = lua.create_function(move |lua, _: Variadic<Value>| {
+        let file = lua.create_table()?;
+        for name in ["write", "flush", "close"] {
+            file.set(name, nothing(lua, "io.open", &left_out)?)?;
+        }
+        Ok(file)
+    })?;
+    io.set("open", open)?;
     Ok(io)
 }
 
@@ -314,6 +320,17 @@ mod tests {
         assert_eq!(place("swap()\n\n\ngetAttr('A', 'B', 'THREE', 0, {})"), Some((5, 4)));
         let compiled = scripts.load(5, "\x1bLua").expect_err("it is no text");
         assert_eq!((compiled.place, &compiled.message[..14]), (None, "it is compiled"));
+    }
+
+    #[test]
+    fn an_interpreter_that_is_dropped_is_freed() {
+        let numbers = Rc::<RefCell<Numbers>>::default();
+        let scripts = Scripts::new(&numbers).expect("it starts");
+        scripts.load(0, "local file = io.open('a', 'w') file:write('b') file:close()").expect("it is Lua");
+        assert_eq!(scripts.left_out(), BTreeSet::from(["io.open"]));
+        assert!(Rc::strong_count(&numbers) > 1, "its functions hold the attributes");
+        drop(scripts);
+        assert_eq!(Rc::strong_count(&numbers), 1);
     }
 
     #[test]
