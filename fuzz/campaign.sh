@@ -38,7 +38,8 @@ process() {
     { time nice -n "${NICE:-19}" "$bin/$target" "${options[@]}" -max_total_time="$seconds" \
         -artifact_prefix="$out/$target/" "$corpus/$target"; } >"$log" 2>&1 || failed=1
     local last cov ft edges runs cpu
-    last=$(grep -aE 'cov: [0-9]+ ft: [0-9]+ corp:' "$log" | tail -1)
+    # A process may end before it says anything of what it covered.
+    last=$(grep -aE 'cov: [0-9]+ ft: [0-9]+ corp:' "$log" | tail -1) || true
     cov=$(sed -E 's/.* cov: ([0-9]+) .*/\1/' <<<"$last")
     ft=$(sed -E 's/.* ft: ([0-9]+) .*/\1/' <<<"$last")
     edges=$(sed -nE 's/.*Loaded 1 modules +\(([0-9]+) inline.*/\1/p' "$log")

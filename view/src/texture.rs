@@ -32,13 +32,13 @@ pub fn texture<'a>(context: &Context, slot: &'a mut Slot, picture: &Arc<Picture>
 }
 
 /// The picture for the device; every n-th pixel where it is larger than the device's textures.
-fn color_image(picture: &Picture, most: usize) -> ColorImage {
-    let (width, height) = (picture.image.width as usize, picture.image.height as usize);
+fn color_image(picture: &Picture, most: usize) -> Arc<ColorImage> {
+    let [width, height] = picture.shown.size;
     let step = width.max(height).div_ceil(most.max(1)).max(1);
     if step == 1 {
-        return ColorImage::from_rgba_premultiplied([width, height], picture.bytes.as_flattened());
+        return Arc::clone(&picture.shown);
     }
-    let rows = picture.bytes.chunks_exact(width).step_by(step);
-    let pixels: Vec<[u8; 4]> = rows.flat_map(|row| row.iter().step_by(step).copied()).collect();
-    ColorImage::from_rgba_premultiplied([width.div_ceil(step), height.div_ceil(step)], pixels.as_flattened())
+    let rows = picture.shown.pixels.chunks_exact(width).step_by(step);
+    let pixels = rows.flat_map(|row| row.iter().step_by(step).copied()).collect();
+    Arc::new(ColorImage::new([width.div_ceil(step), height.div_ceil(step)], pixels))
 }

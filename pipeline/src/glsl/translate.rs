@@ -259,7 +259,9 @@ fn at(stage: Stage, text: &Text, span: Span, message: String) -> Fault {
         }
         None => (0, 0),
     };
+    // As all messages here it is no sentence, though some of the compiler's are.
     let message = message.replace("curitiba_main", "main");
+    let message = message.trim_end_matches('.');
     Fault {
         stage,
         start,

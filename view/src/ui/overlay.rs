@@ -21,7 +21,7 @@ pub fn values(painter: &Painter, canvas: &Canvas, area: Rect, picture: &Picture)
     for (y, x) in (top..=bottom).flat_map(|y| (left..=right).map(move |x| (y, x))) {
         let Some(value) = picture.pixel([x, y]) else { continue };
         let rect = canvas.pixel_rect(area, size, [x, y]);
-        let [r, g, b, _] = picture.bytes[y as usize * size[0] as usize + x as usize].map(u32::from);
+        let [r, g, b, _] = picture.shown[(x as usize, y as usize)].to_array().map(u32::from);
         let ink = if 3 * r + 6 * g + b > 1200 { Color32::BLACK } else { Color32::WHITE };
         for (row, value) in value[..3].iter().enumerate() {
             let at = rect.center() + egui::vec2(0.0, (row as f32 - 1.0) * 12.0);

@@ -5,7 +5,9 @@ use curitiba::pipeline::executor::Renderer;
 use curitiba::pipeline::image::{Content, Image, byte, make_visible};
 use curitiba::pipeline::plan::Plan;
 use curitiba::pipeline::project::ChannelRef;
+use egui::{Color32, ColorImage};
 use rayon::prelude::*;
+use std::sync::Arc;
 
 /// A picture: its numbers, and what a screen shows of them.
 #[derive(Debug, Clone, PartialEq)]
@@ -18,16 +20,17 @@ pub struct Picture {
     pub whole: [u32; 2],
     /// Names of the four numbers of a pixel.
     pub components: [&'static str; 4],
-    /// Red, green, blue and 255: the bytes of the PNG file that `render` writes of it.
-    pub bytes: Vec<[u8; 4]>,
+    /// What a screen shows of it: the colours of the PNG file that `render` writes of it. It is made beside the window, which
+    /// passes it on to its device as it is.
+    pub shown: Arc<ColorImage>,
 }
 
 impl Picture {
     /// A picture that is to be compared with the window's.
     #[must_use]
     pub fn of_window(name: impl Into<String>, image: Image, display: Display) -> Self {
-        let (bytes, whole) = (bytes(&image, display), [image.width, image.height]);
-        Self { name: name.into(), image, whole, components: ["R", "G", "B", "W"], bytes }
+        let (shown, whole) = (shown(&image, display), [image.width, image.height]);
+        Self { name: name.into(), image, whole, components: ["R", "G", "B", "W"], shown }
     }
 
     /// The window's picture.
@@ -45,12 +48,12 @@ impl Picture {
         let ([width, height], whole) = (plan.target_size(Some(channel.target)), plan.whole_size(Some(channel.target)));
         let image = Image { width, height, pixels: renderer.channel(channel).to_vec() };
         let content = renderer.content(channel);
-        let (bytes, components) = match content {
-            Content::Color => (bytes(&image, plan.display), ["R", "G", "B", "W"]),
-            Content::Position => (bytes(&make_visible(&image, content), Display::default()), ["X", "Y", "Z", "cosine"]),
-            Content::Normal => (bytes(&make_visible(&image, content), Display::default()), ["X", "Y", "Z", "W"]),
+        let (shown, components) = match content {
+            Content::Color => (shown(&image, plan.display), ["R", "G", "B", "W"]),
+            Content::Position => (shown(&make_visible(&image, content), Display::default()), ["X", "Y", "Z", "cosine"]),
+            Content::Normal => (shown(&make_visible(&image, content), Display::default()), ["X", "Y", "Z", "W"]),
         };
-        Self { name: name.into(), image, whole, components, bytes }
+        Self { name: name.into(), image, whole, components, shown }
     }
 
     /// Whether it has fewer pixels than it is shown as.
@@ -73,10 +76,11 @@ impl Picture {
     }
 }
 
-fn bytes(image: &Image, display: Display) -> Vec<[u8; 4]> {
+fn shown(image: &Image, display: Display) -> Arc<ColorImage> {
     let shown = |pixel: &[f32; 4]| {
         let [r, g, b, _] = display.stored(*pixel);
-        [byte(r), byte(g), byte(b), 255]
+        Color32::from_rgb(byte(r), byte(g), byte(b))
     };
-    image.pixels.par_iter().with_min_len(4096).map(shown).collect()
+    let colors = image.pixels.par_iter().with_min_len(4096).map(shown).collect();
+    Arc::new(ColorImage::new([image.width, image.height].map(|side| side as usize), colors))
 }

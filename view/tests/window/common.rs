@@ -3,7 +3,7 @@
 use curitiba::Choice;
 use curitiba::pipeline::plan::Settings;
 use curitiba_view::app::App;
-use curitiba_view::worker::{Activity, PassFacts, Source, Worker};
+use curitiba_view::worker::{Activity, PassFacts, Picture, Source, Worker};
 use egui_kittest::Harness;
 use egui_kittest::kittest::Queryable as _;
 use std::path::{Path, PathBuf};
@@ -113,8 +113,13 @@ impl Window {
     /// The bytes that are shown.
     pub fn shown(&self) -> (String, Vec<[u8; 4]>) {
         let picture = self.app().state.picture.clone().expect("there is a picture");
-        (picture.name.clone(), picture.bytes.clone())
+        (picture.name.clone(), bytes(&picture))
     }
+}
+
+/// The bytes of a picture that is shown.
+pub fn bytes(picture: &Picture) -> Vec<[u8; 4]> {
+    picture.shown.pixels.iter().map(egui::Color32::to_array).collect()
 }
 
 /// The bytes of a PNG file that this program wrote.

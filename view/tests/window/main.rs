@@ -9,7 +9,7 @@ mod drawn;
 mod frame;
 mod measured;
 
-use common::{Window, png, project, settings, source};
+use common::{Window, bytes, png, project, settings, source};
 use curitiba::pipeline::executor::Silent;
 use curitiba::pipeline::plan::Settings;
 use curitiba::{BackendChoice, Choice};
@@ -171,7 +171,7 @@ fn what_is_wrong_with_a_project_is_shown_with_its_line_until_it_is_mended() {
     window.until("the mistake", |app| app.state.error.as_deref().is_some_and(|error| error.contains("optiks")));
     assert!(window.shown() == before);
     std::fs::write(&path, text.replace("fov=\"60.0\"", "fov=\"30.0\"")).expect("written");
-    window.until("the new picture", |app| app.state.picture.as_ref().is_some_and(|picture| picture.bytes != before.1));
+    window.until("the new picture", |app| app.state.picture.as_ref().is_some_and(|picture| bytes(picture) != before.1));
     assert_eq!(window.app().state.error, None);
 }
 
