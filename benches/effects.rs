@@ -35,7 +35,7 @@ fn number(variable: &str, default: u32) -> u32 {
     std::env::var(variable).ok().and_then(|value| value.parse().ok()).unwrap_or(default)
 }
 
-/// The cases of `curitiba bench` for all projects, with the names that they have had since the first measurements.
+/// All projects as cases of `curitiba bench`. The names are those of the first measurements.
 fn cases() -> Vec<(String, Case)> {
     let (side, samples) = (number("CURITIBA_BENCH_SIZE", 256), number("CURITIBA_BENCH_SAMPLES", 16));
     let choice = Choice::CPU;
@@ -53,7 +53,7 @@ fn open(case: &Case) -> Renderer {
     curitiba::open(&case.project, case.settings.clone(), case.choice, &mut Silent).expect("the project opens")
 }
 
-/// What is measured, with the number of its threads.
+/// The name of the measured engine, with the number of its threads.
 fn engine() -> String {
     format!("cpu, {} threads", rayon::current_num_threads())
 }

@@ -66,7 +66,7 @@ def facing_pairs(count, seed):
         place = 20.0 * numpy.array([cell % 10, cell // 10 % 10, cell // 100])
         point = lambda: numpy.array([numbers.uniform(-1.0, 1.0) for _ in range(3)])
         pair = numpy.array([[place + point() + offset for _ in range(3)] for offset in ([0, 0, 0], [0, 0, numbers.uniform(0.5, 6.0)])])
-        # What a file of the shortest numbers of 32 bits says.
+        # Rounded to 32 bits, as a file with the shortest decimal numbers of that precision has it.
         pair = pair.astype(numpy.float32).astype(numpy.float64)
         normals = [numpy.cross(t[1] - t[0], t[2] - t[0]) for t in pair]
         if normals[0][2] < 0:
@@ -91,7 +91,7 @@ def against_pyviewfactor(curitiba, count):
     worst, classes = 0.0, set()
     for row, (a, b) in zip(rows, pairs):
         cells = [pyvista.PolyData(triangles[index], faces=[3, 0, 1, 2]) for index in (a, b)]
-        # Its first cell receives; it rounds coordinates to eight decimals.
+        # pyviewfactor's first cell is the receiver; it rounds coordinates to eight decimals.
         exact = pyviewfactor.compute_viewfactor(cells[1], cells[0])
         worst = max(worst, abs(exact - float(row["f_ab"])))
         classes.add(row["class"])
@@ -135,7 +135,7 @@ def matrix(curitiba, rounds):
     for row in rows:
         sums[int(row["a"])] += float(row["f_ab"])
         sums[int(row["b"])] += float(row["f_ba"])
-    # Its columns are what leaves a face.
+    # A column of pyviewfactor's matrix holds the factors from one face.
     other = theirs.sum(axis=0)
     return {
         "case": "matrix of a sphere",
@@ -187,7 +187,7 @@ def half_blocked(curitiba, samples, rounds):
     each = samples // 4
     ours = []
     for _ in range(rounds + 1):
-        # Many times the same pairs: enough work to be timed.
+        # The same pairs are repeated, so that there is enough work to be timed.
         rows, told = curitiba.rows(low + high + wall, pairs * 64, "--samples", str(each))
         ours.append(told["samples"] / told["seconds"])
     rows = rows[:4]

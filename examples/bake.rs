@@ -4,9 +4,9 @@
 //! cargo run --release --example bake -- xml_projects/SceneSSAO.xml sky.png occlusion.png
 //! ```
 //!
-//! Half a sphere of triangles far away is the sky. The form factors from a triangle to it, with the scene in between, sum to its sky-view
-//! factor: the first picture. Alone it would see `(1 + cos t) / 2` of it, where `t` is its tilt; the share of this that is left is the
-//! second, ambient occlusion: white is open. Triangles that look large are halved first, so that the ground has more than one value.
+//! A half sphere of distant triangles is the sky. The form factors from a triangle to this sky, with the scene in between, sum to the sky-view
+//! factor: the first picture. Without the scene, a triangle of tilt `t` would see `(1 + cos t) / 2` of the sky. The ratio of the two is ambient
+//! occlusion, the second picture: white is open. Triangles that look large are halved first, so that the ground has more than one value.
 
 use curitiba::passes::trace::{Bvh, Quality, Ray, Tracer as _};
 use curitiba::passes::visibility::{Effort, Estimator, Options, Surfaces};
@@ -21,21 +21,21 @@ use std::path::Path;
 
 type Triangle = [Vec3; 3];
 
-/// Longest edge, in distances from the camera, and the shortest that is still halved.
+/// Longest edge, as a share of the distance from the camera, and the length below which an edge is not halved.
 const EDGE: f32 = 0.12;
 const SHORT: f32 = 1.5;
-/// Segments of a pair with something in between.
+/// Segments for a pair with an occluder in between.
 const SAMPLES: u32 = 8;
-/// Circles of latitude of the half sphere, and quadrilaterals of one.
+/// Circles of latitude of the half sphere, and quadrilaterals in each.
 const RINGS: u32 = 3;
 const SECTORS: u32 = 6;
-/// Pictures, and rays a pixel along each axis.
+/// Size of the pictures in pixels, and rays for each pixel along each axis.
 const SIZE: [u32; 2] = [1024, 640];
 const FINE: u32 = 3;
 /// Memory that the scene may take.
 const MEMORY: u64 = 4 << 30;
 
-/// Halves a triangle at its longest edge until that is short for its distance.
+/// Halves a triangle at its longest edge until that edge is short for its distance.
 fn divided(triangle: Triangle, eye: Vec3, parts: &mut Vec<Triangle>) {
     let mut left = vec![triangle];
     while let Some([a, b, c]) = left.pop() {
@@ -61,7 +61,7 @@ fn divided(triangle: Triangle, eye: Vec3, parts: &mut Vec<Triangle>) {
 /// The upper half of a sphere, which looks inward.
 fn sphere(center: Vec3, radius: f32) -> Vec<Triangle> {
     let at = |ring: u32, sector: u32| {
-        // Of equal areas, between circles of equal distances along the axis.
+        // Rings of equal area lie between circles of latitude at equal distances along the axis.
         let y = ring as f32 / RINGS as f32;
         let (sin, cos) = (TAU * (sector % SECTORS) as f32 / SECTORS as f32).sin_cos();
         let r = (1.0 - y * y).max(0.0).sqrt();
@@ -107,7 +107,7 @@ fn with_sphere(geometry: &Geometry, eye: Vec3) -> (Geometry, u32, u32) {
     (geometry, count, all)
 }
 
-/// By triangle: the form factor to the sky, and the share that is left of what it would be alone.
+/// For each triangle: the form factor to the sky, and its ratio to the form factor without the scene.
 fn bake(geometry: &Geometry, count: u32, all: u32) -> Result<Vec<[f32; 2]>, String> {
     let surfaces = Surfaces::new(geometry, &[]);
     let bvh = Bvh::build(surfaces.geometry(), &surfaces.marks(), Quality::default());
@@ -130,7 +130,7 @@ fn bake(geometry: &Geometry, count: u32, all: u32) -> Result<Vec<[f32; 2]>, Stri
     Ok((0..).zip(values).map(share).collect())
 }
 
-/// The scene as a camera at a place of it sees it, in the grey of its triangles' values.
+/// The scene from a camera at `eye`; each triangle's value is its grey.
 fn draw(geometry: &Geometry, count: u32, (camera, eye): (&Camera, Vec3), values: &[f32]) -> Image {
     let bvh = Bvh::build(geometry, &[], Quality::default());
     let [width, height] = SIZE;

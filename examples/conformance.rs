@@ -1,8 +1,8 @@
-//! Runs every ray pass of some projects on the cpu, and on `wgpu`, `cuda` and `optix` as far as they are there, with the same G-buffer;
-//! compares the pictures pixel by pixel in full precision, prints rays a second of device time, and writes what was found as JSON. On NVIDIA
-//! GPUs see `cuda/conformance.sh`.
+//! Runs every ray pass of some projects on the cpu, and on `wgpu`, `cuda` and `optix` where they are available, with the same G-buffer. Compares
+//! the pictures pixel by pixel in full precision, prints rays per second of device time, and writes the results as JSON. For NVIDIA GPUs see
+//! `cuda/conformance.sh`.
 //!
-//! Fails where a picture differs by more than it may: see `curitiba::conformance`.
+//! Fails where a picture differs by more than its limit: see `curitiba::conformance`.
 
 use clap::Parser;
 use curitiba::conformance::{Beside, Build, Found, LIMITS, Limit, Record};
@@ -139,7 +139,7 @@ fn run(arguments: &Arguments) -> Result<bool, Box<dyn std::error::Error>> {
     Ok(ran && within)
 }
 
-/// Whether the project has the pass and its program the parameter: one list serves all projects.
+/// Whether the project has the pass, and the pass's program has the parameter. Other assignments are skipped, because one list serves all projects.
 fn applies(assignment: &str, project: &project::Project) -> bool {
     let Some((pass, name)) = assignment.split_once('=').and_then(|(key, _)| key.rsplit_once('.')) else { return true };
     let passes = project.pipelines.iter().flat_map(|pipeline| &pipeline.passes);

@@ -1,4 +1,4 @@
-//! Renders a frame, changes what is rendered, and renders what has changed.
+//! Renders a frame, changes a parameter, and renders only the passes that depend on it.
 //!
 //! ```sh
 //! cargo run --release --example frame -- xml_projects/SceneSSAO.xml
@@ -15,7 +15,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let mut renderer = curitiba::open(&project, settings, Choice::default(), &mut Silent)?;
     let picture = renderer.frame(&mut Silent)?;
     write_png("frame.png".as_ref(), &picture)?;
-    // Only the ray pass and what shows it run again.
+    // Only the ray pass and the passes that show its output run again.
     renderer.set_parameter("pass2", "radius", "2")?;
     let wider = renderer.update(&mut Silent)?;
     write_png("wider.png".as_ref(), &wider)?;

@@ -1,4 +1,4 @@
-//! A ray pass of one's own in a project's graph: how far a person can walk from each point before something is in the way.
+//! A custom ray pass in a project's graph: how far a person can walk from each point before something is in the way.
 //!
 //! ```sh
 //! cargo run --release --example own_pass
@@ -15,9 +15,9 @@ use curitiba::pipeline::programs::RayProgram;
 use curitiba::pipeline::project;
 use glam::Vec3;
 
-/// Directions in the plane.
+/// Number of horizontal directions.
 const WAYS: u32 = 16;
-/// Metres that are white.
+/// Distance in metres that is white.
 const FAR: f32 = 15.0;
 
 /// The mean free distance over all ways at the height of the chest, as a share of [`FAR`].
@@ -41,7 +41,7 @@ fn free(at: At<'_>) -> [f32; 4] {
 fn main() -> Result<(), Box<dyn std::error::Error>> {
     let path = std::env::args().nth(1).unwrap_or_else(|| "xml_projects/SceneFinal.xml".to_owned());
     let plan = Plan::new(project::load(path.as_ref())?, Settings { size: Some([512, 512]), ..Settings::default() })?;
-    // What this program writes is shown as it is; it reads positions, normals, colours and triangle ids.
+    // This program's output is shown as it is; its inputs are positions, normals, colours and triangle ids.
     let rays = OwnProgram::new(RayProgram::Final, free);
     let engines = Engines::new(Box::new(CpuRasteriser::new()), Box::new(rays));
     let mut renderer = Renderer::new(plan, engines, &mut Silent)?;

@@ -12,7 +12,7 @@ use curitiba::pipeline::project::{SceneOptions, SceneProjects};
 use curitiba::pipeline::scene::{Group, Material, Mesh, Object, Scene};
 use glam::{DVec3, Mat4, Vec3, Vec4};
 
-/// The mesh of triangles whose corners do not share positions: faces are flat.
+/// A mesh whose triangles do not share positions, so that faces are flat.
 fn mesh(name: &str, material: u32, corners: &[[Vec3; 3]]) -> Mesh {
     let triangles = (0..corners.len() as u32).map(|triangle| [0, 1, 2].map(|corner| 3 * triangle + corner)).collect();
     Mesh {

@@ -5,8 +5,8 @@
 //! cargo run --release --example raster_options -- docs/measurements/vm_options.json
 //! ```
 //!
-//! Everything runs on the processor. Every row is rendered in [`ROUNDS`] rounds over all rows, so that a while in which the machine is slow does not fall
-//! on one of them alone; times are medians of whole frames, errors root mean square differences from the reference that `curitiba bench` uses.
+//! Everything runs on the processor. The rows are rendered in turns, in [`ROUNDS`] rounds, so that a slow phase of the machine does not fall on one
+//! row alone. Times are medians of whole frames; errors are root mean square differences from the reference that `curitiba bench` uses.
 
 use curitiba::Choice;
 use curitiba::bench::model::RowError;
@@ -25,23 +25,23 @@ const ROUNDS: usize = 3;
 const FRAMES: u32 = 3;
 const VIEWS: [&str; 2] = ["MainCamera", "Vidro"];
 
-/// What fills two cells of a table: a project with parameters of its pass `pass2`, in a view.
+/// The measurement behind two cells of a table: a project with parameters of its pass `pass2`, in a view.
 struct Cell {
     case: Case,
     frames_ms: Vec<f64>,
     error: Option<f64>,
-    /// Pixels of glass by what answered them: the screen, and all.
+    /// Number of glass pixels that the screen answered, and of all glass pixels.
     answers: Option<[u64; 2]>,
 }
 
-/// A name, a project or a view, and parameters of its pass `pass2`.
+/// A name, a project or view, and parameters of its pass `pass2`.
 type Setting = (String, &'static str, String);
 
 fn setting(name: &str, of: &'static str, set: &str) -> Setting {
     (name.to_owned(), of, set.to_owned())
 }
 
-/// A table in the making: the name of each row, and where its pairs of cells stand in the list of all.
+/// A table in the making: the name of each row, and the place of its pairs of cells in the list of all cells.
 struct Table {
     name: &'static str,
     columns: Vec<String>,
@@ -122,7 +122,7 @@ impl Plan {
         self.tables.iter().map(table).collect()
     }
 
-    /// What share of the pixels of glass the screen answers, where rays answer the others.
+    /// The share of glass pixels that the screen answers; rays answer the others.
     fn answers(&self) -> Value {
         let of = |cell: &Cell| {
             let [screen, all] = cell.answers.filter(|[_, all]| *all > 0)?;
@@ -212,7 +212,7 @@ fn plan() -> Result<Plan, Box<dyn Error>> {
     Ok(plan)
 }
 
-/// What the report calls a view.
+/// The report's name of a view.
 fn shown(view: &str) -> &str {
     if view == "MainCamera" { "Fonte" } else { view }
 }

@@ -1,4 +1,4 @@
-//! Traces rays and nothing else: from the centre of a tetrahedron, every ray hits.
+//! Traces rays without rendering: from the centre of a tetrahedron, every ray hits.
 //!
 //! ```sh
 //! cargo run --release --example rays

@@ -1,12 +1,12 @@
-//! Writes the inputs of the measurements of loading: an OBJ file of many triangles and a scene of many textures, each with a
+//! Writes the inputs for measurements of loading: an OBJ file of many triangles and a scene of many textures, each with a
 //! project that ray-traces it.
 //!
 //! ```text
 //! cargo run --release --example scaling_inputs -- FOLDER [TRIANGLES [TEXTURES [SIDE]]]
 //! ```
 //!
-//! Ten million triangles, 48 textures and 2048 texels a side unless others are named. The same arguments write the same
-//! bytes on every machine. Afterwards:
+//! The defaults are ten million triangles, 48 textures and 2048 texels a side. The same arguments write the same bytes on
+//! every machine. Afterwards:
 //!
 //! ```text
 //! curitiba bench FOLDER/triangles.xml FOLDER/textures.xml --size 256x256 --frames 1 --warmup 0 --sweep-threads 1,2,4,8,16
@@ -34,8 +34,8 @@ fn main() -> Outcome {
     Ok(())
 }
 
-/// A hilly ground of about so many triangles without normals and texture coordinates, as scanners write it, and four walls
-/// of quads with negative indices and a material of their own.
+/// A hilly ground of about `triangles` triangles without normals and texture coordinates, as scanners write it, and four
+/// walls of quads with negative indices and a material of their own.
 fn write_triangles(folder: &Path, triangles: u32) -> Outcome {
     let side = ((f64::from(triangles) / 2.0).sqrt() as u32).max(2);
     let mut file = BufWriter::new(File::create(folder.join("triangles.obj"))?);
@@ -67,7 +67,7 @@ fn write_triangles(folder: &Path, triangles: u32) -> Outcome {
     write_project(folder, "triangles", [[0.0, 6.0, -13.0], [0.0, -0.4, 0.9]])
 }
 
-/// A wall of panels, each with a texture of its own: PNG files of noise, which do not compress to nothing.
+/// A wall of panels, each with its own texture: PNG files of noise, which hardly compress.
 fn write_textures(folder: &Path, count: u32, side: u32) -> Outcome {
     let (mut obj, mut mtl) = ("mtllib textures.mtl\n".to_owned(), String::new());
     let across = f64::from(count).sqrt().ceil() as u32;

@@ -1,20 +1,20 @@
-//! Renders every project and scene file below a folder at a small size, and prints a table: what renders, and for what does not the
-//! first reason and the number of others.
+//! Renders every project and scene file below a folder at a small size, and prints a table: which files render, and for the others the first
+//! reason why not and the number of further reasons.
 //!
 //! ```sh
 //! cargo run --release --example survey -- path/to/checkout > survey.md
 //! ```
 //!
-//! Paths in the table are relative to the folder. What is looked at are `.xml` files with a `<project>` element, and scene files;
-//! `--projects` or `--scenes` leaves the others out. `--sheet FILE.png` puts the pictures side by side in the order of the table; what
-//! does not render is a cross there. `--page FOLDER` makes a contact sheet: a page with the name, time, warnings or reason below each
-//! picture (`index.html`), the pictures, the sheet (`sheet.png`) and the list (`files.json`). Files are rendered one after the other, and
-//! one that fails does not stop the others.
+//! Paths in the table are relative to the folder. The survey covers `.xml` files with a `<project>` element, and scene files; `--projects` or
+//! `--scenes` leaves the others out. `--sheet FILE.png` puts the pictures side by side in the order of the table; a cross stands for a file
+//! that does not render. `--page FOLDER` makes a contact sheet: a page with the name, time, warnings or reason below each picture
+//! (`index.html`), the pictures, the sheet (`sheet.png`) and the list (`files.json`). Files are rendered one after the other, and a file that
+//! fails does not stop the others.
 //!
-//! Scenes that a checkout of projects names and does not hold are refused, unless `--stand-in SCENE` names a scene to take in their place; the
-//! table tells how many files it stood in for.
+//! Projects that name scenes which are missing from the checkout are refused, unless `--stand-in SCENE` names a scene to use instead. The table
+//! tells how many files it replaced.
 //!
-//! In builds with the feature `glsl` projects are drawn with their own shaders, on any adapter that wgpu finds, and the table says which are.
+//! In builds with the feature `glsl`, projects are drawn with their own shaders, on any adapter that wgpu finds. The table says which projects.
 //!
 //! ```sh
 //! cargo run --release --features glsl --example survey -- path/to/checkout --projects --stand-in xml_projects/3dsmodels/largoCamoes.cbo
@@ -42,10 +42,10 @@ use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 const RENDERS: &str = "renders";
-/// Folder of the pictures below that of the page.
+/// Name of the folder for pictures in the page's folder.
 const PICTURES: &str = "pictures";
 
-/// Rays on the processor, which has all programs; own shaders of projects on wgpu.
+/// Rays run on the processor, which has all programs; projects' own shaders run on wgpu.
 const ENGINES: Choice = Choice { raster: RasterChoice::Auto, ..Choice::CPU };
 
 #[derive(Debug, Parser)]
@@ -90,14 +90,14 @@ impl Arguments {
     }
 }
 
-/// What became of a file.
+/// The outcome for a file.
 enum Outcome {
     Renders {
-        /// `None` where nobody asked for it.
+        /// `None` if no picture was requested.
         picture: Option<RgbImage>,
         /// Whether all pixels have one colour.
         is_blank: bool,
-        /// Number of scene files that were not there and replaced.
+        /// Number of missing scene files that were replaced.
         replaced: usize,
         /// Whether passes are drawn with the project's own shaders.
         draws_own: bool,
@@ -115,12 +115,12 @@ struct Entry {
     kind: &'static str,
     bytes: u64,
     outcome: &'static str,
-    /// Why it is refused, or what is odd about its picture.
+    /// Why the file is refused, or what is odd about its picture.
     reason: String,
     warnings: Vec<String>,
     /// Time to read and render it.
     milliseconds: u128,
-    /// Below the page's folder.
+    /// Path below the page's folder.
     picture: Option<String>,
 }
 
@@ -240,7 +240,7 @@ fn is_project(file: &Path) -> bool {
         })
 }
 
-/// The pictures in rows, on grey; a cross for what there is none of.
+/// The pictures in rows, on grey; a cross stands for a missing picture.
 fn sheet(pictures: &[Option<RgbImage>], side: u32, across: u32) -> RgbImage {
     const GAP: u32 = 4;
     let across = across.min(pictures.len().max(1) as u32);
@@ -261,7 +261,7 @@ fn sheet(pictures: &[Option<RgbImage>], side: u32, across: u32) -> RgbImage {
     sheet
 }
 
-/// The page: of every file its picture or the reason why there is none.
+/// The page: for every file its picture, or the reason why there is none.
 fn document(entries: &[Entry], counts: &[String], side: u32) -> Markup {
     const STYLE: &str = "body{font:14px/1.4 system-ui,sans-serif;margin:1.5em;background:#1d1f21;color:#e6e6e6}a{color:#8ab4f8}\
         main{display:grid;gap:1em}figure{margin:0;overflow-wrap:anywhere}\
@@ -314,7 +314,7 @@ fn displayed(picture: &Image, display: Display) -> RgbImage {
     })
 }
 
-/// What becomes of a file, with its picture where a sheet or a page is asked for.
+/// The outcome for a file, with its picture if a sheet or a page is asked for.
 fn outcome(file: &Path, arguments: &Arguments) -> Outcome {
     let (size, max_memory) = (Some([arguments.side(); 2]), arguments.max_memory);
     let settings = Settings { size, max_memory, aa: arguments.aa, ..Settings::default() };
@@ -362,7 +362,7 @@ fn outcome(file: &Path, arguments: &Arguments) -> Outcome {
     }
 }
 
-/// Names the stand-in where a scene file is not there. Returns the number of these.
+/// Replaces missing scene files by the stand-in. Returns the number of replaced files.
 fn replace_missing(project: &mut Project, stand_in: &Path) -> usize {
     let mut replaced = 0;
     for file in project.scenes.iter_mut().flat_map(|scene| &mut scene.files) {
@@ -374,7 +374,7 @@ fn replace_missing(project: &mut Project, stand_in: &Path) -> usize {
     replaced
 }
 
-/// A message without the way to the folder.
+/// A message without the path of the folder.
 fn in_folder(message: &str, folder: &Path) -> String {
     message.replace(&format!("{}/", folder.display()), "")
 }

@@ -1,4 +1,4 @@
-//! How the error of ambient occlusion falls with its samples: against a reference whose own error is told.
+//! How the error of ambient occlusion falls with more samples, against a reference whose own error is printed.
 //!
 //! ```sh
 //! cargo run --release --example sweep -- xml_projects/SceneSSAO.xml

@@ -5,8 +5,8 @@
 //! other crates) aborts the process; [`end_with_an_error`] turns such an abort into an error message and exit code 1. Aborts of
 //! threads whose allocations were never refused stay aborts.
 //!
-//! Of memory outside this heap the count includes what [`outside`] is told of; not stacks and code. Nor does it include freed memory that
-//! the C library keeps. `tests/program/memory.rs` checks that the whole process stays within a tenth of the limit.
+//! Of memory outside this heap, the count includes what is reported to [`outside`], but not stacks and code. It does not include freed memory
+//! that the C library keeps. `tests/program/memory.rs` checks that the whole process stays within a tenth of the limit.
 #![allow(unsafe_code, reason = "an allocator, a signal handler and the calls that end a process have no safe form")]
 
 use std::alloc::{GlobalAlloc, Layout, System};
@@ -21,7 +21,7 @@ static HELD: AtomicI64 = AtomicI64::new(0);
 /// Most bytes that may be allocated.
 static LIMIT: AtomicI64 = AtomicI64::new(i64::MAX);
 
-/// Environment variable by which a test has one large block refused: its number, from 0. Nothing else sets it.
+/// Environment variable with which a test makes the allocator refuse one large block: the block's number, from 0. Nothing else sets it.
 const REFUSE_AT_VARIABLE: &str = "CURITIBA_TEST_REFUSE_BLOCK";
 /// Number of the large block that is refused; `u64::MAX` for none.
 static REFUSE_AT: AtomicU64 = AtomicU64::new(u64::MAX);
@@ -58,7 +58,7 @@ pub fn refuse_as_the_environment_says() {
     REFUSE_AT.store(number.unwrap_or(u64::MAX), Ordering::Relaxed);
 }
 
-/// Counts a large block, if a test has one refused; returns whether it is this one.
+/// Counts a large block if a test has one refused; returns whether this is the block to refuse.
 fn a_test_refuses() -> bool {
     let at = REFUSE_AT.load(Ordering::Relaxed);
     if at == u64::MAX || LARGE_BLOCKS.fetch_add(1, Ordering::Relaxed) != at {
@@ -85,8 +85,8 @@ fn take_large(bytes: usize) -> bool {
     true
 }
 
-/// Counts bytes more, or fewer if negative, that the process holds outside of this allocator; returns `false`, and counts nothing, if
-/// that would exceed the limit.
+/// Adds bytes that the process holds outside this allocator; a negative number subtracts. Returns `false`, and counts nothing, if that would
+/// exceed the limit.
 pub fn outside(bytes: i64) -> bool {
     match usize::try_from(bytes) {
         Ok(more) => take_large(more),

@@ -99,7 +99,7 @@ impl Environment {
         environment
     }
 
-    /// The load average, if other programs are at work beside the ones that are timed: if it is above a quarter of the threads.
+    /// The load average if it is above a quarter of the threads: other programs then disturb the timings.
     #[must_use]
     pub fn busy(&self) -> Option<f64> {
         self.load_average.filter(|load| *load > self.threads as f64 * 0.25)

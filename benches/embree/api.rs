@@ -24,7 +24,7 @@ macro_rules! functions {
 
         impl Functions {
             /// # Safety
-            /// The library is Embree 3 or 4: its functions have these types.
+            /// The library must be Embree 3 or 4, whose functions have these types.
             unsafe fn find(library: &Library) -> Result<Self, libloading::Error> {
                 // SAFETY: as the caller promises.
                 unsafe { Ok(Self { $($name: *library.get($symbol)?,)* }) }
@@ -90,11 +90,11 @@ impl Embree {
     pub fn load(path: &Path) -> Result<Arc<Self>, String> {
         let name = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
         let wrong = |error: libloading::Error| format!("{name} cannot be used: {error}");
-        // SAFETY: Embree's initialisation has no conditions; that the file is Embree is what its caller says.
+        // SAFETY: Embree's initialisation has no conditions; the caller states that the file is Embree.
         let library = unsafe { Library::new(path) }.map_err(|_| format!("{name} cannot be loaded"))?;
         // SAFETY: Embree 3 and 4 have these functions with these types.
         let functions = unsafe { Functions::find(&library) }.map_err(wrong)?;
-        // SAFETY: a device is made, asked for its version and released. Of one thread: others would never sleep again.
+        // SAFETY: a device is made, asked for its version and released. It has one thread, because further threads would never sleep again.
         let [major, minor, patch] = unsafe {
             let device = (functions.new_device)(c"threads=1".as_ptr());
             let version = [1, 2, 3].map(|property| (functions.device_property)(device, property));
@@ -134,7 +134,7 @@ impl Embree {
         }))
     }
 
-    /// Whether there are streams of rays.
+    /// Whether the version can trace streams of rays.
     pub fn streams(&self) -> bool {
         matches!(self.trace, Trace::Three { .. })
     }
@@ -161,7 +161,7 @@ pub struct Scene {
     _positions: Vec<[f32; 4]>,
     _indices: [Vec<[u32; 3]>; 2],
     ids: [Vec<u32>; 2],
-    /// By geometry of Embree: its index in `ids`.
+    /// Index in `ids`, for each geometry of Embree.
     groups: Vec<usize>,
 }
 
@@ -180,7 +180,7 @@ impl Scene {
     /// Builds a scene. `indices` and `ids` have the opaque triangles first, and then the transparent ones.
     ///
     /// # Errors
-    /// What Embree reports.
+    /// The error that Embree reports.
     pub fn build(
         embree: &Arc<Embree>,
         positions: Vec<[f32; 4]>,
@@ -256,7 +256,7 @@ impl Scene {
             _: &F,
         ) -> unsafe fn(*mut c_void, usize, u32, u32, [f32; 3]) -> bool {
             |closure, lane, geometry, primitive, tuv| {
-                // SAFETY: it is the closure that `Asker` was made with, which nothing else uses during the query.
+                // SAFETY: `closure` is the one that `Asker` was made with, and nothing else uses it during the query.
                 unsafe { (*closure.cast::<F>())(lane, geometry, primitive, tuv) }
             }
         }
@@ -351,7 +351,8 @@ impl Scene {
         rays.far.iter().enumerate().fold(0, |mask, (lane, far)| mask | u16::from(*far < 0.0) << lane) & packet.active
     }
 
-    /// The same for many packets as one stream (version 3 only); `buffer` is reused from call to call.
+    /// Runs the query of [`Self::closest16`] or [`Self::occluded16`] on many packets as one stream (version 3 only). `buffer` is
+    /// reused from call to call.
     pub fn stream(
         &self,
         packets: &[Packet],
@@ -414,7 +415,7 @@ impl Scene {
 
 impl Drop for Scene {
     fn drop(&mut self) {
-        // SAFETY: both handles are this value's own; nothing traces any more.
+        // SAFETY: this value owns both handles, and no thread traces any more.
         unsafe {
             (self.embree.functions.release_scene)(self.scene);
             (self.embree.functions.release_device)(self.device);
@@ -429,7 +430,7 @@ unsafe extern "C" fn filter3(arguments: *const FilterArguments) {
 }
 
 unsafe extern "C" fn filter4(arguments: *const FilterArguments) {
-    // SAFETY: version 4 hands over the part of the context that it was given.
+    // SAFETY: version 4 hands over the part of the context that the query passed to it.
     unsafe {
         let part = (*arguments).context.cast::<u8>();
         let context = part.sub(std::mem::offset_of!(Context, instance)).cast::<Context>();
@@ -437,7 +438,7 @@ unsafe extern "C" fn filter4(arguments: *const FilterArguments) {
     }
 }
 
-/// Asks about each candidate hit, and invalidates those without a surface.
+/// Asks about each candidate hit, and invalidates hits that the closure refuses.
 unsafe fn filter(arguments: *const FilterArguments, asker: *const Asker) {
     // SAFETY: Embree's arrays have `count` lanes a row, in the order of `RTCRayN` and `RTCHitN`; the asker lives as long
     // as the query.

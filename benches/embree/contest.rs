@@ -1,4 +1,4 @@
-//! Runs contestants in turns, round after round, so that other load of the machine affects all of them.
+//! Runs contestants in turns, round after round, so that other load on the machine affects all of them alike.
 
 use serde::Serialize;
 use std::time::Instant;
@@ -63,8 +63,8 @@ pub fn rounds(contestants: &mut [Contestant<'_>], rounds: usize, pool: &rayon::T
     }
 }
 
-/// Processor time of the pool's threads so far. Not that of the whole process, because Embree's own threads keep
-/// looking for work after a build and would be charged to whoever has its turn.
+/// Processor time of the pool's threads so far. The time of the whole process would not do: Embree's own threads keep
+/// looking for work after a build, and would be charged to the contestant whose turn it is.
 fn cpu_seconds(pool: &rayon::ThreadPool) -> f64 {
     let own = |_: rayon::BroadcastContext<'_>| -> Option<f64> {
         let text = std::fs::read_to_string("/proc/thread-self/schedstat").ok()?;

@@ -28,12 +28,12 @@ pub struct RayRow {
     embree: Side,
     embree_single: Side,
     embree_robust: Side,
-    /// Rate of ours over that of the fastest Embree, by processor time.
+    /// Our rate over the rate of the fastest Embree, by processor time.
     ratio: f64,
     ratio_robust: f64,
-    /// The same for single rays.
+    /// The same ratio for single rays.
     ratio_single: f64,
-    /// Every mode of ours and of Embree in the first round, in million rays per processor second.
+    /// Rate of every mode, ours and Embree's, in the first round, in million rays per processor second.
     first_round: Vec<(String, f64)>,
 }
 

@@ -1,7 +1,7 @@
 //! The processor mode that Embree's manual recommends.
 #![allow(unsafe_code, reason = "the control register of vector arithmetic has no safe interface")]
 
-/// While it lives, denormal numbers are flushed to zero, as Embree's manual recommends.
+/// While a value of this type lives, denormal numbers are flushed to zero, as Embree's manual recommends.
 pub struct Flush(u32);
 
 impl Flush {
@@ -28,7 +28,7 @@ fn control() -> u32 {
 
 #[cfg(target_arch = "x86_64")]
 fn set_control(value: u32) {
-    // SAFETY: only the bits for denormals differ from what the thread had; the bench's own code does not depend on them.
+    // SAFETY: only the bits for denormals differ from the thread's earlier value; the bench's own code does not depend on them.
     unsafe { std::arch::asm!("ldmxcsr [{}]", in(reg) &raw const value, options(nostack)) };
 }
 

@@ -1,4 +1,4 @@
-//! Growth of our time with triangles and pixels, and its scaling over threads.
+//! Growth of our time with triangles and pixels, and its scaling with threads.
 
 use crate::contest::{Contestant, Times, rounds};
 use crate::duel::pool;

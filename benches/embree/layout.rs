@@ -27,7 +27,7 @@ pub struct Context {
     pub asker: *const Asker,
 }
 
-/// The question of a filter. The closure gets the lane, geometry, primitive, and t, u, v.
+/// The question that a filter asks. The closure gets the lane, geometry, primitive, and t, u, v.
 pub struct Asker {
     pub closure: *mut c_void,
     pub call: unsafe fn(*mut c_void, usize, u32, u32, [f32; 3]) -> bool,
@@ -104,7 +104,7 @@ pub struct StreamBuffer {
 }
 
 impl StreamBuffer {
-    /// A buffer for up to so many packets.
+    /// A buffer for up to this number of packets.
     pub fn new(packets: usize) -> Self {
         let rows = std::array::from_fn(|_| vec![0.0; packets * PACKET]);
         Self { rows, origin_of: vec![0; packets * PACKET] }

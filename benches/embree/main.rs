@@ -7,12 +7,12 @@
 //! the folder in `CURITIBA_SCENES`. For `--scene PATH@SEED`, `--scene room:300000@SEED` (also `far`, `foliage`,
 //! `needles`, `soup`) and `--scene square:100000@SEED` the seed chooses the view, so that no person has chosen it.
 //!
-//! Before timing, every contestant's answers are compared with ours, ray by ray. Then all take turns, round after
-//! round; the medians of processor time are compared. Embree is timed in all its modes (single rays, packets of 16, and
-//! streams, each with and without the hint that rays are coherent), on trees of both qualities; the fastest mode of the
-//! first round goes on. Robust trees are timed as well, because watertightness must be compared with them. `--pairs`
-//! also compares the visibility of near pairs of triangles. `--growth` measures only ours, over triangles, pixels and
-//! threads. `--count KIND --side curitiba|3|4` runs one kind of work once, for `instructions.sh`.
+//! Before timing, every contestant's answers are compared with ours, ray by ray. Then all contestants take turns, round
+//! after round; the medians of processor time are compared. Embree is timed in all its modes (single rays, packets of 16,
+//! and streams, each with and without the hint that rays are coherent), on trees of both qualities. Later rounds use only the
+//! mode that is fastest in the first round. Robust trees are timed as well, because watertightness must be compared with
+//! them. `--pairs` also compares the visibility of near pairs of triangles. `--growth` measures only our tracer, over triangles,
+//! pixels and threads. `--count KIND --side curitiba|3|4` runs one kind of work once, for `instructions.sh`.
 
 mod api;
 mod contest;
@@ -60,7 +60,7 @@ struct Request {
     medium: bool,
     effects: bool,
     rays: bool,
-    /// Whether the visibility of near pairs is measured, too.
+    /// Whether the visibility of near pairs is measured as well.
     pairs: bool,
     /// Triangles of the largest square in the growth measurement, which replaces the comparison.
     growth: Option<u32>,
@@ -287,7 +287,7 @@ fn measure(subject: &Subject, libraries: &[Arc<Embree>], request: &Request) -> R
     Ok(row)
 }
 
-/// Builds ours and every tree of Embree in turns, and adds the times to `rows`. Returns the trees of the last round.
+/// Builds our tree and every tree of Embree in turns, and adds the times to `rows`. Returns the trees of the last round.
 fn build(
     geometry: &Geometry,
     libraries: &[Arc<Embree>],

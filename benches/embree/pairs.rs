@@ -28,14 +28,14 @@ pub struct PairRow {
     pairs: usize,
     /// Pairs that are decided without a segment.
     exact: usize,
-    /// Mean visibility over the pairs that both know, ours and theirs, and the mean difference of a pair.
+    /// Mean visibility by our estimator and by the loop, over the pairs for which both have a value, and the mean difference of a pair.
     means: [f64; 2],
     difference: f64,
     ours: Times,
     embree_name: String,
     embree: Times,
     embree_robust: Times,
-    /// Ours over the fastest Embree; in pairs per processor second, and for `ratio_wall` in pairs per second.
+    /// Our rate over that of the fastest Embree: in pairs per processor second, and for `ratio_wall` in pairs per second.
     ratio: f64,
     ratio_robust: f64,
     ratio_wall: f64,
@@ -59,8 +59,8 @@ fn near(surfaces: &Surfaces) -> Vec<[u32; 2]> {
     pairs
 }
 
-/// A triangle for the plain loop: its corners, moved off the surface by their error bounds as ours are, and its front
-/// normal.
+/// A triangle for the plain loop: its front normal, and its corners, moved off the surface by their error bounds as our
+/// estimator does it.
 struct Patch {
     corners: [Vec3; 3],
     normal: Vec3,
@@ -73,8 +73,8 @@ struct PointSet {
 }
 
 impl PointSet {
-    /// Points of the plastic sequence in four dimensions, shifted by a random number each (Roberts 2018). They are as
-    /// even as a plain loop can have them.
+    /// Points of the plastic sequence in four dimensions, with a random shift of each dimension (Roberts 2018). This is the most
+    /// even distribution that a plain loop can have.
     #[allow(clippy::needless_range_loop, reason = "an index stands for a place in several arrays")]
     fn new(numbers: &mut Numbers) -> Self {
         // Root of x⁵ = x + 1.

@@ -18,7 +18,7 @@ pub enum Question {
     Closest,
     /// Whether the ray hits anything.
     Occluded,
-    /// The same for fans of rays from one origin.
+    /// Whether each ray hits anything, for fans of rays from one origin.
     Fans,
 }
 
@@ -156,7 +156,7 @@ pub enum Mode {
     Single,
     /// Ours: fans of rays from one origin.
     Fans,
-    /// Ours: fans; where few triangles are near 16 fans, these are gathered once.
+    /// Ours: fans; where few triangles are near 16 fans, these triangles are gathered once.
     Near,
     /// Sixteen rays in one call (ours: sixteen packets in one call).
     Packets {
@@ -370,7 +370,7 @@ impl Sink for Keep {
         u64::from(hit.is_some())
     }
 
-    /// It is unknown which rays are blocked, so the first ones are marked.
+    /// A fan tells only how many rays are blocked, so the first rays are marked.
     fn count_fan(&self, packet: usize, blocked: u32) -> u64 {
         for lane in 0..blocked as usize {
             self.count(packet, lane, Some(BLOCKED));

@@ -41,7 +41,7 @@ fn fonte() -> View {
     }
 }
 
-/// The scenes of the user's folder for which the bench has a view: file and view.
+/// The scenes of the user's folder for which the bench has a view, as file and view.
 fn known(name: &str) -> Option<(&'static str, View)> {
     let view = |eye: [f32; 3], target: [f32; 3], fov, light: [f32; 3], radius| {
         let eye = Vec3::from(eye);
@@ -140,9 +140,9 @@ impl OwnedJob {
     }
 }
 
-/// Prepares a scene. Without `@SEED`, `name` is `square:TRIANGLES` or a name that [`known`] has, seen from the view
-/// written here. With `@SEED`, it may also be one of [`shapes::KINDS`] with `:TRIANGLES`, or a file in `folder`, and
-/// the seed chooses the view.
+/// Prepares a scene. Without `@SEED`, `name` is `square:TRIANGLES` or a name that [`known`] has, and the view is the one
+/// written in this file. With `@SEED`, `name` may also be one of [`shapes::KINDS`] with `:TRIANGLES`, or a file in `folder`,
+/// and the seed chooses the view.
 ///
 /// # Errors
 /// The reason why it cannot be prepared.

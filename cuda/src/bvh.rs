@@ -30,7 +30,7 @@ enum Dealt {
     Pixels,
     /// One thread a pixel, in blocks of one warp.
     Tiles,
-    /// Work from a list: as many blocks (of `warps` warps) as the device runs at once take work until none is left.
+    /// Work from a list: blocks of `warps` warps, as many as the device can run at once, take items until none is left.
     List { warps: u32 },
     /// A single thread.
     Once,
@@ -41,7 +41,7 @@ enum Dealt {
 struct Stage {
     entry: &'static str,
     dealt: Dealt,
-    /// Whether the stage settles occlusion rays by the triangles near their points; skipped where the rays are few.
+    /// Whether the stage is part of settling occlusion rays by the triangles near their points. Such stages are skipped where points have few rays.
     settles: bool,
 }
 
@@ -51,14 +51,14 @@ const OF_OCCLUSION: [Stage; 2] = [
     Stage { entry: "trace_occlusion", dealt: Dealt::List { warps: TRACING_WARPS }, settles: true },
 ];
 
-/// The stages of `final` in corrected fidelity: glass is followed to the surfaces that are seen through it, which are then lit.
+/// The stages of `final` in corrected fidelity: paths through glass are followed to the surfaces seen through it, which are then lit.
 const OF_FINAL: [Stage; 4] = [
     LISTS_SURFACES,
     Stage { entry: "light_surfaces", dealt: Dealt::List { warps: 2 }, settles: false },
     SETTLES_SURFACES,
     TRACES_SURFACES,
 ];
-/// The same with several lights or a disc: surfaces are listed with what these light of them.
+/// The stages of `final` with several lights or a disc light: surfaces are lit when they are listed.
 const OF_FINAL_IN_LIGHTS: [Stage; 3] = [LISTS_SURFACES, SETTLES_SURFACES, TRACES_SURFACES];
 
 const LISTS_SURFACES: Stage = Stage { entry: "list_surfaces", dealt: Dealt::Pixels, settles: false };
@@ -79,11 +79,11 @@ fn stages(program: RayProgram, variant: Variant, lighting: Lighting) -> &'static
 /// With fewer rays a point than this, settling costs more than tracing the rays.
 const FEW_SAMPLES: u32 = 6;
 
-/// Average number of entries in the list of surfaces for each pixel of a launch and for each way into which its path is divided; together 256
-/// bytes. A pixel whose surfaces find no room is computed by one thread from beginning to end.
+/// Average number of entries in the list of surfaces for each pixel of a launch, and for each way into which its path splits: 256 bytes. A
+/// pixel whose surfaces find no room is computed by one thread from beginning to end.
 const SURFACES_PER_PIXEL: u64 = 4;
 
-/// Greatest number of entries for the ways of paths; together 512 MiB. Paths that nothing divides have more in very wide pictures only.
+/// Greatest number of entries where paths split into ways; together 512 MiB. Where no path splits, only very wide pictures have more entries.
 const SURFACES_OF_WAYS: u64 = 1 << 23;
 
 /// Device memory of a triangle in the tree, in bytes: three vectors of four numbers.
@@ -108,9 +108,9 @@ struct Kernel {
     program: RayProgram,
     variant: Variant,
     lighting: Lighting,
-    /// Whether they know exact spheres.
+    /// Whether the kernels support exact spheres.
     spheres: bool,
-    /// Finds the bodies that the camera is in.
+    /// Kernel that finds the bodies that contain the camera.
     find_eye: Option<CudaFunction>,
     /// Kernels that run before the one that writes the picture.
     stages: Vec<(Stage, CudaFunction)>,
@@ -152,7 +152,7 @@ impl Tree {
     }
 }
 
-/// What the processor builds of a scene.
+/// The trees that the processor builds over a scene.
 #[derive(Debug)]
 pub struct Trees {
     /// The tree of all but the sky.
@@ -166,19 +166,19 @@ pub struct BvhTracer {
     kernels: Vec<Kernel>,
     /// The tree of all but the sky.
     ground: Tree,
-    /// That of the sky, which the rays of mirrors and glass see.
+    /// The tree of the sky, which rays from mirrors and glass can hit.
     sky: Option<Tree>,
-    /// The parameters of the last launch with the tree of the sky.
+    /// The parameters of the last launch, with the tree of the sky in place of `ground`.
     params_of_sky: Buffer<Params>,
     surfaces: Buffer<f32>,
     first_surface: Buffer<u32>,
     progress: Buffer<u32>,
     settled: Buffer<u32>,
-    /// Number of entries in the list of surfaces; `None` for [`SURFACES_PER_PIXEL`] times the pixels of a launch.
+    /// Number of entries in the list of surfaces; `None` for the number that follows from [`SURFACES_PER_PIXEL`] and the size of the launch.
     room: Option<u64>,
 }
 
-/// Whether the scene of a job has exact spheres, which takes programs of their own.
+/// Whether the scene of a job has exact spheres, which need separate programs.
 fn has_spheres(job: &RayJob<'_>) -> bool {
     !job.scene.geometry.spheres.is_empty()
 }
@@ -212,7 +212,7 @@ impl BvhTracer {
         self.ground.fill(device, params);
     }
 
-    /// Copies the parameters of a launch to the device with the tree of the sky in them, and refers to them.
+    /// Copies the launch parameters to the device with the sky's tree in place of `ground`, and puts the address of that copy into `params`.
     fn fill_sky(&mut self, device: &Device, params: &mut Params) -> Result<(), BackendError> {
         let Some(sky) = &self.sky else { return Ok(()) };
         // Exact spheres are no part of a sky.
@@ -232,8 +232,8 @@ impl BvhTracer {
         if within > TOO_MANY_WITHIN { [192, 512] } else { [LISTED, 512] }
     }
 
-    /// Reserves the buffers through which the kernels of a program communicate, which are kept for the next launch, and sets the counters
-    /// to 0.
+    /// Reserves the buffers through which the kernels of a program communicate, and sets the progress counters to 0. The buffers are kept for
+    /// the next launch.
     fn make_room(&mut self, device: &Device, job: &RayJob<'_>, params: &mut Params) -> Result<(), BackendError> {
         let pixels = params.width as usize * params.height as usize;
         let mut points = pixels;
@@ -251,7 +251,7 @@ impl BvhTracer {
         Ok(())
     }
 
-    /// Reserves the list of surfaces of a launch whose paths are divided into so many ways.
+    /// Reserves the list of surfaces for a launch whose paths split into up to `ways` ways.
     fn make_room_for_surfaces(&mut self, device: &Device, ways: u32, params: &mut Params) -> Result<(), BackendError> {
         let whole = SURFACES_PER_PIXEL * u64::from(params.width) * u64::from(params.rows);
         let divided = whole.max((whole * u64::from(ways)).min(SURFACES_OF_WAYS));
@@ -281,9 +281,9 @@ fn start(device: &Device, kernel: &CudaFunction, dealt: Dealt, params: &Params) 
     };
     let mut launch = device.stream().launch_builder(kernel);
     launch.arg(params);
-    // SAFETY: the kernel takes one `Params` by value, whose layout its compiler checked. Its addresses are of buffers
-    // of this backend that live until the stream was synchronised, as long as the images, tables and meshes that the
-    // job was checked to have; indices in them were checked when the scene was built.
+    // SAFETY: the kernel takes one `Params` by value, whose layout its compiler checked. Its addresses are those of buffers of
+    // this backend, which live until the stream is synchronised. The job was checked to have images, tables and meshes of the
+    // lengths that the kernel reads. Indices in them were checked when the scene was built.
     unsafe { launch.launch(LaunchConfig { grid_dim, block_dim, shared_mem_bytes: 0 }) }.map(|_| ())
 }
 

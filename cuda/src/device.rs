@@ -48,7 +48,7 @@ fn listed(text: &str) -> Result<Vec<usize>, String> {
         .map_err(|_| format!("{GPUS_VARIABLE} is `{text}`; valid: numbers of GPUs with commas between, such as 0,1"))
 }
 
-/// The first `wanted` of the GPUs that are there; all of them for `None`.
+/// The first `wanted` of the GPUs `there`; all of them for `None`.
 fn chosen(there: &[usize], wanted: Option<usize>) -> Result<Vec<usize>, String> {
     let wanted = wanted.unwrap_or(there.len()).max(1);
     if wanted > there.len() {
@@ -169,7 +169,7 @@ impl Device {
         BackendError::Device { backend: self.backend, message }
     }
 
-    /// Copies values to the device; an empty buffer for no values.
+    /// Copies values to the device. Without values the buffer is empty.
     ///
     /// # Errors
     /// If the values do not fit into the device's memory.
@@ -274,7 +274,7 @@ fn mebibytes(bytes: usize) -> String {
     format!("{:.1} MiB", bytes as f64 / f64::from(1 << 20))
 }
 
-/// Device memory, or none.
+/// A buffer in device memory; `None` if it is empty.
 #[derive(Debug)]
 pub struct Buffer<T>(pub(crate) Option<CudaSlice<T>>);
 
@@ -310,7 +310,7 @@ impl<T: DeviceRepr> Buffer<T> {
 
 #[allow(unsafe_code, reason = "asks whether the driver's library is there, and for its version")]
 fn driver_version(backend: &'static str) -> Result<i32, BackendError> {
-    // SAFETY: loads the driver's library, whose initialisers are NVIDIA's, and lets it go again.
+    // SAFETY: loads the driver's library, whose initialisers are NVIDIA's, and unloads it.
     if !unsafe { sys::is_culib_present() } {
         let library = if cfg!(windows) { "nvcuda.dll" } else { "libcuda.so.1" };
         let why = format!(

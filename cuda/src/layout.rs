@@ -72,7 +72,7 @@ shared_structs! {
         normal_scale: f32 = "float",
     }
 
-    /// A material for rays in glass: `Dielectric` of the pipeline, without what [`Face`] adds.
+    /// A material for rays in glass: the fields of the pipeline's `Dielectric` that [`Face`] does not hold.
     struct Body {
         /// [`SHAPE_OPAQUE`], [`SHAPE_PANE`], [`SHAPE_THIN`] or [`SHAPE_SOLID`].
         shape: u32 = "unsigned",
@@ -80,7 +80,7 @@ shared_structs! {
         index: f32 = "float",
         /// Extinction by colour channel, per scene unit.
         extinction: [f32; 3] = "float[3]",
-        /// By colour channel, the share of the light that passes a surface, in addition to Fresnel's factor.
+        /// By colour channel, the factor for light that passes a surface, in addition to Fresnel's factor.
         filter: [f32; 3] = "float[3]",
         /// Texture that `filter` is multiplied by: an index into [`Params::textures`], or [`NO_TEXTURE`].
         filter_texture: u32 = "unsigned",
@@ -96,7 +96,7 @@ shared_structs! {
         transmission_texture: u32 = "unsigned",
     }
 
-    /// What else glass of a material does, in programs that follow ways: what [`Body`] does not say of a `Dielectric`.
+    /// Further glass data of a material, for programs that follow ways: the parts of a `Dielectric` that [`Body`] lacks.
     struct Face {
         /// Index of refraction at 486.1 nm minus that at 656.3 nm; 0 without dispersion.
         spread: f32 = "float",
@@ -104,43 +104,43 @@ shared_structs! {
         alpha: f32 = "float",
         /// Texture whose green channel, squared, multiplies the width: an index into [`Params::textures`], or [`NO_TEXTURE`].
         roughness_texture: u32 = "unsigned",
-        /// What is kept of reflected light, by colour channel.
+        /// By colour channel, the factor for reflected light.
         mirrors: [f32; 3] = "float[3]",
-        /// Share reflected at normal incidence, in the place of Fresnel's.
+        /// Share of light reflected at normal incidence, in place of Fresnel's value.
         minimum: f32 = "float",
-        /// Share reflected at grazing incidence.
+        /// Share of light reflected at grazing incidence.
         maximum: f32 = "float",
-        /// Exponent of the curve between both; below 0 where Fresnel's share serves.
+        /// Exponent of the curve from `minimum` to `maximum`; negative where Fresnel's share is used instead.
         exponent: f32 = "float",
     }
 
-    /// What a pass asks of paths in glass that are divided or cut off.
+    /// Parameters of a pass whose paths in glass split into several ways, or are cut off.
     struct Ways {
         /// Glass data of each material, in addition to [`Params::bodies`].
         faces: Address = "const Face *",
-        /// Parts of the spectrum: their weights of red, green and blue, and the wavelength in nanometres.
+        /// Strata of the spectrum: for each, the weights of red, green and blue, and the wavelength in nanometres.
         strata: Address = "const float4 *",
-        /// Points of the unit square that choose microfacets, bits reversed, one for each way on from rough glass.
+        /// Points of the unit square from which microfacets are sampled, bits reversed; one for each way that continues from rough glass.
         facets: Address = "const uint2 *",
-        /// Number of strata; 0 where no colours are bent apart.
+        /// Number of strata; 0 without dispersion.
         stratum_count: u32 = "unsigned",
-        /// Number of ways on from rough glass; 0 where none is rough.
+        /// Number of ways that continue from rough glass; 0 where no glass is rough.
         facet_count: u32 = "unsigned",
         /// Flags: [`WAYS_CUT`], [`WAYS_ROULETTE`], [`WAYS_BACKGROUND`].
         asks: u32 = "unsigned",
-        /// With [`WAYS_CUT`]: least share of the pixel's colour that depends on a path.
+        /// With [`WAYS_CUT`]: a path is cut off where less than this share of the pixel's colour depends on it.
         cutoff: f32 = "float",
         /// With [`WAYS_CUT`]: most reflections on a path.
         reflections: u32 = "unsigned",
         /// With [`WAYS_CUT`]: most refractions on a path.
         refractions: u32 = "unsigned",
-        /// With [`WAYS_ROULETTE`]: what sets the chances of a sample apart from those of other samples of a pixel.
+        /// With [`WAYS_ROULETTE`]: key of the random numbers, which differ from those of the pixel's other samples.
         chances: u32 = "unsigned",
         /// Fills the struct up to its alignment.
         unused: u32 = "unsigned",
     }
 
-    /// A light of a pass that has several, one with a place or one that is a disc: `Light` of the pipeline.
+    /// A light of a pass with several lights, a light with a position or a disc light: `Light` of the pipeline.
     struct Light {
         /// Position in the world, relative to the scene's origin; read with [`LIGHT_PLACE`].
         place: [f32; 3] = "float[3]",
@@ -148,21 +148,21 @@ shared_structs! {
         flags: u32 = "unsigned",
         /// Unit direction in which a directional light travels, or the axis of a spot light.
         direction: [f32; 3] = "float[3]",
-        /// Distance at which the light of a place ends; infinite where it does not.
+        /// Distance at which a light with a position ends; infinite if it does not end.
         range: f32 = "float",
         /// Linear colour, where the attenuation is 1.
         color: [f32; 3] = "float[3]",
         /// With [`LIGHT_CONE`]: power of the cosine that multiplies the light.
         exponent: f32 = "float",
-        /// The light of a place is divided by the first of these, plus the second times the distance, plus the third times its square.
+        /// Constant, linear and quadratic coefficients: at distance d, light with a position is divided by c0 + c1 d + c2 d².
         attenuation: [f32; 3] = "float[3]",
-        /// With [`LIGHT_CONE`]: cosine of the angle to the axis up to which the light is whole.
+        /// With [`LIGHT_CONE`]: cosine of the angle to the axis up to which the light has full strength.
         inner: f32 = "float",
         /// With [`LIGHT_CONE`]: cosine of the angle to the axis from which on there is no light.
         outer: f32 = "float",
     }
 
-    /// An exact sphere, in the order of the tree over them.
+    /// An exact sphere; the list of spheres is in the order of their tree.
     struct Sphere {
         /// Centre in the world, relative to the scene's origin.
         center: [f32; 3] = "float[3]",
@@ -170,7 +170,7 @@ shared_structs! {
         radius: f32 = "float",
         /// Id of the surface, with [`gpu_tree::TRANSPARENT`].
         id: u32 = "unsigned",
-        /// Not of this sphere: index of the sphere whose id is the first one plus the index of this entry.
+        /// In entry `i`: index in the list of the sphere whose id is the first id plus `i`. Not related to the other fields.
         place: u32 = "unsigned",
         /// Fills the struct up to 32 bytes.
         unused: [u32; 2] = "unsigned[2]",
@@ -180,11 +180,11 @@ shared_structs! {
     struct SphereNode {
         /// Low corner of the box.
         low: [f32; 3] = "float[3]",
-        /// Of a leaf: index of its first sphere. Else: index of the first child; the second one follows it.
+        /// In a leaf: index of its first sphere. In an inner node: index of the first child; the second child follows it.
         first: u32 = "unsigned",
         /// High corner of the box.
         high: [f32; 3] = "float[3]",
-        /// Number of spheres of a leaf; 0 of an inner node.
+        /// Number of spheres in a leaf; 0 in an inner node.
         count: u32 = "unsigned",
     }
 
@@ -216,7 +216,7 @@ shared_structs! {
         wrap_u: u32 = "unsigned",
         /// Wrapping along v.
         wrap_v: u32 = "unsigned",
-        /// Not 0 where the texel that holds the point is read alone while the texture is magnified.
+        /// Not 0 where a magnified texture is read at the nearest texel only.
         nearest: u32 = "unsigned",
         /// Fills the struct up to the alignment of [`Self::first`].
         unused: u32 = "unsigned",
@@ -275,8 +275,8 @@ shared_structs! {
         first_surface: Address = "unsigned *",
         /// Progress counters of the kernels: surfaces found, and how far each kernel has come.
         progress: Address = "unsigned *",
-        /// For each pixel, in `final` for each listed surface: what is settled of its occlusion rays, [`SETTLED_BYTES`] each; 0 where rays
-        /// are not settled.
+        /// What is known of occlusion rays before any is traced, [`SETTLED_BYTES`] for each pixel or, in `final`, for each listed surface; 0 where
+        /// rays are not settled.
         settled: Address = "uint4 *",
         /// Number of surfaces that the list has room for.
         capacity: u64 = "unsigned long long",
@@ -333,9 +333,9 @@ shared_structs! {
         schlick: u32 = "unsigned",
         /// Greatest length of a list of nearby triangles, for each part of the radius; at most [`LISTED`].
         listed: [u32; REACHES as usize - 1] = "unsigned[2]",
-        /// Width of a pixel's cone at the eye, in scene units; 0 with the next one where textures are read at level 0.
+        /// Width of a pixel's ray cone at the eye, in scene units. This and `cone_spread` are 0 where textures are read at level 0.
         cone_width: f32 = "float",
-        /// By how much it grows for each scene unit.
+        /// Growth of the cone's width per scene unit.
         cone_spread: f32 = "float",
         /// Segments between triangles, two vectors each: (start, length), (direction, pair). In programs that follow ways, the address of
         /// [`Ways`].
@@ -346,29 +346,29 @@ shared_structs! {
         blocked: Address = "unsigned *",
         /// Number of segments.
         segment_count: u64 = "unsigned long long",
-        /// The lights of a pass that has several, one with a place or one that is a disc; 0 where it has one directional light that is a point.
+        /// The lights of a pass with several lights, a light with a position or a disc light; 0 where there is one directional light without a disc.
         lights: Address = "const Light *",
-        /// For each material, three numbers: what its texture adds to these lights.
+        /// For each material, three numbers: its emission, which is added to these lights.
         emissions: Address = "const float *",
         /// Number of lights.
         light_count: u32 = "unsigned",
-        /// What arrives of a light where something opaque is in the way. Above 0 there is a single directional light, and programs write its own
-        /// share; at 0 they write what the shadows of all lights leave of the colour.
+        /// Share of a light that arrives behind an opaque occluder. If above 0, there is a single directional light, and programs write its share.
+        /// If 0, programs write the share of the colour that the shadows of all lights leave.
         in_shadow: f32 = "float",
-        /// Points of the unit square for the discs of directional lights, bits reversed; 0 where these are points.
+        /// Points of the unit square for the discs of directional lights, bits reversed; 0 where these lights have no disc.
         disc: Address = "const uint2 *",
         /// Number of these points.
         disc_samples: u32 = "unsigned",
         /// Height of the cap that a disc is on the sphere of directions.
         disc_height: f32 = "float",
-        /// On our own traversal: these parameters with the tree of a sky in place of that of all else; 0 without one.
+        /// On our own traversal: address of a copy of these parameters with the tree of the sky as its tree; 0 without a sky.
         sky: Address = "const Params *",
         /// Handle of the acceleration structure that OptiX built of a sky; 0 without one.
         sky_handle: Address = "unsigned long long",
     }
 }
 
-// SAFETY: plain numbers in C layout, and the device's declarations of both are checked against it by the compiler.
+// SAFETY: plain numbers in C layout; the device compiler checks its declaration of the struct against this layout.
 #[allow(unsafe_code, reason = "says that the struct may be passed to a kernel")]
 unsafe impl DeviceRepr for Params {}
 #[allow(unsafe_code, reason = "says that the struct may be copied to the device")]
@@ -400,7 +400,7 @@ unsafe impl DeviceRepr for SphereNode {}
 // SAFETY: as above.
 unsafe impl DeviceRepr for Spheres {}
 
-/// The light has a place.
+/// The light has a position.
 pub const LIGHT_PLACE: u32 = 1;
 /// The light is a spot light.
 pub const LIGHT_CONE: u32 = 2;
@@ -418,7 +418,7 @@ pub const SHADE_VERTEX_COLORS: u32 = 16;
 pub const SHADE_NORMAL_MAP: u32 = 32;
 /// The material is a sky, which shows as it is.
 pub const SHADE_SKY: u32 = 64;
-/// Light passes glass in a straight line, weakened as each material defines; if unset, each surface of glass dims it by the same factor.
+/// Light passes glass in a straight line, attenuated as each material defines. If unset, each glass surface dims it by the same factor.
 pub const ASKS_STRAIGHT: u32 = 1;
 /// The launch is a single thread, which finds the bodies that the camera is in.
 pub const ASKS_EYE: u32 = 2;
@@ -438,11 +438,11 @@ pub const VERTEX_COLORS_LINEAR: u32 = 1;
 pub const VERTEX_COLORS_DISPLAY: u32 = 2;
 /// Paths are cut off below a share of the pixel's colour, or after a number of reflections or refractions.
 pub const WAYS_CUT: u32 = 1;
-/// A path below that share is followed by chance.
+/// A path below that share continues at random, by Russian roulette.
 pub const WAYS_ROULETTE: u32 = 2;
-/// The background stands for paths that are not followed; if unset, black does.
+/// Paths that are cut off show the background; if unset, black.
 pub const WAYS_BACKGROUND: u32 = 4;
-/// Stands for the medium outside all bodies.
+/// Marks the medium outside all bodies.
 pub const NO_BODY: u32 = u32::MAX;
 /// Size of a list of bodies in bytes: [`effects::MOST_BODIES`] entries and their number.
 pub const MEDIA_BYTES: u32 = 4 * (effects::MOST_BODIES + 1);
@@ -470,7 +470,7 @@ pub const REACHES: u32 = 3;
 pub const LISTED: u32 = 768;
 /// Number of slots over which ray counts are spread, so that atomics rarely collide.
 pub const RAY_COUNT_SLOTS: u32 = 1024;
-/// Kinds of counts: shadow, occlusion, reflected, refracted and certain rays; and paths lost in glass.
+/// Kinds of counts: shadow, occlusion, reflected and refracted rays; occlusion rays skipped because they certainly miss; paths lost in glass.
 pub const RAY_COUNT_KINDS: u32 = 6;
 /// Index, behind the counts, at which OptiX's exception program writes its code; 0 if there was no exception.
 pub const EXCEPTION_SLOT: u32 = RAY_COUNT_SLOTS * RAY_COUNT_KINDS;

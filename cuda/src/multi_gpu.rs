@@ -200,7 +200,7 @@ impl<T: DeviceTracer> RayBackend for DeviceRays<T> {
     }
 
     fn shares_pictures(&self) -> bool {
-        // Of several GPUs each leaves its rows in memory of its own.
+        // With several GPUs, the rows of the picture are spread over their memories.
         self.gpus.len() == 1
     }
 

@@ -34,13 +34,13 @@ use std::time::{Duration, Instant};
 pub trait DeviceTracer: Sized + Send {
     /// Name of the tracer: `cuda` or `optix`.
     const NAME: &'static str;
-    /// Whether its programs know exact spheres.
+    /// Whether its programs support exact spheres.
     const SPHERES: bool;
     /// Approximate host and device memory a triangle takes in the structure and while it is built, in bytes.
     const BYTES_PER_TRIANGLE: u64;
     /// What the processor computes from a scene, once for all GPUs.
     type Prepared: Sync;
-    /// Computes it. `filtered` is that of [`RayBackend::build`](curitiba_pipeline::backend::RayBackend::build).
+    /// Prepares a scene. `filtered` is as in [`RayBackend::build`](curitiba_pipeline::backend::RayBackend::build).
     fn prepare(scene: &RenderScene, filtered: &[bool]) -> Self::Prepared;
     /// Prepares the tracer on a device.
     ///
@@ -51,7 +51,7 @@ pub trait DeviceTracer: Sized + Send {
     fn program(program: RayProgram, variant: Variant, lighting: Lighting) -> Option<&'static str>;
     /// Details of the tracer in addition to the device's name; may be empty.
     fn description(&self) -> String;
-    /// Builds the structure. The caller has released the old one with [`Self::clear`].
+    /// Builds the structure. The caller has released the previous one with [`Self::clear`].
     ///
     /// # Errors
     /// If it does not fit into the device's memory.
@@ -137,7 +137,7 @@ impl Images {
 }
 
 impl Images {
-    /// Copies what a pass asks of paths in glass that are divided or cut off.
+    /// Copies the parameters and tables for paths in glass that split or are cut off.
     fn set_ways(&mut self, device: &Device, tables: WayTables) -> Result<(), BackendError> {
         let WayTables { faces, strata, facets, ways } = tables;
         self.faces.set(device, "the surfaces of glass", faces)?;
@@ -256,8 +256,8 @@ impl<T: DeviceTracer> OneGpu<T> {
         ];
         let mut attachments = [0; 4];
         for ((what, buffer, from), attachment) in floats.into_iter().zip(&mut attachments) {
-            // SAFETY: attachments have a pixel of four numbers for each of the picture, whose size was compared, and stay until
-            // the pass has ended.
+            // SAFETY: attachments have four numbers for each pixel of the picture, whose size was compared, and live until the pass has
+            // ended.
             *attachment = unsafe { copy_here(device, what, buffer, from, 4 * pixels) }?;
         }
         // SAFETY: as above, with one number a pixel.
@@ -282,8 +282,8 @@ impl<T: DeviceTracer> OneGpu<T> {
         ];
         Copies::start(device, lent, || {
             for (what, buffer, from) in floats.into_iter().filter(|(_, _, from)| from.1 != 0) {
-                // SAFETY: attachments have a pixel of four numbers for each of the picture, whose size the lender compared,
-                // and stay until the pass has ended.
+                // SAFETY: attachments have four numbers for each pixel of the picture, whose size the lender compared, and live until
+                // the pass has ended.
                 unsafe { copy_parts(device, what, buffer, from, 4 * pixels, &fours) }?;
             }
             if triangle.1 != 0 {
@@ -534,8 +534,8 @@ impl<T: DeviceTracer> OneGpu<T> {
         Ok(RayStats { read_back, ..self.counted(job, stats)? })
     }
 
-    /// As [`Self::run`], on a shared G-buffer, for all rows: the picture goes to the room that the shared memory has for it, and the
-    /// semaphore reaches its value.
+    /// As [`Self::run`], on a shared G-buffer, for all rows. The picture is written to its place in the shared memory, and the semaphore is
+    /// then signalled.
     pub fn run_in_place(
         &mut self,
         job: &RayJob<'_>,
@@ -600,7 +600,7 @@ impl<T: DeviceTracer> OneGpu<T> {
         Ok(RayStats { upload, device_time: Some(device_time), ..RayStats::default() })
     }
 
-    /// The statistics of a pass that was launched, with its rays.
+    /// Completes the statistics of a launched pass with its ray counts and the memory held.
     fn counted(&self, job: &RayJob<'_>, stats: RayStats) -> Result<RayStats, BackendError> {
         let rays = self.read_counts(job)?;
         let held_bytes = self.images.bytes() + self.tracer.held_bytes();

@@ -12,7 +12,7 @@ macro_rules! text {
 }
 macro_rules! table {
     ($($program:ident $stem:literal),* $(,)?) => {
-        /// PTX of the ray programs that exist as device programs: `[tracer][fidelity]`, on our own traversal and on OptiX, corrected and
+        /// PTX of the ray programs that exist as device programs, `[tracer][fidelity]`: on our own traversal and on OptiX; corrected and
         /// thesis.
         const TABLE: &[(RayProgram, [[&str; 2]; 2])] = &[$((RayProgram::$program, [
             [text!("bvh/corrected/", $stem), text!("bvh/thesis/", $stem)],
@@ -22,8 +22,8 @@ macro_rules! table {
 }
 macro_rules! lights {
     ($($program:ident $stem:literal),* $(,)?) => {
-        /// PTX of the programs for several lights, lights with a place and discs, in corrected fidelity, where they see glass as defined by each
-        /// material: on our own traversal and on OptiX.
+        /// PTX of the programs for several lights, lights with a position and disc lights: on our own traversal and on OptiX. They exist in
+        /// corrected fidelity only, with glass as defined by each material.
         const LIGHTS: &[(RayProgram, [&str; 2])] = &[$((RayProgram::$program, [
             text!("bvh/lights/", $stem), text!("optix/lights/", $stem),
         ])),*];
@@ -39,23 +39,23 @@ macro_rules! bodies {
 }
 macro_rules! spheres {
     ($($program:ident $stem:literal),* $(,)?) => {
-        /// PTX of the programs for scenes with exact spheres, on our own traversal, in corrected fidelity, where they see glass as defined by each
-        /// material.
+        /// PTX of the programs for scenes with exact spheres, on our own traversal. They exist in corrected fidelity only, with glass as
+        /// defined by each material.
         const SPHERES: &[(RayProgram, &str)] = &[$((RayProgram::$program, text!("bvh/spheres/", $stem))),*];
     };
 }
 macro_rules! spheres_in_lights {
     ($($program:ident $stem:literal),* $(,)?) => {
-        /// The same for several lights, lights with a place and discs.
+        /// PTX of the programs for exact spheres together with several lights, lights with a position and disc lights.
         const SPHERES_IN_LIGHTS: &[(RayProgram, &str)] =
             &[$((RayProgram::$program, text!("bvh/spheres_lights/", $stem))),*];
     };
 }
 macro_rules! ways {
     ($($program:ident $stem:literal),* $(,)?) => {
-        /// PTX of the programs that follow paths through glass that is rough, bends colours apart or has a reflectance of its own, or that are
-        /// cut off: `[lighting][tracer]`, with one directional light that is a point and with others, on our own traversal, where they know
-        /// exact spheres, and on OptiX.
+        /// PTX of the programs that follow paths through glass that is rough, has dispersion or a reflectance of its own, or whose paths are cut
+        /// off: `[lighting][tracer]`. Lighting is one directional light without a disc, or any other lights. Tracers are our own traversal, with
+        /// exact spheres, and OptiX.
         const WAYS: &[(RayProgram, [[&str; 2]; 2])] = &[$((RayProgram::$program, [
             [text!("bvh/ways/", $stem), text!("optix/ways/", $stem)],
             [text!("bvh/ways_lights/", $stem), text!("optix/ways_lights/", $stem)],
@@ -124,7 +124,7 @@ pub fn on_bvh(program: RayProgram, variant: Variant, lighting: Lighting) -> Opti
     text(program, 0, variant, lighting)
 }
 
-/// As [`on_bvh`], for scenes with exact spheres. `None` also in thesis fidelity, which knows triangles only; `dummy` traces nothing.
+/// As [`on_bvh`], for scenes with exact spheres. `None` also in thesis fidelity, except for `dummy`, which traces no rays.
 #[must_use]
 pub fn with_spheres(program: RayProgram, variant: Variant, lighting: Lighting) -> Option<&'static str> {
     let of =
@@ -249,7 +249,7 @@ mod tests {
                     assert!(without.is_none() || of_triangles, "{} {variant:?} {lighting:?}", info.stem);
                     continue;
                 };
-                // Those of glass as each material says are all that there are with spheres.
+                // With spheres there are only programs with glass as defined by each material.
                 let of = |variant| on_bvh(info.program, variant, lighting);
                 let of_glass = of(Variant::Bodies).or(of(PANES[0])).expect("written");
                 let entries = |text: &str| {
@@ -261,7 +261,7 @@ mod tests {
                     assert!(text.contains("by_sphere") || text.contains("closest_sphere"), "{}", info.stem);
                     assert!(!text.contains(".ftz.f32") && text.contains(".target sm_75"), "{}", info.stem);
                 }
-                // Those that follow ways are the same for all scenes.
+                // The programs that follow ways support spheres in any case.
                 let is_for_all = variant == Variant::Ways && without == Some(text);
                 assert!(
                     is_for_all || without.is_none_or(|text| !text.contains("_sphere")),
@@ -283,7 +283,7 @@ mod tests {
         }
     }
 
-    /// The entry name in a module of a program that a project names; `None` for triangle intersection, which the tracer itself provides.
+    /// The name of the entry for a program that a project names; `None` for triangle intersection, which the tracer itself provides.
     fn entry(kind: &str, proc: &str) -> Option<String> {
         let kind = kind.to_ascii_lowercase().replace('_', "");
         (kind != "geometryintersection" && kind != "boundingbox").then(|| format!(".entry __{kind}__{proc}("))

@@ -14,7 +14,7 @@ use curitiba_pipeline::programs::Fidelity;
 use curitiba_pipeline::scene::texture::Wrap;
 use curitiba_pipeline::scene::{Geometry, RenderScene};
 
-/// The scene data that programs read, whatever traces the rays.
+/// The scene data that all programs read, whichever tracer runs them.
 #[derive(Debug, Default)]
 pub struct SceneBuffers {
     positions: Buffer<f32>,
@@ -36,7 +36,7 @@ pub struct SceneBuffers {
 }
 
 impl SceneBuffers {
-    /// Copies a scene to the device; `transparent` is that of the structure over it, `None` where none is built and rays meet nothing.
+    /// Copies a scene to the device. `transparent` is what its structure was built with; `None` if no structure is built and rays hit nothing.
     pub fn new(device: &Device, scene: &RenderScene, transparent: Option<&[bool]>) -> Result<Self, BackendError> {
         let geometry = &scene.geometry;
         let (textures, texels) = textures(scene, false);
@@ -56,8 +56,7 @@ impl SceneBuffers {
         })
     }
 
-    /// Copies all mip levels of the scene's textures in the place of level 0, unless they are there. After an error the buffers cannot
-    /// be used.
+    /// Replaces level 0 of the scene's textures by all mip levels, unless this was done before. After an error the buffers cannot be used.
     pub fn require_levels(&mut self, device: &Device, scene: &RenderScene) -> Result<(), BackendError> {
         if self.has_levels {
             return Ok(());
@@ -115,7 +114,7 @@ fn materials(geometry: &Geometry) -> Vec<u32> {
     geometry.materials().chain(geometry.spheres.iter().map(|sphere| sphere.material)).collect()
 }
 
-/// Sizes and texels of every texture, of level 0 or, one after the other, of all levels.
+/// Size of every texture, and the texels of its level 0 or, with `has_levels`, of all its levels in order.
 fn textures(scene: &RenderScene, has_levels: bool) -> (Vec<TextureInfo>, Vec<u8>) {
     let (mut infos, mut texels) = (Vec::with_capacity(scene.textures.len()), Vec::new());
     for texture in &scene.textures {
@@ -187,7 +186,7 @@ pub fn bodies(job: &RayJob<'_>) -> Vec<Body> {
     job.dielectrics.iter().map(body).collect()
 }
 
-/// Lights as the device has them.
+/// Lights in the device's layout.
 #[must_use]
 pub fn lights(lights: &[backend::Light]) -> Vec<Light> {
     let light = |light: &backend::Light| {
@@ -210,7 +209,7 @@ pub fn lights(lights: &[backend::Light]) -> Vec<Light> {
     lights.iter().map(light).collect()
 }
 
-/// For each material, what its texture adds to the light that is seen on it.
+/// Emission of each material, three numbers each.
 #[must_use]
 pub fn emissions(job: &RayJob<'_>) -> Vec<f32> {
     job.shades.iter().flat_map(|shade| shade.emission.truncate().to_array()).collect()

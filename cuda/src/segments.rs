@@ -117,9 +117,9 @@ impl SegmentTracer for CudaSegments {
                 LaunchConfig { grid_dim: (blocks, 1, 1), block_dim: (SEGMENT_THREADS, 1, 1), shared_mem_bytes: 0 };
             let mut launch = device.stream().launch_builder(kernel);
             launch.arg(&params);
-            // SAFETY: the kernel takes one `Params` by value, whose layout its compiler checked. It reads as many segments as are said
-            // and the pairs that they name, which the caller made together, and writes one bit for each; the buffers and the tree live
-            // until the answers were read.
+            // SAFETY: the kernel takes one `Params` by value, whose layout its compiler checked. It reads the given number of segments and
+            // the pairs that these refer to, which the caller made together, and writes one bit for each segment. The buffers and the tree
+            // live until the answers are read.
             unsafe { launch.launch(config) }.map_err(|error| device.fault("tracing segments", &error))?;
             room.read(device, segments.all.len(), bits)
         })

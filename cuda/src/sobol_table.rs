@@ -4,11 +4,11 @@
 ///
 /// In a block of the sequence of 4^m points that begins at a multiple of 4^m, each of 4^m squares of the unit square has one point
 /// ([`owen_sobol`] says why). This holds after scrambling too, which permutes the first m digits of each coordinate among themselves. The
-/// points of a block lie at the places of their squares: the first digits of both coordinates, interleaved, the first digits lowest. So a
+/// place of a point in its block is the index of its square: the first digits of both coordinates, interleaved, the first digits lowest. So a
 /// kernel finds the point that the scrambling moves into a given square without searching (`sample_of_turn` in `programs/fan.cuh`).
 ///
-/// Points that continue a sequence at another place have blocks of points that do not follow each other, or follow from such a multiple: see
-/// [`at_squares`]. Kernels take each point once, whatever its place: the places decide only which rays they trace together.
+/// Points that start elsewhere in the sequence may give blocks whose points are not consecutive, or do not begin at such a multiple: see
+/// [`at_squares`]. Kernels take each point once, whatever its place; places decide only which rays are traced together.
 ///
 /// [`owen_sobol`]: curitiba_passes::sampling::owen_sobol
 fn in_blocks(mut points: Vec<[u32; 2]>) -> Vec<[u32; 2]> {
@@ -27,8 +27,8 @@ fn in_blocks(mut points: Vec<[u32; 2]>) -> Vec<[u32; 2]> {
     sorted
 }
 
-/// The 4^`digits` points of a block, each at the place of its square. Of several in one square the first has the place; the others have those of
-/// squares without any, in the order of a Z-order curve over the square, so that they are not far from where they belong.
+/// The 4^`digits` points of a block, each at the place of its square. Of several points in one square the first gets this place. The others get
+/// the places of empty squares, in the order of a Z-order curve, so that they are near their own squares.
 fn at_squares(block: impl ExactSizeIterator<Item = [u32; 2]>, digits: u32) -> Vec<[u32; 2]> {
     let mut places = vec![None; block.len()];
     let mut others = Vec::new();
@@ -49,9 +49,9 @@ fn at_squares(block: impl ExactSizeIterator<Item = [u32; 2]>, digits: u32) -> Ve
     places.into_iter().flatten().collect()
 }
 
-/// The table of an estimate with these points, which follow each other in the Sobol sequence and are in the order in which neighbours are
-/// adjacent, as [`HemisphereSampler::Sobol`] has them: first both coordinates of each, in blocks; then the place among these of each in the
-/// order given.
+/// The table of an estimate with these points: first both coordinates of each point, in blocks; then, for each point in the given order, its
+/// place in these blocks. The points are consecutive in the Sobol sequence, but given in an order in which neighbours are adjacent, as in
+/// [`HemisphereSampler::Sobol`].
 ///
 /// [`HemisphereSampler::Sobol`]: curitiba_passes::sampling::HemisphereSampler::Sobol
 #[must_use]
@@ -112,7 +112,7 @@ mod tests {
         }
     }
 
-    /// The places of a table with the number of digits of their blocks, and each one's own place in its block.
+    /// For each place of a table, the number of digits of its block, and the place within that block.
     fn places(samples: u32) -> Vec<(u32, u64)> {
         let mut places = Vec::new();
         while let Some(digits) = (samples - places.len() as u32).checked_ilog(4) {
@@ -123,7 +123,7 @@ mod tests {
 
     #[test]
     fn each_block_has_one_point_in_each_square_at_the_squares_place() {
-        // Batches of one size that have whole blocks, beginning with any of them.
+        // Batches of one size, each beginning at a multiple of this size, that consist of whole blocks.
         let batches = [[0, 16], [48, 16], [16, 4], [128, 64], [1024, 256], [320, 80], [3 * 4096, 4096]];
         let all = [1, 3, 4, 25, 100, 256, 1000].map(|samples| [0, samples]).into_iter().chain(batches);
         for [first, samples] in all {
@@ -134,7 +134,7 @@ mod tests {
         }
     }
 
-    /// How far points lie from the squares that they have the places of, as a share of how far they would if they had places at random.
+    /// Root mean square distance of points from the squares of their places, as a share of the distance for random places.
     fn distance(sorted: &[[u32; 2]]) -> f64 {
         let at = |bits: u32| f64::from(bits.reverse_bits()) / 2.0_f64.powi(32);
         let (mut sum, mut at_random) = (0.0, 0.0);
@@ -146,14 +146,14 @@ mod tests {
                 let side = 0.5_f64.powi(digits as i32);
                 let off = at(point[coordinate]) - low;
                 sum += (-off).max(off - side).max(0.0).powi(2);
-                // Two numbers from 0 to 1 are 1/6 apart, squared.
+                // The mean squared distance of two random numbers from 0 to 1 is 1/6.
                 at_random += 1.0 / 6.0;
             }
         }
         (sum / at_random).sqrt()
     }
 
-    /// Blocks of points that are not one of each square: most points are near their places, which matters for the time alone.
+    /// Where blocks do not have one point in each square, most points are still near their places. This affects only the time.
     #[test]
     fn points_of_parts_between_blocks_are_near_their_places() {
         for [first, samples] in [[5, 16], [7, 25], [3, 64], [100, 100], [999, 1000]] {

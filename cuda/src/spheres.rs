@@ -21,7 +21,7 @@ pub struct Packed {
 }
 
 impl Packed {
-    /// Packs the spheres of a scene; `transparent` is that of [`SphereTree::build`].
+    /// Packs the spheres of a scene; `transparent` is as in [`SphereTree::build`].
     #[must_use]
     pub fn of(geometry: &Geometry, transparent: &[bool]) -> Self {
         let (tree, first) = (SphereTree::build(geometry, transparent), geometry.triangles.len() as u32);
@@ -49,8 +49,8 @@ impl Packed {
         Self { nodes, list, first, bounds }
     }
 
-    /// What programs find at [`crate::layout::Params::handle`], with the nodes and the spheres at these addresses. With `traced` false rays
-    /// meet none.
+    /// The struct at [`crate::layout::Params::handle`], with the nodes and the spheres at these addresses. If `traced` is false, rays hit no
+    /// sphere.
     #[must_use]
     pub fn described(&self, nodes: Address, list: Address, traced: bool) -> Spheres {
         let node_count = if traced { self.nodes.len() as u32 } else { 0 };
@@ -69,8 +69,8 @@ pub(crate) struct SphereBuffers {
 }
 
 impl SphereBuffers {
-    /// Copies the spheres of a scene to the device; `transparent` says by material whether hits need the program, and is `None` where rays
-    /// meet no sphere.
+    /// Copies the spheres of a scene to the device. `transparent` says by material whether the program must accept hits; `None` if rays hit no
+    /// sphere.
     pub fn new(device: &Device, scene: &RenderScene, transparent: Option<&[bool]>) -> Result<Self, BackendError> {
         if scene.geometry.spheres.is_empty() {
             return Ok(Self::default());

@@ -49,7 +49,7 @@ impl Staging {
     #[allow(unsafe_code, reason = "lets the device write into memory while the host goes on")]
     fn copy(&mut self, device: &Device, source: &CudaSlice<f32>, parts: Vec<Part<'_>>) -> Result<(), DriverError> {
         if self.0.is_none() {
-            // SAFETY: what is read of it was written by the device before.
+            // SAFETY: the memory is not initialised, but only numbers that the device has written are read.
             let piece = || unsafe { device.context().alloc_pinned_with_flags::<f32>(PIECE, 0) };
             self.0 = Some([piece()?, piece()?]);
         }
@@ -62,8 +62,8 @@ impl Staging {
                 let (now, later) = rest.split_at_mut(target.len());
                 rest = later;
                 let from = source.slice(*first..*first + now.len());
-                // SAFETY: source and target are as long; the target is page-locked, lives as long as `self`, and nobody
-                // looks at it before the event that follows has happened, for which every way out of this function waits: a
+                // SAFETY: source and target have the same length. The target is page-locked and lives as long as `self`. It is not
+                // read before the event that follows has happened. Every return from this function waits for that event: a
                 // failure leaves a stream on which nothing runs any more.
                 unsafe { memcpy_dtoh_async(now, from.device_ptr(stream).0, stream.cu_stream()) }?;
             }

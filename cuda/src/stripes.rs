@@ -10,10 +10,10 @@ use std::ops::Range;
 /// very expensive, and so that progress is visible.
 const PIXELS_OF_LAUNCH: u32 = 1 << 20;
 
-/// Greatest number of rays to the discs of lights from the points that the pixels of a launch show, for the same reason.
+/// Greatest number of rays from the visible points of a launch to disc lights, for the same reason as [`PIXELS_OF_LAUNCH`].
 const DISC_RAYS_OF_LAUNCH: u32 = 1 << 26;
 
-/// Greatest number of ways on from glass into which the paths of the pixels of a launch are divided, for the same reason.
+/// Greatest number of ways into which the paths of a launch split at glass, for the same reason.
 const WAYS_OF_LAUNCH: u32 = 1 << 21;
 
 /// Consecutive rows of a picture that one GPU computes.
@@ -49,7 +49,7 @@ pub(crate) struct Launch {
 }
 
 /// The launches for a share of a picture. All stripes have the same number of rows, except perhaps the last, and the same distance. Each
-/// launch takes as many stripes as have `pixels`, since part of the GPU idles at the end of a launch.
+/// launch takes as many stripes as `pixels` allows, since part of the GPU idles at the end of a launch.
 pub(crate) fn launches(stripes: &[Stripe<'_>], width: u32, pixels: u32) -> Vec<Launch> {
     let Some(first) = stripes.first() else { return Vec::new() };
     let (stripe, skipped) = match stripes.get(1) {

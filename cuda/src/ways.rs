@@ -1,4 +1,4 @@
-//! Paths in glass that are divided or cut off: what a pass asks of them, as the device has it.
+//! Parameters and tables for paths in glass that split or are cut off, in the device's layout.
 
 use crate::layout::{Face, NO_TEXTURE, WAYS_BACKGROUND, WAYS_CUT, WAYS_ROULETTE, Ways};
 use curitiba_passes::effects::dielectric::{facets, spectrum};
@@ -9,13 +9,13 @@ use curitiba_pipeline::programs::RayParams;
 /// The tables of a pass whose programs follow ways.
 #[derive(Debug, Clone, PartialEq)]
 pub struct WayTables {
-    /// By material.
+    /// Glass data of each material.
     pub faces: Vec<Face>,
-    /// The parts of the spectrum, four numbers each.
+    /// The strata of the spectrum, four numbers each.
     pub strata: Vec<f32>,
-    /// The points that choose microfacets, two numbers each.
+    /// The points from which microfacets are sampled, two numbers each.
     pub facets: Vec<u32>,
-    /// What is asked, without the addresses of these tables.
+    /// The parameters, without the addresses of these tables.
     pub ways: Ways,
 }
 
@@ -49,7 +49,7 @@ impl WayTables {
 }
 
 fn face(dielectric: &Dielectric) -> Face {
-    // No curve has an exponent below 0.
+    // A negative exponent means that there is no curve.
     let none = Reflectance { minimum: 0.0, maximum: 0.0, exponent: -1.0 };
     let Reflectance { minimum, maximum, exponent } = dielectric.reflectance.unwrap_or(none);
     Face {

@@ -43,7 +43,7 @@ fn made(backend: &str) -> Result<Box<dyn RayBackend>, BackendError> {
     Ok(if backend == "cuda" { Box::new(CudaRays::new()?) } else { Box::new(OptixRays::new()?) })
 }
 
-/// The backend, or `None` with the reason printed.
+/// The backend, or `None` if it is missing; the reason is printed.
 fn there(backend: &str) -> Option<Box<dyn RayBackend>> {
     match made(backend) {
         Ok(rays) => Some(rays),
@@ -139,7 +139,7 @@ fn sabotage() {
     let kernel = module.load_function("fails").expect("it is in there");
     let stream = context.default_stream();
     let config = LaunchConfig { grid_dim: (1, 1, 1), block_dim: (1, 1, 1), shared_mem_bytes: 0 };
-    // SAFETY: the kernel takes nothing and touches nothing.
+    // SAFETY: the kernel takes no argument and touches no memory.
     unsafe { stream.launch_builder(&kernel).launch(config) }.expect("launches tell nothing yet");
     stream.synchronize().expect_err("the kernel fails");
 }
@@ -195,7 +195,7 @@ fn loses_its_device() {
     assert!(fallback.why.starts_with(backend) && fallback.why.contains("lost to this program"), "{fallback}");
     renderer.frame(&mut Silent).expect("and goes on");
     assert_eq!(renderer.fallbacks().len(), 1);
-    // Releasing what a lost device held must not panic either, and this process may end normally.
+    // Releasing the resources of a lost device must not panic either, and this process may end normally.
     drop(renderer);
     println!("ended in peace");
 }

@@ -1,4 +1,4 @@
-//! Compares rows of pairs whose segments are traced on an NVIDIA GPU with those of the processor.
+//! Compares rows of pairs between an NVIDIA GPU, which traces their segments, and the processor.
 //!
 //! Without a GPU the tests print `skipped: why` and pass; with `CURITIBA_REQUIRE_CUDA_TESTS=1` they fail instead. The binary runs on any
 //! machine: where it was not built, it looks for the square in the current folder.
@@ -16,7 +16,7 @@ use std::time::Instant;
 
 const BOTH: [&str; 2] = ["cuda", "optix"];
 
-/// The tracer, or `None` with the reason printed.
+/// The tracer, or `None` if it is missing; the reason is printed.
 fn there(backend: &str, geometry: &Geometry, see_through: &[bool]) -> Option<Box<dyn SegmentTracer>> {
     let made = || -> Result<Box<dyn SegmentTracer>, BackendError> {
         Ok(if backend == "cuda" {
@@ -59,7 +59,7 @@ fn geometry(triangles: &[[Vec3; 3]]) -> Geometry {
     }
 }
 
-/// Two triangles that face each other, and between them, at x < `c`, a grid of more triangles than are gathered.
+/// Two triangles that face each other. Between them, at x < `c`, lies a grid of more triangles than are gathered.
 fn half_grid(c: f32) -> Vec<[Vec3; 3]> {
     let v = Vec3::new;
     let mut scene = vec![
@@ -204,7 +204,7 @@ fn rows_of_the_square_are_those_of_the_processor() {
     }
 }
 
-/// Also prints the device's throughput: answers a second to segments made in advance, including both copies.
+/// Also prints the device's throughput: answers per second for segments made in advance, including the copies in both directions.
 #[test]
 fn millions_of_segments_of_the_square_are_answered_as_the_processor_does() {
     let surfaces = square();

@@ -1,5 +1,5 @@
-//! What the fuzz targets share: the bodies, which the ordinary tests run too (`pipeline/tests/fuzz_brief.rs`,
-//! `passes/tests/fuzz_render`), and how a process starts.
+//! The shared part of the fuzz targets: the start of a process, and the bodies, which the ordinary tests run too
+//! (`pipeline/tests/fuzz_brief.rs`, `passes/tests/fuzz_render`).
 
 #[path = "../../passes/tests/fuzz_render/body.rs"]
 pub mod body;
@@ -12,8 +12,8 @@ pub mod script;
 #[path = "../../pipeline/tests/fuzz_targets/shader.rs"]
 pub mod shader;
 
-/// Makes the calling thread the only one that works: an input then takes the same path in every run, and no time goes
-/// into waking others.
+/// Makes the calling thread the only worker: an input then takes the same path in every run, and no time goes into waking
+/// other threads.
 ///
 /// # Panics
 /// If the thread pool exists already.

@@ -28,7 +28,7 @@ use std::sync::Arc;
 
 const NAME: &str = "cpu";
 
-/// Greatest memory that building the structure takes, in bytes a triangle: above the 110 to 160 that [`Bvh`] documents.
+/// Greatest memory while the structure is built, in bytes a triangle. It is above the 110 to 160 that [`Bvh`] documents.
 const BYTES_PER_TRIANGLE: u64 = 270;
 
 /// The acceleration structure that rays are traced in.
@@ -41,12 +41,12 @@ pub(crate) struct Structure {
 #[derive(Default)]
 pub struct CpuRays {
     built: Option<(Arc<RenderScene>, Structure)>,
-    /// Keeps its memory from frame to frame.
+    /// Kept, so that its memory is reused from frame to frame.
     filter: Filter,
 }
 
 impl Structure {
-    /// That of a scene; the arguments are those of [`RayBackend::build_until`], and so is what gives nothing.
+    /// The structure of a scene; arguments and the meaning of `None` are those of [`RayBackend::build_until`].
     pub(crate) fn build_until(scene: &RenderScene, filtered: &[bool], progress: &Progress) -> Option<Self> {
         let triangles = Bvh::build_until(&scene.geometry, filtered, Quality::default(), progress)?;
         Some(Self { triangles, spheres: SphereTree::build(&scene.geometry, filtered) })
@@ -60,10 +60,10 @@ impl CpuRays {
         Self::default()
     }
 
-    /// The structure of a job's scene; `None` where there is none and the job cannot trace a ray.
+    /// The structure of a job's scene; `None` where no structure was built and the job cannot trace a ray.
     ///
     /// # Errors
-    /// [`BackendError::Unsupported`] if it was not built.
+    /// [`BackendError::Unsupported`] if the job may trace rays and the structure was not built.
     pub(crate) fn tracer(&self, job: &RayJob<'_>) -> Result<Option<&Structure>, BackendError> {
         match &self.built {
             Some((scene, built)) if std::ptr::eq(&raw const **scene, job.scene) => Ok(Some(built)),
@@ -188,7 +188,7 @@ impl RayBackend for CpuRays {
     }
 }
 
-/// The spheres that focus the light of a job, where what lies in what is to be asked of this structure of its scene.
+/// The spheres that focus the light of a job. Which body a sphere lies in is found by tracing in `structure`, that of the job's scene.
 ///
 /// # Errors
 /// [`BackendError::Unsupported`] if there are too many of them.
@@ -207,7 +207,6 @@ pub(crate) fn empty() -> Structure {
     Structure { triangles, spheres: SphereTree::default() }
 }
 
-/// Traces a job.
 fn trace_in(
     Structure { triangles, spheres }: &Structure,
     job: &RayJob<'_>,
@@ -234,8 +233,8 @@ pub fn may_trace(job: &RayJob<'_>) -> bool {
     job.program.info().needs_structure(&job.params, finds_glass).0
 }
 
-/// Runs a program other than `dummy` on any tracer of the job's scene. The programs know it by a pointer, so that they are compiled once for
-/// all tracers: what they ask are packets, fans and rays that take far longer than the call.
+/// Runs a program other than `dummy` on any tracer of the job's scene. Programs call the tracer through a pointer, so that they are compiled
+/// once for all tracers. The call costs little: the packets, fans and rays that they ask for take far longer.
 ///
 /// # Errors
 /// [`BackendError::Unsupported`] if the job lacks something that the program reads; the error names it.
@@ -285,11 +284,11 @@ pub(crate) fn trace_pixels(
     Ok(each_tile(Whole { output, progress, tiles }, alone, |at, work| pixel(at, &mut work.rays)))
 }
 
-/// The colour that a program other than `dummy` writes at one pixel, which must lie inside the job's images; with a filter, the pixel's own
-/// share before it.
+/// The colour that a program other than `dummy` writes at one pixel, which must lie inside the job's images. With a filter, the result is
+/// the pixel's own share before filtering.
 ///
 /// # Errors
-/// As [`trace`], or if glass is to be sampled to an error or photons are asked for, which takes all of the picture.
+/// As [`trace`]. Also if glass is to be sampled to an error, or photons are asked for: both need the whole picture.
 pub fn trace_pixel(tracer: &dyn DynTracer, job: &RayJob<'_>, x: u32, y: u32) -> Result<[f32; 4], BackendError> {
     check::buffers(NAME, job)?;
     check::adaptive(NAME, job)?;
@@ -366,17 +365,17 @@ pub(crate) fn new_pass<'a, T: Tracer, C: Coverage>(
 trait Runner<'o> {
     type Output;
 
-    /// What was computed, with the photons that were shot before.
+    /// Adds the counts of the photons that were shot before to an output; by default, adds nothing.
     fn with_photons(output: Self::Output, _: PhotonCounts) -> Self::Output {
         output
     }
 
-    /// Who may give the pixels up.
+    /// The progress through which a caller may cancel the pixels, if any.
     fn progress(&self) -> Option<&'o Progress> {
         None
     }
 
-    /// Computes the pixels. Where they are computed in tiles, `tile` is called for each tile before its pixels, with the tile's rows. It
+    /// Computes the pixels. Where they are computed in tiles, `tile` is called for each tile before its pixels, with the tile's rows. `tile`
     /// returns true if it has written all of the tile's pixels itself.
     fn each(
         self,
@@ -445,8 +444,8 @@ impl Runner<'_> for One {
     }
 }
 
-/// Selects the implementation of the program: for each program and fidelity, the function that computes a pixel and, where pixels of a tile
-/// share work, the function that is called for the tile before.
+/// Selects the implementation of the program. For each program and fidelity, this is the function that computes a pixel and, where pixels of
+/// a tile share work, the function that is called first for the tile.
 fn run_program<'o, T: Tracer, C: Coverage, R: Runner<'o>>(pass: &Pass<'_, T, C>, pixels: R) -> R::Output {
     match pass.job.fidelity {
         Fidelity::Corrected => run_corrected(pass, pixels),
@@ -609,7 +608,7 @@ fn run_of_tiles(
         if !tile(area, &mut rows, work) {
             for (down, row) in rows.iter_mut().enumerate() {
                 for (right, out) in row.iter_mut().enumerate() {
-                    // What the tile's own function left out for this reason would be computed here.
+                    // A cancelled `tile` returns false; the pixels that it left out are not computed here.
                     if progress.is_cancelled() {
                         return work.rays;
                     }

@@ -26,7 +26,7 @@ pub struct PixelRays<'a> {
 /// The value is bit for bit that of the whole pass at this pixel. With a filter, it is the value before the filter.
 ///
 /// # Errors
-/// If the job lacks a buffer that its program reads, or samples glass to an error, which takes all of the picture.
+/// If the job lacks a buffer that its program reads. Also if it samples glass to an error or shoots photons: both need the whole picture.
 ///
 /// # Panics
 /// If the pixel is outside the job's images.

@@ -73,7 +73,7 @@ pub struct DeviceQuadStats {
     pub host: Duration,
     /// Time on the device's own clock, if it has one.
     pub device: Option<Duration>,
-    /// Host time of the copy from there.
+    /// Host time of the copy from that memory.
     pub read_back: Duration,
     /// Number of pixels with a value that is not finite.
     pub not_finite: u32,

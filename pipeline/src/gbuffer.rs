@@ -2,7 +2,7 @@
 
 use crate::memory::{self, Refused};
 
-/// Side of the tiles that engines divide pictures into, in pixels: that of the processor's rasteriser, which has the largest.
+/// Side in pixels of the largest tiles into which engines divide pictures: those of the processor's rasteriser.
 pub const ALIGNMENT: u32 = 64;
 
 /// A rectangle of pixels; `y` counts from the top row.

@@ -12,14 +12,14 @@ use std::time::Duration;
 /// Sets of scenes that are kept, at most.
 const MOST: usize = 2;
 
-/// Scenes that renderers one after the other have in common: those whose [settings](crate::plan::Settings) hold clones of this.
+/// Scenes that successive renderers share, if their [settings](crate::plan::Settings) hold clones of this.
 ///
-/// A set of scenes is read, decoded and built once for all that need the same of it, and files that change meanwhile are not read again. The
-/// two sets that were used last are kept, for as long as a clone of this lives. By default nothing is kept.
+/// A set of scenes is read, decoded and built once for all renderers with the same needs. Files that change meanwhile are not read again.
+/// The two sets that were used last are kept, for as long as a clone of this lives. By default nothing is kept.
 #[derive(Debug, Clone, Default)]
 pub struct KeptScenes(Option<Arc<Mutex<Sets>>>);
 
-/// The one used last comes last.
+/// The sets, least recently used first.
 type Sets = Vec<(Built, Kept)>;
 
 /// What a set of scenes was built from.
@@ -29,7 +29,7 @@ pub(crate) struct Built {
     needs: Needs,
     color: ColorSpace,
     thesis: bool,
-    /// World position of the origin, where an earlier set chose it.
+    /// World position of the origin, if an earlier set chose it.
     origin: Option<DVec3>,
 }
 
@@ -53,7 +53,7 @@ pub(crate) struct Kept {
 }
 
 impl Built {
-    /// `None` if a scene was made in memory: it may be any.
+    /// `None` if a scene was made in memory, since no file names identify its contents.
     pub fn new<'a>(
         scenes: impl Iterator<Item = &'a SceneDecl>,
         (needs, color, thesis): (Needs, ColorSpace, bool),
@@ -81,12 +81,12 @@ impl KeptScenes {
         Self(Some(Arc::default()))
     }
 
-    /// Forgets the scenes; renderers that use them hold them still.
+    /// Forgets the scenes; renderers that use them keep them.
     pub fn clear(&self) {
         self.with(Vec::clear);
     }
 
-    /// The set that was built from this.
+    /// The kept set that was built from `built`.
     pub(crate) fn find(&self, built: &Built) -> Option<Kept> {
         self.with(|kept| {
             let index = kept.iter().position(|(of, _)| of == built)?;
@@ -95,7 +95,7 @@ impl KeptScenes {
         })?
     }
 
-    /// Keeps a set, in place of the one that was not used for longest.
+    /// Keeps a set. If there is no room, it replaces the least recently used set.
     pub(crate) fn keep(&self, built: Built, set: Kept) {
         self.with(|kept| {
             kept.drain(..(kept.len() + 1).saturating_sub(MOST));
@@ -104,7 +104,7 @@ impl KeptScenes {
     }
 
     fn with<T>(&self, work: impl FnOnce(&mut Sets) -> T) -> Option<T> {
-        // What is kept is whole between two calls.
+        // A poisoned lock is accepted: the list is complete between two calls.
         self.0.as_ref().map(|kept| work(&mut kept.lock().unwrap_or_else(PoisonError::into_inner)))
     }
 }

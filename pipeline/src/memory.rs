@@ -78,8 +78,8 @@ pub fn copied<T: Copy>(items: &[T]) -> Result<Vec<T>, Refused> {
     Ok(list)
 }
 
-/// Tests whether `bytes` of memory can be allocated at once, and frees them again. It is for work in crates that allocate without a
-/// check, whose need is estimated beforehand.
+/// Tests whether `bytes` of memory can be allocated at once, and frees them again. It serves crates that allocate without a check: their
+/// need is estimated and tested beforehand.
 ///
 /// # Errors
 /// If there is too little memory.
@@ -92,21 +92,21 @@ pub fn probe(bytes: u64) -> Result<(), Refused> {
     Ok(())
 }
 
-/// Who counts memory of the process that is not its allocator's.
+/// Counter of the process's memory that does not come from its allocator.
 static OUTSIDE: OnceLock<fn(i64) -> bool> = OnceLock::new();
 
-/// Sets who counts memory of the process that does not come from its global allocator, such as that of a graphics driver which
-/// computes on the processor. `counter` gets the number of bytes more, or fewer if negative, and answers whether they may be held;
-/// if not, they are not counted. The first call decides.
+/// Sets the counter of memory that the process holds outside of its global allocator, such as that of a graphics driver which computes on
+/// the processor. `counter` gets the number of bytes added, or removed if negative, and returns whether they may be held; if not, they
+/// are not counted. Only the first call has an effect.
 pub fn count_outside_by(counter: fn(i64) -> bool) {
     _ = OUTSIDE.set(counter);
 }
 
-/// Counts bytes more, or fewer if negative, that the process holds outside of its allocator. Nobody counts without
-/// [`count_outside_by`].
+/// Counts bytes that the process holds outside of its allocator: added ones, or removed ones if negative. Without [`count_outside_by`]
+/// nothing is counted.
 ///
 /// # Errors
-/// If more than may be held would be; then they are not counted.
+/// If the counter refuses the bytes; they are then not counted.
 pub fn outside(bytes: i64) -> Result<(), Refused> {
     match OUTSIDE.get() {
         Some(counter) if !counter(bytes) => Err(Refused { bytes: bytes.unsigned_abs() }),

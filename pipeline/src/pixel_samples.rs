@@ -13,14 +13,14 @@
 //!
 //! The flipped digits were chosen among all `N` possibilities by the coverage error of half-planes at all angles and distances.
 //!
-//! Of an adaptive number, rays are traced for four samples of every pixel first: those that lie nearest to the four of a pixel with four
-//! samples, the rotated grid, in pairs that half turns exchange. For the others they are traced where what rays found in the first four, or
-//! in those of neighbours, differs.
+//! With an adaptive number, rays are first traced for four samples of every pixel. These lie nearest to the rotated grid of a pixel with
+//! four samples, in pairs that half turns exchange. For the other samples rays are traced only where the results of the first four differ
+//! from each other or from those of neighbours.
 
 use std::fmt;
 use std::str::FromStr;
 
-/// Number of samples a pixel: 1, 2, 4, 8, 16, 32 or 64; or an adaptive one, of which rays are traced for four where those are alike.
+/// Number of samples a pixel: 1, 2, 4, 8, 16, 32 or 64. An adaptive number traces rays for only four of them where these are alike.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub struct PixelSamples {
     count: u32,
@@ -35,13 +35,13 @@ impl PixelSamples {
     /// The valid numbers.
     pub const COUNTS: [u32; 7] = [1, 2, 4, 8, 16, 32, 64];
 
-    /// Samples of an adaptive number for which rays are traced at every pixel.
+    /// Number of samples of an adaptive number for which rays are traced at every pixel.
     pub const FIRST: u32 = 4;
 
     /// The largest tolerance.
     pub const LARGEST_TOLERANCE: f32 = 1.0;
 
-    /// Bytes of a pixel of a ray pass that decide whether rays are traced for it, of an adaptive number.
+    /// Bytes a pixel that a ray pass keeps to decide where rays are traced, with an adaptive number.
     pub(crate) const SHARE_BYTES: u64 = 64 + 1 + 4;
 
     /// `count` samples; `None` if it is not in [`Self::COUNTS`].
@@ -50,12 +50,13 @@ impl PixelSamples {
         Self::COUNTS.contains(&count).then_some(Self { count, within: None })
     }
 
-    /// As many samples, of which rays are traced for four where what a ray pass leaves of a colour, its share, differs by at most `tolerance`, 0
-    /// to 1, in a pixel and from its neighbours. `None` for another tolerance, or if there are not more than four samples.
+    /// The adaptive number with this count. Rays are traced for only four samples where the share of a ray pass, its output divided by
+    /// the colour, differs by at most `tolerance`, 0 to 1, in a pixel and from its neighbours. `None` for another tolerance, or for at
+    /// most four samples.
     #[must_use]
     pub fn within(self, tolerance: f32) -> Option<Self> {
         let valid = self.count > Self::FIRST && (0.0..=Self::LARGEST_TOLERANCE).contains(&tolerance);
-        // The sum has no negative zero, whose bits are those of a large number.
+        // Adding 0 turns -0 into 0: the bits of -0 are those of a large number.
         valid.then_some(Self { within: Some((tolerance + 0.0).to_bits()), ..self })
     }
 
@@ -65,7 +66,7 @@ impl PixelSamples {
         self.within.map(f32::from_bits)
     }
 
-    /// As many samples, with rays for all of them.
+    /// The same number of samples, with rays for all of them.
     #[must_use]
     pub fn of_every_pixel(self) -> Self {
         Self { within: None, ..self }
@@ -77,7 +78,7 @@ impl PixelSamples {
         self.count
     }
 
-    /// The samples in the order in which they are rendered: of an adaptive number the four first for which rays are traced at every pixel.
+    /// The samples in the order in which they are rendered. With an adaptive number, the four with rays at every pixel come first.
     #[must_use]
     pub fn order(self) -> Vec<u32> {
         let all = 0..self.count;
@@ -258,7 +259,8 @@ mod tests {
         }
     }
 
-    /// The first four lie in one quarter of the pixel each, and their mean is its centre, so that what changes evenly is not moved.
+    /// The first four samples lie in one quarter of the pixel each, and their mean is its centre. So values that change evenly are not
+    /// shifted.
     #[test]
     fn an_adaptive_number_takes_four_samples_around_the_centre_first() {
         for samples in all() {

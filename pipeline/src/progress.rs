@@ -5,10 +5,10 @@ use std::sync::{Arc, Mutex, PoisonError};
 
 /// A request to stop, shared between the renderer and whoever may cancel it: all clones are one request.
 ///
-/// It is looked for between passes, between parts of a picture, and on the processor between the tiles of raster and effect passes, between the
-/// pixels of ray passes, the rows of quads and between the steps of building a structure. A frame that is
-/// given up ends in [`RenderError::Cancelled`](crate::executor::RenderError::Cancelled). The request stands until [`Self::reset`], so that one
-/// that arrives between two frames is not lost.
+/// The request is checked between passes and between parts of a picture. On the processor it is also checked between the tiles of raster
+/// and effect passes, the pixels of ray passes, the rows of quads, and the steps of building a structure. A frame that is given up ends
+/// in [`RenderError::Cancelled`](crate::executor::RenderError::Cancelled). The request stands until [`Self::reset`], so that a request
+/// between two frames is not lost.
 #[derive(Debug, Clone, Default)]
 pub struct Cancellation(Arc<AtomicBool>);
 
@@ -46,7 +46,7 @@ pub struct Progress {
     followed: Mutex<Option<Followed>>,
 }
 
-/// A step that moves the progress of another one from one share to the next.
+/// A step whose progress moves that of another step, from one share of the total to the next.
 #[derive(Debug)]
 struct Followed {
     step: Arc<Progress>,
@@ -60,8 +60,8 @@ impl Progress {
         Self { cancellation: cancellation.clone(), ..Self::default() }
     }
 
-    /// Whether the step is to be given up: what it writes from now on is thrown away. Once that was the answer it stays, also where the
-    /// request is taken back while the step runs.
+    /// Whether the step is to be given up: its further output is thrown away. Once true, this stays true, even if the request is
+    /// withdrawn while the step runs.
     #[must_use]
     pub fn is_cancelled(&self) -> bool {
         if self.cancellation.is_cancelled() {
@@ -70,19 +70,19 @@ impl Progress {
         self.is_given_up()
     }
 
-    /// For a part of the step: it counts for itself, and what one of both knows of the request, the other knows.
+    /// Progress of a part of the step. It has its own count, and shares the request and the given-up state with the step.
     #[must_use]
     pub fn part(&self) -> Self {
         Self { cancellation: self.cancellation.clone(), given_up: Arc::clone(&self.given_up), ..Self::default() }
     }
 
-    /// Whether someone who works on the step was told to give it up: what it wrote is not whole.
+    /// Whether a thread that works on the step was told to give it up: the output is then not whole.
     #[must_use]
     pub fn is_given_up(&self) -> bool {
         self.given_up.load(Ordering::Relaxed)
     }
 
-    /// Moves with another step from now on: from one share of the total to another one, 0 to 1.
+    /// From now on moves with the progress of another step, from the first share of the total to the second, 0 to 1.
     pub(crate) fn follow(&self, step: &Arc<Self>, shares: [f64; 2]) {
         *self.followed.lock().unwrap_or_else(PoisonError::into_inner) =
             Some(Followed { step: Arc::clone(step), shares });
@@ -121,7 +121,7 @@ mod tests {
         let (step, unaware) = (Progress::until(&stop), Progress::until(&stop));
         assert!(!step.is_cancelled() && !step.is_given_up());
         stop.cancel();
-        // Nobody has asked yet.
+        // No call of `is_cancelled` has seen the request yet.
         assert!(!step.is_given_up());
         assert!(step.is_cancelled() && step.is_given_up());
         stop.reset();

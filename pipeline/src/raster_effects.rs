@@ -1,8 +1,7 @@
-//! The one table of raster effects: what a ray program computes, by raster maps and loops over the G-buffer instead.
+//! The table of raster effects: they compute what a ray program computes, with raster maps and loops over the G-buffer.
 //!
-//! A pass of `class="effect"` names one of these programs. It reads what the ray pass in its place would read and writes
-//! what that would write, so that either can stand in a project. Help, XML validation, `curitiba list`, reports and tests
-//! iterate these tables.
+//! A pass of `class="effect"` names one of these programs. It reads and writes the same as the ray pass that it replaces, so that a
+//! project can have either. Help, XML validation, `curitiba list`, reports and tests iterate these tables.
 
 use crate::programs::{Fresnel, LARGEST_SUN, MAX_FILTER_LEVELS, ParamInfo, RayParams, RayProgram, TextureLod, Values};
 
@@ -10,10 +9,10 @@ use crate::programs::{Fresnel, LARGEST_SUN, MAX_FILTER_LEVELS, ParamInfo, RayPar
 pub const MAX_CASCADES: u32 = 8;
 /// Most mirrors that a frame may have.
 pub const MAX_PLANES: u32 = 64;
-/// Most texels a side of the maps that are fitted to a picture: shadow maps take 4 bytes a texel, cube maps six times 16, each so often.
+/// Most texels a side of maps that are fitted to a picture. Each shadow map takes 4 bytes a texel, each cube map six times 16.
 const MOST_FITTED: u32 = 2048;
 
-/// What an effect pass runs.
+/// The program of an effect pass.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub enum EffectProgram {
     /// Shadows of a directional light from cascaded depth maps.
@@ -24,9 +23,9 @@ pub enum EffectProgram {
     CubeRefraction,
     /// Reflection in flat glass from mirrored cameras.
     PlanarReflection,
-    /// Reflection in glass of what the picture shows.
+    /// Reflection in glass of the surfaces that the picture shows.
     ScreenReflection,
-    /// Reflection and refraction in glass of what the picture shows, or would show without the glass.
+    /// Reflection and refraction in glass of the surfaces that the picture shows, or would show without the glass.
     ScreenRefraction,
     /// Ambient occlusion by the difference of depths.
     DepthOcclusion,
@@ -34,7 +33,7 @@ pub enum EffectProgram {
     HorizonOcclusion,
 }
 
-/// What glass shows in the place of a ray that the screen does not answer.
+/// What glass shows where a ray has no answer in screen space.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default)]
 pub enum Missing {
     /// What a cube map shows in the ray's direction.
@@ -42,31 +41,31 @@ pub enum Missing {
     Cube,
     /// The glass's own colour.
     Own,
-    /// The whole pixel by the counterpart program, on the ray backend.
+    /// The counterpart program computes the whole pixel on the ray backend.
     Rays,
 }
 
 named!(Missing, "cube" => Cube, "none" => Own, "rays" => Rays);
 
-/// What a pixel shows that is neither surely in light nor surely in shadow, by what a shadow map holds around its place.
+/// What a pixel shows if the shadow map around its position does not settle whether it is in light or in shadow.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default)]
 pub enum Border {
-    /// The mean of the map's tests, as every pixel.
+    /// The mean of the map's tests, as at every other pixel.
     #[default]
     Map,
-    /// The pixel by the counterpart program, on the ray backend.
+    /// The counterpart program computes the pixel on the ray backend.
     Rays,
 }
 
 named!(Border, "map" => Map, "rays" => Rays);
 
-/// How a cube map is looked up from a place that is not its centre.
+/// How a cube map is looked up from a position that is not its centre.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default)]
 pub enum Parallax {
-    /// In the ray's own direction, as if all that is seen were endlessly far.
+    /// In the ray's own direction, as if the surroundings were infinitely far away.
     #[default]
     None,
-    /// In the direction in which the centre sees where the ray leaves a box that stands for the surroundings.
+    /// In the direction from the centre to the point where the ray leaves a box that stands for the surroundings.
     Box,
 }
 
@@ -75,8 +74,8 @@ named!(Parallax, "none" => None, "box" => Box);
 /// The parameters of the raster effects; a program reads those that [`EffectProgramInfo::params`] lists for it.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct EffectParams {
-    /// Texels a side of each shadow map, or of each face of a cube map. 0 fits them to the picture: a plan puts [`Self::fitted_map_size`] in
-    /// its place, and an [`EffectJob`](crate::backend::EffectJob) names texels.
+    /// Texels a side of each shadow map, or of each face of a cube map. 0 fits them to the picture: a plan replaces it with
+    /// [`Self::fitted_map_size`], so an [`EffectJob`](crate::backend::EffectJob) always has a number of texels.
     pub map_size: u32,
     /// Most shadow maps of a frame: nearer ones cover less, and are finer.
     pub cascades: u32,
@@ -102,24 +101,25 @@ pub struct EffectParams {
     pub steps: u32,
     /// Angular diameter of the light's disc, in degrees: 0 is a point, whose shadows are hard.
     pub sun: f32,
-    /// How deep behind a surface that the picture shows a ray still meets it, scene units.
+    /// Depth behind a visible surface up to which a ray still hits it, scene units.
     pub thickness: f32,
-    /// What stands for rays that the screen does not answer.
+    /// What replaces rays without an answer in screen space.
     pub missing: Missing,
     /// How cube maps are looked up.
     pub parallax: Parallax,
-    /// Whether what is seen occludes the directions between its front and its back, `thickness` behind, instead of all below a horizon.
+    /// Whether a visible surface occludes only the directions between its front and its back, `thickness` behind, instead of all below a
+    /// horizon.
     pub bitmask: bool,
     /// Levels of the edge-avoiding filter after an occlusion; 0 filters nothing.
     pub filter: u32,
     /// What pixels at the border of a shadow show.
     pub border: Border,
-    /// At which mip level rays in the place of the effect read textures at hits: those of pixels that it leaves to rays, and of references.
+    /// At which mip level rays in place of the effect read textures at hits: for pixels that it leaves to rays, and for references.
     pub texture_lod: TextureLod,
 }
 
 impl Default for EffectParams {
-    /// The report's constants where it has one.
+    /// The report's constants where it has them.
     fn default() -> Self {
         Self {
             map_size: 0,
@@ -267,8 +267,8 @@ pub const EFFECT_PARAMS: &[ParamInfo] = &[
 ];
 
 impl EffectParams {
-    /// Texels a side of the maps of a program that fit a picture of so many pixels: for a shadow map its longer side, to the next power of
-    /// two, for a face of a cube map half of that, since a face shows a right angle. A picture of 1024 x 1024 has 1024 and 512.
+    /// Texels a side of a program's maps that fit a picture of this size. A shadow map has the longer side, rounded up to a power of two.
+    /// A face of a cube map has half of that, since it spans a right angle. A picture of 1024 x 1024 has 1024 and 512.
     #[must_use]
     pub fn fitted_map_size(program: EffectProgram, [width, height]: [u32; 2]) -> u32 {
         let side = width.max(height).clamp(1, MOST_FITTED).next_power_of_two();
@@ -282,7 +282,7 @@ impl EffectParams {
         (reads("missing") && self.missing == Missing::Rays) || (reads("border") && self.border == Border::Rays)
     }
 
-    /// Those of the ray program in the place of the effect, with the constants that both have.
+    /// The parameters of the ray program in place of the effect, with the constants that both have.
     #[must_use]
     pub fn by_rays(&self) -> RayParams {
         let Self { index, fresnel, radius, intensity, sun, texture_lod, .. } = *self;
@@ -292,7 +292,7 @@ impl EffectParams {
     /// Sets a parameter by its name in [`EFFECT_PARAMS`].
     ///
     /// # Errors
-    /// What would be valid, if the name or the value is not.
+    /// If the name or the value is invalid; the message says what would be valid.
     pub fn set(&mut self, name: &str, value: &str) -> Result<(), String> {
         let Some(info) = EFFECT_PARAMS.iter().find(|info| info.name == name) else {
             return Err(crate::diagnostic::valid_names(name, EFFECT_PARAMS.iter().map(|info| info.name)));
@@ -361,10 +361,10 @@ impl EffectParams {
     }
 }
 
-/// A raster effect: what a project must hand it.
+/// A raster effect, and the inputs that a project must provide.
 #[derive(Debug, Clone, Copy)]
 pub struct EffectProgramInfo {
-    /// Which.
+    /// The program.
     pub program: EffectProgram,
     /// Its name in `<program name="…"/>`.
     pub name: &'static str,

@@ -1,9 +1,9 @@
-//! Scripts of projects, in Lua 5.3, the language of the engine's. They read and set attributes by `getAttr` and `setAttr`, and exist only while
-//! a project is read: what they decide is written into the passes.
+//! Scripts of projects, in Lua 5.3, the language of the engine's scripts. They read and set attributes by `getAttr` and `setAttr`. They
+//! run only while a project is read; their decisions are written into the passes.
 //!
-//! Scripts are of strangers. They have no files, no clock and no random numbers; instructions ([`INSTRUCTIONS`]), memory ([`MEMORY`]) and
-//! nesting are bounded, and so is the work of an instruction, since the libraries of strings and tables are left out, whose functions do as much
-//! as their arguments say.
+//! Scripts are untrusted. They have no files, no clock and no random numbers. Instructions ([`INSTRUCTIONS`]), memory ([`MEMORY`]) and
+//! nesting are bounded. The work of an instruction is bounded too: the libraries of strings and tables are left out, whose functions do
+//! as much work as their arguments ask for.
 
 use crate::guard;
 use omnilua::{Error, HostHooks, Lua, LuaVersion, Sandbox, SandboxConfig, Table, TripReason, Value, Variadic};
@@ -18,25 +18,25 @@ const INSTRUCTIONS: u64 = 1_000_000;
 /// Most bytes that the scripts of a pipeline hold.
 const MEMORY: usize = 1 << 20;
 
-/// What of Lua scripts have.
+/// Lua globals that scripts may use.
 const KEPT: [&str; 9] = ["assert", "error", "ipairs", "next", "pairs", "select", "tonumber", "tostring", "type"];
-/// What of `math` they do not have: it would decide otherwise each time.
+/// Functions of `math` that scripts may not use: their results would differ each time.
 const RANDOM: [&str; 2] = ["random", "randomseed"];
 /// Functions of the engine that change no picture. They do nothing here.
 const SAVING: [&str; 4] = ["saveTexture", "saveBuffer", "saveProfiler", "screenshot"];
-/// Functions of the engine on buffers, which lie on the device while passes run.
+/// Functions of the engine on buffers. They are refused: buffers lie on the device while passes run, and scripts run before.
 const BUFFERS: [&str; 2] = ["getBuffer", "setBuffer"];
 
 /// An attribute, as a script names it.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(crate) struct Asked {
-    /// Kind of the thing whose attribute it is: `PASS`.
+    /// Kind of the object that has the attribute: `PASS`.
     pub kind: String,
-    /// The thing: `CURRENT` or its name.
+    /// The object: `CURRENT` or its name.
     pub context: String,
     /// The attribute.
     pub component: String,
-    /// Which of several things.
+    /// Index, where there are several.
     pub id: i64,
 }
 
@@ -45,10 +45,10 @@ pub(crate) trait Attributes {
     /// The numbers of an attribute.
     ///
     /// # Errors
-    /// If there is no such attribute, with what is valid.
+    /// If there is no such attribute; the message says what is valid.
     fn get(&self, asked: &Asked) -> Result<Vec<f64>, String>;
 
-    /// Sets an attribute to as many numbers as [`Self::get`] gives.
+    /// Sets an attribute; `values` has as many numbers as [`Self::get`] returns.
     ///
     /// # Errors
     /// If scripts cannot set it, or it cannot have these values.
@@ -58,7 +58,7 @@ pub(crate) trait Attributes {
 /// An error of a script.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(crate) struct Fault {
-    /// The file, as [`Scripts::load`] was told, and the line, from 1 on. `None` if no line is to blame.
+    /// The number of the file, as given to [`Scripts::load`], and the line, counted from 1. `None` if no line caused the error.
     pub place: Option<(u32, usize)>,
     pub message: String,
 }
@@ -77,7 +77,7 @@ pub(crate) struct Scripts {
 }
 
 impl Scripts {
-    /// No script yet, on these attributes.
+    /// An interpreter on these attributes, without scripts yet.
     ///
     /// # Errors
     /// If the interpreter cannot start.
@@ -90,7 +90,7 @@ impl Scripts {
         let lua = Lua::with_hooks_versioned(HostHooks::default(), LuaVersion::V53)?;
         let globals = lua.globals();
         let math: Table = globals.get("math")?;
-        // Strings find their functions by their metatable, whatever the global names are.
+        // Strings find their functions by their metatable, even without the global name. So the table itself is emptied.
         strip(&globals.get::<_, Table>("string")?, |_| false)?;
         strip(&math, |name| !RANDOM.contains(&name))?;
         strip(&globals, |name| KEPT.contains(&name) || name == "math")?;
@@ -137,12 +137,12 @@ impl Scripts {
         Ok(Self { lua, sandbox, left_out })
     }
 
-    /// Runs a file, which defines functions. `file` is what faults call it.
+    /// Runs a file, which defines functions. `file` is its number in faults.
     ///
     /// # Errors
-    /// If it is no Lua, or fails.
+    /// If the text is no Lua, or the script fails.
     pub fn load(&self, file: u32, text: &str) -> Result<(), Fault> {
-        // Compiled code starts so. What it does to an interpreter that trusts its compiler is not known.
+        // Compiled code starts with this byte. Its effect on an interpreter that trusts its compiler is not known.
         if text.starts_with('\x1b') {
             return Err(Fault::nowhere("it is compiled; valid: the text of a script"));
         }
@@ -152,7 +152,7 @@ impl Scripts {
     /// Calls a function without arguments.
     ///
     /// # Errors
-    /// If there is none, or it fails.
+    /// If there is no such function, or it fails.
     pub fn call(&self, name: &str) -> Result<(), Fault> {
         self.returned(name).map(drop)
     }
@@ -160,7 +160,7 @@ impl Scripts {
     /// The answer of a function without arguments.
     ///
     /// # Errors
-    /// If there is none, it fails, or its answer is neither true nor false.
+    /// If there is no such function, it fails, or its answer is neither true nor false.
     pub fn test(&self, name: &str) -> Result<bool, Fault> {
         match self.returned(name)? {
             Value::Boolean(answer) => Ok(answer),
@@ -169,7 +169,7 @@ impl Scripts {
     }
 
     fn returned(&self, name: &str) -> Result<Value, Fault> {
-        // What earlier calls left behind is of no use.
+        // Frees the garbage of earlier calls.
         self.lua.gc_collect();
         match self.guarded(|| self.lua.globals().get::<_, Value>(name))? {
             Value::Function(function) => self.guarded(|| function.call::<_, Value>(())),
@@ -177,7 +177,7 @@ impl Scripts {
         }
     }
 
-    /// The functions of the engine that were called and do nothing here, since the last time.
+    /// The engine's functions that do nothing here and were called since the last time.
     pub fn left_out(&self) -> BTreeSet<&'static str> {
         std::mem::take(&mut self.left_out.borrow_mut())
     }
@@ -186,7 +186,7 @@ impl Scripts {
         guard::call("omnilua", run).map_err(Fault::nowhere)?.map_err(|error| self.fault(&error))
     }
 
-    /// The fault of an error, whose message or traceback says the place: `3:12: message`.
+    /// The fault of an error, whose message or traceback names the place: `3:12: message`.
     fn fault(&self, error: &Error) -> Fault {
         let text = error.to_string();
         let traceback = error.traceback_lossy().unwrap_or_default();
@@ -215,7 +215,7 @@ fn placed(text: &str) -> Option<((u32, usize), &str)> {
     Some((place, parts.next()?.trim()))
 }
 
-/// Removes from a table what is not kept.
+/// Removes all entries from a table except those that are `kept`.
 fn strip(table: &Table, kept: impl Fn(&str) -> bool) -> Result<(), Error> {
     for pair in table.pairs()?.collect::<Vec<_>>() {
         let (key, _): (Value, Value) = pair?;
@@ -230,7 +230,7 @@ fn strip(table: &Table, kept: impl Fn(&str) -> bool) -> Result<(), Error> {
     Ok(())
 }
 
-/// A function that does nothing, and takes down that it was called.
+/// A function that does nothing but record that it was called.
 fn nothing(
     lua: &Lua,
     name: &'static str,
@@ -243,8 +243,8 @@ fn nothing(
     })
 }
 
-/// `io`, of which `open` gives a file that takes what is written and keeps nothing. A function that held the file would hold the interpreter,
-/// which holds the function, so that neither were ever freed: each call makes a file.
+/// The table `io`. Its `open` makes a file that discards what is written. It makes a new file for each call: a function that held a file
+/// would hold the interpreter, which holds the function, and neither would ever be freed.
 fn files(lua: &Lua, left_out: &Rc<RefCell<BTreeSet<&'static str>>>) -> Result<Table, Error> {
     let io = lua.create_table()?;
     let left_out = Rc::clone(left_out);

@@ -43,8 +43,8 @@ pub struct SharedGBuffer {
     pub semaphore: SharedHandle,
 }
 
-/// Value of the semaphore once the picture is written that a ray pass makes of the G-buffer of this hand-over. Hand-overs are numbered so
-/// that it lies between theirs.
+/// Value of the semaphore once a ray pass has written its picture of this hand-over's G-buffer. Hand-overs are numbered so that this
+/// value lies between two of them.
 #[must_use]
 pub fn after_picture(hand_over: u64) -> u64 {
     hand_over + 1
@@ -63,7 +63,7 @@ pub struct Offsets {
     pub triangle: Option<u64>,
     /// The picture of a ray pass.
     pub picture: Option<u64>,
-    /// End of the last of them.
+    /// End of the last attachment or picture.
     pub end: u64,
 }
 

@@ -1,5 +1,5 @@
-//! Runs every loader with a reader that fails or ends early, at each of its calls in turn; and the writers of scenes with a disk
-//! that is full from each of their calls on. A load that met a fault must be refused, or a warning must say what is missing.
+//! Tests of failing files. Every loader runs with a reader that fails or ends early, at each of its calls in turn. Such a load must be
+//! refused, warn of what is missing, or give the whole result. Writers run with a disk that becomes full at each of their calls in turn.
 
 #[allow(dead_code, reason = "only the seeds are of use here")]
 mod fuzz_targets;
@@ -35,7 +35,7 @@ struct Count {
     same: u64,
 }
 
-/// Loads with a fault at each call in turn; only the files of the folder can fail.
+/// Loads with a fault at each call of the reader in turn; only files of `folder` can fail.
 fn try_all(name: &str, folder: &Path, load: &dyn Fn() -> Outcome) {
     let Outcome::Loaded(whole, known) = load() else { panic!("{name} cannot be loaded without a fault") };
     for fault in [Fault::ReadFails, Fault::ReadEndsEarly] {
@@ -89,7 +89,7 @@ fn picture(path: PathBuf) -> impl Fn() -> Outcome {
 const TRIANGLE: &str = "mtllib m.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\nvt 1 0\nvt 0 1\nusemtl a\nf 1/1 2/2 3/3\n\
                         usemtl b\nf 1/1 3/3 2/2\n";
 
-/// A picture of which no two rows are equal.
+/// A picture in which no two rows are equal.
 fn numbered(side: u32) -> Image {
     let pixels = (0..side * side).map(|i| [(i % 7) as f32 / 7.0, (i % 31) as f32 / 31.0, 0.5, 1.0]).collect();
     Image { width: side, height: side, pixels }
@@ -194,7 +194,7 @@ fn a_fault_at_any_read_of_other_formats_is_an_error_or_a_warning() {
     folder.write("v.mtl", "newmtl a\nmap_Kd v.dds\n");
     try_all("a texture, .dds", &root, &scene(folder.write("v.obj", TRIANGLE.replace("m.mtl", "v.mtl"))));
 
-    // What a file without an extension is, its first bytes say.
+    // The first bytes of a file without an extension determine its format.
     let (_, glb) = &seeds::of("gltf")[2];
     try_all("a scene without an extension", &root, &opened(folder.write("scene", glb)));
     folder.write("everything.mlib", fuzz_targets::LIBRARY);
@@ -212,8 +212,8 @@ fn a_fault_at_any_read_of_own_shaders_is_an_error() {
     try_all("own GLSL", &folder.path(""), &opened(folder.path("Bands.xml")));
 }
 
-/// Writes with a disk that is full from each call on. Afterwards each file of `names` must hold its old or its new contents, and no
-/// other file may exist. Only every `step`-th call is tried.
+/// Runs a writer with a disk that becomes full at each of its calls in turn, or at every `step`-th one. Afterwards each file of `names`
+/// must hold its old or its new contents, and no temporary file may exist.
 fn fill_disk(name: &str, folder: &Folder, names: &[&str], step: usize, write: &dyn Fn() -> Result<(), String>) {
     let before = |file: &str| format!("before {file}").into_bytes();
     let reset = || names.iter().for_each(|file| drop(folder.write(file, before(file))));
@@ -265,7 +265,7 @@ fn a_full_disk_leaves_every_file_as_it_was_or_whole() {
     let text = |error: std::io::Error| error.to_string();
     fill_disk("any file", &folder, &["a"], 1, &|| write_atomically(&folder.path("a"), &[7; 5000]).map_err(text));
     fill_disk("a file of several runs", &folder, &["b"], 1, &|| {
-        // What an earlier fault left is continued.
+        // Continues the file that an earlier fault left behind.
         let file = Resumable::at(&folder.path("b")).map_err(text)?;
         let [mut part, mut journal] = file.open().map_err(|(_, error)| text(error))?;
         part.shorten(0).map_err(text)?;
@@ -283,7 +283,7 @@ fn a_full_disk_leaves_every_file_as_it_was_or_whole() {
     let png = std::fs::read(scenes.png("x.png", 3, 3, [1, 2, 3, 255])).expect("written");
     let mut scene = load(&[obj(&scenes)], &LoadOptions::default(), &|_| {}).expect("it loads");
     scene.textures[0] = curitiba_pipeline::scene::TextureSource::Embedded { name: "t".to_owned(), bytes: png };
-    // More than the writer's buffer holds.
+    // More vertices than the writer's buffer holds.
     scene.meshes[0].positions.resize(3000, glam::Vec3::ONE);
     scene.meshes[0].normals.clear();
     scene.meshes[0].texcoords.clear();

@@ -1,4 +1,4 @@
-//! Runs the fuzz targets of `fuzz/` with a few hundred mutations each, and with all inputs that ever broke one.
+//! Runs the fuzz targets of `fuzz/` with a few hundred mutations each, and with all inputs that once broke a target.
 //! `docs/robustness.md` records the long runs.
 
 mod fuzz_targets;
@@ -59,7 +59,7 @@ fn every_seed_loads() {
 fn mutated_seeds_load_as_promised_or_are_refused() {
     for target in targets() {
         match run(target, &seeds_of(target), rounds()) {
-            // The OBJ reader leaves out and counts what it cannot read; it does not refuse the file.
+            // The OBJ reader does not refuse a file: it skips and counts statements that it cannot read.
             Ok(tally) => assert!(
                 tally.loaded > 0 && (tally.refused > 0 || target.name == "obj"),
                 "{}: some damage is harmless, some is not: {tally:?}",
@@ -90,7 +90,7 @@ fn inputs_that_once_broke_a_loader_do_so_no_more() {
     assert!(inputs > 0, "{} holds the inputs", folder.display());
 }
 
-/// Control: a reader with the kind of defect that these tests look for, a count that it trusts, is detected.
+/// Control: the fuzzer finds a reader with a typical defect, which is to trust a count in the file.
 #[test]
 fn a_reader_that_believes_a_count_is_found_out() {
     fn careless(input: &[u8]) -> Outcome {

@@ -51,7 +51,7 @@ class Timing(TypedDict):
     note: str
 
 class AccumulatedPass(TypedDict):
-    # The keys are "pass", "batches", "error" and "standard_error"; `pass` is a word of the language.
+    # The keys are "pass", "batches", "error" and "standard_error". "pass" is a Python keyword, so it cannot be declared as a field.
     batches: int
     error: float
     standard_error: Picture

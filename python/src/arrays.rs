@@ -1,4 +1,4 @@
-//! NumPy arrays in and out.
+//! Conversion from and to NumPy arrays.
 
 use crate::invalid;
 use curitiba::pipeline::image::Image;
@@ -9,7 +9,7 @@ use numpy::{
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
-/// An array-like as a C-contiguous array of a type: itself where it is one, a copy otherwise.
+/// An array-like as a C-contiguous array of a type. An array that already is one is returned as it is; others are copied.
 fn contiguous<'py>(value: &Bound<'py, PyAny>, dtype: &str) -> PyResult<Bound<'py, PyAny>> {
     let options = PyDict::new(value.py());
     options.set_item("dtype", dtype)?;
@@ -30,7 +30,7 @@ pub fn points<'py>(what: &str, value: &Bound<'py, PyAny>) -> PyResult<PyReadonly
     }
 }
 
-/// The rows of [`points`], where they lie.
+/// The rows of [`points`], without a copy.
 pub fn vectors<'a>(points: &'a PyReadonlyArray2<'_, f32>) -> PyResult<&'a [Vec3]> {
     Ok(bytemuck::cast_slice(points.as_slice().map_err(invalid)?))
 }
@@ -42,7 +42,7 @@ pub fn indices<const COLUMNS: usize>(
     count: usize,
     of: &str,
 ) -> PyResult<Vec<[u32; COLUMNS]>> {
-    // As wide as they come, so that none is cut.
+    // As 64-bit integers, so that no index is truncated.
     let array = contiguous(value, "int64")?;
     let shape = array.getattr("shape")?.extract::<Vec<usize>>()?;
     let array = match array.extract::<PyReadonlyArray2<'_, i64>>() {
@@ -81,7 +81,7 @@ impl<'py> PerRay<'py> {
         }
     }
 
-    /// Its values; a single one stands for all.
+    /// The values; a single value stands for all rays.
     pub fn values(&self) -> PyResult<Values<'_>> {
         Ok(match &self.0 {
             Ok(one) => Values::One(*one),
@@ -106,13 +106,13 @@ impl Values<'_> {
     }
 }
 
-/// A picture as an array (height, width, 4), which takes its memory over.
+/// A picture as an array (height, width, 4), which takes over the picture's memory.
 pub fn picture(py: Python<'_>, image: Image) -> PyResult<Bound<'_, PyArray3<f32>>> {
     let (width, height) = (image.width as usize, image.height as usize);
     PyArray1::from_vec(py, bytemuck::cast_vec(image.pixels)).reshape([height, width, 4])
 }
 
-/// Four bytes for each pixel as an array (height, width, 4), which takes their memory over.
+/// Four bytes for each pixel as an array (height, width, 4), which takes over their memory.
 pub fn bytes(py: Python<'_>, [height, width]: [usize; 2], bytes: Vec<u8>) -> PyResult<Bound<'_, PyArray3<u8>>> {
     PyArray1::from_vec(py, bytes).reshape([height, width, 4])
 }

@@ -1,4 +1,4 @@
-//! Python bindings: `import curitiba`. What each function takes and gives is documented in `curitiba/_native.pyi`.
+//! Python bindings: `import curitiba`. The arguments and results of each function are documented in `curitiba/_native.pyi`.
 
 mod arrays;
 mod machine;

@@ -1,4 +1,4 @@
-//! What the machine has, and what the process may touch.
+//! The devices and backends of the machine, and the files that the process may touch.
 
 use crate::invalid;
 use curitiba::engines::ray_backend;
@@ -9,12 +9,12 @@ use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyList};
 use std::path::PathBuf;
 
-/// The devices that wgpu finds by Vulkan, Metal or DX12, the preferred one first, a dict each: `open(adapter=…)` takes their places, or parts
-/// of their names. Empty where there is no driver.
+/// The devices that wgpu finds by Vulkan, Metal or DX12, the preferred one first, each as a dict. `open(adapter=…)` takes a position in this list
+/// or a part of a name. Empty where there is no driver.
 ///
-/// "name" and "driver" as the driver says; "kind" is "discrete GPU", "integrated GPU", "virtual GPU", "unknown kind" or "software", which is no
-/// GPU; "interface" is "vulkan", "metal" or "dx12"; "abilities" says how large pictures (pixels) and scenes (MiB a part) may be, and what is
-/// lacking.
+/// "name" and "driver" come from the driver. "kind" is "discrete GPU", "integrated GPU", "virtual GPU", "unknown kind" or "software", which is no
+/// GPU. "interface" is "vulkan", "metal" or "dx12". "abilities" says how large pictures (pixels) and scenes (MiB for each part) may be, and what
+/// the device lacks.
 #[pyfunction]
 pub fn gpus(py: Python<'_>) -> PyResult<Bound<'_, PyList>> {
     let list = PyList::empty(py);
@@ -30,7 +30,7 @@ pub fn gpus(py: Python<'_>) -> PyResult<Bound<'_, PyList>> {
     Ok(list)
 }
 
-/// The ray backends by name, a dict each: "device" is what it runs on, or None where it is not there, and "missing" then says why.
+/// The ray backends by name, each as a dict: "device" is its device, or None if it is not available; "missing" then says why.
 ///
 /// Names are those that `open(backend=…)` and `open(fallback=…)` take: "cpu", "wgpu", "cuda", "optix".
 #[pyfunction]
@@ -55,9 +55,9 @@ pub fn backends(py: Python<'_>) -> PyResult<Bound<'_, PyDict>> {
     Ok(all)
 }
 
-/// From now on this package reads and writes no file outside the folder, wherever symbolic links lead: for projects of strangers.
+/// From now on this package reads and writes no file outside the folder, wherever symbolic links lead. Use it for projects from strangers.
 ///
-/// It holds for the whole process and cannot be undone; Python's own files are not concerned. Call it before `open`.
+/// This holds for the whole process and cannot be undone; Python's own files are not affected. Call it before `open`.
 #[pyfunction]
 pub fn confine(folder: PathBuf) -> PyResult<()> {
     files::confine(&folder).map_err(|error| invalid(format!("confine: {}: {error}", folder.display())))

@@ -7,9 +7,9 @@ use numpy::PyArray3;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
-/// What a PNG of a picture (height, width, 3 or 4) holds: (height, width, 4), 8 bits. `color` says what the picture's numbers are.
+/// The content of a PNG of a picture (height, width, 3 or 4): (height, width, 4), 8 bits. `color` is the colour space of the picture's numbers.
 ///
-/// Of linear radiance: times 2 to the power of `exposure`, the tone curve, the transfer of sRGB.
+/// Linear radiance is multiplied by 2 to the power of `exposure`; then follow the tone curve and the transfer function of sRGB.
 #[pyfunction]
 #[pyo3(signature = (picture, *, color = "report", exposure = 0.0, tone = "none"))]
 pub fn displayed<'py>(
@@ -32,10 +32,10 @@ pub fn displayed<'py>(
     arrays::bytes(py, [image.height as usize, image.width as usize], bytes)
 }
 
-/// Judges a picture by a reference, both (height, width, 3 or 4): the metrics of `curitiba compare` by name. `color` says what their
-/// numbers are; ssim and flip are of displayed values.
+/// Compares a picture with a reference, both (height, width, 3 or 4): the metrics of `curitiba compare` by name. `color` is the colour space of
+/// their numbers; ssim and flip compare displayed values.
 ///
-/// rmse, relmse, max, psnr (decibels), ssim, flip, energy, outliers; and pixels, the number compared.
+/// The keys are rmse, relmse, max, psnr (decibels), ssim, flip, energy, outliers; and pixels, the number compared.
 #[pyfunction]
 #[pyo3(signature = (test, reference, *, color = "report", outlier_threshold = 2.5 / 255.0, pixels_per_degree = 67.0))]
 pub fn compare<'py>(

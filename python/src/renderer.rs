@@ -33,27 +33,27 @@ pub struct Renderer {
     watch: Watch,
 }
 
-/// The one of some names, or what is valid.
+/// The choice with the name `value`, or an error that lists the valid names.
 fn named<T: Copy>(what: &str, value: &str, valid: &[(&str, T)]) -> PyResult<T> {
     valid.iter().find(|(name, _)| *name == value).map(|(_, choice)| *choice).ok_or_else(|| {
         invalid(format!("`{what}` is `{value}`; {}", valid_names(value, valid.iter().map(|(name, _)| *name))))
     })
 }
 
-/// What a parameter is given as: text, a number or a truth value.
+/// A parameter's value as text: given as text, a number or a truth value.
 fn text(value: &Bound<'_, PyAny>) -> PyResult<String> {
     Ok(value.str()?.to_cow()?.into_owned())
 }
 
-/// Numbers as the command line has them.
+/// Numbers in the notation of the command line.
 fn written<T: ToString>(values: &[T]) -> String {
     values.iter().map(ToString::to_string).collect::<Vec<_>>().join(",")
 }
 
-/// Libraries of tables, the preferred one first.
+/// Libraries for tables, the preferred one first.
 const LIBRARIES: [&str; 2] = ["pandas", "polars"];
 
-/// Whether a table is wanted, or of which library.
+/// Whether a table is wanted, and from which library.
 #[derive(FromPyObject)]
 enum Table {
     Yes(bool),
@@ -61,7 +61,7 @@ enum Table {
 }
 
 impl Table {
-    /// The libraries that would do; none where no table is wanted.
+    /// The libraries to try; none where no table is wanted.
     fn libraries(&self) -> PyResult<&'static [&'static str]> {
         match self {
             Self::Yes(false) => Ok(&[]),
@@ -74,7 +74,7 @@ impl Table {
     }
 }
 
-/// Engines as they are named in Python.
+/// Engine arguments as Python passes them.
 struct EngineArguments<'a> {
     raster: &'a str,
     backend: &'a str,
@@ -89,7 +89,7 @@ impl EngineArguments<'_> {
         let mut fallback = Vec::new();
         for name in self.fallback {
             let backend = named("fallback", name, &names)?;
-            // One that is named twice is tried once.
+            // A backend that is named twice is tried once.
             if !fallback.contains(&Some(backend)) {
                 fallback.push(Some(backend));
             }
@@ -165,15 +165,15 @@ impl SamplesArgument {
 /// Opens a project file, a scene file (.glb, .gltf, .obj, .cbo, .nbo, .3ds, .mesh.xml) or a folder of scenes.
 ///
 /// `size` is (width, height) in pixels; `parameters` are those of passes, such as {"pass2.samples": 16}; `off` names passes that are
-/// switched off; `max_memory` is in bytes; `color` is what the project says, or "linear" for scene files, if None; `aa` is the samples of
-/// every pixel, 1, 2, 4, 8, 16, 32 or 64, of which a picture is the mean; "16:0.02" traces rays for four of them, and for the others where
-/// shadows, occlusion or glass differ by more than 0.02. `crop` is (column, row, width, height) in pixels from the top left:
-/// pictures then are (height, width, 4) of that part, the same as in the whole; `bands`, 1 to 1024, renders the picture in so many bands of rows
-/// at most, one after the other, the same picture in less memory, and None as few as `max_memory` lets. `fallback` names ray backends that
-/// may take over, in this order, where the one before fails; `Renderer.warnings` then says so. `adapter` is the device of wgpu, by its place in
-/// `gpus()` or a part of its name; `gpus` the number of GPUs for cuda and optix, or "all". For scene files alone:
-/// `effects` such as "shadows+ao", `look_from` and `look_at` in scene units, `fov` in degrees, `sun` the direction in which it stands, `up` the
-/// axis that points up, `background` display values from 0 to 1.
+/// switched off; `max_memory` is in bytes; `color` is the colour space: if None, the project's own, or "linear" for scene files. `aa` is the
+/// number of samples per pixel, 1, 2, 4, 8, 16, 32 or 64, whose mean is the picture. "16:0.02" traces rays for four of them, and for the others
+/// only where shadows, occlusion or glass differ by more than 0.02. `crop` is (column, row, width, height) in pixels from the top left: pictures
+/// then are (height, width, 4) of that part, equal to the same part of the whole. `bands`, 1 to 1024, renders the same picture in at most this
+/// many bands of rows, one after the other, in less memory; None takes as few as `max_memory` allows. `fallback` names ray backends that take
+/// over, in this order, if the one before fails; `Renderer.warnings` then says so. `adapter` is the device of wgpu, by its place in `gpus()` or
+/// a part of its name; `gpus` is the number of GPUs for cuda and optix, or "all". For scene files alone: `effects` such as "shadows+ao",
+/// `look_from` and `look_at` in scene units, `fov` in degrees, `sun` the direction in which it stands, `up` the axis that points up,
+/// `background` display values from 0 to 1.
 #[pyfunction]
 #[pyo3(signature = (
     path, *, size = None, camera = None, pipeline = None, backend = "auto", raster = "auto", fidelity = "corrected", seed = 0,
@@ -269,7 +269,7 @@ fn fault() -> PyErr {
 }
 
 impl Renderer {
-    /// Lets the renderer's thread do something, and waits for it.
+    /// Runs work on the renderer's thread, and waits for the result.
     fn call<T: Send + 'static>(
         &self,
         py: Python<'_>,
@@ -277,7 +277,7 @@ impl Renderer {
     ) -> PyResult<T> {
         let (send, receive) = channel();
         let job: Job = Box::new(move |renderer| {
-            // Nobody listens after an interrupt.
+            // After an interrupt there is no receiver.
             let _ = send.send(work(renderer));
         });
         self.jobs.send(job).map_err(|_| fault())?;
@@ -309,12 +309,12 @@ type PassFacts = (String, &'static str, Option<&'static str>, Vec<(&'static str,
 
 #[pymethods]
 impl Renderer {
-    /// The picture (height, width, 4) with all that was set. The array owns the renderer's memory: nothing is copied for Python.
+    /// The picture (height, width, 4) with all current settings. The array owns the renderer's memory: nothing is copied for Python.
     fn render<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray3<f32>>> {
         self.picture(py, |renderer, watch| renderer.update(watch))
     }
 
-    /// The same picture, with every pass run again: for measurements.
+    /// The same picture as `render`, with every pass run again: for measurements.
     fn frame<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray3<f32>>> {
         self.picture(py, |renderer, watch| renderer.frame(watch))
     }
@@ -339,13 +339,13 @@ impl Renderer {
         arrays::picture(py, read.map_err(failed)?)
     }
 
-    /// Takes more and more samples of the same sequence in the passes that take any.
+    /// Takes more and more samples of the same sequence in the passes that sample.
     ///
-    /// `goal`: an int for samples a point, "2s" or "500ms" for a time, a float below 1 for a standard error. "image" is the picture,
-    /// "error" the root mean square of the pixels' standard errors (an upper estimate: see docs/library.md), "passes" has both by pass, with
-    /// the standard error by pixel.
+    /// `goal`: an int for samples a point, "2s" or "500ms" for a time, a float below 1 for a standard error. In the result, "image" is the picture,
+    /// "error" is the root mean square of the pixels' standard errors (an upper estimate: see docs/library.md), and "passes" has the error of each
+    /// pass, with the standard error of each pixel.
     fn accumulate<'py>(&self, py: Python<'py>, goal: &Bound<'py, PyAny>) -> PyResult<Bound<'py, PyDict>> {
-        // A float is an error also where it has no point as text.
+        // In exponent notation, so that a float without a fraction is an error too.
         let goal = match goal.extract::<f64>() {
             Ok(error) if goal.is_instance_of::<pyo3::types::PyFloat>() => format!("{error:e}"),
             _ => text(goal)?,
@@ -379,13 +379,13 @@ impl Renderer {
         Ok(found)
     }
 
-    /// Lets every pass have this camera; each its own, if None.
+    /// Lets every pass use this camera; if None, each uses its own.
     #[pyo3(signature = (name = None))]
     fn set_camera(&self, py: Python<'_>, name: Option<String>) -> PyResult<()> {
         self.set(py, move |renderer| renderer.set_camera(name.as_deref()))
     }
 
-    /// Moves a camera; what is not given stays. Scene units; `fov` is vertical, in degrees.
+    /// Moves a camera; arguments that are not given stay unchanged. Scene units; `fov` is vertical, in degrees.
     #[pyo3(signature = (camera, *, position = None, direction = None, look_at = None, up = None, fov = None))]
     #[expect(clippy::too_many_arguments, reason = "they have names in Python")]
     fn set_pose(
@@ -430,12 +430,12 @@ impl Renderer {
         self.set(py, move |renderer| renderer.set_parameter(&pass_name, &name, &value))
     }
 
-    /// Switches a pass off or on. Off, a ray or effect pass lets the colour through that it reads, or writes a share of light of 1.
+    /// Switches a pass off or on. A ray or effect pass that is off passes on the colour that it reads, or writes a share of light of 1.
     fn set_enabled(&self, py: Python<'_>, pass_name: String, enabled: bool) -> PyResult<()> {
         self.set(py, move |renderer| renderer.set_enabled(&pass_name, enabled))
     }
 
-    /// Sets the samples of every pixel as `aa` of `open` does, of which a picture is the mean.
+    /// Sets the number of samples per pixel, as `aa` of `open` does. The picture is their mean.
     fn set_pixel_samples(&self, py: Python<'_>, samples: SamplesArgument) -> PyResult<()> {
         let samples = samples.samples("samples")?;
         self.set(py, move |renderer| renderer.set_pixel_samples(samples))
@@ -446,14 +446,15 @@ impl Renderer {
         self.call(py, move |renderer| renderer.set_seed(seed))
     }
 
-    /// Reads the project and its scenes again with the next picture, and keeps what was set.
+    /// Reads the project and its scenes again with the next picture, and keeps the settings.
     fn reload(&self, py: Python<'_>) -> PyResult<()> {
         self.set(py, executor::Renderer::reload)
     }
 
-    /// Every step so far, a dict each: times in milliseconds, `rays` of one run, `bytes` of memory.
+    /// Every step so far, each as a dict: times in milliseconds, `rays` of one run, `bytes` of memory.
     ///
-    /// With `as_frame=True` a pandas.DataFrame, or where pandas is not installed a polars.DataFrame; "pandas" or "polars" asks for that one.
+    /// With `as_frame=True` the result is a pandas.DataFrame, or a polars.DataFrame if pandas is not installed; "pandas" or
+    /// "polars" asks for that library.
     #[pyo3(signature = (*, as_frame = None))]
     fn timings<'py>(&self, py: Python<'py>, as_frame: Option<Table>) -> PyResult<Bound<'py, PyAny>> {
         let libraries = as_frame.map_or(Ok(&[][..]), |table| table.libraries())?;
@@ -468,7 +469,7 @@ impl Renderer {
         for library in libraries {
             match py.import(*library) {
                 Ok(library) if library.name()? == "polars" => {
-                    // Of all rows: the first ones may have no device time.
+                    // The schema is inferred from all rows: the first ones may have no device time.
                     let options = PyDict::new(py);
                     options.set_item("infer_schema_length", py.None())?;
                     return library.call_method("DataFrame", (list,), Some(&options));
@@ -486,12 +487,12 @@ impl Renderer {
         )))
     }
 
-    /// Forgets the times of the frames so far: what follows a warm-up is measured by itself.
+    /// Forgets the times of all frames so far, so that frames after a warm-up are measured alone.
     fn forget_timings(&self, py: Python<'_>) -> PyResult<()> {
         self.call(py, executor::Renderer::forget_frames)
     }
 
-    /// Width and height of the window, pixels; the next picture has as many, or those of `crop`.
+    /// Width and height of the window in pixels; the next picture has this size, or that of `crop`.
     #[getter]
     fn size(&self, py: Python<'_>) -> PyResult<(u32, u32)> {
         self.call(py, |renderer| {
@@ -500,7 +501,7 @@ impl Renderer {
         })
     }
 
-    /// What the numbers of the pictures are.
+    /// The colour space of the pictures' numbers.
     #[getter]
     fn color(&self, py: Python<'_>) -> PyResult<&'static str> {
         self.call(py, |renderer| renderer.plan().display.space.name())
@@ -566,7 +567,7 @@ impl Renderer {
         self.call(py, |renderer| renderer.passes_run().map(str::to_owned).collect())
     }
 
-    /// What draws and what traces rays, such as ("cpu", "cpu").
+    /// The raster engine and the ray backend, such as ("cpu", "cpu").
     #[getter]
     fn engines(&self, py: Python<'_>) -> PyResult<(String, String)> {
         self.call(py, |renderer| {

@@ -1,4 +1,4 @@
-//! Rays and nothing else.
+//! Ray queries without rendering.
 
 use crate::arrays::{PerRay, indices, points, vectors};
 use crate::{failed, invalid, work};
@@ -11,7 +11,7 @@ use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use rayon::prelude::*;
 
-/// Rays that are traced before it is asked whether to stop.
+/// Number of rays that are traced between two checks for a request to stop.
 const BLOCK: usize = 4096;
 
 /// A geometry of positions and corners, with one material.
@@ -43,7 +43,7 @@ impl Rays<'_> {
         Ray { origin, direction: self.directions[index], t_min: self.t_min.at(index), t_max: self.t_max.at(index) }
     }
 
-    /// What each ray gives, in order; `none` for those that were not asked after a request to stop.
+    /// The answer for each ray, in order; `none` for rays that were not traced because of a request to stop.
     fn each<T: Clone + Send>(&self, progress: &Progress, none: T, ask: impl Fn(&Ray) -> T + Sync) -> Vec<T> {
         let mut results = vec![none; self.directions.len()];
         progress.start(results.len() as u64);
@@ -100,7 +100,7 @@ impl Tracer {
         Ok(Self { bvh, triangles })
     }
 
-    /// Triangles.
+    /// Number of triangles.
     fn __len__(&self) -> usize {
         self.triangles
     }
@@ -113,8 +113,8 @@ impl Tracer {
 
     /// The nearest hit of each ray with t_min < t < t_max.
     ///
-    /// `origins` (n, 3) or (1, 3) for all, `directions` (n, 3) of unit length (distances count in their lengths), both float32; others are
-    /// converted, which copies them. `t_min` and `t_max` are numbers or (n,); 0 and infinity where they are not given.
+    /// `origins` (n, 3), or (1, 3) for all rays, and `directions` (n, 3) of unit length (distances count in their lengths) are float32; other types
+    /// are converted, which copies them. `t_min` and `t_max` are numbers or (n,); the defaults are 0 and infinity.
     #[pyo3(signature = (origins, directions, *, t_min = None, t_max = None))]
     fn closest<'py>(
         &self,
@@ -138,7 +138,7 @@ impl Tracer {
         Ok(found)
     }
 
-    /// (n,): whether anything lies on each ray. Arguments as `closest`.
+    /// (n,): whether anything lies on each ray. The arguments are those of `closest`.
     #[pyo3(signature = (origins, directions, *, t_min = None, t_max = None))]
     fn occluded<'py>(
         &self,
@@ -159,7 +159,7 @@ impl Tracer {
     }
 }
 
-/// 0 and infinity, where nothing is given.
+/// The limits of rays; the defaults are 0 and infinity.
 fn limits<'py>(
     py: Python<'py>,
     t_min: Option<&Bound<'py, PyAny>>,

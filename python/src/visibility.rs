@@ -1,4 +1,4 @@
-//! How much triangles see of each other.
+//! Visibility between triangles.
 
 use crate::arrays::{indices, points, vectors};
 use crate::tracer::geometry;
@@ -10,14 +10,15 @@ use numpy::{IntoPyArray, PyArray1, PyArrayMethods};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
-/// Pairs that are estimated before it is asked whether to stop.
+/// Number of pairs that are estimated between two checks for a request to stop.
 const BLOCK: usize = 8192;
 
-/// How much pairs of triangles see of each other: `positions` (n, 3), `triangles` (m, 3), `pairs` (k, 2) of triangles.
+/// Visibility between pairs of triangles: `positions` (n, 3), `triangles` (m, 3), `pairs` (k, 2) of triangles.
 ///
-/// "visibility" (k,) is the share of open segments between them (NaN where no segment leaves the front of both), "error" (k,) its standard
-/// error, 0 where it is exact, "class" says how it was found, "samples" (k,) counts segments; with `form_factors` also "form_factors" and
-/// "form_factor_errors", both (k, 2): there and back. `samples` (a multiple of 8) or `error` set the effort; 64 samples otherwise.
+/// "visibility" (k,) is the share of open segments between the two (NaN where no segment leaves the front of both), "error" (k,) its standard
+/// error, 0 where it is exact. "class" says how it was found, "samples" (k,) counts segments. `form_factors` adds "form_factors" and
+/// "form_factor_errors", both (k, 2): from the first to the second and back. `samples` (a multiple of 8) or `error` set the effort; the
+/// default is 64 samples.
 #[pyfunction]
 #[pyo3(signature = (positions, triangles, pairs, *, samples = None, error = None, facing = "skip", form_factors = false, seed = 0))]
 #[expect(clippy::too_many_arguments, reason = "they have names in Python")]
@@ -74,7 +75,7 @@ fn estimate(
     progress: &Progress,
 ) -> Result<Vec<Row>, String> {
     let surfaces = Surfaces::new(&geometry(positions, corners), &[]);
-    // A tree that is given up leaves nothing to estimate: the exception of Ctrl-C is raised in place of the rows.
+    // Without a complete tree there is nothing to estimate: the exception of Ctrl-C is raised instead of returning the rows.
     let Some(bvh) = Bvh::build_until(surfaces.geometry(), &surfaces.marks(), Quality::default(), progress) else {
         return Ok(Vec::new());
     };

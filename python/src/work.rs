@@ -1,4 +1,4 @@
-//! Long work beside the interpreter: other Python threads go on, Ctrl-C is heard, and a line shows how far the work is.
+//! Long work beside the interpreter: other Python threads go on, Ctrl-C is handled, and a line shows the progress.
 
 use curitiba::pipeline::executor::{Cancellation, Observer, Progress, StepKind};
 use pyo3::exceptions::PyKeyboardInterrupt;
@@ -7,16 +7,16 @@ use std::sync::mpsc::{Receiver, RecvTimeoutError, channel};
 use std::sync::{Arc, Mutex, MutexGuard};
 use std::time::{Duration, Instant};
 
-/// How often it is asked whether Ctrl-C was pressed.
+/// Time between two checks for Ctrl-C.
 const ASKED: Duration = Duration::from_millis(20);
-/// Time after which the line is shown, and time between two drawings of it.
+/// Time after which the progress line is shown, and time between two drawings of it.
 const PATIENCE: Duration = Duration::from_secs(1);
 const DRAWN: Duration = Duration::from_millis(100);
 
 /// A step's name, and its progress.
 type Step = (String, Arc<Progress>);
 
-/// The step that runs: written by the thread that works, read by the one that waits.
+/// The step that runs: written by the working thread, read by the waiting one.
 #[derive(Clone, Default)]
 pub struct Watch(Arc<Mutex<Option<Step>>>);
 
@@ -45,7 +45,7 @@ struct Line<'a> {
 }
 
 impl Line<'_> {
-    /// Draws the line where it is time to. A stream that cannot be written to ends the drawing and not the work.
+    /// Draws the line if it is due. A stream that cannot be written to ends the drawing, but not the work.
     fn draw(&mut self, py: Python<'_>) -> PyResult<()> {
         let last = self.drawn.map_or(self.began + PATIENCE, |drawn| drawn + DRAWN);
         if self.broken || Instant::now() < last {
@@ -72,7 +72,7 @@ impl Line<'_> {
         self.told(py, cleared)
     }
 
-    /// Passes Ctrl-C on, which Python may hear while it draws; other failures end the drawing.
+    /// Passes Ctrl-C on, which Python may receive while it draws; other failures end the drawing.
     fn told(&mut self, py: Python<'_>, drawn: PyResult<Bound<'_, PyAny>>) -> PyResult<()> {
         match drawn {
             Err(interrupt) if interrupt.is_instance_of::<PyKeyboardInterrupt>(py) => Err(interrupt),
@@ -112,7 +112,7 @@ pub fn wait<T: Send>(py: Python<'_>, stop: &Cancellation, watch: &Watch, result:
     }
 }
 
-/// Runs work that borrows: on a thread of its own, whose end is waited for. `step` names it in the line of progress.
+/// Runs work that borrows its inputs on a thread of its own, and waits for it to end. `step` is its name in the progress line.
 ///
 /// # Errors
 /// `KeyboardInterrupt` after Ctrl-C; the work has to ask its progress whether to end early.
@@ -124,7 +124,7 @@ pub fn run<T: Send>(py: Python<'_>, step: &str, work: impl FnOnce(&Progress) -> 
     std::thread::scope(|scope| {
         let (send, receive) = channel();
         scope.spawn(move || {
-            // Nobody listens after an interrupt.
+            // After an interrupt there is no receiver.
             let _ = send.send(work(&progress));
         });
         wait(py, &stop, &watch, receive)?

@@ -87,7 +87,7 @@ def test_scenes_are_linear_and_displayed_as_the_program_writes_them(tmp_path):
     assert (brighter == curitiba.displayed(2 * picture * (1, 1, 1, 0.5), color="linear")).all()
     toned = curitiba.displayed(picture, color="linear", tone="reinhard")
     assert toned.mean() < brighter.mean()
-    # FLIP is of displayed values: the same numbers taken for another space are another picture.
+    # FLIP compares displayed values: the same numbers in another colour space are another picture.
     assert curitiba.compare(brighter / 255.0, curitiba.displayed(picture, color="linear") / 255.0)["flip"] == pytest.approx(
         curitiba.compare(2 * picture, picture, color="linear")["flip"], abs=0.01
     )
@@ -167,7 +167,7 @@ def test_timings_are_a_table_of_the_library_that_is_there(library, monkeypatch):
     renderer.render()
     rows = renderer.timings()
     other = {"pandas": "polars", "polars": "pandas"}[library]
-    # A module that is None is one that is not installed.
+    # A module entry of None stands for a module that is not installed.
     monkeypatch.setitem(sys.modules, other, None)
     for table in (renderer.timings(as_frame=True), renderer.timings(as_frame=library)):
         assert isinstance(table, tables.DataFrame) and list(table.columns) == list(rows[0])
@@ -266,7 +266,7 @@ def test_a_fallback_takes_over_and_says_so():
 
 
 def test_files_outside_a_folder_are_refused_once_it_is_set():
-    # In a process of its own: it cannot be undone.
+    # This runs in a process of its own, because it cannot be undone.
     code = """
 import sys, curitiba
 inside, outside = sys.argv[1:]
@@ -336,7 +336,7 @@ def test_rays_hit_a_cube_where_slabs_say():
     hits = tracer.closest(origins, directions)
     assert hits["t"].dtype == np.float32 and hits["triangle"].dtype == np.int32 and hits["uv"].shape == (20_000, 2)
     hit = np.isfinite(hits["t"])
-    # A ray that meets the cube within rounding of an edge may be told either way.
+    # A ray that meets the cube within rounding of an edge may be reported either way.
     assert np.count_nonzero(hit != np.isfinite(expected)) <= 2 and 0.05 < hit.mean() < 0.9
     both = hit & np.isfinite(expected)
     assert np.allclose(hits["t"][both], expected[both], rtol=1e-4, atol=1e-5)
@@ -380,7 +380,7 @@ def test_triangles_that_face_each_other_are_seen_and_a_wall_hides():
     pairs = [[0, 1], [1, 0]]
     open_ = curitiba.visibility(np.array(near + far, np.float32), triangles[:2], pairs, form_factors=True)
     assert open_["visibility"].tolist() == [1, 1] and open_["class"] == ["open", "open"] and open_["error"].tolist() == [0, 0]
-    # Independent: the double integral over both triangles by midpoints.
+    # An independent reference: the double integral over both triangles by midpoints.
     n = 24
     s, t = np.meshgrid((np.arange(n) + 0.5) / n, (np.arange(n) + 0.5) / n)
     u, v = 1 - np.sqrt(s.ravel()), t.ravel() * np.sqrt(s.ravel())
@@ -450,13 +450,13 @@ def test_a_long_frame_shows_how_far_it_is_and_ctrl_c_ends_it_and_the_renderer_go
     while written.count(b"%") < 4:
         written += os.read(terminal, 4096)
     process.send_signal(signal.SIGINT)
-    # It would take minutes otherwise.
+    # Without the interrupt it would take minutes.
     assert process.communicate(timeout=60)[0] == "interrupted (1024, 1024, 4)\n"
     written += os.read(terminal, 1 << 16)
     os.close(terminal)
     lines = written.decode().split("\r")
     assert lines[0] == "" and lines[-1] == "" and lines[-2].strip() == "", "the line is taken away in the end"
-    # The picture that follows has a line of its own, where it takes longer than a second on a busy machine.
+    # The picture that follows has a line of its own if it takes longer than a second on a busy machine.
     lines = lines[1 : next(index for index, line in enumerate(lines) if line and not line.strip())]
     shares = [int(line.split("%")[0].split()[-1]) for line in lines]
     assert all(line.startswith("rays pass2 [") for line in lines), lines

@@ -6,10 +6,10 @@
 //! 100. Samples of several rounds are resampled in two steps, rounds and then the samples of each (Davison and Hinkley, "Bootstrap
 //! methods and their application", 1997, section 3.8).
 //!
-//! Intervals of the median of independent values of any distribution, without resampling, are those between two of the values in
-//! order: the smallest and the largest of 6 hold the median with a probability of 1 - 2 / 2^6 = 96.9 % (Thompson, "On confidence
-//! ranges for the median and other expectation distributions for populations of unknown distribution form", Annals of Mathematical
-//! Statistics 7, 1936).
+//! Intervals of the median of independent values of any distribution need no resampling: they lie between two of the values in order. The
+//! smallest and the largest of 6 values hold the median with a probability of 1 - 2 / 2^6 = 96.9 % (Thompson, "On confidence ranges for
+//! the median and other expectation distributions for populations of unknown distribution form", Annals of Mathematical Statistics 7,
+//! 1936).
 
 use crate::pipeline::executor::median;
 use serde::{Deserialize, Serialize};
@@ -61,10 +61,10 @@ impl Interval {
         Self::of((0..DRAWS).map(draw).collect())
     }
 
-    /// Interval of the median that `values` are drawn from, by their order: from the k-th smallest to the k-th largest, with the largest
-    /// k that leaves a probability of 95 % at least. It needs independent values, and nothing else of their distribution. `None` for
-    /// fewer than [`LEAST_ORDERED`] values, of which not even the smallest and the largest suffice, for more than 1000, whose
-    /// probabilities are not represented, or if one is not finite.
+    /// Interval of the median of the distribution of `values`, by their order: from the k-th smallest to the k-th largest, with the largest k
+    /// that leaves a probability of at least 95 %. The values must be independent; their distribution does not matter. `None` if one is not
+    /// finite, or for more than 1000 values, whose probabilities cannot be represented. `None` also for fewer than [`LEAST_ORDERED`] values,
+    /// where even the smallest and the largest do not suffice.
     #[must_use]
     pub fn of_ordered(values: &[f64]) -> Option<Self> {
         if !(LEAST_ORDERED..=1000).contains(&values.len()) || !are_finite(values) {

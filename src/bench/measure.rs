@@ -9,7 +9,7 @@ use crate::pipeline::executor::{Observer, RenderError, Renderer, Row, StepKind};
 use crate::pipeline::image::Image;
 use std::time::{Duration, Instant};
 
-/// What frames are drawn for: a file of this kind, which is not written.
+/// Name of a file of the kind that frames are drawn for. It is not written.
 pub(super) const AS_WRITTEN: &str = "picture.png";
 
 /// Number of frames of a measurement.
@@ -39,9 +39,9 @@ pub struct Measured {
 
 /// Opens a case, renders its frames and collects the times of all steps.
 ///
-/// Whole frames are timed around [`Renderer::draw_frame_for`] a PNG file, as `curitiba render` draws them: the picture is in the host's memory, and
-/// nothing is encoded or written. If the rasteriser's device fills the window, that picture has 4 bytes a pixel; then one more, untimed frame gives
-/// it in floats.
+/// Whole frames are timed around [`Renderer::draw_frame_for`] a PNG file, as `curitiba render` draws them. The time ends when the picture is
+/// in the host's memory; nothing is encoded or written. If the rasteriser's device fills the window, that picture has 4 bytes a pixel, and
+/// another, untimed frame gives the picture in floats.
 ///
 /// # Errors
 /// If the case cannot be opened or a frame fails.
@@ -70,11 +70,11 @@ pub fn measure_with(
     Ok(Measured { row, renderer, picture })
 }
 
-/// Renders so many frames, and on a device more until its clock has risen, which it lowers while it is idle, as while references are traced.
+/// Renders `frames` frames. On a device it goes on until the clock has risen, since devices lower it while they are idle.
 fn warm_up(renderer: &mut Renderer, frames: u32, observer: &mut dyn Observer) -> Result<(), RenderError> {
-    /// An H100 takes a fifth of a second of work.
+    /// An H100 raises its clock within a fifth of a second of work.
     const BUSY: Duration = Duration::from_millis(400);
-    // In the first frame the device waits while its programs are compiled.
+    // In the first frame the device waits while its programs are compiled, so that frame does not count as work.
     renderer.draw_frame_for(AS_WRITTEN.as_ref(), observer)?;
     let begun = Instant::now();
     let mut done = 1;
@@ -88,8 +88,8 @@ fn warm_up(renderer: &mut Renderer, frames: u32, observer: &mut dyn Observer) ->
     }
 }
 
-/// Renders `count` frames, at least 1, with an open renderer, which may have rendered others before, and collects the times of all steps as
-/// a row.
+/// Renders `count` frames, at least 1, with an open renderer, which may have rendered others before. Collects the times of all steps as a
+/// row.
 ///
 /// # Errors
 /// If a frame fails.

@@ -277,7 +277,8 @@ fn join(known: &mut Environment, other: &Environment) {
     }
 }
 
-/// All rows of the sources, which have none after that, each with its machine: by the list, where it is in one, else as they come; equal ones by machine, then as they come.
+/// Moves all rows out of the sources, each with its machine. Rows are in the order of the list; those that it lacks follow as they come. Rows
+/// with the same key are ordered by machine, then as they come.
 fn take_rows(sources: &mut [Source], machines: &[Environment], order: &HashMap<&str, usize>) -> Vec<BenchRow> {
     let mut unlisted: HashMap<String, usize> = HashMap::new();
     let mut rows: Vec<(usize, BenchRow)> = Vec::new();

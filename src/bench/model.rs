@@ -47,15 +47,15 @@ pub struct BenchFile {
     pub part: Option<PartOf>,
 }
 
-/// Rows that were measured alternately: each round measures every row once, in the order of the round before reversed. What slows the
-/// machine down for longer than a round slows down all rows of the round, and leaves the ratios of their times as they are.
+/// Rows that were measured alternately: each round measures every row once, in the reverse order of the round before. A slowdown of the
+/// machine that lasts longer than a round affects all rows of the round alike, so the ratios of their times stay the same.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 pub struct PairedRounds {
     /// Keys of the rows.
     pub rows: Vec<String>,
     /// For each round the median time of a frame of each row, milliseconds, in the order of [`Self::rows`].
     pub rounds: Vec<Vec<f64>>,
-    /// Why there are no rounds, or only a few.
+    /// Why there are no rounds, or only a few of them.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub missing: Option<String>,
 }
@@ -287,10 +287,10 @@ pub struct BenchStep {
     pub rays: Option<RayCounts>,
     /// Millions of rays per second of median host time.
     pub mrays_per_second: Option<f64>,
-    /// What answered the glass pixels of one frame; only of effects that march rays through screen space.
+    /// How the glass pixels of one frame were answered; only for effects that march rays through screen space.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub answers: Option<Answers>,
-    /// What adaptive sampling of stochastic glass spent in one frame; only of ray passes with `error`.
+    /// Number of paths of adaptive sampling of stochastic glass in one frame; only for ray passes with `error`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub adaptive: Option<PathsSpent>,
     /// Further details.

@@ -18,8 +18,8 @@ pub struct Outliers {
 }
 
 impl Outliers {
-    /// The outliers among `samples`, fast ones as well as slow ones. Fewer than four samples have none, and more than a quarter of the
-    /// samples on one side are none: they are the rule then.
+    /// The outliers among `samples`, fast ones as well as slow ones. Fewer than four samples have none. If more than a quarter of the samples lie
+    /// far away on one side, the quartile is one of them, and they are no outliers.
     #[must_use]
     pub fn of(samples: &[f64]) -> Self {
         let mut sorted = samples.to_vec();

@@ -90,7 +90,7 @@ pub fn ray_device_ms(row: &BenchRow) -> Option<f64> {
     steps.map(|step| step.device.as_ref().map(|device| device.median)).sum()
 }
 
-/// What answered the glass pixels of one frame, of all effects together; `None` if no effect marches rays through screen space.
+/// How the glass pixels of one frame were answered, summed over all effects; `None` if no effect marches rays through screen space.
 #[must_use]
 pub fn answers(row: &BenchRow) -> Option<Answers> {
     row.steps.iter().filter_map(|step| step.answers).reduce(|a, b| Answers {
@@ -101,22 +101,22 @@ pub fn answers(row: &BenchRow) -> Option<Answers> {
     })
 }
 
-/// Shares of the glass pixels that screen space, a cube map and rays answered, and of those with a ray that nothing answered. `None`
-/// without [`answers`], or if no glass is seen.
+/// Shares of the glass pixels that screen space, a cube map and rays answered, and of those whose rays nothing answered. `None` without
+/// [`answers`], or if no glass is visible.
 #[must_use]
 pub fn answered_shares(row: &BenchRow) -> Option<[f64; 4]> {
     let found = answers(row).filter(|answers| answers.glass() > 0)?;
     Some([found.screen, found.cube, found.rays, found.kept].map(|pixels| pixels as f64 / found.glass() as f64))
 }
 
-/// Lines about what answered the glass of the rows, one for each row that has [`answers`].
+/// Lines about how the glass pixels were answered, one for each row that has [`answers`].
 #[must_use]
 pub fn of_answers(rows: &[BenchRow]) -> Vec<String> {
     let line = |row: &BenchRow| Some(format!("{}, {}: {}", row.label, row.view, answers(row)?));
     rows.iter().filter_map(line).collect()
 }
 
-/// What was rendered of each row: `5 frames a row after 1 of warm-up`.
+/// Number of frames of each row: `5 frames a row after 1 of warm-up`.
 #[must_use]
 pub fn frames(file: &BenchFile) -> String {
     let rounds =
@@ -124,7 +124,7 @@ pub fn frames(file: &BenchFile) -> String {
     format!("{} frames a row after {} of warm-up{rounds}", file.frames, file.warmup)
 }
 
-/// The median of a time and the 95 % confidence interval of it, as tables print them: `12.34 (12.01 to 12.80)` in milliseconds.
+/// The median of a time and its 95 % confidence interval, as tables print them: `12.34 (12.01 to 12.80)` in milliseconds.
 #[must_use]
 pub fn median_and_interval(stats: &Stats) -> String {
     match stats.interval() {
@@ -133,7 +133,7 @@ pub fn median_and_interval(stats: &Stats) -> String {
     }
 }
 
-/// Milliseconds with two decimals, from 100 with one and from 1000 without.
+/// Milliseconds with two decimals; with one from 100 on, and with none from 1000 on.
 fn ms(value: f64) -> String {
     let decimals = match value {
         value if value < 99.995 => 2,
@@ -162,7 +162,7 @@ pub fn of_outliers<'r>(rows: impl IntoIterator<Item = &'r BenchRow>) -> Option<S
     Some(format!("severe outliers: {severe} of {frames} frames; most in {}, {}: {most} of {n}", row.label, row.view))
 }
 
-/// A CSV file with one line a row. Unknown values are empty fields; times are in milliseconds.
+/// A CSV file with one line per row. Unknown values are empty fields; times are in milliseconds.
 #[must_use]
 pub fn csv(file: &BenchFile) -> String {
     let mut text = CSV_HEADER.join(",") + "\n";
@@ -438,7 +438,7 @@ fn steps(text: &mut String, rows: &[BenchRow]) {
     }
 }
 
-/// What adaptive sampling of glass spent in the passes of a row, a line for each that has it.
+/// Lines about the paths of adaptive sampling of glass, one for each pass of a row that has it.
 pub(crate) fn spent(row: &BenchRow) -> impl Iterator<Item = String> {
     let steps = row.steps.iter().filter_map(|step| Some((&step.name, step.adaptive?)));
     steps.map(|(pass, spent)| format!("{}, {}, pass `{pass}`: {spent}", row.label, row.view))

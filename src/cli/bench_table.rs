@@ -8,9 +8,9 @@ use curitiba::pipeline::memory::mebibytes;
 
 const HEADER: Style = Style::new().bold();
 
-/// Columns of a line with everything, beside label and view.
+/// Width of a line with all columns, without label and view.
 const BESIDE_LABELS: usize = 152;
-/// Columns of a line with engines, time and error, beside label and view.
+/// Width of a line with engines, time and error, without label and view.
 const BESIDE_LABELS_NARROW: usize = 66;
 
 /// How rows are laid out, the same for all rows of a table.
@@ -20,7 +20,7 @@ enum Layout {
     Wide,
     /// Label, view, engines, time and error in one line.
     Narrow,
-    /// The same with label and view in a line of their own.
+    /// As [`Self::Narrow`], with label and view in a line of their own.
     Stacked,
 }
 
@@ -54,7 +54,7 @@ impl Table {
         print(&self.ending(file));
     }
 
-    /// A table of rows with these labels and views, in a terminal of so many columns.
+    /// A table of rows with these labels and views, for a terminal with this number of columns.
     fn of<'a>(rows: impl Iterator<Item = [&'a str; 2]>, columns: Option<usize>) -> Self {
         let (mut label, mut view) = (6, 4);
         for [of_label, of_view] in rows {
@@ -86,7 +86,7 @@ impl Table {
         lines
     }
 
-    /// Prose as it fits the terminal; commands to be copied stay whole.
+    /// Prose, folded to fit the terminal; commands that users may copy stay whole.
     fn prose(&self, text: &str) -> Vec<String> {
         let is_command = text.contains("curitiba ");
         width::folded(text, self.columns.filter(|_| !is_command))
@@ -109,7 +109,7 @@ impl Table {
         self.line("effect", "view", &names).into_iter().map(|line| format!("{HEADER}{line}{HEADER:#}")).collect()
     }
 
-    /// Names and widths of the columns behind label and view.
+    /// Names and widths of the columns after label and view.
     fn cells(&self) -> &'static [(&'static str, usize)] {
         match self.layout {
             Layout::Wide => &WIDE,
@@ -180,7 +180,7 @@ fn print(lines: &[String]) {
     lines.iter().for_each(|line| crate::say!("{line}"));
 }
 
-/// Columns behind label and view, with their widths.
+/// Columns after label and view, with their widths.
 const WIDE: [(&str, usize); 13] = [
     ("engines", 12),
     ("ms: median (95 %)", 22),
@@ -197,7 +197,7 @@ const WIDE: [(&str, usize); 13] = [
     ("ratio", 8),
 ];
 
-/// Columns behind label and view where there is little room.
+/// Columns after label and view on narrow terminals.
 const NARROW: [(&str, usize); 5] = [("engines", 12), ("ms: median (95 %)", 22), ("RMSE", 9), ("FLIP", 7), ("ref", 4)];
 
 /// The cells of [`WIDE`].
@@ -289,7 +289,7 @@ mod tests {
         file
     }
 
-    /// All lines as a terminal of so many columns shows them, without styles.
+    /// All lines as a terminal with this number of columns shows them, without styles.
     fn shown(file: &BenchFile, columns: Option<usize>) -> (Layout, Vec<String>) {
         let mut table = Table::of(file.rows.iter().map(|row| [&*row.label, &*row.view]), columns);
         let mut lines = table.introduction(file);

@@ -15,8 +15,8 @@ const PATIENCE: Duration = Duration::from_secs(5);
 const PAUSE: Duration = Duration::from_millis(250);
 /// Most numbers in a packet, which holds whole rows: 4 MiB, far below the 4 GiB that its length field allows.
 const NUMBERS: usize = 1 << 20;
-/// The fourth number is no alpha: targets keep the light's cosine there, and shares above 1. Named `A` it would be taken for one, and the
-/// viewer's background would be added to the colours, or subtracted from them. `W` is a group of its own there.
+/// The fourth value is not alpha: targets store the light's cosine in it, and shares above 1. If it were named `A`, the viewer would use it as
+/// alpha, and blend its background with the colours. `W` is a group of its own there.
 const CHANNELS: [&str; 4] = ["R", "G", "B", "W"];
 
 /// A connection to tev. If it breaks, that is reported once, and rendering continues without it.

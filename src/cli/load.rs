@@ -1,4 +1,4 @@
-//! The load of the machine, told before anything is timed.
+//! The load of the machine, which is printed before anything is timed.
 
 use super::failure;
 use curitiba::environment::Environment;

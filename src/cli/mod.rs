@@ -89,7 +89,7 @@ pub fn tell_line(line: std::fmt::Arguments<'_>) {
     }
 }
 
-/// Prints prose, folded at words to the width of a terminal; lines that go on are indented by so many spaces.
+/// Prints prose, folded at words to the width of a terminal; continuation lines are indented by `indent` spaces.
 pub fn say_prose(text: &str, indent: usize) {
     width::folded_by(text, indent, width::of_terminal()).iter().for_each(|line| crate::say!("{line}"));
 }
@@ -170,7 +170,7 @@ fn tell_fastest(_: Choice) {
     }
 }
 
-/// Asks the engines for what they cannot do, before anything is loaded instead of at the first frame. Missing engines are only
+/// Checks before anything is loaded, rather than at the first frame, whether the engines support the plan. Missing engines are only
 /// reported; `render` alone fails for them.
 fn ask_engines(plan: &mut Plan, choice: Choice) -> Result<(), Failure> {
     let mut engines = match engines::exactly(Choice { raster: choice.for_plan(plan).raster, ..choice }, plan) {

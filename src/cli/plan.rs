@@ -58,7 +58,7 @@ pub fn run(args: &ProjectArgs) -> Result<(), Failure> {
     Ok(())
 }
 
-/// Loads the files of a set of scenes as far as a plan needs them: materials, and which textures they name.
+/// Loads the files of a set of scenes as far as a plan needs them: materials, and the names of their textures.
 fn load(plan: &Plan, set: &[usize]) -> Result<Scene, Failure> {
     let files = set.iter().flat_map(|index| &plan.project.scenes[*index].files).map(|file| file.path.clone());
     let needs = Needs { normals: false, ..plan.needs };
@@ -168,7 +168,7 @@ fn structures(plan: &Plan, scenes: &[Scene]) -> Vec<Decision> {
     decisions
 }
 
-/// Recommends a filter to passes of occlusion whose noise it halves at least, as measured.
+/// Recommends a filter for passes of occlusion if it at least halves their noise, as measured.
 fn filters(plan: &Plan, scenes: &[Scene]) -> Vec<Decision> {
     if plan.settings.fidelity != Fidelity::Corrected || plan.in_parts() {
         return Vec::new();
@@ -195,9 +195,11 @@ fn filters(plan: &Plan, scenes: &[Scene]) -> Vec<Decision> {
     plan.passes.iter().filter_map(of).collect()
 }
 
-/// Levels of the filter after so many rays of occlusion, with a radius of such a share of the scene's diagonal; `None` where more rays are as good.
+/// The recommended levels of the filter for this number of occlusion rays, and for a radius that is this share of the scene's diagonal. `None`
+/// if more rays are as good.
 ///
-/// By the tables of `docs/projects.md`: at short radii more rays cost less than a filter, and of more than 16 they leave less noise than it blurs.
+/// By the tables of `docs/projects.md`: at short radii, more rays cost less than a filter. With more than 16 rays, their noise is less than the
+/// error of the filter's blur.
 fn recommended_filter(samples: u32, share: f64) -> Option<u32> {
     const LONG: f64 = 0.03;
     match samples {
@@ -219,7 +221,7 @@ fn print_decision(decision: &Decision) {
     }
 }
 
-/// Spaces in front of the lines in which a decision goes on.
+/// Number of spaces before the continuation lines of a decision.
 const INDENT: usize = 6;
 
 #[cfg(test)]

@@ -1,6 +1,6 @@
-//! Lines that fit the terminal: tables whose last column is text go on below it, in whole words.
+//! Wraps lines to the width of the terminal at words. In tables, the last column continues below itself.
 
-/// Columns of the terminal that the output stream is; `None` where it is none.
+/// Number of columns of the output stream's terminal; `None` if it is not a terminal.
 pub fn of_terminal() -> Option<usize> {
     #[cfg(unix)]
     return columns(std::io::stdout());
@@ -8,7 +8,7 @@ pub fn of_terminal() -> Option<usize> {
     None
 }
 
-/// Columns of the terminal that the error stream is; `None` where it is none.
+/// Number of columns of the error stream's terminal; `None` if it is not a terminal.
 pub fn of_error_stream() -> Option<usize> {
     #[cfg(unix)]
     return columns(std::io::stderr());
@@ -22,9 +22,9 @@ fn columns(stream: impl std::os::fd::AsFd) -> Option<usize> {
     (size.ws_col > 0).then_some(size.ws_col.into())
 }
 
-/// A line of a table, cut at words so that each part is at most `width` columns wide, if there is room for that; the last column goes on below
-/// itself. A column begins behind two spaces; where the first columns are empty, behind at least [`EMPTY`]. Lines without columns are left to the
-/// terminal: what is copied from there, such as commands, stays whole.
+/// A line of a table, wrapped at words to at most `width` columns if there is room for that; the last column continues below itself. A column
+/// begins after two spaces or, if the first columns are empty, after at least [`EMPTY`]. Lines without columns are not wrapped: text that
+/// users copy, such as commands, stays whole.
 pub fn wrapped(line: &str, width: usize) -> Vec<String> {
     // The least width of a last column.
     const LEAST: usize = 18;
@@ -48,13 +48,13 @@ pub fn wrapped(line: &str, width: usize) -> Vec<String> {
 /// The least number of spaces at the beginning of a line that stands for empty columns.
 const EMPTY: usize = 8;
 
-/// Prose, cut at words so that each line is at most `width` columns wide; all lines but the first are indented by two spaces. `None` is no
-/// terminal, and leaves it whole.
+/// Prose, wrapped at words to at most `width` columns; all lines but the first are indented by two spaces. With `None`, which means no terminal,
+/// it stays whole.
 pub fn folded(text: &str, width: Option<usize>) -> Vec<String> {
     folded_by(text, 2, width)
 }
 
-/// [`folded`], with so many spaces in front of all lines but the first.
+/// As [`folded`], with `indent` spaces before all lines but the first.
 pub fn folded_by(text: &str, indent: usize, width: Option<usize>) -> Vec<String> {
     match width {
         Some(width) if text.chars().count() > width => filled(String::new(), text, indent, width),
@@ -62,7 +62,7 @@ pub fn folded_by(text: &str, indent: usize, width: Option<usize>) -> Vec<String>
     }
 }
 
-/// `first`, and the words of `text` behind it in lines of at most `width` columns, indented from the second on. A longer word stands alone.
+/// `first` and then the words of `text`, in lines of at most `width` columns, indented from the second line on. A longer word has its own line.
 fn filled(first: String, text: &str, indent: usize, width: usize) -> Vec<String> {
     let mut used = first.chars().count();
     let mut lines = vec![first];

@@ -217,7 +217,7 @@ impl References {
         })
     }
 
-    /// Gives the memory of the last scene back. It is loaded again when a reference needs it.
+    /// Releases the last scene. It is loaded again when a reference needs it.
     pub(crate) fn close(&mut self) {
         self.open = None;
     }
@@ -344,7 +344,7 @@ impl References {
         Ok(base)
     }
 
-    /// What determines a reference, except the number of samples; it contains the hashes of the scenes.
+    /// Text of everything that determines a reference, except the number of samples; it contains the hashes of the scenes.
     fn base(&mut self, request: &Request, observer: &mut dyn Observer) -> Result<String, ReferenceError> {
         let identity = request.identity();
         if !self.fingerprints.contains_key(&identity) {

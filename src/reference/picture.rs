@@ -128,18 +128,18 @@ fn described(value: &Value<'_>) -> String {
     }
 }
 
-/// What glass is, where its materials say so.
+/// Description of glass whose materials define it.
 fn of_materials(pass: &Traced<'_>) -> Vec<String> {
     let (params, table) = (&pass.params, pass.look.dielectrics);
     let mut words = vec![format!("glass by its materials {:032x}", fnv1a(format!("{table:?}").as_bytes()))];
-    // Light that no sphere focuses goes straight on.
+    // In both modes, light that no sphere focuses passes glass in a straight line.
     let straight = matches!(params.shadow, GlassShadow::Straight | GlassShadow::Caustic);
     if straight && pass.program == RayProgram::Final && pass.look.shadow_glass.contains(&true) {
         words.push("light goes straight on".to_owned());
     }
     let spreads = |dielectric: &Dielectric| dielectric.spread > 0.0;
     words.extend(table.iter().any(spreads).then(|| format!("colours are bent apart {}", params.wavelengths > 1)));
-    // Earlier references took nothing of what a camera in a body sees directly.
+    // Earlier references applied no absorption to what a camera inside a body sees directly. With this line, later ones have other names.
     words.extend(pass.look.absorbs().then(|| "the body around the camera absorbs all that is seen".to_owned()));
     words
 }

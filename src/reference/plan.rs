@@ -153,7 +153,7 @@ fn at_its_best(pass: &mut Pass, set: &[String]) -> Result<(), String> {
         ray.params.samples = ray.params.samples.min(1);
         ray.params.sun_samples = 1;
         ray.params.filter = 0;
-        // All `paths` at every pixel.
+        // No adaptive sampling: every pixel takes all `paths`.
         ray.params.error = 0.0;
     }
     Ok(())

@@ -73,7 +73,7 @@ impl RayBackend for ReferenceRays {
         true
     }
 
-    /// For references of the picture, which trace nothing here, and those of many samples; [`Self::run`] refuses the others.
+    /// True for references of the picture, which trace nothing here, and for references of many samples. [`Self::run`] refuses the others.
     fn traces_spheres(&self) -> bool {
         true
     }
@@ -116,7 +116,7 @@ impl RayBackend for ReferenceRays {
             self.fast = Some(fast);
         }
         let Sampling { all, first, samples, seed } = self.sampling.get();
-        // The plan has one sample a pixel or several; each one continues after `all` samples of the one before.
+        // The plan has one or several samples a pixel; each of them uses the `all` numbers of the sequence that follow those of the one before.
         let [first, first_sun] = [job.params.first, job.params.first_sun].map(|before| before * all + first);
         let of_occlusion = if job.params.samples > 0 { samples } else { 0 };
         let params = RayParams { samples: of_occlusion, sun_samples: samples, first, first_sun, ..job.params };

@@ -1,4 +1,4 @@
-//! Carries out what is planned: rows, rounds, and time against sizes and numbers.
+//! Carries out the plan: rows, rounds, and scalings.
 
 use super::collector::{Collector, ReportError, Request};
 use super::folder::Folder;
@@ -7,10 +7,10 @@ use super::plan::Stage;
 use super::{Told, paired, pixel_samples, plan, scale};
 use crate::pipeline::executor::Observer;
 
-/// Measures everything that fits into the time, and writes the pictures into `folder`. `told` hears of each step.
+/// Measures everything that fits into the time, and writes the pictures into `folder`. `told` is called before each step.
 ///
 /// # Errors
-/// If the ray backend that was asked for is not there, nothing at all can be measured, or the folder cannot be written.
+/// If the ray backend that was asked for is not available, no row can be measured, or the folder cannot be written.
 pub fn collect(
     request: &Request,
     folder: &Folder,

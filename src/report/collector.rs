@@ -26,17 +26,17 @@ use std::collections::HashMap;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
 
-/// Why there is no report.
+/// Why no report can be made.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum ReportError {
-    /// Its folder.
+    /// The folder cannot be used.
     #[error(transparent)]
     Folder(#[from] FolderError),
-    /// The ray backend that was asked for by name.
+    /// The ray backend that was asked for by name is not available.
     #[error(transparent)]
     Engine(#[from] BackendError),
-    /// Not one row could be measured.
+    /// No row could be measured.
     #[error("nothing could be measured in {path}:\n{reasons}", path = path.display())]
     Nothing {
         /// The projects folder.
@@ -46,22 +46,22 @@ pub enum ReportError {
     },
 }
 
-/// What a report is made of.
+/// Inputs of a report.
 #[derive(Debug, Clone)]
 pub struct Request {
     /// Folder of the projects.
     pub projects: PathBuf,
-    /// The command that writes them, if they were made for this report: their folder is temporary, and means nothing to a reader.
+    /// The command that writes the projects, if they were made for this report. Their own folder is temporary, so readers cannot use its path.
     pub made: Option<String>,
     /// Sizes and time.
     pub wanted: Wanted,
-    /// Rasteriser, ray backend and GPUs. Nothing takes over where they fail: such a row is missing, with the reason.
+    /// Rasteriser, ray backend and GPUs. There are no fallbacks: if an engine fails, the row is missing, with the reason.
     pub choice: Choice,
-    /// Where references are kept.
+    /// Folder of the stored references.
     pub references: PathBuf,
     /// The command line, as the page shows it.
     pub command: String,
-    /// Most bytes that a scene may take.
+    /// Limit of a scene's memory, bytes.
     pub max_memory: u64,
 }
 
@@ -75,28 +75,28 @@ pub(super) struct Collector<'a> {
     /// Scene of the first row.
     scene: SceneFacts,
     pub gpu: bool,
-    /// The report's ray backend, and the others that are there.
+    /// The report's ray backend; `beside` are the others that are available.
     backend: BackendChoice,
     pub beside: Vec<BackendChoice>,
-    /// Whether the report's ray backend has the filter after rays. The cpu has it.
+    /// Whether the report's ray backend has the filter after rays. If not, filtered rows are measured on the cpu, which has it.
     filters: bool,
     start: Instant,
     pub references: References,
     table: Vec<String>,
-    /// Keys, in the page's order.
+    /// Keys of the rows of several samples a pixel, in the page's order.
     pub pixel_samples: Vec<String>,
     pub sections: HashMap<Effect, Section>,
-    /// By view: row and picture of the frame without effects.
+    /// By view: key of the row without effects, and its picture.
     plain: HashMap<String, (String, Image)>,
-    /// The case whose reference all rows of an effect, view and number of samples a pixel are compared with.
+    /// By effect, view and number of samples a pixel: the case whose reference all such rows are compared with.
     judges: HashMap<Judge, Case>,
-    /// By project, view and ray backend, if not the report's: weight, pixels, triangles and frame time of the last row.
+    /// By project, view and ray backend (if not the report's): weight, pixels, triangles and frame time of the last row.
     known: HashMap<(String, bool, Option<BackendChoice>), Known>,
     /// Setup of the last row, milliseconds a triangle: without an acceleration structure, and with one.
     setup_ms: [f64; 2],
-    /// Those of the rows so far, for the next ones.
+    /// Scenes of the rows so far, kept for later rows.
     scenes: KeptScenes,
-    /// What was measured on the user's scene, and the keys of the rows.
+    /// The entries measured on the user's scene, with the keys of their rows.
     pub measured: Vec<(Entry, String)>,
     pub done: usize,
     pub to_do: usize,
@@ -105,7 +105,7 @@ pub(super) struct Collector<'a> {
 /// Effect, view and number of samples a pixel.
 type Judge = (String, String, u32);
 
-/// What all rows are compared with that compute the same.
+/// The key of the reference with which a row is compared; rows that compute the same share it.
 fn judge_of(entry: &Entry, row: &BenchRow) -> Judge {
     (entry.effect.to_owned(), row.view.clone(), entry.aa.count())
 }
@@ -118,15 +118,15 @@ struct Known {
     frame_ms: f64,
 }
 
-/// Where a row is measured, if not on the user's scene at the report's size.
+/// Projects, size, lights and threads with which a row is measured.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Place<'a> {
     pub projects: &'a Path,
     pub size: [u32; 2],
     pub triangles: Option<u64>,
-    /// Lights of a copy of the projects, if it is one that has so many.
+    /// Number of lights, if the projects are copies with other lights.
     pub lights: Option<u32>,
-    /// Threads of the processor, if not all.
+    /// Number of threads of the processor; `None` for all.
     pub threads: Option<usize>,
     pub stage: Stage,
 }
@@ -197,7 +197,7 @@ impl<'a> Collector<'a> {
             };
         }
         for backend in BackendChoice::ALL {
-            // A software driver is no GPU to measure, unless it is asked for.
+            // A software driver is measured only if it is asked for.
             if backend == BackendChoice::Wgpu
                 && backend != self.backend
                 && let Some(error) = why_not_wgpu(choice)
@@ -258,7 +258,7 @@ impl<'a> Collector<'a> {
         case.effect = entry.effect.to_owned();
         case.technique = entry.technique;
         if let Some(triangles) = place.triangles {
-            // Temporary folders have names that mean nothing to anybody.
+            // Names of temporary folders are meaningless in keys.
             case.key = format!("square of {triangles} triangles | {} | {:?} | {:?}", entry.file, place.size, entry.set);
         }
         if let Some(lights) = place.lights {
@@ -331,7 +331,7 @@ impl<'a> Collector<'a> {
         let options = MeasureOptions { frames, warmup };
         let Ran { row, picture, opened_ms, names } = match place.threads {
             None => run(&case, &options, observer),
-            // Nobody is told of single steps there.
+            // No progress of single steps is shown there.
             Some(threads) => rayon::ThreadPoolBuilder::new()
                 .num_threads(threads)
                 .build()
@@ -350,7 +350,7 @@ impl<'a> Collector<'a> {
             triangles: row.triangles as f64,
             frame_ms: row.frame.median,
         };
-        // Rows of many lights are far from those that follow.
+        // Times with many lights would mislead the estimates of later rows.
         if !entry.on_cpu && place.threads.is_none() && place.lights.is_none_or(|lights| lights == 1) {
             self.known.insert((entry.file.to_owned(), entry.panes, entry.beside), known);
         }
@@ -375,7 +375,7 @@ impl<'a> Collector<'a> {
         };
         let case = self.case(entry, &place);
         if case.as_ref().is_ok_and(|case| self.file.rows.iter().any(|row| row.key == case.key)) {
-            // A scene without a view of the panes shows the same twice.
+            // If the scene has no view of the panes, that row would repeat the one before.
             self.done += 1;
             return Ok(());
         }
@@ -399,7 +399,7 @@ impl<'a> Collector<'a> {
         Ok(())
     }
 
-    /// Gives a row what is not measured: the name of its project, a figure to compare it with, and its errors.
+    /// Completes a row with what is not measured: the name of its project, the report's figure, and its errors.
     pub fn finish_row(
         &mut self,
         entry: &Entry,
@@ -417,8 +417,7 @@ impl<'a> Collector<'a> {
         row.picture_error = Some(self.judge_picture(entry, case, row, picture, observer));
     }
 
-    /// Measures every row again, one round after the other. A row for which the time does not suffice keeps the samples that it
-    /// has.
+    /// Measures every row again, in rounds over all rows. If the time does not suffice for a row, the row keeps the samples that it has.
     pub fn rounds(&mut self, told: &mut dyn FnMut(Told<'_>), observer: &mut dyn Observer) {
         let measured = std::mem::take(&mut self.measured);
         let projects = &self.request.projects;
@@ -445,7 +444,7 @@ impl<'a> Collector<'a> {
         }
     }
 
-    /// The error of a row: against the reference of the effect by rays, the same for all rows of its effect, view and number of samples a pixel.
+    /// The error of a row against the reference of its effect by rays. All rows with the same effect, view and number of samples a pixel share it.
     fn judge(
         &mut self,
         entry: &Entry,
@@ -466,13 +465,13 @@ impl<'a> Collector<'a> {
                     entry.effect
                 ));
             }
-            // Exact references trace in f64; converged ones two pictures of 256 samples. The G-buffer is drawn once.
+            // Estimates: exact references trace in `f64`; converged ones render two pictures of 256 samples. The G-buffer is drawn once.
             let in_rays = row.frame.median * row.ray_share.unwrap_or(1.0);
             let noisy = matches!(entry.effect, "ao" | "all" | "soft-shadows");
             let rays = entry.weight / f64::from(entry.aa.count());
             let times = if noisy { 512.0 / rays.max(1.0) } else { 12.0 };
             let expected_s = (row.frame.median + in_rays * times) / 1e3;
-            // Without it no setting of the effect can be judged: it comes before other settings.
+            // Without this reference no setting of the effect can be judged, so it may use the time of the settings.
             if let Err(why) = self.time().admit(entry.stage.max(Stage::Settings), expected_s) {
                 return RowError::Missing(format!("the reference is {why}; a larger --time makes room for it"));
             }
@@ -485,7 +484,7 @@ impl<'a> Collector<'a> {
         error
     }
 
-    /// The error of a row's picture as a whole, where a reference of it is kept: none is made within the time of a report.
+    /// The error of a row's whole picture, if its reference is stored. A report has no time to make one.
     fn judge_picture(
         &mut self,
         entry: &Entry,
@@ -497,7 +496,7 @@ impl<'a> Collector<'a> {
         let case = self.judges.get(&judge_of(entry, row)).unwrap_or(case).clone();
         let compared = match (&self.request.made, self.references.picture(&case, observer)) {
             (Some(writes), Err(ReferenceError::NoPicture(_))) => {
-                // The folder that holds them is temporary.
+                // The projects' own folder is temporary.
                 let file = case.project.strip_prefix(&self.request.projects).unwrap_or(Path::new(entry.file));
                 let lasting = Case { project: Path::new(PROJECTS).join(file), ..case };
                 let makes = reference::command_of_picture(&lasting);
@@ -512,7 +511,7 @@ impl<'a> Collector<'a> {
         compared.unwrap_or_else(|error| RowError::Missing(error.to_string()))
     }
 
-    /// The error of a picture against the reference of an effect in a view that has one.
+    /// The error of a picture against the reference of an effect and a view, which must exist.
     fn against(&mut self, judge: &Judge, picture: &Image, observer: &mut dyn Observer) -> RowError {
         let compared = self.references.compare(&self.judges[judge], picture, observer);
         for warning in self.references.take_warnings() {
@@ -521,14 +520,14 @@ impl<'a> Collector<'a> {
         compared.unwrap_or_else(|error| RowError::Missing(error.to_string()))
     }
 
-    /// What leaving an effect out costs in a view.
+    /// Error of a frame without an effect, against the effect's reference in a view.
     fn without(&mut self, effect: Effect, view: &str, observer: &mut dyn Observer) -> Option<Without> {
         let judge = (effect.id().to_owned(), view.to_owned(), 1);
         let (row, picture) = self.plain.get(view).filter(|_| self.judges.contains_key(&judge))?.clone();
         Some(Without { row, error: self.against(&judge, &picture, observer) })
     }
 
-    /// Puts the row into the section of its effect, with its picture and its FLIP map.
+    /// Adds the row to the section of its effect, with its picture and its FLIP map.
     fn show(
         &mut self,
         entry: &Entry,
@@ -569,7 +568,7 @@ impl<'a> Collector<'a> {
         let reference = judged.and_then(|judge| self.references.get(judge, observer).ok());
         section.pictures.retain(|picture| picture.role != "reference");
         section.pictures.push(shown);
-        // Raster first, the reference last, as the page reads.
+        // The page shows raster first, and the reference last.
         section.pictures.sort_by_key(|picture| picture.role == "rays");
         let Some(reference) = reference else { return Ok(()) };
         section.pictures.push(Picture {
@@ -618,7 +617,7 @@ impl<'a> Collector<'a> {
 struct Ran {
     row: BenchRow,
     picture: Image,
-    /// Time of opening it, with what kept scenes save, milliseconds.
+    /// Time to open the project, milliseconds, without the time that kept scenes save.
     opened_ms: f64,
     /// Names of the scene's files.
     names: Vec<String>,
@@ -634,7 +633,7 @@ fn run(case: &Case, options: &MeasureOptions, observer: &mut dyn Observer) -> Re
     Ok(Ran { row: measured.row, picture: measured.picture, opened_ms, names })
 }
 
-/// The figure of the report that the projects come from, where it has the same row. Its shadows are hard.
+/// The report's figure for the same row, if it has one. The report of 2014 has hard shadows only.
 fn figure_of_2014(entry: &Entry, row: &BenchRow) -> Option<ThesisFigure> {
     if entry.effect == "soft-shadows" {
         return None;
@@ -649,7 +648,7 @@ fn pixels([width, height]: [u32; 2]) -> f64 {
     f64::from(width) * f64::from(height)
 }
 
-/// The camera near a pane, where a project has one.
+/// The name of the camera near a pane, if the project has it.
 fn panes(path: &Path) -> Option<String> {
     let project = project::load(path).ok()?;
     project.cameras.iter().find(|camera| camera.name == "Vidro").map(|camera| camera.name.clone())

@@ -1,24 +1,24 @@
-//! The folder of a report: complete or not at all.
+//! The folder of a report, which is written whole or not at all.
 
 use super::page::GENERATOR;
 use crate::pipeline::files::{self, TemporaryFolder, write_atomically};
 use std::io;
 use std::path::{Path, PathBuf};
 
-/// What a report's folder holds.
+/// Entries of a report's folder.
 const ENTRIES: [&str; 6] = ["index.html", "data.json", "data.csv", "data.md", "pictures", "plots"];
 
-/// Largest page that is looked at, bytes.
+/// Largest page that is read, bytes.
 const MOST_PAGE: u64 = 64 << 20;
 
-/// Why a report cannot be written where it was asked for.
+/// Why a report cannot be written to its place.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum FolderError {
-    /// Something else is there.
+    /// The place holds something else.
     #[error("{path}: {why}; name another folder with -o, or remove this one first", path = path.display())]
     Occupied {
-        /// The place asked for.
+        /// The place.
         path: PathBuf,
         /// What is there.
         why: String,
@@ -33,7 +33,7 @@ pub enum FolderError {
     },
 }
 
-/// A report that is being written into a temporary folder beside its target.
+/// A report under construction in a temporary folder beside its target.
 #[derive(Debug)]
 pub struct Folder {
     target: PathBuf,
@@ -41,10 +41,10 @@ pub struct Folder {
 }
 
 impl Folder {
-    /// Checks that `target` is free, empty, or holds a report of ours and nothing else, and makes the temporary folder.
+    /// Checks that `target` is free, empty, or holds nothing but an earlier report, and makes the temporary folder.
     ///
     /// # Errors
-    /// If something else is there, or nothing can be written beside it.
+    /// If `target` holds something else, or the folder beside it cannot be written.
     pub fn begin(target: &Path) -> Result<Self, FolderError> {
         check(target)?;
         let parent = target.parent().filter(|parent| !parent.as_os_str().is_empty()).unwrap_or(Path::new("."));
@@ -56,13 +56,13 @@ impl Folder {
         Ok(Self { target: target.to_owned(), staging })
     }
 
-    /// Where files go until the report is complete.
+    /// The temporary folder that holds the files until the report is complete.
     #[must_use]
     pub fn path(&self) -> &Path {
         self.staging.path()
     }
 
-    /// A temporary folder on the same disk for what is needed meanwhile.
+    /// A temporary folder on the same disk, for intermediate files.
     ///
     /// # Errors
     /// If it cannot be made.
@@ -76,7 +76,7 @@ impl Folder {
     /// If the file system fails.
     ///
     /// # Panics
-    /// If the name is none of a report's: the next report would take the folder for somebody else's.
+    /// If the name does not belong to a report: the next report would refuse the folder as one with other contents.
     pub fn write(&self, name: &str, bytes: &[u8]) -> Result<(), FolderError> {
         let entry = name.split('/').next().unwrap_or(name);
         assert!(ENTRIES.contains(&entry), "`{entry}` is no part of a report");
@@ -84,17 +84,17 @@ impl Folder {
         write_atomically(&path, bytes).map_err(|error| FolderError::Io { path, error })
     }
 
-    /// Puts the complete report in its place: a report that was there before is replaced when the new one stands.
+    /// Moves the complete report to its place. An earlier report there is replaced only once the new one is complete.
     ///
     /// # Errors
-    /// If something else came there meanwhile, or the file system fails.
+    /// If something else was written there in the meantime, or the file system fails.
     pub fn finish(self) -> Result<PathBuf, FolderError> {
         check(&self.target)?;
         let failed = |error| FolderError::Io { path: self.target.clone(), error };
         #[cfg(unix)]
         {
             use std::os::unix::fs::PermissionsExt as _;
-            // Temporary folders are private; a report is like the one that it replaces, or any folder that its user makes.
+            // Temporary folders are private. The report gets the permissions of the one it replaces, or of any new folder of the user.
             let permissions = match std::fs::metadata(&self.target) {
                 Ok(old) => old.permissions(),
                 Err(_) => std::fs::Permissions::from_mode(0o755),
@@ -110,7 +110,7 @@ fn make(path: &Path) -> Result<(), FolderError> {
     files::create_folder(path).map_err(|error| FolderError::Io { path: path.to_owned(), error })
 }
 
-/// Whether a report may be put there.
+/// Checks that a report may be written there.
 fn check(target: &Path) -> Result<(), FolderError> {
     let occupied = |why: String| Err(FolderError::Occupied { path: target.to_owned(), why });
     if !target.exists() {

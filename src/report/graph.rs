@@ -1,11 +1,11 @@
-//! What the passes of a row hand on to each other, from its plan.
+//! The graph of attachments between the passes of a row, from its plan.
 
 use super::model::PassGraph;
 use crate::bench::Case;
 use crate::pipeline::plan::{DEPTH, Plan, Slot, TRIANGLES, Work};
 use crate::pipeline::project::PassKind;
 
-/// The passes of a case that run, as its plan has them; `None` where the project can no longer be read.
+/// The passes of a case that run, according to its plan; `None` if the project cannot be read any more.
 pub(super) fn of(case: &Case, row: &str, label: &str) -> Option<PassGraph> {
     let plan = Plan::new(case.settings.open(&case.project).ok()?, case.settings.clone()).ok()?;
     let mut passes = Vec::new();

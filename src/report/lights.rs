@@ -3,12 +3,11 @@
 use crate::pipeline::project::{Light, Pass, PassKind, Project};
 use glam::Quat;
 
-/// Angle about the vertical from a copy of a light to the next, in turns: the golden angle, by which few copies are spread as evenly
-/// as many.
+/// Angle about the vertical from a copy of a light to the next, in turns. It is the golden angle, which spreads any number of copies evenly.
 const TURN: f32 = 0.381_966;
 
-/// Lets so many lights shine in each pass that has any: the first of its own, then copies of them that are turned about the vertical. A
-/// lamp's copies stand where it stands. Passes with the same lights get the same copies.
+/// Gives each pass that has lights this number of lights: the first of its own, then copies of them that are turned about the vertical. A
+/// copy of a lamp stays at the lamp's position. Passes with the same lights get the same copies.
 ///
 /// # Errors
 /// If no pass has a light.
@@ -92,7 +91,7 @@ mod tests {
                 assert!(other.direction.expect("a direction").distance(direction) > 0.5 && other.name != light.name);
             }
         }
-        // A copy of the copy has one light again: the project's own.
+        // A copy of the copy with a single light has the project's own light again.
         shine(&mut project, 1).expect("it has lights");
         assert_eq!(shining(&project), [[0]; 2]);
         assert_eq!(project.lights[0].direction, shipped("SceneShadows.xml").lights[0].direction);

@@ -1,8 +1,8 @@
-//! Reports: what each effect costs by raster and by rays on this machine, and what error each has, as a page that opens
+//! Reports: the cost and the error of each effect by raster and by rays on this machine, as a page that opens
 //! from disk.
 //!
-//! [`collect`](collect::collect) carries out a [`plan`] and gives a [`model::ReportData`], which is all that a page is made
-//! from. [`page`], [`plots`] and [`summary`] are pure functions of it; nothing there renders.
+//! [`collect`](collect::collect) carries out a [`plan`] and gives a [`model::ReportData`], from which the page is made.
+//! [`page`], [`plots`] and [`summary`] are pure functions of it, and render nothing.
 
 pub mod collect;
 mod collector;
@@ -29,23 +29,23 @@ use crate::pipeline::executor::Observer;
 use folder::{Folder, FolderError};
 use std::path::{Path, PathBuf};
 
-/// What is about to be measured.
+/// Progress: the row that is measured next.
 #[derive(Debug, Clone, Copy)]
 pub struct Told<'a> {
-    /// The row.
+    /// Label of the row.
     pub label: &'a str,
-    /// Rows dealt with.
+    /// Number of rows that are done.
     pub done: usize,
-    /// Rows in all.
+    /// Number of all rows.
     pub of: usize,
     /// Time spent and allowed.
     pub time: plan::TimePlan,
 }
 
-/// Measures, builds the page and writes the folder, which appears when it is complete.
+/// Measures, builds the page and writes the folder, which appears only when it is complete.
 ///
 /// # Errors
-/// If the folder holds something else, nothing can be measured, or files cannot be written.
+/// If the folder holds something else, no row can be measured, or files cannot be written.
 pub fn make(
     request: &Request,
     target: &Path,
@@ -69,6 +69,6 @@ fn write(data: &model::ReportData, folder: &Folder) -> Result<(), FolderError> {
     folder.write("data.json", json.as_bytes())?;
     folder.write("data.csv", crate::bench::text::csv(&data.bench).as_bytes())?;
     folder.write("data.md", crate::bench::text::markdown(&data.bench).as_bytes())?;
-    // Last: a folder without it is no report.
+    // The page is written last: a folder without it is no report.
     folder.write("index.html", page.html.as_bytes())
 }

@@ -8,12 +8,12 @@ pub const WITHIN: f64 = 0.02;
 
 /// Everything that a report shows.
 ///
-/// Figures live in [`ReportData::bench`] alone; the rest refers to its rows by [`BenchRow::key`].
+/// Measurements are in [`ReportData::bench`] only; other fields refer to its rows by [`BenchRow::key`].
 #[derive(Debug, Clone, Serialize, Deserialize)]
 pub struct ReportData {
-    /// What was drawn.
+    /// The scene that was rendered.
     pub scene: SceneFacts,
-    /// Window of all rows but those of the scaling by pixels.
+    /// Window of all rows, except those of the scaling by pixels.
     pub size: [u32; 2],
     /// Whether the short report was asked for.
     pub quick: bool,
@@ -24,14 +24,14 @@ pub struct ReportData {
     /// Root mean square error within which the cheapest setting of an effect is advised.
     #[serde(default = "default_within")]
     pub within: f64,
-    /// All rows with all samples, the machine, and what could not be measured.
+    /// All rows with all samples, the machine, and the rows that could not be measured.
     pub bench: BenchFile,
     /// Keys of the rows of the effect table, in its order.
     pub table: Vec<String>,
-    /// Keys of the rows of several samples a pixel, each group behind its row of one sample.
+    /// Keys of the rows with several samples a pixel, each group after its row with one sample.
     #[serde(default)]
     pub pixel_samples: Vec<String>,
-    /// One for each effect.
+    /// The sections, one for each effect.
     pub sections: Vec<Section>,
     /// Time against triangles, pixels, lights, samples and threads.
     pub scalings: Vec<Scaling>,
@@ -56,7 +56,7 @@ pub struct SceneFacts {
 pub enum Effect {
     /// Shadows of a directional light.
     Shadows,
-    /// Shadows of a light with a disc, that of the sun.
+    /// Shadows of a light with a disc, such as the sun.
     SoftShadows,
     /// Mirror reflection in glass.
     Reflection,
@@ -70,7 +70,7 @@ impl Effect {
     /// All, in the order of the page.
     pub const ALL: [Self; 5] = [Self::Shadows, Self::SoftShadows, Self::Reflection, Self::Refraction, Self::Occlusion];
 
-    /// As [`BenchRow::effect`] and file names have it.
+    /// Its name in [`BenchRow::effect`] and in file names.
     #[must_use]
     pub fn id(self) -> &'static str {
         match self {
@@ -82,7 +82,7 @@ impl Effect {
         }
     }
 
-    /// As a heading.
+    /// Its name as a heading.
     #[must_use]
     pub fn title(self) -> &'static str {
         match self {
@@ -94,7 +94,7 @@ impl Effect {
         }
     }
 
-    /// Within a sentence.
+    /// Its name within a sentence.
     #[must_use]
     pub fn in_words(self) -> &'static str {
         match self {
@@ -110,85 +110,85 @@ impl Effect {
 /// One effect: its pictures and every setting that was measured.
 #[derive(Debug, Clone, Serialize, Deserialize)]
 pub struct Section {
-    /// Which.
+    /// The effect.
     pub effect: Effect,
     /// The view of its pictures and settings.
     pub view: String,
-    /// Pictures that can be compared, the reference last; empty where none could be rendered.
+    /// Pictures that can be compared, the reference last; empty if none could be rendered.
     pub pictures: Vec<Picture>,
     /// FLIP maps against the reference.
     pub flip_maps: Vec<FlipMap>,
-    /// What passes hand on to each other in the rows that have pictures.
+    /// Graphs of the passes of the rows that have pictures.
     #[serde(default)]
     pub graphs: Vec<PassGraph>,
-    /// What leaving the effect out costs; `None` where it was not measured.
+    /// A frame without the effect; `None` if that was not measured.
     pub without: Option<Without>,
     /// Every setting, in the order of the table.
     pub settings: Vec<Setting>,
 }
 
-/// A frame without the effect, against the effect's reference: what an effect has to be better than.
+/// A frame without the effect, judged by the effect's reference: an effect is worth its time only if its error is less.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Without {
-    /// Row of the frame.
+    /// Key of the frame's row.
     pub row: String,
-    /// Its error, as of a row that computes the effect.
+    /// Its error, as for a row that computes the effect.
     pub error: RowError,
 }
 
 /// A rendered picture.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Picture {
-    /// What tells it from the others of its section: `raster`, `rays`, `reference`, …
+    /// Distinguishes it within its section: `raster`, `rays`, `reference`, …
     pub role: String,
-    /// What a reader calls it: `Raster: shadow map of 2048 texels`.
+    /// Name for readers: `Raster: shadow map of 2048 texels`.
     pub label: String,
     /// Path of the PNG inside the report's folder, with `/`.
     pub file: String,
-    /// Pixels.
+    /// Size in pixels.
     pub size: [u32; 2],
-    /// Row that it was rendered by; `None` for the reference.
+    /// Key of the row that rendered it; `None` for the reference.
     pub row: Option<String>,
 }
 
 /// A map of FLIP errors.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct FlipMap {
-    /// What it is a map of: the picture's label.
+    /// Label of the picture that it belongs to.
     pub label: String,
     /// Path of the PNG inside the report's folder, with `/`.
     pub file: String,
-    /// Pixels.
+    /// Size in pixels.
     pub size: [u32; 2],
     /// Mean FLIP error, 0 to 1.
     pub mean: f64,
 }
 
-/// The passes of a row, in the order in which they run, and what they hand on.
+/// The passes of a row, in the order in which they run, and the attachments between them.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 pub struct PassGraph {
-    /// The row whose times stand on its edges.
+    /// Key of the row whose times are written on the edges.
     pub row: String,
-    /// What a reader calls it: the picture's label.
+    /// Name for readers: the picture's label.
     pub label: String,
-    /// Names of the passes, and what each does.
+    /// Names of the passes, with what each does.
     pub passes: Vec<[String; 2]>,
-    /// From which pass, to which, by their places in `passes`, and the names of the attachments. The window is behind the last pass.
+    /// Edges: indices of two passes in `passes`, and names of the attachments. The window's index follows that of the last pass.
     pub edges: Vec<(usize, usize, Vec<String>)>,
 }
 
 /// One measured setting of an effect.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Setting {
-    /// Its row.
+    /// Key of its row.
     pub row: String,
-    /// What it is one of: `shadow map, 3 x 3 texels`, `rays, Sobol`. One mark and colour of the plot each.
+    /// Name of its series: `shadow map, 3 x 3 texels`, `rays, Sobol`. Each series has its own mark and colour in the plot.
     pub series: String,
-    /// What differs within the series: `2048`, `16 rays`.
+    /// Its value within the series: `2048`, `16 rays`.
     pub value: String,
 }
 
-/// What a scaling plot has on its lower axis.
+/// The quantity on the horizontal axis of a scaling plot.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Against {
@@ -198,7 +198,7 @@ pub enum Against {
     Pixels,
     /// Lights that shine.
     Lights,
-    /// Rays, or depths that are read, for each point.
+    /// Rays, or depths read, for each point.
     Samples,
     /// Threads of the processor.
     Threads,
@@ -207,7 +207,7 @@ pub enum Against {
 /// Frame time against one quantity.
 #[derive(Debug, Clone, Serialize, Deserialize)]
 pub struct Scaling {
-    /// Which quantity.
+    /// The quantity.
     pub against: Against,
     /// Lines of the plot.
     pub series: Vec<ScalingSeries>,
@@ -216,25 +216,25 @@ pub struct Scaling {
 /// One line of a scaling plot.
 #[derive(Debug, Clone, Serialize, Deserialize)]
 pub struct ScalingSeries {
-    /// What a reader calls it.
+    /// Name for readers.
     pub label: String,
     /// By rays or by raster.
     pub technique: Technique,
     /// Keys of the rows, from few to many.
     pub rows: Vec<String>,
-    /// The quantity in each row, where the row itself does not tell it.
+    /// The quantity of each row, if the row itself does not contain it.
     #[serde(default)]
     pub amounts: Vec<f64>,
 }
 
 impl ReportData {
-    /// The row of a key.
+    /// The row with a key.
     #[must_use]
     pub fn row(&self, key: &str) -> Option<&BenchRow> {
         self.bench.rows.iter().find(|row| row.key == key)
     }
 
-    /// The rows of a line of a scaling plot, each with its quantity.
+    /// The rows of a line of a scaling plot, each with its value of the quantity.
     pub fn points<'a>(
         &'a self,
         against: Against,
@@ -257,12 +257,12 @@ impl ReportData {
         self.sections.iter().find(|section| section.effect == effect)
     }
 
-    /// The measured settings of a section, with their rows; a setting without a row was not measured and is not there.
+    /// The measured settings of a section, with their rows; settings whose row is missing are left out.
     pub fn settings<'a>(&'a self, section: &'a Section) -> impl Iterator<Item = (&'a Setting, &'a BenchRow)> {
         section.settings.iter().filter_map(|setting| Some((setting, self.row(&setting.row)?)))
     }
 
-    /// The row without any effect in a view: what the G-buffer alone takes.
+    /// The row without any effect in a view: the cost of the G-buffer alone.
     #[must_use]
     pub fn base(&self, view: &str) -> Option<&BenchRow> {
         let plain = |row: &&BenchRow| row.technique == Technique::None && row.effect == "none" && row.size == self.size;
@@ -272,7 +272,7 @@ impl ReportData {
     }
 }
 
-/// Root mean square error of a row, and that of its reference; `None` where it was not measured.
+/// Root mean square error of a row, and that of its reference; `None` if it was not measured.
 #[must_use]
 pub fn rmse(row: &BenchRow) -> Option<(f64, f64)> {
     match &row.error {

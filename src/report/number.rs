@@ -23,7 +23,7 @@ pub fn significant(value: f64) -> String {
     }
 }
 
-/// An error: two significant digits, `0` only where it is exactly that.
+/// An error with two significant digits; `0` only if it is exactly 0.
 #[must_use]
 pub fn error(value: f64) -> String {
     let magnitude = value.abs();
@@ -54,7 +54,7 @@ pub fn grouped(value: u64) -> String {
     out
 }
 
-/// A large quantity in short: `56 k`, `1.05 M`.
+/// A large quantity, abbreviated: `56 k`, `1.05 M`.
 #[must_use]
 pub fn short_count(value: f64) -> String {
     let (scaled, unit) = if value >= 999_500.0 {

@@ -1,4 +1,4 @@
-//! Rounds that measure what verdicts compare, alternately.
+//! Paired rounds: measures the rows that verdicts compare, alternately.
 
 use super::Told;
 use super::collector::{Collector, Place};
@@ -12,13 +12,13 @@ use crate::bench::measure::frames;
 use crate::bench::model::{BenchRow, PairedRounds};
 use crate::pipeline::executor::{Observer, StepKind};
 
-/// Rounds of one effect where the time suffices.
+/// Number of rounds of one effect if the time suffices.
 const MOST_ROUNDS: u32 = 12;
-/// Rounds that more than two rows are measured in, at least.
+/// Least number of rounds in which more than two rows are measured.
 const MANY: u32 = 9;
-/// Settings of each technique that take part, at most.
+/// Greatest number of settings of each technique that take part.
 const SETTINGS: usize = 2;
-/// Frames of a row in a round, at most, and at least where the time suffices.
+/// Greatest number of frames of a row in a round, and the least number if the time suffices.
 const FRAMES: (u32, u32) = (5, 3);
 
 /// A row that takes part.
@@ -27,27 +27,27 @@ struct Rival {
     entry: Entry,
     key: String,
     label: String,
-    /// Of a frame, milliseconds.
+    /// Time of a frame, milliseconds.
     frame_ms: f64,
-    /// Of building what it needs, seconds; its scene is kept.
+    /// Time to build its structures, seconds. The scene is kept and not loaded again.
     setup_s: f64,
-    /// That it takes while it is open.
+    /// Memory while it is open.
     bytes: u64,
 }
 
-/// What fits into the time.
+/// The measurement that fits into the time.
 #[derive(Debug, Clone, PartialEq, Eq)]
 struct Fitting {
-    /// Settings of each technique.
+    /// Number of settings of each technique.
     settings: usize,
     rounds: u32,
-    /// Whether a row has a single frame in a round.
+    /// Whether each row has a single frame in a round.
     single: bool,
 }
 
 /// Measures the rows that verdicts compare against each other, effect by effect, and adds the frames to their rows.
 pub(super) fn measure(collector: &mut Collector<'_>, told: &mut dyn FnMut(Told<'_>), observer: &mut dyn Observer) {
-    // It holds a scene that this part needs the memory for.
+    // The references hold a scene, whose memory this part needs.
     collector.references.close();
     let mut left: Vec<(Effect, [Vec<Rival>; 2])> =
         plan::IN_TURN.into_iter().filter_map(|effect| Some((effect, rivals(collector, effect)?))).collect();
@@ -77,7 +77,7 @@ pub(super) fn measure(collector: &mut Collector<'_>, told: &mut dyn FnMut(Told<'
     }
 }
 
-/// The settings of an effect that a verdict has to choose from.
+/// The settings of an effect between which a verdict must decide by paired rounds; `None` if it needs none.
 fn rivals(collector: &Collector<'_>, effect: Effect) -> Option<[Vec<Rival>; 2]> {
     let section = collector.sections.get(&effect)?;
     let row = |key: &str| collector.file.rows.iter().find(|row| row.key == key);
@@ -111,10 +111,10 @@ fn turn_frames(rival: &Rival, slot_ms: f64, single: bool) -> u32 {
     if single { 1 } else { fitting.clamp(FRAMES.1, FRAMES.0) }
 }
 
-/// The most that fits into the effect's share of the time, or else into all that is left.
+/// The largest measurement that fits into the effect's share of the time, or else into all the time that is left.
 ///
 /// # Errors
-/// Why nothing fits.
+/// If nothing fits, with the reason.
 fn fitting(sides: &[Vec<Rival>; 2], slot_ms: f64, left_s: [f64; 2], free: u64) -> Result<Fitting, String> {
     let seconds = |settings, single, rounds: u32| {
         let rows = taking_part(sides, settings).into_iter();
@@ -151,7 +151,7 @@ fn fitting(sides: &[Vec<Rival>; 2], slot_ms: f64, left_s: [f64; 2], free: u64) -
     Err(format!("{OUT_OF_TIME} {needs}, and {} s were left for this part of the report", significant(left_s[1])))
 }
 
-/// Measures rows alternately, each from a renderer of its own, all of which stay open.
+/// Measures rows alternately. Each has a renderer of its own, and all of them stay open.
 fn alternate(
     collector: &mut Collector<'_>,
     rivals: &[&Rival],
@@ -212,7 +212,7 @@ fn rounds(
             times[index] = row.frame.median;
             match &mut totals[index] {
                 Some(total) => {
-                    // It was loaded once.
+                    // The scene was loaded only once.
                     row.setup.clear();
                     total.add(&row);
                 }
@@ -243,13 +243,13 @@ mod tests {
     fn the_time_decides_how_many_rows_and_rounds_there_are() {
         let sides = sides(50.0, 1.0);
         let of = |left_s: f64| fitting(&sides, 100.0, [left_s / 2.0, left_s], u64::MAX);
-        // Two settings of each technique, three frames each: 0.6 s a round, and 4.2 s to open them.
+        // Two settings of each technique with three frames each: a round takes 0.6 s, and opening takes 4.2 s.
         assert_eq!(of(100.0), Ok(Fitting { settings: 2, rounds: 12, single: false }));
         assert_eq!(of(20.0), Ok(Fitting { settings: 2, rounds: 9, single: false }));
         assert_eq!(of(14.0), Ok(Fitting { settings: 1, rounds: 12, single: false }));
         assert_eq!(of(8.0), Ok(Fitting { settings: 1, rounds: 6, single: false }));
         assert_eq!(of(6.1), Ok(Fitting { settings: 1, rounds: 9, single: true }));
-        // The share does not suffice, and all that is left does.
+        // The effect's share of the time does not suffice, but all the time that is left does.
         assert_eq!(of(4.3), Ok(Fitting { settings: 1, rounds: 7, single: false }));
         let why = of(2.5).expect_err("no time");
         assert!(why.starts_with(OUT_OF_TIME) && why.contains("2.70 s for 6 rounds") && why.contains("2.50 s"), "{why}");

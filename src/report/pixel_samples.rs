@@ -1,4 +1,4 @@
-//! Rows of several samples a pixel.
+//! Rows with several samples a pixel.
 
 use super::Told;
 use super::collector::{Collector, Place};
@@ -8,7 +8,7 @@ use crate::bench::model::BenchRow;
 use crate::pipeline::executor::Observer;
 use crate::pipeline::image::Image;
 
-/// Measures the rows, then compares them with references for which time is left: a reference takes longer than its row.
+/// Measures the rows, then compares them with references as far as the time suffices. References come last, since each takes longer than its row.
 pub(super) fn measure(collector: &mut Collector<'_>, told: &mut dyn FnMut(Told<'_>), observer: &mut dyn Observer) {
     let (projects, size) = (collector.request.projects.clone(), collector.request.wanted.size);
     let stage = Stage::PixelSamples;

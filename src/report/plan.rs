@@ -1,4 +1,4 @@
-//! What a report measures, in which order, and what it leaves out when the time does not suffice.
+//! Plans what a report measures, in which order, and what is left out if the time does not suffice.
 
 use super::model::{Against, Effect, WITHIN};
 use crate::BackendChoice;
@@ -6,10 +6,10 @@ use crate::bench::model::Technique;
 use crate::pipeline::pixel_samples::PixelSamples;
 use crate::pipeline::raster_effects::{EffectParams, EffectProgram};
 
-/// What is asked of a report.
+/// The requested report.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Wanted {
-    /// Window, pixels.
+    /// Window size in pixels.
     pub size: [u32; 2],
     /// The short report.
     pub quick: bool,
@@ -17,12 +17,12 @@ pub struct Wanted {
     pub budget_s: f64,
     /// Root mean square error within which the cheapest setting of an effect is advised.
     pub within: f64,
-    /// Densities of the generated square for the scaling plot; none switches it off.
+    /// Numbers of triangles of the generated square for the scaling plot; an empty list switches it off.
     pub triangles: Vec<u32>,
 }
 
 impl Wanted {
-    /// The report as it is made unless asked otherwise: ten minutes, or one.
+    /// The default report: ten minutes, or one if `quick`.
     #[must_use]
     pub fn new(quick: bool, size: Option<[u32; 2]>) -> Self {
         let (side, budget_s) = if quick { (256, 60.0) } else { (512, 600.0) };
@@ -31,7 +31,7 @@ impl Wanted {
         Self { size: size.unwrap_or([side, side]), quick, budget_s, within: WITHIN, triangles }
     }
 
-    /// Most frames of a row, and the time that they may take, milliseconds.
+    /// Most frames of a row, and the time for all of its frames, milliseconds.
     #[must_use]
     pub fn frames(&self) -> (u32, f64) {
         if self.quick { (5, 300.0) } else { (15, 2000.0) }
@@ -47,15 +47,15 @@ impl Wanted {
 /// Parts of a report, in the order in which they are measured.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Stage {
-    /// No effect, and each effect at its usual setting, with references.
+    /// No effect, and each effect at its default setting, with references.
     Effects,
     /// All other settings of each effect.
     Settings,
-    /// What verdicts compare, in paired rounds.
+    /// Rows that verdicts compare, in paired rounds.
     Paired,
     /// Several samples a pixel.
     PixelSamples,
-    /// All rows of the stages before, again.
+    /// Further rounds of all rows of the stages before.
     Rounds,
     /// Other window sizes.
     Pixels,
@@ -70,7 +70,7 @@ pub enum Stage {
 }
 
 impl Stage {
-    /// The share of the time at whose end the stage is over, so that each of the later ones gets some.
+    /// The share of the time that is used up when this stage ends. It leaves some time for later stages.
     #[must_use]
     pub fn until(self) -> f64 {
         match self {
@@ -88,52 +88,52 @@ impl Stage {
     }
 }
 
-/// Something to measure.
+/// A row to measure.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Entry {
-    /// When.
+    /// The stage in which it is measured.
     pub stage: Stage,
     /// Project file inside the projects folder, with `/`.
     pub file: &'static str,
-    /// As [`BenchRow::effect`](crate::bench::model::BenchRow::effect).
+    /// Its effect, as in [`BenchRow::effect`](crate::bench::model::BenchRow::effect).
     pub effect: &'static str,
     /// By rays or by raster.
     pub technique: Technique,
-    /// Whether it is seen in the view of the panes, where the project has that camera.
+    /// Whether it is rendered in the view of the panes, if the project has that camera.
     pub panes: bool,
-    /// `PASS.NAME=VALUE`.
+    /// Parameters, as `PASS.NAME=VALUE`.
     pub set: Vec<String>,
-    /// What a reader calls it.
+    /// Name for readers.
     pub label: String,
-    /// Series and value in the effect's plot; `None` for rows of the table alone.
+    /// Series and value in the effect's plot; `None` for rows that only the table has.
     pub setting: Option<(String, String)>,
-    /// Role and label of its picture, where it is shown.
+    /// Role and label of its picture, if it is shown.
     pub picture: Option<(&'static str, String)>,
-    /// Whether it stands in the effect table.
+    /// Whether it is a row of the effect table.
     pub in_table: bool,
-    /// Whether it is measured on the cpu although the report uses another rasteriser.
+    /// Whether it is measured on the cpu's rasteriser although the report uses another one.
     pub on_cpu: bool,
-    /// Which ray backend it is measured on, if not the report's.
+    /// The ray backend, if it is not the report's.
     pub beside: Option<BackendChoice>,
     /// Samples of every pixel.
     pub aa: PixelSamples,
-    /// Work of its effect in any unit that the entries of one project share.
+    /// Cost of its effect, in a unit that all entries of a project share.
     pub weight: f64,
 }
 
 impl Entry {
-    /// Whether a filter follows its rays, which not every backend has.
+    /// Whether a filter follows its rays. Not every backend supports that.
     #[must_use]
     pub fn is_filtered(&self) -> bool {
         self.technique == Technique::Rays && self.set.iter().any(|set| set.starts_with("pass2.filter="))
     }
 }
 
-/// How often every row of the effects and settings is measured, if the time suffices: one round after the other over all of
-/// them, so that a while in which the machine is slow does not fall on one row alone.
+/// Number of rounds over all rows of the effects and settings, if the time suffices. Every round measures all rows, so that a temporary
+/// slowdown of the machine does not affect a single row only.
 pub const ROUNDS: u32 = 3;
 
-/// Files of an effect: by rays, then by raster.
+/// Project files of an effect: the one by rays, and those by raster.
 #[must_use]
 pub fn files(effect: Effect) -> (&'static str, &'static [&'static str]) {
     match effect {
@@ -147,31 +147,31 @@ pub fn files(effect: Effect) -> (&'static str, &'static [&'static str]) {
     }
 }
 
-/// Whether a project mirrors at planes.
+/// Whether a project uses planar mirrors.
 fn is_planar(file: &str) -> bool {
     file.contains("Planar")
 }
 
-/// Whether a project marches rays through the picture.
+/// Whether a project marches rays through screen space.
 fn is_screen(file: &str) -> bool {
     file.contains("Screen")
 }
 
-/// What stands for rays that the picture does not answer, by the first number of a setting.
+/// Values for rays that screen space does not answer, indexed by the first number of a setting.
 const MISSING: [&str; 3] = ["cube", "none", "rays"];
 
-/// Rays a pixel of the usual rows of ambient occlusion and soft shadows.
+/// Rays a pixel of the default rows of ambient occlusion and soft shadows.
 pub const USUAL_SAMPLES: u32 = 16;
 
-/// The disc of the light of soft shadows: that of the sun in the sky, degrees.
+/// The diameter of the light's disc for soft shadows: that of the sun, degrees.
 pub const SUN: &str = "pass2.sun=0.53";
 
-/// Everything that is measured on the user's scene at the report's size. `gpu` tells whether the report's rasteriser is
-/// not the cpu's, which is then measured beside it; so is every usual row by rays on the ray backends `beside` the report's.
+/// All entries for the user's scene at the report's size. `gpu` says whether the report's rasteriser is another than the cpu's; raster rows are
+/// then measured on the cpu too. Default rows by rays are also measured on the ray backends `beside`.
 #[must_use]
 pub fn entries(wanted: &Wanted, gpu: bool, beside: &[BackendChoice]) -> Vec<Entry> {
     let mut entries = whole();
-    // No verdict needs it.
+    // It comes later, since no verdict needs it.
     let dummy = entries.pop();
     for effect in IN_TURN {
         entries.push(rays(effect, None));
@@ -209,8 +209,8 @@ pub fn entries(wanted: &Wanted, gpu: bool, beside: &[BackendChoice]) -> Vec<Entr
     entries
 }
 
-/// The effects in the order in which they are measured. Ambient occlusion comes before effects that many scenes do not have, and before soft
-/// shadows, whose reference takes longest.
+/// The effects in the order of measurement. Ambient occlusion comes before effects that many scenes do not have. Soft shadows come last, since
+/// their reference takes longest.
 pub(super) const IN_TURN: [Effect; 5] =
     [Effect::Shadows, Effect::Occlusion, Effect::Reflection, Effect::Refraction, Effect::SoftShadows];
 
@@ -233,7 +233,7 @@ fn entry(file: &'static str, effect: &'static str, technique: Technique, label: 
     }
 }
 
-/// Rows without an effect of their own.
+/// Rows without an effect.
 fn whole() -> Vec<Entry> {
     let none = entry("SceneNoEffects.xml", "none", Technique::None, "No effects");
     let panes = Entry { panes: true, label: "No effects, panes".to_owned(), ..none.clone() };
@@ -241,7 +241,7 @@ fn whole() -> Vec<Entry> {
     vec![none, panes, dummy]
 }
 
-/// Rows of the table that no plot shows: glass seen from afar, and all effects together.
+/// Rows of the table that no plot shows: glass from a distance, and all effects together.
 fn elsewhere() -> Vec<Entry> {
     let afar = |effect: Effect| {
         let (by_rays, by_raster) = files(effect);
@@ -268,7 +268,7 @@ fn elsewhere() -> Vec<Entry> {
     rows
 }
 
-/// The usual rows of the effects without glass, and of all effects together, in the view of the panes as well.
+/// The default rows of effects without glass, and of all effects together, in the view of the panes.
 fn in_the_other_view(entries: &[Entry]) -> Vec<Entry> {
     let is_of_glass = |entry: &Entry| ["reflection", "refraction"].contains(&entry.effect);
     let usual = |entry: &&Entry| {
@@ -286,7 +286,7 @@ fn in_the_other_view(entries: &[Entry]) -> Vec<Entry> {
     entries.iter().filter(usual).map(seen).collect()
 }
 
-/// An effect by rays. `other` are samples and sampler of a row that is not the usual one.
+/// An effect by rays. `other` holds samples and sampler; `None` for the default row.
 fn rays(effect: Effect, other: Option<(u32, &'static str)>) -> Entry {
     let base = entry(files(effect).0, effect.id(), Technique::Rays, "");
     let panes = matches!(effect, Effect::Reflection | Effect::Refraction);
@@ -324,8 +324,9 @@ fn rays(effect: Effect, other: Option<(u32, &'static str)>) -> Entry {
     }
 }
 
-/// An effect by raster. `other` are the parameters of a row that is not the usual one: the map's side, in quarters of what fits a picture of
-/// this size, and the number of cascades; the mirrors; an index into [`MISSING`]; or slices and steps.
+/// An effect by raster. `other` holds two parameters, depending on the effect; `None` for the default row. They are the side of the map, in
+/// quarters of the one that fits a picture of this size, and the number of cascades; the number of mirrors; an index into [`MISSING`]; or
+/// slices and steps.
 fn raster(effect: Effect, file: &'static str, other: Option<(u32, u32)>, size: [u32; 2]) -> Entry {
     let fitted = |program| EffectParams::fitted_map_size(program, size);
     let base = entry(file, effect.id(), Technique::Raster, "");
@@ -386,7 +387,7 @@ fn raster(effect: Effect, file: &'static str, other: Option<(u32, u32)>, size: [
     }
 }
 
-/// The settings of an effect beside its usual ones.
+/// The entries of an effect with other than default settings.
 fn sweep(effect: Effect, wanted: &Wanted) -> Vec<Entry> {
     let (quick, size) = (wanted.quick, wanted.size);
     let (_, by_raster) = files(effect);
@@ -454,14 +455,14 @@ fn sweep(effect: Effect, wanted: &Wanted) -> Vec<Entry> {
             entries.extend([1, 4].iter().map(filtered));
             let strata: &[u32] = if quick { &[1, 4, 16] } else { &[1, 4, 9, 16, 25, 49, 100] };
             entries.extend(strata.iter().map(|count| rays(effect, Some((*count, "strata")))));
-            // From cheap to dear, so that what no longer fits is the dearest.
+            // From cheap to expensive, so that the most expensive ones are left out for lack of time.
             entries.sort_by(|a, b| a.weight.total_cmp(&b.weight));
             entries
         }
     }
 }
 
-/// A row with another value of an option.
+/// An entry with another value of an option.
 fn optioned(mut entry: Entry, name: &str, value: &str) -> Entry {
     entry.set.push(format!("pass2.{name}={value}"));
     entry.label += &format!(", {name}={value}");
@@ -469,8 +470,8 @@ fn optioned(mut entry: Entry, name: &str, value: &str) -> Entry {
     entry
 }
 
-/// Rows of several samples a pixel, each with the row of one sample that it stands beside: no effects, each effect by rays and by raster (with `--quick`
-/// shadows alone), and all effects together. All with few samples come before those with many.
+/// Rows with several samples a pixel, each with its row with one sample: no effects, each effect by rays and by raster (with `--quick` shadows
+/// only), and all effects together. All rows with few samples come before those with many.
 #[must_use]
 pub fn pixel_samples(wanted: &Wanted) -> Vec<(Entry, Entry)> {
     let effects: &[Effect] = if wanted.quick { &IN_TURN[..1] } else { &IN_TURN };
@@ -489,7 +490,7 @@ pub fn pixel_samples(wanted: &Wanted) -> Vec<(Entry, Entry)> {
         ..line.clone()
     };
     let several = [4, 16].into_iter().filter_map(PixelSamples::new);
-    // Of an adaptive number rays are traced for fewer samples where nothing differs.
+    // Adaptive sampling: rays are traced for only some of the samples where these do not differ.
     let adaptive = PixelSamples::new(16).and_then(|samples| samples.within(TOLERANCE));
     let of = |aa: PixelSamples| {
         let lines = lines.iter().filter(move |line| aa.tolerance().is_none() || line.technique == Technique::Rays);
@@ -498,7 +499,7 @@ pub fn pixel_samples(wanted: &Wanted) -> Vec<(Entry, Entry)> {
     several.chain(adaptive).flat_map(of).collect()
 }
 
-/// The difference between samples up to which rows of an adaptive number trace rays for four of them.
+/// With adaptive sampling: rays are traced for only four samples where these differ by at most this.
 const TOLERANCE: f32 = 0.02;
 
 /// The lines of the scaling plots: without effects, and shadows and ambient occlusion by each technique.
@@ -515,7 +516,7 @@ pub fn scaling_lines(wanted: &Wanted) -> Vec<Entry> {
         .collect()
 }
 
-/// Window sizes of the scaling by pixels: the report's, and others with the same shape, a factor of four apart in pixels.
+/// Window sizes of the scaling by pixels: the report's size, and others with the same shape. Numbers of pixels differ by factors of four.
 #[must_use]
 pub fn pixel_sizes(wanted: &Wanted) -> Vec<[u32; 2]> {
     let scaled = |halvings: i32| wanted.size.map(|side| (f64::from(side) * 2_f64.powi(-halvings)).round() as u32);
@@ -530,14 +531,14 @@ pub fn thread_counts(all: usize) -> Vec<usize> {
     doubled.chain(Some(all.max(1))).collect()
 }
 
-/// Numbers of lights of the scaling by lights: doubled, as what they cost is expected to.
+/// Numbers of lights of the scaling by lights, doubled each time, since costs are expected to grow in proportion.
 pub const LIGHT_COUNTS: [u32; 4] = [1, 2, 4, 8];
 
-/// Rays to the disc of each light in the scaling by lights.
+/// Rays to each light's disc in the scaling by lights.
 const LIGHT_SAMPLES: u32 = 4;
 
-/// The lines of the scaling by lights: without effects, hard shadows and, where the time suffices, soft shadows. They are
-/// traced: raster effects know one light, and occlusion none.
+/// The lines of the scaling by lights: without effects, hard shadows and, if the time suffices, soft shadows. Shadows are traced, since raster
+/// effects support one light only. Occlusion does not depend on lights.
 #[must_use]
 pub fn light_lines(wanted: &Wanted) -> Vec<Entry> {
     let soft = (!wanted.quick).then(|| rays(Effect::SoftShadows, Some((LIGHT_SAMPLES, "sobol"))));
@@ -545,14 +546,14 @@ pub fn light_lines(wanted: &Wanted) -> Vec<Entry> {
     lines.map(|line| Entry { setting: None, picture: None, in_table: false, stage: Stage::Lights, ..line }).collect()
 }
 
-/// A line of the scaling by lights where `count` shine: each asks for rays of its own.
+/// A line of the scaling with `count` lights; each light adds rays.
 #[must_use]
 pub fn lit_by(line: &Entry, count: u32) -> Entry {
     let times = if line.technique == Technique::Rays { f64::from(count) } else { 1.0 };
     Entry { weight: times * line.weight, ..line.clone() }
 }
 
-/// What a scaling stage is called where it is left out.
+/// Name of a point of a scaling, for messages that it is left out.
 #[must_use]
 pub fn scaling_name(against: Against, amount: u64) -> String {
     let plural = if amount == 1 { "" } else { "s" };
@@ -565,29 +566,29 @@ pub fn scaling_name(against: Against, amount: u64) -> String {
     }
 }
 
-/// How the reason begins where something is left out for lack of time.
+/// The beginning of the reason for everything that is left out for lack of time.
 pub const OUT_OF_TIME: &str = "left out: it would take";
 
-/// The time: what is allowed and what is spent, seconds.
+/// The allowed and the spent time.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct TimePlan {
-    /// Allowed.
+    /// Time allowed, seconds.
     pub total_s: f64,
-    /// Spent so far.
+    /// Time spent so far, seconds.
     pub spent_s: f64,
 }
 
 impl TimePlan {
-    /// What a stage has left.
+    /// Time that a stage has left, seconds.
     #[must_use]
     pub fn left_s(&self, stage: Stage) -> f64 {
         (self.total_s * stage.until() - self.spent_s).max(0.0)
     }
 
-    /// Whether something that is expected to take this long still fits into its stage.
+    /// Checks that something with this expected time still fits into its stage.
     ///
     /// # Errors
-    /// The reason why it is left out.
+    /// If it does not fit, with the reason.
     pub fn admit(&self, stage: Stage, expected_s: f64) -> Result<(), String> {
         let left = self.left_s(stage);
         if expected_s <= left {
@@ -602,7 +603,7 @@ impl TimePlan {
     }
 }
 
-/// How many frames fit into `slot_ms`: at least 3, at most `most`.
+/// The number of frames that fit into `slot_ms`: at least 3, at most `most`.
 #[must_use]
 pub fn frames(expected_ms: f64, slot_ms: f64, most: u32) -> u32 {
     let fitting = (slot_ms / expected_ms.max(1e-3)).floor();
@@ -610,8 +611,8 @@ pub fn frames(expected_ms: f64, slot_ms: f64, most: u32) -> u32 {
     (fitting as u32).clamp(3.min(most), most)
 }
 
-/// Bytes that a generated scene takes at its peak, about: the scene in memory beside its file, then the structure with
-/// what building it needs. Measured: 4.6 GiB for ten million triangles.
+/// Approximate peak memory of a generated scene in bytes: first the scene in memory beside its file, then the structure with
+/// the memory for building it. Measured: 4.6 GiB for ten million triangles.
 #[must_use]
 pub fn peak_bytes(triangles: u32) -> u64 {
     u64::from(triangles) * 520

@@ -18,7 +18,7 @@ use std::io;
 use std::path::Path;
 use std::time::Instant;
 
-/// Largest project file that is copied, bytes: no larger one is loaded.
+/// Largest project file that is copied, bytes; larger ones cannot be loaded either.
 const MOST_FILE: u64 = 16 << 20;
 
 fn empty(lines: &[Entry]) -> Vec<ScalingSeries> {
@@ -31,7 +31,7 @@ fn empty(lines: &[Entry]) -> Vec<ScalingSeries> {
     lines.iter().map(series).collect()
 }
 
-/// The user's scene in windows of other sizes.
+/// Measures the user's scene in windows of other sizes.
 pub(super) fn by_pixels(
     collector: &mut Collector<'_>,
     sizes: &[[u32; 2]],
@@ -56,7 +56,7 @@ pub(super) fn by_pixels(
     Scaling { against: Against::Pixels, series }
 }
 
-/// The user's scene on pools of fewer threads, by the engines of the processor.
+/// Measures the user's scene on pools of fewer threads, with the engines of the processor.
 pub(super) fn by_threads(
     collector: &mut Collector<'_>,
     counts: &[usize],
@@ -85,7 +85,7 @@ pub(super) fn by_threads(
     Scaling { against: Against::Threads, series }
 }
 
-/// The user's scene with other numbers of lights, in temporary copies of the projects.
+/// Measures the user's scene with other numbers of lights, in temporary copies of the projects.
 pub(super) fn by_lights(
     collector: &mut Collector<'_>,
     folder: &Folder,
@@ -110,7 +110,7 @@ pub(super) fn by_lights(
     Scaling { against: Against::Lights, series }
 }
 
-/// The settings of the effects that differ in their samples alone: nothing is measured again.
+/// Takes the settings of the effects that differ only in their samples, without measuring again.
 pub(super) fn by_samples(collector: &Collector<'_>) -> Scaling {
     let mut lines: Vec<(ScalingSeries, Vec<(f64, String)>)> = Vec::new();
     for effect in [Effect::Occlusion, Effect::SoftShadows] {
@@ -134,7 +134,7 @@ pub(super) fn by_samples(collector: &Collector<'_>) -> Scaling {
     Scaling { against: Against::Samples, series }
 }
 
-/// Rays of a point, or depths that are read for it, by the parameters of a row.
+/// Rays, or depths read, for each point, from the parameters of a row.
 fn samples(set: &[String]) -> Option<f64> {
     let number = |name: &str| {
         let of = |one: &String| one.strip_prefix("pass2.")?.strip_prefix(name)?.strip_prefix('=')?.parse::<f64>().ok();
@@ -144,7 +144,7 @@ fn samples(set: &[String]) -> Option<f64> {
     number("samples").or_else(|| number("sunsamples")).or_else(depths)
 }
 
-/// The generated square at other densities, in a temporary copy of the projects.
+/// Measures the generated square with other numbers of triangles, in a temporary copy of the projects.
 pub(super) fn by_triangles(
     collector: &mut Collector<'_>,
     folder: &Folder,
@@ -156,7 +156,7 @@ pub(super) fn by_triangles(
         .map(|line| Entry { stage: Stage::Triangles, ..line })
         .collect();
     let mut series = empty(&lines);
-    // What the last scene took to generate and write: its textures, the same for all, take most of it at first. A
+    // Time to generate and write the last scene. At first, most of it is for the textures, which all scenes share. A
     // triangle takes about 0.7 microseconds on an idle machine.
     let mut generation_s = 0.5;
     let per_triangle_s = 2e-6;
@@ -207,7 +207,7 @@ fn measure_lines(
         match collector.row(&shown, place, told, observer) {
             Ok((_, mut row, _)) => {
                 row.label.clone_from(&line.label);
-                // The copy's folder is temporary, and means nothing to a reader.
+                // The copy's folder is temporary.
                 row.project = line.file.into();
                 row.error = crate::bench::model::RowError::Missing("only the time was asked for".to_owned());
                 series.rows.push(row.key.clone());
@@ -222,7 +222,7 @@ fn measure_lines(
     }
 }
 
-/// Copies the projects of some lines into a temporary folder, each of their passes with so many lights.
+/// Copies the projects of some lines into a temporary folder, with `count` lights in each of their passes.
 fn copy_with_lights(projects: &Path, folder: &Folder, lines: &[Entry], count: u32) -> Result<TemporaryFolder, String> {
     let copy = folder.scratch().map_err(|error| format!("no copy of the projects can be made: {error}"))?;
     let mut files: Vec<&str> = lines.iter().map(|line| line.file).collect();
@@ -241,7 +241,7 @@ fn joined(problems: &Problems) -> String {
     problems.0.iter().map(ToString::to_string).collect::<Vec<_>>().join("; ")
 }
 
-/// Copies project files and material libraries into a temporary folder, with a generated square in the scene's place.
+/// Copies project files and material libraries into a temporary folder, with a generated square instead of the scene.
 fn copy_with_square(projects: &Path, folder: &Folder, triangles: u32) -> io::Result<TemporaryFolder> {
     let copy = folder.scratch()?;
     copy_files(projects, copy.path(), "xml")?;
@@ -266,7 +266,7 @@ fn copy_files(from: &Path, to: &Path, extension: &str) -> io::Result<()> {
     Ok(())
 }
 
-/// Bytes of memory that programs can have without swapping; `None` where the system does not tell.
+/// Memory in bytes that is available without swapping; `None` if the system does not report it.
 pub(super) fn memory_left() -> Option<u64> {
     let text = fs::read_to_string("/proc/meminfo").ok()?;
     let line = text.lines().find_map(|line| line.strip_prefix("MemAvailable:"))?;

@@ -1,4 +1,4 @@
-//! The "in short" of a report in sentences, from the verdicts.
+//! The summary of a report ("in short") in sentences, from the verdicts.
 
 use super::model::{Effect, ReportData};
 use super::number::{error, milliseconds, significant};
@@ -6,7 +6,7 @@ use super::verdict::{Advice, Candidate, FRAME_60_MS, Fit, Verdict, verdicts};
 use crate::bench::Interval;
 use crate::bench::model::Technique;
 
-/// The paragraph, one sentence an entry.
+/// The sentences of the summary.
 #[must_use]
 pub fn in_short(data: &ReportData) -> Vec<String> {
     let verdicts = verdicts(data, data.within);
@@ -102,7 +102,7 @@ fn range(interval: Interval) -> String {
     format!("{} to {}", significant(interval.low), significant(interval.high))
 }
 
-/// The row's label without the effect's name, where it begins with that.
+/// The row's label, without the effect's name if it begins with that.
 fn setting(effect: Effect, candidate: &Candidate) -> &str {
     candidate.label.strip_prefix(effect.title()).map_or(candidate.label.as_str(), str::trim_start)
 }
@@ -160,7 +160,7 @@ fn unknown_errors(verdicts: &[Verdict]) -> Option<String> {
     (!parts.is_empty()).then(|| format!("The fastest, without a judgement of the picture: {}.", list(&parts)))
 }
 
-/// Which of the settings above can be shown at 60 frames a second, each taken alone.
+/// A sentence about which of the chosen settings, each alone, run at 60 frames a second.
 fn in_time(data: &ReportData, verdicts: &[Verdict]) -> Option<String> {
     let measured: Vec<(&Verdict, Fit)> =
         verdicts.iter().filter_map(|verdict| Some((verdict, verdict.setting()?.fit(FRAME_60_MS)))).collect();
@@ -180,13 +180,13 @@ fn in_time(data: &ReportData, verdicts: &[Verdict]) -> Option<String> {
     (!parts.is_empty()).then(|| format!("At 60 frames a second ({ms} a frame) each alone is {}.", parts.join("; ")))
 }
 
-/// Whether what was chosen fits together: the frame without effects and what each adds to it.
+/// A sentence about the time of all chosen settings in one frame: the frame without effects, plus what each setting adds.
 fn together(data: &ReportData, verdicts: &[Verdict]) -> Option<String> {
     let mut sum = 0.0;
     let mut count = 0;
     let mut base_ms = 0.0_f64;
     let soft = |verdict: &&Verdict| verdict.effect != Effect::SoftShadows;
-    // Of hard and soft shadows a frame has one.
+    // A frame has either hard or soft shadows.
     for verdict in verdicts.iter().filter(soft) {
         if let Advice::Choose { .. } | Advice::NoDifference { .. } | Advice::NotCertain { .. } = &verdict.advice {
             let base = data.base(&data.section(verdict.effect)?.view)?.frame.median;

@@ -1,4 +1,4 @@
-//! The page and its summary from invented numbers: nothing is rendered.
+//! Tests of the page and its summary with invented numbers: nothing is rendered.
 
 mod columns;
 
@@ -189,7 +189,7 @@ fn advice(data: &ReportData) -> Advice {
     verdicts(data, data.within).remove(0).advice
 }
 
-/// [`report`] with a frame without shadows, which has this error.
+/// As [`report`], with this error of a frame without shadows.
 fn beside_nothing(without: f64, rays: (f64, RowError), raster: (f64, RowError)) -> ReportData {
     let mut data = report(2.0, rays, raster);
     data.sections[0].without = Some(Without { row: "none".to_owned(), error: against(without) });
@@ -206,7 +206,7 @@ fn the_cheapest_setting_within_the_error_is_chosen_and_the_other_technique_stand
     assert!(text.contains("whose error is at most 0.020 (RMSE of the effect)"), "{text}");
     assert!(text.contains("Rasterise shadows (by shadow map: 4.00 ms, RMSE 0.015; by shadow <rays> takes"), "{text}");
     assert!(text.contains("Not measured: soft shadows, reflection, refraction and ambient occlusion"), "{text}");
-    // A smaller error is asked for.
+    // The requested error is smaller.
     data.within = 0.01;
     assert!(matches!(advice(&data), Advice::Choose { best, other: None } if best.technique == Technique::Rays));
     let text = in_short(&data).join(" ");
@@ -228,7 +228,7 @@ fn an_error_that_the_reference_cannot_tell_is_its_own() {
 
 #[test]
 fn what_is_hardly_better_than_nothing_is_never_advised() {
-    // Within the error, but not twice as near as a frame without the effect.
+    // Within the error, but not below half of the error of a frame without the effect.
     let data = beside_nothing(0.025, (12.0, against(0.001)), (4.0, against(0.015)));
     assert!(matches!(advice(&data), Advice::Choose { best, other: None } if best.technique == Technique::Rays));
     let data = beside_nothing(0.05, (12.0, against(0.001)), (4.0, against(0.015)));
@@ -239,7 +239,7 @@ fn what_is_hardly_better_than_nothing_is_never_advised() {
     let text = in_short(&data).join(" ");
     assert!(text.contains("a frame without it is within the error: shadows (RMSE 0.012)"), "{text}");
     assert!(page::build(&data).html.contains("leave out"));
-    // Nothing is known of a frame without the effect.
+    // The error of a frame without the effect is not known.
     let mut data = report(2.0, (12.0, against(0.001)), (4.0, against(0.015)));
     data.sections[0].without = Some(Without { row: "none".to_owned(), error: missing() });
     assert!(matches!(advice(&data), Advice::Choose { best, .. } if best.technique == Technique::Raster));
@@ -302,26 +302,26 @@ fn what_the_choices_would_take_together_is_given_as_an_estimate() {
         data.sections.push(section);
     }
     let text = in_short(&data).join(" ");
-    // 2 ms without effects and 10 ms more for each of four.
+    // 2 ms without effects, and 10 ms more for each of four effects.
     assert!(text.contains("All 4 in one frame would take about 42.0 ms, which is too slow"), "{text}");
     assert!(text.contains("an estimate, not a measurement"), "{text}");
 }
 
-/// A machine whose frames take their times with 5 % of noise, normally distributed, and whose speed drifts.
+/// A simulated machine whose frame times have normally distributed noise of 5 %, and whose speed drifts.
 struct Machine {
     state: u64,
     drift: Drift,
-    /// How many times as long as at first a frame takes now.
+    /// Present duration of a frame, relative to its duration at first.
     slow: f64,
 }
 
 #[derive(Clone, Copy, PartialEq)]
 enum Drift {
-    /// None.
+    /// No drift.
     Still,
-    /// By a factor whose logarithm walks at random, between slots of time.
+    /// Between slots of time, the duration changes by a factor whose logarithm is a random walk.
     Walks,
-    /// To 1.5 times as long and back, at random, between slots of time.
+    /// Between slots of time, the duration switches at random between 1 and 1.5 times its first value.
     Steps,
 }
 
@@ -335,7 +335,7 @@ impl Machine {
         (self.state >> 40) as f64 / f64::from(1 << 24)
     }
 
-    /// Twelve uniform numbers have variance 1.
+    /// The sum of twelve uniform numbers has variance 1.
     fn normal(&mut self) -> f64 {
         (0..12).map(|_| self.uniform()).sum::<f64>() - 6.0
     }
@@ -344,8 +344,8 @@ impl Machine {
         (0..frames).map(|_| self.slow * ms * (1.0 + 0.05 * self.normal())).collect()
     }
 
-    /// Time passes: as much as lies between two rows that are measured one after the other, or, with a smaller `share`, between two rows of a
-    /// round.
+    /// Lets time pass: with a `share` of 1 the time between two rows that are measured one after the other, with a smaller one the time between two
+    /// rows of a round.
     fn pass(&mut self, share: f64) {
         match self.drift {
             Drift::Still => {}
@@ -359,7 +359,7 @@ impl Machine {
     }
 }
 
-/// Which verdict is right: trace, rasterise, no difference.
+/// Index of the right verdict: trace, rasterise, no difference.
 fn right(rays_ms: f64, raster_ms: f64) -> usize {
     match rays_ms / raster_ms {
         ratio if ratio < 1.0 / 1.1 => 0,
@@ -368,7 +368,7 @@ fn right(rays_ms: f64, raster_ms: f64) -> usize {
     }
 }
 
-/// Verdicts of 300 simulated reports with so many paired rounds of so many frames each: trace, rasterise, no difference.
+/// Verdicts of 300 simulated reports with this number of paired rounds, and of frames in each: trace, rasterise, no difference.
 fn simulated(rays_ms: f64, raster_ms: f64, (rounds, frames): (usize, usize), drift: Drift) -> [usize; 3] {
     let mut machine = Machine::new(drift);
     let mut counts = [0; 3];
@@ -397,12 +397,12 @@ fn simulated(rays_ms: f64, raster_ms: f64, (rounds, frames): (usize, usize), dri
     counts
 }
 
-/// How many of 300 verdicts would be wrong that are made of the frames of two rows, each measured in a slot of its own.
+/// Number of wrong verdicts among 300 that compare the frames of two rows, each measured in a slot of its own.
 fn wrong_by_slots(rays_ms: f64, raster_ms: f64, drift: Drift) -> usize {
     let mut machine = Machine::new(drift);
     let wrong = |_: &i32| {
         machine.slow = 1.0;
-        // The machine is in any of its states when the first row is measured.
+        // The machine may be in any of its states when the first row is measured.
         machine.pass(1.0);
         let rays = machine.frames(rays_ms, 15);
         machine.pass(1.0);
@@ -422,10 +422,10 @@ fn noise_of_five_percent_changes_no_verdict() {
             assert!(counts[right(rays, raster)] >= 297, "{rounds:?}, {rays} and {raster} ms: {counts:?}");
         }
     }
-    // One frame a round, where the time suffices for no more.
+    // One frame a round, as when the time does not suffice for more.
     assert!(simulated(10.0, 15.0, (6, 1), Drift::Still)[0] >= 297);
     assert!(simulated(10.0, 10.0, (6, 1), Drift::Still)[2] >= 297);
-    // Rows of a machine that does not drift could be told apart one after the other.
+    // Without drift, rows measured one after the other can be told apart.
     assert!(wrong_by_slots(10.0, 15.0, Drift::Still) <= 3);
 }
 
@@ -438,7 +438,7 @@ fn a_machine_whose_speed_drifts_changes_no_verdict() {
                 let counts = simulated(rays, raster, rounds, drift);
                 assert!(counts[right] >= 297, "{rounds:?}, {rays} and {raster} ms: {counts:?}");
             }
-            // Six rounds say less often which is cheaper, and never the wrong one.
+            // With six rounds, fewer verdicts are certain, but none is wrong.
             let counts = simulated(rays, raster, (6, 5), drift);
             assert!(counts[right] >= 270 && counts[right] + counts[2] >= 300, "{rays} and {raster} ms: {counts:?}");
         }
@@ -470,9 +470,9 @@ fn without_enough_paired_rounds_nothing_is_certain() {
         data.bench.paired[0].missing = Some("left out: it would take about 9 s".to_owned());
     };
     assert_eq!(uncertain(&late), "left out: it would take about 9 s");
-    // Rows that were measured elsewhere against each other tell nothing of these.
+    // Paired rounds of other rows do not count.
     uncertain(&|data| data.bench.paired[0].rows[0] = "another".to_owned());
-    // Neither do rounds of a setting that takes far longer than one that is within the error as well.
+    // Nor do rounds of a setting that takes far longer than another setting within the error.
     uncertain(&|data| {
         let key = data.bench.rows[1].key.clone();
         let slow = BenchRow { key: "slow".to_owned(), frame: stats(30.0), ..data.bench.rows[1].clone() };
@@ -487,7 +487,7 @@ fn without_enough_paired_rounds_nothing_is_certain() {
 #[test]
 fn of_several_settings_the_rounds_tell_the_cheapest() {
     let mut data = report(2.0, (12.0, against(0.001)), (20.0, against(0.002)));
-    // Another setting by raster, which took longer when it was measured first, and does not in the rounds.
+    // Another setting by raster: it took longer at first, but not in the paired rounds.
     let other = BenchRow {
         key: "other map".to_owned(),
         label: "Shadows by another map".to_owned(),
@@ -511,7 +511,7 @@ fn verdicts_can_be_made_again_from_what_is_written() {
     let text = serde_json::to_string(&data).expect("JSON");
     let again: ReportData = serde_json::from_str(&text).expect("a report");
     assert_eq!((advice(&again), in_short(&again)), (advice(&data), in_short(&data)));
-    // Files from before have no paired rounds.
+    // Files of earlier versions have no paired rounds.
     let mut old: serde_json::Value = serde_json::from_str(&text).expect("JSON");
     assert!(old["bench"].as_object_mut().expect("a file").remove("paired").is_some());
     let old: ReportData = serde_json::from_value(old).expect("an older report");
@@ -541,7 +541,7 @@ fn the_pareto_front_holds_what_nothing_beats() {
     assert!(pareto_front(&[]).is_empty());
 }
 
-/// Every element is closed, in order; the page has no stray `<` or `&`. HTML's void elements have no end.
+/// Checks that every element is closed, in order, and that there is no stray `<` or `&`. HTML's void elements have no end.
 fn assert_well_formed(html: &str) {
     const VOID: [&str; 5] = ["meta", "link", "img", "input", "br"];
     let mut open: Vec<String> = Vec::new();
@@ -576,7 +576,7 @@ fn the_page_is_well_formed_escapes_names_and_asks_the_network_for_nothing() {
     assert_well_formed(&page.html);
     assert!(page.html.contains("shadow &lt;rays&gt;") && !page.html.contains("shadow <rays>"));
     assert!(page.html.contains("no adapter &amp; no driver"));
-    // A filter of the page itself is asked for by its name, and pictures beside the page by the values of its lists.
+    // References inside the page, to a filter and to pictures chosen in lists, are allowed.
     let beyond = page.html.replace("url(#", "").replace("url(\"${select.value}\")", "");
     for word in ["http:", "https:", "//cdn", "@import", "url("] {
         assert!(!beyond.contains(word), "`{word}`");
@@ -751,7 +751,7 @@ fn marks_of_speed_against_error_have_the_intervals_of_their_times() {
                 points.split('"').next()?.split([' ', ',']).filter_map(|number| number.parse().ok()).collect();
             numbers.try_into().ok()
         };
-        // Level lines in the colours of marks: from the one end to the other.
+        // Lengths of the short horizontal lines in the colours of marks.
         let level = |[from, y, to, at]: [i32; 4]| (y == at && (from - to).abs() < 200).then_some((from - to).abs());
         let marked = plot.lines().filter(|line| line.contains("var(--rays") || line.contains("var(--raster"));
         marked.filter_map(|line| level(ends(line)?)).collect::<Vec<i32>>()

@@ -1,6 +1,6 @@
-//! Which technique an effect should use: the cheapest setting within an error. Whether one technique is the cheaper is told by rounds in which
-//! both were measured alternately ([`PairedRounds`]), and by nothing else: rows that were measured one after the other differ by what
-//! the machine did meanwhile as well.
+//! Chooses the technique of each effect: the cheapest setting within an error. Which technique is cheaper is decided only by rounds in which
+//! both were measured alternately ([`PairedRounds`]). Rows that were measured one after the other also differ by changes of the
+//! machine in the meantime.
 
 use super::model::{Effect, ReportData, Section, Without};
 use crate::bench::Interval;
@@ -11,21 +11,21 @@ use crate::pipeline::executor::median;
 /// Time of a frame at 60 frames a second, milliseconds.
 pub const FRAME_60_MS: f64 = 1000.0 / 60.0;
 
-/// Two settings are told apart where one surely takes this many times as long as the other.
+/// One setting is cheaper than another if the other surely takes at least this many times as long.
 const APART: f64 = 1.1;
 
-/// Settings of one technique may be its cheapest where they take at most this many times as long as the cheapest measured so far: between
-/// two rows that are measured one after the other, the machine may change by as much.
+/// A setting may be the cheapest of its technique if it takes at most this many times as long as the cheapest measured so far. Between
+/// two rows that are measured one after the other, the machine's speed may change by as much.
 const NEAR: f64 = 1.5;
 
-/// The cheapest setting of paired rounds stands for its technique where it takes at most this many times as long as every other
-/// setting: of rows that were measured at different times the order is not known better.
+/// The cheapest setting in paired rounds represents its technique if, in the first measurement, it took at most this many times as long as
+/// every other setting. Measurements at different times do not determine the order more precisely.
 const STANDS: f64 = 2.0;
 
-/// A setting helps where its error is at most this share of the error of a frame without the effect.
+/// A setting is useful only if its error is at most this share of the error of a frame without the effect.
 const HELPS: f64 = 0.5;
 
-/// One setting as the choice sees it.
+/// A setting with what the choice depends on.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Candidate {
     /// Key of the row.
@@ -36,9 +36,9 @@ pub struct Candidate {
     pub label: String,
     /// Median time of a whole frame, milliseconds.
     pub frame_ms: f64,
-    /// Its interval.
+    /// Confidence interval of that median.
     pub interval: Option<Interval>,
-    /// Its error, or why it has none.
+    /// Its error, or the reason why it has none.
     pub error: Result<Quality, String>,
 }
 
@@ -49,26 +49,26 @@ pub struct Quality {
     pub rmse: f64,
     /// Mean FLIP error.
     pub flip: f64,
-    /// Root mean square error of the reference: smaller differences mean nothing.
+    /// Root mean square error of the reference itself; smaller differences are meaningless.
     pub own_error: f64,
 }
 
 impl Quality {
-    /// The error as far as the reference can tell it.
+    /// The error, or that of the reference if it is larger.
     #[must_use]
     pub fn known(self) -> f64 {
         self.rmse.max(self.own_error)
     }
 }
 
-/// What to do with an effect.
+/// Advice for an effect.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Advice {
-    /// The cheapest setting within the error; the other technique is surely slower, or has no setting within it.
+    /// The cheapest setting within the error. The other technique is surely slower, or has no setting within the error.
     Choose {
-        /// What to use.
+        /// The setting to use.
         best: Candidate,
-        /// The cheapest setting of the other technique within the error, and how many times as long it takes.
+        /// The other technique's cheapest setting within the error, and the ratio of its time to that of `best`.
         other: Option<(Candidate, Interval)>,
     },
     /// Both techniques have a setting within the error, and neither is surely cheaper.
@@ -80,32 +80,32 @@ pub enum Advice {
         /// Time by rays divided by time by raster.
         ratio: Interval,
     },
-    /// Both techniques have a setting within the error, and too few paired rounds tell which is cheaper.
+    /// Both techniques have a setting within the error, but there are too few paired rounds to tell which is cheaper.
     NotCertain {
-        /// The cheapest by rays, as far as it is known.
+        /// The cheapest setting by rays, as far as known.
         rays: Candidate,
-        /// The cheapest by raster, as far as it is known.
+        /// The cheapest setting by raster, as far as known.
         raster: Candidate,
-        /// Why there are too few.
+        /// Why there are too few rounds.
         why: String,
     },
-    /// A frame without the effect is within the error already.
+    /// A frame without the effect is already within the error.
     LeaveOut {
         /// The frame without the effect.
         without: Candidate,
     },
-    /// No setting is within the error and better than nothing.
+    /// No setting is within the error and useful.
     NoneWithin {
         /// The setting with the least error.
         nearest: Candidate,
     },
-    /// No setting has an error: the fastest.
+    /// No setting has an error; this is the fastest one.
     UnknownError(Candidate),
     /// There is no setting at all.
     NotMeasured,
 }
 
-/// Whether a frame can be shown in time, by the interval of its median.
+/// Whether a frame's time is within a limit, by the interval of its median.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Fit {
     /// The whole interval is below the limit.
@@ -119,14 +119,14 @@ pub enum Fit {
 /// Advice for one effect.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Verdict {
-    /// Which effect.
+    /// The effect.
     pub effect: Effect,
-    /// What to do.
+    /// The advice.
     pub advice: Advice,
 }
 
 impl Verdict {
-    /// The setting that the advice is about: of two that are equal, the one with the lower median.
+    /// The setting that the advice is about; if there is no difference between two, the one with the lower median.
     #[must_use]
     pub fn setting(&self) -> Option<&Candidate> {
         match &self.advice {
@@ -143,7 +143,7 @@ impl Verdict {
 }
 
 impl Candidate {
-    /// Whether its frames can be shown every `limit_ms` milliseconds.
+    /// Whether its frame time is within `limit_ms`.
     #[must_use]
     pub fn fit(&self, limit_ms: f64) -> Fit {
         match self.interval {
@@ -171,21 +171,21 @@ pub fn candidates(data: &ReportData, section: &Section) -> Vec<Candidate> {
     data.settings(section).map(|(_, row)| candidate(row)).collect()
 }
 
-/// A frame without a section's effect, as a candidate; `None` where it or its error was not measured.
+/// The frame without a section's effect, as a candidate; `None` if it or its error was not measured.
 #[must_use]
 pub fn without(data: &ReportData, section: &Section) -> Option<Candidate> {
     let without = section.without.as_ref()?;
     without_effect(data.row(&without.row)?, without)
 }
 
-/// The row of a frame without an effect, as a candidate; `None` where its error was not measured.
+/// The row of a frame without an effect, as a candidate; `None` if its error was not measured.
 #[must_use]
 pub fn without_effect(row: &BenchRow, without: &Without) -> Option<Candidate> {
     let candidate = Candidate { error: quality(&without.error), ..candidate(row) };
     candidate.error.is_ok().then_some(candidate)
 }
 
-/// A row as the choice sees it.
+/// A row as a candidate.
 #[must_use]
 pub fn candidate(row: &BenchRow) -> Candidate {
     let (key, label, interval) = (row.key.clone(), row.label.clone(), row.frame.interval());
@@ -201,15 +201,15 @@ fn quality(error: &RowError) -> Result<Quality, String> {
     }
 }
 
-/// What is left to decide.
+/// The candidates between which paired rounds must decide.
 enum Field<'a> {
-    /// Nothing: times of one technique at most matter.
+    /// None: the advice follows without comparing times of different techniques.
     Decided(Box<Advice>),
-    /// The settings by rays, and those by raster, that are within the error, the cheapest first.
+    /// The settings by rays, and those by raster, that are within the error; the cheapest first.
     Rivals([Vec<&'a Candidate>; 2]),
 }
 
-/// The settings whose error is at most `within` and at most half of that of a frame `without` the effect.
+/// Selects the settings whose error is at most `within` and at most half of that of a frame `without` the effect.
 fn field<'a>(candidates: &'a [Candidate], without: Option<&Candidate>, within: f64) -> Field<'a> {
     let error = |candidate: &Candidate| candidate.error.as_ref().ok().map(|quality| quality.known());
     let plain = without.and_then(error);
@@ -241,8 +241,8 @@ fn field<'a>(candidates: &'a [Candidate], without: Option<&Candidate>, within: f
     }
 }
 
-/// The settings by rays, and those by raster, of which paired rounds have to tell the cheapest: those within the error that take at most
-/// 1.5 times as long as the cheapest of their technique, the cheapest first. `None` where a verdict needs no such rounds.
+/// The settings by rays, and those by raster, between which paired rounds must decide. They are within the error, and take at most 1.5 times as
+/// long as the cheapest of their technique; the cheapest come first. `None` if a verdict needs no paired rounds.
 #[must_use]
 pub fn rivals<'a>(
     candidates: &'a [Candidate],
@@ -261,9 +261,9 @@ pub fn rivals<'a>(
     }
 }
 
-/// The cheapest setting whose error is at most `within` and at most half of that of a frame `without` the effect. The cheapest
-/// of the two techniques are compared by the ratio of their times in the `paired` rounds: only where the whole interval of its median is
-/// beyond a tenth is one of them the cheaper.
+/// The cheapest setting whose error is at most `within` and at most half of that of a frame `without` the effect. The cheapest settings of the
+/// two techniques are compared by the ratio of their times in the `paired` rounds. One of them is cheaper only if the whole interval of the
+/// ratio's median is more than a tenth away from 1.
 #[must_use]
 pub fn advise(candidates: &[Candidate], without: Option<&Candidate>, within: f64, paired: &[PairedRounds]) -> Advice {
     match field(candidates, without, within) {
@@ -272,8 +272,8 @@ pub fn advise(candidates: &[Candidate], without: Option<&Candidate>, within: f64
     }
 }
 
-/// The cheapest of one technique in paired rounds, with its times there; `None` if none of `side` is in them, or if another setting may be
-/// cheaper by far.
+/// The cheapest setting of one technique in paired rounds, with its times there. `None` if the rounds contain no setting of `side`, or if
+/// another setting may be far cheaper.
 fn cheapest<'a>(side: &[&'a Candidate], rounds: &PairedRounds) -> Option<(&'a Candidate, Vec<f64>)> {
     let timed = |candidate: &&'a Candidate| Some((*candidate, rounds.of(&candidate.key)?));
     let by_median = |(_, a): &(_, Vec<f64>), (_, b): &(_, Vec<f64>)| median(a).total_cmp(&median(b));
@@ -309,15 +309,14 @@ fn compare(rays: &[&Candidate], raster: &[&Candidate], paired: &[PairedRounds]) 
     Advice::NotCertain { rays: rays[0].clone(), raster: raster[0].clone(), why }
 }
 
-/// Whether a candidate is beaten by none: nothing else is at least as fast and as exact, and better in one of both.
-/// Candidates without an error are never on the front. In the order of `candidates`.
+/// For each point, whether it is on the Pareto front: no other point is at least as good in both coordinates and better in one.
 #[must_use]
 pub fn pareto_front(points: &[(f64, f64)]) -> Vec<bool> {
     let beats = |a: &(f64, f64), b: &(f64, f64)| a.0 <= b.0 && a.1 <= b.1 && (a.0 < b.0 || a.1 < b.1);
     points.iter().map(|point| !points.iter().any(|other| beats(other, point))).collect()
 }
 
-/// What is to be said in a cell.
+/// The advice in a word or two, for a cell.
 #[must_use]
 pub fn verb(advice: &Advice) -> &'static str {
     match advice {

@@ -1,4 +1,4 @@
-//! What can stand in the place of a pass: its program with other settings, the same by raster, or the same by rays.
+//! Candidates for the place of a pass: its program with other settings, a raster effect in its place, or rays in its place.
 
 use crate::pipeline::plan::{Plan, PlannedPass, Work};
 use crate::pipeline::programs::{Fidelity, Fresnel, RayParams, RayProgram, Sampler};
@@ -7,41 +7,41 @@ use crate::pipeline::raster_effects::{
     Border, EFFECT_PROGRAMS, EffectParams, EffectProgram, EffectProgramInfo, Missing, Parallax,
 };
 
-/// Occlusion rays of a point.
+/// Numbers of occlusion rays per point.
 const SAMPLES: [u32; 9] = [1, 2, 4, 8, 16, 32, 64, 128, 256];
 const SUN_SAMPLES: [u32; 7] = [1, 2, 4, 8, 16, 32, 64];
-/// The same in square strata.
+/// Numbers of occlusion rays per point as square strata.
 const SQUARES: [u32; 8] = [1, 4, 9, 16, 36, 64, 144, 256];
-/// Directions, and depths read in each half of one.
+/// Numbers of slices (directions), and of steps (depths read in each half of a slice).
 const SLICES_AND_STEPS: [(u32, u32); 6] = [(1, 4), (2, 4), (2, 8), (4, 8), (8, 8), (8, 16)];
-/// The same where the levels of a filter follow.
+/// Numbers of slices and steps, with the levels of the filter that follows.
 const FILTERED: [(u32, u32, u32); 3] = [(1, 4, 2), (2, 4, 1), (2, 8, 1)];
-/// Samples by rays where the levels of a filter follow: of more, rays are nearer without it.
+/// Numbers of rays, with the levels of the filter that follows. With more rays, the error is smaller without a filter.
 const FILTERED_RAYS: [(u32, u32); 5] = [(1, 2), (2, 2), (4, 1), (4, 2), (8, 1)];
-/// The same by sectors of a bitmask.
+/// Numbers of slices and steps, and levels of the filter, for occlusion by sectors of a bitmask.
 const SECTORS: [(u32, u32, u32); 3] = [(2, 4, 1), (4, 8, 0), (8, 16, 0)];
-/// Texels a side of shadow maps, in quarters of those that fit the picture, and texels on each side of the middle one.
+/// Side of shadow maps, in quarters of the side that fits the picture, and number of filtered texels on each side of the central one.
 const SHADOW_MAPS: [(u32, u32); 7] = [(2, 0), (4, 0), (4, 1), (8, 0), (8, 1), (16, 0), (16, 1)];
-/// The same where rays decide the borders of shadows.
+/// Settings of shadow maps where rays decide the borders of shadows.
 const BORDERED: [(u32, u32); 3] = [(2, 0), (4, 0), (4, 1)];
-/// Most planes of glass that mirror.
+/// Greatest number of planes of glass that mirror.
 const PLANES: [u32; 4] = [1, 4, 16, 64];
-/// Texels a side of a cube map's face, in quarters of those that fit the picture.
+/// Side of a cube map's face, in quarters of the side that fits the picture.
 const CUBE_MAPS: [u32; 4] = [1, 2, 4, 8];
 
-/// What candidates depend on beside the pass.
+/// Inputs of the candidates in addition to the pass.
 #[derive(Debug, Clone, Copy)]
 struct Frame<'a> {
     project: &'a Project,
     fidelity: Fidelity,
-    /// Pixels of the G-buffer.
+    /// Size of the G-buffer in pixels.
     size: [u32; 2],
 }
 
-/// What can stand in the place of a pass.
+/// A pass that can take the place of the declared one.
 #[derive(Debug, Clone)]
 pub struct Candidate {
-    /// What a reader calls it: `ssao, samples=16`.
+    /// Name for readers: `ssao, samples=16`.
     pub label: String,
     /// The pass.
     pub kind: PassKind,
@@ -54,11 +54,11 @@ pub struct Slot {
     pub pass: usize,
     /// Its name.
     pub name: String,
-    /// The first is the declared one, with what `--set` makes of it.
+    /// The candidates; the first is the declared pass, with the settings of `--set`.
     pub candidates: Vec<Candidate>,
 }
 
-/// The candidates that a variant has, with the names of their passes where there are several.
+/// Names of a variant's candidates, with the names of their passes if there are several passes.
 #[must_use]
 pub fn label(slots: &[Slot], variant: &[usize]) -> String {
     let of_slot = |(slot, candidate): (&Slot, &usize)| match slots.len() {
@@ -109,14 +109,14 @@ fn of_effect(frame: Frame<'_>, declared: &EffectPass) -> Vec<Candidate> {
     candidates
 }
 
-/// A candidate that is there already, by its label, is not added again.
+/// Adds a candidate, unless there is one with the same label.
 fn add(candidates: &mut Vec<Candidate>, candidate: Candidate) {
     if !candidates.iter().any(|known| known.label == candidate.label) {
         candidates.push(candidate);
     }
 }
 
-/// A ray pass with other settings that its program reads.
+/// Adds a ray pass with other values of the settings that its program reads.
 fn add_rays(candidates: &mut Vec<Candidate>, pass: &RayPass, fidelity: Fidelity) {
     let info = pass.program.info();
     let mut put = |params: RayParams| {
@@ -148,7 +148,7 @@ fn add_rays(candidates: &mut Vec<Candidate>, pass: &RayPass, fidelity: Fidelity)
     }
 }
 
-/// The raster effects that stand for a ray program, with settings of their own.
+/// Adds the raster effects that correspond to a ray program, each with several settings.
 fn add_effects(
     candidates: &mut Vec<Candidate>,
     program: RayProgram,
@@ -164,21 +164,21 @@ fn add_effects(
     }
 }
 
-/// The defaults of an effect in a picture of this size, with what says what is computed and not how.
+/// The default settings of an effect for a picture of this size, with those settings of `like` that define what is computed.
 fn shared(program: EffectProgram, like: &EffectParams, size: [u32; 2]) -> EffectParams {
     let EffectParams { radius, intensity, index, fresnel, sun, texture_lod, .. } = *like;
     let map_size = EffectParams::fitted_map_size(program, size);
     EffectParams { map_size, radius, intensity, index, fresnel, sun, texture_lod, ..EffectParams::default() }
 }
 
-/// From coarse to fine.
+/// Settings of an effect, from coarse to fine.
 fn settings(info: &EffectProgramInfo, base: EffectParams, fidelity: Fidelity) -> Vec<EffectParams> {
     let reads = |name: &str| info.params.contains(&name);
     if reads("slices") {
         let plain = SLICES_AND_STEPS.map(|(slices, steps)| EffectParams { slices, steps, ..base });
         let filtered = |(slices, steps, filter)| EffectParams { slices, steps, filter, ..base };
         let by_sectors = SECTORS.into_iter().filter(|_| reads("bitmask")).map(filtered);
-        // What is seen is the outline of solids: as deep as what reaches them is long.
+        // The G-buffer shows only the surface of solids, so occluders are taken to be as thick as twice the radius.
         let by_sectors = by_sectors.map(|params| EffectParams {
             bitmask: true,
             thickness: (2.0 * base.radius).min(f32::MAX),
@@ -187,12 +187,12 @@ fn settings(info: &EffectProgramInfo, base: EffectParams, fidelity: Fidelity) ->
         plain.into_iter().chain(FILTERED.map(filtered)).chain(by_sectors).collect()
     } else if reads("pcf") {
         let map = |(quarters, pcf)| EffectParams { map_size: base.map_size * quarters / 4, pcf, ..base };
-        // Thesis fidelity leaves no pixel to rays, nor do soft shadows.
+        // In thesis fidelity, and with soft shadows, no pixels are left to rays.
         let bordered = BORDERED.into_iter().filter(|_| fidelity == Fidelity::Corrected && base.sun == 0.0);
         let bordered = bordered.map(|setting| EffectParams { border: Border::Rays, ..map(setting) });
         SHADOW_MAPS.into_iter().map(map).chain(bordered).collect()
     } else if reads("missing") {
-        // Thesis fidelity leaves no pixel to rays.
+        // In thesis fidelity no pixels are left to rays.
         let ways = [Missing::Own, Missing::Cube, Missing::Rays];
         let left = |missing: &Missing| *missing != Missing::Rays || fidelity == Fidelity::Corrected;
         ways.into_iter().filter(left).map(|missing| EffectParams { missing, ..base }).collect()
@@ -225,8 +225,8 @@ fn effect_of(rays: &RayPass, program: EffectProgram) -> EffectPass {
     }
 }
 
-/// An effect with what it reads of the G-buffer and rays in its place do not: from the target of its positions, into which the deferred program
-/// writes colour, position and normal in this order.
+/// An effect with the G-buffer channels that it reads and rays in its place do not read. They are taken from the target of its positions, into
+/// which the deferred program writes colour, position and normal in this order.
 fn with_buffers(project: &Project, effect: EffectPass) -> EffectPass {
     let Some(ChannelRef { target, channel: 1 }) = effect.position else { return effect };
     let info = effect.program.info();
@@ -258,7 +258,7 @@ fn rays_of(effect: &EffectPass) -> RayPass {
     }
 }
 
-/// The program and the settings that candidates differ in.
+/// Name of a candidate by rays: the program, and the settings in which candidates differ.
 fn ray_label(pass: &RayPass) -> String {
     let info = pass.program.info();
     let mut label = info.stem.to_owned();
@@ -284,7 +284,7 @@ fn effect_label(pass: &EffectPass) -> String {
     let without_maps = pass.program.marches() && pass.params.missing != Missing::Cube;
     let said = SAID.iter().filter(|name| info.params.contains(name) && !(without_maps && **name == "mapsize"));
     let usual = EffectParams::default();
-    // Said where they are not as usual.
+    // These are named only where they differ from the defaults.
     let options = OPTIONS.iter().filter(|name| info.params.contains(name) && pass.params.get(name) != usual.get(name));
     said.chain(options).fold(info.name.to_owned(), |label, name| label + &format!(" {name}={}", pass.params.get(name)))
 }

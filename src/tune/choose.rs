@@ -4,19 +4,19 @@ use super::{Run, Variant};
 use crate::bench::Interval;
 use crate::pipeline::executor::median;
 
-/// What is asked for.
+/// The goal of a choice.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Goal {
-    /// The least error of frames that take at most so many milliseconds.
+    /// The least error of frames that take at most this time in milliseconds.
     Time(f64),
     /// The least time of frames whose error is at most this.
     Error(f64),
 }
 
-/// A variant and what was measured of it.
+/// A variant and its measurements.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Trial {
-    /// Which.
+    /// The variant.
     pub variant: Variant,
     /// Times of all frames measured, milliseconds.
     pub frames_ms: Vec<f64>,
@@ -25,7 +25,7 @@ pub struct Trial {
 }
 
 impl Trial {
-    /// Of a first run.
+    /// A trial with the measurements of its first run.
     #[must_use]
     pub fn new(variant: Variant, run: Run) -> Self {
         Self { variant, frames_ms: run.frames_ms, error: run.error }
@@ -37,13 +37,13 @@ impl Trial {
         median(&self.frames_ms)
     }
 
-    /// Where that lies, as far as the frames tell.
+    /// Confidence interval of the median.
     #[must_use]
     pub fn interval(&self) -> Interval {
         Interval::of_median(&self.frames_ms).unwrap_or(Interval { low: f64::INFINITY, high: f64::INFINITY })
     }
 
-    /// Whether it is within the goal; of a time the whole interval has to be.
+    /// Whether the trial is within the goal. For a time, the whole interval of the median has to be.
     #[must_use]
     pub fn fits(&self, goal: Goal) -> bool {
         match goal {
@@ -53,14 +53,14 @@ impl Trial {
     }
 }
 
-/// Variants that take longer than the fastest by more than this factor are slower, however uncertain their times.
+/// Variants whose median is longer than the fastest one's by more than this factor count as slower, however uncertain their times.
 const ALIKE: f64 = 1.05;
 
-/// The variants that are within the goal, the best first, as indices.
+/// The variants that are within the goal, as indices, the best first.
 ///
-/// Of a time: by their errors, and by their times where these are equal. Of an error: by their times; those that cannot be told from the
-/// fastest one come first by their errors. These are the ones whose interval reaches its interval and whose median is at most
-/// `ALIKE` times its median: the interval of a variant of few frames is wide, and reaches far.
+/// For a goal of time they are ordered by error, and by time where errors are equal. For a goal of error they are ordered by time, except that
+/// variants that cannot be told from the fastest one come first, ordered by error. These are the variants whose interval overlaps that of the
+/// fastest, and whose median is at most `ALIKE` times its median: few frames give a wide interval, which alone would admit too many.
 #[must_use]
 pub fn ranked(trials: &[Trial], goal: Goal) -> Vec<usize> {
     let mut fit: Vec<usize> = (0..trials.len()).filter(|index| trials[*index].fits(goal)).collect();

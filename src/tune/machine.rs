@@ -23,7 +23,7 @@ pub struct Bench<'a> {
     options: MeasureOptions,
     metric: &'static MetricInfo,
     of: Of,
-    /// The project as it is declared, whose picture has the reference where pictures are judged.
+    /// The declared project. The reference of its picture judges all variants if pictures are judged.
     declared: Case,
     references: References,
     folder: PathBuf,
@@ -32,22 +32,22 @@ pub struct Bench<'a> {
 
 /// What stays the same for all variants.
 pub struct Request<'a> {
-    /// Project or scene.
+    /// Path of the project or scene.
     pub path: &'a Path,
-    /// What is asked of it.
+    /// Settings of the project.
     pub settings: Settings,
-    /// On which engines.
+    /// The choice of engines.
     pub choice: Choice,
     /// Frames of each run.
     pub options: MeasureOptions,
-    /// What pictures are judged by; lower is better.
+    /// Metric of a picture's error; lower is better.
     pub metric: &'static MetricInfo,
-    /// Whether pictures are judged by what the effect should be, or as a whole.
+    /// Whether the error is that of the effect or of the whole picture.
     pub of: Of,
 }
 
 impl<'a> Bench<'a> {
-    /// Reads a project and finds what can stand in it. Variants are written into `folder`, an empty one.
+    /// Reads a project and finds its candidates. Variants are written into `folder`, which must be empty.
     ///
     /// # Errors
     /// All problems of the project's files together, or why its plan cannot be made.
@@ -62,7 +62,7 @@ impl<'a> Bench<'a> {
         let plan = Plan::new(settings.open(path)?, settings)?;
         let slots = slots(&plan);
         let Plan { mut project, pipeline, mut settings, .. } = plan;
-        // Candidates hold the parameters already, and a written project its camera and its size.
+        // The candidates contain the parameters already, and written projects contain camera and size.
         if let Some(size) = settings.size {
             resize(&mut project, pipeline, size);
         }
@@ -102,11 +102,11 @@ impl<'a> Bench<'a> {
         project
     }
 
-    /// The standard error of the reference that pictures are judged by as a whole; `None` where effects are judged, whose reference is made
-    /// when it is needed.
+    /// The standard error of the reference by which whole pictures are judged. `None` where effects are judged, since their reference is made when
+    /// it is needed.
     ///
     /// # Errors
-    /// If that reference is not kept, with the command that makes it.
+    /// If that reference is not stored; the message has the command that makes it.
     pub fn check_reference(&mut self) -> Result<Option<f64>, ReferenceError> {
         match self.of {
             Of::Effect => Ok(None),
@@ -122,7 +122,7 @@ impl<'a> Bench<'a> {
         let case = Case::new(path, self.settings.clone(), self.choice).map_err(|error| error.joined())?;
         let measured = measure(&case, &self.options, self.observer).map_err(|error| error.joined())?;
         let (frames_ms, picture) = (measured.row.frame.samples, measured.picture);
-        // Its scene need not stay beside the reference's.
+        // The scene is released before that of the reference is loaded.
         drop(measured.renderer);
         let compared = match self.of {
             Of::Effect => self.references.compare(&case, &picture, self.observer),
@@ -134,7 +134,7 @@ impl<'a> Bench<'a> {
         }
     }
 
-    /// What went wrong with the references' folder.
+    /// Returns and clears warnings about the references' folder.
     pub fn take_warnings(&mut self) -> Vec<String> {
         self.references.take_warnings()
     }

@@ -1,10 +1,10 @@
-//! Chooses for each effect of a project raster or rays, and their settings, by measuring on this machine: the least error within a time,
-//! or the least time within an error.
+//! Chooses raster or rays for each effect of a project, and their settings, by measuring on this machine: the least error within a time, or the
+//! least time within an error.
 //!
-//! 1. [`candidates`] lists what can stand in the place of each ray and effect pass.
-//! 2. Each is measured with the other passes as they are declared ([`Machine`]).
+//! 1. [`candidates`] lists the candidates for the place of each ray and effect pass.
+//! 2. Each candidate is measured, with the other passes as they are declared ([`Machine`]).
 //! 3. Where several passes have candidates, combinations are estimated from these times and errors, and the best few are measured.
-//! 4. The first three by the goal are measured again in turns, until they stay the first three ([`search`]).
+//! 4. The best three by the goal are measured again in turns, until they stay the best three ([`search`]).
 
 pub mod candidates;
 mod choose;
@@ -18,19 +18,19 @@ pub use choose::{Goal, Trial, ranked};
 pub use machine::Bench;
 pub use search::{Found, search};
 
-/// By slot, the index of the candidate that stands there.
+/// For each slot, the index of the chosen candidate.
 pub type Variant = Vec<usize>;
 
-/// What one run of a variant gave.
+/// Result of one run of a variant.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Run {
-    /// Times of whole frames, milliseconds by the clock.
+    /// Wall times of whole frames, milliseconds.
     pub frames_ms: Vec<f64>,
     /// The picture's error; infinite if it has none.
     pub error: f64,
 }
 
-/// Renders variants: this machine, or one that a test makes up.
+/// Renders variants: this machine, or a simulated one in tests.
 pub trait Machine {
     /// Renders some frames of a variant.
     ///

@@ -1,23 +1,23 @@
-//! Which variants are measured, and how often.
+//! Decides which variants are measured, and how often.
 
 use super::choose::{Goal, Trial, ranked};
 use super::{Machine, Run, Variant};
 
-/// Combinations of several passes that are measured because their estimate is good.
+/// Number of combinations of several passes that are measured: those with the best estimates.
 const COMBINATIONS: usize = 6;
-/// The most combinations that are estimated.
+/// Greatest number of combinations that are estimated.
 const MOST_ESTIMATED: usize = 100_000;
-/// How many of the first by the goal are measured again: the one chosen and the two next best.
+/// Number of best variants that are measured again: the chosen one and the two next best.
 const FINALISTS: usize = 3;
-/// How often each of them is measured again before its place counts.
+/// Number of further runs of each of them in a turn.
 const AGAIN: usize = 2;
-/// The most turns until the first three stay the first three.
+/// Greatest number of turns. They end earlier when the best three stay the same.
 const TURNS: usize = 4;
 
-/// What a search found.
+/// Result of a search.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Found {
-    /// Everything measured, in that order.
+    /// All measured variants, in the order of measurement.
     pub trials: Vec<Trial>,
     /// Indices of the trials within the goal, the best first; empty if none is.
     pub ranked: Vec<usize>,
@@ -25,8 +25,8 @@ pub struct Found {
     pub missing: Vec<(Variant, String)>,
 }
 
-/// Measures and chooses. `counts` is the number of candidates of each slot; the first of each is the declared one. `told` hears of each
-/// variant before it is measured.
+/// Measures variants and ranks them. `counts` is the number of candidates of each slot; the first of each is the declared one. `told` is called
+/// with each variant before it is measured.
 pub fn search(counts: &[usize], goal: Goal, machine: &mut dyn Machine, told: &mut dyn FnMut(&[usize])) -> Found {
     let mut search = Search { goal, machine, told, trials: Vec::new(), missing: Vec::new() };
     let declared = vec![0; counts.len()];
@@ -79,7 +79,7 @@ impl Search<'_> {
         }
     }
 
-    /// More frames of a trial. One that fails now is not chosen.
+    /// Measures a trial again. A trial that fails now gets an infinite error.
     fn again(&mut self, trial: usize) {
         let variant = self.trials[trial].variant.clone();
         match self.run(&variant) {
@@ -91,8 +91,8 @@ impl Search<'_> {
         }
     }
 
-    /// Combinations of candidates of more than one slot that promise most. What a candidate adds to the declared frame's time is added up;
-    /// so are the squares of errors, as of passes whose errors have nothing to do with each other.
+    /// The combinations of candidates of more than one slot with the best estimates. The estimated time is the declared frame's time plus the
+    /// difference that each candidate makes. Differences of squared errors are added likewise, as if the errors of passes were independent.
     fn combinations(&self, counts: &[usize]) -> Vec<Variant> {
         let alone = |slot: usize, candidate: usize| {
             self.trials.iter().find(|trial| {

@@ -3,10 +3,10 @@ use crate::pipeline::plan::{Plan, Settings};
 use crate::pipeline::project;
 use std::path::Path;
 
-/// A machine whose times and errors are known: each candidate adds so much of both. Times are noisy; the same runs in the same order give
-/// the same noise.
+/// A simulated machine: each candidate adds a known time and a known error. Times are noisy; the same runs in the same order give the same
+/// noise.
 struct Simulated {
-    /// By slot and candidate: milliseconds, error.
+    /// For each slot and candidate: milliseconds, and error.
     adds: Vec<Vec<(f64, f64)>>,
     /// Largest deviation of a frame from its time, as a share.
     noise: f64,
@@ -138,7 +138,7 @@ fn noise_changes_the_fastest_within_an_error_in_few_of_a_hundred_searches() {
     assert!(same >= 99, "{same}");
 }
 
-/// A variant with a wide interval, which reaches the fastest one's, is not chosen for its error if its median is a quarter longer.
+/// The wide interval of a variant overlaps that of the fastest one. The variant is not chosen for its error if its median is a quarter longer.
 #[test]
 fn an_uncertain_time_is_no_reason_to_choose_a_slower_variant() {
     let trial = |frames_ms: &[f64], error| Trial { variant: Vec::new(), frames_ms: frames_ms.to_vec(), error };
@@ -151,7 +151,7 @@ fn an_uncertain_time_is_no_reason_to_choose_a_slower_variant() {
     assert_eq!(ranked(&[fast.clone(), trial(&sure, 0.03)], Goal::Error(0.06)), [1, 0]);
 }
 
-/// Two candidates that time cannot tell apart: the error does.
+/// Two candidates whose times cannot be told apart: the one with less error is chosen.
 #[test]
 fn of_candidates_alike_in_time_the_one_with_less_error_is_chosen() {
     for seed in 0..20 {
@@ -203,7 +203,7 @@ fn every_shipped_effect_has_candidates_by_rays_and_by_raster() {
     assert!(slots_of("SceneNoEffects.xml", &[]).is_empty() && slots_of("SceneDummy.xml", &[]).is_empty());
 }
 
-/// A pass by rays does not hand on what only its opponents read.
+/// A pass by rays does not use channels that only raster effects in its place read.
 #[test]
 fn every_candidate_of_the_shipped_projects_can_be_planned() {
     for name in [

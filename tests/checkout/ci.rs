@@ -22,7 +22,7 @@ fn a_passing_test_that_says_skipped_is_counted_as_skipped_once() {
     let second = folder.path().join("second.txt");
     let passing = "successes:\n\n---- a stdout ----\nskipped: no GPU\nskipped: no other GPU\n\n---- b stdout ----\n3 skipped: x\n\n\
                    successes:\n    a\n    b\n\n";
-    // The output of a failing test does not make it a skipped one.
+    // The output of a failing test is not counted as skipped.
     let failing = "failures:\n\n---- c stdout ----\nskipped: no GPU\n\nfailures:\n    c\n\n";
     let result = "test result: FAILED. 2 passed; 1 failed; 4 ignored; 0 measured; 0 filtered out; finished in 0.00s\n";
     std::fs::write(&first, format!("test a ... ok\n{passing}{failing}{result}")).expect("written");
@@ -37,7 +37,7 @@ fn a_passing_test_that_says_skipped_is_counted_as_skipped_once() {
     assert_eq!(lines, ["4  ignored", "2  skipped: no GPU"]);
 }
 
-/// What `cargo test` prints of a program whose test `a` passed and printed `shown`.
+/// The output of `cargo test` for a program whose test `a` passed and printed `shown`.
 fn part(program: &str, shown: &str) -> String {
     let printed = if shown.is_empty() { String::new() } else { format!("---- a stdout ----\n{shown}\n") };
     format!(
@@ -86,7 +86,7 @@ fn a_test_that_is_run_again_counts_once() {
         let paths = [&logs[0], &logs[1]].map(|path| path.to_str().expect("a path in UTF-8"));
         text(&bash(&root(".ci/count"), &paths).stdout)
     };
-    // Skipped, then run; another one that has the same name in its program is not meant.
+    // The test is first skipped, then run. A test of the same name in another program does not replace it.
     assert_eq!(counted(part(rays, skipped) + &part(other, skipped), part(rays, "")), "1 passed, 0 failed, 1 skipped\n");
     assert_eq!(counted(part(rays, skipped), part(rays, skipped)), "0 passed, 0 failed, 1 skipped\n");
     assert_eq!(counted(part(rays, ""), part(rays, "")), "1 passed, 0 failed, 0 skipped\n");
@@ -136,7 +136,7 @@ fn a_command_that_nobody_runs_is_found_out() {
     assert_eq!(with("no blocks at all\n").status.code(), Some(1), "a README without commands is noticed");
 }
 
-/// What other workspaces must be told to take the dependencies that are compiled already.
+/// Other workspaces need this profile to reuse the dependencies that are compiled already.
 #[test]
 fn the_profile_of_tests_is_printed_whole_save_for_what_a_variable_sets() {
     let printed = |variable: Option<&str>| {

@@ -1,13 +1,13 @@
-//! The crates that the program is built from: their origin, their licences, the compiler that they need, and that
-//! `docs/dependencies.md` says why each is used. Known vulnerabilities are not checked here, because their list is on
-//! the network.
+//! The crates that the program is built from: their origin, their licences, the compiler that they need, and whether
+//! `docs/dependencies.md` gives a reason for each. Known vulnerabilities are not checked here, because their list is on the
+//! network.
 
 use serde_json::Value;
 use std::collections::HashMap;
 use std::path::Path;
 use std::process::Command;
 
-/// Licences that require only a notice; the fonts of the window are under those of fonts.
+/// Licences that require only a notice; the fonts of the window have font licences.
 const ALLOWED: [&str; 12] = [
     "0BSD",
     "Apache-2.0",
@@ -131,7 +131,7 @@ fn every_crate_is_of_the_registry_under_a_permissive_licence_and_for_the_declare
 fn the_documentation_names_every_direct_dependency_and_no_other() {
     let page = Path::new(env!("CARGO_MANIFEST_DIR")).join("docs/dependencies.md");
     let page = std::fs::read_to_string(page).expect("the page is there");
-    // The first column of the table has the names in backticks.
+    // The first column of the table has the crates' names in backticks.
     let rows = page.lines().filter(|line| line.starts_with("| `")).filter_map(|line| line.split('|').nth(1));
     let named: Vec<&str> = rows.flat_map(|column| column.split('`').skip(1).step_by(2)).collect();
     let mut direct: HashMap<String, &str> = HashMap::new();

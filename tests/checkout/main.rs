@@ -1,7 +1,8 @@
-//! What the checkout holds: its layout, its dependencies, its packages, and the scripts of continuous integration.
+//! The contents of the checkout: its layout, its dependencies, its packages, names in its documents, and the scripts of continuous integration.
 
 #[cfg(unix)]
 mod ci;
 mod dependencies;
+mod documents;
 mod layout;
 mod packages;

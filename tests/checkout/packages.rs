@@ -1,4 +1,4 @@
-//! The crates as published: the metadata of a package, and that it builds from its own files. See `docs/publishing.md`.
+//! The crates as published: the metadata of a package, and whether it builds from its own files. See `docs/publishing.md`.
 
 use flate2::{Compression, write::GzEncoder};
 use serde_json::Value;
@@ -55,7 +55,7 @@ fn joined(folder: &Path, path: &str) -> Option<PathBuf> {
     Some(joined)
 }
 
-/// Files that a source names to the compiler and that are not in its package. If a macro composes the name
+/// Files that a source names to the compiler and that are missing from its package. If a macro composes the name
 /// (`concat!("programs/", $stem)`), only the folder is checked.
 fn outside(source: &Path, text: &str, files: &BTreeSet<PathBuf>) -> Vec<String> {
     let folder = source.parent().unwrap_or(Path::new(""));
@@ -106,7 +106,7 @@ fn every_package_says_what_it_is() {
     }
 }
 
-/// Bytes of a file as an archive holds it, at most: alone, by the fastest method.
+/// Upper bound of a file's bytes in an archive: compressed alone, by the fastest method.
 fn compressed(bytes: &[u8]) -> u64 {
     let mut encoder = GzEncoder::new(Vec::new(), Compression::fast());
     encoder.write_all(bytes).expect("it is in memory");

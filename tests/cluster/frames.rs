@@ -66,7 +66,7 @@ fn shards_make_the_same_frames_and_what_is_there_is_kept() {
             assert!(all == part, "frame {frame}, {kind}");
         }
     }
-    // A frame with a missing or truncated picture is rendered again, and no other frame is.
+    // A frame whose picture is missing or truncated is rendered again; other frames are not.
     std::fs::remove_file(folder.join("part.0003.pos.exr")).expect("removed");
     std::fs::write(folder.join("part.0006.png"), "cut off").expect("written");
     let (printed, _) = succeeds(folder, &render(&name, path, "part.png", &["--show", "pos", "--json"]));

@@ -59,7 +59,7 @@ fn a_benchmark_that_is_killed_fifty_times_is_whole_in_the_end() {
     let took = start.elapsed().as_millis() as u64;
     first.kill().expect("killed");
     first.wait().expect("it ended");
-    // On a machine that became slower since, no process gets as far as a row: then more are killed, later.
+    // If the machine has become slower since then, no process gets as far as a row. In that case more processes are killed, later.
     let (mut killed, mut left, mut below) = (0, 0, took * 5 / 4);
     for _ in 0..6 {
         killed += kill(folder, &in_parts, scattered(50, below), whole);
@@ -79,7 +79,7 @@ fn a_benchmark_that_is_killed_fifty_times_is_whole_in_the_end() {
     let keys: BTreeSet<&str> = rows(&file).iter().filter_map(|row| row["key"].as_str()).collect();
     assert_eq!((rows(&file).len(), keys.len()), (120, 120));
     let left: Vec<String> = names(&parts).into_iter().filter(|name| !name.ends_with(".json")).collect();
-    // If all rows were there, the last run wrote nothing, and a temporary file of the run before it may remain.
+    // If all rows existed, the last run wrote nothing, and a temporary file of the previous run may remain.
     assert!(left.len() <= 1, "{left:?}");
 }
 

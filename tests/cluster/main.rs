@@ -18,7 +18,7 @@ fn project(name: &str) -> String {
     root("xml_projects").join(name).to_str().expect("test paths are UTF-8").to_owned()
 }
 
-/// The program in a folder, with its own references and without the variables of a scheduler that may run these tests.
+/// The program in a folder, with its own references, and without the variables of a scheduler that these tests may run under.
 fn command(folder: &Path, arguments: &[&str]) -> Command {
     let mut command = Command::new(env!("CARGO_BIN_EXE_curitiba"));
     command.current_dir(folder).args(arguments);

@@ -45,7 +45,7 @@ fn rows_that_are_missing_are_named_and_the_rest_is_written() {
     assert!(printed.contains(&format!("missing: {id} ({label}, Fonte)")), "{printed}");
     let file = json(&folder.join("all.json"));
     assert_eq!((rows(&file).len(), &file["complete"]), (2, &Value::Bool(false)));
-    // Parts may be named one by one; the list of all rows is beside them.
+    // Parts may be named one by one; the list of all rows is taken from their folder.
     let named: Vec<&str> = [&parts[0], &parts[2]].map(|path| path.to_str().expect("UTF-8")).to_vec();
     assert!(fails_with(1, folder, &[&["merge", "all.json"][..], &named].concat()).contains("1 row is missing"));
     std::fs::remove_file(folder.join("parts/rows.json")).expect("removed");

@@ -99,7 +99,7 @@ impl Drop for Queue<'_> {
     fn drop(&mut self) {
         self.ask(&["server", "stop"]);
         for process in &mut self.processes {
-            // A process that has ended already cannot be killed.
+            // Killing a process that has already ended fails.
             let _ = process.kill();
             let _ = process.wait();
         }

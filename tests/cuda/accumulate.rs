@@ -13,7 +13,7 @@ use curitiba::pipeline::plan::{Plan, Settings};
 use curitiba::pipeline::project;
 use curitiba::{BackendChoice, Choice};
 
-/// What takes samples: the project, and what is set of its ray pass but for the number of them.
+/// Projects that take samples, with the settings of the ray pass other than the number of samples.
 const CASES: [(&str, &[&str]); 4] = [
     ("SceneSSAO", &[]),
     ("SceneShadows", &["pass2.sun=8"]),
@@ -21,7 +21,7 @@ const CASES: [(&str, &[&str]); 4] = [
     ("SceneFinal", &["pass2.intensity=1", "pass2.sun=8"]),
 ];
 
-/// Batches of 64 samples, of which the second begins and ends between blocks of the sequence, and takes other kernels than the last.
+/// Batches that add up to 64 samples. The second begins and ends between blocks of the sequence, and uses other kernels than the last.
 const BATCHES: [u32; 4] = [7, 25, 28, 4];
 
 fn renderer(
@@ -33,7 +33,7 @@ fn renderer(
 ) -> Renderer {
     let project = project::load(&project(name)).expect("the project loads");
     let settings = Settings {
-        // A size that is no multiple of anything, near the panes.
+        // The size is no multiple of any block or tile, and the camera is near the panes.
         size: Some([203, 149]),
         camera: Some("Vidro".to_owned()),
         set: set.iter().map(|one| (*one).to_owned()).collect(),
@@ -48,7 +48,7 @@ fn on(choice: BackendChoice, name: &str, set: &[&str]) -> Renderer {
     renderer(Box::new(CpuRasteriser::new()), rays, name, set, Settings::default())
 }
 
-/// The settings of a case with so many samples of each kind that it takes.
+/// The settings of a case, with the given number of samples for each kind of sample that it takes.
 fn taking(name: &str, set: &[&str], samples: u32) -> Vec<String> {
     let of_occlusion = (name != "SceneShadows").then(|| format!("pass2.samples={samples}"));
     let of_disc = set.contains(&"pass2.sun=8").then(|| format!("pass2.sunsamples={samples}"));
@@ -59,7 +59,7 @@ fn frame(renderer: &mut Renderer) -> Image {
     renderer.frame(&mut Silent).expect("rendered")
 }
 
-/// The picture of batches one after the other, and its error.
+/// The accumulated picture of successive batches, and its error.
 fn accumulated(renderer: &mut Renderer, batches: &[u32]) -> (Image, f64) {
     let mut accumulation = renderer.accumulation(&mut Silent).expect("it takes samples");
     for samples in batches {
@@ -91,10 +91,10 @@ fn accumulates(backend: BackendChoice) {
     if there(Choice::CPU.traced_by(backend)).is_none() {
         return;
     }
-    // Hits of OptiX are off by their last bits, and at edges others.
+    // Hits of OptiX differ in their last bits, and at edges they are other hits.
     let alike = if backend == BackendChoice::Cuda { 1e-6 } else { 1e-3 };
     for (name, set) in CASES {
-        // Of a disc and occlusion each batch has the product of its shares, and the mean of products is not the product of means.
+        // With a disc and occlusion, each batch gives the product of two shares, and the mean of products is not the product of means.
         let product = name == "SceneFinal" && set.contains(&"pass2.sun=8");
         let rounding = if product { 0.02 } else { 16.0 * f32::EPSILON };
         let of = |choice, samples: u32| {
@@ -107,16 +107,16 @@ fn accumulates(backend: BackendChoice) {
         let off = largest(&found, &at_once);
         assert!(off <= rounding, "{name} {set:?}: batches are off by {off}");
         assert_eq!(rays_of(&batches), rays_of(&one), "{name} {set:?}: other rays");
-        // Batches of a power of two, each its own share of the sequence: no rounding of shares.
+        // Batches whose size is a power of two each form a block of the sequence, so shares are not rounded.
         let sixteen = accumulated(&mut of(backend, 4), &[4; 16]).0;
         let off = largest(&sixteen, &at_once);
         assert!(off <= if name == "SceneFinal" { rounding } else { 0.0 }, "{name} {set:?}: sixteen are off by {off}");
-        // The command's goal chooses its batches.
+        // The goal of the command chooses the batches.
         let mut goal = of(backend, 4);
         let accumulation = goal.accumulate(Goal::Samples(64), &mut Silent).expect("it takes samples");
         assert_eq!((accumulation.samples(), accumulation.passes()[0].estimate().batches()), (64, 16));
         assert!(goal.window_image().pixels == sixteen.pixels, "{name} {set:?}");
-        // The processor.
+        // The same batches on the processor.
         let (expected, told) = accumulated(&mut of(BackendChoice::Cpu, 100), &BATCHES);
         let off = rms(&found, &expected);
         println!(
@@ -130,7 +130,7 @@ fn accumulates(backend: BackendChoice) {
         // Control: the first batch alone is another picture.
         let first = accumulated(&mut of(backend, 100), &BATCHES[..1]).0;
         assert!(rms(&first, &at_once) > 1e-3, "{name} {set:?}: the first batch is the picture of all");
-        // A frame after an accumulation is that of one before.
+        // A frame after an accumulation equals one before it.
         assert!(frame(&mut batches).pixels == frame(&mut of(backend, 100)).pixels, "{name} {set:?}");
     }
 }
@@ -171,7 +171,7 @@ fn samples_of_a_pixel_on_optix_continue_the_processors_sequence() {
     pixels_have_several(BackendChoice::Optix);
 }
 
-/// Batches of a G-buffer that the rays read where it was drawn, and of one GPU taken as two.
+/// Batches on a G-buffer that the rays read in device memory, and batches on one GPU used as two.
 fn batches_elsewhere<T: RayBackend + 'static>(backend: BackendChoice, gpus: impl Fn(&[usize]) -> T) {
     if there(Choice::CPU.traced_by(backend)).is_none() {
         return;

@@ -16,7 +16,7 @@ use curitiba::pipeline::project::{self, Project};
 use curitiba::{BackendChoice, Choice};
 use std::sync::{Arc, Mutex};
 
-/// The fidelities, with a setting beyond the project's.
+/// The fidelities, some with a setting that the project does not have.
 const VARIANTS: [(Fidelity, Option<&str>); 3] =
     [(Fidelity::Corrected, None), (Fidelity::Corrected, Some("pass2.fresnel=schlick")), (Fidelity::Thesis, None)];
 
@@ -33,7 +33,7 @@ fn record(
     record_of(project, backend, name, camera, (fidelity, set), color, found);
 }
 
-/// As [`record`], of a project that was loaded.
+/// As [`record`], for a loaded project.
 pub(crate) fn record_of(
     project: Project,
     backend: BackendChoice,
@@ -85,7 +85,7 @@ fn matrix(backend: BackendChoice) {
         }
     }
     let found = found.lock().expect("no panic while it was held");
-    // Two projects with Fresnel weights have one variant more, and two are also rendered in linear light.
+    // The two projects with Fresnel weights have one more variant each, and two projects are also rendered in linear light.
     assert_eq!(found.records.len(), (PROJECTS.len() * 2 + 2 + 2) * 2, "a pass of the matrix did not run");
     for record in &found.records {
         let words = record.in_words();
@@ -93,7 +93,7 @@ fn matrix(backend: BackendChoice) {
         assert!(record.within_limits, "farther off than it may be: {words}");
         let times = record.device_ms.len() == 1 && record.device_ms_median > 0.0;
         assert!(times, "the device's own clock: {words}");
-        // Rays that the processor finds unnecessary may be traced by our own tracer; the sum is the same.
+        // Our own tracer may trace rays that the processor finds unnecessary; the sum is the same.
         let cpu = record.cpu_rays.expect("the processor ran");
         if record.backend == "cuda" {
             let (mine, theirs) = (record.rays, cpu);
@@ -114,8 +114,8 @@ fn every_program_on_optix_computes_what_the_processor_does() {
     matrix(BackendChoice::Optix);
 }
 
-/// Glass as each material says, in front of a background, with straight shadows: balls of several kinds, a filled glass
-/// with a bubble, and panes.
+/// Glass as each material says, in front of a background, with straight shadows: balls of several kinds, a filled drinking
+/// glass with a bubble, and panes.
 fn glass(backend: BackendChoice) {
     if there(Choice::CPU.traced_by(backend)).is_none() {
         return;
@@ -165,7 +165,7 @@ fn cones(backend: BackendChoice) {
     let lit = lit.flat_map(|(name, view)| ["pass2.samples=0", "pass2.samples=9"].map(|set| (name, view, Some(set))));
     for (name, camera, samples) in mirrors.chain(lit) {
         let set = ["pass2.texturelod=cones"].into_iter().chain(samples).map(str::to_owned).collect();
-        // In linear light mip levels are decoded.
+        // In linear light, mip levels are decoded.
         let color = (name == "SceneReflect").then_some(ColorSpace::Linear);
         record(backend, name, camera, (Fidelity::Corrected, set), color, &found);
     }
@@ -193,7 +193,7 @@ fn lights(backend: BackendChoice) {
     let names = ["SceneShadows", "SceneReflect", "SceneRefract", "SceneFinal"];
     let square = names.into_iter().flat_map(|name| views.map(|view| (name, view)));
     for (name, camera) in square.chain([("glass/balls", "MainCamera"), ("glass/panes", "MainCamera")]) {
-        // In one kernel, and in several; each at level 0 and by ray cones.
+        // Variants with one kernel and with several, each with texture lookups at level 0 and by ray cones.
         let sets: &[&[&str]] = match name {
             "SceneShadows" => &[&[]],
             "SceneReflect" | "SceneRefract" => &[&[], &["pass2.texturelod=cones"]],
@@ -218,7 +218,7 @@ fn lights(backend: BackendChoice) {
             assert!(cpu.shadow > 10_000, "a light throws no shadows: {words}");
         }
         if record.backend == "cuda" {
-            // `final` on the processor lights surfaces of no weight, too.
+            // On the processor, `final` also lights surfaces of no weight.
             let shadow = |rays: RayCounts| if record.program == "final" { 0 } else { rays.shadow };
             let others = |rays: RayCounts| [shadow(rays), rays.reflected, rays.refracted, rays.lost];
             assert_eq!(others(record.rays), others(cpu), "{words}");
@@ -236,7 +236,7 @@ fn several_lights_on_optix_are_the_processors() {
     lights(BackendChoice::Optix);
 }
 
-/// Lights that are discs: the sun alone, and among a point light and two spot lights; in the square and with glass as each material says.
+/// Lights that are discs, in the square and with glass as each material says: the sun alone, and together with a point light and two spot lights.
 fn discs(backend: BackendChoice) {
     if there(Choice::CPU.traced_by(backend)).is_none() {
         return;

@@ -1,4 +1,4 @@
-//! Scenes with a sky, and with glass whose transmission has a texture, blended between its texels or not.
+//! Scenes with a sky, and scenes with glass whose transmission has a texture, with and without interpolation between texels.
 
 use super::conformance::record_of;
 use super::lamps::add_lamps;
@@ -13,7 +13,7 @@ use glam::{DVec3, Vec3};
 use std::path::Path;
 use std::sync::{Arc, Mutex};
 
-/// A floor with a wall on it in a box that is called a sky.
+/// A floor with a wall on it, in a box that is declared a sky.
 fn under_a_sky(folder: &Path) -> Project {
     let mut text =
         "mtllib s.mtl\no floor\nusemtl stone\nv -4 0 -4\nv 4 0 -4\nv 4 0 4\nv -4 0 4\nf 4 3 2 1\n".to_owned();
@@ -28,7 +28,7 @@ fn under_a_sky(folder: &Path) -> Project {
     made(folder, "s.obj", "shadows,ao")
 }
 
-/// A pane and a cube of glass under a dome with a picture and a cloud that shines.
+/// A pane and a cube of glass under a dome with a picture and an emissive cloud.
 fn glass_under_a_sky(folder: &Path) -> Project {
     let (mut text, mut vertices) = ("mtllib g.mtl\n".to_owned(), 0);
     let mut add = |name: &str, corners: &[[f32; 3]], faces: &[[usize; 4]]| {
@@ -52,7 +52,7 @@ fn glass_under_a_sky(folder: &Path) -> Project {
     add("stone", &corners([-4.0, -0.3, -4.0], [4.0, 0.0, 4.0]), &outwards);
     add("pane", &[[-2.0, 0.1, -1.0], [0.5, 0.1, -1.3], [0.5, 2.2, -1.3], [-2.0, 2.2, -1.0]], &[[0, 1, 2, 3]]);
     add("cube", &corners([0.3, 0.2, -0.6], [1.4, 1.3, 0.5]), &outwards);
-    // Of equal distances, the wall is seen, and not the cloud.
+    // At equal distances the wall is seen, and not the cloud.
     add("cloud", &corners([-3.0, 0.0, -3.0], [-2.4, 1.5, 1.0]), &outwards);
     add("wall", &corners([-3.0, 0.0, -3.0], [-2.4, 1.5, 1.0]), &outwards);
     add("cloud", &corners([-9.0, 9.0, -12.0], [3.0, 9.5, 14.0]), &outwards);
@@ -67,14 +67,14 @@ fn glass_under_a_sky(folder: &Path) -> Project {
     );
     std::fs::write(folder.join("g.mtl"), materials).expect("a file");
     let mut project = made(folder, "g.obj", "shadows,glass");
-    // At the glass; by itself the camera looks at the middle of all, between floor and cloud.
+    // The camera is turned to the glass; by default it looks at the centre of the scene, between floor and cloud.
     let camera = project.cameras.iter_mut().find(|camera| camera.name == "Camera").expect("the one in use");
     camera.direction = Vec3::new(-1.7, -0.4, -3.5).normalize();
     project.scenes[0].sky = ["dome", "cloud"].map(|name| MaterialPattern::Named(name.to_owned())).to_vec();
     project
 }
 
-/// A pane before a wall; two of the four texels of its transmission are 0. `filter` is glTF's `magFilter` of the textures of both.
+/// A pane before a wall; two of the four texels of the pane's transmission are 0. `filter` is glTF's `magFilter` for the textures of both.
 fn mapped(folder: &Path, filter: u32) -> Project {
     let corners = [[-1.0_f32, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]];
     let positions = corners.iter().flat_map(|[x, y]| [*x, *y, 0.0]);
@@ -144,8 +144,8 @@ fn skies_and_textures_of_transmission_on_optix_are_the_processors() {
     agrees(BackendChoice::Optix);
 }
 
-/// Mirrors and glass that see a sky: a dome and clouds around glass of bodies; and in the square the stone of the fronts, by one light, by
-/// several and by discs.
+/// Mirrors and glass that see a sky: a dome and clouds around bodies of glass. Also the stone of the square's fronts, with one light, several
+/// lights and discs.
 fn glass_shows_skies(backend: BackendChoice) {
     if there(Choice::CPU.traced_by(backend)).is_none() {
         return;
@@ -205,7 +205,7 @@ fn mirrors_and_glass_on_optix_show_skies_as_the_processors_do() {
     glass_shows_skies(BackendChoice::Optix);
 }
 
-/// A camera in a dyed body among emitters, which `tests/oracle/bodies.py` has written.
+/// A camera in a tinted body among emitters; `tests/oracle/bodies.py` wrote the scene.
 fn in_a_body(effects: &str) -> Project {
     let options = SceneOptions {
         effects: effects.parse().ok(),

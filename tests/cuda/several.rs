@@ -20,7 +20,7 @@ fn frame(name: &str, fidelity: Fidelity, seed: u32, rays: Made) -> Frame {
     drawn_frame(Box::new(CpuRasteriser::new()), name, fidelity, seed, rays).0
 }
 
-/// The second frame, and the notes on how its G-buffer reached the rays.
+/// The second frame, and the notes on how its G-buffer was passed to the rays.
 fn drawn_frame(
     raster: Box<dyn Rasteriser>,
     name: &str,
@@ -31,7 +31,7 @@ fn drawn_frame(
     let project = project::load(&project(name)).expect("the project loads");
     let occlusion = matches!(name, "SceneSSAO" | "SceneFinal");
     let settings = Settings {
-        // A size that is no multiple of anything, near the panes.
+        // The size is no multiple of any block or tile, and the camera is near the panes.
         size: Some([203, 149]),
         camera: Some("Vidro".to_owned()),
         fidelity,
@@ -42,7 +42,7 @@ fn drawn_frame(
     let engines = Engines::new(raster, rays.expect("it was there before"));
     let plan = Plan::new(project, settings).expect("the plan stands");
     let mut renderer = Renderer::new(plan, engines, &mut Silent).expect("ready");
-    // In the second frame all buffers exist already.
+    // By the second frame all buffers exist already.
     renderer.frame(&mut Silent).expect("rendered");
     let picture = renderer.frame(&mut Silent).expect("rendered");
     let row = renderer.timeline().rows.iter().find(|row| row.kind == StepKind::Rays).expect("a ray pass ran");
@@ -61,7 +61,7 @@ fn copies_from_gpu_to_gpu(backend: BackendChoice, on: impl Fn(&[usize]) -> Made)
     let mut sets = vec![vec![0], vec![0, 0]];
     let all = ordinals(backend.name(), None).expect("there are some");
     if all.len() > 1 {
-        // Any GPU of the set may be the one that draws.
+        // Any GPU of the set may draw.
         sets.extend([all.clone(), all.into_iter().rev().collect()]);
     }
     let mut before: Option<Frame> = None;

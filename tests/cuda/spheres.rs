@@ -1,4 +1,4 @@
-//! Exact spheres: as bodies of glass, and as what is not glass, in every program.
+//! Exact spheres, of glass and of other materials, in every program.
 
 use super::conformance::record_of;
 use super::lamps::add_lamps;
@@ -15,7 +15,7 @@ fn loaded(name: &str) -> Project {
     project::load(&project(name)).expect("the project loads")
 }
 
-/// The spheres of `glass/Spheres` with another program, to which those of two materials are panes or mirrors, and the others are not glass.
+/// The spheres of `glass/Spheres` with another program. The spheres of two materials are panes or mirrors, and the others are not glass.
 fn opaque(program: RayProgram) -> Project {
     let mut project = loaded("glass/Spheres");
     for pass in project.pipelines.iter_mut().flat_map(|pipeline| &mut pipeline.passes) {
@@ -43,7 +43,7 @@ fn exact_spheres_on_our_own_tracer_are_the_processors() {
         record_of(project, backend, name, "MainCamera", (Fidelity::Corrected, set), None, &found);
     };
     for name in ["glass/Spheres", "glass/Shells"] {
-        // In one kernel, and in several; at level 0 and by ray cones.
+        // Variants with one kernel and with several, and with texture lookups at level 0 and by ray cones.
         for set in [
             &["pass2.samples=0"][..],
             &["pass2.samples=16"],
@@ -59,7 +59,7 @@ fn exact_spheres_on_our_own_tracer_are_the_processors() {
     for program in PROGRAMS {
         let name = program.info().stem;
         let occlusion = matches!(program, RayProgram::Ssao | RayProgram::Final);
-        // With few rays a point each is traced, with more what is near settles some.
+        // With few rays for each point, all of them are traced; with more rays, nearby geometry decides some of them without tracing.
         let sets = if occlusion { &["pass2.samples=4", "pass2.samples=16", "pass2.samples=144"][..] } else { &[] };
         for set in sets.chunks(1).chain((!occlusion).then_some(&[][..])) {
             run(opaque(program), name, set);
@@ -74,7 +74,7 @@ fn exact_spheres_on_our_own_tracer_are_the_processors() {
         let cpu = record.cpu_rays.expect("the processor ran");
         let glass = |rays: RayCounts| [rays.reflected, rays.refracted, rays.lost];
         assert_eq!(glass(record.rays), glass(cpu), "{words}");
-        // Of glass as each material says, `final` on the processor looks at surfaces of no weight, too.
+        // With glass as each material says, `final` on the processor also visits surfaces of no weight.
         if !record.project.starts_with("glass/") {
             let occlusion = |rays: RayCounts| rays.occlusion + rays.certain;
             assert_eq!(occlusion(record.rays), occlusion(cpu), "{words}");

@@ -1,4 +1,4 @@
-//! Glass that is rough, bends colours apart or has a reflectance of its own, and paths that are cut off, against the processor's.
+//! Glass that is rough, disperses colours or has a reflectance of its own, and paths that are cut off, compared with the processor's.
 
 use super::conformance::record_of;
 use super::lamps::add_lamps;
@@ -14,15 +14,15 @@ fn loaded(name: &str) -> Project {
     project::load(&project(name)).expect("the project loads")
 }
 
-/// The ray pass of each project with its settings; `None` without the backend. Pictures are within the limits, and on our own tracer rays in
-/// glass are as many as the processor's.
+/// Runs the ray pass of each project with its settings; `None` without the backend. Pictures are within the limits. On our own tracer, the number
+/// of rays in glass equals the processor's.
 fn agrees(backend: BackendChoice, runs: Vec<(Project, &str, &[&str])>) -> Option<Vec<Record>> {
     there(Choice::CPU.traced_by(backend))?;
     let found = Arc::new(Mutex::new(Found::default()));
     let count = runs.len();
     for (project, name, set) in runs {
         let set = set.iter().map(|one| (*one).to_owned()).collect();
-        // A project that is made of a scene has a camera of another name.
+        // The camera of a project that was made from a scene file has another name.
         let of_file = project.cameras.iter().any(|camera| camera.name == "MainCamera");
         let camera = if of_file { "MainCamera" } else { "Camera" };
         record_of(project, backend, name, camera, (Fidelity::Corrected, set), None, &found);

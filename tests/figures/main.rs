@@ -8,19 +8,19 @@
 //! of a Markdown file stands the output of this program for `docs/measurements/FILE.json`, and nothing typed by hand.
 //! `CURITIBA_WRITE_FIGURES=1 cargo test --test figures` writes it; without the variable, a difference is a failure.
 //!
-//! | kind | makes of a file of | |
+//! | kind | source of the file | table |
 //! |---|---|---|
 //! | `machine` | any command that writes an environment | a sentence: processor, threads, devices, commit, date, command |
 //! | `cases` | `curitiba bench`, several files | a row for each case: the frame and the error in each file, and the 2014 report's frame |
 //! | `pictures` | `curitiba bench` | a row for each row: the error of the effect, and of the picture |
-//! | `backends` | `examples/conformance`, several files | a row for each ray pass: milliseconds on the device of each backend; `names=` tells files apart |
-//! | `agreement` | the same | a row for each ray pass: how far each backend's picture differs from the processor's |
+//! | `backends` | `examples/conformance`, several files | a row for each ray pass: device milliseconds of each backend; `names=` names the files |
+//! | `agreement` | `examples/conformance`, several files | a row for each ray pass: how far each backend's picture differs from the processor's |
 //! | `counts` | `curitiba bench`, several files | a row for each case with a ray pass: rays of each kind |
 //! | `threads` | `curitiba bench --sweep-threads` | a row for each step: milliseconds on each number of threads, and the speed-up |
-//! | `rays` | the bench beside Embree, several files | a row for each scene: rays a second, and ratios; `threads=16` of so many threads, `single=yes` with the ratio of single rays |
+//! | `rays` | the bench beside Embree, several files | by scene: rays per second, ratios; `threads=16`: 16 threads, `single=yes`: single rays too |
 //! | `listed` | any program that names its columns | the table that `table=` names |
-//! | `passes`, `builds` | the same | whole ray passes, and building, beside Embree's |
-//! | `growth` | the same with `--growth` | a row for each kind of work: milliseconds against triangles and pixels, exponents, efficiency of threads |
+//! | `passes`, `builds` | the bench beside Embree, several files | whole ray passes, and building, beside Embree's |
+//! | `growth` | the bench beside Embree with `--growth` | a row for each kind of work: milliseconds by triangles and pixels, exponents, efficiency |
 
 mod tables;
 
@@ -42,7 +42,7 @@ struct Request {
 }
 
 impl Request {
-    /// Reads `KIND FILE.json … NAME=VALUE; …`: options follow the files, each ends with a semicolon or the marker.
+    /// Reads `KIND FILE.json … NAME=VALUE; …`: options follow the files; each option ends with a semicolon or at the end of the marker.
     fn read(text: &str) -> Result<Self, String> {
         let (kind, rest) = text.trim().split_once(' ').ok_or("a kind and a file are wanted")?;
         let mut rest = rest.trim_start();
@@ -85,7 +85,7 @@ fn measurement(name: &str) -> Result<Value, String> {
     serde_json::from_str(&text).map_err(|error| format!("{}: {error}", path.display()))
 }
 
-/// The commit at which a file was measured, in a checkout without changes.
+/// The commit at which a file was measured; an error if it is unknown or the checkout had changes.
 fn commit<'f>(name: &str, file: &'f Value) -> Result<&'f str, String> {
     let commit = file["environment"]["commit"].as_str().unwrap_or("unknown");
     if commit == "unknown" || commit.ends_with("-dirty") {
@@ -119,7 +119,7 @@ fn rewrite(text: &str, quoted: &mut BTreeSet<(String, String, String)>) -> Resul
     Ok(out)
 }
 
-/// Numbers of milliseconds that stand neither in a table made from a measurement nor in quoted text, with their lines.
+/// Numbers of milliseconds, with their lines, outside of generated tables and quoted text.
 fn typed_milliseconds(text: &str) -> Vec<(usize, String)> {
     let (mut generated, mut quoted) = (false, false);
     let mut found = Vec::new();
@@ -140,7 +140,7 @@ fn typed_milliseconds(text: &str) -> Vec<(usize, String)> {
     found
 }
 
-/// What was measured on some day stands in `docs/lab`, with its machine and commit; elsewhere it is made from a file.
+/// Times measured on a particular day belong in `docs/lab`, with their machine and commit; in other documents they are generated from a file.
 #[test]
 fn no_measured_time_is_typed() {
     // Constants of the program.

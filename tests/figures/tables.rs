@@ -33,7 +33,7 @@ pub fn table(kind: &str, files: &[Value], options: &Options) -> Result<String, S
     }
 }
 
-/// A table whose columns the measuring program named.
+/// A table whose columns are named by the measuring program.
 fn listed(file: &Value, options: &Options) -> Result<String, String> {
     let name = options.get("table").ok_or("`listed` wants table=NAME")?;
     let table = &file["tables"][name.as_str()];
@@ -126,8 +126,8 @@ fn machine(file: &Value) -> String {
     out + ".\n"
 }
 
-/// The rows of a bench with the view that the options name, and with the labels, in their order, if the options name
-/// any.
+/// The rows of a bench in the view that the options name. If the options name labels, only rows with these labels, in their
+/// order.
 fn rows<'f>(file: &'f Value, options: &Options) -> Result<Vec<&'f Value>, String> {
     let all: Vec<&Value> = file["rows"].as_array().into_iter().flatten().collect();
     let seen = |row: &&&Value| options.get("view").is_none_or(|view| text(&row["view"]) == view);
@@ -244,13 +244,13 @@ fn counts(files: &[Value], options: &Options) -> Result<String, String> {
     Ok(out)
 }
 
-/// What a ray pass of `examples/conformance` is told apart by: program, camera and triangles of the scene.
+/// The key of a ray pass in `examples/conformance`: program, camera and number of the scene's triangles.
 type Case<'f> = (&'f str, &'f str, u64);
 
-/// A record of `examples/conformance` beside the name of its column.
+/// A record of `examples/conformance`, with the name of its column.
 type Column<'f> = (String, &'f Value);
 
-/// The records of one fidelity, each with the name of its backend; with the option `names`, separated by `/`, the name of its file follows.
+/// The records of one fidelity, each with the name of its backend. The option `names`, separated by `/`, appends the name of the file.
 fn records<'f>(files: &'f [Value], options: &Options) -> Result<Vec<Column<'f>>, String> {
     let fidelity = options.get("fidelity").map_or("corrected", String::as_str);
     let names: Vec<&str> =
@@ -276,7 +276,7 @@ fn case(record: &Value) -> Case<'_> {
     (text(&record["program"]), record["camera"].as_str().unwrap_or("its own"), triangles)
 }
 
-/// A row for each ray pass and a column for each backend. The column of triangles is left out where all scenes have as many.
+/// A row for each ray pass and a column for each backend. The column of triangles is left out where all scenes have the same number.
 fn by_backend(found: &[Column<'_>], shown: impl Fn(&Value) -> String) -> String {
     let (mut columns, mut cases): (Vec<&str>, Vec<Case<'_>>) = (Vec::new(), Vec::new());
     for (column, record) in found {
@@ -312,8 +312,8 @@ fn backends(files: &[Value], options: &Options) -> Result<String, String> {
     }))
 }
 
-/// How far the pictures of each ray pass differ from the processor's: equal in every bit, the greatest difference where no pixel is off by
-/// more than 0.01, or how many are.
+/// How far the pictures of each ray pass differ from the processor's. The cell says that all bits are equal, or gives the greatest difference
+/// if no pixel is off by more than 0.01, or else the number of such pixels.
 fn agreement(files: &[Value], options: &Options) -> Result<String, String> {
     let found = records(files, options)?;
     if found.iter().any(|(_, record)| !record["comparison"].is_object()) {
@@ -361,8 +361,8 @@ fn threads(file: &Value, options: &Options) -> Result<String, String> {
     if out.is_empty() { Err("no row is of those steps".to_owned()) } else { Ok(out) }
 }
 
-/// A row for each scene: million rays per processor second on one thread, and in brackets the ratios to Embree's
-/// fastest mode and to its fastest watertight mode.
+/// A row for each scene: million rays per processor second, on one thread unless `threads` is set, and in brackets the ratios
+/// to Embree's fastest mode and to its fastest watertight mode.
 fn rays(files: &[Value], options: &Options) -> Result<String, String> {
     let mut out = String::new();
     let threads = options.get("threads").map_or(Ok(1), |threads| threads.parse::<u64>());
@@ -430,7 +430,7 @@ fn builds(files: &[Value]) -> Result<String, String> {
 }
 
 /// A row for each kind of work: milliseconds against triangles and against pixels, each with the exponent of its power law, and
-/// what each number of threads keeps of the time of one.
+/// the efficiency of each number of threads relative to one thread.
 fn growth(file: &Value) -> Result<String, String> {
     let points = |name: &str| file[name].as_array().cloned().unwrap_or_default();
     let (triangles, pixels) = (points("triangles"), points("pixels"));
@@ -471,7 +471,7 @@ fn growth(file: &Value) -> Result<String, String> {
     Ok(out)
 }
 
-/// The median of a list of numbers, the upper one of two.
+/// The median of a list of numbers; the upper one of the two middle numbers.
 fn median(list: &Value) -> Option<f64> {
     let mut numbers: Vec<f64> = list.as_array()?.iter().filter_map(Value::as_f64).collect();
     numbers.sort_by(f64::total_cmp);

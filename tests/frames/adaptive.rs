@@ -1,4 +1,4 @@
-//! Adaptive sampling of glass, in whole projects: what it takes, what it says, who has none, and what goes with it.
+//! Adaptive sampling of glass, in whole projects: its results, what plans say, which backends lack it, and which settings it goes with.
 
 use crate::plain::Plain;
 use curitiba::Choice;
@@ -30,7 +30,7 @@ fn opened(settings: Settings) -> Renderer {
     curitiba::open(path(), settings, Choice::CPU, &mut Silent).expect("it opens")
 }
 
-/// A picture, with what was spent.
+/// A picture, with the number of paths that were spent.
 fn frame(settings: Settings) -> (Image, Option<PathsSpent>) {
     let mut renderer = opened(settings);
     let image = renderer.frame(&mut Silent).expect("a frame");
@@ -64,7 +64,7 @@ fn rows_say_what_was_spent_and_more_is_spent_for_a_smaller_error() {
     assert!(much.met && little.met && much.pixels == little.pixels && much.pixels > 300, "{much}; {little}");
     assert!(much.error < 0.04 && little.error < 0.02 && little.paths > much.paths, "{much}; {little}");
     assert_eq!(frame(settings(&["pass2.paths=4"])).1, None);
-    // Each of four samples a pixel is sampled to the error.
+    // With four samples per pixel, each of them is sampled to the error.
     let several =
         Settings { aa: "4".parse().expect("a number"), ..settings(&["pass2.paths=4096", "pass2.error=0.04"]) };
     let several = frame(several).1.expect("it is sampled");

@@ -1,5 +1,5 @@
-//! Passes that do not clear their target (`COLOR_CLEAR`, `DEPTH_CLEAR` `false`) draw over what earlier passes left: pictures of two passes
-//! beside those of one, on the processor and on a device.
+//! Passes that do not clear their target (`COLOR_CLEAR`, `DEPTH_CLEAR` `false`) draw over the output of earlier passes. Pictures of two passes
+//! are compared with pictures of one, on the processor and on a device.
 //!
 //! Pictures of the device need a Vulkan, Metal or DirectX 12 driver (a software driver will do). Without one the tests print `skipped`,
 //! or fail with `CURITIBA_REQUIRE_GPU_TESTS=1`.
@@ -16,7 +16,7 @@ use tempfile::TempDir;
 /// Sides that are no multiple of a tile's side.
 const SIZE: [u32; 2] = [150, 100];
 
-/// A project of one pipeline. The ball `A` is red and the box `B`, which stands half in it, green.
+/// A project of one pipeline. The ball `A` is red; the box `B`, which half overlaps it, is green.
 struct Scene(TempDir);
 
 const COLOR: &str = r#"<COLOR_CLEAR value="false"/>"#;
@@ -66,7 +66,7 @@ impl Scene {
     fn picture(&self, raster: RasterChoice) -> Image {
         let mut renderer = self.open(raster, Settings::default()).unwrap_or_else(|error| panic!("{}", error.joined()));
         let first = renderer.frame(&mut Silent).expect("it renders");
-        // Later frames start from nothing that earlier ones left.
+        // Later frames do not start from the output of earlier frames.
         assert_eq!(first, renderer.frame(&mut Silent).expect("it renders"), "the second frame");
         first
     }
@@ -86,7 +86,7 @@ fn draw(name: &str, scenes: &[&str], window: bool, more: &str) -> String {
     )
 }
 
-/// The passes of a pipeline that shows what `draw` makes of them.
+/// A pipeline of drawing passes, and a quad pass that shows their target.
 fn pipeline(window: bool, passes: &[(&str, &[&str], &str)]) -> String {
     let drawn: String = passes.iter().map(|(name, scenes, more)| draw(name, scenes, window, more)).collect();
     if window { drawn } else { drawn + SHOW }
@@ -96,7 +96,7 @@ fn rasterisers() -> Vec<RasterChoice> {
     if has_driver() { vec![RasterChoice::Cpu, RasterChoice::Wgpu] } else { vec![RasterChoice::Cpu] }
 }
 
-/// A picture put together pixel by pixel from others.
+/// A picture whose pixels are taken from others.
 fn made(of: &Image, pixel: impl Fn(usize) -> [f32; 4]) -> Image {
     Image { pixels: (0..of.pixels.len()).map(pixel).collect(), ..of.clone() }
 }
@@ -113,7 +113,7 @@ fn two_passes_that_keep_colour_and_depth_draw_what_one_pass_draws() {
                 let one = picture(&[("one", &["A", "B"], "")]);
                 let (only_a, only_b) = (picture(&[("a", a, "")]), picture(&[("b", b, "")]));
                 let background = only_a.pixels[0];
-                // Control: each hides a part of the other, so that order does not do.
+                // Control: each of the two hides a part of the other, so drawing one over the other does not give the picture.
                 let share = |hidden: &Image| {
                     let seen = |index: &usize| hidden.pixels[*index] != background;
                     let other = |index: &usize| one.pixels[*index] != hidden.pixels[*index];
@@ -123,28 +123,28 @@ fn two_passes_that_keep_colour_and_depth_draw_what_one_pass_draws() {
 
                 assert_eq!(picture(&[("a", a, ""), ("b", b, &both)]), one, "{raster:?} {format} {window}");
                 assert_eq!(picture(&[("b", b, ""), ("a", a, &both)]), one, "{raster:?} {format} {window}");
-                // A third pass finds the depth of both.
+                // A third pass is tested against the depth of both.
                 let thrice = picture(&[("a", a, ""), ("b", b, &both), ("again", a, &both)]);
                 assert_eq!(thrice, one, "{raster:?} {format} {window}");
-                // The older spelling of the depth's state.
+                // The older notation for the depth's state.
                 let older = [COLOR, r#"<depth test="true" write="true" clear="false"/>"#].concat();
                 assert_eq!(picture(&[("a", a, ""), ("b", b, &older)]), one, "{raster:?} {format} {window}");
 
-                // Of what keeps the colour alone, the second is on top.
+                // If only the colour is kept, the second pass is on top.
                 let on_top = made(&one, |index| match only_b.pixels[index] {
                     pixel if pixel == background => only_a.pixels[index],
                     pixel => pixel,
                 });
                 assert_ne!(on_top, one);
                 assert_eq!(picture(&[("a", a, ""), ("b", b, COLOR)]), on_top, "{raster:?} {format} {window}");
-                // Of what keeps the depth alone, the second is where it is nearer.
+                // If only the depth is kept, the second pass is visible where it is nearer.
                 let nearer = made(&one, |index| match only_b.pixels[index] {
                     pixel if pixel == one.pixels[index] => pixel,
                     _ => background,
                 });
                 assert_ne!(nearer, only_b);
                 assert_eq!(picture(&[("a", a, ""), ("b", b, DEPTH)]), nearer, "{raster:?} {format} {window}");
-                // What no pass left is cleared.
+                // A first pass that keeps everything still starts from a cleared target.
                 assert_eq!(picture(&[("a", a, &both)]), only_a, "{raster:?} {format} {window}");
             }
         }
@@ -163,7 +163,7 @@ fn a_quad_between_leaves_the_far_plane_and_a_second_viewport_keeps_the_first() {
         let kept = filled.replace("name=\"show\">", &format!("name=\"show\">{DEPTH}"));
         let one = picture(draw("one", &["A", "B"], true, ""));
         assert_eq!(picture([&*a, &kept, &b(&both)].concat()), one, "{raster:?}: the quad keeps the depth");
-        // The right half is drawn by its own camera's aspect, over what the left half shows of the whole.
+        // The second pass draws only the right half, with the aspect of that viewport. The left half still shows the first pass.
         let right = picture([&*a, &b(&format!(r#"{both}<viewport name="Right"/>"#))].concat());
         let whole = picture(a);
         let [width, _] = SIZE.map(|side| side as usize);
@@ -192,7 +192,7 @@ fn parts_and_samples_are_those_of_one_pass() {
     }
 }
 
-/// A change of the second pass alone draws the first again as well.
+/// If only the second pass changes, the first is drawn again as well.
 #[test]
 fn a_change_starts_from_what_the_first_pass_drew() {
     let both = [COLOR, DEPTH].concat();
@@ -212,7 +212,7 @@ fn a_change_starts_from_what_the_first_pass_drew() {
     }
 }
 
-/// The program of shadows of these scenes for what the target holds, and a quad that shows what it leaves.
+/// The program of shadows for these scenes on the target's positions, and a quad that shows its output.
 pub(crate) fn shadows(scenes: &[&str]) -> String {
     let scenes: String = scenes.iter().map(|scene| format!(r#"<scene name="{scene}"/>"#)).collect();
     format!(
@@ -227,7 +227,7 @@ pub(crate) fn shadows(scenes: &[&str]) -> String {
     )
 }
 
-/// Positions and triangle ids are kept as colours are: rays start from them.
+/// Positions and triangle ids are kept as colours are, because rays start from them.
 #[test]
 fn rays_start_from_what_is_kept() {
     let both = [COLOR, DEPTH].concat();
@@ -235,7 +235,7 @@ fn rays_start_from_what_is_kept() {
     for raster in rasterisers() {
         let picture =
             |more: &str| Scene::new("RGBA32F", &[&*first, more, &shadows(&["A", "B"])].concat()).picture(raster);
-        // The second pass draws the same, which is nowhere nearer.
+        // The second pass draws the same triangles, none of them nearer.
         let one = picture("");
         assert_eq!(picture(&draw("again", &["A", "B"], false, &both)), one, "{raster:?}");
         let dark = one.pixels.iter().filter(|pixel| pixel[0] < 1.0).count();

@@ -14,7 +14,7 @@ use std::process::{Command, Output};
 
 const SIZE: [u32; 2] = [64, 32];
 
-/// Two squares in z = 0, seen from +z: the left one has a diffuse factor, the right one a texture of this grey code.
+/// Two squares in z = 0, seen from +z: the left one has a diffuse factor, the right one a texture of the grey code `code`.
 fn patches(folder: &Path, factor: f32, code: u8) {
     let grey = f32::from(code) / 255.0;
     write_png(&folder.join("grey.png"), &Image::filled(2, 2, [grey, grey, grey, 1.0])).expect("a picture");
@@ -209,7 +209,7 @@ fn exposure_and_tone_curve_change_pictures_for_screens_and_not_radiance() {
     command(folder, "up.exr", &["--exposure", "1", "--tone", "reinhard"]);
     let pixels = |name: &str| read_image(&folder.join(name)).expect("a picture").image.pixels;
     assert_eq!(pixels("plain.exr"), pixels("up.exr"));
-    // Bands are written while they render, by other code.
+    // Bands are written while the picture is rendered, by other code.
     command(folder, "bands.png", &["--exposure", "1", "--bands", "2"]);
     assert_eq!(pixels("bands.png"), pixels("up.png"));
     for options in [&["--exposure", "1"][..], &["--tone", "reinhard"]] {
@@ -304,7 +304,7 @@ f 5 6 7 8\nf 2 1 4 3\nf 6 2 3 7\nf 1 5 8 4\nf 8 7 3 4\nf 1 2 6 5\n";
     }
 }
 
-/// glTF's `BLEND` without a texture: alpha times the lit colour, and what is behind it by the rest.
+/// glTF's `BLEND` without a texture: the lit colour is weighted with alpha, the background with the rest.
 #[test]
 fn an_even_blend_shows_what_is_behind_it_by_the_rest_of_its_alpha() {
     let folder = tempfile::tempdir().expect("a folder");
@@ -327,8 +327,8 @@ fn an_even_blend_shows_what_is_behind_it_by_the_rest_of_its_alpha() {
     }
 }
 
-/// glTF's `BLEND` with a texture: each texel's alpha, times the factor's, of the lit colour, and what is behind it by the rest. Where texels are
-/// nearly all clear or opaque, the texture cuts.
+/// glTF's `BLEND` with a texture: the lit colour is weighted with the texel's alpha times the factor's, and the background with the rest. If nearly
+/// all texels are clear or opaque, the texture is used as a cut-out.
 #[test]
 fn a_textured_blend_shows_what_is_behind_it_by_each_texel() {
     let folder = tempfile::tempdir().expect("a folder");
@@ -362,15 +362,15 @@ fn a_textured_blend_shows_what_is_behind_it_by_each_texel() {
         let [plain, seen] = middles(&frame);
         assert!((seen - expected).abs() < 0.5 / 255.0 + 1e-5, "{alpha} {opacity}: {seen}, not {expected}");
         assert!((plain - 0.5).abs() < 1e-5, "what is opaque stays");
-        // Without rays it is whole or a hole, by half of the texture's alpha.
+        // Without rays, the surface is opaque or a hole, depending on whether the texture's alpha is below a half.
         let (frame, _) = render(folder, settings(), Choice::CPU);
         let cut = if alpha < 0.5 { 1.0 } else { lit };
         assert!((middles(&frame)[1] - cut).abs() < 1e-5, "{alpha} {opacity}: {}, not {cut}", middles(&frame)[1]);
     }
-    // The last of them is blended, and the plan says so.
+    // The last of these is blended, and the plan says so.
     let said = "material `texel` blended texel by texel";
     assert!(exits_with(0, folder, &["plan", "patches.gltf"]).contains(said));
-    // Its left quarter is clear and the rest opaque: no pass has rays for glass, and the rest is seen.
+    // The texture's left quarter is clear and the rest opaque: no pass traces rays for glass, and the opaque part is seen.
     picture(&|x| if x < 16 { 0 } else { 255 });
     std::fs::write(folder.join("patches.gltf"), blended(1.0)).expect("written");
     let planned = exits_with(0, folder, &["plan", "patches.gltf"]);
@@ -386,7 +386,7 @@ fn a_textured_blend_shows_what_is_behind_it_by_each_texel() {
     assert!((left - 1.0).abs() < 1e-5 && (right - lit).abs() < 1e-5, "{left} {right}");
 }
 
-/// The same with the glass of materials.
+/// The same settings with the glass of materials.
 fn settings_with_glass(mut settings: Settings) -> Settings {
     settings.scene.effects = Some("glass".parse().expect("effects"));
     settings

@@ -1,4 +1,4 @@
-//! Texture lookups by ray cones, in whole projects: what plans say, who has none, and what goes with them.
+//! Texture lookups by ray cones, in whole projects: what plans say, which backends lack them, and which settings they go with.
 
 use crate::plain::Plain;
 use curitiba::Choice;
@@ -18,7 +18,7 @@ fn path() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("xml_projects/SceneReflect.xml")
 }
 
-/// The view that shows much glass.
+/// A view that shows much glass.
 fn settings(set: &[&str]) -> Settings {
     let set = set.iter().map(|one| (*one).to_owned()).collect();
     Settings { size: Some(SIZE), camera: Some("Vidro".to_owned()), set, ..Settings::default() }
@@ -39,7 +39,7 @@ fn plans_say_which_passes_have_cones() {
     let said = with.decisions.iter().find(|decision| decision.what == "ray cones of pass `pass2`");
     assert!(said.is_some_and(|said| said.built && said.why.contains("texturelod=cones")), "{said:?}");
     assert!(without.decisions.iter().all(|decision| !decision.what.starts_with("ray cones")));
-    // A project that does not say how textures are read has cones, but in thesis fidelity.
+    // A project that does not set `texturelod` uses cones, except in thesis fidelity.
     for (name, pass) in [("glass/balls.xml", "pass2"), ("camera/SquareColors.xml", "pass1")] {
         let silent = |fidelity| {
             let project = project::load(&path().with_file_name(name)).expect("it loads");
@@ -53,7 +53,7 @@ fn plans_say_which_passes_have_cones() {
     }
     let thesis = plan(Settings { fidelity: Fidelity::Thesis, ..settings(&[CONES]) }).expect("a plan");
     assert!(thesis.decisions.iter().all(|one| !one.what.contains("cones")));
-    // What a raster effect leaves to rays is read as the pass says.
+    // Rays for pixels that a raster effect leaves open use the pass's `texturelod`.
     let left = |lod: &str| {
         let file = path().with_file_name("raster/SceneScreenReflect.xml");
         let set = vec!["pass2.missing=rays".to_owned(), format!("pass2.texturelod={lod}")];
@@ -82,7 +82,7 @@ fn cones_change_glass_alone_and_parts_are_cut_from_the_whole() {
     assert_eq!(frame(Settings { bands: Some(3), ..settings(&[CONES]) }), cones);
 }
 
-/// Of the square's mirrors a picture with many samples a pixel is the mean over the pixel; one by cones is nearer to it than one without.
+/// For the square's mirrors, many samples per pixel give the mean over the pixel. A picture with cones is nearer to it than one without.
 #[test]
 fn cones_are_nearer_to_many_samples_a_pixel() {
     let aa = |count: &str, set: &[&str]| Settings { aa: count.parse().expect("a number"), ..settings(set) };
@@ -94,9 +94,9 @@ fn cones_are_nearer_to_many_samples_a_pixel() {
     let of = |count: &str| [&[][..], &[CONES]].map(|set| error(&frame(aa(count, set))));
     let ([zero, cones], [zero_of_4, cones_of_4]) = (of("1"), of("4"));
     println!("1 sample: {zero:.4} and {cones:.4}; 4 samples: {zero_of_4:.4} and {cones_of_4:.4}");
-    // Most of the error is that of edges.
+    // Most of the error is at edges.
     assert!(cones < 0.93 * zero && cones_of_4 < 0.9 * zero_of_4);
-    // Each of the samples has a part of the pixel's cone, so that together they do not blur.
+    // Each sample has a part of the pixel's cone, so that all samples together do not blur.
     let blurred = error(&frame(aa("64", &[CONES])));
     println!("64 samples: {blurred:.4}");
     assert!(blurred < 0.3 * cones_of_4);

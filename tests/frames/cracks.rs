@@ -31,7 +31,7 @@ fn no_pixel_sees_through_the_paving() {
             if (at.y - EARTH).abs() > 1e-4 {
                 continue;
             }
-            // Where the ray passed through the plane of the paving.
+            // The point where the ray passed through the plane of the paving.
             let passed = eye + (at - eye) * (eye.y / (eye.y - at.y));
             let passed = DVec2::new(passed.x, passed.z);
             if passed.cmpge(PAVED[0]).all() && passed.cmple(PAVED[1]).all() {

@@ -1,4 +1,4 @@
-//! Failing ray backends and their replacements: with backends that fail on purpose, and by the command line.
+//! Failing ray backends and their replacements: with backends that fail on purpose, and through the command line.
 
 use curitiba::passes::cpu::CpuRays;
 use curitiba::passes::raster::cpu::CpuRasteriser;
@@ -23,9 +23,9 @@ type Calls = Rc<RefCell<Vec<String>>>;
 enum Fails {
     Never,
     Build,
-    /// In all runs from this one on, counted from 1, after half of the picture.
+    /// In this run, counted from 1, and all later ones, after half of the picture.
     Run(u32),
-    /// When it is asked: it says that it cannot run the job.
+    /// When it is asked for support: it says that it cannot run the job.
     Support,
 }
 
@@ -88,7 +88,7 @@ impl RayBackend for Fake {
     }
 }
 
-/// Records the fallbacks that it is told.
+/// Records the fallbacks that it is notified of.
 #[derive(Default)]
 struct Ears(Vec<Fallback>);
 
@@ -312,14 +312,14 @@ fn the_fastest_backend_is_measured_once_and_then_known() {
     assert!(told.contains("backend fastest: ") && told.contains("measured now, and kept"), "{told}");
     let chosen = told.split("backend fastest: ").nth(1).and_then(|rest| rest.split(' ').next()).expect("a name");
     assert!(rows.contains(&format!("deferredShadows on {chosen}")), "{rows}");
-    // Each backend that is not available tells the reason.
+    // For each backend that is not available, the reason is printed.
     let there =
         told.lines().find(|line| line.starts_with("backend fastest: ")).map_or(0, |line| line.matches(" ms").count());
     assert_eq!(there + told.matches("\n       not ").count(), curitiba::BackendChoice::ALL.len(), "{told}");
     let (code, _, told) = run(&rendered);
     assert_eq!(code, Some(0), "{told}");
     assert!(told.contains("measured before: ") && told.contains("fastest.json"), "{told}");
-    // The record is no file of the project, and the row names the backend that was chosen.
+    // The record is not listed as a file of the project, and the row names the chosen backend.
     let (code, listed, told) = run(&["check", "--backend", "fastest"]);
     assert_eq!(code, Some(0), "{told}");
     assert!(!listed.contains("fastest.json"), "{listed}");

@@ -12,7 +12,7 @@ use std::f64::consts::PI;
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 
-/// Displacements of the scene. All its numbers are multiples of 2^-10, so that the displaced ones are exact.
+/// Displacements of the scene. All the scene's numbers are multiples of 2^-10, so that the displaced numbers are exact.
 const MOVED: [DVec3; 4] =
     [DVec3::new(1e3, 0.0, 0.0), DVec3::new(-1e4, 0.0, 2e4), DVec3::new(1e5, 1e5, -1e5), DVec3::new(1e6, 0.0, 5e6)];
 
@@ -74,7 +74,7 @@ fn obj(folder: &Path, moved: DVec3) -> PathBuf {
     file
 }
 
-/// Writes what is of stone as a COLLADA file, which has no glass, displaced by its positions and by its node.
+/// Writes the parts of stone as a COLLADA file, which has no glass. They are displaced by positions and by the node.
 fn collada(folder: &Path, [by_positions, by_node]: [DVec3; 2]) -> PathBuf {
     let (points, parts) = corners();
     let (mut positions, mut primitives, count) = (String::new(), String::new(), points.len());
@@ -108,7 +108,7 @@ fn collada(folder: &Path, [by_positions, by_node]: [DVec3; 2]) -> PathBuf {
 /// The project of a displaced scene, and its settings.
 fn opened(file: &Path, moved: DVec3, size: u32, backend: BackendChoice, fidelity: Fidelity) -> (Project, Settings) {
     let scene = SceneOptions {
-        // Kernels with glass take software drivers minutes.
+        // Software drivers need minutes for kernels with glass.
         effects: Some(Effects { shadows: true, occlusion: true, glass: backend != BackendChoice::Wgpu }),
         look_from: Some(DVec3::new(-2.5, 1.75, 3.5) + moved),
         look_at: Some(DVec3::new(0.125, -0.25, 0.0) + moved),
@@ -184,8 +184,8 @@ fn rays_on_nvidia_gpus_show_far_away_what_they_show_at_the_origin() {
     }
 }
 
-/// Rays and rasteriser of `wgpu` are compared with themselves: a driver may fuse sums, so the near picture is theirs,
-/// too.
+/// Rays and rasteriser of `wgpu` are compared with themselves: a driver may fuse multiplications and additions, so the near
+/// picture is drawn on the device as well.
 #[test]
 fn wgpu_shows_far_away_what_it_shows_at_the_origin() {
     let choice = Choice { raster: RasterChoice::Wgpu, backend: BackendChoice::Wgpu, ..Choice::default() };
@@ -200,7 +200,7 @@ fn wgpu_shows_far_away_what_it_shows_at_the_origin() {
     let near = bits(&mut renderer);
     let moved = MOVED[3];
     let (project, settings) = opened(&obj(folder.path(), moved), moved, 32, choice.backend, Fidelity::Corrected);
-    // On the same device, for which the kernels are compiled.
+    // The same device is used again, because its kernels are already compiled.
     let plan = Plan::new(project, settings).expect("a plan");
     let mut far = Renderer::new(plan, renderer.into_engines(), &mut Silent).expect("it is built");
     assert!(near == bits(&mut far), "{moved}");

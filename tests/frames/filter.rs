@@ -1,4 +1,4 @@
-//! The filter after ray passes, in whole projects: what it takes, who has none, and what goes with it.
+//! The filter after ray passes, in whole projects: its results, which backends lack it, and which settings it goes with.
 
 use crate::plain::Plain;
 use curitiba::Choice;
@@ -87,7 +87,7 @@ fn a_filter_of_accumulated_samples_is_that_of_all_at_once() {
     let mut renderer = opened("SceneSSAO.xml", settings("pass2.samples=100", "pass2.filter=2"));
     renderer.accumulate(Goal::Samples(16), &mut Silent).expect("it takes samples");
     assert!(off(&renderer.window_image(), &at_once) < 1e-6, "{}", off(&renderer.window_image(), &at_once));
-    // The control, and what it is for: of few samples the filtered picture is nearer to many.
+    // Control and purpose: with few samples, the filtered picture is nearer to that of many samples.
     let plain = |samples| frame("SceneSSAO.xml", settings(samples, "pass2.filter=0"));
     assert!(off(&plain("pass2.samples=16"), &at_once) > 1e-3);
     let many = plain("pass2.samples=1024");

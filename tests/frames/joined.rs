@@ -1,4 +1,4 @@
-//! G-buffers that ray passes read in place, with a rasteriser and a ray backend that share memory of the host.
+//! G-buffers that ray passes read in place, with a rasteriser and a ray backend that share host memory.
 
 use curitiba::passes::cpu::CpuRays;
 use curitiba::passes::raster::cpu::CpuRasteriser;
@@ -33,7 +33,7 @@ struct Memory {
     value: u64,
     /// The attachments that were copied to the host.
     read_back: Vec<Attachments>,
-    /// Whether there is room for the picture of a ray pass, that picture, and the value of the G-buffer that it was made of.
+    /// Whether there is room for the picture of a ray pass, that picture, and the value of the G-buffer from which it was traced.
     has_room: bool,
     picture: Vec<[f32; 4]>,
     picture_of: u64,
@@ -52,7 +52,7 @@ struct Abilities {
     shows: bool,
 }
 
-/// A rasteriser that draws into the device.
+/// A rasteriser that draws into the shared memory.
 struct Drawer {
     inner: CpuRasteriser,
     device: Device,
@@ -181,7 +181,7 @@ impl Rasteriser for Drawer {
     }
 }
 
-/// A ray backend that traces on what lies in the device, and that fails in run `fails_in`.
+/// A ray backend that traces on the shared memory, and that fails in run `fails_in`.
 struct Tracer {
     inner: CpuRays,
     device: Device,
@@ -191,7 +191,7 @@ struct Tracer {
 }
 
 impl Tracer {
-    /// Counts a run, and fails in that which was agreed.
+    /// Counts a run, and fails in the run `fails_in`.
     fn count(&mut self) -> Result<(), BackendError> {
         self.runs += 1;
         match self.can.fails_in == Some(self.runs) {
@@ -200,7 +200,7 @@ impl Tracer {
         }
     }
 
-    /// Traces what was handed over with that value.
+    /// Traces on the G-buffer that was handed over with that value.
     fn trace(
         &mut self,
         job: &RayJob<'_>,
@@ -364,7 +364,7 @@ fn a_backend_that_takes_over_finds_the_g_buffer_in_the_host() {
     assert_eq!(device.lock().expect("free").read_back.len(), 2, "one copy for each frame since");
 }
 
-/// The codes of a picture that the host's engines make.
+/// The codes of the picture that the host's engines make.
 fn expected_codes(plan: Plan) -> Codes {
     let engines = Engines::new(Box::new(CpuRasteriser::new()), Box::new(CpuRays::new()));
     Renderer::new(plan, engines, &mut Silent).expect("ready").displayed_frame(&mut Silent).expect("rendered")
@@ -383,7 +383,7 @@ fn a_picture_that_rays_leave_in_shared_memory_is_shown_from_there() {
         let passes = [StepKind::Raster, StepKind::Join, StepKind::Rays, StepKind::Quad, StepKind::ReadBack];
         assert_eq!(steps, passes, "{project}: nothing but the codes is copied");
         assert!(device.lock().expect("free").read_back.is_empty(), "{project}");
-        // Who takes all targets finds them in the host.
+        // A caller that takes all targets finds them in host memory.
         let picture = renderer.frame(&mut Silent).expect("rendered");
         assert!(bits(&picture) == expected(plan(project, None)), "{project}");
     }
@@ -417,7 +417,7 @@ fn a_picture_of_a_g_buffer_that_is_drawn_twice_is_not_left_there() {
         let mut project = project::load(&path).expect("the project loads");
         let passes = &mut project.pipelines[project.default_pipeline].passes;
         if again {
-            // It keeps what the first one drew, so both run.
+            // The second pass keeps the output of the first, so both run.
             let clears = Clears { color: false, ..Clears::default() };
             passes.insert(1, Pass { name: "again".to_owned(), clears, ..passes[0].clone() });
         }

@@ -1,5 +1,5 @@
-//! Several lights, point lights and spot lights, from a project file to the picture: against the reference of the picture and against
-//! closed forms, on the processor and on a device, and what refuses them.
+//! Several lights, point lights and spot lights, from a project file to the picture: compared with the reference of the picture and with closed
+//! forms, on the processor and on a device. Also settings with which they are refused.
 //!
 //! Pictures of the device need a Vulkan, Metal or DirectX 12 driver (a software driver will do). Without one those tests print `skipped`,
 //! or fail with `CURITIBA_REQUIRE_GPU_TESTS=1`.
@@ -141,7 +141,7 @@ impl Scene {
         Self(folder)
     }
 
-    /// The same with the floor's lit side up.
+    /// The same scene with the lit side of the floor up.
     fn on_lit_floor(lights: &str) -> Self {
         let scene = Self::new(lights);
         let text = std::fs::read_to_string(scene.path()).expect("written before");
@@ -206,7 +206,7 @@ fn the_rasteriser_of_a_device_shows_the_same_shadows_of_several_lights() {
     assert!(rmse(&cpu, &fewer) > 0.02);
 }
 
-/// The ray backends of devices that are here, beside the processor's.
+/// The available ray backends of devices, beside the processor's.
 fn devices() -> Vec<BackendChoice> {
     let of_gpus = |backend| match ray_backend(Choice::CPU.traced_by(backend)) {
         Ok(_) => true,
@@ -224,7 +224,7 @@ fn devices() -> Vec<BackendChoice> {
 fn rays_of_devices_show_the_same_lights_and_ask_for_no_fallback() {
     let [scene, fewer] = [ALL, "<light>Sun</light><light>Spot</light>"].map(Scene::new);
     for backend in devices() {
-        // Software drivers take half a minute to compile `final`, which the tests of the backend compare.
+        // Software drivers need half a minute to compile `final`, which the tests of the backend compare.
         let pipelines = if backend == BackendChoice::Wgpu { &["shadows"][..] } else { &["shadows", "final"] };
         for pipeline in pipelines {
             let set = if *pipeline == "final" { vec!["trace.samples=0".to_owned()] } else { Vec::new() };
@@ -234,7 +234,7 @@ fn rays_of_devices_show_the_same_lights_and_ask_for_no_fallback() {
                 renderer.frame(&mut Silent).expect("it renders")
             };
             let device = picture(&scene, Choice::CPU.traced_by(backend));
-            // Some rays at edges meet another triangle.
+            // Some rays at edges hit another triangle.
             let error = rmse(&picture(&scene, Choice::CPU), &device);
             assert!(error < 0.005, "{backend:?} {pipeline}: {error}");
             assert!(rmse(&picture(&fewer, Choice::CPU), &device) > 0.02, "{backend:?} {pipeline}");
@@ -266,7 +266,7 @@ fn a_light_that_moves_or_changes_its_colour_is_seen_and_a_share_is_multiplied_by
     let scene = Scene::new("<light>Bulb</light><light>Spot</light>");
     let mut renderer = scene.open("shadows", Settings::default(), Choice::CPU).expect("opened");
     let first = renderer.frame(&mut Silent).expect("rendered");
-    // In the shadow of the red bulb the blue spot light is left, and the other way round.
+    // In the shadow of the red bulb only the blue spot light is left, and vice versa.
     let ratio = |pixel: &[f32; 4]| pixel[0] / pixel[2].max(1e-6);
     let ratios: Vec<f32> = first.pixels.iter().map(ratio).collect();
     let (least, most) = ratios.iter().fold((f32::MAX, 0.0_f32), |(a, b), ratio| (a.min(*ratio), b.max(*ratio)));
@@ -283,7 +283,7 @@ fn among_several_lights_the_sun_may_be_a_disc() {
     let [hard, soft] = ["0", "8"].map(|sun| picture(ALL, sun));
     let apart = rmse(&hard, &soft);
     assert!(apart > 0.002 && apart < 0.05, "{apart}");
-    // Lamps have none.
+    // Lamps have no disc.
     let lamps = "<light>Bulb</light><light>Spot</light>";
     assert_eq!(picture(lamps, "0"), picture(lamps, "8"));
     let renderer = Scene::new(ALL).open("shadows", set("8"), Choice::CPU).expect("opened");
@@ -308,7 +308,7 @@ fn what_knows_one_directional_light_refuses_others_with_a_remedy() {
     assert!(error.contains("3 lights") && error.contains("set filter=0"), "{error}");
     let error = refused("final", set(&["trace.shadow=caustic"]));
     assert!(error.contains("3 lights") && error.contains("set shadow=straight"), "{error}");
-    // Thesis fidelity has the first directional light, as if it were alone.
+    // Thesis fidelity uses the first directional light as if it were the only light.
     let thesis = Settings { fidelity: curitiba::pipeline::programs::Fidelity::Thesis, ..Settings::default() };
     let [all, first] = [ALL, "<light>Sun</light>"]
         .map(|lights| Scene::new(lights).picture("shadows", thesis.clone(), RasterChoice::Cpu));

@@ -1,4 +1,4 @@
-//! Lines that passes draw beside triangles: the edges of what cameras see, and coordinate axes, on the processor and on a device.
+//! Lines that passes draw beside triangles: the edges of cameras' view volumes, and coordinate axes, on the processor and on a device.
 //!
 //! Pictures of the device need a Vulkan, Metal or DirectX 12 driver (a software driver will do). Without one the tests print `skipped`,
 //! or fail with `CURITIBA_REQUIRE_GPU_TESTS=1`.
@@ -20,7 +20,7 @@ const RED: [f32; 3] = [1.0, 0.0, 0.0];
 const GREEN: [f32; 3] = [0.0, 1.0, 0.0];
 const BLUE: [f32; 3] = [0.0, 0.0, 1.0];
 
-/// A project whose pass `draw` draws these scenes from the camera `Main`, before others. `Ball` is a ball of radius 0.5 on a floor.
+/// A project whose pass `draw` draws these scenes from the camera `Main`; the passes of `more` follow. `Ball` is a ball of radius 0.5 on a floor.
 fn files(scenes: &[&str], window: bool, more: &str) -> TempDir {
     let folder = tempfile::tempdir().expect("a folder");
     let [width, height] = SIZE;
@@ -70,7 +70,7 @@ fn rasterisers() -> Vec<RasterChoice> {
     if has_driver() { vec![RasterChoice::Cpu, RasterChoice::Wgpu] } else { vec![RasterChoice::Cpu] }
 }
 
-/// Where a point is in the picture of `Main`, in pixels from the upper left corner.
+/// The position of a point in the picture of `Main`, in pixels from the upper left corner.
 fn place(point: Vec3) -> Vec2 {
     let eye = DVec3::new(4.0, 3.0, 6.0);
     let forward = -eye.normalize();
@@ -83,7 +83,7 @@ fn place(point: Vec3) -> Vec2 {
     Vec2::new((0.5 + 0.5 * x as f32) * SIZE[0] as f32, (0.5 - 0.5 * y as f32) * SIZE[1] as f32)
 }
 
-/// Asserts that in every column, or row where the line is steeper, one pixel of the line's colour is half a pixel from it at most.
+/// Asserts that every column, or every row where the line is steeper, has a pixel of the line's colour at most half a pixel from it.
 #[track_caller]
 fn assert_line(picture: &Image, [from, to]: [[f32; 3]; 2], color: [f32; 3]) {
     let [from, to] = [from, to].map(|end| place(Vec3::from(end)));
@@ -118,7 +118,7 @@ fn of_color(picture: &Image, color: [f32; 3]) -> usize {
 
 #[test]
 fn cameras_among_scenes_show_the_edges_of_what_they_see() {
-    // Half the height is the tangent of 30 degrees times the distance, and the window has 4 to 3.
+    // Half the height is the tangent of 30 degrees times the distance, and the window's aspect is 4 to 3.
     let (high, wide) = (30_f32.to_radians().tan(), 30_f32.to_radians().tan() * 4.0 / 3.0);
     for raster in rasterisers() {
         let found = picture(&files(&["Seen"], true, ""), raster);
@@ -185,7 +185,7 @@ fn lines_hide_and_are_hidden_by_depth_and_change_no_other_pixel() {
     }
 }
 
-/// Rays start where triangles are, and lines are in the way of none: they are the background there.
+/// Rays start only where triangles are, and lines occlude no ray: rays treat pixels with lines as background.
 #[test]
 fn rays_neither_start_at_lines_nor_meet_them() {
     for raster in rasterisers() {
@@ -223,7 +223,7 @@ fn lines_follow_the_cameras_and_the_window() {
         let small = renderer.update(&mut Silent).expect("it renders");
         let lines = of_color(&small, RED) + of_color(&small, GREEN);
         let whole = of_color(&second, RED) + of_color(&second, GREEN);
-        // Half as long, and a pixel wide still.
+        // The line is half as long, but still a pixel wide.
         assert!((whole / 3..whole * 2 / 3).contains(&lines), "{raster:?}: {lines} beside {whole}");
         assert_eq!(fresh.frame(&mut Silent).expect("it renders"), small, "{raster:?}");
     }

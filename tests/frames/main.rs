@@ -1,7 +1,7 @@
-//! Frames that the library draws: their pixels, what plans say of them, and what one frame takes over from another.
+//! Frames that the library draws: their pixels, what plans say about them, and which results one frame takes over from another.
 //!
-//! Some need a Vulkan, Metal or DirectX 12 driver (a software driver will do), some an NVIDIA GPU. Without, they print `skipped: why`, or
-//! fail with `CURITIBA_REQUIRE_GPU_TESTS=1` and `CURITIBA_REQUIRE_CUDA_TESTS=1`.
+//! Some tests need a Vulkan, Metal or DirectX 12 driver (a software driver will do), some an NVIDIA GPU. Without these they print
+//! `skipped: why`, or fail with `CURITIBA_REQUIRE_GPU_TESTS=1` and `CURITIBA_REQUIRE_CUDA_TESTS=1`.
 
 mod aa;
 mod adaptive;

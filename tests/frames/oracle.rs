@@ -1,7 +1,7 @@
 //! Our pictures against those of another renderer, Mitsuba 3, whose results the scripts of `tests/oracle` stored.
 //!
 //! These tests do not need Mitsuba. Each scene is stored with its description. Here it is rasterised and traced as in a
-//! project, and compared with the stored means by their standard errors: no pixel may deviate by too many of them, and
+//! project. Differences from the stored means are measured in their standard errors: no pixel may deviate by too many, and
 //! the mean of the squares must be that of chance.
 
 mod bodies;
@@ -32,13 +32,13 @@ struct Stored {
     camera: Camera,
     positions: Vec<[f32; 3]>,
     normals: Vec<[f32; 3]>,
-    /// Factors of the vertices' colours; none are 1.
+    /// Factors of the vertices' colours; if empty, all are 1.
     #[serde(default)]
     tints: Vec<f32>,
     triangles: Vec<[u32; 4]>,
     materials: Vec<Paint>,
     sun: Option<[f32; 3]>,
-    /// Radiance of the background; none is black.
+    /// Radiance of the background; black if there is none.
     beyond: Option<f32>,
     sphere: Option<Ball>,
     mean: Vec<Option<f64>>,
@@ -80,7 +80,7 @@ fn path(name: &str, extension: &str) -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/oracle").join(name).with_extension(extension)
 }
 
-/// What the oracle stored of a scene.
+/// The oracle's stored data for a scene.
 fn load<T: DeserializeOwned>(name: &str) -> T {
     let path = path(name, "json");
     let text = std::fs::read_to_string(&path).unwrap_or_else(|error| panic!("{}: {error}", path.display()));
@@ -258,7 +258,7 @@ fn render_from(stored: &Stored, moved: Vec3, change: impl Fn(&mut RayParams)) ->
     Ours { glass, picture, samples: params.samples, buffer, scene }
 }
 
-/// The difference of two renderers on a scene.
+/// The difference between the two renderers on a scene.
 #[derive(Debug)]
 struct Difference {
     /// Pixels that both renderers compare.
@@ -317,7 +317,7 @@ struct Tally {
 }
 
 impl Tally {
-    /// Adds a value of ours, the oracle's, and the standard error of their difference. Stored values have six digits, or five.
+    /// Adds our value, the oracle's, and the standard error of their difference. Stored values have six or five digits.
     fn add(&mut self, value: f64, mean: f64, error: f64) {
         let spread = (error.powi(2) + (1e-5 * mean).powi(2) + 1e-14).sqrt();
         let distance = (value - mean) / spread;
@@ -329,7 +329,7 @@ impl Tally {
         self.variance += spread * spread;
     }
 
-    /// Without pixels that were left out.
+    /// The difference; pixels that were left out are not counted.
     fn difference(&self) -> Difference {
         Difference {
             pixels: self.pixels,
@@ -343,8 +343,8 @@ impl Tally {
     }
 }
 
-/// The z-test: no pixel is 5.5 standard errors off (chance gives one in 26 million), the squares are within the range
-/// of 500 pixels with skewed errors, and the means agree within four standard errors.
+/// The z-test: no pixel is 5.5 standard errors off (chance gives one in 26 million), the mean square is within the range of
+/// 500 pixels with skewed errors, and the means agree within four standard errors.
 fn agrees(difference: &Difference) -> bool {
     difference.worst < 5.5 && difference.square < 1.35 && difference.mean.abs() < 4.0
 }
@@ -373,7 +373,7 @@ fn a_hard_shadow_is_the_same_pixel_for_pixel() {
     }
     println!("{compared} pixels, {shadowed} of them dark, {wrong} differ; the others by {most:.1e} at most");
     assert!(compared > 450 && shadowed > 60 && shadowed < compared / 2, "{compared} {shadowed}");
-    // Pixels whose centre is next to the outline of an object or of a shadow.
+    // The exceptions are pixels whose centre is next to the outline of an object or of a shadow.
     assert!(wrong <= 2, "{wrong}");
 }
 
@@ -418,15 +418,15 @@ fn bends_inward(ours: &Ours, eye: Vec3, index: usize) -> bool {
     normal.dot(view) >= 0.0 || mirrored.dot(facing) <= 1e-4
 }
 
-/// How far the eye is moved to find what jumps.
+/// Distance by which the eye is moved to find pixels that jump.
 const MOVED: f64 = 1e-3;
 
 fn glass(name: &str, change: impl Fn(&mut RayParams)) -> Difference {
     glass_of(&load(name), 0.0, change)
 }
 
-/// Compares the pixels that show glass. A pixel is left out if its value jumps when the eye moves by a thousandth. Our standard error is
-/// what its value changes when the eye moves by `rounding`.
+/// Compares the pixels that show glass. A pixel is left out if its value jumps when the eye moves by a thousandth. Our standard error is the
+/// change of its value when the eye moves by `rounding`.
 fn glass_of(stored: &Stored, rounding: f64, change: impl Fn(&mut RayParams)) -> Difference {
     let ours = render(stored, &change);
     let steps = [Vec3::X, Vec3::NEG_X, Vec3::Y, Vec3::NEG_Y];
@@ -484,8 +484,8 @@ fn an_exact_sphere_mirrors_as_our_fine_mesh() {
     assert!(!agrees(&glass("sphere", |params| params.index = 1.6)));
 }
 
-/// A known limit of panes, stated in `docs/numerics.md`: a single interface stands for a whole pane, as in the report. Rays do
-/// not leave glass into air, so a solid slab differs from one with two faces. `bodies` has the slab as its material says.
+/// A known limit of panes, stated in `docs/numerics.md`: a single interface stands for a whole pane, as in the report. Rays do not leave glass
+/// into air, so a solid slab differs from one with two faces. `bodies` tests the slab with glass as its material says.
 #[test]
 fn a_solid_slab_is_not_modelled_and_the_test_tells() {
     let found = glass("solid_slab", |_| {});

@@ -19,7 +19,7 @@ use std::sync::Arc;
 /// The calls in order, such as `cuda build` and `cuda run`.
 type Calls = Rc<RefCell<Vec<String>>>;
 
-/// The processor's backend under another name, which is lost when it runs if `lost` is set.
+/// The processor's backend under another name. If `lost` is set, its device is lost when it runs.
 struct Fake {
     name: &'static str,
     lost: bool,
@@ -163,7 +163,7 @@ fn a_setter_gives_a_pass_another_backend_and_only_what_depends_on_it_runs_again(
     assert_eq!(bits(&renderer.update(&mut Silent).expect("rendered")), expected);
     assert_eq!(renderer.passes_run().collect::<Vec<_>>(), ["pass3", "pass5"]);
     assert_eq!(*calls.borrow(), ["cpu build", "wgpu build", "wgpu run"]);
-    // A missing backend is an error, and the previous one goes on.
+    // A missing backend is an error, and the renderer continues with the previous one.
     renderer.set_parameter("pass3", "backend", "optix").expect("it is known when the frame begins");
     let error = renderer.update(&mut Silent).expect_err("missing").to_string();
     assert_eq!(error, "pass `pass3`: optix: there is no driver");

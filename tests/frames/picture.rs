@@ -1,5 +1,5 @@
-//! The reference of a picture agrees with the product's own pictures at their best, is stored and found again, and
-//! refuses what it does not support.
+//! The reference of a picture agrees with the product's own pictures at their best, is stored and found again, and is
+//! refused where it is not supported.
 
 use curitiba::Choice;
 use curitiba::bench::Case;
@@ -53,7 +53,7 @@ fn rmse(a: &Image, b: &Image) -> f64 {
     metrics::compare(a, b, &Options::default()).expect("comparable").rmse
 }
 
-/// The two share only the scene; they differ in texture filtering, in the samples of edges, and in noise.
+/// The product and the reference share only the scene; they differ in texture filtering, in the samples of edges, and in noise.
 #[test]
 fn many_samples_of_the_product_agree_with_the_reference_and_one_does_not() {
     let folder = tempfile::tempdir().expect("a folder");
@@ -87,8 +87,8 @@ fn many_samples_of_the_product_agree_with_the_reference_and_one_does_not() {
     }
 }
 
-/// Bodies, bodies in bodies, walls that stain light and what they throw on the floor, exact spheres and shells of them, bodies that bend colours
-/// apart, and rough glass. The reference follows all ways: the product is given as many as bring it near that.
+/// Bodies, nested bodies, walls that stain light and the stained light on the floor, exact spheres and shells of them, dispersion, and rough
+/// glass. The reference follows all ways of a path; the product follows enough of them to come near it.
 #[test]
 fn glass_of_materials_and_exact_spheres_agree_with_the_reference_and_another_rule_does_not() {
     let folder = tempfile::tempdir().expect("a folder");
@@ -121,7 +121,7 @@ fn glass_of_materials_and_exact_spheres_agree_with_the_reference_and_another_rul
     }
 }
 
-/// What trades light for time or decides how well it is sampled is no part of what a picture means.
+/// Settings that trade light for time, or that decide how well light is sampled, do not change the reference of a picture.
 #[test]
 fn one_reference_serves_all_ways_to_follow_glass() {
     let folder = tempfile::tempdir().expect("a folder");
@@ -243,7 +243,7 @@ fn what_it_does_not_know_is_refused_with_the_pass_and_the_remedy() {
     assert_eq!(std::fs::read_dir(folder.path()).expect("the folder").count(), 0);
 }
 
-/// Runs the program in a folder, with references in the folder `cache` there. Returns the exit code and the output.
+/// Runs the program in a folder, with references in its folder `cache`. Returns the exit code and the output.
 fn run_in(folder: &Path, words: &[&str]) -> (Option<i32>, String) {
     let mut command = Command::new(env!("CARGO_BIN_EXE_curitiba"));
     let command = command.current_dir(folder).env("CURITIBA_CACHE", folder.join("cache"));
@@ -252,8 +252,8 @@ fn run_in(folder: &Path, words: &[&str]) -> (Option<i32>, String) {
     (output.status.code(), text)
 }
 
-/// Rendered by shards, by one process, or by one that continues what shards left, a reference has the same bits and the
-/// sequences of all samples.
+/// A reference has the same bits and the sequences of all samples, whether it is rendered by shards, by one process, or by
+/// one that continues what shards left.
 #[test]
 fn references_in_blocks_are_the_same_whoever_renders_them() {
     let case = case("SceneSSAO.xml", of_size([6, 4], "Vidro", &[]));
@@ -279,7 +279,7 @@ fn references_in_blocks_are_the_same_whoever_renders_them() {
             assert!(joined.picture == once.picture && joined.own_error.to_bits() == once.own_error.to_bits());
             assert_eq!(joined.key, once.key);
         }
-        // The whole is better than one of its blocks, and differs from it by no more than the block's error.
+        // The whole reference is better than one of its blocks, and differs from it by no more than the block's error.
         let block = whole(fewer, samples / blocks);
         let apart = rmse(&block.picture, &once.picture);
         println!("{of:?}: apart {apart:.2e}, own errors {:.2e} and {:.2e}", block.own_error, once.own_error);

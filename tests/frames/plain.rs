@@ -1,4 +1,4 @@
-//! A ray backend that asks nothing more of the processor than what every backend must do.
+//! A ray backend that implements only what every backend must.
 
 use curitiba::passes::cpu::CpuRays;
 use curitiba::pipeline::backend::{BackendError, BuildStats, RayBackend, RayJob, RayStats};
@@ -8,7 +8,7 @@ use curitiba::pipeline::programs::{Fidelity, RayProgram};
 use curitiba::pipeline::scene::RenderScene;
 use std::sync::Arc;
 
-/// The processor without whatever backends may lack.
+/// The processor's backend without any optional ability.
 pub struct Plain(pub CpuRays);
 
 impl RayBackend for Plain {

@@ -40,7 +40,7 @@ impl Shared {
         Self(Some(curitiba::engines::choose(choice).expect("the engines are there")))
     }
 
-    /// What `look` finds in a renderer of a file in `xml_projects`.
+    /// The result of `look` for the renderer of a file in `xml_projects`.
     fn with<T>(&mut self, file: &str, settings: Settings, look: impl FnOnce(&mut Renderer) -> T) -> T {
         let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("xml_projects").join(file);
         let project = settings.open(&path).unwrap_or_else(|error| panic!("{file}: {error}"));
@@ -160,7 +160,7 @@ fn what_the_screen_leaves_to_rays_is_bit_for_bit_what_the_ray_pass_writes() {
         let mut engines = Shared::of(Choice { raster, backend, ..Choice::CPU });
         for (screen, rays) in [("ScreenReflect", "SceneReflect.xml"), ("ScreenRefract", "SceneRefract.xml")] {
             let screen = format!("raster/Scene{screen}.xml");
-            // Rays on a software driver take minutes in the view where most pixels are glass.
+            // On a software driver, rays take minutes in the view where most pixels are glass.
             let cameras: &[Option<&str>] =
                 if backend == BackendChoice::Wgpu { &[None] } else { &[None, Some("Vidro")] };
             for camera in cameras.iter().copied() {
@@ -176,7 +176,7 @@ fn what_the_screen_leaves_to_rays_is_bit_for_bit_what_the_ray_pass_writes() {
                 let (mut by_rays, mut by_screen, mut off) = (0, 0, 0);
                 for index in 0..own.pixels.len() {
                     let is = |other: &Image| bits(&mixed, index) == bits(other, index);
-                    // With refraction, an unanswered pixel may still show the other one of its rays.
+                    // With refraction, a pixel without an answer may still show the other of its two rays.
                     if is(&traced) {
                         by_rays += u64::from(bits(&traced, index) != bits(&own, index));
                     } else if is(&marched) {

@@ -25,7 +25,7 @@ const COVERAGE: f64 = 0.9999;
 const POSITION: f32 = 1e-4;
 
 /// Greatest share of those pixels whose positions may differ by more: at grazing angles, and where only a snapped triangle covers a pixel.
-/// On lavapipe 22.3.6 there are 0 (Fonte) and 2 (Vidro) such pixels of 262,000, and no pixel is covered by only one rasteriser.
+/// On lavapipe 22.3.6, 0 (Fonte) and 2 (Vidro) of 262,000 pixels differ so, and no pixel is covered by only one rasteriser.
 const SLIVERS: f64 = 1e-4;
 
 fn open(name: &str, camera: Option<&str>) -> Renderer {

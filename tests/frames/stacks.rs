@@ -1,7 +1,7 @@
 //! Every program on many threads with small stacks does not crash, and gives the same picture bit for bit.
 //!
-//! A worker of the thread pool that waits for a part of its work runs other work meanwhile on the same stack. So what
-//! one job keeps on the stack is there many times, and the more threads share the work, the deeper the stack gets.
+//! A worker of the thread pool that waits for a part of its work runs other work meanwhile, on the same stack. So the stack
+//! holds the data of several jobs at once, and the more threads share the work, the deeper the stack gets.
 
 use curitiba::Choice;
 use curitiba::bench::Case;
@@ -22,20 +22,20 @@ use std::time::Duration;
 const STACK: usize = 256 << 10;
 
 /// Stack size for bodies of glass: a path is followed by recursion and meets up to 128 surfaces, each of which takes about 1.6 KiB.
-/// That is there once a thread, since a path runs no other work.
+/// The stack holds only one path at a time, because a path runs no other work meanwhile.
 const STACK_OF_GLASS: usize = 512 << 10;
 
 /// Pixels along a side: enough for the tiles to be divided many times over 64 threads.
 const SIDE: u32 = 400;
 
-/// Pixels along a side for the programs beside the report's: enough for a tile for each of 64 threads.
+/// Pixels along a side for the programs that are not in the report: enough tiles for each of 64 threads to have one.
 const SMALL_SIDE: u32 = 128;
 
 fn shipped(name: &str) -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("xml_projects").join(name)
 }
 
-/// Works on the threads of a pool with small stacks.
+/// Runs work on the threads of a pool with small stacks.
 fn on_small_stacks<T: Send>(threads: usize, work: impl FnOnce() -> T + Send) -> T {
     on_stacks(STACK, threads, work)
 }
@@ -108,7 +108,7 @@ programs! {
 const CORRECTED: &[Fidelity] = &[Fidelity::Corrected];
 const BOTH: &[Fidelity] = &[Fidelity::Corrected, Fidelity::Thesis];
 
-/// A project below `xml_projects`, the fidelities that it can be rendered in, and what is set.
+/// A project below `xml_projects`, the fidelities that it can be rendered in, and its settings.
 type Program = (&'static str, &'static [Fidelity], &'static [&'static str]);
 
 fn are_the_same_on_any_number_of_threads(programs: &[Program]) {
@@ -128,7 +128,7 @@ fn are_the_same_on_any_number_of_threads(programs: &[Program]) {
 
 #[test]
 fn rays_from_the_camera_on_small_stacks() {
-    // Thesis fidelity has none of these programs.
+    // Thesis fidelity lacks these programs.
     are_the_same_on_any_number_of_threads(&[
         ("camera/SquareColors.xml", CORRECTED, &[]),
         ("camera/SquareLit.xml", CORRECTED, &[]),
@@ -189,7 +189,7 @@ fn soft_shadows_filters_and_cones_on_small_stacks() {
     ]);
 }
 
-/// The loader of OBJ files divides them into pieces of at least 64 KiB, and textures are decoded beside each other.
+/// The loader of OBJ files divides them into pieces of at least 64 KiB, and textures are decoded in parallel.
 #[test]
 fn loading_on_small_stacks() {
     let folder = tempfile::tempdir().expect("a folder");

@@ -3,7 +3,7 @@
 use curitiba::pipeline::project::{Falloff, Light, PassKind, Project, Spot};
 use glam::Vec3;
 
-/// Adds a point light that ends and two spot lights around what a camera sees to every pass that has a light.
+/// Adds lamps to every pass that has a light: a point light with a finite range and two spot lights, around what a camera sees.
 ///
 /// # Panics
 /// If there is no such camera.

@@ -1,4 +1,4 @@
-//! What a program that was built without the features `glsl` and `cuda` says of what needs them.
+//! The messages of a program that was built without the features `glsl` and `cuda`, for settings that need them.
 
 use curitiba::pipeline::executor::Silent;
 use curitiba::pipeline::plan::Settings;

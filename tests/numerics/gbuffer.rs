@@ -71,7 +71,7 @@ fn setting(offset: Vec3) -> Setting {
 }
 
 impl Setting {
-    /// The red values that a program writes, started from these positions.
+    /// The red values that a program writes when it starts from these positions.
     fn run(&self, program: RayProgram, fidelity: Fidelity, position: &[[f32; 4]]) -> Vec<f32> {
         let none = vec![false; self.shades.len()];
         let job = RayJob {
@@ -104,7 +104,7 @@ impl Setting {
         output.pixels.iter().map(|pixel| pixel[0]).collect()
     }
 
-    /// The positions of pixel centres, reconstructed from the depth that a buffer of this projection holds.
+    /// The positions of pixel centres, reconstructed from the depth that a buffer with this projection stores.
     fn rebuilt_from_depth(&self, projection: Mat4, store: fn(f64) -> f64) -> Vec<[f32; 4]> {
         let toward = Vec3::new(0.31, -0.36, 0.87).normalize();
         let clip = (projection * rh::view::look_to_mat4(self.view.eye, toward, Vec3::Y)).as_dmat4();
@@ -244,9 +244,9 @@ fn snapped_positions_make_every_stored_form_safe_and_stored_ones_do_not() {
     assert!(half.occlusion[1] > 5.0 * half.occlusion[0].max(0.005), "negative control: {half:?}");
 }
 
-/// Looks at the pixels of the square that the rule for depth changes. Counts, for depth as it was and as it is, those
-/// that show a triangle farther by more than a millionth than the first hit in `f64`. In the other pixels surfaces are
-/// coplanar, or an outline passes by.
+/// Looks at the pixels of the square that the rule for depth changes. Counts, for the former and the present depth, those
+/// that show a triangle farther by more than a millionth than the first hit in `f64`. In the other pixels, surfaces are
+/// coplanar, or an outline passes nearby.
 #[test]
 fn the_rule_for_depth_changes_the_square_only_where_surfaces_lie_in_one_plane() {
     let Setting { scene, shades, view, sun, .. } = setting(Vec3::ZERO);

@@ -4,8 +4,7 @@ use crate::trace_scenes::Random;
 use curitiba_passes::effects::{fresnel, schlick as approximate};
 use glam::Vec3;
 
-/// Refractive indices of the far side over the near side: glasses and diamond in both directions, 1, and its
-/// neighbours.
+/// Refractive indices of the far side over the near side: glasses and diamond in both directions, 1, and values next to 1.
 fn indices() -> Vec<f32> {
     let real = [1.1_f32, 1.33, 1.5, 2.42, 4.0];
     let mut all = real.to_vec();
@@ -29,8 +28,7 @@ fn angles(index: f32) -> Vec<f64> {
     all
 }
 
-/// The transmitted share, from Fresnel's amplitude coefficients of transmission, which the code under test does not
-/// use.
+/// The transmitted share by Fresnel's amplitude coefficients of transmission. The code under test does not use them.
 fn transmittance(cos: f64, cos_refracted: f64, index: f64) -> f64 {
     let perpendicular = 2.0 * cos / (cos + index * cos_refracted);
     let parallel = 2.0 * cos / (index * cos + cos_refracted);
@@ -51,9 +49,8 @@ fn what_is_reflected_and_what_is_transmitted_add_up_to_one() {
             if interface.reflectance >= 1.0 || cos == 0.0 {
                 continue;
             }
-            // The same `f32` inputs as the code under test, so that only its own arithmetic is judged. The refracted
-            // cosine is computed by Snell's law in f64, because next to the critical angle the rounding of its f32
-            // value is magnified.
+            // The `f32` inputs of the code under test are used, so that only its own arithmetic is judged. The refracted cosine is
+            // computed by Snell's law in f64, because next to the critical angle the rounding of its f32 value is magnified.
             let (c, n) = (f64::from(cos), f64::from(index));
             let refracted = (n * n - 1.0 + c * c).max(0.0).sqrt() / n;
             assert!((refracted - f64::from(interface.cos_refracted)).abs() < 1e-6, "{index} {angle}");
@@ -200,7 +197,7 @@ fn schlicks_share_is_the_formulas_and_stays_between_0_and_1() {
         }
     }
     assert!(compared > 8000 && near_critical > 100, "{compared} {near_critical}");
-    // Light has the same weight in both directions.
+    // Light has the same weight in both directions of a path.
     for index in [1.1_f32, 1.33, 1.5, 2.42] {
         for degree in 0..88 {
             let there = approximate((degree as f32).to_radians().cos(), index);
@@ -229,7 +226,7 @@ fn schlicks_error_is_as_documented() {
     }
 }
 
-/// The report's weight 1 - K² (1 - cos²), against the transmitted share of glass of that index.
+/// The report's weight 1 - K² (1 - cos²), against the transmitted share for glass of that index.
 #[test]
 fn the_reports_weight_is_off_by_more_than_one() {
     let error = |step: i32| {

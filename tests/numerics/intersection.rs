@@ -47,7 +47,7 @@ fn stretched(levels: u32, by: Vec3) -> Geometry {
 
 #[test]
 fn nothing_leaks_through_a_mesh_of_needles() {
-    // Triangles up to ten thousand times as long as wide, and flakes ten thousand times as wide as the body is thick.
+    // Triangles up to ten thousand times as long as wide, and flat bodies ten thousand times as wide as thick.
     for by in [Vec3::new(1.0, 1.0, 1e4), Vec3::new(1e-4, 1.0, 1.0), Vec3::new(1e3, 1.0, 1e-3)] {
         let mesh = stretched(4, by);
         let found = leaks(&mesh, &build(&mesh), Vec3::ZERO, by * 0.4, 200_000, 1);
@@ -127,11 +127,11 @@ fn rays_from_the_vertices_and_edges_of_a_closed_mesh_meet_its_other_side() {
     let mut random = Random::new(5);
     for index in 0..200_000 {
         let origin = seam(&mesh, index % 2 == 0, &mut random);
-        // The direction goes well inward: along the surface, neighbouring triangles would be in the way.
+        // The direction goes well inward: along the surface, the ray would hit neighbouring triangles.
         let direction = (random.direction() * 0.5 - origin).normalize();
         let hit = bvh.closest(&ray(origin, direction), OPAQUE).expect("the other side is in the way");
         assert!(hit.t > 0.0, "never at distance 0: {hit:?}");
-        // The hit is on the ray's own surface, at most at the distance of rounding, or on the other side.
+        // The hit is on the surface where the ray starts, at most at the distance of rounding, or on the other side.
         assert!(hit.t < 1e-6 || hit.t > 0.2, "{hit:?}");
         assert!(bvh.occluded(&Ray { t_min: 1e-6, ..ray(origin, direction) }, OPAQUE));
     }

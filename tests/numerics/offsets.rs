@@ -1,4 +1,4 @@
-//! Secondary rays at every scale and place, at angles up to 89.9 degrees.
+//! Secondary rays at every scale and distance from the origin, at angles up to 89.9 degrees.
 
 use crate::trace_scenes::{Random, geometry, ray};
 use curitiba_passes::trace::{Bvh, Hit, Quality, Ray, SurfacePoint, Tracer};
@@ -130,7 +130,7 @@ fn room(scale: f32, place: Vec3) -> Vec<[Vec3; 3]> {
         .concat()
 }
 
-/// The room rotated about an axis that is none of its own, so that its walls are flat only up to rounding.
+/// The room, rotated about an axis that is not a coordinate axis, so that its walls are flat only up to rounding.
 fn turned_room(scale: f32, place: Vec3) -> Vec<[Vec3; 3]> {
     let turn = Mat3::from_axis_angle(Vec3::new(0.48, -0.6, 0.64), 0.7);
     let mut triangles = room(scale, Vec3::ZERO);
@@ -170,8 +170,8 @@ fn no_light_leaks_out_of(room: fn(f32, Vec3) -> Vec<[Vec3; 3]>) {
                 let blocked = bvh.occluded(&ray(start, onward), OPAQUE);
                 tested += 1;
                 assert!(blocked, "scale {scale}, at {place}: {start} along {onward}");
-                // Negative control: the origin without its move along the plane. Near a border, within the rounding of
-                // another wall, it may be on or behind that wall.
+                // Negative control: the origin without its move along the plane. Near a border, where another wall is within rounding
+                // distance, this origin may be on or behind that wall.
                 let plain = point.position + point.normal * (start - point.position).dot(point.normal);
                 let borders = [(a, b), (b, c), (c, a)].map(|(from, to)| {
                     let along = (to - from).as_dvec3().normalize();
@@ -216,13 +216,13 @@ fn the_stated_error_bounds_the_distance_from_the_plane() {
     assert!(worst > 0.05, "the bound is of another order than the error: {worst}");
 }
 
-/// Number of rays in a thousand that leave closed rooms of this size, at this distance from the origin of the
-/// positions.
+/// Number of rays in a thousand that leave closed rooms of this size, whose centre is at this distance from the origin of
+/// the positions.
 fn leaks(size: f64, distance: f64, recentred: bool) -> f64 {
     let mut random = Random::new(24);
     let (mut leaks, mut tested) = (0_u32, 0_u32);
     for _ in 0..40 {
-        // Files that place their objects: exact in f64, with a place that is exact in f32.
+        // Places as in files that position their objects: exact in f64, and here exact in f32 as well.
         let place = (random.direction() * distance as f32).round();
         let positions = turned_room(0.5 * size as f32, Vec3::ZERO).into_iter().flatten().collect();
         let triangles = (0..12).map(|id| [3 * id, 3 * id + 1, 3 * id + 2]).collect();
@@ -256,8 +256,8 @@ fn leaks(size: f64, distance: f64, recentred: bool) -> f64 {
     1e3 * f64::from(leaks) / f64::from(tested.max(1))
 }
 
-/// A room smaller than the offset of its own rays cannot keep them inside. How small depends on the distance from the
-/// origin of the positions. Scenes are recentred, so no room that is a whole scene leaks, wherever its file places it.
+/// A room smaller than the offset of its own rays cannot keep them inside. The limit depends on the distance from the origin
+/// of the positions. Scenes are recentred, so a room that is the whole scene does not leak, wherever its file places it.
 #[test]
 fn rooms_leak_below_the_documented_share_of_their_distance_from_the_origin() {
     // Powers of two, so that the rooms' numbers are exact in f64 at every distance.

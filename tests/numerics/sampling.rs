@@ -1,4 +1,4 @@
-//! Statistics of the samples: moments, correlations, and the error of ambient occlusion by the number of samples.
+//! Statistics of the samples: moments, correlations, and the error of ambient occlusion against the number of samples.
 
 use curitiba_passes::sampling::hash::{dimensions, path_key, pcg4d, pixel_key, unit};
 use curitiba_passes::sampling::{HemisphereSampler, sine_noise};

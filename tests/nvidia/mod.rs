@@ -1,10 +1,10 @@
-//! The ray backends of NVIDIA GPUs, for tests that go on without one.
+//! The ray backends of NVIDIA GPUs, for tests that are skipped without one.
 
 use curitiba::Choice;
 use curitiba::engines::ray_backend;
 use curitiba::pipeline::backend::RayBackend;
 
-/// The backend, or `None` with a printed reason.
+/// The backend, or `None` if it is missing; the reason is printed.
 ///
 /// # Panics
 /// If there is none, and `CURITIBA_REQUIRE_CUDA_TESTS` is 1.

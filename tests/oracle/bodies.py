@@ -111,7 +111,7 @@ class Bodies(Geometry):
             properties = mi.Properties()
             properties["bsdf"] = mi.load_dict(bsdf(material))
             if any(material.get("extinction", ())):
-                # Colours end at 1 there.
+                # Colours are limited to 1 here, so the extinction is divided by its largest component, and `scale` multiplies it back.
                 most = max(material["extinction"])
                 extinction = rgb([value / most for value in material["extinction"]])
                 inside = {"type": "homogeneous", "sigma_t": extinction, "scale": most, "albedo": rgb([0.0] * 3)}
@@ -208,7 +208,7 @@ def store(name, about, scene, set, samples, mean, error, camera=CAMERA, sun=None
         "about": about,
         "made_by": f"Mitsuba {mi.__version__}, {mi.variant()}",
         "samples": samples,
-        # What happens in no sample has a share of about one.
+        # An event that occurs in no sample may have a share of about 1 / samples.
         "unseen": unseen or 1 / samples,
         "set": set,
         "camera": camera,

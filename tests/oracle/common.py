@@ -101,7 +101,7 @@ def mesh(name, positions, properties, normals=None, places=None, tints=None):
     values["faces"] = np.arange(3 * count, dtype=np.uint32)
     values.update()
     if normals is not None:
-        # New positions make it compute normals of its own, so ours come after them.
+        # When positions are set, Mitsuba computes its own normals, so ours are set afterwards.
         values["vertex_normals"] = normals.ravel()
         values.update()
     return made

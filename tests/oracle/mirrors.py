@@ -22,7 +22,7 @@ class Mirrored:
     the places where rays start are chosen here: those of its `path` are a ten-thousandth and more off a surface, which these pictures would
     show. `path` must find the same but for that. A sample is None where an interpolated normal mirrors into the body."""
 
-    # How far off a surface rays start, times one more than its greatest coordinate: a few times their rounding.
+    # Offset of ray origins from the surface, per (1 + greatest coordinate): a few times the rounding of positions.
     OFF = 5e-7
 
     def __init__(self, mirrors, segments):

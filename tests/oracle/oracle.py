@@ -65,7 +65,7 @@ class Scene(Geometry):
                 radiance = 0.3 * material["diffuse"] * material["factor"]
                 tinted = {"type": "mesh_attribute", "name": "vertex_tint", "scale": radiance}
                 emitter = {"type": "area", "radiance": tinted if self.tint else rgb(radiance)}
-                # Mitsuba would light a flat wall by its own light, because its points are sampled with their bent normals.
+                # Without this, a flat wall would light itself in Mitsuba, because points on it are sampled with their bent normals.
                 weight = {"sampling_weight": 0.0} if material["reflects"] else {}
                 properties["emitter"] = mi.load_dict({**emitter, **weight})
             positions, normals = (np.array([rows[v] for v in used], dtype=np.float32) for rows in (self.positions, self.normals))
@@ -209,7 +209,7 @@ PANE_CAMERA = {"eye": [-2.2, 0.4, 2.6], "target": [0, 0, 0], "fov_y": 34}
 def pane(index):
     scene = Scene()
     scene.quad(scene.material(1.0, glass=True), (0, 0, 0), (9, 0, 0), (0, 9, 0))
-    # What is seen in the medium is brighter by the square of its index, which our programs, like the report, leave out.
+    # Radiance in the medium is greater by the square of its index; our programs, like the report, leave this factor out.
     walls(scene, index * index)
     render(
         f"pane_{str(index).replace('.', '_')}",
@@ -230,7 +230,7 @@ def two_panes():
     glass = scene.material(1.0, glass=True)
     scene.quad(glass, (0, 0, 0), (9, 0, 0), (0, 9, 0))
     scene.quad(glass, (0, 0, -1), (9, 0, 0), (0, 9, 0))
-    # Two crossings; 0.99 is what the report's programs leave of a secondary bounce on glass.
+    # The light crosses two interfaces; 0.99 is the factor that the report's programs apply to a secondary bounce on glass.
     walls(scene, 0.99 * index**4)
     render(
         "two_panes",

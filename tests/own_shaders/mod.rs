@@ -1,4 +1,4 @@
-//! What the tests of projects' own shaders share.
+//! Shared code for the tests of projects' own shaders.
 #![allow(dead_code, reason = "each test uses a part, and without the feature `glsl` little")]
 
 use curitiba::pipeline::image::Image;
@@ -7,7 +7,7 @@ use curitiba::{Choice, RasterChoice};
 /// Pixels along a side.
 pub const SIDE: u32 = 64;
 
-/// Whether a driver is there. Says so where none is.
+/// Whether a driver is available. Prints that it is missing otherwise.
 pub fn has_driver() -> bool {
     let choice = Choice { raster: RasterChoice::Wgpu, ..Choice::CPU };
     let Err(error) = curitiba::engines::rasteriser(choice) else { return true };

@@ -187,7 +187,7 @@ fn rounds_take_turns_over_all_rows_and_are_continued_where_they_were() {
         assert!(row["outliers"]["severe"].is_u64(), "{row}");
     }
 
-    // As if it had been interrupted after the first row of the second round.
+    // The file as if the run had been interrupted after the first row of the second round.
     let mut cut = whole.clone();
     for (row, count) in [(0, 4), (1, 2)] {
         cut["rows"][row]["frame"]["samples"].as_array_mut().expect("samples").truncate(count);

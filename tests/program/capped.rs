@@ -157,8 +157,8 @@ pub enum Expected {
     Done,
     Refused,
 }
-/// Runs each case with its cap in MiB, and compares its end with what is expected and its peak memory with what is allowed: the cap, a
-/// tenth of it, and what an empty frame takes on the same engines.
+/// Runs each case with its cap in MiB. Compares its result with the expected one, and its peak memory with the allowed one: the cap, a tenth of
+/// it, and the memory of an empty frame on the same engines.
 #[track_caller]
 pub fn try_cases(folder: &Path, cases: &[(String, u64, Expected)], empty: u64) {
     let mut wrong = Vec::new();

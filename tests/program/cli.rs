@@ -423,13 +423,14 @@ fn numbers_out_of_range_fail_the_check_with_1_and_name_pass_and_channel() {
 fn the_window_is_started_with_the_same_arguments_and_its_absence_says_how_to_build_it() {
     use std::os::unix::fs::PermissionsExt as _;
     let folder = tempfile::tempdir().expect("a folder");
-    // Another process makes each program. A descriptor of this process that is open for writing is inherited by the children that other tests start, and the system starts no program that is open for writing.
+    // `cp` writes the programs in another process. A descriptor of this process that is open for writing would be inherited by the children
+    // that other tests start, and the system refuses to start a program that is open for writing.
     let put = |from: &Path, name: &str| {
         let to = folder.path().join(name);
         assert!(Command::new("cp").arg(from).arg(&to).status().expect("cp starts").success());
         to
     };
-    // A copy of the program, so that what is beside it is known.
+    // A copy of the program in a folder whose other files are known.
     let program = put(Path::new(env!("CARGO_BIN_EXE_curitiba")), "curitiba");
     let start = |arguments: &[&str]| {
         let mut command = Command::new(&program);

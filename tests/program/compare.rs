@@ -34,7 +34,7 @@ fn json(code: i32, folder: &Path, arguments: &[&str]) -> Value {
     serde_json::from_slice(&output.stdout).expect("JSON and nothing else")
 }
 
-/// A horizontal gradient, with `added` on every value of the left half.
+/// A horizontal gradient, with `added` added to every value of the left half.
 fn slope(width: u32, height: u32, added: f32) -> Image {
     let pixel = |index: u32| {
         let value = (index % width) as f32 / width as f32 * 0.5;

@@ -49,8 +49,8 @@ fn all(image: &Image) -> Vec<[u32; 4]> {
     bits(image, [0, 0, image.width, image.height])
 }
 
-/// Rectangles inside a tile, over several tiles, of one pixel at the far corner, of a row, of a column, and from a
-/// tile's corner.
+/// Rectangles inside a tile, over several tiles, of one pixel at the far corner, of one row, of one column, and from a tile's
+/// corner.
 const CROPS: [[u32; 4]; 6] =
     [[70, 81, 31, 17], [13, 40, 200, 101], [274, 210, 1, 1], [0, 133, 275, 1], [128, 0, 1, 211], [64, 128, 64, 64]];
 
@@ -134,8 +134,7 @@ fn pictures_that_are_drawn_in_blocks_are_the_same_whatever_part_is_rendered() {
         assert!(all(&blocked(Some(crop), None)) == bits(&whole, crop), "{crop:?} differs from the whole");
     }
     assert!(all(&blocked(None, Some(4))) == all(&whole), "bands differ from the whole");
-    // A separate projection for each block rounds differently from one for all, so at edges another triangle may be
-    // visible.
+    // A separate projection for each block rounds differently from a single one, so at edges another triangle may be visible.
     let at_once = on_cpu(plan("SceneFinal", Fidelity::Corrected, None, None).expect("a plan"));
     let far = |(a, b): (&[f32; 4], &[f32; 4])| a.iter().zip(b).any(|(a, b)| (a - b).abs() > 0.02);
     let differ = whole.pixels.iter().zip(&at_once.pixels).filter(|pair| far(*pair)).count();
@@ -199,7 +198,7 @@ fn the_command_line_writes_parts_as_png_and_exr() {
     run("--crop 37,71,101x99 --show pos -o shown.exr");
     run("--show pos -o all.exr");
     assert!(all(&read("shown.pos.exr")) == bits(&read("all.pos.exr"), [37, 71, 101, 99]), "the shown channel");
-    // Larger than the rasteriser's greatest viewport.
+    // The size is larger than the rasteriser's greatest viewport.
     let printed = curitiba(folder.path(), &format!("plan {project} --raster cpu --backend cpu --size 65536x1"));
     assert!(printed.contains("blocks of 4096 x 4096 pixels") && printed.contains("at most 16384"), "{printed}");
     sized("20000x70 -o wide.png");

@@ -1,5 +1,5 @@
 //! `render --display`: the data that a listening viewer receives. The parser of packets below follows tev's description
-//! of its protocol, and does not use the crate that writes them. No channel is named `A`, which tev would take for an alpha.
+//! of its protocol, and does not use the crate that writes them. No channel is named `A`, which tev would take for alpha.
 
 use curitiba::pipeline::image::read_image;
 use std::collections::HashMap;

@@ -1,5 +1,5 @@
-//! Commands that meet faults: a full disk, reads that fail, memory that is refused, a limit on file sizes, signals, and 200
-//! kills. Afterwards every file has either its old or its new contents, and no other files are left.
+//! Commands under faults: a full disk, failing reads, refused memory, a limit on file sizes, signals, and 200 kills. Afterwards
+//! every file has either its old or its new contents, and no other files are left.
 
 use curitiba::Choice;
 use curitiba::bench::model::BenchFile;
@@ -43,8 +43,8 @@ fn temporaries(folder: &Path) -> Vec<String> {
     names(folder).into_iter().filter(|name| name.starts_with(".curitiba-")).collect()
 }
 
-/// Writes while the disk is full from each of the calls on; afterwards `file` has either its old contents or those of
-/// an undisturbed write.
+/// Writes while the disk is full, from each of the calls on in turn. Afterwards `file` has either its old contents or those
+/// of an undisturbed write.
 fn fill_disk(name: &str, folder: &Path, file: &Path, reset: &dyn Fn(), write: &mut dyn FnMut() -> Result<(), String>) {
     reset();
     let old = std::fs::read(file).expect("there");
@@ -84,7 +84,7 @@ fn a_full_disk_at_any_write_of_render_bench_and_report_loses_nothing() {
     let mut renderer =
         curitiba::open(project("SceneShadows.xml"), settings, Choice::CPU, &mut Silent).expect("it opens");
     renderer.frame(&mut Silent).expect("it renders");
-    // The file that is written last; the ones before it are complete already.
+    // The file that is written last; when it is written, the others are complete.
     let outputs = renderer.outputs(&folder.join("out.exr"));
     let last = outputs.last().expect("shown channels").0.clone();
     let reset = || outputs.iter().for_each(|(file, _)| std::fs::write(file, "before").expect("written"));
@@ -117,7 +117,7 @@ fn a_full_disk_at_any_write_of_render_bench_and_report_loses_nothing() {
     });
 }
 
-/// Reads with a fault at each call in turn: what is read is refused, or it is the same.
+/// Reads with a fault at each call in turn: the read fails, or its result is the same.
 fn try_reads<T: PartialEq>(name: &str, folder: &Path, read: &dyn Fn() -> Option<T>) {
     let whole = read();
     assert!(whole.is_some(), "{name} cannot be read without a fault");
@@ -158,8 +158,8 @@ fn a_fault_at_any_read_of_a_camera_path_or_a_list_of_pairs_is_an_error() {
     });
 }
 
-/// Runs commands with one of their large blocks of memory refused, each in turn. Every run must end with an exit code: of success,
-/// if it could do without, or of an error that has a message. Afterwards each output is as it was, or whole.
+/// Runs commands in which one of their large memory blocks is refused, each block in turn. Every run must end with an exit code: success if it
+/// could do without the block, or an error that has a message. Afterwards each output is unchanged, or complete.
 #[cfg(unix)]
 #[test]
 fn memory_that_is_refused_once_is_an_error_and_breaks_no_file() {
@@ -266,7 +266,7 @@ fn two_hundred_kills_leave_whole_files_and_what_they_leave_is_removed() {
         .to_vec()
     };
     let convert = |output: &str| ["scene", "s.obj", "-o", output].map(str::to_owned).to_vec();
-    // Two commands for each group of files, which alternately replace each other's output.
+    // Two commands for each group of files, which alternately replace the other's output.
     let commands = [render("MainCamera"), convert("s.cbo"), render("Vidro"), convert("s.nbo")];
     let start = |command: &[String]| -> Child {
         let arguments: Vec<&str> = command.iter().map(String::as_str).collect();
@@ -343,7 +343,7 @@ fn signals_that_end_the_program_remove_what_is_half_written() {
     let folder = place.path();
     for (name, number) in [("INT", 2), ("TERM", 15), ("HUP", 1)] {
         if is_ignored(number) {
-            // The program then ignores the signal, as its caller wants.
+            // The program then ignores the signal, as its caller requested.
             println!("skipped: SIG{name} is ignored here, as under nohup");
             continue;
         }

@@ -1,4 +1,4 @@
-//! The program `curitiba` as its users start it: commands, what they print and write, faults and memory.
+//! The program `curitiba` as its users start it: commands, their output and files, faults and memory.
 
 mod bench;
 #[cfg(unix)]

@@ -1,7 +1,7 @@
 //! `--max-memory` bounds the memory of the process, and refused memory ends the program with an error and an exit code.
 //!
-//! Each test runs the program as a child. Its peak memory is the system's `VmHWM`, so these tests need `/proc`. The
-//! second half takes the shell's limits (`ulimit -v`).
+//! Each test runs the program as a child. Its peak memory is the system's `VmHWM`, so these tests need `/proc`. The second
+//! half of the tests uses the shell's limits (`ulimit -v`).
 
 use crate::capped::Expected::{Done, Refused};
 use crate::capped::{

@@ -5,8 +5,8 @@ use crate::capped::Expected::{Done, Refused};
 use crate::capped::{Expected, MIB, program, shipped, try_cases, watch, write_inputs, write_pattern, write_textured};
 use std::fs;
 
-/// A software driver keeps textures and targets in the process. They count, too; what the driver needs to compile programs does not, and is
-/// in the empty frame.
+/// A software driver keeps textures and targets in the process, and these count towards the cap. The memory that the driver needs to compile
+/// programs does not count; it is included in the memory of the empty frame.
 #[test]
 fn the_process_stays_under_its_cap_with_a_driver_that_computes_on_the_processor() {
     needs_proc!();
@@ -22,13 +22,13 @@ fn the_process_stays_under_its_cap_with_a_driver_that_computes_on_the_processor(
             "of_one.xml",
             "cpu",
             vec![
-                // 192 MiB of texels with their levels in the host, and as many in the driver.
+                // 192 MiB of texels with their mip levels in host memory, and the same amount in the driver.
                 ("of_large.xml --size 64x64", 512, Done),
                 ("of_large.xml --size 64x64", 256, Refused),
                 ("of_grey.xml --size 64x64", 256, Done),
                 ("of_grey.xml --size 64x64", 128, Refused),
                 ("of_jpeg.xml --size 64x64", 144, Done),
-                // 36 MiB a target of 1536 x 1536 pixels.
+                // A target of 1536 x 1536 pixels takes 36 MiB.
                 ("of_one.xml --size 1536x1536", 192, Done),
                 ("of_one.xml --size 1536x1536", 64, Refused),
             ],

@@ -36,7 +36,7 @@ fn names(folder: &Path) -> Vec<String> {
     names
 }
 
-/// A changed copy of one of the report's projects with its libraries; the square is used in place.
+/// A changed copy of one of the report's projects with its libraries; the square itself is not copied.
 fn changed(folder: &Path, change: impl Fn(String) -> String) -> String {
     let copy = |from: PathBuf, to: PathBuf| {
         let text = std::fs::read_to_string(&from).expect("a file of the project");
@@ -69,7 +69,7 @@ fn no_exr_file_has_a_channel_that_viewers_take_for_opacity() {
     ] {
         assert_eq!(read(name).channels.join(" "), channels, "{name}");
     }
-    // The number itself is written as before: here it is the light's cosine, which is neither 0 nor 1 everywhere.
+    // The channel itself is written as before: here it is the light's cosine, which is neither 0 nor 1 everywhere.
     let color = read("out.color.exr").image;
     assert!(color.pixels.iter().any(|pixel| pixel[3] > 0.0 && pixel[3] < 1.0));
 }
@@ -191,7 +191,7 @@ fn bench_and_compare_replace_no_file_of_anybody_else() {
     std::fs::write(folder.join("empty"), "").expect("a file");
     let files = ["--json", "empty", "--csv", "t.csv", "--markdown", "t.md"];
     for _ in 0..2 {
-        // The second time, each run replaces one of its own outputs.
+        // In the second round, each run replaces its own outputs of the first round.
         succeeds(folder, &bench(&files));
     }
     succeeds(folder, &bench(&["--json", "notes.txt", "--overwrite"]));
@@ -267,7 +267,7 @@ fn confine_refuses_every_file_that_lies_outside_wherever_links_lead() {
         refused(&["scene", file], what);
         succeeds(&inside, &["scene", file]);
     }
-    // Not even the first bytes of a file of an unknown kind are read: nothing is told of them.
+    // Not even the first bytes of a file of an unknown kind are read, so the message says nothing about its contents.
     refused(&["check", "../out/notes.txt"], "notes.txt");
     let told = fails_with(3, &inside, &["check", "../out/notes.txt"]);
     assert!(told.contains("neither a project nor a scene"), "{told}");

@@ -194,7 +194,7 @@ fn a_scene_of_one_command_has_errors_of_its_pictures_once_their_references_are_m
     assert!(why.ends_with(made), "{why}");
     assert!(occlusion["missing"].as_str().is_some_and(|why| why.contains("curitiba reference projects/")));
 
-    // The commands as they are told; the other reference is made from the scene itself.
+    // The commands as they are printed. The other reference is made from the scene itself.
     let said = run(&["scene", "corner.obj", "--size", "32x32", "--projects", "projects"]);
     assert!(said.contains("wrote") && said.contains("SceneNoEffects.xml"), "{said}");
     run(&["reference", "projects/SceneShadows.xml", "--size", "32x32"]);
@@ -202,6 +202,6 @@ fn a_scene_of_one_command_has_errors_of_its_pictures_once_their_references_are_m
     for found in of_pictures() {
         assert!(found["against"]["comparison"]["rmse"].as_f64().is_some_and(|rmse| rmse < 0.1), "{found}");
     }
-    // A folder of written projects is one of a report.
+    // The folder of written projects has the layout that a report expects.
     assert!(place.path().join("projects/raster/SceneGTAO.xml").is_file());
 }

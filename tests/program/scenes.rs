@@ -1,5 +1,5 @@
-//! Scenes without a project: the command line's defaults for them, and that the project written for them shows the
-//! same.
+//! Scenes without a project: the command line's defaults for them, and whether the project written for a scene shows the
+//! same picture.
 
 use curitiba::pipeline::color::decode;
 use curitiba::pipeline::executor::{Renderer, Silent};
@@ -154,9 +154,9 @@ fn a_sky_dome_is_seen_and_leaves_a_scene_its_shadows_by_rays_and_by_maps() {
         skies += usize::from(is_sky(with));
         others += usize::from(!is_sky(with) && same);
     }
-    // The occlusion radius is that of what is under the sky.
+    // The occlusion radius is that of the scene under the sky.
     assert!(skies > 300 && skies + others == with.len(), "{skies} {others} of {}", with.len());
-    // By default with glass, which shows it; by maps; and as a project, where it can be left out.
+    // The sky is also shown by default, where glass shows it, by maps, and as a project, where it can be left out.
     let (printed, glazed) = render("sky.obj", &[]);
     assert!(printed.contains("final on cpu") && glazed.iter().filter(|pixel| is_sky(pixel)).count() > 300, "{printed}");
     succeeds(folder, &[&["scene", "sky.obj", "--project", "sky.xml", "--effects", "shadows"], &view[..]].concat());
@@ -204,7 +204,7 @@ fn a_sky_is_in_no_shadow_map() {
     }
 }
 
-/// A file's camera and, at z = 0, where it sees 2 units to each side in a picture twice as wide as high, a marker at each side.
+/// A file with a camera, and a marker at each side at z = 0. There the camera sees 2 units to each side in a picture twice as wide as high.
 fn markers(folder: &Path, aspect: &str) -> PathBuf {
     let data = "data:application/octet-stream;base64,AAAAAAAAAAAAAAAAAACAPwAAAAAAAAAAAAAAAAAAgD8AAAAA";
     let lens = format!(r#"{{"yfov":0.39479112,"znear":0.1{aspect}}}"#);
@@ -231,7 +231,7 @@ fn what_a_files_camera_sees_is_seen_in_narrower_windows_as_well() {
         let shown = seen(&folder.join(name)).0;
         (shown, read_image(&folder.join(name)).expect("a picture").image.pixels)
     };
-    // The area of both markers beside that of what the window shows, in units.
+    // `found` is the share of the picture that the markers cover, `shown` the area of the window in square units; the markers cover 0.09.
     let whole = |found: f64, shown: f64| assert!((found * shown / 0.09 - 1.0).abs() < 0.2, "{found} of {shown}");
     markers(folder, r#","aspectRatio":2"#);
     whole(render("markers.gltf", "192x96", "wide.exr").0, 4.0 * 2.0);
@@ -241,11 +241,11 @@ fn what_a_files_camera_sees_is_seen_in_narrower_windows_as_well() {
     whole(render("markers.gltf", "96x192", "high.exr").0, 4.0 * 8.0);
     succeeds(folder, &["scene", "markers.gltf", "--project", "square.xml", "--size", "96x96"]);
     assert_eq!(render("square.xml", "96x96", "again.exr").1, pixels, "the project's picture is another");
-    // Without the number, a square window shows one unit to each side.
+    // Without `aspectRatio`, a square window shows one unit to each side.
     markers(folder, "");
     assert_eq!(render("markers.gltf", "96x96", "open.exr").0, 0.0);
     whole(render("markers.gltf", "192x96", "open.exr").0, 4.0 * 2.0);
-    // A number that is none is not read, and the camera is kept.
+    // An invalid `aspectRatio` is ignored, and the camera is kept.
     markers(folder, r#","aspectRatio":0"#);
     let output =
         curitiba(folder, &[&["render", "markers.gltf", "--size", "96x96", "-o", "none.exr"], &CPU[..]].concat());

@@ -1,4 +1,4 @@
-//! What the example `survey` says of projects and scenes: those of a folder made here, and projects of others, where they can be had.
+//! The results of the example `survey` for projects and scenes: for a folder made here, and for projects of others where they are available.
 
 use std::path::{Path, PathBuf};
 use std::process::Command;
@@ -9,7 +9,7 @@ fn root(name: &str) -> PathBuf {
 
 /// File, outcome and reason of each row of the table.
 fn survey(folder: &Path, arguments: &[&str]) -> Vec<[String; 3]> {
-    // Examples lie beside the folder of the test programs.
+    // Examples lie in a folder beside that of the test programs.
     let test = std::env::current_exe().expect("the test knows its path");
     let program = test.parent().and_then(Path::parent).expect("target/PROFILE/deps").join("examples/survey");
     let output = Command::new(&program)
@@ -27,7 +27,7 @@ fn survey(folder: &Path, arguments: &[&str]) -> Vec<[String; 3]> {
     .collect()
 }
 
-/// `xml_projects/SceneShadows.xml` with other text in a place, and its libraries, below a folder.
+/// Writes `xml_projects/SceneShadows.xml` with one text replaced, and its libraries, below a folder.
 fn project(folder: &Path, name: &str, from: &str, to: &str) {
     let text = std::fs::read_to_string(root("xml_projects/SceneShadows.xml")).expect("it is there");
     assert!(text.contains(from), "{from}");
@@ -109,7 +109,7 @@ fn the_projects_of_2014_are_as_the_documents_say() {
     assert_eq!(found.len(), documented.len());
     for ([file, outcome, reason], [documented, as_documented, why]) in found.iter().zip(documented) {
         assert_eq!([file, outcome], [documented, as_documented]);
-        // The name that the document quotes is what the error is about.
+        // The error is about the name that the document quotes.
         let about = why.split('`').nth(1).unwrap_or_default();
         assert!(reason.contains(about) && (outcome == "renders") == about.is_empty(), "{file}: {reason}");
     }

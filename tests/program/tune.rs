@@ -25,7 +25,7 @@ fn text(bytes: &[u8]) -> String {
     String::from_utf8(bytes.to_vec()).expect("output is UTF-8")
 }
 
-/// Of each row of the output: its mark, its error, and the settings behind it.
+/// For each row of the output: its mark, its error, and the settings after it.
 fn rows(output: &str) -> Vec<(char, f64, String)> {
     let row = |line: &str| {
         let (times, rest) = line.split_once(')')?;
@@ -83,7 +83,7 @@ fn pictures_are_judged_as_a_whole_where_their_reference_is_kept() {
     let tuned = tune(place.path(), "SceneShadows.xml", &arguments);
     let (output, told) = (text(&tuned.stdout), text(&tuned.stderr));
     assert!(tuned.status.success() && told.contains("whose own standard error is"), "{output}\n{told}");
-    // By the picture even rays have an error: that of edges with one sample.
+    // Measured by the whole picture, rays have an error too: that of edges with one sample.
     let found = rows(&output);
     assert!(found.len() > 5 && found.iter().all(|row| row.1 > 0.01), "{output}");
     let effect = tune(place.path(), "SceneShadows.xml", &["--time", "10s", "-o", "other.xml"]);

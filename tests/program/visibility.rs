@@ -171,7 +171,7 @@ fn every_backend_gives_rows_or_says_what_is_missing() {
         let output = format!("{backend}.csv");
         let found = curitiba(here, &["room.obj", "--pairs", "all", "--backend", backend, "-o", &output]);
         if found.status.success() {
-            // So few triangles are in the way that no segment is traced on the device; the rows are the same.
+            // There are so few occluders that no segment is traced on the device; the rows are the same.
             assert_eq!(table(here, &output), expected, "{backend}");
         } else {
             let message = String::from_utf8_lossy(&found.stderr);
@@ -202,8 +202,7 @@ fn an_interrupted_run_is_gone_on_with_to_the_same_bytes() {
         }
         let killed = run.kill().is_ok() && !run.wait().expect("it ends").success();
         assert!(killed, "the run was interrupted");
-        // Traces that a kill may leave: half a row, half a line of the journal, and a block that never reached the
-        // disk.
+        // Remains that a kill may leave: half a row, half a line of the journal, and a block that never reached the disk.
         let part = here.join(format!("{output}.part"));
         let add = |path: &Path, bytes: &[u8]| {
             let old = std::fs::read(path).expect("there");

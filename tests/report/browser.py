@@ -63,7 +63,7 @@ class Browser:
     def call(self, method, path, body=None):
         data = None if body is None else json.dumps(body).encode()
         request = urllib.request.Request(self.address + path, data, {"Content-Type": "application/json"}, method=method)
-        # The driver is on this machine: no proxy has a part in it.
+        # The driver is on this machine, so no proxy is used.
         opener = urllib.request.build_opener(urllib.request.ProxyHandler({}))
         try:
             with opener.open(request, timeout=120) as answer:
@@ -112,7 +112,7 @@ class Browser:
         self.run("return Promise.all([...document.querySelectorAll('.stage img')].map(image => image.decode()))")
         time.sleep(0.4)
         x, y = self.run("return [scrollX, scrollY]")
-        # Without its round corners.
+        # The clip leaves out the round corners.
         clip = {"x": box[0] + x + 5, "y": box[1] + y + 5, "width": box[2] - 10, "height": box[3] - 10, "scale": 1}
         return base64.b64decode(self.devtools("Page.captureScreenshot", format="png", clip=clip)["data"])
 
@@ -137,7 +137,7 @@ class Browser:
         self.server.wait(timeout=20)
 
 
-# The rules of WCAG 2.2 that a program can decide of this page: what is wrong, in words.
+# The rules of WCAG 2.2 that a program can check on this page. Returns the violations, in words.
 ACCESSIBLE = r"""
 const wrong = [];
 const all = [...document.querySelectorAll('*')];
@@ -220,7 +220,7 @@ def look(browser, folder, shots):
     browser.run(slider + choose + "pick('.zoom', 'fit')")
     check("there is a slider", browser.run(slider + "return Boolean(range) && !box.hidden"))
     clip = slider + "return getComputedStyle(box.querySelector('.over')).clipPath"
-    # The page scrolls smoothly: places measured meanwhile would be wrong.
+    # The page scrolls smoothly: positions measured during a scroll would be wrong.
     browser.run(
         slider + "box.querySelector('.stage').scrollIntoView({behavior: 'instant', block: 'center'});"
         "range.focus({preventScroll: true})"
@@ -261,7 +261,7 @@ def look(browser, folder, shots):
     browser.run(slider + choose + "pick('.zoom', '1'); pick('.mode', 'difference'); box.querySelectorAll('select')[0].value = box.querySelectorAll('select')[1].value; box.querySelectorAll('select')[0].dispatchEvent(new Event('change'))")
     browser.run(slider + "box.querySelector('.stage').scrollIntoView({behavior: 'instant', block: 'center'})")
     part = "const r = box.querySelector('.stage').getBoundingClientRect(); return [r.left, r.top, r.width, r.height]"
-    # The browser draws what it has loaded when it has time for it.
+    # The browser may draw loaded pictures with a delay, so this is tried several times.
     for _ in range(10):
         browser.run(slider + choose + "pick('.exposure', '0')")
         black = browser.part(browser.run(slider + part))
@@ -296,7 +296,7 @@ def look(browser, folder, shots):
     state = browser.run(table + "return table.querySelector('th[data-column=\"3\"]').getAttribute('aria-sort')")
     check("the order is told to assistive programs", state == "descending", state)
 
-    # The answer is seen without scrolling: every effect with its verdict.
+    # The answer is visible without scrolling: every effect with its verdict.
     browser.run("window.scrollTo({top: 0, behavior: 'instant'})")
     last = (
         "const rows = document.querySelector('.short table').tBodies[0].rows; const cell = rows[rows.length - 1].cells[1];"
@@ -367,7 +367,7 @@ def look(browser, folder, shots):
     asked = set()
     for entry in browser.log("performance"):
         message = json.loads(entry["message"])["message"]
-        # The browser's own start page asks for things too.
+        # The browser's own start page makes requests too.
         if message["method"] == "Network.requestWillBeSent" and message["params"]["documentURL"] == page:
             asked.add(message["params"]["request"]["url"])
     outside = [url for url in asked if not url.startswith(("file:", "data:"))]

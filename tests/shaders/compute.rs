@@ -17,14 +17,13 @@ void main() {
 }
 ";
 
-/// A project in a folder of its own: a compute pass `make` stores to the image `made`, and another pass may follow. The window shows an
-/// image.
+/// A project in a folder of its own: a compute pass `make` stores to the image `made`, and another pass may follow. The window shows an image.
 struct Project {
     folder: tempfile::TempDir,
 }
 
 impl Project {
-    /// The compute shader, the format of images, the work groups of the first pass, and the passes behind it.
+    /// Arguments: the compute shader, the format of images, the workgroups of the first pass, and the passes after it.
     fn new(make: &str, format: &str, groups: &str, passes: &str) -> Self {
         let library = LIBRARY.replace("HELD_AS", format);
         let project = PROJECT.replace("GROUPS", groups).replace("PASSES", passes);
@@ -110,7 +109,7 @@ mod run {
         first
     }
 
-    /// What [`MADE`] stores; rows count upwards.
+    /// The value that [`MADE`] stores; rows count upwards.
     fn made(x: u32, y: u32) -> [f32; 4] {
         [x as f32 / 64.0, (63 - y) as f32 / 64.0, 0.5, 1.0]
     }
@@ -122,7 +121,7 @@ mod run {
         }
         let whole = picture(&Project::new(MADE, "RGBA32F", ALL, SHOW_MADE));
         assert_near(&whole, made, 0.0);
-        // Half as many columns of groups, a quarter of the rows: the rest keeps its zeros. Some files have a comma behind a number.
+        // Half as many columns of groups and a quarter of the rows: the rest of the image stays zero. Some files have a comma after a number.
         let part = picture(&Project::new(MADE, "RGBA32F", r#"dimX="4," dimY="4""#, SHOW_MADE));
         assert_near(&part, |x, y| if x < 32 && y >= 48 { made(x, y) } else { [0.0; 4] }, 0.0);
         // Groups beyond the image store nothing.
@@ -141,13 +140,13 @@ mod run {
         assert_near(&of("RGBA32F"), |_, _| [0.3, 1.7, -1.0, 0.1], 0.0);
         let byte = |value: f32| (value * 255.0).round() / 255.0;
         assert_near(&of("RGBA"), |_, _| [byte(0.3), 1.0, 0.0, byte(0.1)], 0.0);
-        // The nearest numbers of 11 binary digits.
+        // The nearest numbers with 11 binary digits.
         let half = [1229.0 / 4096.0, 1741.0 / 1024.0, -1.0, 1638.0 / 16384.0];
         assert_near(&of("RGBA16F"), |_, _| half, 0.0);
         assert_near(&of("RG32F"), |_, _| [0.3, 1.7, 0.0, 1.0], 0.0);
     }
 
-    /// A second pass samples what the first stored, turns it by shared memory, and loads what it stored itself.
+    /// A second pass samples the output of the first, turns it in shared memory, and loads its own stored values.
     #[test]
     fn passes_hand_images_on() {
         if !has_driver() {
@@ -171,14 +170,14 @@ void main() {
         let pass =
             r#"<pass class="compute" name="next"><material name="next" fromLibrary="L" dimX="8" dimY="8"/></pass>"#;
         let project = Project::new(MADE, "RGBA32F", ALL, &format!("{pass}{SHOW_OTHER}")).with("next.comp", next);
-        // Within each tile of 8 x 8 the corners are turned; rows count upwards.
+        // Each tile of 8 x 8 is transposed; rows count upwards.
         let known = |x: u32, y: u32| {
             let up = 63 - y;
             let (column, row) = (x / 8 * 8 + up % 8, up / 8 * 8 + x % 8);
             [0.25 + column as f32 / 64.0, 0.25 + row as f32 / 64.0, 0.75, 1.25]
         };
         assert_near(&picture(&project), known, 0.0);
-        // The plan runs the first pass because the second reads its image, and leaves it out where nothing does.
+        // The plan runs the first pass if the second reads its image, and leaves it out if nothing reads it.
         let runs = |project: &Project| {
             let renderer = project.open().unwrap_or_else(|error| panic!("{}", error.joined()));
             let plan = renderer.plan();
@@ -210,7 +209,7 @@ void main() {
         assert_near(&picture(&project), known, 1e-6);
     }
 
-    /// A quad cannot store to what it draws into.
+    /// A quad cannot store to its own target.
     #[test]
     fn what_a_quad_draws_into_is_no_image_of_it() {
         let quad = "#version 430
@@ -234,13 +233,13 @@ void main() { imageStore(kept, ivec2(0), vec4(1.0)); color = vec4(1.0); }
             said.contains("p.xml:5:") && said.contains("`store` stores to `L::drawn`, a channel of the target"),
             "{said}"
         );
-        // Control: into the window it can.
+        // Control: a quad that draws into the window can.
         if has_driver() {
             assert!(into("").open().is_ok());
         }
     }
 
-    /// What is stored to a unit to which nothing is bound is lost, with a warning, as in OpenGL.
+    /// A store to a unit without a bound image is lost, with a warning, as in OpenGL.
     #[test]
     fn an_image_of_nothing_holds_nothing() {
         if !has_driver() {
@@ -257,7 +256,7 @@ void main() { imageStore(kept, ivec2(0), vec4(1.0)); color = vec4(1.0); }
         assert!(said.contains("binds nothing to image unit 7 of `nothing`"), "{said}");
     }
 
-    /// Elements of arrays are textures of their own, for images and for samplers.
+    /// Each element of an array is a texture of its own, for images and for samplers.
     #[test]
     fn arrays_of_textures_are_bound_from_a_first_unit_on() {
         if !has_driver() {
@@ -311,7 +310,7 @@ void main() {
         assert!(said.contains("p.mlib:16:") && said.contains("binds 2 such arrays"), "{said}");
     }
 
-    /// The shipped project draws what its shader says.
+    /// The shipped project draws what its shader computes.
     #[test]
     fn the_shipped_project_draws_outlines() {
         if !has_driver() {
@@ -341,7 +340,7 @@ void main() {
         assert!(inked > 5000, "{inked} pixels of outlines");
     }
 
-    /// What is wrong is an error with its place and what would be valid.
+    /// Each mistake is an error with its place and the valid values.
     #[test]
     fn what_is_wrong_is_said_with_its_place() {
         let say =
@@ -373,7 +372,7 @@ void main() {
         for (said, place, what) in cases {
             assert!(said.contains(place) && said.contains(what), "`{place}` and `{what}`: {said}");
         }
-        // In the project's files.
+        // Mistakes in the project's files.
         let edited = |from: &str, to: &str| {
             let project = Project::new(MADE, "RGBA32F", ALL, SHOW_MADE);
             let edit =

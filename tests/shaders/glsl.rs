@@ -186,7 +186,7 @@ mod drawn {
         assert_near(&scene.picture().expect("a driver"), |_, _| [0.125, 0.5, 0.75, 0.625], 1e-6);
     }
 
-    /// Own shaders and `deferred` draw over what the other left, by colour and depth: half of the ball stands out of the square.
+    /// Own shaders and `deferred` draw over each other's output, by colour and depth: half of the ball stands out of the square.
     #[test]
     fn own_shaders_start_from_what_earlier_passes_left() {
         let fragment = "#version 330\nout vec4 color;\nvoid main() { color = vec4(0.125, 0.75, 0.25, 1); }\n";
@@ -210,7 +210,7 @@ mod drawn {
         let behind = flat.pixels[0];
         let known = |x: u32, y: u32| {
             let [x, y] = [x, y].map(|at| (at as f32 + 0.5) / (SIDE as f32 / 2.0) - 1.0);
-            // The ball has flat faces: nothing is known at its edge.
+            // The ball has flat faces, so pixels at its edge are not tested.
             match x.hypot(y) {
                 from if from < 0.95 => Some([0.125, 0.75, 0.25, 1.0]),
                 from if from > 1.0 => Some(behind),
@@ -226,7 +226,7 @@ mod drawn {
             assert_near(&drawn, known, 1e-6);
             assert_ne!(drawn, flat, "{what}");
         }
-        // Controls: without the depth the square covers the ball, and without the colour the ball stands alone.
+        // Controls: if the depth is not kept, the square covers the ball; if the colour is not kept, the ball stands alone.
         assert_eq!(picture(&[("ball", own, ""), ("square", square, color)]).expect("a driver"), flat);
         let alone = picture(&[("square", square, ""), ("ball", own, depth)]).expect("a driver");
         assert_near(
@@ -293,7 +293,7 @@ mod drawn {
         }
     }
 
-    /// A shader that computes light, ambient light, position and normal as the material `deferred` does draws the same.
+    /// A shader that computes light, ambient light, position and normal as the material `deferred` does draws the same picture.
     #[test]
     fn a_shader_that_says_what_deferred_does_draws_what_it_does() {
         let vertex = "#version 330\nuniform mat4 pvm, model, view; uniform mat3 normals; uniform vec4 light;\n\
@@ -392,8 +392,8 @@ mod drawn {
         assert!(refused.refused(RasterChoice::Auto).contains("draws its scenes 0 times"));
     }
 
-    /// Three overlapping squares in the middle of the picture, which are added to what is there or hidden by nearer
-    /// ones.
+    /// Three overlapping squares in the middle of the picture. They are blended with the colours below them, or hidden by
+    /// nearer ones.
     #[test]
     fn states_blend_and_leave_depth_alone() {
         let vertex = "#version 330\nuniform mat4 pvm;\nin vec4 position;\n\
@@ -670,7 +670,7 @@ mod drawn {
             let is_dark = step < 0.0 && (shadow > 0.0 || behind > 0.0);
             *(if is_dark { &mut dark } else { &mut lit }) += 1;
             assert_eq!(pixel[0], f32::from(u8::from(!is_dark)), "at {x}, {y}");
-            // The number of the pass itself, not the project's.
+            // The value is that of the pass itself, not the project's.
             assert_eq!(pixel[3], 8.0);
         }
         assert!(lit > 1000 && dark > 200, "{lit} lit pixels and {dark} in shadow");
@@ -691,7 +691,7 @@ mod drawn {
             (seen_by("Sun", "", "").replace("depthmap", "default"), SEEN, "has no colour channel"),
         ] {
             let said = lit_step(LIT, &pass, textures).refused(RasterChoice::Wgpu);
-            // A camera that no pass makes is named in the library.
+            // A camera that no pass creates is reported with its place in the library.
             let file = if expected.contains("LightCam") { "own.mlib:" } else { "own.xml:" };
             assert!(said.contains(file) && said.contains(expected), "{expected}: {said}");
         }
@@ -716,7 +716,7 @@ mod drawn {
         let scene = Scene::with_passes(&Shader { depth, ..Shader::default() }, &passes);
         let half = |x, y| known(x, y).map(|value| if value == 1.0 { 1.0 } else { value * 0.5 });
         assert_near(&scene.picture().expect("a driver"), half, 1e-6);
-        // A depth buffer of a pass that `deferred` draws is not kept.
+        // The depth buffer of a pass that `deferred` draws is not kept.
         let other = passes.replace(DEPTHS, "").replace(r#"name="map""#, r#"name="buffers""#);
         let other = other
             .replace("Own::seen", "Own::depth")
@@ -736,7 +736,7 @@ mod drawn {
         assert_near(&picture, |_, _| [1.0, 0.0, 0.0, 0.0], 1e-6);
     }
 
-    /// A raster pass reads what another drew, both the right way up; booleans and arrays have the values in the files.
+    /// A raster pass reads the output of another, both the right way up; booleans and arrays have the values in the files.
     #[test]
     fn a_raster_pass_samples_what_another_drew() {
         let fragment = "#version 330\nuniform sampler2D shaded;\nuniform bool on = true;\nuniform float w[2] = { 0.25, 0.75 };\n\

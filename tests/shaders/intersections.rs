@@ -1,4 +1,4 @@
-//! Rays of storage buffers: a picture beside that of a ray program, and errors with their places in the file.
+//! Rays from storage buffers: a picture compared with that of a ray program, and errors with their places in the file.
 //!
 //! Pictures need a Vulkan, Metal or DirectX 12 driver (a software driver will do). Without a driver, the tests print
 //! `skipped`, or fail with `CURITIBA_REQUIRE_GPU_TESTS=1`.
@@ -28,22 +28,22 @@ fn picture(pipeline: &str) -> (Image, u64) {
     (picture, rays.map(|rays| rays.total()).sum())
 }
 
-/// Rays that a shader writes shade as those that the ray program starts itself, but for those that graze an edge: a shader moves its points
-/// off the surface by a length of its own.
+/// Rays that a shader writes give the same shading as rays that the ray program starts itself, except where rays graze an edge: the shader
+/// offsets its points from the surface by another length.
 #[test]
 fn the_picture_is_that_of_the_ray_program() {
     if !has_driver() {
         return;
     }
     let ((ours, traced), (theirs, by_program)) = (picture("buffer"), picture("program"));
-    // The program leaves out what its triangle turns away from the light.
+    // The program does not trace points whose triangle faces away from the light.
     assert!(traced.abs_diff(by_program) * 1000 < traced, "{traced} rays, {by_program} by the program");
     let pixels = || ours.pixels.iter().zip(&theirs.pixels);
     let far = |(a, b): &(&[f32; 4], &[f32; 4])| a.iter().zip(*b).any(|(a, b)| (a - b).abs() > 1e-6);
     let (differ, all) = (pixels().filter(far).count(), ours.pixels.len());
     println!("{differ} of {all} pixels differ, {traced} rays");
     assert!(differ * 1000 < all, "{differ} of {all} pixels differ");
-    // Control: as many pixels as that are not in the shadow by chance.
+    // Control: without shadows, more than a twentieth of the pixels differ.
     let (unshadowed, _) = picture_of(&Edited::new("hit.triangle < 0 ? 1.0 : 0.5", "1.0").path());
     let shadowed = unshadowed.pixels.iter().zip(&theirs.pixels).filter(far).count();
     assert!(shadowed * 20 > all, "{shadowed} of {all} pixels are in the shadow");
@@ -85,7 +85,7 @@ impl Edited {
     }
 }
 
-/// Every way in which a file can be wrong is an error with its place and what would be valid.
+/// Every possible mistake in a file is an error with its place and the valid values.
 #[test]
 fn what_is_wrong_is_said_with_its_place() {
     let (rays, hits) = (r#"<rays buffer="Rays::rays" queryType="ANY"/>"#, r#"<hits buffer="Rays::hits"/>"#);
@@ -134,7 +134,7 @@ fn what_is_wrong_is_said_with_its_place() {
     }
 }
 
-/// The count of rays, of the file or of a buffer; rays beyond it are not traced, and their hits stay 0.
+/// The number of rays is given in the file or in a buffer; further rays are not traced, and their hits stay 0.
 #[test]
 fn as_many_rays_are_traced_as_the_file_says() {
     if !has_driver() {
@@ -153,7 +153,7 @@ fn as_many_rays_are_traced_as_the_file_says() {
     assert!(some > 0 && some < all);
     assert_eq!(half.pixels[..512 * 256], whole.pixels[..512 * 256]);
     assert_ne!(half.pixels[512 * 256..], whole.pixels[512 * 256..]);
-    // The first number in the buffer of rays is a coordinate: as an integer it is large or negative, and all are traced.
+    // The first number in the buffer of rays is a coordinate. Its bits as an integer are large or negative, so all rays are traced.
     let (_, counted) = rays("<rayCount buffer=\"Rays::rays\" offset=\"0\"/>");
     assert_eq!(counted, all);
 }
@@ -170,7 +170,7 @@ fn the_plan_says_what_is_traced_and_leaves_out_what_nothing_reads() {
     let whole = plan(&shipped());
     assert_eq!(works(&whole), [false, false, true, false]);
     assert!(whole.target_bytes() > 512 * 512 * (32 + 16), "the buffers are in the estimate of the memory");
-    // A quad that shows the colour alone needs no hits, and no rays.
+    // A quad that shows only the colour needs no hits, and so no rays.
     let unread = Edited::new(
         "<material name=\"readHits\" fromLibrary=\"Rays\"/>",
         "<texture name=\"color\" fromLibrary=\"Rays\"/>",
@@ -181,7 +181,7 @@ fn the_plan_says_what_is_traced_and_leaves_out_what_nothing_reads() {
     assert!(!said.built && said.why == "nothing reads what it writes");
 }
 
-/// Without its rays the pass that reads hits has none.
+/// If the pass with the rays is switched off, the pass that reads their hits is refused.
 #[test]
 fn a_pass_that_is_switched_off_is_missed() {
     let settings = Settings { off: vec!["trace".to_owned()], ..Settings::default() };
@@ -190,7 +190,7 @@ fn a_pass_that_is_switched_off_is_missed() {
     assert!(refused.contains("pass `shade` reads `Rays::hits`"), "{refused}");
 }
 
-/// A number of the rays that is not finite ends nothing: the ray meets nothing.
+/// A ray with a number that is not finite hits nothing, and the frame goes on.
 #[test]
 fn rays_that_are_none_are_in_the_light() {
     if !has_driver() {
@@ -203,7 +203,7 @@ fn rays_that_are_none_are_in_the_light() {
     assert_eq!(rays, 0);
 }
 
-/// Older files name what an attribute is declared for as its context, and its type as the type.
+/// Older files give the kind of an attribute's owner as `context`, and the attribute's type as `type`.
 #[test]
 fn older_files_declare_attributes_by_context() {
     let older = Edited::new(r#"type="RENDERER" data="INT" value"#, r#"context="RENDERER" type="INT" value"#);
@@ -216,7 +216,7 @@ fn older_files_declare_attributes_by_context() {
     );
 }
 
-/// What the program prints, without its colours.
+/// The program's output, without colours.
 fn printed(arguments: &[&str]) -> String {
     let ran = std::process::Command::new(env!("CARGO_BIN_EXE_curitiba"))
         .args(arguments)
@@ -251,7 +251,7 @@ fn check_and_plan_say_what_is_traced_and_what_traces_it() {
     }
 }
 
-/// Buffers begin with zeros in every frame: all frames are alike.
+/// Buffers start with zeros in every frame, so all frames are the same.
 #[test]
 fn frames_are_alike() {
     if !has_driver() {

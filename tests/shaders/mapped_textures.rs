@@ -1,7 +1,7 @@
 //! Textures of a project's material libraries on primitives and scene files, by rasterisers and by rays.
 //!
 //! Pictures of the device need a Vulkan, Metal or DirectX 12 driver (a software driver will do). Without one the tests print `skipped`,
-//! or fail with `CURITIBA_REQUIRE_GPU_TESTS=1`. Those of an NVIDIA GPU need one, and `CURITIBA_REQUIRE_CUDA_TESTS=1` does the same for them.
+//! or fail with `CURITIBA_REQUIRE_GPU_TESTS=1`. Pictures of an NVIDIA GPU are skipped without one, or fail with `CURITIBA_REQUIRE_CUDA_TESTS=1`.
 
 use crate::own_shaders::{SIDE, has_driver};
 use curitiba::pipeline::executor::Silent;
@@ -55,17 +55,17 @@ fn folder() -> TempDir {
     folder
 }
 
-/// How the scene comes into the picture.
+/// How the scene is drawn.
 #[derive(Clone, Copy, Debug)]
 enum By {
     Raster,
     /// Rays from the camera.
     Rays,
-    /// Rays from a pane of glass that is before all of the scene.
+    /// Rays from a pane of glass in front of the whole scene.
     Glass,
 }
 
-/// A project that looks along -z at the scene, and at the window's middle sees from -1 to 1.
+/// A project that looks along -z at the scene, and sees from -1 to 1 in the middle of the window.
 fn project(folder: &Path, scene: &str, material: &str, by: By) -> PathBuf {
     let maps = format!(
         r#"<materialMaps><map fromMaterial="wall" toLibrary="L" toMaterial="{material}"/>
@@ -131,7 +131,7 @@ fn opened(path: &Path) -> Project {
     load(path).unwrap_or_else(|problems| panic!("{problems:?}"))
 }
 
-/// The colours a quarter of the picture away from its middle, row by row: r, g, b, y, and . for another.
+/// The colours at four points a quarter of the picture from its middle, row by row: r, g, b, y, and . for any other.
 fn seen(picture: &Image) -> [char; 4] {
     let (near, far) = (SIDE / 2 - SIDE / 8, SIDE / 2 + SIDE / 8);
     [(near, near), (far, near), (near, far), (far, far)].map(|(x, y)| {
@@ -152,7 +152,7 @@ fn seen(picture: &Image) -> [char; 4] {
 fn primitives_and_scene_files_show_the_texture_of_a_mapped_material_in_the_engines_place() {
     let folder = folder();
     let upright = [RED, GREEN, BLUE, YELLOW];
-    // Turned by a quarter about x, what pointed up the z axis points down.
+    // After a quarter turn about x, the former z axis points down.
     let turned = r#"<ROTATE x="1" y="0" z="0" w="90"/>"#;
     let cases = [
         (r#"<file name="square.obj"/>"#.to_owned(), upright),
@@ -166,7 +166,7 @@ fn primitives_and_scene_files_show_the_texture_of_a_mapped_material_in_the_engin
             format!(r#"<geometry name="g" type="GRID" divisions="9" length="2" material="wall">{turned}</geometry>"#),
             [BLUE, YELLOW, RED, GREEN],
         ),
-        // u begins where the sphere looks along +z and goes to +x.
+        // u starts where the sphere's normal points along +z, and grows towards +x.
         (
             r#"<geometry name="g" type="SPHERE" slices="32" stacks="32" material="wall"/>"#.to_owned(),
             [GREEN, RED, YELLOW, BLUE],
@@ -216,7 +216,7 @@ fn rays_on_nvidia_gpus_read_the_texture_of_a_mapped_material() {
     }
 }
 
-/// The engine numbers columns along x and rows along z, and divides by one more than there are.
+/// The engine numbers columns along x and rows along z, and divides by one more than their number.
 #[test]
 fn a_grid_shows_less_than_the_whole_texture() {
     for divisions in [1, 4] {
@@ -233,7 +233,7 @@ fn a_grid_shows_less_than_the_whole_texture() {
     }
 }
 
-/// How many colours a picture has.
+/// Number of different colours in a picture.
 fn colors(picture: &Image) -> usize {
     let bits = picture.pixels.iter().map(|pixel| pixel.map(|channel| (channel * 1e3).round() as i32));
     bits.collect::<std::collections::BTreeSet<_>>().len()
@@ -249,7 +249,7 @@ fn a_magnified_texture_shows_its_nearest_texels_where_a_material_asks_for_them()
     for (by, scene, raster) in cpu.map(|(by, scene)| (by, scene, RasterChoice::Cpu)).into_iter().chain(wgpu) {
         let shown = |material: &str| picture(opened(&project(folder.path(), scene, material, by)), raster);
         let (nearest, blended) = (shown("nearest"), shown("few"));
-        // The four texels, and what is around the square.
+        // The four texels, and the colour around the square.
         assert_eq!(colors(&nearest), 5, "{by:?}, {raster:?}");
         assert_eq!(seen(&nearest), [RED, GREEN, BLUE, YELLOW], "{by:?}, {raster:?}");
         assert!(colors(&blended) > 100, "control: {by:?}, {raster:?}: {} colours", colors(&blended));
@@ -284,7 +284,7 @@ fn a_texture_that_is_not_read_is_a_warning_and_the_diffuse_colour_serves() {
             assert_eq!(seen(&picture(project, RasterChoice::Cpu)), [YELLOW; 4]);
         }
     }
-    // A file that holds no image is found when it is decoded.
+    // A file that is not an image is detected when it is decoded.
     std::fs::write(folder.path().join("images/lost.png"), "none").expect("written");
     let project = opened(&project(folder.path(), scene, "lost", By::Raster));
     assert!(project.problems.0.is_empty(), "{:?}", project.problems);

@@ -1,4 +1,4 @@
-//! Storage buffers, atomic counters and images in own shaders of passes that draw scenes: counts that are known from what is drawn, and errors
+//! Storage buffers, atomic counters and images in own shaders of passes that draw scenes: counts that follow from the drawn geometry, and errors
 //! with their places in the files.
 //!
 //! Pictures need the feature `glsl` and a Vulkan, Metal or DirectX 12 driver (a software driver will do). Without a driver, the tests print
@@ -11,7 +11,7 @@ use curitiba::pipeline::image::Image;
 use curitiba::pipeline::plan::Settings;
 use curitiba::{Choice, OpenError, RasterChoice};
 
-/// Counts what is drawn of its material, and all.
+/// Counts the pixels of its material, and those of all materials.
 const NEAR: &str = "#version 430
 layout(binding = 2, offset = 0) uniform atomic_uint own;
 layout(binding = 2, offset = 8) uniform atomic_uint all;
@@ -19,7 +19,7 @@ out vec4 color;
 void main() { atomicCounterIncrement(own); atomicCounterIncrement(all); color = vec4(1.0, 0.0, 0.0, 1.0); }
 ";
 
-/// The same, in the next counter; what is drawn in a table as well.
+/// Does the same with the next counter, and stores its pixels in a table.
 const FAR: &str = "#version 430
 layout(binding = 2, offset = 4) uniform atomic_uint own;
 layout(binding = 2, offset = 8) uniform atomic_uint all;
@@ -34,7 +34,7 @@ void main() {
 }
 ";
 
-/// Shows the counters, by 4096 and 8192.
+/// Shows the counters, divided by 4096 and 8192.
 const SHOW: &str = "#version 430
 layout(binding = 2) uniform atomic_uint near, far, all, other;
 out vec4 color;
@@ -43,7 +43,7 @@ void main() {
 }
 ";
 
-/// Shows the table, whatever is counted.
+/// Shows the table.
 const TABLE: &str = "#version 430
 layout(std430, binding = 3) readonly buffer Table { vec4 cells[]; };
 out vec4 color;
@@ -71,7 +71,7 @@ const BINDINGS: &str = r#"<buffers>
 
 const MAPS: &str = r#"<materialMaps><map fromMaterial="near" toLibrary="L" toMaterial="near"/><map fromMaterial="far" toLibrary="L" toMaterial="far"/></materialMaps>"#;
 
-/// A square of 32 x 32 pixels in the plane z = 0, before one of 64 x 64 in z = -1, a quarter of which it hides.
+/// A square of 32 x 32 pixels in the plane z = 0, in front of one of 64 x 64 in z = -1. The first hides a quarter of the second.
 const PROJECT: &str = r#"<project name="p" width="64" height="64"><assets>
 <scenes><scene name="S">
 <geometry name="far" type="SQUARE" material="far"><ROTATE x="1" y="0" z="0" w="90"/><TRANSLATE x="0" y="0" z="-1"/></geometry>
@@ -97,7 +97,7 @@ struct Project {
 }
 
 impl Project {
-    /// The passes, and the shaders of the two materials and of the quad.
+    /// Arguments: the passes, and the shaders of the two materials and of the quad.
     fn new(passes: &str, [near, far, show]: [&str; 3]) -> Self {
         let folder = tempfile::tempdir().expect("a folder");
         let values = r#"<valueof uniform="pvm" type="RENDERER" context="CURRENT" component="PROJECTION_VIEW_MODEL"/>"#;
@@ -125,7 +125,7 @@ impl Project {
         curitiba::open(self.folder.path().join("p.xml"), settings, choice, &mut Silent)
     }
 
-    /// The picture of the first frame, and of the second, which are the same: a frame begins with zeros.
+    /// The picture of the first frame. The second frame is the same, because a frame starts with zeros.
     fn picture(&self) -> Image {
         let mut renderer = self.open(Settings::default()).unwrap_or_else(|error| panic!("{}", error.joined()));
         let first = renderer.frame(&mut Silent).expect("it renders");
@@ -138,7 +138,7 @@ impl Project {
     }
 }
 
-/// 32 x 32 pixels of the one and 64 x 64 of the other, hidden or not.
+/// 32 x 32 pixels of the first square and 64 x 64 of the second, hidden or not.
 const COUNTED: [f32; 4] = [0.25, 1.0, 0.625, 0.0];
 
 #[test]
@@ -148,16 +148,16 @@ fn every_pixel_of_every_triangle_counts() {
     }
     let passes = format!("{}{QUAD}", draw("draw", MAPS));
     assert_near(&Project::new(&passes, [NEAR, FAR, SHOW]).picture(), |_, _| COUNTED, 0.0);
-    // What a shader discards before does not count: the columns of the left half.
+    // Pixels that a shader discards before counting do not count: the columns of the left half.
     let half = FAR.replace("void main() {", "void main() { if (gl_FragCoord.x < 32.0) discard;");
     assert_near(&Project::new(&passes, [NEAR, &half, SHOW]).picture(), |_, _| [0.25, 0.5, 0.375, 0.0], 0.0);
-    // Passes add to what earlier passes counted, and instances count each.
+    // Passes add to the counts of earlier passes, and each instance counts.
     let twice = format!("{}{}{QUAD}", draw("draw", MAPS), draw("again", MAPS));
     assert_near(&Project::new(&twice, [NEAR, FAR, SHOW]).picture(), |_, _| COUNTED.map(|count| 2.0 * count), 0.0);
     let many = draw("draw", &format!(r#"<scenes instances="3"><scene name="S"/></scenes>{MAPS}"#));
     let many = Project::new(&format!("{many}{QUAD}"), [NEAR, FAR, SHOW]).picture();
     assert_near(&many, |_, _| COUNTED.map(|count| 3.0 * count), 0.0);
-    // With several samples a pixel each sample is a frame of its own.
+    // With several samples per pixel, each sample is a frame of its own.
     let settings = Settings {
         aa: curitiba::pipeline::pixel_samples::PixelSamples::new(4).expect("a power of two"),
         ..Settings::default()
@@ -167,7 +167,7 @@ fn every_pixel_of_every_triangle_counts() {
     assert_near(&renderer.frame(&mut Silent).expect("it renders"), |_, _| COUNTED, 1e-6);
 }
 
-/// The picture of the pass itself is what it is without counting, whatever part of it is asked for.
+/// The counting does not change the picture of the pass itself, whatever part of it is requested.
 #[test]
 fn what_is_drawn_stays_what_it_is() {
     if !has_driver() {
@@ -184,7 +184,7 @@ fn what_is_drawn_stays_what_it_is() {
     let part = renderer.frame(&mut Silent).expect("it renders");
     let rows: Vec<[f32; 4]> = (16..24).flat_map(|y| whole.pixels[y * 64 + 8..][..24].to_vec()).collect();
     assert_eq!((part.width, part.height, part.pixels), (24, 8, rows));
-    // Counters of a part would not be those of the picture, so all of it is drawn.
+    // Counters for a part would not equal those for the picture, so the whole picture is drawn.
     assert!(renderer.plan().needs_whole().is_some_and(|why| why.contains("`draw` draws by an own shader that stores")));
 }
 
@@ -196,7 +196,7 @@ fn buffers_keep_what_scenes_store() {
     let passes = format!("{}{QUAD}", draw("draw", MAPS));
     let far = |x: u32, y: u32| [(x as f32 + 0.5) / 64.0, (63.5 - y as f32) / 64.0, 5.0 / 8.0, 1.0];
     assert_near(&Project::new(&passes, [NEAR, FAR, TABLE]).picture(), far, 1e-6);
-    // A later pass reads the table, by one of two shaders that bind buffers, and the other counts.
+    // A later pass reads the table through one of its two shaders with buffers; the other one counts.
     let reads = "#version 430
 layout(std430, binding = 3) readonly buffer Table { vec4 cells[]; };
 out vec4 color;
@@ -221,13 +221,13 @@ void main() { ivec2 at = ivec2(gl_FragCoord.xy); color = cells[at.y * 64 + at.x]
     let inside = |x: u32, y: u32| (16..48).contains(&x) && (16..48).contains(&y);
     let known = |x, y| if inside(x, y) { [1.0, 0.0, 0.0, 1.0] } else { far(x, y).map(|value| 0.5 * value) };
     assert_near(&project.picture(), known, 1e-6);
-    // The plan draws into a target that nothing reads, since it reads what is stored there.
+    // The plan draws into a target that nothing reads, because the buffers that are stored there are read.
     let target = format!(r#"<renderTarget name="t" fromLibrary="L"/>{MAPS}"#);
     let project = Project::new(&format!("{}{QUAD}", draw("draw", &target)), [NEAR, FAR, TABLE]);
     assert_near(&project.picture(), far, 1e-6);
 }
 
-/// An injection binds what its `<map>` says, and nothing of the material that the shader is from.
+/// An injection binds the buffers and images of its `<map>`, and none of the material that the shader is from.
 #[test]
 fn injections_bind_buffers_and_images() {
     if !has_driver() {
@@ -270,7 +270,7 @@ void main() {
 fn what_is_wrong_is_said_with_its_place() {
     let passes = format!("{}{QUAD}", draw("draw", MAPS));
     let say = |near: &str| Project::new(&passes, [near, FAR, SHOW]).refused();
-    // Hidden pixels would store as well.
+    // This layout promises that hidden pixels store nothing, but they would store as well.
     let said = say(&NEAR.replace("out vec4", "layout(early_fragment_tests) in;\nout vec4"));
     assert!(said.contains("near.frag:4:8") && said.contains("hidden pixels store nothing"), "{said}");
     let said = say(&NEAR.replace("binding = 2", "binding = 4"));
@@ -278,7 +278,7 @@ fn what_is_wrong_is_said_with_its_place() {
         said.contains("near.frag:2:") && said.contains("material `near` binds no ATOMIC_COUNTER to point 4"),
         "{said}"
     );
-    // A shader of the pass samples what another stores to.
+    // One shader of the pass samples the image that another stores to.
     let stores = "#version 430
 layout(binding = 5) writeonly uniform image2D kept;
 out vec4 color;
@@ -292,7 +292,7 @@ void main() { imageStore(kept, ivec2(0), vec4(1.0)); color = vec4(1.0); }
     let library = LIBRARY.replace("VALUES", values).replace("BINDINGS", &BINDINGS.replacen("<buffers>", bound, 1));
     let said = Project::new(&draw("draw", MAPS), [stores, samples, SHOW]).with("p.mlib", &library).refused();
     assert!(said.contains("p.xml:") && said.contains("pass `draw` samples `L::image`, to which it stores"), "{said}");
-    // What is drawn into is no image.
+    // The pass's own target cannot be an image.
     let library = LIBRARY
         .replace("VALUES", values)
         .replace("BINDINGS", &BINDINGS.replace(r#"texture="image""#, r#"texture="drawn""#));
@@ -301,7 +301,7 @@ void main() { imageStore(kept, ivec2(0), vec4(1.0)); color = vec4(1.0); }
         .with("p.mlib", &library)
         .refused();
     assert!(said.contains("`draw` stores to `L::drawn`, a channel of the target that it writes"), "{said}");
-    // Nothing stores what is read.
+    // No pass stores what is read.
     let said = Project::new(&draw("draw", MAPS), [TABLE, TABLE, SHOW]).refused();
     assert!(said.contains("pass `draw` reads `L::table`, which no pass writes"), "{said}");
 }

@@ -112,7 +112,7 @@ impl Project {
         curitiba::open(self.folder.path().join("p.xml"), settings, choice, &mut Silent)
     }
 
-    /// The picture of the first frame, and of the second, which are the same.
+    /// The picture of the first frame. The second frame is the same.
     fn picture(&self) -> Image {
         let mut renderer = self.open(Settings::default()).unwrap_or_else(|error| panic!("{}", error.joined()));
         let first = renderer.frame(&mut Silent).expect("it renders");
@@ -130,7 +130,7 @@ fn cube_maps_are_looked_up_by_direction() {
     if !has_driver() {
         return;
     }
-    // Rows count upwards from the bottom of each image, as of every texture of the engine: the lower rows of pixels show lower ones.
+    // As in every texture of the engine, rows count upwards from the bottom of each image: the lower rows of pixels show lower texels.
     let known = |x: u32, y: u32| {
         let texel_of = (63 - y) / 16;
         texel((x / 10).min(5), texel_of % 2 == 1, texel_of / 2 == 1)
@@ -141,13 +141,13 @@ fn cube_maps_are_looked_up_by_direction() {
     for passes in [QUAD, SCENE] {
         assert_near(&look("textureLod(read, direction, 0.0)", passes), known, 1e-6);
         assert_near(&look("textureLod(read, 7.0 * direction, 0.0)", passes), known, 1e-6);
-        // In the middle of a face, since between faces those beside it have a share.
+        // At the middle of each face, because near its borders the adjacent faces have a share.
         assert_near(&look("textureLod(read, major[face], 1.0)", passes), mean, 0.6 / 255.0);
         assert_near(&look("textureGrad(read, direction, vec3(0.0), vec3(0.0))", passes), known, 1e-6);
         let size = "vec4(float(textureSize(read, 0).x) / 4.0, float(textureSize(read, 1).y), 0.0, 1.0)";
         assert_near(&look(size, passes), |_, _| [0.5, 1.0, 0.0, 1.0], 0.0);
     }
-    // Neighbouring pixels of one block have one direction.
+    // Neighbouring pixels of a block have the same direction.
     let picture = look("texture(read, direction)", QUAD);
     for (x, y) in [(5, 8), (15, 24), (25, 40), (35, 56), (45, 8), (55, 40)] {
         let close = picture.pixels[(y * 64 + x) as usize].iter().zip(known(x, y)).all(|(a, b)| (a - b).abs() < 1e-6);
@@ -155,7 +155,7 @@ fn cube_maps_are_looked_up_by_direction() {
     }
     let old = CUBE.replace("LOOK", "textureCubeLod(read, direction, 0.0)");
     assert_near(&Project::new(QUAD, "cube", &old).picture(), known, 1e-6);
-    // Where nothing is bound it is black.
+    // A unit without a bound texture is black.
     let unbound = Project::new(QUAD, "cube", &CUBE.replace("LOOK", "texture(read, direction)"))
         .edited("UNIT=\"0\"", "UNIT=\"3\"");
     assert_near(&unbound.picture(), |_, _| [0.0, 0.0, 0.0, 1.0], 1e-6);
@@ -187,14 +187,14 @@ fn what_is_wrong_with_a_cube_map_is_said_with_its_place() {
     for (said, place, what) in cases {
         assert!(said.contains(place) && said.contains(what), "`{place}` and `{what}`: {said}");
     }
-    // The two stages declare one sampler in two ways.
+    // The two stages declare one sampler with two types.
     let vertex = "#version 430\nuniform sampler2D read;\nin vec4 position;\nvoid main() { gl_Position = position + texelFetch(read, ivec2(0), 0) * 0.0; }\n";
     let said = project(look).with("quad.vert", vertex).refused();
     assert!(said.contains("own.frag:2:") && said.contains("a sampler of another type in the vertex shader"), "{said}");
     if !has_driver() {
         return;
     }
-    // What the files hold is known when they are read.
+    // The contents of the files are checked when they are read.
     let project = project(look);
     for size in [[2, 1], [4, 4]] {
         write_png(&project.folder.path().join("4.png"), &Image::filled(size[0], size[1], [0.5; 4])).expect("written");
@@ -205,7 +205,7 @@ fn what_is_wrong_with_a_cube_map_is_said_with_its_place() {
     }
 }
 
-/// The numbers of a texture of 64 x 64, whose tests are beside their code.
+/// The numbers of a texture of 64 x 64; their generator has tests of its own.
 fn random(distribution: Distribution, seed: u64, format: PixelFormat) -> Vec<[f32; 4]> {
     let mut texels = vec![[0.0; 4]; 64 * 64];
     Contents { distribution, seed }.fill(format, 64, &mut texels);
@@ -230,12 +230,12 @@ fn textures_hold_the_random_numbers_of_their_seed() {
         random(Distribution::Uniform, 7, PixelFormat::Rgba32Float)
     );
     assert_eq!(of(r#"<CONTENT value="RANDOM_NORMAL"/>"#), random(Distribution::Normal, 0, PixelFormat::Rgba32Float));
-    // As in the engine they are 32-bit floats, whatever is declared, and as many as the format has.
+    // As in the engine, the numbers are 32-bit floats, whatever format is declared, and there are as many as the format has channels.
     assert_eq!(of(&format!(r#"{content}<INTERNAL_FORMAT value="RGBA8"/>"#)), uniform);
     let red = random(Distribution::Uniform, 0, PixelFormat::R32Float);
     assert_eq!(of(&format!(r#"{content}<INTERNAL_FORMAT value="R8"/>"#)), red);
     assert!(red.iter().all(|texel| texel[1..] == [0.0, 0.0, 1.0]) && red[0] != uniform[0]);
-    // Its size is the project's, whatever the window's.
+    // The texture has the project's size, whatever the window's size.
     let settings = Settings { size: Some([32, 16]), ..Settings::default() };
     let mut renderer =
         Project::new(QUAD, "random", FETCH).open(settings).unwrap_or_else(|error| panic!("{}", error.joined()));
@@ -244,7 +244,7 @@ fn textures_hold_the_random_numbers_of_their_seed() {
     assert_eq!((small.width, small.height, small.pixels), (32, 16, rows), "the lower left of it");
 }
 
-/// Every frame begins with the numbers, although a pass stores to them.
+/// Every frame starts with the random numbers, although a pass stores to them.
 #[test]
 fn passes_store_to_random_numbers() {
     if !has_driver() {
@@ -263,7 +263,7 @@ void main() {
     let project = Project::new(&format!("{pass}{QUAD}"), "random", FETCH).with("make.comp", make);
     let known = |x: u32, y: u32| uniform[(y * 64 + x) as usize].map(|value| if x < 32 { value + 1.0 } else { value });
     assert_near(&project.picture(), known, 0.0);
-    // A pass before reads what is not stored yet.
+    // A pass before the storing one reads the original numbers.
     let target = r#"<renderTargets><renderTarget name="t"><SIZE width="64" height="64"/><colors><color name="copy" internalFormat="RGBA32F"/></colors></renderTarget></renderTargets><shaders>"#;
     let copy = QUAD.replace("name=\"quad\">", "name=\"copy\"><renderTarget name=\"t\" fromLibrary=\"L\"/>");
     let show = r#"<pass class="quad" name="show"><texture name="copy" fromLibrary="L"/></pass>"#;
@@ -285,7 +285,7 @@ fn what_is_wrong_with_contents_is_said_with_its_place() {
     );
     let said = say(&format!(r#"{content}<SEED value="-1"/>"#));
     assert!(said.contains("p.mlib:5:") && said.contains("`-1` is no seed"), "{said}");
-    // Without contents it holds nothing that a pass has not stored.
+    // Without contents, the texture holds only what a pass has stored.
     let said = say(r#"<CONTENT value="NONE"/><INTERNAL_FORMAT value="RGBA32F"/>"#);
     assert!(said.contains("p.xml:") && said.contains("reads `L::random`, which no pass writes"), "{said}");
 }

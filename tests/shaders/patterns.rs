@@ -1,4 +1,4 @@
-//! Ray passes without a camera, which shaders of ours draw: pictures with known pixels.
+//! Ray passes without a camera, which our own shaders draw: pictures with known pixels.
 //!
 //! They need the feature `glsl` and a Vulkan, Metal or DirectX 12 driver (a software driver will do). Without a driver, the tests print
 //! `skipped`, or fail with `CURITIBA_REQUIRE_GPU_TESTS=1`.
@@ -26,13 +26,13 @@ const LIBRARY: &str = r#"<materialLib name="L">
 <colors><color name="shown" internalFormat="RGBA32F"/></colors></renderTarget></renderTargets>
 </materialLib>"#;
 
-/// The picture of a pattern that is handed something.
+/// The picture of a pattern with the input `handed`.
 fn picture(handed: &str) -> Image {
     let folder = tempfile::tempdir().expect("a folder");
     let path = folder.path().join("p.xml");
     std::fs::write(&path, PROJECT.replace("HANDED", handed)).expect("written");
     std::fs::write(folder.path().join("p.mlib"), LIBRARY).expect("written");
-    // As large as the target, so that each pixel shows one texel.
+    // The picture is as large as the target, so that each pixel shows one texel.
     let mut corners = Image::filled(SIDE, SIDE, [0.0, 0.0, 0.0, 1.0]);
     for (index, pixel) in (0..).zip(&mut corners.pixels) {
         *pixel = corner(index % SIDE, index / SIDE);

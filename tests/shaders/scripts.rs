@@ -1,4 +1,4 @@
-//! Scripts of passes, and what they make run: pictures with known pixels, and errors with their places in the files.
+//! Scripts of passes, and the passes that they control: pictures with known pixels, and errors with their places in the files.
 //!
 //! Needs the feature `glsl`. Pictures need a Vulkan, Metal or DirectX 12 driver (a software driver will do). Without one, tests print
 //! `skipped`, or fail with `CURITIBA_REQUIRE_GPU_TESTS=1`.
@@ -12,7 +12,7 @@ use curitiba::{Choice, OpenError, RasterChoice};
 use std::path::PathBuf;
 use std::time::{Duration, Instant};
 
-/// Side of the picture whose mean is asked for, and the level of its one texel.
+/// Side of the picture whose mean is computed, and its last mip level, which has one texel.
 const SIDE: u32 = 64;
 const LAST: u32 = 6;
 
@@ -40,7 +40,7 @@ const FILES: [(&str, &str); 7] = [
     ("p.mlib", LIBRARY),
     ("s.lua", HALVE),
     ("quad.vert", "#version 430\nuniform mat4 pvm;\nin vec4 position;\nvoid main() { gl_Position = pvm * position; }\n"),
-    // The value of a texel is x / 64 + y, rows counting upwards.
+    // The value of a texel is x / 64 + y, where rows count upwards.
     ("fill.comp", "#version 430
 layout(local_size_x = 8, local_size_y = 8) in;
 uniform writeonly image2D filled;
@@ -50,7 +50,7 @@ void main() {
     imageStore(filled, at, vec4(value, value, 0.0, 1.0));
 }
 "),
-    // Mean and maximum of four texels of the level before.
+    // Mean and maximum of four texels of the previous level.
     ("halve.comp", "#version 430
 layout(local_size_x = 1) in;
 uniform int level;
@@ -162,7 +162,7 @@ impl Folder {
     }
 }
 
-/// The mean and the maximum of the texels of level 0 under a texel of a level, where the value of one is x / 64 + y.
+/// The mean and the maximum of the texels of level 0 that a texel of a level covers; the value of a texel at level 0 is x / 64 + y.
 fn under(level: u32, x: u32, y: u32) -> [f32; 2] {
     let side = 1 << level;
     let (mean, most) = ((side - 1) as f32 / 2.0, (side - 1) as f32);
@@ -183,7 +183,7 @@ fn a_mip_chain_of_a_script_holds_the_means() {
     };
     assert_eq!(under(LAST, 0, 0), [31.5 + 31.5 / 64.0, 63.0 + 63.0 / 64.0], "of all texels");
     assert_near(&Folder::new().picture(), expected(1.0), 1e-6);
-    // A script before a pass sets what its shader reads, and not what shaders of earlier passes read.
+    // A script before a pass sets values for the pass's shader, and not for shaders of earlier passes.
     let before = r#"<pass class="quad" name="show"><preScript file="s.lua" script="dim"/>"#;
     let dim = format!("{HALVE}function dim() setAttr('RENDERER', 'CURRENT', 'GAIN', 0, {{0.5}}) end");
     let dimmed = Folder::new().with("s.lua", &dim).edited("p.xml", r#"<pass class="quad" name="show">"#, before);
@@ -303,7 +303,7 @@ fn thousands_of_runs_fit_and_scripts_of_one_pipeline_do_not_reach_another() {
     assert_eq!(sampled, Some(1), "levels that another pipeline stores are not sampled");
 }
 
-/// A ray pass hands a buffer to its device programs: it holds the colours before gamma, the bottom row first.
+/// A ray pass passes a buffer to its device programs. The buffer holds the colours before gamma, the bottom row first.
 #[test]
 fn the_buffer_of_a_ray_pass_holds_its_colours_before_gamma() {
     if !has_driver() {
@@ -331,7 +331,7 @@ fn the_buffer_of_a_ray_pass_holds_its_colours_before_gamma() {
 </values></shader><textures><texture UNIT="0" name="traced"/></textures>
 <buffers><buffer name="sums"><TYPE value="SHADER_STORAGE"/><BINDING_POINT value="1"/></buffer></buffers></material></materials>
 </materialLib>"#;
-    // The scene is the same on the left and on the right.
+    // The scene is the same in the left half and in the right half.
     let show = "#version 430
 layout(std430, binding = 1) buffer Sums { vec4 sums[]; };
 uniform sampler2D traced;

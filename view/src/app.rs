@@ -1,4 +1,4 @@
-//! What is shown and asked for between two drawings of the window.
+//! State of the window between two frames: what it shows, and what it asks of the renderer's thread.
 
 use crate::camera;
 use crate::canvas::Canvas;
@@ -16,35 +16,35 @@ const NOTICE: Duration = Duration::from_secs(3);
 /// How two pictures are shown.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Mode {
-    /// The first left of a line, the other right of it.
+    /// The first picture is left of a line, the second right of it.
     #[default]
     Wipe,
-    /// One after the other.
+    /// The two pictures alternate.
     Flicker,
-    /// Where they differ.
+    /// A map of their differences.
     Difference,
 }
 
-/// An output that a row of the table stands for; `None` for the result.
+/// The output that a row of the table shows; `None` for the result.
 pub(crate) type Output = Option<String>;
 
 /// The whole window.
 pub struct App {
     /// The renderer's thread.
     pub worker: Worker,
-    /// What it told last.
+    /// The thread's last state.
     pub state: State,
-    /// Where the picture lies.
+    /// Zoom and position of the picture.
     pub canvas: Canvas,
     /// The output that was clicked.
     pub pinned: Option<Output>,
     /// The output whose row the pointer is over.
     pub hovered: Option<Output>,
-    /// What the thread was asked to show last.
+    /// The output that the thread was last asked to show.
     pub(crate) asked: Output,
-    /// The pass whose times are marked, by index.
+    /// Index of the pass whose times are highlighted.
     pub(crate) marked: Option<usize>,
-    /// The same of the drawing before: rows and graph mark each other.
+    /// [`Self::marked`] of the frame before: the table and the graph highlight each other's pass.
     pub(crate) was_marked: Option<usize>,
     /// How two pictures are shown.
     pub mode: Mode,
@@ -54,25 +54,25 @@ pub struct App {
     pub(crate) holds_line: bool,
     /// The left side of a comparison.
     pub left: Side,
-    /// The right side, the reference; nothing is compared without.
+    /// The right side, the reference; `None` if nothing is compared.
     pub right: Option<Side>,
-    /// A file to compare with, as it is typed.
+    /// The text field with the path of a picture to compare with.
     pub(crate) reference: String,
-    /// A picture that was kept.
+    /// The picture that was kept for comparison.
     pub(crate) kept: Option<Arc<Picture>>,
-    /// Whether more samples are taken at rest.
+    /// Whether more samples are accumulated while nothing changes.
     pub refine: bool,
-    /// Whether nothing is rendered.
+    /// Whether rendering is paused.
     pub paused: bool,
-    /// Where the camera stands while it is moved.
+    /// The camera's pose while it is moved.
     pub(crate) pose: Option<Pose>,
-    /// How fast it flies, a second, as a share of the scene's radius.
+    /// Speed of flying per second, as a share of the scene's radius.
     pub speed: f32,
     /// The pixel under the pointer.
     pub(crate) pointed: Option<[u32; 2]>,
     /// The pixel whose rays are shown.
     pub picked: Option<[u32; 2]>,
-    /// Whether keys are explained.
+    /// Whether the list of keys is open.
     pub help: bool,
     /// Whether warnings are listed.
     pub list_warnings: bool,
@@ -80,16 +80,16 @@ pub struct App {
     pub(crate) against: Slot,
     pub(crate) heat: Slot,
     available: Option<Arc<OnceLock<Available>>>,
-    /// What was just done, and until when that is said, seconds of the window's clock.
+    /// The message about the last action, and when it disappears, in seconds of the window's clock.
     pub(crate) notice: Option<(String, f64)>,
-    /// Drawings with a picture in them.
+    /// Number of frames of the window that showed a picture.
     pub drawn: u32,
-    /// What laying out the window took last, milliseconds: no pass is rendered there.
+    /// Time to lay out the last frame of the window, milliseconds. Passes are not rendered on this thread.
     pub drawing_ms: f32,
 }
 
 impl App {
-    /// A window on what a thread renders, which may have begun before there was a window.
+    /// A window for the pictures of `worker`, whose thread may have started before the window existed.
     pub fn new(context: &egui::Context, worker: Worker, reference: Option<PathBuf>) -> Self {
         style(context);
         let mut app = Self {
@@ -130,7 +130,7 @@ impl App {
         app
     }
 
-    /// Lets the thread show what is hovered or pinned.
+    /// Asks the thread for the output that is hovered or pinned.
     pub(crate) fn ask_for_output(&mut self) {
         let wanted = self.hovered.clone().or_else(|| self.pinned.clone()).flatten();
         if wanted != self.asked {
@@ -139,19 +139,19 @@ impl App {
         }
     }
 
-    /// Compares the left side with something else from now on; nothing any more, if `None`.
+    /// Compares the left side with `right` from now on; `None` ends the comparison.
     pub fn compare_with(&mut self, right: Option<Side>) {
         self.compare(self.left.clone(), right);
     }
 
-    /// Compares these from now on.
+    /// Compares these two sides from now on; `None` ends the comparison.
     pub fn compare(&mut self, left: Side, right: Option<Side>) {
         (self.left, self.right) = (left, right);
         let sides = self.right.clone().map(|right| Box::new([self.left.clone(), right]));
         self.worker.send(Command::Compare(sides));
     }
 
-    /// Both pictures of a comparison, once they are there and of one size.
+    /// Both pictures of a comparison, once both exist and if they have the same size.
     #[must_use]
     pub fn compared(&self) -> Option<[Arc<Picture>; 2]> {
         self.right.as_ref()?;
@@ -169,7 +169,7 @@ impl App {
         }
     }
 
-    /// Looks into a pixel of what is rendered here from now on.
+    /// Asks for the rays of a pixel of the rendered picture; `None` ends this.
     pub fn pick(&mut self, pixel: Option<[u32; 2]>) {
         let sizes = [self.seen(), self.state.picture.clone()].map(|picture| picture.map(|picture| picture.whole));
         if pixel.is_some() && sizes[0] != sizes[1] {
@@ -181,7 +181,7 @@ impl App {
         self.worker.send(Command::Pixel(pixel));
     }
 
-    /// Moves the camera by a function of where it stands.
+    /// Moves the camera to the pose that a function returns for its present pose.
     pub fn move_camera(&mut self, facts: Option<&Facts>, to: impl FnOnce(&Pose, &camera::Bounds) -> Pose) {
         let Some((pose, bounds)) = facts.and_then(|facts| Some((facts.pose?, facts.bounds?))) else { return };
         let pose = to(&self.pose.unwrap_or(pose), &bounds);
@@ -189,18 +189,18 @@ impl App {
         self.worker.send(Command::Move(pose));
     }
 
-    /// Which engines are there, once that is known.
+    /// The available engines, once they are known.
     pub(crate) fn available(&self) -> Option<Available> {
         self.available.as_ref()?.get().cloned()
     }
 
-    /// Whether it is known which engines are there.
+    /// Whether the available engines are known.
     #[must_use]
     pub fn knows_engines(&self) -> bool {
         self.available.as_ref().is_some_and(|available| available.get().is_some())
     }
 
-    /// Looks for engines, once: not before the first picture, which needs the processor's time.
+    /// Looks for engines, once. It waits for the first picture, so that the search takes no processor time from rendering.
     pub(crate) fn look_for_engines(&mut self, context: &egui::Context) {
         if self.available.is_some() || (self.state.picture.is_none() && self.state.activity != Activity::Failed) {
             return;
@@ -208,7 +208,7 @@ impl App {
         let (found, told) = (Arc::new(OnceLock::new()), context.clone());
         self.available = Some(Arc::clone(&found));
         let look = move || {
-            // Nobody else sets it.
+            // No other thread sets it.
             let _ = found.set(Available::look());
             told.request_repaint();
         };
@@ -217,13 +217,13 @@ impl App {
         }
     }
 
-    /// Says something for a moment.
+    /// Shows a message for a moment.
     pub(crate) fn notify(&mut self, context: &egui::Context, text: String) {
         self.notice = Some((text, context.input(|input| input.time) + NOTICE.as_secs_f64()));
         context.request_repaint_after(NOTICE);
     }
 
-    /// Keeps what is shown and compares with it; not while the camera moves, where it may have fewer pixels.
+    /// Keeps the shown picture and compares with it. Refused while the camera moves, since the picture may have fewer pixels then.
     pub(crate) fn keep(&mut self, context: &egui::Context) {
         let Some(picture) = self.state.picture.clone() else { return };
         if picture.is_reduced() {
@@ -233,7 +233,7 @@ impl App {
         self.compare_with(Some(Side::Kept(picture)));
     }
 
-    /// Where a picture is saved: a name that is not taken yet.
+    /// Path for saving a picture, with a name that no file has yet.
     pub(crate) fn new_file(facts: &Facts) -> PathBuf {
         let stem = facts.source.file_stem().map_or_else(|| "picture".into(), |stem| stem.to_owned());
         let name = |number: u32| PathBuf::from(format!("{}-{number}", stem.display()));

@@ -3,10 +3,10 @@
 use curitiba::pipeline::project::Pose;
 use glam::{Quat, Vec3};
 
-/// Least angle between the view and the up vector, radians: nearer, the picture's horizontal axis is noise.
+/// Least angle between the view and the up vector, radians; below it, the picture's horizontal axis is numerical noise.
 const LEAST_ANGLE: f32 = 0.02;
 
-/// The box around a scene, world.
+/// The bounding box of a scene, in world space.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Bounds {
     /// Least coordinates.
@@ -16,7 +16,7 @@ pub struct Bounds {
 }
 
 impl Bounds {
-    /// Around points; `None` if none is finite.
+    /// The bounding box of points; `None` if no point is finite.
     #[must_use]
     pub fn around<'a>(points: impl IntoIterator<Item = &'a Vec3>) -> Option<Self> {
         let finite = points.into_iter().filter(|point| point.is_finite());
@@ -24,20 +24,20 @@ impl Bounds {
         (all.0.cmple(all.1).all()).then_some(Self { low: all.0, high: all.1 })
     }
 
-    /// Its middle.
+    /// The centre of the box.
     #[must_use]
     pub fn center(&self) -> Vec3 {
         self.low.midpoint(self.high)
     }
 
-    /// Half its diagonal, above 0.
+    /// Half the diagonal of the box, above 0.
     #[must_use]
     pub fn radius(&self) -> f32 {
         (0.5 * self.low.distance(self.high)).max(1e-3)
     }
 }
 
-/// The point in front of a camera that it orbits: as far away as the middle of the scene, but neither behind it nor beyond the scene.
+/// The point ahead of a camera that it orbits: at the depth of the scene's centre, limited to 0.05 to 16 times the scene's radius.
 #[must_use]
 pub fn pivot(pose: &Pose, bounds: &Bounds) -> Vec3 {
     let direction = pose.direction.normalize();
@@ -45,7 +45,7 @@ pub fn pivot(pose: &Pose, bounds: &Bounds) -> Vec3 {
     pose.position + direction * ahead.clamp(0.05 * bounds.radius(), 16.0 * bounds.radius())
 }
 
-/// The view turned by angles in radians: to the right, and upwards, but not over the up vector.
+/// The rotation of the view by angles in radians: to the right, and upwards, but not past the up vector.
 fn turned(pose: &Pose, right: f32, up: f32) -> Quat {
     let (direction, axis) = (pose.direction.normalize(), pose.up.normalize());
     let now = direction.angle_between(axis);
@@ -55,13 +55,13 @@ fn turned(pose: &Pose, right: f32, up: f32) -> Quat {
     Quat::from_axis_angle(axis, -right) * Quat::from_axis_angle(side, -up)
 }
 
-/// Looks elsewhere from the same place, by radians to the right and upwards.
+/// Rotates the view by radians to the right and upwards; the position stays.
 #[must_use]
 pub fn look(pose: &Pose, right: f32, up: f32) -> Pose {
     Pose { direction: (turned(pose, right, up) * pose.direction).normalize(), ..*pose }
 }
 
-/// Moves around a point and looks at it as before, by radians to the right and upwards.
+/// Moves the camera around a point by radians to the right and upwards, and turns it by the same rotation.
 #[must_use]
 pub fn orbit(pose: &Pose, pivot: Vec3, right: f32, up: f32) -> Pose {
     let turn = turned(pose, right, up);
@@ -78,10 +78,11 @@ pub fn fly(pose: &Pose, by: Vec3) -> Pose {
     Pose { position, ..*pose }
 }
 
-/// Moves back or forth along the view until all of the scene is seen in a window of this width over height.
+/// Moves the camera, without turning it, so that it looks at the centre of the scene and sees all of it. `aspect` is the window's ratio of
+/// width to height.
 ///
-/// What lies beyond the far plane is not drawn. Where the scene is too deep for it, the camera stays so near that the scene's far side is
-/// drawn, but no nearer to the middle than half of the far distance.
+/// What lies beyond the far plane is not drawn. If the scene is too deep for the far plane, the camera stays nearer, so that the far side of
+/// the scene is drawn; but its distance from the centre is at least half the far distance.
 #[must_use]
 pub fn fit(pose: &Pose, bounds: &Bounds, aspect: f32, far: f32) -> Pose {
     let half = 0.5 * pose.fov_y;

@@ -1,19 +1,19 @@
-//! Where a picture lies in the window: zoom, place, pixels.
+//! Zoom and position of a picture in the window, and its pixels.
 
 use egui::{Pos2, Rect, Vec2, pos2, vec2};
 
-/// From this many points a pixel, pixels are drawn as squares.
+/// From this number of points per pixel on, pixels are drawn as squares.
 pub const SQUARES: f32 = 4.0;
-/// From this many points a pixel, their values are written into them.
+/// From this number of points per pixel on, their values are written into them.
 pub const VALUES: f32 = 48.0;
 
 const LEAST: f32 = 1.0 / 64.0;
 const MOST: f32 = 256.0;
 
-/// Zoom and place of a picture.
+/// Zoom and position of a picture.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Canvas {
-    /// Points a pixel, and the picture's centre from the middle of the area, points; the whole picture in the area, if `None`.
+    /// Points per pixel, and offset of the picture's centre from the centre of the area in points; `None` fits the whole picture into the area.
     place: Option<(f32, Vec2)>,
 }
 
@@ -23,29 +23,29 @@ impl Canvas {
         self.place = None;
     }
 
-    /// Shows a pixel as so many points, the middle of the area in its place.
+    /// Sets the number of points per pixel; the offset of the picture's centre stays.
     pub fn set_scale(&mut self, scale: f32) {
         self.place = Some((scale, self.place.map_or(Vec2::ZERO, |(_, offset)| offset)));
     }
 
-    /// Points a pixel.
+    /// Points per pixel.
     #[must_use]
     pub fn scale(&self, area: Rect, [width, height]: [u32; 2]) -> f32 {
         let fitting = (area.width() / width.max(1) as f32).min(area.height() / height.max(1) as f32);
         self.place.map_or(fitting, |(scale, _)| scale)
     }
 
-    /// Where the whole picture lies.
+    /// The rectangle of the whole picture.
     #[must_use]
     pub fn rect(&self, area: Rect, size: [u32; 2]) -> Rect {
         let offset = self.place.map_or(Vec2::ZERO, |(_, offset)| offset);
         let scale = self.scale(area, size);
         let rect = Rect::from_center_size(area.center() + offset, vec2(size[0] as f32, size[1] as f32) * scale);
-        // Pixels lie on those of the screen, where they are as large.
+        // At this scale pixels of the picture and of the screen have the same size, so they are aligned.
         if scale == 1.0 { Rect::from_min_size(rounded(rect.min), rect.size()) } else { rect }
     }
 
-    /// Zooms by a factor; what is at a point stays there.
+    /// Zooms by a factor around the point `at`, which keeps its place.
     pub fn zoom(&mut self, area: Rect, size: [u32; 2], at: Pos2, factor: f32) {
         let (scale, rect) = (self.scale(area, size), self.rect(area, size));
         let new = (scale * factor).clamp(LEAST, MOST);
@@ -67,7 +67,7 @@ impl Canvas {
         inside.then_some([from.x as u32, from.y as u32])
     }
 
-    /// Where a place of the picture lies, in pixels from its top left.
+    /// The point of the window at coordinates of the picture, in pixels from its top left.
     #[must_use]
     pub fn point(&self, area: Rect, size: [u32; 2], x: f32, y: f32) -> Pos2 {
         let scale = self.scale(area, size);
@@ -82,7 +82,7 @@ impl Canvas {
     }
 }
 
-/// The nearest place of whole points, where texts and pixels are sharp.
+/// The nearest point with whole coordinates, where texts and pixels are sharp.
 #[must_use]
 pub fn rounded(at: Pos2) -> Pos2 {
     pos2(at.x.round(), at.y.round())

@@ -1,7 +1,8 @@
 //! A window on Curitiba's renderer.
 //!
-//! [`worker`] owns a renderer on a thread of its own and knows nothing of windows: commands go in, pictures and facts come out. [`app`] holds
-//! what is shown, and [`draw`] draws it with egui. Nothing is drawn that a [`Renderer`](curitiba::pipeline::executor::Renderer) did not return.
+//! [`worker`] owns a renderer on a thread of its own and does not depend on the window: it receives commands, and returns pictures and facts.
+//! [`app`] holds the state of the window, and [`draw`] draws it with egui. All that it shows was returned by a
+//! [`Renderer`](curitiba::pipeline::executor::Renderer).
 #![forbid(unsafe_code)]
 
 pub mod app;

@@ -15,7 +15,7 @@ use std::process::ExitCode;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 
-/// The window, and when it closes by itself.
+/// The window, with the condition under which it closes by itself.
 struct Window {
     app: App,
     quit_after: Option<u32>,
@@ -44,7 +44,7 @@ impl eframe::App for Window {
 }
 
 impl Window {
-    /// Closes, after the picture of the window was written that was asked for.
+    /// Closes the window, after its screenshot is written if that was asked for.
     fn close(&mut self, context: &egui::Context) {
         let Some(path) = self.window_png.clone() else { return context.send_viewport_cmd(ViewportCommand::Close) };
         if std::mem::replace(&mut self.asked, true) {
@@ -87,7 +87,7 @@ fn run(args: ViewArgs) -> Result<ExitCode, String> {
         files::confine(folder).map_err(|error| format!("--confine {}: {error}", folder.display()))?;
     }
     curitiba::threads::start(args.project.threads)?;
-    // What was read is what is watched.
+    // The files recorded here are the files that are watched.
     files::record_files_read();
     let source = Source {
         path: args.project.path.clone(),
@@ -96,7 +96,7 @@ fn run(args: ViewArgs) -> Result<ExitCode, String> {
         watch: true,
     };
     let title = format!("{} – curitiba", source.path.display());
-    // The project is read and rendered while the window and its device are made.
+    // The renderer's thread starts before the window: it reads and renders while the window and its device are created.
     let awake: Arc<OnceLock<egui::Context>> = Arc::default();
     let wakes = Arc::clone(&awake);
     let wake = move || wakes.get().into_iter().for_each(egui::Context::request_repaint);
@@ -117,14 +117,14 @@ fn run(args: ViewArgs) -> Result<ExitCode, String> {
         options,
         Box::new(move |context| {
             let worker = taken().ok_or("the renderer is gone")?;
-            // What it told before is seen by the first drawing.
+            // The first frame of the window shows whatever the thread reported before this.
             let _ = awake.set(context.egui_ctx.clone());
             let app = App::new(&context.egui_ctx, worker, reference);
             Ok(Box::new(Window { app, quit_after, window_png, asked: false, failed: told }))
         }),
     )
     .map_err(|error| {
-        // It may still read, and is not waited for.
+        // The thread may still be reading files; forgetting the worker avoids waiting for it.
         std::mem::forget(take());
         format!(
             "no window can be opened: {error}\n       `curitiba render` needs no window; over ssh, `ssh -X` lends one"

@@ -4,13 +4,13 @@ use crate::worker::Picture;
 use egui::{ColorImage, Context, TextureHandle, TextureOptions};
 use std::sync::Arc;
 
-/// A texture with the picture that it was made of.
+/// A texture with the picture that it was made from.
 #[derive(Default)]
 pub(crate) struct Slot {
     held: Option<(Arc<Picture>, bool, TextureHandle)>,
 }
 
-/// The texture of a picture: made again where the picture, or how it is enlarged, is another.
+/// The texture of a picture. It is made again if the picture or the magnification filter changed.
 pub fn texture<'a>(context: &Context, slot: &'a mut Slot, picture: &Arc<Picture>, squares: bool) -> &'a TextureHandle {
     let serves = slot.held.as_ref().is_some_and(|(held, how, _)| Arc::ptr_eq(held, picture) && *how == squares);
     if !serves {
@@ -31,7 +31,7 @@ pub fn texture<'a>(context: &Context, slot: &'a mut Slot, picture: &Arc<Picture>
     &slot.held.as_ref().expect("it was made above").2
 }
 
-/// The picture for the device; every n-th pixel where it is larger than the device's textures.
+/// The picture as the texture's data: only every n-th pixel if it is larger than the device's largest texture.
 fn color_image(picture: &Picture, most: usize) -> Arc<ColorImage> {
     let [width, height] = picture.shown.size;
     let step = width.max(height).div_ceil(most.max(1)).max(1);

@@ -2,14 +2,14 @@
 
 use egui::{Color32, Context, FontFamily, FontId, TextStyle, Theme};
 
-/// Of errors.
+/// Colour of errors.
 pub const RED: Color32 = Color32::from_rgb(240, 110, 100);
-/// Of warnings.
+/// Colour of warnings.
 pub const YELLOW: Color32 = Color32::from_rgb(232, 184, 80);
-/// Of what is chosen.
+/// Colour of what is chosen.
 pub const BLUE: Color32 = Color32::from_rgb(96, 165, 230);
 
-/// Colours of passes, in order; their lightness is alike.
+/// Colours of passes, in order, with similar lightness.
 const PASSES: [Color32; 8] = [
     Color32::from_rgb(92, 150, 220),
     Color32::from_rgb(226, 140, 72),
@@ -26,7 +26,7 @@ pub fn color(pass: usize) -> Color32 {
     PASSES[pass % PASSES.len()]
 }
 
-/// Dark and dense, so that the picture is what one sees.
+/// Sets a dark and dense style, so that the picture dominates.
 pub fn style(context: &Context) {
     context.set_theme(Theme::Dark);
     context.all_styles_mut(|style| {
@@ -53,7 +53,7 @@ pub fn milliseconds(ms: f64) -> String {
     }
 }
 
-/// A number of a pixel.
+/// A value of a pixel as text.
 pub fn number(value: f32) -> String {
     match value.abs() {
         size if size != 0.0 && !(1e-3..1e5).contains(&size) => format!("{value:.3e}"),

@@ -1,4 +1,4 @@
-//! A real window on a screen that is none: Xvfb. Without it this test says `skipped: why`, and passes; with `CURITIBA_REQUIRE_XVFB_TESTS=1` it
+//! A real window on a virtual screen: Xvfb. Without Xvfb this test prints `skipped: why` and passes; with `CURITIBA_REQUIRE_XVFB_TESTS=1` it
 //! fails instead.
 
 use std::path::Path;
@@ -24,7 +24,7 @@ fn a_real_window_opens_shows_the_picture_and_closes() {
         .arg(project)
         .args(["--size", "256x256", "--raster", "cpu"]);
     command.args(["--backend", "cpu", "--quit-after", "30", "--window-png"]).arg(&file);
-    // On X11, whatever else is there.
+    // The window opens on X11, even if Wayland is available.
     let output = command.env_remove("WAYLAND_DISPLAY").output().expect("it starts");
     let printed = String::from_utf8_lossy(&output.stderr).into_owned();
     assert!(output.status.success(), "{printed}");

@@ -75,13 +75,13 @@ fn flags(materials: usize, filtered: &[bool]) -> Vec<u32> {
     (0..materials.max(1)).map(flag).collect()
 }
 
-/// Some triangles in a row, those of the sky or else (`of_sky`) all others without area, so that nothing hits them.
+/// The triangles `ids`. With `of_sky`, those outside the sky get no area, so that rays miss them; otherwise those of the sky get none.
 fn masked(geometry: &Geometry, ids: Range<u32>, of_sky: bool) -> Vec<[u32; 3]> {
     let corners = |id| if geometry.sky.contains(id) == of_sky { geometry.triangles[id as usize] } else { [0; 3] };
     ids.map(corners).collect()
 }
 
-/// The triangles from the first of a sky to its last.
+/// Ids from the first triangle of a sky to its last; `None` without a sky.
 fn span(sky: &TriangleRanges) -> Option<Range<u32>> {
     let (first, last) = (sky.as_slice().first()?, sky.as_slice().last()?);
     Some(first[0]..last[1])
@@ -112,8 +112,8 @@ impl OptixTracer {
         let compacted = device.upload("a number", &[0_u64])?;
         let stream = device.stream().cu_stream().cast();
         let addresses = (output.address(device), temporary.address(device), compacted.address(device));
-        // SAFETY: the buffers have the sizes that were asked for, and live until the stream is synchronised below, as those of the
-        // mesh do, which the caller holds.
+        // SAFETY: the buffers have the sizes that OptiX asked for, and live until the stream is synchronised below. The buffers of
+        // the mesh live as long; the caller holds them.
         let handle = unsafe { self.api.build(stream, mesh, sizes, addresses) }.map_err(refused)?;
         let fault = |error| device.fault("building OptiX's structure", &error);
         let mut needed = [0_u64];
@@ -137,8 +137,8 @@ impl OptixTracer {
 impl DeviceTracer for OptixTracer {
     const NAME: &'static str = "optix";
     const SPHERES: bool = false;
-    /// An upper estimate of the device memory that OptiX takes while it builds. A sky is built after all else was compacted. By the sizes of
-    /// structures, and not measured, both fit where the triangles from the first of the sky to its last are at most half of the scene.
+    /// An upper estimate of the device memory that OptiX takes while it builds. The sky's structure is built after the other one was compacted.
+    /// Both fit if the triangles from the first to the last of the sky are at most half of the scene; this is calculated, not measured.
     const BYTES_PER_TRIANGLE: u64 = 250;
 
     /// Nothing: OptiX builds on the GPU.

@@ -33,7 +33,7 @@ pub(crate) struct Scene {
     scene: RenderScene,
     dielectrics: Vec<Dielectric>,
     diffuse: Vec<Vec3>,
-    /// What the materials that are a sky show.
+    /// The sky's colour and texture, for materials that are a sky.
     sky: Vec<Option<Glow>>,
     eye: Vec3,
     target: Vec3,
@@ -41,7 +41,7 @@ pub(crate) struct Scene {
 
 impl Scene {
     pub(crate) fn new(eye: Vec3, target: Vec3) -> Self {
-        // Texels at random: no level of this texture is like another.
+        // Random texels: no mip level of this texture is like another.
         let texels =
             (0..64 * 48_u32).map(|i| [i, i * i, i * 7, 0].map(|code| (code.wrapping_mul(0x9e37_79b9) >> 24) as u8));
         let texture = Texture::new("random".to_owned(), 64, 48, texels.collect());
@@ -71,7 +71,7 @@ impl Scene {
         self.sky.push(None);
     }
 
-    /// Adds triangles that are a sky, whose material is new.
+    /// Adds triangles of a new material that is a sky.
     fn add_sky(&mut self, glow: Glow, triangles: &[[Vec3; 3]]) {
         self.add(Dielectric::default(), Vec3::ZERO, triangles, flat);
         self.sky[self.diffuse.len() - 1] = Some(glow);
@@ -79,7 +79,7 @@ impl Scene {
         self.scene.geometry.sky = TriangleRanges::of_triangles(&self.scene.geometry, &self.scene.skies());
     }
 
-    /// Adds exact spheres, of a new material each; they come behind all triangles, which are added before.
+    /// Adds exact spheres, each with a new material. All triangles must be added before, because spheres come behind them.
     pub(crate) fn add_spheres(&mut self, spheres: &[(Dielectric, Vec3, Sphere)]) {
         for (what, diffuse, sphere) in spheres {
             let material = self.dielectrics.len() as u32;
@@ -96,7 +96,7 @@ impl Scene {
         Self { eye, target, ..self }
     }
 
-    /// The same scene with glass that was changed, by the number of its material.
+    /// The same scene, whose glass materials are changed by `change`, which gets the material's number.
     pub(crate) fn of_glass(mut self, change: impl Fn(usize, &mut Dielectric)) -> Self {
         let glass = self.dielectrics.iter_mut().enumerate().filter(|(_, what)| what.shape != Shape::Opaque);
         glass.for_each(|(material, what)| change(material, what));
@@ -170,8 +170,8 @@ pub(crate) fn several() -> Scene {
     with_several(Scene::new(Vec3::new(0.3, 1.4, 5.0), Vec3::new(0.0, 0.7, 0.0)))
 }
 
-/// [`several`] in a sky of pictures with a cloud in it. Another part of the sky lies on the faces of a box, which come later: of equal
-/// distances, they are seen.
+/// [`several`] under a sky of pictures that contains a cloud. A second sky lies on the faces of a box. It is added later, and at equal distances
+/// the faces of the box are seen.
 pub(crate) fn under_a_sky() -> Scene {
     let mut scene = Scene::new(Vec3::new(0.3, 1.4, 5.0), Vec3::new(0.0, 0.7, 0.0));
     let picture = Glow { color: Vec3::new(0.6, 0.8, 1.0), texture: Some(0) };
@@ -232,7 +232,7 @@ pub(crate) fn under_water() -> Scene {
     scene
 }
 
-/// Extinctions of the water that the camera of [`among_things_under_water`] is in, and of the vessel around it.
+/// Extinction of the water around the camera of [`among_things_under_water`], and of the vessel around the water.
 const WATER: Vec3 = Vec3::new(0.5, 0.2, 0.05);
 const VESSEL: Vec3 = Vec3::new(0.02, 0.1, 0.6);
 
@@ -269,7 +269,7 @@ fn rasterised(scene: &Scene, tree: &impl Tracer) -> GBuffer {
         let [x, y] = [pixel % SIZE, pixel / SIZE].map(|i| (i as f32 + 0.5) / SIZE as f32 - 0.5);
         let direction = (forward + right * x - up * y).normalize();
         let ray = Ray { origin: scene.eye, direction, t_min: 0.0, t_max: f32::INFINITY };
-        // Of a sky nothing is written but the colour.
+        // Where the camera sees a sky, only the colour is written.
         let shown = tree.closest(&ray, |_: &Hit| true).filter(|hit| !geometry.sky.contains(hit.triangle));
         let Some(hit) = shown else {
             seen.position.push([0.0; 4]);
@@ -305,13 +305,13 @@ pub(crate) struct Asked<'a> {
     pub shadow: GlassShadow,
     pub depth: u32,
     pub lod: TextureLod,
-    /// Several lights, or one with a place, in place of a directional one.
+    /// Lights that replace the directional one: several lights, or one with a place.
     pub lights: &'a [Light],
-    /// Degrees of the discs of directional lights; 0 for points.
+    /// Diameter of directional lights' discs in degrees; 0 for points.
     pub sun: f32,
     /// Occlusion rays of a point; 0 for none.
     pub samples: u32,
-    /// Of a batch of the Sobol sequences: how many points of them came before it. `None`: occlusion rays, a square number, lie in strata.
+    /// For a batch of the Sobol sequences: the number of points before it. `None`: the occlusion rays are stratified, and their number is a square.
     pub after: Option<u32>,
     /// All glass is panes, whatever the materials say.
     pub panes: bool,
@@ -319,7 +319,7 @@ pub(crate) struct Asked<'a> {
     pub divided: Divided,
 }
 
-/// Into how many ways rough glass and the spectrum divide a path, where it is cut off, and the seed of chances.
+/// The number of ways into which rough glass and the spectrum divide a path, the limits that cut it off, and the seed of the random numbers.
 #[derive(Clone, Copy)]
 pub(crate) struct Divided {
     pub paths: u32,
@@ -328,7 +328,7 @@ pub(crate) struct Divided {
     pub seed: u32,
 }
 
-/// Nothing divides a path, and all of it is followed.
+/// A path is neither divided nor cut off.
 pub(crate) const WHOLE: Divided = Divided { paths: 1, wavelengths: 1, limits: PathLimits::DEFAULT, seed: 0 };
 
 /// The largest difference of a colour, the number of ray kinds whose counts differ, and the number of pixels that show glass.
@@ -428,8 +428,8 @@ fn each_pixel_on<T: Tracer>(
     each_pixel_of(program, &job, (&expected, stats.rays), |pixel, colors| visit(&seen, pixel, colors))
 }
 
-/// Hands each pixel of a job, with what the device program shows there and what the processor did, to `visit`. Returns the number of ray kinds
-/// whose counts differ.
+/// Hands each pixel of a job to `visit`, with the results of the device program and of the processor. Returns the number of ray kinds whose
+/// counts differ.
 pub(crate) fn each_pixel_of(
     program: &Path,
     job: &RayJob<'_>,
@@ -445,8 +445,8 @@ pub(crate) fn each_pixel_of(
         visit(pixel, [color, Vec3::from_slice(expected)]);
         counts.iter_mut().zip(&found[3..]).for_each(|(count, found)| *count += u64::from(*found));
     }
-    // Shadow rays of `final` are not compared: the processor first traces some of a tile's rays to one light together, and those through
-    // glass again; and it lights surfaces of no weight.
+    // Shadow rays of `final` are not compared. The processor traces some of a tile's rays to one light together first, and traces those through
+    // glass again; it also lights surfaces of no weight.
     let shadow = if job.program == RayProgram::Final { counts[3] } else { rays.shadow };
     let expected = [rays.reflected, rays.refracted, rays.lost, shadow];
     counts.iter().zip(&expected).filter(|(a, b)| a != b).count()
@@ -467,7 +467,7 @@ fn serialised(job: &RayJob<'_>) -> Vec<u32> {
     let texels = texture.levels.iter().flat_map(|level| &level.texels);
     input.extend([texture.levels[0].width, texture.levels[0].height, texels.clone().count() as u32]);
     input.extend(texels.map(|texel| u32::from_le_bytes(*texel)));
-    // Where all glass is panes, nobody asks the materials.
+    // Where all glass is panes, the optical data of materials is not read.
     let none = vec![Dielectric::default(); job.shades.len()];
     let dielectrics = if job.dielectrics.is_empty() { &none[..] } else { job.dielectrics };
     input.push(dielectrics.len() as u32);
@@ -527,7 +527,7 @@ fn serialised(job: &RayJob<'_>) -> Vec<u32> {
     input
 }
 
-/// What programs that follow ways are asked, as a host program reads it.
+/// The tables of programs that follow ways, as a host program reads them.
 pub(crate) fn way_words(tables: &WayTables) -> Vec<u32> {
     let WayTables { faces, strata, facets, ways } = tables;
     let mut input = Vec::new();
@@ -594,26 +594,26 @@ fn a_wrong_word_of_the_device_programs_is_noticed() {
                 "index_in(params, before) / index_in(params, border.after)",
             ],
         ),
-        // Of overlapping bodies with equal priority, the one entered first.
+        // Of overlapping bodies with equal priority, the one entered first wins.
         (RayProgram::Refraction, several(), ["priority <= priority) ++place", "priority < priority) ++place"]),
-        // A texture that is not read.
+        // The texture is not read.
         (RayProgram::Refraction, several(), ["1.0f - (1.0f - body.veil) * clear", "body.veil"]),
         (RayProgram::Final, several(), ["1.0f - (1.0f - body.veil) * clear", "body.veil"]),
-        // Cones that the distance does not widen.
+        // Cones do not widen with distance.
         (RayProgram::Refraction, several(), ["cone_along(next.cone, hit.t)", "next.cone"]),
-        // A camera that is in no body.
+        // The camera is in no body.
         (
             RayProgram::Refraction,
             under_water(),
             ["params.around_eye ? *(const Media *)params.around_eye : no_media()", "no_media()"],
         ),
-        // Mirrors and glass that see no sky.
+        // Mirrors and glass see no sky.
         (
             RayProgram::Refraction,
             under_a_sky(),
             ["if (!pass.closest_or_sky(next.origin", "if (!pass.closest(next.origin"],
         ),
-        // Shadows by the cosine inside.
+        // Shadows use the cosine inside of the body.
         (
             RayProgram::Final,
             several(),
@@ -672,15 +672,15 @@ fn the_body_around_the_camera_absorbs_light_from_what_is_in_it() {
 #[test]
 fn a_wrong_word_of_what_is_said_of_a_sky_is_noticed() {
     for (program, header, change) in [
-        // A sky before what is at the same distance.
+        // The sky wins over a surface at the same distance.
         (
             RayProgram::Refraction,
             "pass.cuh",
             ["float t_max = found ? hit.t : INFINITY;", "float t_max = found ? hit.t * 1.00001f : INFINITY;"],
         ),
-        // One before all else.
+        // The sky wins over every surface.
         (RayProgram::Final, "pass.cuh", ["float t_max = found ? hit.t : INFINITY;", "float t_max = INFINITY;"]),
-        // One that is lit.
+        // The sky is lit.
         (RayProgram::Final, "final.cuh", ["is_black(color) || is_sky(params, triangle)", "is_black(color)"]),
     ] {
         let Some(compiled) = compiled_program(program, "sky-changed", Some((header, change))) else { return };

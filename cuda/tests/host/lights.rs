@@ -1,5 +1,5 @@
-//! Several lights, lights with a place, and lights that are discs: what arrives of them at a point, bit for bit; and the programs that know
-//! them, compiled for the host as those in `glass.rs`.
+//! Several lights, lights with a place, and lights that are discs. The light that arrives at a point is compared bit for bit; the programs that
+//! use such lights are compiled for the host as those in `glass.rs`.
 
 use super::glass::{Asked, ROUNDING, WHOLE, differences, several, under_a_sky};
 use super::{Random, compiled, compiled_with, light_words, run, words};
@@ -35,7 +35,8 @@ fn light(random: &mut Random, index: usize) -> (Light, Vec3) {
     (light, place + off)
 }
 
-/// Of lights at points: how many differ, of which powers by more than their rounding; how many arrive in part; and how many were compared.
+/// For lights and points: how many results differ (powers: by more than their rounding), how many lights arrive in part, and how many were
+/// compared.
 fn arriving_that_differ(program: &Path) -> [usize; 3] {
     let mut random = Random(11);
     let cases: Vec<(Light, Vec3)> = (0..24_000).map(|index| light(&mut random, index)).collect();
@@ -49,7 +50,7 @@ fn arriving_that_differ(program: &Path) -> [usize; 3] {
     for (found, (light, point)) in found.as_chunks::<4>().0.iter().zip(&cases) {
         let expected = light.at(*point);
         let towards = [found[0], found[1], found[2]].map(f32::from_bits);
-        // The device rounds powers once, and the processor's library nearly so.
+        // The device rounds a power once; the processor's library comes close to that.
         let powers = if light.cone.is_some_and(|cone| cone.exponent != 0.0) { 4 } else { 0 };
         let apart = found[3].abs_diff(expected.factor.to_bits());
         differ += usize::from(Vec3::from(towards) != expected.towards || apart > powers);
@@ -152,9 +153,9 @@ fn mirrors_of_several_lights_that_see_no_sky_are_noticed() {
 fn a_wrong_word_of_what_lights_leave_is_noticed() {
     let (scene, lights) = (several(), lamps());
     for (header, change) in [
-        // Rays that go on behind a lamp.
+        // Rays go on behind a lamp.
         ("light_share.cuh", ["sqrtf(dot(way, way)) * (1.0f - BEFORE_LIGHT)", "INFINITY"]),
-        // Light that something opaque lets through.
+        // An opaque occluder lets light through.
         ("lights.cuh", ["return params.in_shadow;", "return 0.5f;"]),
     ] {
         let Some(compiled) = compiled_with("lights_final.cpp", "lights-changed", Some((header, change))) else {
@@ -229,14 +230,14 @@ fn programs_of_lights_that_are_discs_show_what_the_processors_do() {
 #[test]
 fn a_wrong_word_of_the_mean_over_a_disc_is_noticed() {
     for change in [
-        // What is below the surface counts as if it were not there.
+        // A direction below the surface is left out of the mean instead of counting as shadow.
         [
             "if (is_disc && dot(side, pass.light_direction) <= 0.0f) {\n            sum = sum + splat(in_shadow(params));",
             "if (is_disc && dot(side, pass.light_direction) <= 0.0f) {",
         ],
-        // The side that decides is the triangle's, also where it stands for a round surface.
+        // The facing side is always the triangle's, even where the triangle stands for a round surface.
         ["is_disc ? horizon(params, triangle, point, facing) : facing", "facing"],
-        // Every ray to the centre.
+        // Every ray goes to the disc's centre.
         ["is_disc ? disc_direction(__ldg(params.disc + i), seeds, basis, params.disc_height) : towards", "towards"],
     ] {
         let change = Some(("light_share.cuh", change));

@@ -42,8 +42,8 @@ fn compiled(name: &str, change: Option<[&str; 2]>) -> Option<PathBuf> {
     compiled_with("functions.cpp", name, change.map(|change| ("params.cuh", change)))
 }
 
-/// A host program from a source of this folder and the headers; `change` (file, from and to) is applied to one of them before it is
-/// compiled. Without a change a source is compiled once, whatever its name.
+/// Compiles a source of this folder with the headers into a host program. `change` (file, from and to) is applied to one of them before.
+/// Without a change, each source is compiled once, whatever its name.
 fn compiled_with(source: &str, name: &str, change: Option<(&str, [&str; 2])>) -> Option<PathBuf> {
     static UNCHANGED: Mutex<BTreeMap<String, PathBuf>> = Mutex::new(BTreeMap::new());
     let Some(compiler) = compiler() else {
@@ -184,7 +184,7 @@ fn target(random: &mut Random, geometry: &Geometry, triangle: u32, kind: usize) 
 
 const CENTERS: [Vec3; 3] = [Vec3::ZERO, Vec3::new(30.0, -20.0, 10.0), Vec3::new(1.0e4, 3.0e3, 0.0)];
 
-/// For rays at points, edges and corners of triangles: how many answers of the headers differ from the tree's, and how many rays hit.
+/// For rays to points, edges and corners of triangles: how many answers of the headers differ from the tree's, and how many rays hit.
 fn intersections_that_differ(program: &Path) -> [usize; 2] {
     let mut random = Random(1);
     let (mut differ, mut hits) = (0, 0);
@@ -227,7 +227,7 @@ fn the_triangle_test_of_the_device_has_the_bits_of_the_tree() {
     }
 }
 
-/// How many points of triangles and ray origins differ, and how many were compared.
+/// How many points on triangles and ray origins differ, and how many were compared.
 fn points_that_differ(program: &Path) -> [usize; 2] {
     let mut random = Random(2);
     let (mut differ, mut all) = (0, 0);
@@ -271,8 +271,8 @@ fn points_and_offsets_of_the_device_have_the_bits_of_the_processor() {
     }
 }
 
-/// Vectors from triangles to round surfaces, and the sides that light reaches: how many differ, how many vectors are 0, how many sides face the
-/// light on a round surface that does not, and how many were compared.
+/// Vectors from triangles to round surfaces, and the sides that light reaches. Returns how many differ, how many vectors are 0, how many sides
+/// face the light although the round surface does not, and how many were compared.
 fn ways_that_differ(program: &Path) -> [usize; 4] {
     let mut random = Random(5);
     let (mut differ, mut none, mut turned, mut all) = (0, 0, 0, 0);
@@ -293,7 +293,7 @@ fn ways_that_differ(program: &Path) -> [usize; 4] {
             let triangle = index % 60;
             let position = target(&mut random, &geometry, triangle, index as usize % 4);
             let point = SurfacePoint::snap(&geometry, triangle, position);
-            // Light nearly in the plane, where bent normals may face it although the triangle does not.
+            // The light is nearly in the plane of the triangle, where bent normals may face it although the triangle does not.
             let across = point.normal.cross(random.direction()).normalize_or(Vec3::X);
             let to_light = (across + point.normal * 0.1 * random.cube().x).normalize_or(Vec3::X);
             let facing = point.normal * if point.normal.dot(to_light) > 0.0 { -1.0 } else { 1.0 };
@@ -327,7 +327,7 @@ fn points_are_lifted_by_the_device_as_by_the_processor() {
     assert!(ways_that_differ(&changed)[0] > 0, "{change:?} is not noticed");
 }
 
-/// Bent normals: how many differ, how many were compared, and how many were kept from turning to the other side of the triangle.
+/// Bent normals: how many differ, how many were compared, and how many were clamped to the triangle's own side.
 fn bumps_that_differ(program: &Path) -> [usize; 3] {
     let mut random = Random(7);
     let (mut input, mut expected, mut kept) = (Vec::new(), Vec::new(), 0);
@@ -449,7 +449,7 @@ fn what_cone_tests_of_the_device_say_is_what_the_watertight_test_says() {
     assert!(verdicts(&changed)[0] > 0, "{change:?} is not noticed");
 }
 
-/// Cones of rays: how many differ, how many levels lie between the first and the last, and how many were compared.
+/// Cones of rays: how many differ, how many mip levels lie between the first and the last, and how many were compared.
 fn ray_cones_that_differ(program: &Path) -> [usize; 3] {
     let mut random = Random(9);
     let (mut differ, mut between, mut all) = (0, 0, 0);
@@ -505,7 +505,7 @@ fn ray_cones_that_differ(program: &Path) -> [usize; 3] {
     [differ, between, all]
 }
 
-/// Texture lookups: how many differ, how many of textures that ask for it read one texel alone, and how many were compared.
+/// Texture lookups: how many differ, how many lookups with `Magnification::Nearest` read a single texel, and how many were compared.
 fn lookups_that_differ(program: &Path) -> [usize; 3] {
     let mut random = Random(17);
     let (mut differ, mut single, mut all) = (0, 0, 0);
@@ -524,7 +524,7 @@ fn lookups_that_differ(program: &Path) -> [usize; 3] {
         let mut expected = Vec::new();
         for index in 0..1000 {
             let uv = 3.0 * random.cube().truncate();
-            // At level 0 without an area and with a small one, and between other levels.
+            // The area is 0 or small, which gives level 0, or larger, which gives a level in between.
             let area = [0.0, 0.01 * random.unit() / 78.0, 60.0 * random.unit() / 78.0][index % 3];
             input.extend([uv.x, uv.y, area].map(f32::to_bits));
             let color = texture.sample(uv, TextureArea(area).level(&texture));
@@ -545,7 +545,7 @@ fn texture_lookups_of_the_device_have_the_bits_of_the_processor() {
     let Some(program) = compiled("lookups", None) else { return };
     let [differ, single, all] = lookups_that_differ(&program);
     assert!(differ == 0 && all == 18_000, "{differ} of {all} differ");
-    // Two of three are magnified, and some of the others hardly minified.
+    // Two of three lookups are magnified, and some of the others are hardly minified.
     assert!((6000..6800).contains(&single), "{single} of 9000 read one texel");
     for (name, change) in [
         ("lookups-nearest", ["x = floorf(x + 0.5f)", "x = floorf(x)"]),

@@ -1,5 +1,5 @@
-//! Exact spheres: the test of a ray, the tree over many and points on them, bit for bit; and the programs that know them, compiled for the
-//! host as those in `glass.rs`.
+//! Exact spheres. The intersection test, the tree over many spheres and points on spheres are compared bit for bit; the programs that trace
+//! them are compiled for the host as those in `glass.rs`.
 
 use super::glass::{Asked, PIXELS, ROUNDING, Scene, differences, each_pixel, several, solid, under_a_sky};
 use super::lights::{asked, lamps};
@@ -33,7 +33,7 @@ fn compiled(name: &str, change: Option<[&str; 2]>) -> Option<std::path::PathBuf>
     compiled_with("spheres.cpp", name, change.map(|change| ("spheres.cuh", change)))
 }
 
-/// What programs answer of a ray: the nearest sphere, its distance, and whether there is any.
+/// A program's answer for a ray: the nearest sphere, its distance, and whether any sphere is hit.
 fn answer(tree: &SphereTree, ray: &Ray) -> [u32; 3] {
     let all: &mut dyn FnMut(&Hit) -> bool = &mut |_| true;
     let (hit, any) = (tree.closest(ray, all), tree.occluded(ray, all));
@@ -41,13 +41,13 @@ fn answer(tree: &SphereTree, ray: &Ray) -> [u32; 3] {
     [id, t, any.into()]
 }
 
-/// Zeros of either sign are equal.
+/// Whether all words are equal. Zeros of either sign are equal.
 fn same(found: &[u32], expected: &[u32]) -> bool {
     found.len() == expected.len()
         && found.iter().zip(expected).all(|(a, b)| a == b || f32::from_bits(*a) == f32::from_bits(*b))
 }
 
-/// Spheres of any size at any place, each with a ray from far away, from within or from its surface; the ray ends before, in or behind it.
+/// Spheres of any size at any place. Each has a ray from far away, from within or from its surface, which ends before, in or behind the sphere.
 fn cases() -> Vec<(Sphere, Ray, f32)> {
     let (mut random, mut cases) = (Random(21), Vec::new());
     for (radius, away) in [(1e-4, 0.0), (1e-4, 1.0), (0.3, 0.0), (1.0, 100.0), (250.0, 300.0), (1e-4, 1e4)] {
@@ -57,7 +57,7 @@ fn cases() -> Vec<(Sphere, Ray, f32)> {
                 let along = if index % 5 == 0 { Vec3::AXES[index % 3] } else { random.direction() };
                 let aside = along.any_orthonormal_vector();
                 let (origin, direction) = match from {
-                    // Through it, within a millionth of its rim, or past it; along an axis, its rim is that of its box.
+                    // The ray passes through the sphere, within a millionth of its rim, or past it. Along an axis, the rim touches the sphere's box.
                     1.0.. => {
                         let share = [0.5, 1.0 + 1e-6 * (index % 7) as f32 - 3e-6, 1.2][index % 3];
                         (sphere.center + (aside * share - along * from) * radius, along)
@@ -81,7 +81,7 @@ fn cases() -> Vec<(Sphere, Ray, f32)> {
     cases
 }
 
-/// Of spheres with a ray each: how many answers differ, how many points differ, how many rays meet their sphere, and how many cases there are.
+/// For spheres with a ray each: how many answers differ, how many points differ, how many rays hit their sphere, and how many cases there are.
 fn cases_that_differ(program: &Path) -> [usize; 4] {
     let cases = cases();
     let (mut input, mut expected) = (Vec::new(), Vec::new());
@@ -118,7 +118,7 @@ fn rays_meet_spheres_and_leave_them_with_the_bits_of_the_processor() {
     assert!(differ == 0 && points == 0, "{differ} answers and {points} points of {all} differ");
     assert!(all == 45_000 && (15_000..35_000).contains(&hits), "{hits} of {all} are met");
     for (name, change, of_points) in [
-        // The usual forms of the roots, whose terms cancel.
+        // The usual forms of the roots, whose terms cancel out.
         (
             "discriminant",
             [
@@ -135,7 +135,7 @@ fn rays_meet_spheres_and_leave_them_with_the_bits_of_the_processor() {
             ],
             false,
         ),
-        // A sphere without its box.
+        // The test omits the sphere's box.
         ("box", [" || !boxes.meets(sphere, limit)", ""], false),
         ("offset", ["(SPHERE_OFFSET / OFFSET_UNITS)", "(3.0f / OFFSET_UNITS)"], true),
         ("side", ["((double)t < b ? -half : half)", "((double)t <= b ? half : -half)"], true),
@@ -157,7 +157,7 @@ fn swarm(random: &mut Random, count: u32, center: Vec3) -> Geometry {
 
 const CENTERS: [Vec3; 3] = [Vec3::ZERO, Vec3::new(30.0, -20.0, 10.0), Vec3::new(1e4, 3e3, 0.0)];
 
-/// Of rays among many spheres: how many answers differ, how many rays meet any, and how many there are.
+/// For rays among many spheres: how many answers differ, how many rays hit a sphere, and how many rays there are.
 fn rays_that_differ(program: &Path) -> [usize; 3] {
     let mut random = Random(22);
     let (mut differ, mut hits, mut all) = (0, 0, 0);
@@ -208,13 +208,14 @@ fn the_tree_over_spheres_leads_to_what_the_processor_finds() {
         ("nearest", ["            limit = hit.t;\n            break;", "            break;"]),
     ] {
         let changed = compiled(&format!("spheres-{name}"), Some(change)).expect("there is a compiler");
-        // Without the limit more is opened, and nothing else found.
+        // Without the limit, more nodes are opened, but the hits are the same.
         let noticed = rays_that_differ(&changed)[0] > 0;
         assert_eq!(noticed, name != "nearest", "{change:?}");
     }
 }
 
-/// Of points among spheres: from how many of those that none is near a ray of the length meets one; how many are near, and how many not.
+/// Points among spheres: for how many a ray of the given length hits a sphere although the program reports none near; for how many it reports
+/// a sphere near, and for how many it reports none.
 fn points_that_are_wrong(program: &Path) -> [usize; 3] {
     let mut random = Random(23);
     let (mut wrong, mut near, mut apart) = (0, 0, 0);
@@ -226,7 +227,7 @@ fn points_that_are_wrong(program: &Path) -> [usize; 3] {
         for index in 0..3000_usize {
             let sphere = &geometry.spheres[index % 40];
             let length = [0.01, 0.1, 0.7][index % 3];
-            // About as far from a sphere as the ray is long, outside or inside.
+            // The distance from the surface, outside or inside, is about the length of the ray.
             let off = length * (0.97 + 0.06 * random.unit());
             let distance = if index % 2 == 0 { sphere.radius + off } else { (sphere.radius - off).abs() };
             let origin = sphere.center + random.direction() * distance;
@@ -265,8 +266,8 @@ fn sphere(center: [f32; 3], radius: f32) -> Sphere {
     Sphere { center: center.into(), radius, material: 0 }
 }
 
-/// Spheres beside the bodies of triangles of a scene: an absorbing one with a bubble, a core that reaches out of it and comes first, one in a
-/// body of triangles, one of index 1, a thin one, a pane, a veiled one, and three that are not glass.
+/// Adds spheres beside the scene's bodies of triangles: an absorbing sphere with a bubble, a core that reaches out of it and has a higher
+/// priority, one in a body of triangles, one of index 1, a thin one, a pane, a veiled one, and three that are not glass.
 pub(crate) fn with_spheres(mut scene: Scene) -> Scene {
     let sigma = Vec3::new(0.1, 0.4, 0.9);
     let textured =
@@ -297,7 +298,7 @@ fn alone() -> Scene {
     with_spheres(Scene::new(Vec3::new(0.3, 1.4, 5.0), Vec3::new(0.0, 0.7, 0.0)))
 }
 
-/// The camera in a sphere of dyed glass in a larger one, among what is in and around them.
+/// The camera is in a sphere of dyed glass within a larger one, with other things in and around them.
 fn inside() -> Scene {
     let mut scene = several().seen(Vec3::new(0.1, 1.0, 2.6), Vec3::new(0.0, 0.7, 0.0));
     let dye = |sigma: Vec3, priority| Dielectric { extinction: sigma, priority, ..solid(1.3) };
@@ -339,7 +340,7 @@ fn programs_of_scenes_with_spheres_show_what_the_processors_do() {
                 Asked { shadow: GlassShadow::Report, fresnel: Fresnel::Schlick, lod: TextureLod::Cones, ..straight },
                 Asked { panes: true, shadow: GlassShadow::Report, depth: 3, samples: 4, ..straight },
             ] {
-                // Where glass is panes, no program knows a sky.
+                // Where glass is panes, programs do not support a sky.
                 if asked.panes && index == 1 {
                     continue;
                 }
@@ -381,13 +382,13 @@ fn a_wrong_word_of_what_is_said_of_spheres_is_noticed() {
     let straight =
         |program| Asked { depth: 5, lod: TextureLod::Cones, samples: 9, ..asked(program, GlassShadow::Straight, &[]) };
     for (program, header, change) in [
-        // The sphere at the place of an id.
+        // The sphere's index comes from another place than its id.
         (
             RayProgram::Refraction,
             "scene.cuh",
             ["spheres->list[spheres->list[id - spheres->first].place]", "spheres->list[id - spheres->first]"],
         ),
-        // What every material of the triangles shows.
+        // Spheres show what every material of the triangles shows.
         (
             RayProgram::Final,
             "scene.cuh",
@@ -396,13 +397,13 @@ fn a_wrong_word_of_what_is_said_of_spheres_is_noticed() {
                 "shade = params.shades[0], shade.texture = NO_TEXTURE;",
             ],
         ),
-        // Curvature of a plane.
+        // The curvature is that of a plane.
         (
             RayProgram::Refraction,
             "ray_cone.cuh",
             ["copysignf(1.0f / sphere.radius, dot(position - vector_of(sphere.center), facing))", "0.0f"],
         ),
-        // The side of the other crossing.
+        // The side is that of the other crossing.
         (
             RayProgram::Final,
             "bodies.cuh",
@@ -411,16 +412,16 @@ fn a_wrong_word_of_what_is_said_of_spheres_is_noticed() {
                 "sphere_normal(params, crossings, direction, hit), direction) > 0.0f",
             ],
         ),
-        // The farther point of a sphere that is met.
+        // A hit is at the farther point of the sphere.
         (RayProgram::Refraction, "spheres.cuh", ["((double)t < b ? -half : half)", "half"]),
-        // Spheres that stop no light.
+        // Spheres occlude no light.
         (
             RayProgram::DeferredShadows,
             "spheres.cuh",
             ["blocked = !(sphere.id & TRANSPARENT) ||", "blocked = hit.t < 0.0f &&"],
         ),
         (RayProgram::Ssao, "spheres.cuh", ["blocked = !(sphere.id & TRANSPARENT) ||", "blocked = hit.t < 0.0f &&"]),
-        // Spheres that no mirror shows.
+        // Spheres are not seen in mirrors.
         (RayProgram::Reflection, "spheres.cuh", ["            best = hit;\n            limit", "            limit"]),
     ] {
         let (_, source) = SOURCES.into_iter().find(|(own, _)| *own == program).expect("listed");

@@ -1,5 +1,5 @@
-//! Paths through glass that is rough, bends colours apart or has a reflectance of its own, and paths that are cut off: the functions of
-//! `ways.cuh` bit for bit, and the programs that follow such paths, compiled for the host as those in `glass.rs`.
+//! Paths through glass that is rough, disperses colours or has a reflectance of its own, and paths that are cut off. The functions of
+//! `ways.cuh` are compared bit for bit; the programs that follow such paths are compiled for the host as those in `glass.rs`.
 
 use super::glass::{
     Asked, Divided, PIXELS, ROUNDING, Scene, WHOLE, differences, each_pixel, each_pixel_of, several, solid,
@@ -30,7 +30,7 @@ fn functions(name: &str, header: &str, change: Option<[&str; 2]>) -> Option<Path
     compiled_with("ways.cpp", name, change.map(|change| (header, change)))
 }
 
-/// Microfacets: how many differ, how many lie off their surface's normal by more than a tenth, and how many were compared.
+/// Microfacets: how many differ, how many normals are tilted from the surface's normal by more than a tenth, and how many were compared.
 fn facets_that_differ(program: &Path) -> [usize; 3] {
     let mut random = Random(31);
     let (mut input, mut expected, mut tilted) = (Vec::new(), Vec::new(), 0);
@@ -78,8 +78,8 @@ fn microfacets_of_the_device_have_the_bits_of_the_processor() {
     }
 }
 
-/// Indices at a wavelength and interfaces of materials: how many differ, powers by more than their rounding; how many have a curve of their
-/// own that counts; and how many were compared.
+/// Indices at a wavelength and interfaces of materials. Returns how many differ (powers: by more than their rounding), how many use a reflectance
+/// curve of their own, and how many were compared.
 fn indices_that_differ(program: &Path) -> [usize; 3] {
     let mut random = Random(32);
     let (mut input, mut expected, mut own) = (Vec::new(), Vec::new(), 0);
@@ -130,7 +130,7 @@ fn indices_and_reflectances_of_the_device_are_those_of_the_processor() {
     }
 }
 
-/// Bodies that bend colours apart: the balls, the veiled box and the one that overlaps it.
+/// Dispersion in the balls, the veiled box and the box that overlaps it.
 fn dispersing(scene: Scene) -> Scene {
     scene.of_glass(|material, what| what.spread = [0.0, 0.02, 0.01, 0.04][material % 4])
 }
@@ -143,7 +143,7 @@ fn frosted(scene: Scene) -> Scene {
     })
 }
 
-/// Reflectances and colours of reflections of materials' own.
+/// Reflectances and reflection colours that belong to each material.
 fn owned(scene: Scene) -> Scene {
     let curve = Reflectance { minimum: 0.1, maximum: 0.8, exponent: 3.0 };
     scene.of_glass(|material, what| {
@@ -171,7 +171,7 @@ fn cut(limits: PathLimits) -> Divided {
     Divided { limits, ..WHOLE }
 }
 
-/// Limits that cut off nothing: programs that follow ways are called, and follow all.
+/// Limits that cut off no path: programs that follow ways are called, and follow all of them.
 fn uncut() -> Divided {
     cut(PathLimits { reflections: MOST_BOUNCES - 1, ..PathLimits::DEFAULT })
 }
@@ -185,7 +185,7 @@ fn compare(source: &str, scene: &Scene, asked: Asked<'_>, what: &str) -> Option<
     Some(())
 }
 
-/// The largest difference between what a program shows of two questions.
+/// The largest difference between a program's pictures for two questions.
 fn apart(source: &str, asked: [(&Scene, Asked<'_>); 2]) -> Option<f32> {
     let compiled = compiled_with(source, "ways", None)?;
     let [first, second] = asked.map(|(scene, asked)| {
@@ -345,7 +345,7 @@ fn a_wrong_word_of_paths_that_are_divided_or_cut_off_is_noticed() {
     let (plain, colors, rough) = (several(), dispersing(several()), frosted(several()));
     let own = owned(several());
     for (scene, divided, change) in [
-        // What absorption leaves does not count for the cut-off; nor by how many a path is divided.
+        // Absorption does not reduce a path's importance, or dividing a path does not.
         (&plain, cut(cut_off), ["now.path.importance = now.path.importance * greatest(left);", ""]),
         (
             &rough,
@@ -354,12 +354,12 @@ fn a_wrong_word_of_paths_that_are_divided_or_cut_off_is_noticed() {
         ),
         // Cut paths are black.
         (&plain, cut(cut_off), ["missed = missed + whole * vector_of(params.beyond);\n            return", "return"]),
-        // Roulette that gains no weight, and with the chances of another counter.
+        // Roulette gains no weight, or takes its random numbers from another dimension.
         (&plain, cut(by_chance), ["< chance ? 1.0f / chance : 0.0f", "< chance ? 1.0f : 0.0f"]),
         (&plain, cut(by_chance), ["dimensions(key, HASH_ROULETTE).x", "dimensions(key, HASH_ROULETTE).y"]),
         // One reflection fewer.
         (&plain, cut(bounces), ["path.reflections > ways.reflections", "path.reflections >= ways.reflections"]),
-        // Colours that keep the index of line d; negative weights that are cut off; reflected light without its colour.
+        // Colours keep the index of line d; negative weights are cut off; reflected light loses its colour.
         (&colors, EACH_COLOR, ["if (stratum == NO_WAY) return index;", "return index;"]),
         (
             &colors,
@@ -371,7 +371,7 @@ fn a_wrong_word_of_paths_that_are_divided_or_cut_off_is_noticed() {
             WHOLE,
             ["on.reflectance * on.kept_back * vector_of(face.mirrors)", "splat(on.reflectance * on.kept_back)"],
         ),
-        // Facets of another counter; without the texture; which stop no light; and walls that let light straight on.
+        // Facets use another counter, ignore the texture, or stop no light; walls let light go straight on.
         (&rough, EACH_FACET, ["dimensions(now.path.key, HASH_FACETS)", "dimensions(now.path.key, HASH_DISC)"]),
         (&rough, EACH_FACET, ["float alpha = face.alpha * roughness * roughness;", "float alpha = face.alpha;"]),
         (&rough, EACH_FACET, ["on.kept_on = enters ? passes_facets(facet, refracted) : 0.0f;", ""]),
@@ -382,7 +382,7 @@ fn a_wrong_word_of_paths_that_are_divided_or_cut_off_is_noticed() {
         let (largest, ..) = differences(&compiled, scene, of(divided));
         assert!(largest > 1e-3, "{change:?} is not noticed: {largest}");
     }
-    // Shadows by Fresnel's share in the place of the material's own.
+    // Shadows use Fresnel's share instead of the material's own reflectance.
     let change = ["face.exponent < 0.0f || is_total", "true"];
     let Some(compiled) = compiled_with("ways_final.cpp", "ways-shadow", Some(("bodies.cuh", change))) else { return };
     let asked = Asked { depth: 0, ..asked(RayProgram::Final, GlassShadow::Straight, &[]) };
@@ -393,7 +393,7 @@ fn a_wrong_word_of_paths_that_are_divided_or_cut_off_is_noticed() {
 struct OnHost {
     inner: CpuRays,
     program: PathBuf,
-    /// The largest difference of a colour, the number of ray kinds whose counts differ, and the reflected and refracted rays.
+    /// The largest difference of a colour, the number of ray kinds whose counts differ, and the number of reflected and refracted rays.
     found: Rc<RefCell<Vec<(f32, usize, u64)>>>,
 }
 
@@ -439,8 +439,7 @@ impl RayBackend for OnHost {
     }
 }
 
-/// Projects of glass as they stand, small and without occlusion: the prisms with colours bent apart, the frosted balls, and balls of which paths are
-/// cut off.
+/// Projects of glass as they stand, small and without occlusion: prisms that disperse colours, frosted balls, and balls whose paths are cut off.
 #[test]
 fn pictures_of_projects_of_glass_are_the_processors() {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../xml_projects/glass");

@@ -28,7 +28,7 @@ pub fn fidelity(backend: &'static str, program: RayProgram, fidelity: Fidelity) 
     Err(BackendError::Unsupported { backend, what: program.info().stem.to_owned(), why })
 }
 
-/// Refuses what no program knows of several lights, or of a light with a place.
+/// Refuses several lights, and lights with a place, in combinations that no program supports.
 fn many_lights(backend: &'static str, job: &RayJob<'_>) -> Result<(), BackendError> {
     let info = job.program.info();
     let what = match () {
@@ -46,7 +46,7 @@ fn many_lights(backend: &'static str, job: &RayJob<'_>) -> Result<(), BackendErr
     ))
 }
 
-/// Refuses a filter over what is written, for a backend that has none.
+/// Refuses a filter over the program's output, for a backend that has none.
 ///
 /// # Errors
 /// [`BackendError::Unsupported`] of that backend.
@@ -75,7 +75,7 @@ pub fn adaptive(backend: &'static str, job: &RayJob<'_>) -> Result<(), BackendEr
     }
 }
 
-/// Refuses photons, for whoever computes a single pixel.
+/// Refuses photons where a single pixel is computed.
 ///
 /// # Errors
 /// [`BackendError::Unsupported`] of that backend.
@@ -232,8 +232,8 @@ pub fn scene(backend: &'static str, job: &RayJob<'_>, spheres: bool) -> Result<(
     Ok(())
 }
 
-/// Least number of triangles of a scene whose pixels show these ids. Computed as a maximum, without an early exit, so that it is
-/// vectorised.
+/// Least number of triangles that a scene must have for these triangle ids to be valid. Computed as a maximum, without an early exit, so
+/// that it is vectorised.
 fn most_triangles(shown: &[u32]) -> usize {
     const { assert!(NO_TRIANGLE.wrapping_add(1) == 0) }
     let most = shown.par_chunks(PART).map(|part| Detected::cached().run(Most(part))).max();

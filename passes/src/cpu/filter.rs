@@ -1,8 +1,8 @@
 //! The filter after ray passes that write a share of light: occlusion, and soft shadows.
 //!
-//! It is that of the raster effects ([`Filter`]). Positions are those of the G-buffer. Normals are the stored ones where the program has them, else
-//! those of the triangles seen; all are turned to the viewer, since neighbours may be wound the other way. The share is filtered, and the
-//! power of `intensity` taken after that: the mean of powers is not the power of the mean.
+//! It is the filter of the raster effects ([`Filter`]). Positions are those of the G-buffer. Normals are the stored ones where the program
+//! has them, else those of the visible triangles. All normals are turned to the viewer, since neighbours may be wound the other way. `intensity`
+//! is applied after the filter: the mean of powers is not the power of the mean.
 
 use super::check;
 use crate::raster::effects::filter::Filter;
@@ -21,10 +21,10 @@ pub(super) fn levels(job: &RayJob<'_>) -> u32 {
     }
 }
 
-/// Runs a job by `trace`, and filters what it wrote if the job asks for that.
+/// Runs a job by `trace`, and filters its output if the job asks for that.
 ///
 /// # Errors
-/// Those of `trace`; if there is not enough memory.
+/// Those of `trace`. Also if there is not enough memory.
 pub(super) fn filtered<R>(
     (filter, progress): (&mut Filter, &Progress),
     job: &RayJob<'_>,
@@ -50,7 +50,7 @@ pub(super) fn filtered<R>(
     Ok(traced)
 }
 
-/// Position, and a normal on the viewer's side, the `stored` one or that of the triangle; 0 where nothing is seen.
+/// Position, and the `stored` normal or that of the triangle, turned to the viewer; 0 where nothing is seen.
 fn surface(job: &RayJob<'_>, index: usize, stored: bool) -> [[f32; 3]; 2] {
     let triangle = job.triangle[index];
     if triangle == NO_TRIANGLE {
@@ -66,7 +66,7 @@ fn surface(job: &RayJob<'_>, index: usize, stored: bool) -> [[f32; 3]; 2] {
     [position.to_array(), facing.to_array()]
 }
 
-/// The normal of a triangle, or of an exact sphere at a place; of no length in particular.
+/// The normal of a triangle, or of an exact sphere at a position; not normalised.
 fn flat(job: &RayJob<'_>, triangle: u32, position: Vec3) -> Vec3 {
     let geometry = &job.scene.geometry;
     match geometry.sphere(triangle) {
@@ -74,7 +74,7 @@ fn flat(job: &RayJob<'_>, triangle: u32, position: Vec3) -> Vec3 {
         None => {
             let [a, b, c] = geometry.corners(triangle);
             let normal = (b - a).cross(c - a);
-            // Products of short edges may be too short to be scaled.
+            // Scaled, because the cross product of short edges may be too short to be normalised.
             normal / normal.abs().max_element().max(f32::MIN_POSITIVE)
         }
     }
@@ -152,7 +152,7 @@ mod tests {
             println!("{errors:?}");
             assert!(errors[0] > 0.08 && errors[1] < errors[0] / 2.0 && errors[2] < errors[0] / 3.0, "{errors:?}");
             assert!(errors[2] <= 0.03, "{errors:?}");
-            // Beside the wall nothing gets brighter than it is by what the open floor farther off has.
+            // Beside the wall, the filter does not brighten the floor by the values of the open floor farther away.
             let contact: Vec<usize> = (0..(SIDE * SIDE) as usize).filter(|index| distance(*index) < 0.05).collect();
             let mean =
                 |value: &dyn Fn(usize) -> f64| contact.iter().map(|i| value(*i)).sum::<f64>() / contact.len() as f64;
@@ -191,7 +191,7 @@ mod tests {
         let errors = [0, 1, 2].map(|levels| off(&of(20.0, 4, levels), |index| f64::from(truth[index])));
         println!("{errors:?}");
         assert!(errors[1] < errors[0] / 2.0 && errors[2] < errors[1], "{errors:?}");
-        // The shadows of a point have no noise: nothing is touched.
+        // Shadows of a light that is a point have no noise, so the filter changes nothing.
         assert_eq!(of(0.0, 4, 3), of(0.0, 4, 0));
     }
 

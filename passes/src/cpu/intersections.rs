@@ -1,4 +1,4 @@
-//! The rays of a storage buffer.
+//! Traces the rays of a storage buffer.
 
 use crate::trace::{Hit, Ray, Tracer};
 use curitiba_pipeline::backend::{IntersectionJob, NO_HIT, Query};
@@ -6,10 +6,10 @@ use curitiba_pipeline::executor::Progress;
 use glam::DVec3;
 use rayon::prelude::*;
 
-/// Rays that a thread traces before it looks whether it is to stop.
+/// Rays that a thread traces between two checks for cancellation.
 const PIECE: usize = 1024;
 
-/// Traces rays into `hits`, which is as long, and returns how many were traced: those that can meet something.
+/// Traces a job's rays into `hits`, one entry a ray, and returns how many were traced. Rays that cannot meet anything are not counted.
 pub(super) fn trace<T: Tracer>(
     tracer: &T,
     job: &IntersectionJob<'_>,
@@ -19,7 +19,7 @@ pub(super) fn trace<T: Tracer>(
     progress.start(job.rays.len() as u64);
     let pieces = job.rays.par_chunks(PIECE).zip(hits.par_chunks_mut(PIECE));
     let traced = pieces.map(|(rays, hits)| {
-        // What is written after that is thrown away.
+        // After a cancellation the output is discarded.
         if progress.is_cancelled() {
             return 0;
         }
@@ -42,14 +42,14 @@ pub(super) fn trace<T: Tracer>(
     traced.sum()
 }
 
-/// A ray of the buffer with a unit direction, relative to the scene's origin, and the length of its direction. `None` for one
-/// that meets nothing.
+/// A ray of the buffer with a unit direction, relative to the scene's origin, and the length of its direction. `None` for a ray that can
+/// meet nothing.
 fn prepare([from, along]: [[f32; 4]; 2], origin: DVec3) -> Option<(Ray, f64)> {
     let [[x, y, z, least], [right, up, back, greatest]] = [from, along].map(|ray| ray.map(f64::from));
     let direction = DVec3::new(right, up, back);
     let length = direction.length();
     let start = DVec3::new(x, y, z) - origin;
-    // NaN compares with nothing.
+    // Comparisons with NaN are false.
     let meets = start.is_finite() && length.is_finite() && length > 0.0 && least.is_finite() && least < greatest;
     if !meets {
         return None;
@@ -109,7 +109,7 @@ mod tests {
             // The interval ends before the second triangle, or begins behind it.
             [from, [0.0, 0.0, -1.0, 1.9]],
             [[0.25, 0.5, 3.0, 3.1], down],
-            // Beside it.
+            // Beside the triangles.
             [[0.75, 0.5, 3.0, 0.0], down],
             // From the other side.
             [[0.25, 0.5, -1.0, 0.0], [0.0, 0.0, 1.0, 10.0]],
@@ -130,7 +130,7 @@ mod tests {
         let mut rays = vec![good];
         for value in [f32::NAN, f32::INFINITY, f32::NEG_INFINITY] {
             for place in 0..8 {
-                // An interval without an end is one.
+                // An interval may have an infinite end.
                 if place == 7 && value == f32::INFINITY {
                     continue;
                 }
@@ -177,8 +177,8 @@ mod tests {
         assert!(hits.iter().all(|hit| hit[0] == 2.0 || hit[0] == 3.0));
     }
 
-    /// Triangles all over a cube, and rays between points of it: any hit is one of those that an `f64` search of all triangles finds, and is
-    /// there where and only where that finds one; the nearest is its nearest.
+    /// Triangles all over a cube, and rays between points of it. An any hit is one of the hits that an `f64` search of all triangles finds, and
+    /// exists exactly where that search finds one. The closest hit is the nearest of them.
     #[test]
     fn any_hit_is_one_of_all_and_the_same_on_any_number_of_threads() {
         let mut state = 1_u32;
@@ -208,7 +208,7 @@ mod tests {
                 let (offset, turned) = (from - a, (from - a).cross(right));
                 let (u, v, t) = (offset.dot(across), along.dot(turned), up.dot(turned));
                 let [u, v, t] = [u, v, t].map(|value| value / determinant);
-                // How far inside of the triangle and of the interval.
+                // Distance inside the triangle and the interval.
                 let inside = u.min(v).min(1.0 - u - v).min(t).min(1.0 - t);
                 (inside, [t, u, v])
             };

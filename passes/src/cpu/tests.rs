@@ -110,7 +110,7 @@ fn the_number_of_threads_does_not_change_a_bit() {
     }
 }
 
-/// Gives the pass up at the first hit that asks for its coverage, if told to.
+/// Cancels the pass at the first hit whose coverage is asked for, if it holds a cancellation.
 struct GivesUp(Option<Cancellation>);
 
 impl Coverage for GivesUp {

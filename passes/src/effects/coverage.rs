@@ -6,10 +6,10 @@ use crate::trace::Hit;
 use curitiba_pipeline::backend::Shade;
 use curitiba_pipeline::scene::RenderScene;
 
-/// Decides where a triangle has a surface. Its type also decides at which level other lookups are made, so that programs are compiled for
-/// either.
+/// Decides where a triangle has a surface. Its type also decides at which mip level other textures are read, so that programs are compiled
+/// for each case.
 pub trait Coverage: Sync {
-    /// What paths carry to find the level; see [`ByCones`].
+    /// The cone that paths carry to find the mip level; see [`ByCones`].
     type Cone: Cone;
 
     /// Whether there is a surface at this point of the triangle.

@@ -11,7 +11,7 @@ pub const SHADOWED: f32 = 0.5;
 pub const THROUGH_GLASS: f32 = 0.9;
 
 impl<T: Tracer, C: Coverage> Pass<'_, T, C> {
-    /// Whether no hit for which `stops` is true lies between `origin`, which is off its surface, and the light.
+    /// Whether the light is visible from `origin`, which is off its surface: `stops` is true for no hit in between.
     pub(super) fn sees_light(&self, origin: Vec3, stops: impl FnMut(&Hit) -> bool) -> bool {
         self.announce_visibility(Purpose::Shadow, 1.0);
         !self.tracer.occluded(&self.light_ray(origin), stops)
@@ -38,8 +38,8 @@ impl<T: Tracer, C: Coverage> Pass<'_, T, C> {
     }
 }
 
-/// The share of the light along one ray that is blocked, or else crosses glass at these distances, in any order. `hidden` is the share behind
-/// an opaque surface.
+/// The light's share along one ray: `hidden` if the ray is `blocked`, else 0.9 for each glass surface crossed. `crossings` are the distances
+/// of the glass hits, in any order. `hidden` is the share behind an opaque surface.
 pub(super) fn share_of_light(hidden: f32, blocked: bool, crossings: &mut [f32]) -> f32 {
     if blocked {
         hidden

@@ -1,8 +1,8 @@
-//! Several lights, and lights with a place: what arrives of them at a surface, and what their shadows leave of its colour.
+//! Several lights, and positional lights: the light that arrives at a surface, and the share of the surface's colour that shadows leave.
 //!
 //! A surface reflects `tint * (ambient + lights)`, where `lights` is the sum of the lights that arrive, each by its colour, attenuation,
-//! cone and cosine. Shadows take away the lights that something is in the way of, and ambient light stays. So the share that is left, by
-//! colour, is `(ambient + lights that are seen) / (ambient + lights)`. Of a directional light with a disc the part is seen that `sun` finds.
+//! cone and cosine. A shadow takes away an occluded light; ambient light stays. So the share of the colour that is left, for each channel, is
+//! `(ambient + lights that are seen) / (ambient + lights)`. Of a directional light with a disc, `sun` finds the part that is seen.
 
 use super::coverage::Coverage;
 use super::interpolate::locate;
@@ -19,10 +19,10 @@ use curitiba_pipeline::backend::{Light, RayJob, Sun};
 use curitiba_pipeline::programs::Fidelity;
 use glam::Vec3;
 
-/// Part of the way to a light with a place that shadow rays leave out at the light's end, because lamps hang on ceilings.
+/// Share of the way to a positional light that shadow rays leave out at the light's end, because lamps hang on ceilings.
 pub const BEFORE_LIGHT: f32 = 1.0 / 1024.0;
 
-/// What lights a device program was written for. Those of one directional light do not pay for several.
+/// The kind of lights that a device program is written for. Programs for one directional light do not pay for several.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum Lighting {
     /// One directional light that is a point, or none.
@@ -32,7 +32,7 @@ pub enum Lighting {
 }
 
 impl Lighting {
-    /// The one that a job needs.
+    /// The lighting that a job needs.
     #[must_use]
     pub fn of(job: &RayJob<'_>) -> Self {
         let reads = job.program.info().globals.contains(&"lightDir");
@@ -45,13 +45,13 @@ impl Lighting {
 pub struct LightTable {
     /// All lights; a single directional one is the only entry.
     pub lights: Vec<Light>,
-    /// What arrives of a light where something opaque is in the way. Above 0 the job has a single directional light, and programs write its own
-    /// share, as those for [`Lighting::Sun`]; at 0 they write what the shadows of all lights leave of the colour.
+    /// Share of a light that is left behind something opaque. Above 0, the job has a single directional light, and programs write that light's
+    /// share, as the programs for [`Lighting::Sun`] do. At 0, they write the share of the colour that the shadows of all lights leave.
     pub hidden: f32,
 }
 
 impl LightTable {
-    /// The one of a job; `None` if its programs are those for [`Lighting::Sun`].
+    /// The table of a job; `None` if the job's programs are those for [`Lighting::Sun`].
     #[must_use]
     pub fn of(job: &RayJob<'_>) -> Option<Self> {
         if Lighting::of(job) == Lighting::Sun {
@@ -68,7 +68,7 @@ impl LightTable {
     }
 }
 
-/// Number of rays that a point asks of the disc of each directional light; 0 where these are points, as in thesis fidelity.
+/// Number of rays from a point to the disc of each directional light; 0 where these lights are points, as in thesis fidelity.
 pub(super) fn disc_samples(job: &RayJob<'_>) -> u32 {
     match job.fidelity {
         Fidelity::Corrected => job.program.info().sun_samples(&job.params),
@@ -76,7 +76,7 @@ pub(super) fn disc_samples(job: &RayJob<'_>) -> u32 {
     }
 }
 
-/// Number of rays that a point asks of the discs of all lights in device programs.
+/// Number of rays from a point to the discs of all lights, in device programs.
 #[must_use]
 pub fn disc_rays(job: &RayJob<'_>) -> u32 {
     let is_directional = |light: &&Light| light.place.is_none();
@@ -84,16 +84,16 @@ pub fn disc_rays(job: &RayJob<'_>) -> u32 {
     (discs as u32).saturating_mul(disc_samples(job))
 }
 
-/// By which normal a surface is shaded.
+/// The normal by which a surface is shaded.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Shading {
-    /// Unit shading normal: the stored one of what the camera sees, and that on the viewer's side of what a ray met.
+    /// Unit shading normal: the stored one at a point that the camera sees; at a hit, the one on the viewer's side.
     pub normal: Vec3,
-    /// What the ray met; `None` for what the camera sees.
+    /// The hit of a ray; `None` at a point that the camera sees.
     pub hit: Option<Hit>,
 }
 
-/// A point whose light is asked for.
+/// A point whose light is computed.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Asked<'s> {
     pub point: &'s SurfacePoint,
@@ -122,7 +122,7 @@ impl<T: Tracer, C: Coverage> Pass<'_, T, C> {
         !self.job.lights.is_empty()
     }
 
-    /// [`Self::lit_color`] of a surface that a ray met, in the light of all lights.
+    /// As [`Self::lit_color`], of a surface that a ray hits, in the light of all lights.
     pub(super) fn met_color(&self, hit: &Hit, footprint: impl Footprint, surface: &Surface) -> Vec3 {
         if !self.has_lights() {
             return self.lit_color(hit, footprint, surface.normal);
@@ -147,8 +147,8 @@ impl<T: Tracer, C: Coverage> Pass<'_, T, C> {
         towards.dot(normal).clamp(0.0, 1.0)
     }
 
-    /// What shadows leave of the colour of a point, by colour. `reaches` follows the way from the surface to a light, and returns what of the
-    /// light passes; `stops` says whether a hit cuts a point off from the round surface that it stands for.
+    /// The share of a point's colour that shadows leave, for each channel. `reaches` follows the way from the surface to a light and returns the
+    /// share of the light that passes. `stops` says whether a hit separates a point from the round surface that its triangle approximates.
     pub(super) fn share_of_lights(
         &self,
         asked: &Asked<'_>,
@@ -216,7 +216,7 @@ impl<T: Tracer, C: Coverage> Pass<'_, T, C> {
         Some(Ray { origin, direction: way.normalize_or(towards), t_min: 0.0, t_max })
     }
 
-    /// What of the light passes on its way in `final`: 0 where something opaque is in the way, else 0.9 for each glass surface.
+    /// The share of the light that passes on its way in `final`: 0 where something opaque is in the way, else 0.9 for each glass surface.
     pub(super) fn passes(&self, way: &Way<'_>, work: &mut Workspace) -> Vec3 {
         let ray = match way {
             Way::Ray(ray) => ray,

@@ -9,7 +9,7 @@ use curitiba_pipeline::backend::Shade;
 use curitiba_pipeline::scene::normal_map;
 use glam::{Vec3, Vec4};
 
-/// As in the rasteriser: normals whose squared length is at most this have cancelled.
+/// Normals whose squared length is at most this have cancelled out, as in the rasteriser.
 pub const LEAST_SQUARE: f32 = 1e-30;
 
 /// The report's ambient light.
@@ -25,7 +25,7 @@ impl<T: Tracer, C: Coverage> Pass<'_, T, C> {
         self.reflected_color(hit, footprint, (shade, lit))
     }
 
-    /// The colour at a hit on a material that looks so, where `lit` is the diffuse light beside the ambient one.
+    /// The colour at a hit on a material with this shade. `lit` is the diffuse light without the ambient light.
     #[inline(always)]
     pub(super) fn reflected_color(&self, hit: &Hit, footprint: impl Footprint, (shade, lit): (&Shade, Vec3)) -> Vec3 {
         let scene = self.job.scene;
@@ -59,15 +59,15 @@ impl<T: Tracer, C: Coverage> Pass<'_, T, C> {
         if bent && !self.vertices_face(hit, normal, to_light) { 0.0 } else { to_light.dot(normal).max(0.0) }
     }
 
-    /// How much light of intensity 1 adds to the colour of a triangle or sphere for a cosine of 1, beside [`AMBIENT`],
-    /// in units of its texture or colour.
+    /// What a light of intensity 1 at a cosine of 1 adds to the colour of a triangle or sphere, without [`AMBIENT`], in units of its texture or
+    /// diffuse colour.
     pub(super) fn tint(&self, id: u32) -> Vec3 {
         let shade = &self.job.shades[self.material_of(id) as usize];
         let textured = shade.texture.is_some() && self.sphere(id).is_none();
         if textured { shade.diffuse.truncate() } else { Vec3::ONE }
     }
 
-    /// What a texture has at a hit, at the level of the footprint.
+    /// The value of a texture at a hit, at the mip level of the footprint.
     pub(super) fn texel(&self, texture: u32, hit: &Hit, footprint: impl Footprint) -> Vec4 {
         let texture = &self.job.scene.textures[texture as usize];
         texture.sample(texture_coordinates(&self.job.scene.geometry, hit), footprint.level(texture))

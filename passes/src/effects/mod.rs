@@ -11,7 +11,7 @@
 //! | 3 | `final`: a miss resets what glass took from the light | 0.9 for each glass surface crossed |
 //! | 4 | noise from the sine of the position | a counter-based hash |
 //! | 5 | rays start at the stored position, hits nearer than 1e-4 (1e-3) are skipped | rays start off the exact triangle, by its rounding error |
-//! | 6 | `final`: occlusion darkens glass pixels | glass has none of its own |
+//! | 6 | `final`: occlusion darkens glass pixels | glass pixels have no occlusion of their own |
 //! | 7 | background pixels trace rays | they are left alone |
 //! | 8 | a surface's side follows its winding (`final`: the wrong one) or the shading normal | the geometric normal decides, whatever the winding |
 //! | 9 | a pixel is glass if its colour is the mask (x > 0, 0, z > 0, 0); its normal is used as stored | if its triangle's material is; its normal is turned to the viewer |
@@ -21,20 +21,20 @@
 //!
 //! Where the printed code leaves a choice, this is what `thesis` does:
 //! - `reflection` declares `MAX_DEPTH` and reads `MAXDEPTH`; both are the parameter `depth`.
-//! - `reflection` does not dim secondary bounces; `refraction` and `final` do, by 0.99, but not at total reflection. Both
-//!   fidelities keep the first; `corrected` dims every secondary bounce of the other two alike.
+//! - `reflection` does not dim secondary bounces; `refraction` and `final` do, by 0.99, but not at total reflection.
+//!   `corrected` does not dim them in `reflection` either; in the other two it dims every secondary bounce.
 //! - `refraction` and `final` trace a refracted ray at secondary glass and drop its colour. Its rays are not traced here:
 //!   the picture is the same, the ray count lower than the report's. Whether refraction is possible still decides the 0.99.
 //! - `final` never sets the payload's value before its first shadow ray. Every ray ends in an opaque hit (0.5) or a miss
 //!   (1), which set it, so nothing undefined is seen.
-//! - Noise below 0 puts occlusion samples of the first stratum outside the square; their directions are not numbers. Such
-//!   a ray meets nothing and counts as open. So does each ray of a background pixel, whose normal is 0.
+//! - Noise below 0 puts occlusion samples of the first stratum outside the square; their directions are NaN. Such a ray hits
+//!   nothing and counts as open. So does each ray of a background pixel, whose normal is 0.
 //! - `ssao` divides by 0 for 0 samples; here they switch it off, as in `final`.
 
 //!
 //! From the ground up: `interpolate`, `ray_cone`, `coverage`, `pass`, `tile`. Then the modules about one point: `spheres`, `light`,
 //! `material`, `surface`, `optics`, `terminator`, `sun` and `thesis`. Then those about a tile, `visible_pixels` and
-//! `tile_surfaces`; `workspace`; `occlusion` and `tile_occlusion`; and `dielectric`, glass as each material says. Above
+//! `tile_surfaces`; `workspace`; `occlusion` and `tile_occlusion`; and `dielectric`, glass whose kind each material states. Above
 //! them are the programs, one folder each, and `camera`. May use: `trace`, `sampling`.
 
 pub mod camera;

@@ -21,9 +21,9 @@ impl<T: Tracer, C: Coverage> Pass<'_, T, C> {
     /// Ambient occlusion of a surface: the open share of its cosine-weighted hemisphere within the radius, to the power
     /// of the intensity. 1 where occlusion is off.
     ///
-    /// The hemisphere is the shading normal's. Directions below the triangle would start inside the object. They are
-    /// mirrored at its plane, so that a smooth surface is no darker than a flat one, and an open one is exactly 1.
-    /// Where nothing is in reach above the triangle, no ray is traced.
+    /// The hemisphere lies around the shading normal. Directions below the triangle would start inside the object, so they
+    /// are mirrored at the triangle's plane. A smooth surface is then no darker than a flat one, and an unoccluded one is
+    /// exactly 1. Where nothing is in reach above the triangle, no ray is traced.
     pub(super) fn occlusion(
         &self,
         surface: &Surface,
@@ -38,8 +38,8 @@ impl<T: Tracer, C: Coverage> Pass<'_, T, C> {
         self.hemisphere(gathered, origin, surface, key, work, stops)
     }
 
-    /// As [`Self::occlusion`], from an origin in a neighbourhood. `gathered` says whether the triangles around it were
-    /// gathered.
+    /// As [`Self::occlusion`], from an origin in a neighbourhood. `gathered` says whether the triangles around the origin
+    /// were gathered.
     pub(super) fn hemisphere(
         &self,
         gathered: bool,
@@ -70,8 +70,8 @@ impl<T: Tracer, C: Coverage> Pass<'_, T, C> {
         Neighbourhood { origins, above, t_min, t_max: self.job.params.radius, rays }
     }
 
-    /// The number of chosen directions in which no hit stops the ray. Rays start at `origin`; hits below the plane
-    /// `above` and nearer than `t_min` do not count.
+    /// The number of chosen directions in which no hit stops the ray. Rays start at `origin`. Hits below the plane with
+    /// normal `above`, and hits nearer than `t_min`, do not count.
     fn count_open(
         &self,
         gathered: bool,
@@ -139,16 +139,16 @@ impl<T: Tracer, C: Coverage> Pass<'_, T, C> {
         share_of_light(SHADOWED, blocked, crossings)
     }
 
-    /// The share of a disc in `final`, with 0.9 for each glass surface on the way; what is not seen of it counts as `hidden`.
+    /// The share of a disc's light in `final`, with 0.9 for each glass surface on the way; hidden parts of the disc count as `hidden`.
     pub(super) fn dimmed_disc(&self, of: (&Disc<'_>, f32), work: &mut Workspace) -> f32 {
         let stops =
             |ray, hit: &Hit, crossings: &mut Vec<(u32, f32)>| self.blocks_light(hit, || crossings.push((ray, hit.t)));
         self.disc_share(of, (&mut work.disc, &mut work.rays.shadow), |hit| self.stops_light(hit), stops)
     }
 
-    /// Origin of the ray to the light from the side of normal `facing`. `None` where that side is dark without a ray to
-    /// the light: where the round surface that the triangle stands for is turned away; where the triangle is, and stands
-    /// for no round surface; and where something opaque lies between the triangle and the round surface.
+    /// Origin of the ray to the light from the side of normal `facing`. `None` where that side is dark without a ray to the
+    /// light: the round surface that the triangle approximates is turned away; or the triangle is turned away and
+    /// approximates no round surface; or something opaque lies between the triangle and the round surface.
     pub(super) fn light_origin(
         &self,
         surface: &Surface,

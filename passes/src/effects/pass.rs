@@ -36,7 +36,7 @@ pub struct Pass<'a, T, C> {
     pub glass: TriangleRanges,
     /// Triangles that are glass to shadow rays, which pass them.
     pub shadow_glass: TriangleRanges,
-    /// The bodies of glass around the camera.
+    /// The glass bodies that the camera is in.
     pub around_eye: Media,
     /// The strata of the spectrum; empty where no body disperses light.
     pub spectrum: Vec<Stratum>,
@@ -45,15 +45,15 @@ pub struct Pass<'a, T, C> {
     pub facets: Vec<[u32; 2]>,
     /// The spheres that focus light, with `shadow=caustic`; else empty.
     pub lenses: Lenses,
-    /// The meshes that photons are shot at: they stop straight light. Empty where a pass shoots none.
+    /// The meshes at which photons are shot: they block straight light. Empty where a pass shoots no photons.
     pub targets: Targets,
-    /// The photons that were shot at them.
+    /// The photons that were shot at those meshes.
     pub photons: PhotonMap,
     /// Directions to the discs of directional lights; `None` where these are points.
     pub disc: Option<ConeSampler>,
     /// Where rays start; `None` for programs that read a G-buffer.
     pub eye: Option<Eye>,
-    /// Who may give the pass up; `None` where nobody can.
+    /// The progress by which the pass may be cancelled; `None` where nobody can cancel it.
     pub progress: Option<&'a Progress>,
 }
 
@@ -88,7 +88,7 @@ impl<T: Tracer, C: Coverage> Pass<'_, T, C> {
         Some(self.job.triangle[pixel.index]).filter(|triangle| *triangle != NO_TRIANGLE)
     }
 
-    /// Whether a triangle is a sky, which shows as it is.
+    /// Whether a triangle belongs to a sky, which keeps its colour whatever the light.
     pub(super) fn is_sky(&self, triangle: u32) -> bool {
         self.job.scene.geometry.sky.contains(triangle)
     }

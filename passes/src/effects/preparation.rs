@@ -1,4 +1,4 @@
-//! What a pass prepares from its job, once for all pixels and on every backend.
+//! Values that a pass prepares from its job, once for all pixels and on every backend.
 
 use super::lights::disc_samples;
 use super::occlusion::open_shares;

@@ -1,10 +1,10 @@
 //! Ray cones: at which mip level textures are read at hits (Akenine-Möller and others, "Texture Level of Detail Strategies for Real-Time Ray
 //! Tracing", Ray Tracing Gems, chapter 20, 2019; and "Improved Shader and Texture Level of Detail Using Ray Cones", JCGT 10(1), 2021).
 //!
-//! A cone has a width, across the ray, and a spread, by which the width grows for each scene unit. Both are those of a narrow bundle of rays
-//! in the plane of incidence, to first order, and have a sign: a concave mirror or a lens makes a bundle converge, and behind its focus the
-//! width is below 0. A facet of a rough surface is a smooth one, and a direction that is chosen by chance widens no cone: the mean over
-//! many of them filters by itself.
+//! A cone has a width, across the ray, and a spread, by which the width grows for each scene unit. To first order, both describe a narrow
+//! bundle of rays in the plane of incidence. Both have a sign: a concave mirror or a lens makes a bundle converge, and behind its focus the
+//! width is below 0. A facet of a rough surface counts as smooth. A direction chosen at random does not widen the cone, because the mean
+//! over many of them filters by itself.
 //!
 //! Programs that read level 0 are compiled with [`LevelZero`], which takes no space and no time.
 
@@ -13,36 +13,36 @@ use curitiba_pipeline::scene::Geometry;
 use curitiba_pipeline::scene::texture::{Texture, lod_of_area};
 use glam::Vec3;
 
-/// What of a texture a lookup covers.
+/// The area of a texture that a lookup covers.
 pub trait Footprint: Copy {
-    /// One that is not known: level 0.
+    /// An unknown footprint: level 0.
     const NONE: Self;
 
-    /// The level of detail at which it covers a texel of a texture.
+    /// The mip level of a texture at which the footprint covers one texel.
     fn level(self, texture: &Texture) -> f32;
 }
 
 /// The bundle of rays that a path stands for.
 pub trait Cone: Copy {
-    /// What it covers of textures.
+    /// The type of the area that the cone covers on textures.
     type Footprint: Footprint;
 
-    /// That of a pixel at a distance from the eye.
+    /// The cone of a pixel, at a distance from the eye.
     fn of_pixel(pixel: PixelCone, distance: f32) -> Self;
 
-    /// After so many scene units.
+    /// The cone after `distance` scene units.
     #[must_use]
     fn along(self, distance: f32) -> Self;
 
-    /// After a mirror; see [`RayCone::mirrored`]. The curvature is only asked for where it counts.
+    /// The cone after a mirror; see [`RayCone::mirrored`]. `curvature` is only called where it counts.
     #[must_use]
     fn mirrored(self, curvature: impl FnOnce() -> f32, cos: f32) -> Self;
 
-    /// After an interface; see [`RayCone::refracted`].
+    /// The cone after an interface; see [`RayCone::refracted`].
     #[must_use]
     fn refracted(self, curvature: impl FnOnce() -> f32, cos: [f32; 2], index: f32) -> Self;
 
-    /// What it covers of a triangle that it meets in a unit direction.
+    /// The area that the cone covers on the textures of a triangle that it hits in a unit direction.
     fn footprint(self, geometry: &Geometry, triangle: u32, direction: Vec3) -> Self::Footprint;
 }
 
@@ -121,23 +121,23 @@ impl Cone for RayCone {
         Self { width: self.width + self.spread * distance, ..self }
     }
 
-    /// After a mirror of this curvature, met at an angle of this cosine: over the width w the normal turns by δ = k w / cos, and the
-    /// direction by 2 δ.
+    /// The cone after a mirror of this curvature k, where `cos` is the cosine of the angle of incidence. Over the width w the normal turns by
+    /// δ = k w / cos, and the direction by 2 δ.
     fn mirrored(self, curvature: impl FnOnce() -> f32, cos: f32) -> Self {
         Self { spread: self.spread + 2.0 * self.turn(curvature(), cos), ..self }
     }
 
-    /// After an interface of this curvature, met at an angle of the first cosine and left at one of the second; `index` is the refractive
-    /// index of the far side over that of the near side. By the derivative of Snell's law, sin i = n sin t, the angle t grows by
-    /// m = cos i / (n cos t) times what i grows by, which is the spread and the normal's turn δ, and the direction by δ less.
+    /// The cone after an interface of this curvature, with the cosines of the angles of incidence i and refraction t; `index` is the refractive
+    /// index n of the far side over that of the near side. By the derivative of Snell's law, sin i = n sin t, t grows by m = cos i / (n cos t)
+    /// times the growth of i. That growth is the spread plus the normal's turn δ. The direction turns by δ less than t grows.
     fn refracted(self, curvature: impl FnOnce() -> f32, [cos, cos_refracted]: [f32; 2], index: f32) -> Self {
         let rate = cos / (index * cos_refracted);
         let spread = rate * self.spread + (rate - 1.0) * self.turn(curvature(), cos);
         Self { width: self.width * (cos_refracted / cos), spread }
     }
 
-    /// Of the plane of the triangle the cone covers an ellipse whose longer side is w / |cos|; its square is to the area of the
-    /// triangle as that in texture coordinates is to the area of the triangle there.
+    /// In the triangle's plane the cone covers an ellipse whose longer side is w / |cos|. The square of this side is converted to texture
+    /// coordinates by the ratio of the triangle's area in texture coordinates to its area in the scene.
     fn footprint(self, geometry: &Geometry, triangle: u32, direction: Vec3) -> TextureArea {
         if geometry.texcoords.len() != geometry.positions.len() {
             return TextureArea::NONE;
@@ -153,13 +153,13 @@ impl Cone for RayCone {
 impl RayCone {
     /// By how much the normal of a surface of this curvature turns over the cone's width.
     fn turn(self, curvature: f32, cos: f32) -> f32 {
-        // A plane turns by nothing at any angle.
+        // A plane's normal does not turn, even at a cosine of 0.
         if curvature == 0.0 { 0.0 } else { curvature * self.width / cos }
     }
 }
 
-/// The curvature of a triangle with these corners and vertex normals, in 1 / scene units: above 0 where the normals spread. The mean of
-/// those along the sides, weighted by their squared lengths; exact on a sphere.
+/// The curvature of a triangle with these corners and vertex normals, in 1 / scene units: above 0 where the normals spread. It is the mean of
+/// the curvatures along the sides, weighted by the sides' squared lengths; exact on a sphere.
 #[must_use]
 pub fn curvature(corners: [Vec3; 3], normals: [Vec3; 3]) -> f32 {
     let normals = normals.map(Vec3::normalize_or_zero);
@@ -188,7 +188,7 @@ mod tests {
         assert_eq!(same.footprint(&Geometry::default(), 7, Vec3::X).level(&texture), 0.0);
     }
 
-    /// A cone through a wall with parallel faces goes on as it was, and is as much wider as its way inside is long in air.
+    /// A cone through a slab keeps its spread; its width grows by the spread times the equivalent path length in air.
     #[test]
     fn two_parallel_faces_undo_each_others_bending() {
         for (degrees, index) in [(0.0_f32, 1.5_f32), (50.0, 1.5), (80.0, 2.4), (30.0, 0.7)] {
@@ -204,8 +204,8 @@ mod tests {
         }
     }
 
-    /// The focus of a ball lies n / (2 (n - 1)) radii behind its centre, that of a convex mirror half a radius behind its surface (Hecht,
-    /// Optics, sections 5.2 and 5.4).
+    /// The focus of a ball lies n / (2 (n - 1)) radii behind its centre; the focus of a convex mirror lies half a radius behind its surface
+    /// (Hecht, Optics, sections 5.2 and 5.4).
     #[test]
     fn balls_and_mirrors_have_their_focus() {
         let parallel = RayCone { spread: 0.0, ..WHOLE };
@@ -258,7 +258,7 @@ mod tests {
         assert!((level(1.0, 1.0, RayCone { width: -0.25, ..cone }, Vec3::NEG_Y) - 3.0).abs() < 1e-5, "behind a focus");
         let slanted = Vec3::new(0.0, -0.25, (1.0_f32 - 0.0625).sqrt());
         assert!((level(1.0, 1.0, cone, slanted) - 5.0).abs() < 1e-5);
-        // What is not a number reads level 0, what has no bound the last one.
+        // A footprint that is NaN reads level 0; an unbounded one reads the last level.
         assert_eq!(level(1.0, 1.0, RayCone { width: f32::NAN, ..cone }, Vec3::NEG_Y), 0.0);
         assert_eq!(level(0.0, 1.0, cone, Vec3::NEG_Y), 0.0);
         assert_eq!(level(1.0, 0.0, cone, Vec3::NEG_Y), 0.0);

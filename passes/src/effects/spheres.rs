@@ -1,4 +1,4 @@
-//! Where exact spheres differ from triangles. For a tracer without spheres the compiler removes the question.
+//! Where exact spheres differ from triangles. For a tracer without spheres, the compiler removes these branches.
 
 use super::coverage::Coverage;
 use super::pass::Pass;

@@ -1,10 +1,10 @@
-//! Soft shadows: a directional light is a disc in the sky, sampled by one ray for each point.
+//! Soft shadows: a directional light is a disc in the sky, sampled by one ray to each of its sample points.
 //!
 //! The light's share is the mean over directions that are uniform over the disc's solid angle. Each direction counts as
-//! a point light would: a side of a triangle turned away from it is dark without a ray, unless the round surface that
-//! the triangle stands for is not turned away (`terminator`). The cosine of the light stays that of the disc's centre,
-//! by which colours were lit. For a disc above the horizon of its surface, this is the mean of the cosines but for a
-//! factor of (1 + cos a) / 2 with the half angle a: 1 - 5e-6 for the sun of the sky.
+//! a point light would: a side of a triangle turned away from it is dark without a ray, except where the triangle
+//! approximates a round surface that faces it (`terminator`). The cosine of the light stays that of the disc's centre,
+//! by which colours were lit. For a disc above the horizon of its surface, the mean of the cosines is this cosine times
+//! (1 + cos a) / 2, where a is the disc's half angle. For the sun of the sky this factor is 1 - 5e-6.
 
 use super::coverage::Coverage;
 use super::light::shares_of_light;
@@ -37,7 +37,7 @@ pub(super) struct Disc<'p> {
 }
 
 impl Disc<'_> {
-    /// The part of the light that comes from each of its points.
+    /// The share of the light that comes from each sample point of the disc.
     pub(super) fn weight(&self) -> f32 {
         1.0 / self.sampler.samples() as f32
     }
@@ -67,8 +67,8 @@ impl DiscRays {
         self.rays += 1;
     }
 
-    /// Traces the rays, and returns the sum of their light shares, `hidden` of those that are blocked. `stops` gets the index of the ray with
-    /// each hit.
+    /// Traces the rays, and returns the sum of their light shares; the share of a blocked ray is `hidden`. `stops` gets each hit with the index of
+    /// its ray.
     fn trace<T: Tracer>(
         &mut self,
         tracer: &T,
@@ -95,8 +95,8 @@ impl<T: Tracer, C: Coverage> Pass<'_, T, C> {
     }
 
     /// Calls `each` with the origin and the direction of every ray to the disc's points.
-    /// Directions from which the side is dark get no ray. Where the triangle stands for a round surface, one ray, which
-    /// `rays` counts, tests once whether a hit that `stops` cuts off the lifted point.
+    /// Directions from which the side is dark get no ray. Where the triangle approximates a round surface, one further ray,
+    /// counted in `rays`, tests whether a hit that `stops` accepts lies between the point and the lifted point.
     pub(super) fn to_disc(
         &self,
         disc: &Disc<'_>,
@@ -120,8 +120,8 @@ impl<T: Tracer, C: Coverage> Pass<'_, T, C> {
         }
     }
 
-    /// The light's share at a side of a surface: the mean over the disc, of which what is not seen counts as `hidden`. `stops` gets the index
-    /// of the ray with each hit, and notes the glass surfaces that the ray crosses; `cuts_off` is the `stops` of [`Self::to_disc`].
+    /// The light's share at a side of a surface: the mean over the disc, whose hidden parts count as `hidden`. `stops` gets each hit with the index
+    /// of its ray, and notes the glass surfaces that the ray crosses; `cuts_off` is the `stops` of [`Self::to_disc`].
     pub(super) fn disc_share(
         &self,
         (disc, hidden): (&Disc<'_>, f32),

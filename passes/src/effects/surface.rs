@@ -127,7 +127,7 @@ impl Surfaces {
     }
 }
 
-/// What the cones of a pass cover of textures.
+/// The footprint of a pass's cones on textures.
 pub(super) type FootprintOf<C> = <<C as Coverage>::Cone as Cone>::Footprint;
 
 impl<T: Tracer, C: Coverage> Pass<'_, T, C> {
@@ -155,7 +155,7 @@ impl<T: Tracer, C: Coverage> Pass<'_, T, C> {
         }
     }
 
-    /// The surface at the point where a ray hits; its bumps are read at the level of the footprint.
+    /// The surface at the point where a ray hits; its normal map is read at the mip level of the footprint.
     pub(super) fn surface_hit(&self, ray: &Ray, hit: &Hit, footprint: impl Footprint) -> Surface {
         if let Some(sphere) = self.sphere(hit.triangle) {
             let point = SurfacePoint::on_sphere_by(sphere, ray, hit.t);
@@ -173,7 +173,7 @@ impl<T: Tracer, C: Coverage> Pass<'_, T, C> {
         C::Cone::of_pixel(self.job.cone, surface.position().distance(self.job.eye))
     }
 
-    /// What a cone covers of the surface that it hits in a unit direction. Spheres have no texture coordinates.
+    /// The footprint of a cone on the surface that it hits in a unit direction. Spheres have no texture coordinates.
     pub(super) fn footprint(&self, cone: C::Cone, hit: &Hit, direction: Vec3) -> FootprintOf<C> {
         match self.sphere(hit.triangle) {
             Some(_) => Footprint::NONE,
@@ -182,7 +182,7 @@ impl<T: Tracer, C: Coverage> Pass<'_, T, C> {
     }
 
     /// The curvature of a triangle or sphere at a point of its surface, as seen from the viewer's side: above 0 where it is
-    /// convex, in 1 / scene units. Bumps do not count.
+    /// convex, in 1 / scene units. Normal maps do not count.
     pub(super) fn curvature(&self, id: u32, surface: &Surface) -> f32 {
         if let Some(sphere) = self.sphere(id) {
             let outward = surface.position() - sphere.center;

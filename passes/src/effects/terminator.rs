@@ -1,14 +1,14 @@
-//! The shadow terminator: light on triangles that stand for a smooth surface, where the triangle and that surface
-//! are not both turned to the light.
+//! The shadow terminator: light on triangles that approximate a smooth surface, where only one of the two is turned to
+//! the light.
 //!
 //! A triangle that faces the light is dark where the smooth surface is turned away, so that the border of the light is
 //! a smooth curve and does not follow the edges of triangles.
 //!
 //! Where the triangle is turned away and the smooth surface is not, a point of the triangle is lifted onto that surface,
-//! which the normals at the corners describe. The point is projected onto the tangent plane at each corner, where it
-//! lies below that plane, and the three projections are weighted by the barycentric coordinates (Hanika, "Hacking the
-//! Shadow Terminator", Ray Tracing Gems II, 2021, chapter 4). The shadow ray starts at the lifted point. A second ray
-//! tests the way from the triangle to the lifted point, so that no light comes through what lies between.
+//! which the normals at the corners describe. For each corner, the point is projected onto the tangent plane if it lies
+//! below that plane. The three projections are weighted by the barycentric coordinates (Hanika, "Hacking the Shadow
+//! Terminator", Ray Tracing Gems II, 2021, chapter 4). The shadow ray starts at the lifted point. A second ray tests the
+//! way from the triangle to the lifted point, so that an occluder in between blocks the light.
 
 use super::coverage::Coverage;
 use super::interpolate::{locate, weighed};
@@ -44,8 +44,8 @@ impl Lifted {
     }
 }
 
-/// The normals at a triangle's corners, turned to the side of unit normal `facing`. `None` where the triangle stands for no round surface: where
-/// there are no vertex normals, where they are equal, or where one is more than 32 degrees off the triangle's ([`ROUND`]).
+/// The normals at a triangle's corners, turned to the side of unit normal `facing`. `None` where the triangle approximates no round surface:
+/// there are no vertex normals, or they are equal, or one is more than 32 degrees off the triangle's normal ([`ROUND`]).
 fn round_normals(geometry: &Geometry, triangle: u32, facing: Vec3) -> Option<[Vec3; 3]> {
     if geometry.normals.is_empty() {
         return None;
@@ -64,8 +64,8 @@ fn round_normals(geometry: &Geometry, triangle: u32, facing: Vec3) -> Option<[Ve
     }
 }
 
-/// The normal that decides what light reaches a point of a triangle on the side of unit normal `facing`: that of the smooth surface, of any length
-/// above 0, where the triangle stands for a round one, else `facing`.
+/// The normal whose horizon bounds the light at a point of a triangle, on the side of unit normal `facing`. Where the triangle approximates a
+/// round surface, it is that surface's normal, of any length above 0; else it is `facing`.
 ///
 /// # Panics
 /// If there is no such triangle.
@@ -75,8 +75,8 @@ pub fn horizon(geometry: &Geometry, triangle: u32, point: &SurfacePoint, facing:
         .map_or(facing, |normals| weighed(normals, &locate(geometry, triangle, point.position)))
 }
 
-/// Whether light from the unit direction `to_light` reaches no point like this on the side of unit normal `facing`: the triangle is turned away
-/// from it, or the round surface is that it stands for.
+/// Whether a point of a triangle, on the side of unit normal `facing`, is turned away from light in the unit direction `to_light`: the triangle
+/// is turned away, or the round surface that it approximates is.
 ///
 /// # Panics
 /// If there is no such triangle.
@@ -86,7 +86,7 @@ pub fn is_turned(geometry: &Geometry, triangle: u32, point: &SurfacePoint, (faci
         return true;
     }
     round_normals(geometry, triangle, facing).is_some_and(|normals| {
-        // Where all corners are lit, so is what lies between.
+        // If the normals at all corners face the light, so do the interpolated ones.
         let is_lit = normals.iter().all(|normal| normal.dot(to_light) > 0.0);
         !is_lit && weighed(normals, &locate(geometry, triangle, point.position)).dot(to_light) <= 0.0
     })
@@ -95,7 +95,7 @@ pub fn is_turned(geometry: &Geometry, triangle: u32, point: &SurfacePoint, (faci
 /// Vector from a point of a triangle to the smooth surface. The point is on the side of unit normal `facing`, which is
 /// turned away from the light; `to_light` is the unit direction to the light.
 ///
-/// The vector is 0 where the smooth surface is turned away as well, and where the triangle stands for no round one.
+/// The vector is 0 where the smooth surface is turned away as well, and where the triangle approximates no round one.
 ///
 /// # Panics
 /// If there is no such triangle.
@@ -133,7 +133,7 @@ impl<T: Tracer, C> Pass<'_, T, C> {
         (way != Vec3::ZERO).then(|| Lifted { from: point.spawn(facing), way })
     }
 
-    /// [`is_turned`] of the scene's triangles; of spheres only the side of normal `facing` decides.
+    /// [`is_turned`] for the scene's triangles. For spheres only the side of normal `facing` decides.
     pub(super) fn is_turned(&self, triangle: u32, point: &SurfacePoint, (facing, to_light): (Vec3, Vec3)) -> bool {
         match self.sphere(triangle) {
             Some(_) => facing.dot(to_light) <= 0.0,
@@ -141,7 +141,7 @@ impl<T: Tracer, C> Pass<'_, T, C> {
         }
     }
 
-    /// [`horizon`] of the scene's triangles; of spheres it is `facing`.
+    /// [`horizon`] for the scene's triangles; for spheres it is `facing`.
     pub(super) fn horizon(&self, triangle: u32, point: &SurfacePoint, facing: Vec3) -> Vec3 {
         match self.sphere(triangle) {
             Some(_) => facing,

@@ -21,8 +21,8 @@ const CUT: f32 = 0.5;
 /// A square part of a tile: its left column, its top row, and its side, in pixels.
 type Square = [usize; 3];
 
-/// Computes the occlusion of those pixels of a tile whose surfaces are known, from the triangles near them, or by rays
-/// through the tree where there are too many.
+/// Computes the occlusion of those pixels of a tile whose surfaces are known: from the triangles near them, or, where
+/// these are too many, by rays through the tree.
 pub(super) fn prepare<T: Tracer, C: Coverage>(
     pass: &Pass<'_, T, C>,
     area: Area,
@@ -76,7 +76,7 @@ fn each<T: Tracer, C: Coverage>(
     stops: impl Fn(&Hit) -> bool,
 ) {
     for place in places(square) {
-        // With thousands of samples a pixel takes a tenth of a millisecond, and a tile 256 times as long.
+        // Checked at each pixel: with thousands of samples a pixel takes a tenth of a millisecond, and a tile 256 times as long.
         if pass.progress.is_some_and(Progress::is_cancelled) {
             return;
         }

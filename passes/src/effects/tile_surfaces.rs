@@ -118,8 +118,8 @@ impl TileSurfaces {
         self.places.len() as u64
     }
 
-    /// Forgets the light of pixels whose ray crosses glass and nothing opaque: such a program needs more than a share
-    /// of the light there.
+    /// Forgets the light at pixels whose ray crosses glass and is not blocked. A program that calls this needs more than a
+    /// share of the light at these pixels.
     pub(super) fn forget_light_through_glass(&mut self) {
         for (ray, _) in &self.crossings {
             let ray = *ray as usize;
@@ -182,9 +182,9 @@ impl<T: Tracer, C: Coverage, W: Fn(Pixel, u32) -> bool> Kernel<()> for Survey<'_
     }
 }
 
-/// Computes the light of a tile. For each pixel, `origin` sees what is known and returns either the light's share,
-/// where no ray is needed, or the origin of the shadow ray, or neither where the light is not wanted. `stops` says
-/// whether a hit of a ray stops light.
+/// Computes the light of a tile. For each pixel, `origin` gets the known results. It returns the light's share if that
+/// needs no ray, or the origin of the shadow ray, or neither if the light is not wanted. `stops` says whether a hit of a
+/// ray stops light.
 ///
 /// Returns the number of rays.
 pub(super) fn prepare_light<T: Tracer, C: Coverage>(
@@ -241,8 +241,8 @@ mod tests {
     fn the_surfaces_of_a_tile_are_those_of_its_pixels_one_by_one() {
         let world = World::scattered();
         let geometry = &world.scene.geometry;
-        // Every four targets: two inside a triangle, a corner and the middle of an edge. Near a border, rays start
-        // elsewhere.
+        // Of every four targets, two are inside a triangle, one at a corner and one at the middle of an edge. Near a border,
+        // rays start farther inside the triangle.
         let targets = grid(16, Vec3::ZERO, Vec3::X * 4.0, Vec3::NEG_Y * 4.0).enumerate().map(|(index, target)| {
             let [a, b, _] = geometry.corners(index as u32);
             [target, target, a, a.midpoint(b)][index % 4]

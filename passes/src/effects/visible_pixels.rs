@@ -29,8 +29,8 @@ impl Default for VisiblePixels {
 impl VisiblePixels {
     /// Finds the wanted pixels of a tile.
     ///
-    /// Prefetches positions and triangles of the next tile meanwhile. `fetch` gets the index of one pixel of each cache
-    /// line of positions there, to prefetch more. The short rows of a tile are too far apart for the processor's own
+    /// Prefetches positions and triangles of the next tile meanwhile. For each cache line of positions there, `fetch` gets
+    /// the index of one pixel, to prefetch more. The rows of a tile are short and too far apart for the processor's own
     /// prefetcher.
     #[inline(always)]
     pub(super) fn collect<S: Simd, T: Tracer, C: Coverage>(
@@ -105,7 +105,7 @@ impl VisiblePixels {
     }
 }
 
-/// The sixteen entries of a list from `first`, a multiple of sixteen, on.
+/// The sixteen entries of a list that start at `first`, a multiple of sixteen.
 #[inline(always)]
 fn chunk<V>(list: &[V; PIXELS], first: usize) -> &[V; PACKET] {
     let (chunks, _) = list.as_chunks();

@@ -1,4 +1,4 @@
-//! What a worker keeps from pixel to pixel.
+//! Buffers and counts that a worker keeps from pixel to pixel.
 
 use super::deferred_shadows;
 use super::sun::DiscRays;
@@ -16,7 +16,7 @@ pub struct Workspace {
     pub place: usize,
     /// Results that were computed for the tile's pixels before their turn.
     pub surfaces: TileSurfaces,
-    /// The same for a tile of the shadow program.
+    /// Such results for a tile of the shadow program.
     pub(super) shadows: deferred_shadows::Tile,
     pub(super) disc: DiscRays,
     pub(super) directions: Directions,

@@ -1,4 +1,4 @@
-//! Glass as its materials say (`glass=auto`), after `docs/glass.md`: light is followed back through bodies, walls and panes.
+//! Glass by the rules of its materials (`glass=auto`), after `docs/glass.md`: light is followed back through bodies, walls and panes.
 
 use super::facets::Facet;
 use super::glass::BOUNCE;
@@ -12,57 +12,57 @@ use super::world::Surface;
 use curitiba_pipeline::glass::{Dielectric, Shape};
 use glam::{DVec2, DVec3};
 
-/// Surfaces of glass on a path, at most.
+/// Greatest number of glass surfaces on a path.
 const MOST_SURFACES: u32 = 128;
 /// Facets of the first rough surface of a path, along each side of the unit square.
 const FACETS: u32 = 2;
 /// Wavelengths into which a path is divided.
 const WAVELENGTHS: u32 = 8;
-/// Number of the first of the branches that are neither the reflected nor the refracted one.
+/// Number of the first branch that is neither the reflected nor the refracted one.
 const DIVIDED: u64 = 2;
 
 /// A path that has come to a surface.
 #[derive(Debug, Clone)]
 struct Path {
-    /// The bodies before the surface.
+    /// The bodies in front of the surface.
     bodies: Bodies,
-    /// Surfaces of glass before.
+    /// Number of glass surfaces met before.
     surfaces: u32,
-    /// How often it was divided in two.
+    /// How often the path was divided in two.
     splits: u32,
     /// The wavelength of its light, nanometres; `None` until a body has bent colours apart.
     wavelength: Option<f64>,
-    /// Whether it has met a rough surface.
+    /// Whether the path has met a rough surface.
     is_scattered: bool,
-    /// Its share of the sample, at most.
+    /// Upper bound on the path's share of the sample.
     weight: f64,
     key: u64,
 }
 
-/// A way on from a surface.
+/// A continuation of a path from a surface.
 #[derive(Debug, Clone)]
 struct Way {
     direction: DVec3,
-    /// What its light counts, by colour.
+    /// Weight of its light, by colour.
     share: DVec3,
     bodies: Bodies,
     /// Number of the branch: 0 where it is reflected.
     branch: u64,
 }
 
-/// A part of a path's light at the surface of a body.
+/// A part of the light of a path at the surface of a body.
 #[derive(Debug, Clone, Copy)]
 struct Part {
     /// Weight of its light by colour.
     weight: DVec3,
     wavelength: Option<f64>,
-    /// The index behind over that before.
+    /// The refractive index behind the surface over the index in front of it.
     ratio: f64,
     /// Number of its branch.
     branch: u64,
 }
 
-/// Where the surface of a body sends light: each with the share of it that no other facet stops.
+/// Where the surface of a body sends light: each direction with the share of its light that no other facet blocks.
 #[derive(Debug, Clone, Copy)]
 struct Onward {
     /// Share that is reflected; the rest enters.
@@ -73,7 +73,7 @@ struct Onward {
 }
 
 impl Sample<'_, '_> {
-    /// What glass shows that the camera sees, as its material says.
+    /// The colour of glass that the camera sees, by the rules of its material.
     pub(super) fn of_material(&self, pass: &Traced<'_>, surface: &Surface) -> DVec3 {
         let origin = self.ray.origin;
         let path = Path {
@@ -101,7 +101,7 @@ impl Walk<'_> {
         &self.pass.look.dielectrics[surface.material]
     }
 
-    /// What a surface of glass shows to a path that comes in this direction.
+    /// The light that a surface of glass sends back along a path with this direction.
     fn glass(&self, surface: &Surface, direction: DVec3, path: Path) -> DVec3 {
         if path.surfaces >= MOST_SURFACES {
             return DVec3::ZERO;
@@ -115,7 +115,7 @@ impl Walk<'_> {
         }
     }
 
-    /// The mean over the facets that a path meets at a surface; where that is smooth there is none.
+    /// The mean of `each` over the facets that a path meets at a surface. At a smooth surface, `each` is called once, without a facet.
     fn over_facets(
         &self,
         surface: &Surface,
@@ -165,7 +165,7 @@ impl Walk<'_> {
         self.split(surface, Some(back), Some(through), &path) + self.veil(surface, wall.transmitted, &path)
     }
 
-    /// The report's pane: after the first surface of a path each one dims it.
+    /// The report's pane. Each surface after the first one of a path dims the light.
     fn pane(&self, surface: &Surface, direction: DVec3, path: &Path) -> DVec3 {
         let onward = self.smooth(surface, direction, f64::from(self.pass.params.index), None);
         let kept = if path.surfaces > 0 { BOUNCE } else { 1.0 };
@@ -208,7 +208,7 @@ impl Walk<'_> {
         })
     }
 
-    /// The parts of a path's light, of a wavelength each: one of each of as many equal parts of the spectrum.
+    /// Divides the light of a path into parts of one wavelength each, one from each of as many equal parts of the spectrum.
     fn wavelengths<'p>(
         &self,
         path: &Path,
@@ -223,7 +223,8 @@ impl Walk<'_> {
         })
     }
 
-    /// The surface of a body, for these parts of the light. Each part that enters goes on by itself; what is reflected stays together.
+    /// The light from the surface of a body, for these parts of the light. Each part that enters is followed by itself; reflected parts with one
+    /// direction are followed together.
     fn bent(
         &self,
         surface: &Surface,
@@ -245,7 +246,7 @@ impl Walk<'_> {
             if let Some((direction, _)) = onward.through.filter(|_| share != DVec3::ZERO) {
                 let divides = reflected != DVec3::ZERO;
                 if !both {
-                    // Beyond the depth light goes through, with the weight of both.
+                    // Beyond the depth, the path is not divided: the refracted way gets the weight of both.
                     (reflected, share) = (DVec3::ZERO, share + reflected);
                 }
                 let own = Path { wavelength: part.wavelength, ..path.clone() };
@@ -270,8 +271,8 @@ impl Walk<'_> {
         color + self.veil(surface, entering, path)
     }
 
-    /// Where the surface of a body, or of the report's pane, sends light; `ratio` is the index behind over that before. By a facet, what would
-    /// go to the wrong side is lost.
+    /// Where the surface of a body, or of the report's pane, sends light; `ratio` is the index behind it over the index in front of it. Light that
+    /// a facet sends to the wrong side is lost.
     fn smooth(
         &self,
         surface: &Surface,
@@ -304,7 +305,7 @@ impl Walk<'_> {
         Onward { share: interface.share, back, through: refracted.map(|way| (way, 1.0)) }
     }
 
-    /// What a surface scatters back with its diffuse colour of the light that enters.
+    /// The part of the entering light that a surface scatters back with its diffuse colour.
     fn veil(&self, surface: &Surface, entering: DVec3, path: &Path) -> DVec3 {
         let look = &self.pass.look;
         let veil = look.veil(self.sample.world, surface);
@@ -314,13 +315,13 @@ impl Walk<'_> {
         veil * entering * self.lit(surface, path)
     }
 
-    /// The colour of a surface in its light.
+    /// The lit colour of a surface.
     fn lit(&self, surface: &Surface, path: &Path) -> DVec3 {
         let color = self.pass.look.met_color(self.sample.world, surface);
         self.sample.in_light(self.pass, color, surface, (surface.facing, false), (path.weight, path.key))
     }
 
-    /// Both ways on, or beyond the depth the one through the surface with the weight of both.
+    /// Follows both ways; beyond the depth, only the way through the surface, with the weight of both.
     fn split(&self, from: &Surface, back: Option<Way>, through: Option<Way>, path: &Path) -> DVec3 {
         let counts = |way: &Way| way.share != DVec3::ZERO;
         match (back.filter(counts), through.filter(counts)) {
@@ -335,7 +336,7 @@ impl Walk<'_> {
         }
     }
 
-    /// What a way adds to the colour; the path is divided so many times more.
+    /// What a way adds to the colour. `splits` is added to the number of divisions of the path.
     fn follow(&self, from: &Surface, way: Way, path: &Path, splits: u32) -> DVec3 {
         let path = Path {
             bodies: way.bodies,
@@ -348,7 +349,7 @@ impl Walk<'_> {
         way.share * self.arriving(from, way.direction, path)
     }
 
-    /// What arrives at a surface from a direction.
+    /// The light that arrives at a surface from a direction.
     fn arriving(&self, at: &Surface, direction: DVec3, path: Path) -> DVec3 {
         let (world, look) = (self.sample.world, &self.pass.look);
         let origin = world.leaving(at, direction);

@@ -7,7 +7,7 @@ use std::f64::consts::TAU;
 use std::iter::Sum;
 use std::ops::Div;
 
-/// Directions to the disc of a light that a sample takes at a point.
+/// Number of directions to the disc of a light that a sample takes at a point.
 const DIRECTIONS: u32 = 4;
 
 /// The discs of a pass's directional lights, as a sample sees them from a point.
@@ -22,7 +22,7 @@ pub(super) struct Discs {
 }
 
 impl Discs {
-    /// Those of a pass; `None` where its lights are points.
+    /// The discs of a pass; `None` where its lights are points.
     pub fn of(pass: &Traced<'_>, key: u64, index: u32) -> Option<Self> {
         if pass.program.info().sun_samples(&pass.params) == 0 {
             return None;

@@ -9,7 +9,7 @@ use std::f64::consts::TAU;
 /// A microfacet that a viewer sees.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Facet {
-    /// Its unit normal.
+    /// Unit normal of the facet.
     pub normal: DVec3,
     /// Unit normal of the interface, on the viewer's side.
     mean: DVec3,
@@ -20,9 +20,9 @@ pub(super) struct Facet {
 }
 
 impl Facet {
-    /// The one that a uniform point of the unit square chooses among those that the viewer sees: the interface is stretched until its
-    /// width is 1, where the visible normals are those of a half sphere that the viewer sees, which is projected from two half discs (Heitz, "Sampling the GGX
-    /// Distribution of Visible Normals", JCGT 7(4), 2018).
+    /// The facet that a uniform point of the unit square chooses among those that the viewer sees. The interface is stretched until its width
+    /// is 1. Its visible normals are then those of a half sphere, which the viewer sees as two half discs (Heitz, "Sampling the GGX Distribution
+    /// of Visible Normals", JCGT 7(4), 2018).
     pub fn seen(width: f64, mean: DVec3, direction: DVec3, point: DVec2) -> Self {
         let (tangent, bitangent) = mean.any_orthonormal_pair();
         let to_viewer = DVec3::new(-direction.dot(tangent), -direction.dot(bitangent), (-direction.dot(mean)).max(0.0));
@@ -40,8 +40,8 @@ impl Facet {
         Self { normal, mean, width, masked: smith(width, to_viewer.z) }
     }
 
-    /// The share of what it sends in a direction that no other facet stops, given that the viewer sees it: of masking and shadowing with
-    /// correlated heights after Smith.
+    /// Of the light that the facet sends in a direction, the share that no other facet blocks, given that the viewer sees this facet: Smith's
+    /// masking and shadowing with correlated heights.
     pub fn passes(&self, direction: DVec3) -> f64 {
         (1.0 + self.masked) / (1.0 + self.masked + smith(self.width, direction.dot(self.mean).abs()))
     }
@@ -52,14 +52,14 @@ impl Facet {
         if mean * flat > 0.0 { flat.signum() } else { 0.0 }
     }
 
-    /// Where a wall's facet sends what it mirrors, and what passes: the mirror image of that behind the wall.
+    /// The directions in which a facet of a wall sends reflected and transmitted light. The second is the mirror image of the first behind the wall.
     pub fn of_wall(&self, direction: DVec3) -> [DVec3; 2] {
         let back = mirrored(direction, self.normal);
         [back, mirrored(back, self.mean)]
     }
 }
 
-/// Smith's auxiliary function of GGX for a direction of this cosine with the mean normal.
+/// Smith's auxiliary function of GGX, for a direction with this cosine to the mean normal.
 fn smith(width: f64, cosine: f64) -> f64 {
     let cosine = cosine.clamp(1e-9, 1.0);
     let slope = width * width * (1.0 / (cosine * cosine) - 1.0);
@@ -71,8 +71,8 @@ mod tests {
     use super::super::points::{Points, Purpose};
     use super::*;
 
-    /// The density of visible normals is D(m) max(0, v m) G1(v) / cos v, with GGX's D; its mean of a function by a sum over the half
-    /// sphere.
+    /// The density of visible normals is D(m) max(0, v m) G1(v) / cos v, with GGX's D. Returns the mean of a function under this density, by a sum
+    /// over the half sphere.
     fn by_density(width: f64, viewer: DVec3, of: impl Fn(DVec3) -> f64) -> f64 {
         const STEPS: usize = 1500;
         let (mut sum, mut whole) = (0.0, 0.0);

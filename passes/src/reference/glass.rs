@@ -29,7 +29,7 @@ impl Sample<'_, '_> {
         DVec3::ZERO
     }
 
-    /// The colour of glass in a direction after so many bounces: reflected and refracted colours by their shares.
+    /// The colour of glass in a direction after `bounces` bounces: the reflected and the refracted colour, by their shares.
     pub(super) fn pane(
         &self,
         pass: &Traced<'_>,

@@ -55,8 +55,8 @@ pub struct Traced<'a> {
 }
 
 impl Traced<'_> {
-    /// Why the reference renderer cannot compute a pass of this program, and what would help; `None` where it can. `look` is what it sees of the
-    /// materials, and `spheres` are those of the scene.
+    /// Why the reference renderer cannot compute a pass of this program, and what would help; `None` where it can. `look` is how the pass sees
+    /// the materials, and `spheres` are those of the scene.
     #[must_use]
     pub fn unsupported(program: RayProgram, params: &RayParams, look: &Look<'_>, spheres: &[Sphere]) -> Option<String> {
         let known = [
@@ -72,7 +72,7 @@ impl Traced<'_> {
             return Some(format!("`{}`, whose rays start at the camera, has no reference of its picture", info.stem));
         }
         let is_ruled = matches!(params.shadow, GlassShadow::Straight | GlassShadow::Caustic) && info.reads("shadow");
-        // Without glass on its way light has no rule to follow.
+        // The rule matters only where light may pass glass.
         if !(is_ruled && look.shadow_glass.contains(&true)) {
             return None;
         }
@@ -103,14 +103,14 @@ pub enum Value<'a> {
     Drawn,
     /// The result of a ray pass, and the colour that the pass reads; black if it reads none.
     Traced(Box<Traced<'a>>, Box<Value<'a>>),
-    /// The first value times the `x` of the second, or by colour where that is the share of [several lights](Value::is_colored).
+    /// The first value times the `x` of the second, or channel by channel where the second is the share of [several lights](Value::is_colored).
     Product(Box<Value<'a>>, Box<Value<'a>>),
     /// A value as the format of a target holds it: byte formats clamp it to 0..1. It is not rounded.
     Held(PixelFormat, Box<Value<'a>>),
 }
 
 impl Value<'_> {
-    /// Whether it is a share of light that differs by colour.
+    /// Whether the value is a share of light that differs by colour.
     #[must_use]
     pub fn is_colored(&self) -> bool {
         match self {

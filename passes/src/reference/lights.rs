@@ -1,4 +1,4 @@
-//! Several lights, and lights with a place: what arrives of them, and what their shadows leave.
+//! Several lights, and lights with a place: the light that arrives from them, and the share that their shadows leave.
 
 use super::disc::{self, Discs};
 use super::job::Look;
@@ -56,10 +56,10 @@ impl Look<'_> {
         self.lights.iter().map(each).fold(0.0, f64::max)
     }
 
-    /// What shadows leave of a surface's colour, on a side: ambient light and the light that arrives, divided by ambient light and the
-    /// light that would arrive. `is_seen` says whether the camera sees the surface itself. `passes` is the share of a light that comes along a
-    /// ray, of this origin and direction, from this distance; hits that `stops` are in its way between a triangle and the round surface that
-    /// it stands for. Of a light with a disc the part arrives that is seen.
+    /// The share of a surface's colour, on a side, that shadows leave: ambient light and arriving light, divided by ambient light and the light
+    /// without shadows. `is_seen` says whether the camera itself sees the surface. `passes` returns the share of a light that arrives along a ray
+    /// (origin and direction) from a distance. Hits for which `stops` is true block the way from a triangle to the round surface that it stands
+    /// for. A light with a disc counts by the part of its disc that is visible.
     pub(super) fn share_of_lights(
         &self,
         (world, discs): (&World<'_>, Option<Discs>),
@@ -69,7 +69,7 @@ impl Look<'_> {
         passes: impl Fn((DVec3, DVec3), f64) -> DVec3,
     ) -> DVec3 {
         let (mut whole, mut left) = (DVec3::ZERO, DVec3::ZERO);
-        // The part of a light from a direction that nothing takes away.
+        // The unblocked share of a light from a direction.
         let part = |light: &Light, towards: DVec3| {
             let Some(origin) = self.start_to_light(world, surface, (facing, towards), &stops) else {
                 return DVec3::ZERO;
@@ -107,7 +107,7 @@ impl Look<'_> {
         DVec3::from([0, 1, 2].map(share))
     }
 
-    /// [`Self::share_of_lights`] in `final`, where `passes` tells what glass leaves of light.
+    /// [`Self::share_of_lights`] in `final`, where `passes` returns the share of light that glass leaves.
     pub(super) fn lights_in_final(
         &self,
         (world, discs): (&World<'_>, Option<Discs>),

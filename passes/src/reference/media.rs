@@ -5,7 +5,7 @@ use super::world::World;
 use curitiba_pipeline::glass::{Dielectric, Shape};
 use glam::DVec3;
 
-/// Surfaces on the line that finds the bodies around a point, at most.
+/// Greatest number of surfaces on the line that finds the bodies around a point.
 const MOST_ON_LINE: u32 = 100_000;
 
 /// The materials of the bodies, in the order in which a path entered them. There may be any number.
@@ -19,14 +19,14 @@ pub(super) struct Border {
     pub after: Bodies,
     /// The materials that fill the place before and behind; `None` for air.
     pub sides: [Option<usize>; 2],
-    /// Whether the surface is seen: another body may fill the place on both sides.
+    /// Whether the surface is visible; it is not where another body fills the place on both sides.
     pub is_seen: bool,
 }
 
 impl Bodies {
-    /// Place in the list of the body that fills the point: of those of the highest priority the one entered last.
+    /// Place in the list of the body that fills the point: of the bodies with the highest priority, the one entered last.
     fn place(&self, table: &[Dielectric]) -> Option<usize> {
-        // Of equal values the last one is the greatest.
+        // Of several greatest values, `max_by_key` returns the last.
         (0..self.0.len()).max_by_key(|place| table[self.0[*place]].priority)
     }
 
@@ -35,7 +35,8 @@ impl Bodies {
         self.place(table).map(|place| self.0[place])
     }
 
-    /// What a path finds that enters or leaves a body. Who leaves a body that is not known to have been entered was in it.
+    /// The border that a path crosses when it enters or leaves a body. If a path leaves a body that it is not known to have entered, it was
+    /// inside that body before.
     pub fn cross(&self, table: &[Dielectric], material: usize, enters: bool) -> Border {
         let with = |list: &Self| Self([&list.0[..], &[material]].concat());
         let known = self.0.iter().rposition(|body| *body == material);
@@ -53,7 +54,7 @@ impl Bodies {
         Border { sides: [before.fills(table), after.fills(table)], after, is_seen }
     }
 
-    /// The bodies at the start of a line, of which all crossings are given in their order, as material and whether the line enters there.
+    /// The bodies at the start of a line, from all its crossings in order: the material, and whether the line enters there.
     pub fn at_start(crossings: impl IntoIterator<Item = (usize, bool)>) -> Self {
         let (mut entered, mut left) = (Vec::new(), Vec::new());
         for (material, enters) in crossings {
@@ -70,7 +71,7 @@ impl Bodies {
         Self(left)
     }
 
-    /// Those around a point.
+    /// The bodies around a point.
     pub fn around(world: &World<'_>, look: &Look<'_>, point: DVec3) -> Self {
         let is_solid = |material: usize| look.dielectrics[material].shape == Shape::Solid;
         if !look.dielectrics.iter().any(|dielectric| dielectric.shape == Shape::Solid) {

@@ -17,8 +17,9 @@
 //! | program | here |
 //! |---|---|
 //! | `deferredShadows`, `reflection`, `refraction`, `ssao`, `final`, `dummy` | as in corrected fidelity |
-//! | glass as its materials say | as `docs/glass.md` describes it, all ways of it: four facets of the first rough surface and eight wavelengths a sample; limits that trade light for time do not count |
-//! | exact spheres | met themselves |
+//! | `glass=auto` | as in `docs/glass.md`, on all paths, without the limits that trade light for time |
+//! | samples of `glass=auto` | four facets of the first rough surface, and eight wavelengths |
+//! | exact spheres | intersected directly |
 //! | soft shadows | four directions to the disc of a light for a sample; its sequence continues from sample to sample |
 //! | rays from the camera, light that exact spheres focus (`shadow=caustic`) | [not known](Traced::unsupported) |
 //!

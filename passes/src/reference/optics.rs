@@ -16,7 +16,7 @@ pub(super) fn interface_normal(surface: &Surface, direction: DVec3) -> DVec3 {
     if usable { surface.normal } else { surface.facing }
 }
 
-/// What an interface does with unpolarised light that comes at an angle.
+/// The effect of an interface on unpolarised light at an angle of incidence.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Interface {
     /// Share of the light that is reflected.
@@ -26,8 +26,8 @@ pub(super) struct Interface {
 }
 
 impl Interface {
-    /// That of Fresnel and Snell for a cosine of the angle of incidence. `index` is the refractive index of the far side over that
-    /// of the near side.
+    /// The interface by the laws of Fresnel and Snell, for a cosine of the angle of incidence. `index` is the refractive index of the far side
+    /// over that of the near side.
     pub fn new(cosine: f64, index: f64) -> Self {
         let near = cosine.clamp(0.0, 1.0);
         // Squared sine of the refracted angle, by Snell's law.
@@ -41,7 +41,7 @@ impl Interface {
         Self { share: (across * across + parallel * parallel) / 2.0, inner: Some(far) }
     }
 
-    /// That of a material, which may have a reflectance of its own where reflection is not total.
+    /// The interface of a material, which may have a reflectance of its own where reflection is not total.
     pub fn of(dielectric: &Dielectric, cosine: f64, index: f64) -> Self {
         let fresnel = Self::new(cosine, index);
         let (Some(own), Some(inner)) = (dielectric.reflectance, fresnel.inner) else { return fresnel };
@@ -65,13 +65,13 @@ pub(super) fn split(direction: DVec3, normal: DVec3, index: f64) -> (f64, Option
     (interface.share, interface.refracted(direction, normal, index))
 }
 
-/// What light keeps over a length, by colour, by Beer's law. Where nothing is absorbed it is 1 for any length.
+/// The transmittance of a length, by colour, by Beer's law. Where nothing is absorbed it is 1 for any length.
 pub(super) fn kept(dielectric: &Dielectric, length: f64) -> DVec3 {
     let of = |extinction: f32| if extinction > 0.0 { (-f64::from(extinction) * length).exp() } else { 1.0 };
     DVec3::from(dielectric.extinction.to_array().map(of))
 }
 
-/// What a wall with two parallel faces reflects and transmits, by colour.
+/// The shares of light that a wall with two parallel faces reflects and transmits, by colour.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Wall {
     /// Share reflected.
@@ -81,7 +81,7 @@ pub(super) struct Wall {
 }
 
 impl Wall {
-    /// The sum over all reflections between the faces, of which each reflects the share of `face`. Light that crosses the wall once, and does
+    /// The sum over all reflections between the faces, each of which reflects the share of `face`. Light that crosses the wall once, and does
     /// not return, is `(1 - R)^2 a`; each pair of reflections inside adds a factor of `R^2 a^2`.
     pub fn new(dielectric: &Dielectric, face: &Interface) -> Self {
         let Some(inner) = face.inner.filter(|_| face.share < 1.0) else {

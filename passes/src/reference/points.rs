@@ -63,7 +63,7 @@ impl Points {
     }
 }
 
-/// A random point of the unit square. Those of two numbers are independent, as those of two keys and of two purposes are.
+/// A random point of the unit square. Points of different numbers, keys or purposes are independent.
 pub(super) fn random(key: u64, purpose: Purpose, number: u32) -> DVec2 {
     let bits = mix(mix(key ^ mix(purpose as u64)) ^ u64::from(number));
     DVec2::new((bits >> 32) as f64 + 0.5, (bits & 0xffff_ffff) as f64 + 0.5) / 4_294_967_296.0

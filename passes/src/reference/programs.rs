@@ -13,7 +13,7 @@ use glam::{DVec2, DVec3, DVec4};
 
 /// Occlusion directions in each of the two batches, at a point that is seen directly.
 const DIRECTIONS: u32 = 8;
-/// The same number at points behind glass whose weight in the pixel is below one half.
+/// As [`DIRECTIONS`], at points behind glass whose weight in the pixel is below one half.
 const FEW_DIRECTIONS: u32 = 4;
 
 /// A sample of a pixel, shared by all passes.
@@ -124,8 +124,8 @@ impl<'w, 's> Sample<'w, 's> {
         }
     }
 
-    /// What is left, by colour, of the light from a surface that the camera sees. With glass as its materials say the medium around the camera
-    /// reaches up to that surface, since no border of a body comes before it.
+    /// The transmittance, by colour, from a surface that the camera sees to the camera. With `glass=auto`, the medium around the camera reaches
+    /// up to that surface, since no border of a body comes before it.
     fn kept_on_sight(&self, pass: &Traced<'_>, surface: &Surface) -> DVec3 {
         let (look, origin) = (&pass.look, self.ray.origin);
         if !look.absorbs() {
@@ -134,8 +134,8 @@ impl<'w, 's> Sample<'w, 's> {
         look.kept_in(&Bodies::around(self.world, look, origin), surface.position.distance(origin))
     }
 
-    /// In `final`, the colour times its light share (on the side of normal `facing`, of what the camera sees itself or of what a ray meets) and its occlusion; in other
-    /// programs the colour itself.
+    /// In `final`, the colour times its light share and its occlusion; in other programs the colour itself. The light share is that of the side of
+    /// normal `facing`; `is_seen` says whether the camera itself sees the surface, or a ray meets it.
     pub(super) fn in_light(
         &self,
         pass: &Traced<'_>,

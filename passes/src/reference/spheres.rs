@@ -7,16 +7,16 @@ use glam::DVec3;
 /// Memory of a sphere in the tree, bytes.
 pub(super) const BYTES_PER_SPHERE: u64 = 200;
 
-/// Spheres of a leaf, at most.
+/// Greatest number of spheres in a leaf.
 const LEAF: usize = 4;
-/// By how much a box is larger than its spheres, relative to their coordinates: far more than rounding, so that the tree decides nothing.
+/// By how much a box is larger than its spheres, relative to their coordinates: far more than rounding, so that the tree affects no answer.
 const SLACK: f64 = 1.0e-9;
 
 /// A binary tree, halved by the order of the centres along the longest side.
 #[derive(Debug)]
 pub(super) struct Spheres {
     nodes: Vec<Node>,
-    /// With their ids.
+    /// The spheres with their ids.
     spheres: Vec<(u32, Sphere)>,
 }
 
@@ -31,7 +31,7 @@ struct Node {
 }
 
 impl Spheres {
-    /// All spheres of a scene.
+    /// The tree over all spheres of a scene.
     pub fn build(geometry: &Geometry) -> Self {
         let first = geometry.triangles.len() as u32;
         let mut spheres: Vec<(u32, Sphere)> = (first..).zip(geometry.spheres.iter().copied()).collect();
@@ -42,7 +42,7 @@ impl Spheres {
         Self { nodes, spheres }
     }
 
-    /// The nearest hit that `accept` accepts; of hits at one distance that of the lowest id.
+    /// The nearest hit that `accept` accepts; of hits at one distance, the one with the lowest id.
     pub fn first(&self, ray: &DoubleRay, mut accept: impl FnMut(&DoubleHit) -> bool) -> Option<DoubleHit> {
         let mut best: Option<DoubleHit> = None;
         self.walk(ray, |hit| {
@@ -55,7 +55,7 @@ impl Spheres {
         best
     }
 
-    /// Whether there is a hit that `stops`.
+    /// Whether there is a hit for which `stops` returns true.
     pub fn any(&self, ray: &DoubleRay, mut stops: impl FnMut(&DoubleHit) -> bool) -> bool {
         let mut blocked = false;
         self.walk(ray, |hit| {
@@ -124,7 +124,7 @@ fn crossed(sphere: &Sphere, ray: &DoubleRay) -> [Option<f64>; 2] {
     [Some(middle - half), Some(middle + half)]
 }
 
-/// Adds the nodes of these spheres, the first of which has this index.
+/// Adds the nodes over these spheres; the first sphere has the index `first`.
 fn divide(spheres: &mut [(u32, Sphere)], first: usize, nodes: &mut Vec<Node>) {
     let of = |sphere: &Sphere| (sphere.center.as_dvec3(), f64::from(sphere.radius));
     let (mut low, mut high) = (DVec3::INFINITY, DVec3::NEG_INFINITY);
@@ -158,7 +158,7 @@ mod tests {
         (*number >> 11) as f64 / (1_u64 << 53) as f64
     }
 
-    /// The squared distance from the centre along a ray is a parabola: its places at the radius by the formula for quadratic equations.
+    /// The squared distance from the centre along a ray is a parabola; the quadratic formula gives the places where it is the squared radius.
     fn by_formula(geometry: &Geometry, ray: &DoubleRay) -> Vec<(f64, u32)> {
         let mut found = Vec::new();
         for (sphere, id) in geometry.spheres.iter().zip(0..) {

@@ -60,11 +60,11 @@ impl Look<'_> {
         light * self.kept_in(&bodies, reach - from)
     }
 
-    /// The share of straight light that a surface lets pass; `bodies` are those before it, and then those behind it.
+    /// The share of straight light that a surface lets pass. `bodies` are those in front of it, and on return those behind it.
     fn straight_at(&self, world: &World<'_>, surface: &Surface, direction: DVec3, bodies: &mut Bodies) -> DVec3 {
         let dielectric = &self.dielectrics[surface.material];
         let cosine = surface.vertex.try_normalize().unwrap_or(surface.flat).dot(direction).abs();
-        // The angle is that on the side of the lower index: the way inside is no refracted one.
+        // The angle is the one on the side of the lower index, since straight light is not refracted.
         let face = |ratio: f64| Interface::of(dielectric, cosine, ratio.max(1.0 / ratio));
         match dielectric.shape {
             Shape::Solid => {
@@ -85,7 +85,7 @@ impl Look<'_> {
         }
     }
 
-    /// The index of what fills a place; 1 for air.
+    /// The refractive index of what fills a place; 1 for air.
     pub(super) fn index_in(&self, material: Option<usize>, wavelength: Option<f64>) -> f64 {
         material.map_or(1.0, |material| index(&self.dielectrics[material], wavelength))
     }
@@ -97,7 +97,7 @@ impl Look<'_> {
         self.dielectrics.iter().any(absorbs)
     }
 
-    /// What light keeps over a length in these bodies.
+    /// The transmittance of a length in these bodies, by colour.
     pub(super) fn kept_in(&self, bodies: &Bodies, length: f64) -> DVec3 {
         bodies.fills(self.dielectrics).map_or(DVec3::ONE, |material| kept(&self.dielectrics[material], length))
     }
@@ -108,14 +108,14 @@ impl Look<'_> {
         Some((texture, world.texel(texture, world.texcoord(surface.triangle, surface.weights))))
     }
 
-    /// The share of light that a surface scatters back of what enters.
+    /// The share of the entering light that a surface scatters back.
     pub(super) fn veil(&self, world: &World<'_>, surface: &Surface) -> f64 {
         let dielectric = &self.dielectrics[surface.material];
         let clear = self.texel_at(world, surface, dielectric.transmission_texture).map_or(1.0, |(_, texel)| texel.x);
         1.0 - (1.0 - f64::from(dielectric.veil)) * clear
     }
 
-    /// The share of light that a surface lets pass of what is not reflected, by colour.
+    /// The transmittance of a surface, by colour, for the light that it does not reflect.
     pub(super) fn filter(&self, world: &World<'_>, surface: &Surface) -> DVec3 {
         let dielectric: &Dielectric = &self.dielectrics[surface.material];
         let geometry = &world.scene.geometry;

@@ -24,7 +24,7 @@ struct Stage {
     dielectrics: Vec<Dielectric>,
     sun: Option<Sun>,
     lights: Vec<Light>,
-    /// What rays show that leave the scene.
+    /// Colour of rays that leave the scene.
     beyond: DVec3,
 }
 
@@ -239,7 +239,7 @@ fn a_disc_throws_the_penumbra_of_the_part_that_is_seen() {
     stage.quad(Vec3::splat(0.3), Vec3::new(48.0, -8.0, 6.0), Vec3::X * 40.0, Vec3::Y * 40.0);
     let sun = Sun { direction: Vec3::NEG_Z, color: Vec3::splat(0.7) };
     let params = |sun| RayParams { sun, sun_samples: 1, samples: 0, ..RayParams::default() };
-    // Of ambient light 0.3 and a light of 0.7 a point without that has 0.3.
+    // Ambient light is 0.3 and the light adds 0.7: a point without the light has 0.3.
     let share = |dark: f64, degrees: f64| {
         let table: Vec<f64> = (0..=512).map(|step| seen_beside_an_edge(degrees, f64::from(step) / 64.0)).collect();
         let lit = move |seen: f64| dark + (1.0 - dark) * seen;

@@ -35,11 +35,11 @@ pub(super) struct Surface {
     pub position: DVec3,
     /// Barycentric weights of a triangle's corners.
     pub weights: [f64; 3],
-    /// Unit normal of the counter-clockwise side; of a sphere the outward one, as the next two.
+    /// Unit normal of the counter-clockwise side. For a sphere, this and the next two normals point outwards.
     pub flat: DVec3,
     /// The interpolated vertex normal, neither turned nor of unit length; 0 where there is none.
     pub vertex: DVec3,
-    /// That normal bent by the normal map, as a unit vector and not turned; 0 where it has cancelled.
+    /// The vertex normal bent by the normal map, as a unit vector and not turned; 0 where it has cancelled.
     pub shading: DVec3,
     /// Unit normal of the triangle, turned to the viewer's side.
     pub facing: DVec3,
@@ -127,13 +127,13 @@ impl<'a> World<'a> {
         self.spheres.first(&before, accept).or(hit)
     }
 
-    /// The nearest hit with a surface, from an origin off its own surface.
+    /// The nearest hit with a surface, from an origin that is off the surface that the ray leaves.
     pub fn closest(&self, shades: &[Shade], origin: DVec3, direction: DVec3) -> Option<DoubleHit> {
         let ray = DoubleRay { origin, direction, t_min: 0.0, t_max: f64::INFINITY };
         self.first(&ray, |hit| self.covers(shades, hit))
     }
 
-    /// Whether a hit blocks the way; of spheres, and where the material needs it, `stops` decides.
+    /// Whether a hit blocks the way. For spheres, and where the material needs it, `stops` decides.
     pub fn is_blocked(
         &self,
         origin: DVec3,

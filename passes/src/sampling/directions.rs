@@ -13,7 +13,7 @@ const BLOCK: usize = 16;
 /// the plane of `above`. `above` is a reference: a copy would be read as a whole just after its parts were written, which stalls some
 /// processors.
 ///
-/// Never inlined: programs are generic, and each would have a copy of this for processors without AVX2.
+/// Never inlined: programs are generic, and each would contain a copy for processors without AVX2.
 #[inline(never)]
 pub(super) fn fill(
     points: &[[u32; 2]],

@@ -15,7 +15,7 @@ pub const PATHS: u32 = u32::MAX - 3;
 /// Counter of [`dimensions`] for random decisions on paths in glass (Russian roulette).
 pub const ROULETTE: u32 = 1 << 31;
 
-/// Counter of [`dimensions`] for the part of the spectrum that a way in glass has.
+/// Counter of [`dimensions`] for the part of the spectrum that a path in glass carries.
 pub const SPECTRUM: u32 = ROULETTE + 1;
 
 /// Counter of [`dimensions`] for the order of the points that choose microfacets.
@@ -24,10 +24,10 @@ pub const FACET_ORDER: u32 = ROULETTE + 2;
 /// Counter of [`dimensions`] for the place on a body's disc where a photon starts.
 pub const PHOTON_PLACE: u32 = ROULETTE + 3;
 
-/// Counter of [`dimensions`] for the direction of a photon; that before it is for the order of these directions.
+/// Counter of [`dimensions`] for the direction of a photon; the counter before it is for the order of these directions.
 pub const PHOTON_DIRECTION: u32 = ROULETTE + 5;
 
-/// Counter of [`dimensions`] for the way on of a photon.
+/// Counter of [`dimensions`] for how a photon continues at a surface.
 pub const PHOTON_WAY: u32 = ROULETTE + 6;
 
 /// Branch of [`path_key`] for the second half of a pixel's sample.
@@ -36,7 +36,8 @@ pub const HALF: u32 = 1 << 30;
 /// Branch of [`path_key`] for the first of a pass's lights; the others follow. The first light has the pixel's own key.
 pub const LIGHTS: u32 = 1 << 29;
 
-/// Last word of the input of [`pixel_key`]. Each purpose has its own last word, so no input is hashed for two purposes.
+/// Last word of the input of [`pixel_key`]. Purposes with different last words never hash the same input; only [`OCCLUSION`] and [`PHOTON`]
+/// share one.
 pub const PIXEL: u32 = 0;
 /// Last word of the input of [`path_key`].
 pub const PATH: u32 = 1;
@@ -76,10 +77,10 @@ pub fn pixel_key(x: u32, y: u32, seed: u32) -> u32 {
     pcg4d([x, y, seed, PIXEL])[3]
 }
 
-/// The key of the photons that are shot at one of a scene's targets, in the `round`-th time that the sequence begins.
+/// The key of the photons that are shot at one of a scene's targets, in run number `round` of the sequence.
 #[must_use]
 pub fn photon_key(target: u32, round: u32, seed: u32) -> u32 {
-    // A word for both: there are few targets, and a round has 2^32 photons.
+    // One word holds both: there are few targets, and a round has 2^32 photons.
     pcg4d([target ^ round.rotate_left(16), seed, 0, PHOTON])[3]
 }
 
@@ -103,7 +104,7 @@ pub fn dimensions(key: u32, counter: u32) -> [u32; 2] {
     [x, y]
 }
 
-/// Four random words of a pixel, all that an occlusion of the screen takes.
+/// Four random words of a pixel: all that screen-space occlusion needs.
 #[must_use]
 #[inline(always)]
 pub fn occlusion_bits(x: u32, y: u32, seed: u32) -> [u32; 4] {

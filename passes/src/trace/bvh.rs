@@ -20,8 +20,8 @@ use glam::Vec3;
 ///   distance, is a function of the ray, the triangle and the bounds of the scene; of equal distances the lowest id wins.
 /// * Triangles with a corner that is not finite, or with an index out of range, are left out. Degenerate triangles are
 ///   kept and never hit. Coordinates above 10¹⁸ overflow the triangle test and are missed.
-/// * The triangles of a sky ([`Geometry::sky`]) are in a tree of their own, which only the search for the nearest hit asks: the nearest
-///   is then that of both, and of equal distances the one that is no sky.
+/// * The triangles of a sky ([`Geometry::sky`]) are in a tree of their own, which only closest-hit queries search. The closest hit is the
+///   nearer of the two trees' hits; of equal distances, the one that is not on the sky.
 /// * Memory is [`Self::bytes`], 65 to 90 bytes a triangle; while it is built, 110 to 160 in all.
 pub struct Bvh {
     pub(crate) tree: WideTree,
@@ -53,8 +53,8 @@ impl Bvh {
         Self::build_until(geometry, transparent, quality, &Progress::default()).expect("nobody asks to give it up")
     }
 
-    /// [`Self::build`] that may be given up, and gives nothing then: between the parts of the work that threads take, but for the
-    /// clustering of the binary tree, which is one piece.
+    /// As [`Self::build`], but may be cancelled; `None` then. Cancellation is checked between the parts of the work that threads take. The
+    /// clustering of the binary tree is a single part.
     ///
     /// # Panics
     /// As [`Self::build`].
@@ -110,7 +110,7 @@ impl Bvh {
         if self.sky.is_some() { self.before_sky(ray, hit, accept) } else { hit }
     }
 
-    /// A hit on the sky if it is nearer than this one.
+    /// The hit on the sky if it is nearer than `hit`, else `hit`.
     #[cold]
     fn before_sky(&self, ray: &Ray, hit: Option<Hit>, accept: &mut dyn FnMut(&Hit) -> bool) -> Option<Hit> {
         let Some(tree) = &self.sky else { return hit };

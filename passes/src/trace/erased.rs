@@ -145,7 +145,7 @@ impl<T: Tracer> DynTracer for T {
 #[derive(Clone, Copy)]
 pub(crate) struct Erased<'a, const SPHERES: bool> {
     tracer: &'a dyn DynTracer,
-    /// [`Tracer::LISTENS`] of that one, so that announcements to others cost a comparison.
+    /// [`Tracer::LISTENS`] of that tracer. If it is false, an announcement costs only a comparison.
     listens: bool,
 }
 

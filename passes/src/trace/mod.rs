@@ -1,13 +1,13 @@
-//! The tracer seam, and the tracers of the processor: effects see rays, hits and [`Tracer`], and nothing of the
+//! The interface between effects and tracers, and the tracers of the processor: effects see rays, hits and [`Tracer`], and nothing of the
 //! acceleration structure.
 //!
 //! * [`Bvh`] is the fast one: watertight (Woop, Benthin and Wald, "Watertight Ray/Triangle Intersection", JCGT 2(1),
 //!   2013), with conservative box tests.
 //! * [`BruteForce`] is the reference that tests compare with.
-//! * [`Double`] gives the same answers as it, fast enough for reference pictures.
-//! * [`WithSpheres`] puts exact spheres ([`SphereTree`]) beside the triangles of another.
+//! * [`Double`] gives the same answers as [`BruteForce`], fast enough for reference pictures.
+//! * [`WithSpheres`] puts exact spheres ([`SphereTree`]) beside the triangles of another tracer.
 //! * [`Recorder`] keeps every ray of a pixel, for people to read.
-//! * [`DynTracer`] is any of them behind a pointer.
+//! * [`DynTracer`] is any tracer behind a pointer.
 //! * [`SurfacePoint`] starts secondary rays so that they do not hit the surface they leave.
 //!
 //! The folders are floors: each uses those below it, never one above it, and the test `layout` fails where that is broken.

@@ -6,7 +6,7 @@
 
 use super::simd::Mask;
 
-/// What is certain of several rays, or of one ray and several triangles: one bit a lane. Lanes in neither mask are undecided.
+/// The certain verdicts on several rays, or on one ray and several triangles: one bit a lane. Lanes in neither mask are undecided.
 pub(crate) struct Verdict {
     pub(crate) hit: Mask,
     pub(crate) miss: Mask,

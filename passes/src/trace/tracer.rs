@@ -34,7 +34,7 @@ impl Purpose {
     }
 }
 
-/// What a program says of the rays that it is about to trace.
+/// Description of the rays that a program is about to trace.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Announcement {
     /// Purpose of the rays.
@@ -62,8 +62,8 @@ pub trait Tracer: Sync {
     /// Whether any accepted hit exists; the order of the search is free.
     fn occluded(&self, ray: &Ray, accept: impl FnMut(&Hit) -> bool) -> bool;
 
-    /// Some accepted hit, where [`Self::occluded`] says that there is one; which of several is the tracer's choice, and always the same. By
-    /// default the nearest.
+    /// An accepted hit; `None` where [`Self::occluded`] is false. Of several hits the tracer may choose any, but always the same. By default it
+    /// is the nearest.
     fn any(&self, ray: &Ray, accept: impl FnMut(&Hit) -> bool) -> Option<Hit> {
         self.closest(ray, accept)
     }
@@ -78,7 +78,7 @@ pub trait Tracer: Sync {
         rays.iter().enumerate().map(bit).sum()
     }
 
-    /// Whether [`Self::announce`] does anything; else nobody need call it.
+    /// Whether [`Self::announce`] does anything; if not, calls may be left out.
     const LISTENS: bool = false;
 
     /// Announces the purpose of the rays that follow. Tracers ignore it, at no cost; a [`Recorder`](super::Recorder) keeps it.

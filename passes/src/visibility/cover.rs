@@ -1,9 +1,9 @@
 //! The proof that the triangles of a pair do not see each other at all.
 //!
-//! Take triangles whose planes have one side of the pair strictly in front and the other strictly behind, and which have no border inside
-//! the shaft: each edge is used by equally many of them in both directions, or lies outside the shaft. When a segment of the pair moves, it
-//! never loses such a surface over a border or over an end of the segment. So all segments cross the surface equally often, and testing one
-//! of them is enough. The surface may be a wall of many triangles, and need not be flat.
+//! Take triangles whose planes have one side of the pair strictly in front and the other strictly behind, and which form a surface without a
+//! border inside the shaft: each edge in the shaft is used as often in one direction as in the other. As a segment of the pair moves, its
+//! crossings with such a surface cannot vanish over a border or over an end of the segment. So all segments cross the surface equally often,
+//! and testing one of them is enough. The surface may be a wall of many triangles, and need not be flat.
 
 use super::shaft::{Blocker, Pair, Shaft};
 use crate::trace::{Detected, Kernel, Simd};

@@ -8,7 +8,8 @@
 //!
 //! 1. [`Class::Never`]: no part of one triangle is in front of the other.
 //! 2. [`Class::Open`]: the shaft, which is the convex hull of both (Haines and Wallace, "Shaft Culling for Efficient Ray-Traced
-//!    Radiosity", 1991), meets no triangle. The form factor is then the contour integral of Sparrow and Lambert.
+//!    Radiosity", 1991), meets no triangle. The form factor then needs no rays: it is a sum by Gauss rules where
+//!    the gap is large enough, else the contour integral of Sparrow and Lambert.
 //! 3. [`Class::Closed`]: a surface without a border inside the shaft crosses it.
 //! 4. [`Class::Sampled`]: everything else. Segments between the triangles, given by four-dimensional points, are tested in `f64` against
 //!    the triangles in the shaft, or traced where those are many.
@@ -21,7 +22,7 @@
 //!   [`Surfaces::duplicates`] counts the copies.
 //! * The points of a pair come from a hash of the seed and of both triangles' corners. Results are equal, bit by bit, for `(a, b)` and
 //!   `(b, a)`, for any number of threads, and for any order of the triangles.
-//! * Triangles are one-sided, as in the source of this module: what leaves the back of one is not counted.
+//! * Triangles are one-sided: light that leaves the back of one is not counted.
 //!
 //! It does not compute light that is reflected on the way, and it does not look through textures: triangles of materials that are not
 //! opaque block nothing.

@@ -124,7 +124,7 @@ const ROWS: u64 = 32;
 /// Ids of a row that are searched at a time; bounds the memory of a row.
 const WINDOW: u64 = 1 << 16;
 
-/// Pairs that face each other, and of which one triangle may receive at least the share `least` of what leaves the other, by the bound
+/// Pairs of triangles that face each other, of which one may receive at least the share `least` of what leaves the other. The bound is
 /// `F <= A / (π d²)`: `A` is the larger area and `d` the distance of their boxes (Hanrahan, Salzman and Aupperle, "A Rapid Hierarchical
 /// Radiosity Algorithm", 1991). `a < b`, in ascending order.
 #[derive(Debug)]

@@ -17,7 +17,7 @@ const NEAR: f64 = 2.0;
 /// The rule of three: where none of n samples differs, the share that differs is below 3 / n with 95 % confidence.
 const THREE: f64 = 3.0;
 
-/// Sums of a pair's segments, by replicate: valid segments, open ones, and what open ones carry; and in total what valid ones would carry.
+/// Sums of a pair's segments, by replicate: valid segments, open ones, and the weights of open ones; and the total weight of all valid ones.
 #[derive(Debug, Clone, Copy, Default)]
 struct Tally {
     valid: [f64; REPLICATES],

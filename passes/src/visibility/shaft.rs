@@ -164,7 +164,7 @@ pub(super) struct Shaft {
 
 impl Shaft {
     /// Each face of the hull, other than the polygons themselves, holds an edge of one polygon and a corner of the other, and each edge
-    /// bounds one such face. It is found by turning a plane about the edge until all of the other polygon is inside.
+    /// bounds one such face. The face is found by turning a plane about the edge until all of the other polygon is inside.
     pub(super) fn new(pair: &Pair) -> Self {
         let [a, b] = &pair.sides;
         let mut corners = [DVec3::ZERO; 8];

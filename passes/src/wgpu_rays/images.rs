@@ -26,7 +26,7 @@ pub struct Images {
     unread: [wgpu::TextureView; 4],
     channels: [Option<wgpu::Texture>; 4],
     output: Option<wgpu::Texture>,
-    /// Of a filter: the normals of what pixels show, and the picture that its levels write to in turn with the output.
+    /// Textures of a filter: the normals of the visible surfaces, and the picture that its levels write in turn with the output.
     filter: [Option<wgpu::Texture>; 2],
 }
 
@@ -91,7 +91,7 @@ impl Images {
         Ok(output)
     }
 
-    /// The textures of a filter: the normals of what pixels show, and the picture that levels write to in turn with the output.
+    /// The textures of a filter: the normals of the visible surfaces, and the picture that levels write in turn with the output.
     pub fn for_filter(&mut self, gpu: &Gpu, job: &RayJob<'_>) -> Result<[&wgpu::Texture; 2], BackendError> {
         let size = [job.width, job.height];
         let textures = self
@@ -118,7 +118,7 @@ impl Images {
         [color, position, normal, triangle, whole(picture)]
     }
 
-    /// A channel of a G-buffer, or what is bound in its place.
+    /// A channel of a G-buffer, or the texture that is bound in its place.
     fn channel<'a>(&'a self, views: &'a Views, channel: usize) -> &'a wgpu::TextureView {
         views.channels[channel].as_ref().unwrap_or(&self.unread[channel])
     }

@@ -11,11 +11,11 @@ use std::time::{Duration, Instant};
 
 /// Wanted duration of a launch: systems reset devices that do not respond for 2 s, and a desktop stutters long before.
 const WANTED: Duration = Duration::from_millis(20);
-/// The same for drivers that compute on the processor, which nobody resets.
+/// Wanted duration for drivers that compute on the processor, which no watchdog resets.
 const WANTED_OF_SOFTWARE: Duration = Duration::from_millis(500);
 /// Tiles of the first launch, when neither program nor device is known.
 const FIRST_TILES: u32 = 64;
-/// Rays of a point to the discs of lights up to which the first launch has so many.
+/// Greatest number of rays from a point to the discs of lights for which the first launch has [`FIRST_TILES`] tiles.
 const FEW_RAYS: u32 = 64;
 /// Greatest factor between the sizes of successive launches.
 const GROWTH: u32 = 8;
@@ -95,12 +95,12 @@ pub struct Work<'a> {
     pub counts: &'a wgpu::Buffer,
     /// Buffer for the parameters.
     pub parameters: &'a wgpu::Buffer,
-    /// What is being done, for messages.
+    /// The current activity, for messages.
     pub doing: &'a str,
 }
 
-/// Number of workgroups of a kernel for that many tiles. Kernels that settle and trace have 32 threads a group, and take further points in
-/// turn.
+/// Number of workgroups of a kernel for that many tiles. Kernels that settle or trace occlusion rays have 32 threads a group; each group
+/// takes 32 points at a time, until none is left.
 fn groups_of(stage: Stage, tiles: u32) -> u32 {
     match stage {
         Stage::Settle | Stage::Trace | Stage::TraceAll => tiles * (TILE * TILE / 32),
@@ -114,12 +114,12 @@ pub(super) fn wanted(gpu: &Gpu) -> Duration {
     if gpu.adapter.kind == AdapterKind::Software { WANTED_OF_SOFTWARE } else { WANTED }
 }
 
-/// Number of tiles of the first launch with so many rays of each point to the discs of lights.
+/// Number of tiles of the first launch, where each point has `disc_rays` rays to the discs of lights.
 pub(super) fn first_tiles(disc_rays: u32) -> u32 {
     (FIRST_TILES * FEW_RAYS / disc_rays.max(FEW_RAYS)).max(1)
 }
 
-/// Number of tiles of the next launch, after a launch of `tiles` tiles took that long.
+/// Number of tiles of the next launch, after a launch of `tiles` tiles took the time `took`.
 pub(super) fn next_size(tiles: u32, took: Duration, wanted: Duration) -> u32 {
     let ratio = wanted.as_secs_f64() / took.as_secs_f64().max(1e-6);
     // Grows by at most GROWTH: the next tiles may be more expensive.
@@ -188,7 +188,7 @@ pub fn run(
         }
         progress.advance(u64::from(taken));
     }
-    // The next pass begins with the launch size that suited the most expensive part of this one.
+    // The next pass begins with the launch size that suits the most expensive part of this one.
     *size = size.map(|last| last.min(least));
     Ok(clock.map(|_| total))
 }

@@ -31,12 +31,12 @@ pub const WRAP_REPEAT: u32 = 0;
 pub const WRAP_MIRROR: u32 = 1;
 /// The texels at the border continue.
 pub const WRAP_CLAMP: u32 = 2;
-/// Words of a material as rays in glass see it.
+/// Words of a material for rays in glass.
 pub const BODY_WORDS: u32 = 23;
-/// Words in front of them, of what a pass asks of paths in glass: 0 where light is dimmed as in the report, 1 where it falls straight through, or the
-/// place of the spheres that focus it ([`LENS_HEAD`]); then by [`HEAD`].
+/// Words before these materials: the settings of a pass for paths in glass. The first word says how light passes glass: 0 dimmed as in the
+/// report, 1 straight, else the place of the spheres that focus it ([`LENS_HEAD`]). The words named by [`HEAD`] follow.
 pub const BODY_HEAD: u32 = 1 + HEAD.len() as u32;
-/// What programs call the places of these words, from the second on.
+/// Names, in the programs, of the places of these words, from the second on.
 pub const HEAD: [&str; 10] = [
     "HEAD_CUTOFF",
     "HEAD_REFLECTIONS",
@@ -49,7 +49,7 @@ pub const HEAD: [&str; 10] = [
     "HEAD_FACETS",
     "HEAD_FACET_COUNT",
 ];
-/// The colours of vertices are no part of a filter.
+/// Vertex colours do not multiply the filter of glass.
 pub const VERTEX_COLORS_NONE: u32 = 0;
 /// Vertex colours are linear shares of light.
 pub const VERTEX_COLORS_LINEAR: u32 = 1;
@@ -63,8 +63,8 @@ pub const SHAPE_PANE: u32 = 1;
 pub const SHAPE_THIN: u32 = 2;
 /// The surface of a body.
 pub const SHAPE_SOLID: u32 = 3;
-/// Words in front of the lights in the tables: how many there are, what arrives of a hidden one, and of the discs the number of points, the
-/// height of the cap and the offset of the points.
+/// Words before the lights in the tables: the number of lights, the share of a hidden light that arrives, and for discs the number of points,
+/// the height of the cap and the offset of the points.
 pub const LIGHT_HEAD: u32 = 5;
 /// Words of a light in the tables.
 pub const LIGHT_WORDS: u32 = 17;
@@ -72,7 +72,7 @@ pub const LIGHT_WORDS: u32 = 17;
 pub const LIGHT_PLACE: u32 = 1;
 /// The light is a spot light.
 pub const LIGHT_CONE: u32 = 2;
-/// Greatest number that stands for the range of a light; programs know no infinities.
+/// Greatest number that stands for the range of a light; programs have no infinities.
 pub const LARGEST_RANGE: f32 = 1.0e30;
 /// Greatest number of crossings of bodies that are stored for a line.
 const MAX_LINE: u32 = 64;
@@ -150,27 +150,27 @@ pub struct Params {
     pub cone_spread: f32,
     pub lights_at: u32,
     pub whole: u32,
-    /// Of programs that know exact spheres.
+    /// Used, like the following fields, only by programs for exact spheres.
     pub sphere_root: u32,
     pub spheres_at: u32,
     pub first_sphere: u32,
 }
 
-/// The constants of programs that know exact spheres, as WGSL.
+/// The constants of programs for exact spheres, as WGSL.
 #[must_use]
 pub fn sphere_constants() -> String {
     crate::trace::SPHERE_BOUNDS.map(|(name, value)| format!("const {name}: f32 = {value:e}f;\n")).concat()
 }
 
-/// Words in front of the spheres that focus light: their number, the tangent of half the angle of the light's disc, the place of a word for each
-/// exact sphere that says whether it does, and the direction of light in two parts. Then come the points of the quadratures.
+/// Words before the spheres that focus light: their number, the tangent of half the angle of the light's disc, the place of the flags (one word
+/// for each exact sphere: whether it focuses light), and the direction of light in two parts. The points of the quadratures follow.
 pub const LENS_HEAD: u32 = 9;
-/// Words of such a sphere.
+/// Words of a sphere that focuses light.
 pub const LENS_WORDS: u32 = 9;
-/// Words of a node of an index of refraction.
+/// Words of a node of the table for an index of refraction.
 pub const NODE_WORDS: u32 = 10;
 
-/// The constants of programs that know spheres which focus light, as WGSL.
+/// The constants of programs for spheres that focus light, as WGSL.
 #[must_use]
 pub fn lens_constants() -> String {
     let integers = [

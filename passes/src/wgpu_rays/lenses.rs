@@ -10,8 +10,8 @@ use curitiba_pipeline::progress::Progress;
 use curitiba_pipeline::scene::Geometry;
 use glam::{DVec3, Vec3};
 
-/// Finds the spheres that focus light. Where a scene has bodies of triangles, in which a sphere may lie, the processor's tree is asked: it is
-/// built for the first job that needs it.
+/// Finds the spheres that focus light. A sphere may lie in a body of triangles. In scenes with such bodies the processor's tree is searched,
+/// which is built for the first job that needs it.
 #[derive(Default)]
 pub struct FindsLenses {
     structure: Option<Structure>,
@@ -24,7 +24,8 @@ impl std::fmt::Debug for FindsLenses {
 }
 
 impl FindsLenses {
-    /// Those of a job. `filtered` is what [`RayBackend::build`](curitiba_pipeline::backend::RayBackend::build) was given.
+    /// The spheres that focus the light of a job. `filtered` is the argument of the last
+    /// [`RayBackend::build`](curitiba_pipeline::backend::RayBackend::build).
     ///
     /// # Errors
     /// [`BackendError::Unsupported`] if there are too many of them.
@@ -38,7 +39,7 @@ impl FindsLenses {
             let structure = self.structure.get_or_insert_with(build);
             return cpu::lenses(structure, job);
         }
-        // Spheres that touch each other are left out anyway.
+        // The tree is not needed: spheres that touch each other are left out anyway.
         Lenses::of(&job.scene.geometry, job.dielectrics, |_| false)
             .map_err(|why| cpu::check::missing(super::NAME, job, &why))
     }
@@ -50,13 +51,13 @@ fn has_bodies(geometry: &Geometry, dielectrics: &[Dielectric]) -> bool {
     geometry.batches.iter().any(|batch| batch.count > 0 && is_body(batch.material))
 }
 
-/// A number in two parts, of 48 bits together.
+/// A number in two parts, which have 48 bits together.
 fn parts(number: f64) -> [f32; 2] {
     let high = number as f32;
     [high, (number - f64::from(high)) as f32]
 }
 
-/// The words of a job's lenses, which will lie at `place` in the tables: see [`LENS_HEAD`]. None where there are none.
+/// The words of a job's lenses, which will lie at `place` in the tables: see [`LENS_HEAD`]. Empty without lenses.
 pub fn words(job: &RayJob<'_>, lenses: &Lenses, place: u32) -> Vec<u32> {
     let Some((_, ball)) = lenses.iter().next() else { return Vec::new() };
     let points: Vec<f32> = ball.quadratures().flat_map(|point| point.as_vec2().to_array()).collect();
@@ -83,7 +84,7 @@ fn two_of(vector: DVec3) -> [[u32; 3]; 2] {
     [0, 1].map(|part| all.map(|parts| parts[part].to_bits()))
 }
 
-/// The nodes of an index: `NODE_WORDS` each, as `turned_at` of `programs/ball.wgsl` reads them.
+/// The nodes for an index of refraction, `NODE_WORDS` words each, as `turned_at` of `programs/ball.wgsl` reads them.
 pub fn nodes(ball: &Ball) -> Vec<u32> {
     let words = |ray: &Turned| -> [f32; NODE_WORDS as usize] {
         let [sin, sin_rest] = parts(ray.sin);

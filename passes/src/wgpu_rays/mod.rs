@@ -62,10 +62,10 @@ const NAME: &str = "wgpu";
 const BYTES_PER_TRIANGLE: u64 = 550;
 /// Greatest size of the list of points in bytes: three points a pixel for a picture of 1024 x 1024.
 const LIST_BYTES: u64 = 3 * 1024 * 1024 * POINT_BYTES;
-/// Why a picture is thrown away.
+/// Why a picture is discarded where the driver has left a loop.
 const CUT: &str = "its driver leaves loops that have not ended after some ten thousand steps, and the rays to the discs of lights take more at a \
                    pixel; set sunsamples lower on the pass, use --backend cpu, or allow it with --fallback cpu";
-/// The same where spheres focus light.
+/// As [`CUT`], where spheres focus light.
 const CUT_FOCUS: &str = "its driver leaves loops that have not ended after some ten thousand steps, and the light of so many spheres that focus it, \
                          or the rays to the light's disc, take more at a point; set shadow=straight or sunsamples lower on the pass, use \
                          --backend cpu, or allow it with --fallback cpu";
@@ -89,7 +89,7 @@ pub struct WgpuRays {
     /// Points of surfaces whose light and occlusion are found by successive kernels.
     points: wgpu::Buffer,
     built: Option<(Arc<RenderScene>, SceneBuffers)>,
-    /// What the scene was built with, and what is asked of it where spheres may lie in bodies.
+    /// The `filtered` argument of the last build, and the search for spheres that focus light, which needs it.
     filtered: Vec<bool>,
     lenses: FindsLenses,
     /// Number of points for which tests leave room.
@@ -97,7 +97,7 @@ pub struct WgpuRays {
     room: Option<u32>,
     /// The attachments of a rasteriser on the same device, once they are read in place.
     lending: Option<Arc<Lending>>,
-    /// Number of tiles of the next launch, by what the kernels are written for and the number of rays to the discs of lights.
+    /// Number of tiles of the next launch, by kind of kernel and number of rays to the discs of lights.
     sizes: HashMap<(Kind, u32), Option<u32>>,
 }
 

@@ -17,7 +17,7 @@ pub enum Rounding {
     Separate,
     /// As the driver chooses: for tests.
     Driver,
-    /// One of two products is not rounded before the difference, as by drivers that fuse: for tests.
+    /// One of the two products is not rounded before the difference, as drivers that fuse compute it: for tests.
     Fused,
 }
 
@@ -32,7 +32,7 @@ pub struct Arithmetic {
     pub subgroups: bool,
 }
 
-/// What the kernels of a job are written for.
+/// The properties of a job that its kernels are written for.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub struct Kind {
     pub program: RayProgram,
@@ -40,18 +40,18 @@ pub struct Kind {
     pub lighting: Lighting,
     /// Whether the scene has exact spheres.
     pub spheres: bool,
-    /// Whether some of them focus light.
+    /// Whether some of the spheres focus light.
     pub focuses: bool,
 }
 
 impl Kind {
-    /// The one that a job needs whose spheres focus light or do not.
+    /// The kind for a job; `focuses` says whether its spheres focus light.
     pub fn of(job: &RayJob<'_>, focuses: bool) -> Self {
         let spheres = !job.scene.geometry.spheres.is_empty();
         Self { program: job.program, variant: Variant::of(job), lighting: Lighting::of(job), spheres, focuses }
     }
 
-    /// What a kernel is written for: of focused light only those know that ask for light.
+    /// The kind for one kernel: only kernels that compute light depend on whether spheres focus it.
     pub fn at(self, stage: Stage) -> Self {
         let asks = matches!(stage, Stage::Whole | Stage::List | Stage::Focus | Stage::Sum);
         Self { focuses: self.focuses && asks, ..self }
@@ -79,15 +79,15 @@ pub enum Stage {
     TraceAll,
     /// Sums the points of each pixel; for `deferredShadows`, traces the pixels' rays.
     Sum,
-    /// Writes the normals of the surfaces over which a filter averages what the others wrote.
+    /// Writes surface normals for the filter, which averages the output of the other kernels.
     Surfaces,
 }
 
 /// Least number of occlusion rays a point for which rays are settled; fewer are traced directly.
 pub const SETTLED_SAMPLES: u32 = 6;
 
-/// The kernels of a program, in their order. [`Stage::Eye`] comes before them where the camera may be in a body. With several lights or a disc
-/// points are listed with what these light of them, and where spheres focus light with what comes straight.
+/// The kernels of a program, in their order. [`Stage::Eye`] comes before them where the camera may be in a body. [`Stage::List`] also computes
+/// the light of the points: all of it with several lights or a disc, and the part that comes straight where spheres focus light.
 pub fn stages(Kind { program, variant, lighting, focuses, .. }: Kind, samples: u32) -> &'static [Stage] {
     if variant == Variant::Panes(Fidelity::Thesis) {
         return &[Stage::Whole];
@@ -163,15 +163,15 @@ const LISTED_LIGHT: Text = text!("list_light");
 /// `deferredShadows`; with several lights or a disc it is another text.
 const SHADOWS: Text = text!("deferredShadows");
 
-/// What shadows leave of several lights and of discs.
+/// The share of several lights, and of discs, that shadows leave.
 const LIGHTS_SHARE: [Text; 4] = [text!("light_cosine"), text!("discs"), text!("cut_loops"), text!("lights_share")];
-/// Light that comes straight through glass: how much passes, and who asks for it.
+/// Light that comes straight through glass: its transmittance, and the functions that use it.
 const STRAIGHT: [Text; 2] = [text!("light_straight"), text!("light_from")];
-/// The same where spheres focus light.
+/// [`STRAIGHT`] where spheres focus light.
 const STRAIGHT_OR_FOCUSED: [Text; 2] = [text!("light_straight"), text!("light_focused")];
 /// Light that spheres focus on a surface.
 const FOCUS: [Text; 2] = [text!("ball"), text!("focus")];
-/// What it takes of [`LIGHTS_SHARE`].
+/// The texts of [`LIGHTS_SHARE`] that [`FOCUS`] needs.
 const FOR_FOCUS: [Text; 2] = [text!("light_cosine"), text!("cut_loops")];
 
 /// The texts that all programs share, except for those that depend on the rounding of products or on the lights.
@@ -281,7 +281,7 @@ fn of_spheres(source: &str, spheres: bool) -> String {
     with_marked(source, ['⟪', '⟫'], spheres)
 }
 
-/// A source with its parts between ⦃ and ⦄ where spheres focus light; else without them. They may lie between marks of [`of_spheres`].
+/// A source with its parts between ⦃ and ⦄ where spheres focus light; else without them. The marks may lie between those of [`of_spheres`].
 fn of_focus(source: &str, focuses: bool) -> String {
     with_marked(source, ['⦃', '⦄'], focuses)
 }
@@ -349,13 +349,13 @@ pub fn source(kind: Kind, stage: Stage, (arithmetic, lod): (Arithmetic, TextureL
     Some(of_levels(&of_focus(&of_spheres(&source, kind.spheres), kind.focuses), lod))
 }
 
-/// What a sphere does with parallel light, with all that it takes, for tests that say what becomes of the bundles.
+/// The source of how a sphere focuses parallel light, with all texts that it needs, for tests that add their own use of the bundles.
 #[cfg(test)]
 pub fn ball(arithmetic: Arithmetic) -> String {
     let variant = Variant::Bodies;
     let kind = Kind { program: RayProgram::Final, variant, lighting: Lighting::Sun, spheres: true, focuses: true };
     let texts = texts(kind, Stage::Focus, false).expect("it is written");
-    // All but the kernel, and how bundles light surfaces.
+    // All but the kernel, and the lighting of surfaces by bundles.
     let texts = texts.into_iter().filter(|text| ![text!("focus"), text!("final_focus")].contains(text));
     let source = functions(arithmetic, kind, Split::default(), TextureLod::Zero) + text!("pass");
     let source = texts.fold(source, |source, text| source + text);

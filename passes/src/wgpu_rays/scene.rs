@@ -43,10 +43,10 @@ pub fn too_large(gpu: &Gpu, what: &str, bytes: u64, most: u64) -> BackendError {
 /// Storage buffers that programs bind in addition to the scene: counts, points and tables. The parameters may take one more.
 const OTHER_BUFFERS: u32 = 3;
 
-/// The arrays of a scene, in the order of their bindings; [`Split`] has the same.
+/// The arrays of a scene, in the order of their bindings, as in [`Split`].
 const ARRAYS: [&str; 5] =
     ["the nodes", "the triangles and spheres of the tree", "the vertices", "the triangles", "the textures"];
-/// Which of them is that of the textures, the last.
+/// Index of the textures in [`ARRAYS`]; they are last.
 const TEXELS: usize = 4;
 
 /// The texels of a scene's textures, texture by texture, of level 0 or of all levels.
@@ -80,8 +80,8 @@ fn too_many(gpu: &Gpu, parts: [(&str, u64); 5], most: u64, bindings: u32) -> Bac
     BackendError::Unsupported { backend: NAME, what: "the scene".to_owned(), why }
 }
 
-/// The exact spheres of a scene for programs that have this tree of its triangles; an error if programs cannot trace them. With `traced` false
-/// nothing can hit them.
+/// Adds the exact spheres of a scene to the tree of its triangles; an error if programs cannot trace them. If `traced` is false, no ray can
+/// hit them.
 fn spheres_of(
     scene: &RenderScene,
     filtered: &[bool],

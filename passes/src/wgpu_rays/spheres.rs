@@ -1,6 +1,6 @@
 //! Exact spheres as programs read them: behind the nodes and the triangles of the tree over the triangles.
 //!
-//! Their tree is that of the processor in the layout of `trace/build/gpu_binary.rs`. Up to four spheres are one leaf, which is a list.
+//! Their tree has the nodes of the processor's tree, in the layout of `trace/build/gpu_binary.rs`. Up to four spheres are one leaf.
 
 use crate::trace::gpu_binary::{BinaryNode, BinaryTree, COUNT_SHIFT, LEAF, TRANSPARENT};
 use crate::trace::{SphereContent, SphereTree};
@@ -8,7 +8,7 @@ use bytemuck::Zeroable;
 use curitiba_pipeline::scene::{Geometry, Sphere};
 use glam::Vec3;
 
-/// What programs know of the spheres besides the nodes, which lie behind those of the triangles.
+/// What programs need of the spheres besides the nodes, which lie behind those of the triangles.
 #[derive(Debug)]
 pub struct DeviceSpheres {
     /// The root of their tree; `None` where nothing can hit them.
@@ -18,9 +18,9 @@ pub struct DeviceSpheres {
 }
 
 impl DeviceSpheres {
-    /// The spheres of a scene, with the arguments of [`SphereTree::build`]. Their nodes are appended to a tree over the scene's triangles,
-    /// whose bounds grow by theirs; a tree without triangles gets a node without children as its root, since programs of scenes with spheres ask
-    /// no more whether there are triangles. With `traced` false nothing can hit them.
+    /// The spheres of a scene, with the arguments of [`SphereTree::build`]. Their nodes are appended to a tree over the scene's triangles, whose
+    /// bounds grow to include the spheres. A tree without triangles gets a node without children as its root, because programs for scenes with
+    /// spheres do not check whether there are triangles. If `traced` is false, no ray can hit the spheres.
     pub fn new(geometry: &Geometry, transparent: &[bool], triangles: &mut BinaryTree, traced: bool) -> Self {
         let tree = SphereTree::build(geometry, transparent);
         let list = list(&tree, geometry.triangles.len() as u32);
@@ -44,7 +44,7 @@ impl DeviceSpheres {
 /// Appends the inner nodes of a tree that is not empty, and returns its root.
 fn append(tree: &SphereTree, nodes: &mut Vec<BinaryNode>) -> u32 {
     let all: Vec<([Vec3; 2], SphereContent)> = tree.nodes().collect();
-    // By node, its reference: inner nodes are numbered in their order.
+    // The reference to each node; inner nodes are numbered in their order.
     let mut place = nodes.len() as u32;
     let references: Vec<u32> = all
         .iter()
@@ -69,7 +69,7 @@ fn append(tree: &SphereTree, nodes: &mut Vec<BinaryNode>) -> u32 {
     references[0]
 }
 
-/// The spheres in the order of the tree, with the places of the spheres in the order of their ids, of which `first` is the least.
+/// The spheres in the order of the tree. Entry `id - first` also holds the place of the sphere `id` in this list; `first` is the least id.
 fn list(tree: &SphereTree, first: u32) -> Vec<[[u32; 4]; 2]> {
     let entry = |(sphere, id, transparent): (Sphere, u32, bool)| {
         let [x, y, z] = sphere.center.to_array().map(f32::to_bits);
@@ -100,7 +100,7 @@ mod tests {
         geometry
     }
 
-    /// The places of all spheres below a reference whose boxes lie in `outer`.
+    /// The places of all spheres below a reference; checks that their boxes lie in `outer`.
     fn below(
         reference: u32,
         nodes: &[BinaryNode],

@@ -165,7 +165,7 @@ fn shades(job: &RayJob<'_>) -> Vec<u32> {
     job.shades.iter().enumerate().flat_map(shade).collect()
 }
 
-/// What the programs know of all lights ([`LIGHT_HEAD`]), the lights, and of each material what its texture adds to them
+/// The words before the lights ([`LIGHT_HEAD`]), the lights, and for each material the emission that counts where it is textured
 /// (`programs/lights.wgsl`). `disc_at` is the place of the points of the discs.
 fn lights(job: &RayJob<'_>, table: &LightTable, (disc, disc_at): (Option<&ConeSampler>, u32)) -> Vec<u32> {
     let (samples, height) = disc.map_or((0, 0.0), |disc| (disc.samples(), disc.height()));
@@ -204,14 +204,14 @@ fn light(light: &Light) -> [u32; LIGHT_WORDS as usize] {
     ]
 }
 
-/// The strata of the spectrum, a wavelength and its weights each.
+/// The strata of the spectrum: a wavelength and its weights for each.
 fn spectrum_words(job: &RayJob<'_>) -> Vec<u32> {
     let words = |stratum: &Stratum| [stratum.wavelength, stratum.weight.x, stratum.weight.y, stratum.weight.z];
     spectrum(job).iter().flat_map(words).map(f32::to_bits).collect()
 }
 
-/// What the pass asks of paths in glass (`BODY_HEAD`), and what the job knows of glass: `Body` of `programs/media.wgsl`. `light` says whether
-/// light falls straight through, or where the spheres are that focus it; the places are those of the strata and of the points of facets.
+/// The settings of the pass for paths in glass (`BODY_HEAD`), then the glass of each material: `Body` of `programs/media.wgsl`. `light` is the
+/// first word of the settings. `strata_at` and `facets_at` are the places of the strata of the spectrum and of the points of facets.
 fn bodies(job: &RayJob<'_>, light: u32, [strata_at, facets_at]: [u32; 2]) -> Vec<u32> {
     let RayParams { limits, first, first_path, .. } = &job.params;
     let head: [u32; BODY_HEAD as usize] = [

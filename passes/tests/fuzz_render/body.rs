@@ -33,7 +33,7 @@ pub fn render(input: &[u8]) -> Outcome {
     if pictures(input).is_empty() { Outcome::Refused } else { Outcome::Loaded }
 }
 
-/// Everything that the passes wrote, in order, in the fidelities that render.
+/// Everything that the passes wrote, in order, for each fidelity in which the project renders.
 pub fn pictures(bytes: &[u8]) -> Vec<Written> {
     let run = Run::of(bytes);
     let folder = Folder::new();
@@ -70,7 +70,7 @@ fn frames(folder: &Folder, settings: Settings) -> Result<Vec<Written>, String> {
     Ok(first)
 }
 
-/// Reads back every file that a run writes: it has the right size, and the same values where the format keeps them.
+/// Reads back every file that a run writes. Each must have the right size, and the same values if the format can hold them.
 fn files(folder: &Folder, renderer: &mut Renderer, picture: &Image) {
     let mut watcher = Watcher::new(renderer.plan().settings.fidelity);
     for name in ["out.png", "out.exr"] {
@@ -95,7 +95,7 @@ fn bits(image: &Image) -> Vec<[u32; 4]> {
     image.pixels.iter().map(|pixel| pixel.map(f32::to_bits)).collect()
 }
 
-/// Records what passes write, and looks for meaningless numbers.
+/// Records the outputs of passes, and asserts that they hold no meaningless numbers.
 pub struct Watcher {
     fidelity: Fidelity,
     written: Vec<Written>,

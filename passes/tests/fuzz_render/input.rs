@@ -212,7 +212,7 @@ impl Run {
 fn rewritten(project: &str, scene_param: &str, bytes: &mut Bytes<'_>) -> String {
     let vector = |element: &str, [x, y, z]: [&str; 3]| format!("<{element} x=\"{x}\" y=\"{y}\" z=\"{z}\"/>");
     let color = |element: &str, [r, g, b]: [&str; 3]| format!("<{element} r=\"{r}\" g=\"{g}\" b=\"{b}\"/>");
-    // The first choice of each is an ordinary one, so that short inputs render.
+    // The first choice in each list is an ordinary number, so that short inputs render.
     let fov = bytes.of(&["60", "1", "30", "90", "170", "179.9"]);
     let near = bytes.of(&["0.3", "0.05", "1e-6", "1", "1e-30"]);
     let far = bytes.of(&["1000", "2", "30", "1e7", "1e30"]);
@@ -223,7 +223,7 @@ fn rewritten(project: &str, scene_param: &str, bytes: &mut Bytes<'_>) -> String 
         ("<view ", vector("view", bytes.numbers())),
         ("<up", vector("up", bytes.numbers())),
         ("<direction", vector("direction", bytes.numbers())),
-        // Without signs: a negative light would give negative colours, as the project then asks for.
+        // Without signs, because a project with a negative light rightly renders negative colours.
         ("<color r", color("color", bytes.numbers().map(positive))),
         ("<bgcolor", color("bgcolor", bytes.numbers().map(positive))),
         ("<perspective", format!("<perspective fov=\"{fov}\" near=\"{near}\" far=\"{far}\"/>")),
@@ -301,9 +301,8 @@ pub fn seeds() -> Vec<(String, Vec<u8>)> {
             if OCCLUSIONS.contains(&project) {
                 bytes[30] = RADIUS;
             }
-            // A wall at the back, a pane and a leaf in front of it, a lamp that shares a corner with the leaf, and a
-            // roof that
-            // throws a shadow.
+            // A wall at the back, a pane and a leaf in front of it, a lamp that shares a corner with the leaf, and a roof
+            // that casts a shadow.
             bytes.extend([0, 0, 9, 2, 6, 8, 2, 6, 0, 10, 6]);
             bytes.extend([2, 3, 2, 2, 1, 1, 2, 1, 0, 5, 3]);
             bytes.extend([1, 1, 6, 2, 0, 0, 2, 0, 2, 1, 0]);

@@ -134,7 +134,7 @@ impl World {
         run_job(&scene, &filters, &self.job(&scene, program, params, &filters))
     }
 
-    /// The colour in the middle of a picture, of which no other pixel is traced.
+    /// The colour of a picture's middle pixel. No other pixel is traced.
     fn middle(&self, program: RayProgram, params: RayParams) -> Vec3 {
         let (scene, filters) = (Arc::new(self.scene.clone()), self.filters());
         let whole = self.job(&scene, program, params, &filters);
@@ -357,7 +357,7 @@ fn direct_light_has_its_closed_forms() {
     let rectangle = CameraParams { radiance, light_width: width, light_depth: depth, ..CameraParams::default() };
     let found = direct(rectangle, 4096);
     println!("rectangle: {found}, closed form {expected}");
-    // The extent of the pixel moves the point by at most 0.02.
+    // Samples within the pixel move the point on the floor by at most 0.02.
     assert!(off(found, expected) < 2e-3 * expected.max_element(), "{found} {expected}");
     let wider = direct(CameraParams { light_width: 1.7, ..rectangle }, 4096);
     assert!(off(wider, expected) > 2e-2 * expected.max_element(), "control: a wider light: {wider}");
@@ -419,7 +419,7 @@ fn mirrors_show_what_they_mirror_and_glass_of_index_1_is_not_there() {
         let moved = bent.pixels.iter().zip(&image.pixels).filter(|(a, b)| a != b).count();
         assert_eq!(moved > 1000, kind == SurfaceKind::Glass, "control: an index of 1.5: {moved}");
     }
-    // A mirror on the floor, seen from above, shows the sky, a fifth darker.
+    // A mirror on the floor, seen from above, shows the sky a fifth darker.
     let mut mirror = floor(Vec3::ONE);
     (mirror.surfaces[0], mirror.beyond) = (SurfaceKind::Metal, world.beyond);
     mirror.sun = world.sun;
@@ -429,8 +429,8 @@ fn mirrors_show_what_they_mirror_and_glass_of_index_1_is_not_there() {
     assert_eq!(mirror.middle(RayProgram::Whitted, RayParams { depth: 0, ..whitted }), Vec3::ZERO);
 }
 
-/// A half plane between a floor and a rectangular light. In its shadow the light is hidden, far away it is whole, and
-/// in between the share falls from one to the other.
+/// A half plane between a floor and a rectangular light. The light is hidden in the umbra and wholly visible far away.
+/// In between, the visible share changes steadily from 0 to 1.
 #[test]
 fn a_rectangular_light_has_a_penumbra_whose_mean_is_the_share_that_is_seen() {
     let mut world = floor(Vec3::ONE);
@@ -490,7 +490,7 @@ fn paths_that_ask_for_the_lamp_and_paths_that_meet_it_agree() {
     world.quad(lamp, Vec3::new(0.0, 1.99, 0.0), Vec3::X * 0.5, Vec3::Z * 0.5);
     let camera = CameraParams { light_width: 1.0, light_depth: 1.0, radiance: 2.0, ..CameraParams::default() };
     let paths = RayParams { samples: 256, depth: 12, ..with(RayProgram::PathTracing, camera) };
-    // Means of blocks of pixels, against the remaining noise.
+    // Means over blocks of pixels, which reduce the remaining noise.
     let means = |image: &Image| {
         let mut blocks = vec![0.0_f64; 64];
         for (index, pixel) in image.pixels.iter().enumerate() {

@@ -110,8 +110,8 @@ fn glass_is_what_its_materials_say_and_no_pixel_is_black() {
             assert!(what.contains(&format!("`{material}`")) && why.starts_with(shape), "{name}: {what}: {why}");
         }
         assert!(rays.refracted > 300 && rays.reflected > 100, "{name}: {rays:?}");
-        // Lost rays are those mirrored for ever between facets; most have a weight below a hundredth. Below the prism,
-        // which nearly touches the floor, it is dark.
+        // Lost rays are reflected endlessly between facets; most have a weight below a hundredth. The floor is dark
+        // below the prism, which nearly touches it.
         let dark = if name == "Prism" { 4 } else { 0 };
         assert!(rays.lost * 100 < rays.refracted && black(&image) <= dark, "{name}: {} {rays:?}", black(&image));
         // Spectral colours are outside the gamut of sRGB, so components may be negative.
@@ -156,7 +156,7 @@ fn the_three_rules_of_shadows_differ_where_glass_is_in_the_way() {
     assert!(differing > 20, "{differing} pixels tell the colour of a shadow");
 }
 
-/// Below spheres the floor is brighter than straight light can make it; the rest of the picture does not change.
+/// Below spheres the floor is brighter than light without refraction can make it. The rest of the picture does not change.
 #[test]
 fn spheres_focus_light_where_the_project_asks_for_it() {
     let [caustic, straight] = ["caustic", "straight"].map(|rule| {
@@ -171,7 +171,7 @@ fn spheres_focus_light_where_the_project_asks_for_it() {
     assert!(share > 0.5 && share < 0.99, "{share}");
 }
 
-/// Meshes throw a shadow and focus light with photons; the timing row counts them, and the rest of the picture does not change.
+/// With photons, meshes cast a shadow and focus light. The timing row counts the photons, and the rest of the picture does not change.
 #[test]
 fn meshes_focus_light_where_the_project_asks_for_photons() {
     let few = ["pass2.samples=0", "pass2.sun=0", "pass2.wavelengths=4"];

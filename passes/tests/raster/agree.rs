@@ -14,11 +14,11 @@ const TOLERANCE: f32 = 1e-4;
 /// derivatives exactly. Devices may round the weights of texels and levels to 1/256 (Vulkan 1.3, section 16.9.1), and
 /// compute derivatives as differences between neighbouring pixels.
 const TEXTURED_TOLERANCE: f32 = 0.02;
-/// Greatest displacement of the interpolation, in pixels. Both rasterisers take attributes from the exact corners, in 32-bit floats. Where
-/// snapped triangles cover pixels that the exact ones do not, both show a place of the triangle that is near.
+/// Greatest displacement of the interpolation, in pixels. Both rasterisers take attributes from the exact corners, in 32-bit floats. A pixel
+/// that only the snapped triangle covers shows a nearby point of the exact one in both.
 const ROUNDING: f64 = 1.0 / 2048.0;
-/// The same where a device interpolates. Some do so between corners that they snapped to 1/256 pixel: two corners with an error of 1/512
-/// pixel in each direction.
+/// The same limit if a device interpolates. Some devices interpolate between corners that they snapped to 1/256 pixel: two corners with an
+/// error of 1/512 pixel in each direction.
 const SNAPPING: f64 = 1.0 / 256.0;
 
 /// The difference of a triangle's interpolated values that a displacement explains, as a fraction of the difference
@@ -47,7 +47,7 @@ fn spread([a, b, c]: [Vec3; 3]) -> f32 {
     (a - b).length().max((b - c).length()).max((c - a).length())
 }
 
-/// Differences of two G-buffers of one view, in pixels unless stated otherwise.
+/// Differences of two G-buffers of one view: counts of pixels, and greatest differences.
 #[derive(Debug, Default)]
 struct Agreement {
     pixels: usize,
@@ -73,7 +73,7 @@ struct Agreement {
 }
 
 impl Agreement {
-    /// Compares `a` and `b`, which both should be the drawing of `job`, whose attributes may be displaced by so many pixels.
+    /// Compares two drawings of `job`, whose attributes may be displaced by `displacement` pixels.
     fn of(job: &RasterJob<'_>, a: &GBuffer, b: &GBuffer, displacement: f64) -> Self {
         assert_eq!((a.width, a.height), (b.width, b.height));
         let geometry = &job.scene.geometry;
@@ -164,8 +164,8 @@ const STRICT: Allowed = Allowed { coverage: 1e-4, triangle: 2e-3, vector: 0.0, c
 /// differently, and devices compute their attributes from areas that nearly vanish.
 const NEEDLES: Allowed = Allowed { coverage: 1e-3, triangle: 5e-3, vector: 1e-3, color: 1e-3 };
 
-/// For holes of a texture, which end where a level of detail has half of its alpha: on an H200 20 of 187,500 pixels are in a hole on one of the two
-/// alone.
+/// For holes of a texture, which end where the filtered alpha of a mip level is one half. On an H200, 20 of 187,500 pixels are in a hole for
+/// only one of the two rasterisers.
 const CUT: Allowed = Allowed { coverage: 3e-4, ..STRICT };
 
 /// For normal maps seen from far away: levels of detail differ, and light ends abruptly at the horizon of the surface.
@@ -193,7 +193,8 @@ fn setups() -> Vec<(Setup, Allowed)> {
 const WIDTH: u32 = 500;
 const HEIGHT: u32 = 375;
 
-/// Draws a job by both rasterisers, and prints how far they agree. Returns the cpu's picture, and what exceeds `allowed`.
+/// Draws a job with both rasterisers and prints their differences. Returns the processor's picture, and the scene and attachment that exceed
+/// `allowed`, if any.
 fn compare(
     gpu: &mut dyn Rasteriser,
     setup: &Setup,
@@ -327,11 +328,11 @@ fn both_add_the_same_lights() {
         let job = RasterJob { sun: None, lights: &lights, ..setup.job(WIDTH, HEIGHT, ALL) };
         let (a, wrong) = compare(&mut gpu, &setup, &job, (allowed, ROUNDING));
         failed.extend(wrong);
-        // Control: without the spot light, the picture is another.
+        // Control: without the spot light and the sun, the pictures differ.
         let fewer = RasterJob { lights: &lights[..1], ..job };
         let other = Agreement::of(&job, &a, &render(&mut gpu, &setup, &fewer, WIDTH, HEIGHT), ROUNDING);
         assert!(other.verdict(allowed).is_err(), "{}", setup.name);
-        // A job with one directional light after that is drawn as before.
+        // After that, a job with one directional light is drawn as before.
         let plain = setup.job(WIDTH, HEIGHT, ALL);
         failed.extend(compare(&mut gpu, &setup, &plain, (allowed, ROUNDING)).1);
         compared += 1;

@@ -1,4 +1,4 @@
-//! The processor's rasteriser against an independent one, and against closed forms.
+//! The processor's rasteriser against an independent rasteriser, and against closed forms.
 
 use crate::common::{self, ALL, Random, camera, grey, job, pixels, soup, terrain};
 use curitiba_passes::raster::cpu::{CpuRasteriser, InstructionSet};
@@ -133,7 +133,7 @@ fn positions_lie_on_the_triangle_and_on_the_ray_of_the_pixel() {
             let screen = DVec2::new(ndc.x * 0.5 + 0.5, 0.5 - ndc.y * 0.5) * DVec2::new(width.into(), height.into());
             let centre = DVec2::new(index as f64 % f64::from(width), (index as u32 / width) as f64);
             let off = screen - (centre.with_x(centre.x.floor()) + 0.5);
-            // Huge triangles have the rounding error of positions.
+            // The second term is the rounding error of positions, which is large for huge triangles.
             let rounding = 6e-5 + 4.0 * size * f64::from(f32::EPSILON) * f64::from(width) / clip.w;
             let most = off.abs().max_element();
             assert!(most <= rounding + 1.0 / 512.0, "kind {kind}: {off} pixels off, for rounding {rounding}");
@@ -143,7 +143,8 @@ fn positions_lie_on_the_triangle_and_on_the_ray_of_the_pixel() {
             // Distance from the plane in pixels, as the camera sees it: 0.55 is the tangent of half its field of view.
             above += (distance / clip.w * f64::from(height) / (2.0 * 0.55)).powi(2);
         }
-        // Snapping moves each corner by at most 1/512 pixel along each axis. Of what only snapped triangles cover, the nearest place is shown.
+        // Snapping moves each corner by at most 1/512 pixel along each axis. A pixel that only the snapped triangle covers shows the nearest
+        // point of the exact one.
         let [beside, above] = [beside, above].map(|sum: f64| (sum / f64::from(covered)).sqrt());
         println!(
             "kind {kind}: {beside:.1e} pixels beside the centre, {above:.1e} off the plane, {far} of {covered} from snapping"
@@ -553,8 +554,8 @@ fn a_viewport_is_drawn_as_a_picture_of_its_own_and_nothing_outside_is_touched() 
         for x in 0..150u32 {
             let index = (y * 150 + x) as usize;
             if (37..137).contains(&x) && (21..101).contains(&y) {
-                // Screen coordinates are rounded at other places in 32-bit floats, so single corners may snap
-                // differently.
+                // In a viewport with an offset, screen coordinates have other rounding errors in 32-bit floats, so
+                // single corners may snap differently.
                 different += usize::from(target.triangle[index] != whole.triangle[((y - 21) * 100 + x - 37) as usize]);
             } else {
                 let all = [target.color[index], target.position[index], target.normal[index]];
@@ -670,7 +671,7 @@ fn of_two_layers_close_together_the_nearer_one_is_seen() {
     assert!(covered > 50_000 && snapped > 50, "{covered}, control: {snapped}");
 }
 
-/// The holes that rays find, which read level 0, are holes for the camera, however small they appear.
+/// Rays find holes in mip level 0 of a texture. These are holes for the camera too, however small they appear.
 #[test]
 fn holes_are_where_rays_find_them() {
     let scene = textured_floor(|x, y| if (x / 4 + y / 4).is_multiple_of(2) { 255 } else { 0 });

@@ -20,10 +20,10 @@ const SIDE: u32 = 160;
 /// Greatest difference of a component that counts as rounding; interpolation, filters and sums use 32-bit floats.
 const ROUNDING: f32 = 2e-3;
 
-/// Greatest share of pixels that may differ by more: pixels whose looked-up texel or pixel changes because a coordinate
-/// rounds differently, and map texels at outlines, which the two rasterisers cover differently. On lavapipe 22.3.6
-/// there are at most 2 of 25,600 pixels, and 24 of `depthOcclusion`, which counts every step above a tolerance: a height
-/// from a depth passes it where that from a position does not.
+/// Greatest share of pixels that may differ by more. In such pixels a coordinate rounds differently and selects another
+/// texel or pixel, or the two rasterisers cover a map texel at an outline differently. On lavapipe 22.3.6 they are at
+/// most 2 of 25,600 pixels, but 24 for `depthOcclusion`: it counts every step whose height is above a tolerance, and a
+/// height computed from a depth may be above it where a height from a position is not.
 const OUTLIERS: f64 = 1e-3;
 
 fn params() -> EffectParams {
@@ -158,7 +158,7 @@ fn options_of_effects_agree_with_the_processors() {
             let (outlying, mean) = difference(&found, &expected);
             println!("{name}, {program:?}: outliers {outlying:.5}, mean {mean:.2e}");
             // A sector is a 32nd of one of four slices, so a single direction at its edge that rounds differently has a
-            // large effect. A filter spreads what a single step changes over its pixels.
+            // large effect. A filter spreads the effect of a single step over its pixels.
             let most = match params {
                 EffectParams { bitmask: true, .. } => 1e-2,
                 EffectParams { filter: 1.., .. } => 3.0 * OUTLIERS,
@@ -292,7 +292,7 @@ fn soft_shadows_agree_and_differ_from_hard_ones() {
     for (name, mut shot) in shots() {
         gpu.upload(&shot.scene).expect("uploads");
         let mut pictures = Vec::new();
-        // The last round has a point of light again: another program on the same maps and output.
+        // The last round has a point of light again, and so runs another shader on the same maps and output.
         for sun in [0.0, 0.53, 6.0, 0.0] {
             let params = EffectParams { sun, ..params() };
             let (expected, cpu) = shot.effect(EffectProgram::ShadowMap, params);
@@ -418,7 +418,7 @@ fn effects_read_16_bit_floats_where_they_were_drawn() {
     }
     draw(&mut gpu, &mut shot);
     assert!(shot.buffer.position == rounded.position && shot.buffer.normal != rounded.normal, "control");
-    // The same attachments in another format are another drawing.
+    // A job with the same attachments in another format is not what was drawn last.
     let job = RasterJob { half, ..raster_job(&shot, ALL) };
     let mut buffer = GBuffer::new(SIDE, SIDE, ALL);
     let message = gpu.read_back(&job, ALL, &mut buffer).expect_err("not what was drawn").to_string();

@@ -1,4 +1,4 @@
-//! Promises of the wgpu rasteriser beyond its pictures.
+//! Tests of the wgpu rasteriser that need no second rasteriser: memory, depth, positions, ties and errors.
 
 use crate::common::{self, ALL};
 use crate::scenes::{self, Setup, hills, marked, plain};
@@ -48,7 +48,7 @@ fn attachments_not_asked_for_are_neither_created_nor_change_the_others() {
         let Attachments { color, position, normal, triangle } = attachments;
         let pixel = 16 * (u64::from(color) + u64::from(position) + u64::from(normal)) + 4 * u64::from(triangle);
         let depth = if attachments == Attachments::default() { 0 } else { 4 };
-        // What a pixel shows is shaded from the id of the triangle that is seen.
+        // Shading a pixel reads the id of the visible triangle, which takes 4 bytes.
         let seen = if color || position || normal { 4 } else { 0 };
         let expected = (pixel + depth + seen) * u64::from(width * height);
         assert_eq!(rasteriser.memory().attachments, expected, "{attachments:?}");
@@ -76,12 +76,12 @@ fn of_a_sky_its_colour_alone_is_written() {
     };
     let (with, without) = (drawn(true, ALL), drawn(false, ALL));
     common::hides_sky(&with, &without);
-    // Where only ids are asked for, draws of different materials are one, but not with that of a sky.
+    // If only ids are asked for, the draws of different materials are merged, except the draw of a sky.
     let ids = Attachments { triangle: true, ..Attachments::default() };
     assert!(drawn(true, ids).triangle == with.triangle);
 }
 
-/// What is shaded from the ids of the triangles that are seen, and what fragments write, are the same.
+/// Shading from the ids of the visible triangles gives the same attachments as fragments that write them.
 #[test]
 fn shading_each_pixel_once_gives_what_drawing_gives() {
     let Some(mut rasteriser) = rasteriser() else { return };
@@ -114,13 +114,13 @@ fn shading_each_pixel_once_gives_what_drawing_gives() {
             ];
             let name = format!("{}, mirrored {}", setup.name, view.clip_plane.is_some());
             println!("{name}: of {covered} pixels {differ:?} differ");
-            // Near the horizon of a plane, and at outlines of narrow triangles, those between snapped corners are others.
+            // Near the horizon of a plane and at outlines of narrow triangles, interpolation between snapped corners differs.
             assert!(covered > 100 && differ.iter().all(|count| 100 * count <= covered), "{name}: {differ:?}");
         }
     }
 }
 
-/// The place of a pixel of the G-buffer is where the line of sight through the pixel's centre meets the triangle.
+/// The G-buffer's position of a pixel is the point where the line of sight through the pixel's centre hits the triangle.
 #[test]
 fn positions_lie_on_the_triangle_and_on_the_ray_of_the_pixel() {
     let Some(mut rasteriser) = rasteriser() else { return };
@@ -156,7 +156,7 @@ fn positions_lie_on_the_triangle_and_on_the_ray_of_the_pixel() {
                 far += u32::from(most > rounding);
                 *beside += 0.5 * (off[0] * off[0] + off[1] * off[1]);
             }
-            // Snapped triangles cover some pixels that they would not; of these the nearest place is shown.
+            // A few pixels are covered only by the snapped triangle. They show the nearest point of the exact one.
             assert!(covered > 5000 && (!shades_pixels || 100 * far < covered), "kind {kind}: {far} of {covered}");
             *beside = (*beside / f64::from(covered)).sqrt();
         }
@@ -185,12 +185,12 @@ fn pixels_of_needles_show_the_nearest_place_of_the_triangle() {
             by_pixel.0, by_pixel.1, by_pixel.2
         );
         assert!(by_pixel.0 > 5000 && 1000 * by_pixel.1 < by_pixel.0 && by_pixel.2 == 0, "kind {kind}: {by_pixel:?}");
-        // Control: a device's fragments of needles are off.
+        // Control: positions that the device interpolates on needles are off.
         assert!(kind != 1 || 10 * by_fragment.1 > by_fragment.0, "kind {kind}: {by_fragment:?}");
     }
 }
 
-/// Depth is stored.
+/// Nothing is loaded, and the depth is stored.
 const STORED: LoadStore = LoadStore { load_color: false, load_depth: false, store_depth: true };
 /// Side of the pictures that the depth of planes is tested in.
 const SIDE: u32 = 128;
@@ -207,7 +207,7 @@ fn last_pixels(rasteriser: &mut WgpuRasteriser, job: &RasterJob<'_>) -> GBuffer 
     target
 }
 
-/// The same pixels as those of a picture of `SIDE` x `SIDE`, in the lower right corner of a picture that is `times` as wide and high.
+/// A job for a picture that is `times` as wide and high, whose lower right corner has the pixels of the given job of `SIDE` x `SIDE` pixels.
 fn in_the_corner_of(times: u32, job: RasterJob<'_>) -> RasterJob<'_> {
     let (scale, side) = (1.0 / f64::from(times), SIDE * times);
     let map = DMat4::from_translation(DVec3::new(1.0 - scale, scale - 1.0, 0.0))
@@ -215,7 +215,7 @@ fn in_the_corner_of(times: u32, job: RasterJob<'_>) -> RasterJob<'_> {
     RasterJob { view: job.view.mapped(map), viewport: Rect { x: 0, y: 0, width: side, height: side }, ..job }
 }
 
-/// Counts pixels that show the nearer and the farther of two layers. The farther one has the triangles below `behind`.
+/// Counts pixels that show the nearer and the farther of two layers. The farther layer has the triangle ids below `behind`.
 fn count(seen: &mut [usize; 2], drawn: &GBuffer, behind: u32) {
     for id in drawn.triangle.iter().filter(|id| **id != NO_TRIANGLE) {
         seen[usize::from(*id < behind)] += 1;
@@ -224,7 +224,7 @@ fn count(seen: &mut [usize; 2], drawn: &GBuffer, behind: u32) {
 
 const IDS: Attachments = Attachments { color: false, position: false, normal: false, triangle: true };
 
-/// How many pixels show the nearer and the farther of two layers of small triangles, 60 m from the eye.
+/// Number of pixels that show the nearer and the farther of two layers of small triangles, 60 m from the eye.
 fn seen_of_layers(rasteriser: &mut WgpuRasteriser, gap: f32, times: u32, snapped_depth: bool) -> [usize; 2] {
     let mut seen = [0; 2];
     for (tilt, seed) in [0.3, 0.8, 1.1, 1.3].into_iter().flat_map(|tilt| (0..4).map(move |seed| (tilt, seed))) {
@@ -240,8 +240,8 @@ fn seen_of_layers(rasteriser: &mut WgpuRasteriser, gap: f32, times: u32, snapped
     seen
 }
 
-/// The depth of a triangle is that of its own plane. Devices interpolate it between corners that they snap, or in a picture's far corner
-/// with fewer digits.
+/// The depth of a triangle is that of its own plane. The depth that devices interpolate is less exact: they snap corners, and in the far
+/// corner of a picture they have fewer digits.
 #[test]
 fn of_two_layers_close_together_the_nearer_one_is_seen() {
     let Some(mut rasteriser) = rasteriser() else { return };
@@ -260,13 +260,13 @@ fn of_two_layers_close_together_the_nearer_one_is_seen() {
         assert_eq!(farther, 0, "{gap} m apart, side {side}, {}", rasteriser.adapter());
     }
     assert!(interpolated[3] > 1000, "control: {interpolated:?}");
-    // 60 m away a float's last bit is 4 micrometres: layers nearer to each other than that mix.
+    // At 60 m the last bit of a float is 4 micrometres, so layers closer to each other than this mix.
     let [_, mixed] = seen_of_layers(&mut rasteriser, 2e-6, 1, false);
     assert!(mixed > 1000, "control: {mixed} of layers 2 micrometres apart");
 }
 
-/// The exact depth of a triangle's plane at a pixel's centre, and by how much it changes if a corner moves by `unit` of its distance from
-/// the eye, or from the middle of what a camera without perspective sees.
+/// The exact depth of a triangle's plane at a pixel's centre, and its change if a corner moves by `unit` times its distance from the eye.
+/// For a camera without perspective, the distance is from the middle of the view volume.
 fn exact_depth(job: &RasterJob<'_>, id: u32, [x, y]: [f64; 2], unit: f64) -> [f64; 2] {
     let (matrix, offset) = job.view.projection();
     let inverse = matrix.as_dmat4().inverse();
@@ -347,14 +347,14 @@ fn depth_is_that_of_planes_through_corners_that_are_off_by_a_few_units_in_the_la
             "{name}: off by {:.2} units, the device's depth by {:.2}; {changed} of {covered} differ",
             worst[0], worst[1]
         );
-        // In the corner pixels are as many as a lens of 165 degrees has between them and the middle.
+        // A pixel in the corner is as many pixels from the middle of the picture as at the edge of a lens of 165 degrees.
         let most = if times == 1 { 3.0 } else { 12.0 };
         assert!(covered > 400 && worst[0] < most, "{name}: {covered}, {worst:?}");
         assert!(changed * 10 > covered, "{name}: the device's depth was kept, {changed} of {covered}");
     }
 }
 
-/// Slivers, edges of planes and triangles of all kinds, with corners behind the eye among them.
+/// The triangles include needles, triangles that cross the near plane, and triangles with corners behind the eye.
 #[test]
 fn every_depth_is_a_number_near_the_corners_of_its_triangle() {
     let Some(mut rasteriser) = rasteriser() else { return };
@@ -409,7 +409,7 @@ fn attachments_in_16_bit_floats_take_half_the_memory_and_are_the_32_bit_ones_rou
             let mut kept = found.clone();
             PixelFormat::Rgba16Float.round(&mut kept);
             assert!(kept == *found, "what is read back are 16-bit floats");
-            // Rounding may be to nearest or towards zero: within one unit of 11 bits.
+            // Devices may round to nearest or towards zero, so the error is at most one unit of 11 significant bits.
             for (found, full) in found.as_flattened().iter().zip(full.as_flattened()) {
                 let unit = (full.abs() / 1024.0).max(2f32.powi(-24));
                 assert!((found - full).abs() <= unit, "{found} {full}");
@@ -467,7 +467,7 @@ fn textures_are_uploaded_when_a_material_or_a_shade_reads_them() {
     let Some(mut rasteriser) = rasteriser() else { return };
     let setup = scenes::grazing();
     rasteriser.upload(&setup.scene).expect("uploads");
-    // The materials of generated scenes name no texture; the shades do.
+    // In generated scenes the shades name textures, and the materials do not.
     assert_eq!(rasteriser.memory().textures, 0);
     let position = Attachments { position: true, ..Attachments::default() };
     render(&mut rasteriser, &setup.job(32, 32, position), 32, 32);
@@ -545,7 +545,7 @@ fn of_equal_depths_the_lower_triangle_stays() {
     assert!(target.triangle.iter().all(|id| *id == 1));
 }
 
-/// Triangles in one plane across an axis have the same depth to the last bit, whatever their corners and the camera.
+/// Triangles in one plane perpendicular to an axis have the same depth to the last bit, for any corners and any camera.
 #[test]
 fn of_triangles_in_one_plane_across_an_axis_the_first_stays() {
     let Some(mut rasteriser) = rasteriser() else { return };
@@ -554,7 +554,7 @@ fn of_triangles_in_one_plane_across_an_axis_the_first_stays() {
     let view = View::new(common::perspective(1.0, 1.0, 0.1, 100.0) * turned, Vec3::new(3.1, 4.3, 9.7));
     let (mut covered, mut wrong) = (0, [0; 2]);
     for axis in 0..3 {
-        // Of each triangle of the soup the shadow on a plane.
+        // The triangles of the soup, projected onto a plane perpendicular to the axis.
         let mut all: Vec<[Vec3; 3]> = (0..30).map(|id| common::soup(4, 30, 3).geometry.corners(id)).collect();
         all.iter_mut().flatten().for_each(|corner| corner[axis] = -1.7);
         let mut drawn = |triangles: &[[Vec3; 3]], snapped_depth: bool| {
@@ -579,7 +579,7 @@ fn of_triangles_in_one_plane_across_an_axis_the_first_stays() {
     assert!(covered > 10_000 && wrong[0] == 0 && wrong[1] > 100, "{covered}, {wrong:?}");
 }
 
-/// Materials have programs of their own, which all compute the same depth.
+/// Different kinds of materials have different shaders, which all compute the same depth.
 #[test]
 fn of_equal_triangles_of_different_materials_the_first_stays() {
     let Some(mut rasteriser) = rasteriser() else { return };

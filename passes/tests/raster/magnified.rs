@@ -1,5 +1,5 @@
-//! Magnified textures that ask for their nearest texel, on both rasterisers: a texture of 4 x 4 colours on a square of pixels, where the
-//! texel of every pixel is known.
+//! Magnified textures with nearest filtering, on both rasterisers. A texture of 4 x 4 texels covers a square of pixels, so that the texel
+//! of every pixel is known.
 
 use crate::common::{self, ALL};
 #[cfg(feature = "wgpu")]
@@ -12,12 +12,12 @@ use glam::{Vec2, Vec3, Vec4};
 use std::sync::Arc;
 
 const SIDE: u32 = 64;
-/// Texels a side.
+/// Texels per side of the texture.
 const TEXELS: u32 = 4;
-/// Where the square begins, and its side, in pixels: 4 pixels a texel.
+/// First column and row of the square, and then its side, in pixels: 4 pixels per texel.
 const FIRST: f32 = 8.0;
 const LENGTH: f32 = 48.0;
-/// The texture coordinates from -1 to 2.
+/// Copies of the texture along each side of the square: texture coordinates run from -1 to 2.
 const COPIES: f32 = 3.0;
 
 /// The colour of a texel; a quarter of the texels are clear.
@@ -42,7 +42,7 @@ fn four_by_four(wrap: [Wrap; 2], magnification: Magnification) -> Texture {
     Texture::new("pixels".to_owned(), TEXELS, TEXELS, texels).wrapped(wrap).magnified(magnification)
 }
 
-/// The texel that stands for one beyond the sides.
+/// The texel that the wrap mode selects for an index, which may be outside the texture.
 fn within(index: i32, wrap: Wrap) -> u32 {
     let count = TEXELS as i32;
     let index = match wrap {
@@ -56,7 +56,7 @@ fn within(index: i32, wrap: Wrap) -> u32 {
     index as u32
 }
 
-/// Draws with a light of 1, by each rasteriser.
+/// Draws the scene with each rasteriser, lit so that a pixel has the colour of its texel.
 fn drawn(scene: RenderScene, alpha_cutoff: Option<f32>) -> Vec<GBuffer> {
     let scene = Arc::new(scene);
     let emission = Vec3::splat(0.7).extend(1.0);
@@ -79,7 +79,7 @@ fn drawn(scene: RenderScene, alpha_cutoff: Option<f32>) -> Vec<GBuffer> {
     all
 }
 
-/// Of the pixels of the square: the place of each in texels from its upper left corner.
+/// The index of each pixel of the square, and its place in texels from the square's upper left corner.
 fn places() -> impl Iterator<Item = (usize, [i32; 2])> {
     let (first, last) = (FIRST as u32, (FIRST + LENGTH) as u32);
     let pixels = (first..last).flat_map(move |y| (first..last).map(move |x| [x, y]));
@@ -89,10 +89,10 @@ fn places() -> impl Iterator<Item = (usize, [i32; 2])> {
     })
 }
 
-/// The texel of a place: the coordinates begin one copy to the left, and end one copy above.
+/// The colour of the texel at a place. The square starts one copy to the left of texture coordinate 0 and one copy above 1.
 fn texel_at([x, y]: [i32; 2], wrap: [Wrap; 2]) -> [u8; 4] {
     let count = TEXELS as i32;
-    // Rows of texels count from the top of the copy between 0 and 1.
+    // `up` counts texels upwards from v = 0, and rows of the texture count from its top.
     let [column, up] = [x - count, 2 * count - 1 - y];
     color(within(column, wrap[0]), TEXELS - 1 - within(up, wrap[1]))
 }
@@ -146,7 +146,8 @@ fn minified_textures_are_blended_whatever_they_ask_for() {
     for (index, (nearest, linear)) in both.enumerate() {
         let pairs = nearest.color.as_flattened().iter().zip(linear.color.as_flattened());
         let off = pairs.map(|(nearest, linear)| (nearest - linear).abs()).fold(0.0_f32, f32::max);
-        // Devices may round the weights of texels to 1/256 (Vulkan 1.3, section 16.9.1), by sampler; one texel would be off by a half.
+        // Devices may round the weights of texels to 1/256 (Vulkan 1.3, section 16.9.1), differently for each sampler. Without blending, the
+        // colour would be off by about a half.
         assert!(if index == 0 { off == 0.0 } else { off < 0.01 }, "rasteriser {index}: {off}");
     }
 }

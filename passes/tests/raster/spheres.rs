@@ -144,8 +144,8 @@ fn every_pixel_shows_what_its_line_of_sight_meets() {
     meets_lines_of_sight(&mut CpuRasteriser::new(), 1.0);
 }
 
-/// Draws with a rasteriser what lines of sight of known origins and directions meet. Errors may be `times` as large as those of the
-/// processor.
+/// Asserts that a rasteriser draws the hits of lines of sight with known origins and directions. Errors may be `times` as large as those
+/// of the processor's rasteriser.
 pub fn meets_lines_of_sight(rasteriser: &mut dyn Rasteriser, times: f64) {
     let (scene, shades) = (Arc::new(scene()), shades());
     rasteriser.upload(&scene).expect("uploads");
@@ -204,8 +204,8 @@ pub fn meets_lines_of_sight(rasteriser: &mut dyn Rasteriser, times: f64) {
             spheres += 1;
             let sphere = scene.geometry.sphere(expected).expect("one");
             let found = Vec4::from_array(target.position[index]);
-            // The view matrix is a product of `f32`. At the rim of a sphere, the hit point moves along the sphere by
-            // the root of that error.
+            // The view matrix is a product of `f32` matrices. At the outline of a sphere, the hit moves along the sphere
+            // by the square root of the product's error.
             let off = found.truncate().as_dvec3().distance(point);
             let rim = normal.dot((point - at.as_dvec3()).normalize()).abs().max(0.02);
             assert!(off < times * 3e-6 * (1.0 + t) / rim, "{at} {x} {y} {expected}: {off} at {t}, {rim}");

@@ -22,16 +22,16 @@ use glam::{DMat4, DVec2, DVec3, DVec4, Mat4, Vec3, Vec4};
 use std::path::Path;
 use std::sync::Arc;
 
-/// A pixel whose centre is so near to the outline of a sphere, as a share of the picture's longer side, may show it or not.
+/// Distance from a sphere's outline, as a share of the picture's longer side. A pixel whose centre is closer may show the sphere or not.
 const OUTLINE: f64 = 1e-6;
-/// So may a pixel that shows two surfaces whose depths differ by less than this share.
+/// Relative difference of depths. If two surfaces differ by less, a pixel may show either one.
 const TIE: f64 = 2e-6;
-/// Greatest error of a normal, times the cosine of the angle between it and the line of sight: at the outline the place on the sphere
-/// changes without bound with the line of sight.
+/// Greatest error of a normal, times the cosine of the angle between the normal and the line of sight. The factor is needed because the
+/// hit at the outline moves without bound if the line of sight moves.
 const NORMAL: f64 = 5e-7;
-/// Least such cosine for which errors are bounded.
+/// Smallest cosine that is used as such a factor; smaller ones are replaced by it.
 const RIM: f64 = 0.01;
-/// Greatest error of a depth, relative to it, times the same cosine.
+/// Greatest relative error of a depth, times the same cosine.
 const DEPTH: f64 = 8e-7;
 
 const SUN: Sun = Sun { direction: Vec3::new(0.36, -0.8, -0.48), color: Vec3::new(0.9, 0.8, 0.7) };
@@ -85,7 +85,7 @@ fn again(rasteriser: &mut dyn Rasteriser, job: &RasterJob<'_>) -> GBuffer {
     target
 }
 
-/// What a line of sight meets.
+/// A hit of a line of sight.
 #[derive(Clone, Copy)]
 struct Met {
     depth: f64,
@@ -112,7 +112,7 @@ impl<'a> Sight<'a> {
         Self { job, matrix, inverse: matrix.inverse(), eye, size }
     }
 
-    /// The point of the near plane at a place of the picture, in pixels, relative to the eye, and the direction.
+    /// The line of sight through a place of the picture, in pixels: its start on the near plane, relative to the eye, and its direction.
     fn line(&self, at: DVec2) -> (DVec3, DVec3) {
         let place = (at / self.size * 2.0 - 1.0) * DVec2::new(1.0, -1.0);
         let [near, far] = [1.0, 0.0].map(|depth| self.inverse * DVec4::new(place.x, place.y, depth, 1.0));
@@ -125,16 +125,16 @@ impl<'a> Sight<'a> {
         if clip.w > 0.0 { clip.z / clip.w } else { f64::INFINITY }
     }
 
-    /// By how much the square of half the chord in a sphere exceeds 0, in squares of its radius; and the place in the middle of the
-    /// chord.
+    /// The square of half the chord of a line in a sphere, in squared radii; it is negative if the line misses. Then the chord's midpoint,
+    /// relative to the sphere's centre.
     fn chord(&self, sphere: &Sphere, (start, direction): (DVec3, DVec3)) -> (f64, DVec3) {
         let from = start - (sphere.center.as_dvec3() - self.eye);
         let middle = from - from.dot(direction) * direction;
         (1.0 - middle.length_squared() / f64::from(sphere.radius).powi(2), middle)
     }
 
-    /// What the line of sight through a pixel's centre meets between the near and the far plane, the nearest first; and whether it is so
-    /// near to an outline, an edge, the near or the far plane that rounding may decide.
+    /// The hits of the line of sight through a pixel's centre between the near and the far plane, nearest first. The flag tells whether an
+    /// outline, an edge, the near or far plane, or a second surface is so close that rounding may decide.
     fn meets(&self, x: u32, y: u32) -> (Vec<Met>, bool) {
         let at = DVec2::new(f64::from(x) + 0.5, f64::from(y) + 0.5);
         let (mut met, mut is_open) = (Vec::new(), false);
@@ -171,7 +171,7 @@ impl<'a> Sight<'a> {
                 met.push(Met { depth, id, normal, rim: half.sqrt() });
             }
         }
-        // Without a far plane no point of it has a place.
+        // Without a far plane, no hit can be too close to one.
         let far = if self.inverse.w_axis.w.abs() < 1e-12 { 0.0 } else { 1e-7 };
         is_open |= met.iter().any(|met| (met.depth - 1.0).abs() < TIE || met.depth.abs() < far);
         met.retain(|met| (0.0..=1.0).contains(&met.depth));
@@ -184,17 +184,18 @@ impl<'a> Sight<'a> {
 /// Errors of a picture against the closed form.
 #[derive(Debug, Default)]
 struct Errors {
-    /// Pixels that show another surface.
+    /// Pixels that show another surface than the closed form.
     ids: usize,
-    /// Pixels that may show two surfaces; they are not compared.
+    /// Pixels for which rounding may decide the surface; they are not compared.
     open: usize,
     /// Pixels that show a sphere.
     spheres: usize,
-    /// Greatest error of a normal and of a depth, times the cosine; of positions, relative to what rounding and the normal may do.
+    /// Greatest error of a normal and relative error of a depth, both times the cosine; greatest error of a position, relative to the error
+    /// that rounding and the normal explain.
     normal: f64,
     depth: f64,
     position: f64,
-    /// Greatest error of the cosine of the light, and of a colour, beyond that of the normal.
+    /// Greatest error of the light's cosine and of a colour, times the cosine of the line of sight.
     light: f64,
     color: f64,
 }
@@ -251,7 +252,8 @@ impl Errors {
     }
 }
 
-/// Draws with both rasterisers, on the GPU in both ways, and compares each with the closed form. Returns the processor's errors.
+/// Draws with both rasterisers, on the GPU with both ways of shading, and compares each with the closed form. Returns the processor's
+/// errors.
 fn agree(gpu: &mut WgpuRasteriser, name: &str, scene: &Arc<RenderScene>, job: &RasterJob<'_>) -> Errors {
     let sight = Sight::new(job);
     let cpu = Errors::of(&sight, &draw(&mut CpuRasteriser::new(), scene, job));
@@ -303,7 +305,7 @@ fn the_closed_form_is_met_before_in_and_behind_triangles() {
             agree(&mut gpu, name, &scene, &RasterJob { view, ..job });
         }
     }
-    // Control: spheres that are larger by half a percent, a tenth of a pixel and less, differ from the closed form.
+    // Control: spheres that are half a percent larger, which is a tenth of a pixel or less, differ from the closed form.
     let eye = Eye { at: Vec3::ZERO, towards, perspective: true, size: [200, 150] };
     let exact = job(&scene, &shades, eye.view(), eye.size);
     let mut larger = (*scene).clone();
@@ -314,7 +316,7 @@ fn the_closed_form_is_met_before_in_and_behind_triangles() {
     assert!(errors.ids > 5 && errors.position > 10.0, "{errors:?}");
 }
 
-/// Control: in how many pixels the usual quadratic equation in 32-bit floats, from the eye, is wrong about the first sphere.
+/// Control: number of pixels in which the usual quadratic equation, from the eye in 32-bit floats, is wrong about a hit of the first sphere.
 fn wrong_as_usual(sight: &Sight<'_>) -> usize {
     let sphere = &sight.job.scene.geometry.spheres[0];
     let [width, height] = [sight.job.viewport.width, sight.job.viewport.height];
@@ -339,7 +341,7 @@ fn neither_distance_nor_size_loses_the_outline() {
     // A radius of 1e-4 at the distance 1e4, through a lens that sees 3e-8 of it.
     let small = of_spheres(vec![sphere(3e-5, -2e-5, -1e4, 1e-4, 1)]);
     let far = of_spheres(vec![sphere(1024.0, -512.0, -1e4, 1e-4, 1)]);
-    // The eye two units above a planet, looking at the horizon and down; and just above and below a surface, and on it.
+    // The eye is two units above a planet and looks at the horizon, and down. Then it is just above, just below and on a surface.
     let planet = of_spheres(vec![sphere(0.0, -1_000_002.0, 0.0, 1e6, 1)]);
     let down = look_to_mat4(Vec3::ZERO, Vec3::new(0.1, -1.0, 0.2), Vec3::X);
     let unit = |gap: f32| of_spheres(vec![sphere(0.0, -1.0 - gap, 0.0, 1.0, 2)]);
@@ -381,7 +383,7 @@ fn ten_thousand_spheres_are_those_of_the_closed_form() {
     let job = job(&scene, &shades, eye.view(), eye.size);
     let found = agree(&mut gpu, "ten thousand", &scene, &job);
     assert!(found.spheres > 10_000, "{found:?}");
-    // Control: neighbours in another order are other spheres.
+    // Control: with the spheres in another order, pixels show other ids.
     let mut other = (*scene).clone();
     other.geometry.spheres.swap(0, 1);
     other.geometry.spheres.rotate_left(1);
@@ -430,7 +432,7 @@ fn attachments_not_asked_for_do_not_change_the_others() {
     }
 }
 
-/// Bands, and blocks that are cut out, are the same pixels.
+/// Bands and tiles of a picture have the same pixels as the whole picture.
 #[test]
 fn a_part_of_the_picture_is_the_same_as_the_whole() {
     let Some(mut gpu) = rasteriser() else { return };
@@ -455,7 +457,7 @@ fn a_part_of_the_picture_is_the_same_as_the_whole() {
     }
 }
 
-/// A pass that goes on where another stopped: spheres of both hide each other.
+/// A pass that loads the colour and depth of an earlier one: spheres of both passes hide each other.
 #[test]
 fn a_later_pass_goes_on_from_the_depth_of_spheres() {
     let Some(mut gpu) = rasteriser() else { return };
@@ -536,7 +538,7 @@ fn picture(name: &str, raster: Box<dyn Rasteriser>, set: &[&str]) -> Image {
     project(name, raster, set).frame(&mut Silent).expect("a frame")
 }
 
-/// The share of pixels whose colours differ by more than a code of 8 bits.
+/// The share of pixels whose colours differ by more than 1/255.
 fn differing(a: &Image, b: &Image) -> f64 {
     let differs = |(a, b): (&[f32; 4], &[f32; 4])| (Vec4::from(*a) - Vec4::from(*b)).abs().max_element() > 1.0 / 255.0;
     a.pixels.iter().zip(&b.pixels).filter(|pair| differs(*pair)).count() as f64 / a.pixels.len() as f64

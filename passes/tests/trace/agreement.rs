@@ -205,7 +205,7 @@ fn open_one_by_one(bvh: &Bvh, fan: &Fan<'_>, accept: impl Fn(&Hit) -> bool) -> u
     fan.rays().filter(|ray| !bvh.occluded(ray, &accept)).count()
 }
 
-/// The number of open rays of a fan, by gathered triangles; `None` where they could not be gathered.
+/// The number of open rays of a fan, by gathered triangles; `None` if the triangles could not be gathered.
 fn open_gathered(
     bvh: &Bvh,
     fan: &Fan<'_>,
@@ -281,7 +281,7 @@ fn rays_of_a_neighbourhood_count_what_they_count_one_by_one() {
                     assert!(may_be_blocked || found == rays.len(), "{name} {lanes:?}");
                     partly += usize::from(found > 0 && found < rays.len());
                     clear += usize::from(!may_be_blocked);
-                    // Control: rays from elsewhere, and another answer for transparent triangles, give another count.
+                    // Control: another origin, and another rule for transparent triangles, give other counts.
                     let elsewhere = Fan { origin: origin + Vec3::splat(0.05), ..fan };
                     control += usize::from(open_one_by_one(&bvh, &elsewhere, |_| true) != expected);
                 }
@@ -350,7 +350,7 @@ fn a_fan_counts_rays_of_any_direction_on_every_instruction_set() {
             for round in 0..300 {
                 let corners = geometry.corners(random.below(geometry.triangles.len()) as u32);
                 let origin = (corners[0] + corners[1] + corners[2]) / 3.0 + random.cube() * 0.05;
-                // Fewer rays than a packet up to more than two packets; some packets contain only odd directions.
+                // From fewer rays than a packet to more than two packets; some packets contain only odd directions.
                 let mut directions: Vec<Vec3> = (0..random.below(40)).map(|_| random.direction()).collect();
                 for _ in 0..random.below(20) {
                     let at = random.below(directions.len() + 1);

@@ -77,7 +77,7 @@ fn rays_along_an_axis_hit_the_vertices_and_edges_of_a_grid() {
             for z in -32..=32 {
                 for half in [0.0, 0.5] {
                     for &zero in &zeros {
-                        // At the rim, a direction with a component other than zero may leave the floor.
+                        // From the rim of the floor, a ray that is not vertical may miss the floor.
                         let rim = x == 32 || x == -32 || z == 32 || z == -32;
                         if rim && (half != 0.0 || zero.abs() > f32::MIN_POSITIVE) {
                             continue;

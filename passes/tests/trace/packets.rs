@@ -151,7 +151,7 @@ fn packets_show_every_transparent_hit_of_rays_that_nothing_stops() {
     assert!(crossings > 1000, "{crossings}");
 }
 
-/// Asserts that an unblocked ray of a packet is shown the same transparent hits as alone; returns their number.
+/// Asserts that an unblocked ray of a packet is shown the same transparent hits as a single ray. Returns the number of hits.
 pub fn crossings_as_alone(bvh: &Bvh, packets: &[Packet]) -> usize {
     let mut blocked = vec![0; packets.len()];
     let mut shown = vec![BTreeSet::new(); packets.len() * PACKET];

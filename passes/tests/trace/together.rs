@@ -140,7 +140,7 @@ fn fans_together_show_every_transparent_hit_of_rays_that_nothing_stops() {
                 assert!(alone.is_subset(shown), "{ray:?}");
                 crossings += alone.len();
             }
-            // The hits shown to a ray that is stopped depend on the order of the search: these are all possible ones.
+            // Which hits a blocked ray is shown depends on the order of traversal. These are all hits that may be shown.
             let mut distances = 0.0_f32;
             while let Some(hit) = bvh.closest(&Ray { t_min: distances, ..ray }, |_| true) {
                 asked.insert(hit.triangle);

@@ -151,7 +151,7 @@ fn segments_that_leave_a_back_are_left_out_or_count_as_blocked() {
     assert_eq!((skip.class, skip.visibility), (Class::Open, Some(1.0)));
     let share = zero.visibility.expect("a part is seen");
     assert!(zero.class == Class::Open && (share - 0.75).abs() < 1e-5, "{share}");
-    // A small triangle far below the wall's upper end makes the pair a sampled one. The policies then differ in their
+    // Because of a small triangle far below the wall's upper end, the pair is sampled. The policies then differ in their
     // divisor.
     let speck = [v(0.1, 0.1, 0.3), v(0.2, 0.1, 0.3), v(0.1, 0.2, 0.3)];
     let [skip, zero] = BOTH.map(|facing| row(&[floor, wall, speck], [0, 1], Options { facing, ..options(4096) }));

@@ -80,7 +80,7 @@ impl SegmentTracer for Counted<'_> {
     }
 }
 
-/// The rows; asserts that some segments are traced on the device.
+/// Computes the rows with a device, and asserts that it traces some segments.
 fn on_device(
     surfaces: &Surfaces,
     tracer: Box<dyn SegmentTracer + '_>,
@@ -145,7 +145,7 @@ fn what_stopped_the_rays_before_changes_no_row() {
     let (fast, plain) = (bvh(), Plain(bvh()));
     let (fast, plain) = (Estimator::new(&surfaces, &fast, options(64)), Estimator::new(&surfaces, &plain, options(64)));
     let (fast, plain) = (fast.expect("valid"), plain.expect("valid"));
-    // One room for all pairs, which remembers the hit of the previous pair.
+    // One `Room` for all pairs, which remembers the hit of the previous pair.
     let (mut room, mut sampled) = (Room::default(), 0);
     for pair in pairs_of(&scene) {
         let row = fast.row(pair, &mut room);

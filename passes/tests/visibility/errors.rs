@@ -1,4 +1,4 @@
-//! The coverage of standard errors.
+//! How often an interval of standard errors contains the true visibility.
 
 use super::*;
 use curitiba_passes::visibility::{Class, REPLICATES};
@@ -25,7 +25,7 @@ fn intervals_of_95_percent_hold_the_truth_in_930_to_970_of_1000_pairs() {
     let counts = [64, 256];
     let [mut tried, mut covered, mut one_set] = [[0; 2]; 3];
     let mut seed = 0;
-    // One pair serves both numbers of samples: most of the time goes into its truth.
+    // Each pair is used for both numbers of samples, because most of the time goes into its true visibility.
     while tried != [1000; 2] {
         seed += 1;
         let scene = pair(seed);

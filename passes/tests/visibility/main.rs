@@ -155,17 +155,17 @@ pub(crate) fn normal([a, b, c]: &Triangle) -> DVec3 {
     (b - a).cross(c - a).normalize()
 }
 
-/// What rounding a scene to `f32` may move a point that is as far from the origin as the farther of two: triangles that were in one plane
-/// are in it up to this. Relative to the distance from the origin.
+/// Distance by which rounding a scene to `f32` may move a point, relative to the point's distance from the origin. Triangles that were in one
+/// plane are coplanar only within this distance.
 const ROUNDING: f64 = 2e-6;
 
-/// How far apart points have to be for the order of the surfaces that they are on to be known.
+/// Distance of a segment's end from a plane above which rounding cannot change the side of the plane on which the end lies.
 pub(crate) fn known_distance(from: DVec3, to: DVec3) -> f64 {
     ROUNDING * from.length().max(to.length())
 }
 
 /// Whether the line of a segment crosses a triangle, and the segment's ends are on different sides of its plane, each at least `distance`
-/// from it. A negative distance also takes segments that end as near as that to the plane.
+/// from it. With a negative `distance`, segments that end within `-distance` of the plane count as well.
 pub(crate) fn blocks(triangle: &Triangle, from: DVec3, to: DVec3, distance: f64) -> bool {
     let [a, b, c] = triangle.map(|corner| corner.as_dvec3());
     let normal = normal(triangle);
@@ -186,7 +186,7 @@ pub(crate) fn blocks(triangle: &Triangle, from: DVec3, to: DVec3, distance: f64)
     u >= 0.0 && v >= 0.0 && u + v <= 1.0
 }
 
-/// Whether a segment leaves the front sides of both triangles, and its ends are more than `distance` in front of them.
+/// Whether a segment leaves the front sides of both triangles, and each end is more than `distance` in front of the other triangle's plane.
 pub(crate) fn is_valid(a: &Triangle, b: &Triangle, from: DVec3, to: DVec3, distance: f64) -> bool {
     normal(a).dot(to - from) > distance && normal(b).dot(from - to) > distance
 }

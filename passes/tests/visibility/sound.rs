@@ -1,12 +1,12 @@
-//! A decision without rays must be true for every segment.
+//! A decision without rays must hold for every segment between the two triangles.
 
 use super::*;
 use curitiba_passes::trace::{BruteForce, Hit, Ray, Tracer};
 use curitiba_passes::visibility::{AllPairs, Class, NearPairs, PairSource, RowPairs};
 use proptest::prelude::*;
 
-/// Samples random segments that leave the front of both triangles. Returns their number, how many of them are blocked, and how many are not.
-/// Those of which rounding may decide it are neither.
+/// Samples random segments that leave the front of both triangles. Returns the number of segments, of blocked ones and of open ones.
+/// Segments for which rounding may decide are counted as neither.
 fn segments([a, b]: [u32; 2], scene: &[Triangle], count: u32, random: &mut Random) -> [u32; 3] {
     let (first, second) = (scene[a as usize], scene[b as usize]);
     let (mut valid, mut blocked, mut open) = (0, 0, 0);

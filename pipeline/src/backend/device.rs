@@ -1,11 +1,11 @@
-//! What an engine says of itself and its device.
+//! Limits of an engine, and the description of its device.
 
 /// The largest pictures that an engine can make.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Limits {
     /// Most pixels along a side.
     pub side: u32,
-    /// Whether a picture can be made in parts: whether each part equals that region of the whole picture.
+    /// Whether a picture can be rendered in parts, each of which equals that region of the picture rendered as a whole.
     pub parts: bool,
 }
 

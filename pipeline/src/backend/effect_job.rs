@@ -1,4 +1,4 @@
-//! Raster effects: what they read, and what an effect pass did.
+//! Inputs and statistics of effect passes.
 
 use super::shade::Shade;
 use super::view::{Sun, View};
@@ -51,7 +51,7 @@ pub struct Part {
     pub device: Option<Duration>,
 }
 
-/// What an effect pass did.
+/// Statistics of an effect pass.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub struct EffectStats {
     /// Time to draw the maps; `None` if no map was drawn.
@@ -69,7 +69,7 @@ pub struct EffectStats {
     /// Number of glass pixels, and how many of them no map covers: those keep their colour. `[0, 0]` for a program whose maps cover
     /// all glass.
     pub glass_pixels: [u64; 2],
-    /// How the rays of glass pixels were answered; only of programs that march rays through screen space.
+    /// What answered the rays of glass pixels; only for programs that march rays through screen space.
     pub answers: Option<Answers>,
 }
 
@@ -84,7 +84,7 @@ pub struct Answers {
     pub cube: u64,
     /// Pixels left to the counterpart program on the ray backend.
     pub rays: u64,
-    /// Pixels with at least one ray that nothing answered: it shows the glass's own colour.
+    /// Pixels with at least one ray that nothing answered; such a ray shows the glass's own colour.
     pub kept: u64,
 }
 

@@ -1,8 +1,8 @@
-//! Lights of passes that have several, or one with a place.
+//! Lights of passes that have several lights, or a light with a position.
 
 use glam::Vec3;
 
-/// Least divisor of a light's attenuation: so a light arrives with a finite number everywhere.
+/// Least divisor of a light's attenuation. It keeps the light that arrives finite everywhere.
 pub const LEAST_DIVISOR: f32 = 1e-12;
 
 /// A light of a pass that has several lights, or one that is not directional. The light of a pass with a single directional light is a
@@ -15,36 +15,36 @@ pub struct Light {
     pub direction: Vec3,
     /// Linear colour, where the attenuation is 1.
     pub color: Vec3,
-    /// The light of a place is divided by `constant + linear d + quadratic d²` at a distance `d`.
+    /// Attenuation of a light with a position: it is divided by `constant + linear d + quadratic d²` at a distance `d`.
     pub attenuation: [f32; 3],
-    /// Distance at which the light of a place ends; infinite where it does not.
+    /// Distance at which a light with a position ends; infinite if it has no end.
     pub range: f32,
     /// The cone of a spot light.
     pub cone: Option<Cone>,
 }
 
-/// The cone of a spot light: 1 around its axis, and 0 outside.
+/// The cone of a spot light. Without an exponent its factor is 1 within the inner angle and 0 outside of the outer angle.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Cone {
-    /// Cosine of the angle to the axis up to which the light is whole.
+    /// Cosine of the angle to the axis up to which the light is not reduced.
     pub inner: f32,
-    /// Cosine of the angle to the axis from which on there is no light; at most `inner`.
+    /// Cosine of the angle to the axis beyond which there is no light; at most `inner`.
     pub outer: f32,
-    /// Power of the cosine that multiplies the light.
+    /// The light is multiplied by the cosine of the angle to the axis, raised to this power.
     pub exponent: f32,
 }
 
 /// The light that arrives at a point.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Arriving {
-    /// Unit direction to the light; 0 at its place.
+    /// Unit direction to the light; 0 at the light's own position.
     pub towards: Vec3,
-    /// Share of the light's colour: attenuation, range and cone. Without the cosine, and without shadows.
+    /// Share of the light's colour after attenuation, range and cone. The surface's cosine and shadows are not included.
     pub factor: f32,
 }
 
 impl Light {
-    /// What of the light arrives at a point, if nothing is in the way. At the light's own place nothing does: it is in no direction.
+    /// The light that arrives at a point without an occluder. None arrives at the light's own position, where it has no direction.
     #[inline(always)]
     #[must_use]
     pub fn at(&self, point: Vec3) -> Arriving {
@@ -66,7 +66,7 @@ impl Light {
 }
 
 impl Cone {
-    /// The share of the light at an angle of this cosine from the axis.
+    /// The share of the light in a direction, given by the cosine of its angle to the axis.
     #[inline(always)]
     #[must_use]
     pub fn at(self, cosine: f32) -> f32 {

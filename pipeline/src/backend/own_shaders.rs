@@ -13,8 +13,8 @@ pub struct OwnMaterial {
     pub uniforms: Vec<Vec<u8>>,
     /// Texture of each sampler of the program.
     pub textures: Vec<OwnTexture>,
-    /// By storage buffer of the program: the index of what is bound, into the buffers of
-    /// [`Rasteriser::draw_with`](super::Rasteriser::draw_with); `None` of an image that holds nothing.
+    /// For each storage buffer of the program, the index of the buffer or image bound to it, into the buffers of
+    /// [`Rasteriser::draw_with`](super::Rasteriser::draw_with); `None` for an image that holds nothing.
     pub storage: Vec<Option<usize>>,
     /// How its triangles are drawn.
     pub drawn: Drawn,
@@ -53,7 +53,7 @@ pub struct OwnShaders<'a> {
 }
 
 impl OwnShaders<'_> {
-    /// None.
+    /// No own shaders.
     pub const NONE: Self =
         Self { programs: &[], materials: &[], channels: &[], depth: None, clamped: false, instances: 1 };
 }
@@ -87,7 +87,7 @@ pub enum QuadTexture<'a> {
         /// `width * height` texels, top row first.
         texels: &'a [[f32; 4]],
     },
-    /// A channel with its mip levels, from the whole picture on. Each side is half of the side before, rounded down, and at least 1.
+    /// A channel with its mip levels, the whole picture first. Each side is half of the side before, rounded down, and at least 1.
     Levels(Vec<MipLevel<'a>>),
 }
 

@@ -1,4 +1,4 @@
-//! Raster passes: what is drawn, and what a draw did.
+//! Inputs and statistics of raster passes.
 
 use super::light::Light;
 use super::shade::Shade;
@@ -9,7 +9,7 @@ use crate::scene::RenderScene;
 use glam::Vec4;
 use std::time::Duration;
 
-/// What a raster pass loads of its target, and whether it stores its depth for a later pass. By default everything is cleared and the
+/// What a raster pass loads from its target, and whether it stores its depth for a later pass. By default everything is cleared and the
 /// depth is not stored.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Hash)]
 pub struct LoadStore {
@@ -35,8 +35,8 @@ pub struct RasterJob<'a> {
     pub view: View,
     /// The light. Without a light the cosine that shading multiplies with is 0.
     pub sun: Option<Sun>,
-    /// The lights of a pass that has several, or one with a place, in place of [`Self::sun`]; else empty. The light cosine that is
-    /// written is then the greatest of those whose light arrives.
+    /// The lights that replace [`Self::sun`] if the pass has several lights or a light with a position; otherwise empty. With them the
+    /// light cosine written is the greatest among the lights that arrive.
     pub lights: &'a [Light],
     /// Colours of the materials, by material index.
     pub shades: &'a [Shade],
@@ -57,9 +57,9 @@ pub struct RasterJob<'a> {
     /// and effects read the rounded values; in host memory the executor rounds them. The rounding mode of a device is its own
     /// choice.
     pub half: Attachments,
-    /// Whether depth and attributes are interpolated between corners snapped to the subpixel grid (thesis fidelity), or are those of the
-    /// exact corners. Devices interpolate as they do in the first case, and in the second what their programs cannot compute from the
-    /// corners of a triangle.
+    /// Whether depth and attributes are interpolated between corners snapped to the subpixel grid (thesis fidelity), or between the exact
+    /// corners. Devices use their own interpolation for snapped corners. For exact corners they use it only for values that their
+    /// programs cannot compute from the corners of a triangle.
     pub snapped_depth: bool,
     /// What is loaded instead of being cleared, and whether the depth is stored.
     pub load_store: LoadStore,
@@ -76,7 +76,7 @@ pub struct HandOver {
     pub device: Option<Duration>,
 }
 
-/// What a draw did.
+/// Statistics of a draw.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub struct DrawStats {
     /// Time on the device's own clock, if it has one.

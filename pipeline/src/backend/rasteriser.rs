@@ -32,8 +32,8 @@ pub trait Rasteriser {
     /// # Errors
     /// If the device fails.
     fn draw(&mut self, job: &RasterJob<'_>, target: &mut GBuffer) -> Result<DrawStats, BackendError>;
-    /// [`Rasteriser::draw`] that moves `progress`, and may be given up between parts of the work when [`Progress::is_cancelled`] says so:
-    /// it returns early then, and what `target` holds is not defined. A rasteriser that has no parts draws to the end.
+    /// [`Rasteriser::draw`] that reports to `progress`. Between parts of the work it checks [`Progress::is_cancelled`]; if that is set,
+    /// it returns early and the contents of `target` are undefined. A rasteriser whose work has no parts draws to the end.
     ///
     /// # Errors
     /// As [`Rasteriser::draw`].
@@ -49,8 +49,9 @@ pub trait Rasteriser {
     fn draws_shaders(&self) -> bool {
         false
     }
-    /// [`Rasteriser::draw`], with own shaders for some materials. Their fragments write no triangle ids. `buffers` are the storage buffers
-    /// and images of the pass, 16 bytes each; what is stored is there afterwards. Every fragment of every triangle stores, hidden or not.
+    /// [`Rasteriser::draw`], with own shaders for some materials. Their fragments write no triangle ids. `buffers` are the storage
+    /// buffers and images of the pass, 16 bytes an element; afterwards they hold what the shaders stored. Every fragment of every
+    /// triangle stores, hidden or not.
     ///
     /// # Errors
     /// If the device fails, or the rasteriser cannot draw with own shaders.
@@ -66,12 +67,12 @@ pub trait Rasteriser {
         }
         Err(BackendError::no_shaders(self.name(), "a pass"))
     }
-    /// Fills a quad by an own shader of the project: every pixel of `pixels`, top row first, of which there are as many as the job says.
-    /// What the shader discards stays. `buffers` are what is bound to the program's storage buffers, 16 bytes each; what is stored is there
-    /// afterwards.
+    /// Fills a quad with an own shader of the project. `pixels` are the pixels of the job, top row first. Pixels that the shader discards
+    /// keep their values. `buffers` are bound to the program's storage buffers, 16 bytes an element; afterwards they hold what the shader
+    /// stored.
     ///
     /// # Errors
-    /// If the device fails, or it runs none.
+    /// If the device fails, or the rasteriser runs no own shaders.
     fn fill(
         &mut self,
         _job: &QuadJob<'_>,
@@ -80,11 +81,11 @@ pub trait Rasteriser {
     ) -> Result<(), BackendError> {
         Err(BackendError::no_shaders(self.name(), "a quad"))
     }
-    /// Runs a compute shader of the project. `buffers` are what is bound to the program's storage buffers, 16 bytes each; what is stored is
-    /// there afterwards.
+    /// Runs a compute shader of the project. `buffers` are bound to the program's storage buffers, 16 bytes an element; afterwards they
+    /// hold what the shader stored.
     ///
     /// # Errors
-    /// If the device fails, or it runs none.
+    /// If the device fails, or the rasteriser runs no own shaders.
     fn compute(&mut self, _job: &ComputeJob<'_>, _buffers: &mut [Vec<[f32; 4]>]) -> Result<(), BackendError> {
         Err(BackendError::no_shaders(self.name(), "a compute pass"))
     }
@@ -96,8 +97,8 @@ pub trait Rasteriser {
     /// If the device fails.
     fn read_back(&mut self, job: &RasterJob<'_>, wanted: Attachments, target: &mut GBuffer)
     -> Result<(), BackendError>;
-    /// Whether the rasteriser draws exact spheres ([`Geometry::spheres`](crate::scene::Geometry::spheres)). No rasteriser draws
-    /// them into the maps of effects, and none with own shaders.
+    /// Whether the rasteriser draws exact spheres ([`Geometry::spheres`](crate::scene::Geometry::spheres)). No rasteriser draws them into
+    /// the maps of effects or with own shaders.
     fn draws_spheres(&self) -> bool {
         false
     }
@@ -110,8 +111,9 @@ pub trait Rasteriser {
     fn shares(&self) -> Option<DeviceUuid> {
         None
     }
-    /// Allocates shared memory for G-buffers of this size, replacing the previous allocation; with room for the picture of a ray pass
-    /// if `picture`, which [`Rasteriser::fill_on_device`] then reads. Jobs name the attachments to store there in [`RasterJob::shared`].
+    /// Allocates shared memory for G-buffers of this size and replaces the previous allocation. With `picture` there is also room for the
+    /// picture of a ray pass, which [`Rasteriser::fill_on_device`] reads. Jobs name the attachments to store there in
+    /// [`RasterJob::shared`].
     ///
     /// # Errors
     /// If the device has too little memory, or shares none at all.

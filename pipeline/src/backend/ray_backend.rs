@@ -21,7 +21,7 @@ pub trait RayBackend {
         Limits::NONE
     }
     /// Whether the backend can continue sample sequences where another job ended: [`RayParams::first`], [`RayParams::first_path`] and
-    /// [`RayParams::first_sun`] above 0. Without, samples are not accumulated, and each of several samples of a pixel has its own seed.
+    /// [`RayParams::first_sun`] above 0. Otherwise samples are not accumulated, and each of several samples of a pixel has its own seed.
     fn continues_sequences(&self) -> bool {
         true
     }
@@ -58,8 +58,8 @@ pub trait RayBackend {
     fn traces_spheres(&self) -> bool {
         false
     }
-    /// Whether the rays of its mirrors and glass see a sky ([`Geometry::sky`](crate::scene::Geometry::sky)), which is in the way of
-    /// neither light nor occlusion, in corrected fidelity.
+    /// Whether the rays of its mirrors and glass hit a sky ([`Geometry::sky`](crate::scene::Geometry::sky)), in corrected fidelity. A sky
+    /// occludes neither shadow rays nor occlusion rays.
     fn sees_skies(&self) -> bool {
         false
     }
@@ -76,7 +76,7 @@ pub trait RayBackend {
     fn traces_sun_discs(&self) -> bool {
         false
     }
-    /// Whether its programs know several lights, and lights with a place ([`RayJob::lights`]).
+    /// Whether its programs support several lights, and lights with a position ([`RayJob::lights`]).
     fn knows_lights(&self) -> bool {
         false
     }
@@ -92,19 +92,19 @@ pub trait RayBackend {
     fn traces_cones(&self) -> bool {
         false
     }
-    /// Whether it shoots photons at glass meshes ([`RayParams::photons`] above 0), with a rule of shadows that it knows.
+    /// Whether it shoots photons at glass meshes ([`RayParams::photons`] above 0), with the shadow rules that it supports.
     fn shoots_photons(&self) -> bool {
         false
     }
-    /// Builds the acceleration structure; the executor times this step. `filtered` says by material index whether rays of any pass
-    /// may pass through it (alpha-cut textures, glass that shadow rays pass), so that hits need an any-hit test. Shadow and occlusion rays
-    /// do not hit the triangles of a sky ([`Geometry::sky`](crate::scene::Geometry::sky)).
+    /// Builds the acceleration structure; the executor times this step. `filtered` says by material index whether rays of any pass may
+    /// pass through the material (alpha-cut textures, glass that shadow rays pass), so that hits need an any-hit test. Shadow and
+    /// occlusion rays do not hit the triangles of a sky ([`Geometry::sky`](crate::scene::Geometry::sky)).
     ///
     /// # Errors
     /// If the device cannot hold it.
     fn build(&mut self, scene: &Arc<RenderScene>, filtered: &[bool]) -> Result<BuildStats, BackendError>;
-    /// [`RayBackend::build`] that may be given up between parts of the work when [`Progress::is_cancelled`] says so: it returns early
-    /// then, and nothing is built. A backend whose work has no parts builds to the end.
+    /// [`RayBackend::build`] that checks [`Progress::is_cancelled`] between parts of the work; if that is set, it returns early and
+    /// nothing is built. A backend whose work has no parts builds to the end.
     ///
     /// # Errors
     /// As [`RayBackend::build`].
@@ -119,7 +119,7 @@ pub trait RayBackend {
     /// About how many bytes a triangle takes in the structure and while it is built.
     fn bytes_per_triangle(&self) -> u64;
     /// Accepts a rasteriser's handle to attachments in place. Returns whether the backend can read them; if so, later jobs with
-    /// [`RayJob::shared`] read there.
+    /// [`RayJob::shared`] read the attachments through this handle.
     fn reads(&mut self, _lent: &InPlace) -> bool {
         false
     }
@@ -144,8 +144,8 @@ pub trait RayBackend {
     /// # Errors
     /// If the device fails or the job lacks what the program reads.
     fn run(&mut self, job: &RayJob<'_>, output: &mut Image, progress: &Progress) -> Result<RayStats, BackendError>;
-    /// Traces rays of a storage buffer into `hits`, which is as long: the distance, the triangle's id as the bits of an integer, and
-    /// the barycentric coordinates of corners 1 and 2, or [`NO_HIT`](super::NO_HIT). Advances `progress` meanwhile.
+    /// Traces rays of a storage buffer and writes one entry of `hits` for each: the distance, the triangle's id as the bits of an
+    /// integer, and the barycentric coordinates of corners 1 and 2, or [`NO_HIT`](super::NO_HIT). Advances `progress` meanwhile.
     ///
     /// # Errors
     /// If [`RayBackend::supports_intersections`] says so, or the structure was not built.

@@ -1,4 +1,4 @@
-//! Ray passes: what they read.
+//! Inputs of ray passes.
 
 use super::light::Light;
 use super::shade::Shade;
@@ -37,11 +37,11 @@ pub struct RayJob<'a> {
     pub seed: u32,
     /// Camera position in world space.
     pub eye: Vec3,
-    /// What of the scene a pixel covers, for texture lookups that are filtered by ray cones.
+    /// The cone of rays through a pixel, for texture lookups that are filtered by ray cones.
     pub cone: PixelCone,
     /// The light, for programs that read it.
     pub sun: Option<Sun>,
-    /// The lights of a pass that has several, or one with a place, in place of [`Self::sun`]; else empty.
+    /// The lights that replace [`Self::sun`] if the pass has several lights or a light with a position; otherwise empty.
     pub lights: &'a [Light],
     /// Column and row of the job's top left pixel in the whole picture. Random numbers depend on a pixel's place in the whole
     /// picture.
@@ -77,8 +77,8 @@ pub struct RayJob<'a> {
 }
 
 impl RayJob<'_> {
-    /// At which mip level the job reads textures at hits: level 0 unless its program knows ray cones, its parameters ask for them, its
-    /// fidelity is corrected, its scene has textures, and something shows them: glass, or rays from the camera.
+    /// How the job selects the mip level of textures at hits. It is level 0 unless all of these hold: the program supports ray cones and
+    /// its parameters ask for them, fidelity is corrected, the scene has textures, and glass or rays from the camera show them.
     #[must_use]
     pub fn texture_lod(&self) -> TextureLod {
         let asks = self.fidelity == Fidelity::Corrected
@@ -89,18 +89,18 @@ impl RayJob<'_> {
     }
 }
 
-/// Rays in host memory that are traced for a hit each. Every surface stops them, cut-outs and glass as well.
+/// Rays in host memory, each traced for one hit. Every surface stops them, cut-outs and glass as well.
 #[derive(Debug, Clone, Copy)]
 pub struct IntersectionJob<'a> {
     /// The scene, for which a structure was built.
     pub scene: &'a RenderScene,
-    /// Origin in the world and least distance; direction and greatest distance. Distances are multiples of the direction's length,
-    /// which is not 0. A ray with a number that is not finite (but for the greatest distance) meets nothing.
+    /// By ray: the origin in the world with the least distance, and the direction with the greatest distance. Distances are multiples of
+    /// the direction's length, which is not 0. A ray with a number that is not finite (except for the greatest distance) hits nothing.
     pub rays: &'a [[[f32; 4]; 2]],
     /// Which of a ray's hits is asked for.
     pub query: Query,
 }
 
-/// What [`RayBackend::intersect`](super::RayBackend::intersect) writes for a ray that meets nothing: the distance -1, and the
-/// bits of the integer -1 as the id.
+/// What [`RayBackend::intersect`](super::RayBackend::intersect) writes for a ray without a hit: the distance -1, and the bits of the
+/// integer -1 as the id.
 pub const NO_HIT: [f32; 4] = [-1.0, f32::from_bits(u32::MAX), 0.0, 0.0];

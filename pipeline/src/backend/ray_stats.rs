@@ -1,4 +1,4 @@
-//! What a ray pass did, and how large a structure is.
+//! Statistics of ray passes and acceleration structures.
 
 use std::time::Duration;
 
@@ -25,13 +25,13 @@ pub struct RayCounts {
     /// than are tracked. Not part of the total.
     #[serde(default)]
     pub lost: u64,
-    /// What became of photons, and the rays that they took.
+    /// Counts of photons, and of the rays traced for them.
     #[serde(default, skip_serializing_if = "PhotonCounts::is_empty")]
     pub photons: PhotonCounts,
 }
 
-/// What became of the photons that were shot at bodies of glass. Those that are neither landed nor lost missed the body, were in the shadow of
-/// something before it, or left the scene.
+/// What became of the photons that were shot at bodies of glass. Photons that neither landed nor were lost missed the body, were stopped
+/// by an occluder in front of it, or left the scene.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
 pub struct PhotonCounts {
     /// Photons shot.
@@ -40,12 +40,12 @@ pub struct PhotonCounts {
     pub landed: u64,
     /// Photons given up after too many surfaces, and paths inside more nested bodies than are tracked.
     pub lost: u64,
-    /// Rays traced for them.
+    /// Rays traced for photons.
     pub rays: u64,
 }
 
 impl PhotonCounts {
-    /// Whether none were shot.
+    /// Whether all counts are 0.
     #[must_use]
     pub fn is_empty(&self) -> bool {
         *self == Self::default()
@@ -91,23 +91,24 @@ impl std::ops::AddAssign for RayCounts {
     }
 }
 
-/// What adaptive sampling of stochastic glass spent, and the error that it came to.
+/// Paths that adaptive sampling of stochastic glass spent, and the error that it reached.
 #[derive(Debug, Clone, Copy, Default, PartialEq, serde::Serialize, serde::Deserialize)]
 pub struct PathsSpent {
     /// The error that was asked for.
     pub asked: f32,
-    /// The error reached, as it is estimated from two independent halves of the paths: the root mean square over [`Self::pixels`] and their
-    /// red, green and blue.
+    /// The error reached: the root mean square over [`Self::pixels`] and their red, green and blue, estimated from two independent halves
+    /// of the paths.
     pub error: f64,
-    /// Whether the error is with a probability of 95 % at most what was asked for. If not, the most paths of a pixel ran out before.
+    /// Whether the error is at most [`Self::asked`], with a probability of 95 %. If not, pixels reached the greatest number of paths
+    /// first.
     pub met: bool,
     /// Pixels whose glass is stochastic.
     pub pixels: u64,
     /// Paths of all of these pixels.
     pub paths: u64,
-    /// Most paths of one of them.
+    /// Greatest number of paths of such a pixel.
     pub most: u32,
-    /// Pixels with the most paths that the pass allows.
+    /// Pixels that used all paths that the pass allows.
     pub exhausted: u64,
 }
 
@@ -118,7 +119,7 @@ impl PathsSpent {
         self.paths as f64 / self.pixels.max(1) as f64
     }
 
-    /// Of several pictures together: sums, the largest error, and whether all met theirs.
+    /// Combines several pictures: sums of the counts, the largest error, and whether every picture met its error.
     #[must_use]
     pub fn together(self, other: Self) -> Self {
         Self {
@@ -151,7 +152,7 @@ impl std::fmt::Display for PathsSpent {
     }
 }
 
-/// What a ray pass did.
+/// Statistics of a ray pass.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub struct RayStats {
     /// Rays traced.

@@ -17,9 +17,9 @@ pub struct Shade {
     /// Whether the reflected colour and the alpha are multiplied by the vertex colours
     /// ([`Geometry::colors`](crate::scene::Geometry::colors)).
     pub vertex_colors: bool,
-    /// Alpha test: where texture alpha times vertex alpha is below this, the surface has a hole. The diffuse opacity is divided out
-    /// of the value beforehand; it is infinite for an opacity of 0. `None` in thesis fidelity and for opaque materials. Without
-    /// effect on a material that has neither a texture nor vertex colours.
+    /// Alpha test: where texture alpha times vertex alpha is below this, the surface has a hole. The value is already divided by the
+    /// diffuse opacity, so it is infinite for an opacity of 0. `None` in thesis fidelity and for opaque materials. It has no effect on a
+    /// material that has neither a texture nor vertex colours.
     pub alpha_cutoff: Option<f32>,
     /// Light that the surface emits in addition to what it reflects. `None` in thesis fidelity and for surfaces that emit none.
     pub glow: Option<Glow>,

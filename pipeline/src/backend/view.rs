@@ -60,7 +60,7 @@ impl View {
 pub struct PixelCone {
     /// Width at the eye: 0 with perspective.
     pub width: f32,
-    /// By how much it grows for each scene unit: 0 without perspective.
+    /// Growth of the width for each scene unit of distance; 0 without perspective.
     pub spread: f32,
 }
 
@@ -104,7 +104,7 @@ mod tests {
     use super::*;
     use glam::camera::rh;
 
-    /// The sides of the pixel in the middle, from where its edges are in the scene, in `f64`.
+    /// Sides of the middle pixel in `f64`, measured between the scene positions of its edges.
     fn measured(view: &View, [width, height]: [u32; 2], depth: f64) -> [f64; 2] {
         let inverse = view.clip_from_world.as_dmat4().inverse();
         let at = |x: f64, y: f64| inverse.project_point3(DVec3::new(x, y, depth));

@@ -5,8 +5,8 @@
 //! | `report` | used as stored | with display values, as the report's engine | display values | cut to 0..=1 |
 //! | `linear` | decoded from sRGB | with linear radiance | linear radiance | exposure, tone curve, sRGB transfer |
 //!
-//! The unit of radiance: a white diffuse surface that faces a light of colour 1 reflects 1 of it, and 0.3 of ambient light. So a light of
-//! colour 1 has the irradiance π.
+//! The unit of radiance: a white diffuse surface that faces a light of colour 1 reflects a radiance of 1 from that light, and 0.3 from
+//! ambient light. So a light of colour 1 has the irradiance π.
 
 mod transfer;
 
@@ -18,7 +18,7 @@ use glam::{Vec3, Vec4};
 use std::fmt;
 use std::str::FromStr;
 
-/// Largest absolute value of a colour component of a light, a background or a material. Within it reflected light stays below
+/// Largest absolute value of a colour component of a light, a background or a material. Up to this limit reflected light stays below
 /// `f32::MAX`, even where the surface's colour is decoded from sRGB: `(1e9)^2.4 * 1e9 < 4e30`.
 pub const BRIGHTEST: f32 = 1e9;
 
@@ -108,7 +108,7 @@ impl FromStr for Tone {
 /// How pixel values are converted to display values.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Display {
-    /// What the pixels are.
+    /// Colour space of the pixels.
     pub space: ColorSpace,
     /// Linear radiance is multiplied by 2 to the power of this.
     pub exposure: f32,

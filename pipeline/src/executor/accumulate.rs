@@ -1,17 +1,17 @@
 //! Progressive rendering: ray passes that take samples continue the same sample sequence, batch after batch.
 //!
-//! Owen-scrambled Sobol points form a sequence: its first 64 points are the first 4, the next 4, and so on. So 16 batches of 4
-//! samples, each of which continues where the one before ended, trace the same rays as 64 samples at once. New seeds for each batch
+//! Owen-scrambled Sobol points form a sequence: its first 64 points are the first 4 points, the next 4, and so on. So 16 batches of 4
+//! samples, each of which continues where the batch before ended, trace the same rays as 64 samples at once. New seeds for each batch
 //! would lose the advantage of the sequence: an error that falls like n^-0.75 instead of n^-0.5.
 //!
-//! Shadow rays over the light's disc are accumulated in the same way. Photons are shot anew for each batch: they continue their sequence as
-//! well, and are averaged over smaller and smaller discs.
+//! Shadow rays over the light's disc are accumulated in the same way. Each batch shoots new photons, which continue their sequence as
+//! well and are averaged over smaller and smaller discs.
 //!
-//! Where a pass writes a share of light raised to an exponent, its batches are traced with exponent 1 and the exponent is applied
-//! to their mean, since the mean of powers is not the power of the mean. With batches of 2^k samples the result equals that of all
-//! samples at once, bit for bit; with other batches each share is rounded once more (by at most 2^-24 of it). A program that mixes
-//! shares into colours can be accumulated only with `intensity=1`, where colours are linear in the shares; rounding of the batches
-//! then causes errors of a few 2^-24.
+//! Where a pass writes a share of light raised to an exponent, its batches are traced with exponent 1. The exponent is applied to their
+//! mean, since the mean of powers is not the power of the mean. With batches of 2^k samples the result equals that of all samples at
+//! once, bit for bit; with other batches each share is rounded once more (by at most 2^-24 of it). A program that mixes shares into
+//! colours can be accumulated only with `intensity=1`, where colours are linear in the shares; rounding of the batches then causes errors
+//! of a few 2^-24.
 
 use super::goal::{Batch, Goal, MAX_SAMPLES, WholeGoal};
 use super::{Estimate, Observer, RenderError, Renderer, StepKind, dirty::spread, rays::Traced};
@@ -229,7 +229,7 @@ impl Renderer {
         Ok(accumulation)
     }
 
-    /// Adds batch after batch until the goal is reached, to at least one pass; the observer's one step is all of it.
+    /// Adds batches until the goal is reached; at least one pass must accumulate. The observer sees all batches as one step.
     fn accumulate_batches(
         &mut self,
         goal: Goal,
@@ -249,7 +249,7 @@ impl Renderer {
         }
     }
 
-    /// Fails if an accumulated pass depends on another one, or if a later pass overwrites what it reads.
+    /// Fails if an accumulated pass depends on another accumulated pass, or if a later pass overwrites its inputs.
     fn check_separate(
         &self,
         passes: &[AccumulatedPass],

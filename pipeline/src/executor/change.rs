@@ -248,7 +248,7 @@ impl Renderer {
         Ok(())
     }
 
-    /// Adopts the plan of what was set since the last frame.
+    /// Adopts the plan that setters proposed since the last frame.
     pub(super) fn settle(&mut self, observer: &mut dyn Observer) -> Result<(), RenderError> {
         let Some(next) = self.next.take() else { return Ok(()) };
         let keeps = !std::mem::take(&mut self.stale) && self.scenes_serve(&next);
@@ -270,7 +270,8 @@ impl Renderer {
                 match self.engines.serve(other_plan) {
                     Ok(false) => {}
                     Ok(true) => self.built = None,
-                    // No pass runs on another backend than it names, so the plan is kept: the next frame reports what is missing.
+                    // Passes run on no other backend than they name. So the previous plan is proposed again, and the next frame reports
+                    // the missing backend.
                     Err(_) => self.next = Some(other_plan.clone()),
                 }
                 if !keeps {
@@ -381,7 +382,7 @@ impl Renderer {
         Ok((targets, window))
     }
 
-    /// Marks what passes wrote to a target (`None` for the window) as lost.
+    /// Marks the outputs of all passes that wrote to a target (`None` for the window) as lost.
     fn forget_writers(&mut self, target: Option<usize>) {
         let passes = &self.plan.project.pipelines[self.plan.pipeline].passes;
         for (ran, _) in self.ran.iter_mut().zip(passes).filter(|(_, pass)| pass.target == target) {
@@ -389,7 +390,7 @@ impl Renderer {
         }
     }
 
-    /// Clears what a pass that no longer runs wrote to a target that other passes still write, or to the window.
+    /// Clears the outputs of passes that no longer run, in the window and in targets that other passes still write.
     fn clear_what_nobody_writes(&mut self) {
         let passes = &self.plan.project.pipelines[self.plan.pipeline].passes;
         let runs = |index: usize| self.plan.passes.iter().any(|planned| planned.pass == index);
@@ -449,10 +450,10 @@ fn stored(buffer: &GBuffer) -> Attachments {
 struct Shareable {
     target: usize,
     size: [u32; 2],
-    /// What each raster pass writes there for ray passes.
+    /// Attachments that each raster pass writes to it for ray passes.
     traced: Vec<Attachments>,
     in_parts: bool,
-    /// Whether the picture of a ray pass lies there, too.
+    /// Whether it holds the picture of a ray pass, too.
     picture: bool,
 }
 

@@ -103,7 +103,7 @@ impl Renderer {
             !ran.is_some_and(|ran| ran.serves(&self.given(index)))
         };
         let mut run: Vec<bool> = self.plan.passes.iter().enumerate().map(stale).collect();
-        // What passes store to buffers is added to what others stored, from zeros on.
+        // Buffers begin a frame with zeros, and each pass stores on top of what earlier passes stored. So all passes run or none.
         let stores = |planned| self.plan.pass(planned).kind.buffers_stored().next().is_some();
         if run.contains(&true) && self.plan.passes.iter().any(stores) {
             run.fill(true);
@@ -111,7 +111,7 @@ impl Renderer {
         }
         let accesses: Vec<Access> = self.plan.passes.iter().map(|planned| self.plan.access(planned)).collect();
         spread(&accesses, &mut run);
-        // A rasteriser on a device keeps one G-buffer. If several are drawn, an effect finds its own only directly after its
+        // A rasteriser on a device keeps one G-buffer. If several are drawn, it keeps the G-buffer of an effect only until the next
         // raster pass.
         let raster = |planned: &crate::plan::PlannedPass| matches!(planned.work, Work::Raster { .. });
         let several = self.plan.passes.iter().filter(|planned| raster(planned)).count() > 1;
@@ -127,8 +127,8 @@ impl Renderer {
     }
 }
 
-/// Extends the set of passes to run by all passes that must run with them: those that read or overwrite what they write, and those
-/// that wrote what they read, if it was overwritten since or they overwrite it themselves.
+/// Extends the set of passes to run by all passes that must run with them. For a pass of the set, these are the passes that read or
+/// overwrite its outputs. They are also the passes that wrote its inputs, if the pass itself or a later one overwrites these inputs.
 pub(super) fn spread(passes: &[Access], run: &mut [bool]) {
     let touches = |slots: &[_], slot: &_| slots.contains(slot);
     loop {
@@ -197,7 +197,7 @@ mod tests {
         ];
         assert_eq!(closed(&passes, 1), [0, 1, 2, 3]);
         assert_eq!(closed(&passes, 2), [2, 3]);
-        // A pass that draws over what another left starts from that again.
+        // A pass that draws over the picture of another pass needs that picture again.
         let over = [access(&[], &[WINDOW]), access(&[WINDOW], &[WINDOW])];
         assert_eq!(closed(&over, 1), [0, 1]);
         // Without a reader: if two passes write the same slot, the first makes the second run, but not the reverse.

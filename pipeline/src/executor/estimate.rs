@@ -91,7 +91,8 @@ impl Estimate {
         })
     }
 
-    /// The standard error of that picture; for a power by its derivative at the mean. NaN before the second batch.
+    /// The standard error of the picture that `mean` returns. The error of a power follows from its derivative at the mean. NaN before
+    /// the second batch.
     pub(super) fn standard_error(&self, exponent: f32) -> Vec<[f32; 4]> {
         let power = f64::from(exponent);
         let slope = |mean: f64| if power != 1.0 && mean > 0.0 { power * mean.powf(power - 1.0) } else { 1.0 };

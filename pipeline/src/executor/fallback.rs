@@ -94,7 +94,7 @@ impl Renderer {
         })
     }
 
-    /// The error for photons that a pass shoots at meshes and its backend does not.
+    /// The error if a pass shoots photons at meshes and its backend cannot.
     fn unshot_photons(
         &self,
         index: usize,
@@ -110,7 +110,7 @@ impl Renderer {
         Some(BackendError::no_photons(rays.name(), program.info().stem, photons, target))
     }
 
-    /// The error for a sky that the glass of a pass would show and its backend does not.
+    /// The error if the glass of a pass would show a sky, and the rays of its backend do not hit skies.
     fn unseen_sky(
         &self,
         index: usize,

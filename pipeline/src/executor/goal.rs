@@ -58,12 +58,12 @@ impl std::str::FromStr for Goal {
 pub(super) struct Batch {
     /// Samples a point.
     pub samples: u32,
-    /// Shares of the goal that are reached before and after it, 0 to 1: the second as it is expected.
+    /// Shares of the goal that are reached before the batch and, as expected, after it; 0 to 1.
     pub shares: [f64; 2],
 }
 
 impl Batch {
-    /// The next batch after so many samples, batches and so much time, with this error; `None` when the goal is reached.
+    /// The next batch, given the samples and batches so far, the elapsed time and the current error; `None` when the goal is reached.
     pub fn next(
         goal: Goal,
         (done, batches): (u32, u32),
@@ -93,7 +93,7 @@ impl Batch {
         }
     }
 
-    /// The next of a number of batches that is not known.
+    /// The next batch if the number of batches is not known.
     fn more(share: f64, done: u32) -> Self {
         let before = share.clamp(0.0, 1.0);
         let after = if done == 0 { before } else { before * f64::from(done + BATCH) / f64::from(done) };
@@ -105,21 +105,22 @@ impl Batch {
 pub(super) struct WholeGoal<'o> {
     observer: &'o mut dyn Observer,
     progress: Arc<Progress>,
-    /// Of the current batch.
+    /// The current batch's shares of the goal, as in [`Batch::shares`].
     shares: [f64; 2],
-    /// Passes that run for a batch, and how many of them have.
+    /// Number of passes that run for a batch, and of those that have begun.
     passes: usize,
     ran: usize,
 }
 
 impl<'o> WholeGoal<'o> {
-    /// For an observer that was told of the step with this progress.
+    /// `progress` is that of the step with which the observer was notified.
     pub fn new(observer: &'o mut dyn Observer, progress: Arc<Progress>) -> Self {
         progress.start(PARTS);
         Self { observer, progress, shares: [0.0; 2], passes: 1, ran: 0 }
     }
 
-    /// A batch begins, for which so many passes run. Where the one before brought less than was expected, the share does not go back.
+    /// Begins a batch for which `passes` passes run. If the batch before reached less than expected, the share of the goal does not go
+    /// back.
     pub fn expect(&mut self, [before, after]: [f64; 2], passes: usize) {
         let before = before.max(self.shares[1]);
         (self.shares, self.passes, self.ran) = ([before, after.max(before)], passes, 0);

@@ -10,7 +10,7 @@ use std::sync::Arc;
 use std::time::Instant;
 
 impl Renderer {
-    /// Builds what the rays need and traces them. If a backend fails, an allowed fallback takes over.
+    /// Builds the acceleration structure for the rays, and traces them. If a backend fails, an allowed fallback takes over.
     pub(super) fn intersect(
         &mut self,
         planned: &PlannedPass,

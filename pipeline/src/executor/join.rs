@@ -15,8 +15,8 @@ impl Renderer {
     }
 
     fn join_gbuffer(&mut self) {
-        // A picture drawn in parts does not lie where the whole G-buffer would; for several backends the G-buffer passes through
-        // the host.
+        // A part of a picture does not have the layout of the whole G-buffer. With several ray backends the G-buffer passes through the
+        // host.
         if self.engines.differ() || self.plan.in_parts() || self.plan.block.is_some() {
             return;
         }
@@ -82,7 +82,7 @@ impl Renderer {
     /// The attachments of a raster pass that are copied into shared memory, or lent.
     pub(super) fn in_shared_memory(&self, target: Option<usize>, traced: Attachments) -> Attachments {
         let traced = if self.is_joined(target) { traced } else { Attachments::default() };
-        // With shared memory a quad reads what is drawn where it was drawn.
+        // With shared memory a quad reads attachments where they were drawn, so those need no copy.
         if self.shares_picture { traced } else { traced.union(self.read_in_place(target)) }
     }
 

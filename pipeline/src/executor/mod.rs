@@ -180,7 +180,7 @@ pub struct Renderer {
     built_filtered: Vec<bool>,
     /// The target whose G-buffer the rasteriser and the ray backend share.
     joined: Option<usize>,
-    /// Whether they share it by the rasteriser's own attachments (lent), instead of by shared memory.
+    /// Whether that G-buffer is the rasteriser's own attachments, lent to the ray backend, instead of shared memory.
     lent: bool,
     /// Whether the shared memory has room for the picture of a ray pass, which the showing quad reads.
     shares_picture: bool,
@@ -198,17 +198,17 @@ pub struct Renderer {
     frame: u32,
     /// Index of the part of the picture that the targets hold.
     part: usize,
-    /// Number of the sample that passes render, of several samples a pixel.
+    /// Index of the sample that passes render, among the samples of a pixel.
     sample: u32,
     /// Samples of the frame that are done.
     taken: u32,
-    /// What ray passes leave of the colours, by index of the plan, with an adaptive number of samples.
+    /// The shares of ray passes, by index of the plan, with an adaptive number of samples.
     shares: BTreeMap<usize, Shares>,
     /// By index of the pipeline: the inputs of each pass's last run; `None` if its picture no longer exists.
     ran: Vec<Option<dirty::Given>>,
     /// The passes that the last frame ran, as indices into the plan's passes.
     passes_run: Vec<usize>,
-    /// The plan of what was set since the last frame.
+    /// The plan that setters proposed since the last frame.
     next: Option<Plan>,
     /// Changes to the project that no [`Settings`] hold; they are applied again when the project is read again.
     edits: Vec<change::Edit>,
@@ -216,7 +216,7 @@ pub struct Renderer {
     stale: bool,
     shows_everything: bool,
     cancellation: Cancellation,
-    /// Whether a step of this frame was given up, also where the request is gone.
+    /// Whether a step of this frame was given up, even if the cancellation was withdrawn since.
     given_up: bool,
     timeline: Timeline,
     warnings: Warnings,
@@ -313,7 +313,7 @@ impl Renderer {
         &self.engines
     }
 
-    /// The rasteriser and the ray backends, for the next renderer: it then opens no device anew.
+    /// The rasteriser and the ray backends, for the next renderer, which then need not open the devices again.
     #[must_use]
     pub fn into_engines(self) -> Engines {
         self.engines
@@ -324,7 +324,7 @@ impl Renderer {
         self.scenes.iter().map(|loaded| &loaded.scene)
     }
 
-    /// The materials of its scenes as the pass at an index of [`Plan::passes`] sees them.
+    /// The materials as the pass at an index of [`Plan::passes`] sees them.
     ///
     /// # Panics
     /// If there is no such pass.
@@ -454,7 +454,7 @@ impl Renderer {
         if part == 0 {
             self.passes_run.push(index);
         }
-        // Of several parts only the last remains, and a window displayed by a device has no floats: then nothing is recorded.
+        // Nothing is recorded if only the last of several parts remains, or if a device displayed the window, which then has no floats.
         let displayed = self.displayed.is_some() && self.plan.pass(&self.plan.passes[index]).target.is_none();
         if self.plan.parts.list.len() == 1 && !displayed {
             self.ran[self.plan.passes[index].pass] = Some(self.given(index));
@@ -499,13 +499,13 @@ impl Renderer {
         if given_up || self.cancellation.is_cancelled() { Err(RenderError::Cancelled) } else { Ok(()) }
     }
 
-    /// What a step that may be given up moves and asks.
+    /// The progress of a step: the step advances it, and asks it whether to give up.
     fn progress(&self) -> Arc<Progress> {
         Arc::new(Progress::until(&self.cancellation))
     }
 
-    /// The written part of the last frame's picture; black before the first frame. Of a picture rendered in bands it is the last
-    /// band; of one that a device displayed ([`Self::displayed_frame`]) it is decoded from 8-bit codes.
+    /// The written part of the last frame's picture; black before the first frame. If the picture was rendered in bands, this is the last
+    /// band. If a device displayed it ([`Self::displayed_frame`]), this is decoded from 8-bit codes.
     ///
     /// # Panics
     /// If there is no memory for it.

@@ -8,7 +8,7 @@ use crate::image::Image;
 use crate::progress::Progress;
 use std::sync::Arc;
 
-/// Notified when steps begin and end, in order to show progress, and of what passes write, in order to inspect it.
+/// Notified when steps begin and end, to show progress, and of the outputs of passes, to inspect them.
 pub trait Observer {
     /// A step begins. `progress` advances while it runs, if the step can report progress.
     fn begin(&mut self, kind: StepKind, name: &str, progress: &Arc<Progress>);

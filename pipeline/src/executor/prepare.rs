@@ -72,7 +72,7 @@ impl Renderer {
     pub(super) fn load_scenes(&mut self, observer: &mut dyn Observer) -> Result<(), RenderError> {
         let before = std::mem::take(&mut self.warnings);
         let decided = self.plan.decisions.len();
-        // The report's programs know no other origin than 0; their noise depends on it.
+        // The report's programs know only the origin 0, and their noise depends on it.
         let mut origin = (self.plan.settings.fidelity == Fidelity::Thesis).then_some(DVec3::ZERO);
         for set in self.plan.scene_sets.clone() {
             let mut scene = self.load(&set, &mut origin, observer)?;
@@ -182,7 +182,7 @@ impl Renderer {
             self.warnings.append(std::mem::take(&mut loaded.warnings));
             let thesis = self.plan.settings.fidelity == Fidelity::Thesis;
             if thesis {
-                // The report's programs have no alpha test, so textures get plain mip levels, and know no sky.
+                // The report's programs have no alpha test and no sky. Without an alpha test textures get plain mip levels.
                 for material in &mut loaded.materials {
                     (material.alpha_cutoff, material.sky) = (None, false);
                 }
@@ -208,8 +208,8 @@ impl Renderer {
         let corrected = self.plan.settings.fidelity == Fidelity::Corrected;
         let (set, colors) = match (&planned.work, &pass.kind) {
             (Work::Raster { scene_set, .. }, PassKind::Raster(raster)) => (*scene_set, &raster.colors),
-            // A program that does not shade hits reads no colours; the pass's colour maps must then not remove the holes of
-            // materials.
+            // A program that does not shade hits reads no colours. The pass's colour maps are left out, so that they do not remove the
+            // holes of materials.
             (Work::Rays { scene_set, .. }, PassKind::Ray(ray)) => {
                 let shades_hits = ray.program.info().material_attributes.contains(&"diffuse");
                 (*scene_set, if shades_hits { &ray.colors } else { const { &Vec::new() } })
@@ -478,14 +478,16 @@ fn shade(material: &Material, colors: &[ColorMap], mapped: &[(TextureSource, u32
     shade
 }
 
-/// How a sky looks: its light, or else its own colours, whatever the light of the pass. One whose vertices have colours looks as in the light.
+/// The shade of a sky: it shows its emission, or else its diffuse colour, whatever the light of the pass. A sky with vertex colours is
+/// lit like any other surface.
 fn shining(shade: &Shade) -> Shade {
     /// Light that every surface reflects, as in the report.
     const AMBIENT: f32 = 0.3;
     if shade.vertex_colors {
         return *shade;
     }
-    // A texture that cuts holes stays, with its ambient light; any other becomes that of the light.
+    // A texture that cuts holes stays and reflects ambient light, which is subtracted from the emission. Otherwise the only texture is
+    // that of the emission.
     let texture = shade.texture.filter(|_| shade.alpha_cutoff.is_some());
     let ambient = if texture.is_some() { AMBIENT } else { 0.0 };
     let glow = shade.glow.unwrap_or(Glow { color: shade.diffuse.truncate(), texture: shade.texture });

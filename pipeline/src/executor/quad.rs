@@ -10,8 +10,9 @@ use rayon::prelude::*;
 /// Width, height and pixels of a channel.
 type Source<'a> = (u32, u32, &'a [[f32; 4]]);
 
-/// Fills `viewport` of `pixels`. A source of the viewport's size is copied texel by texel; another is filtered
-/// bilinearly. A factor multiplies by its `x`, or, `by_color`, each component by its own. It may be given up between rows.
+/// Fills `viewport` of `pixels`. A source of the viewport's size is copied texel by texel; any other source is filtered bilinearly. A
+/// factor multiplies all components by its `x` or, with `by_color`, each component by the factor's own. The work may be given up between
+/// rows.
 pub(super) fn fill<'a>(
     pixels: &mut [[f32; 4]],
     width: u32,
@@ -55,7 +56,7 @@ fn rows(
     let rows = viewport.y as usize * width..(viewport.y + viewport.height) as usize * width;
     progress.start(u64::from(viewport.height));
     pixels[rows].par_chunks_mut(width).enumerate().for_each(|(y, row)| {
-        // What is written after that is thrown away.
+        // Rows written after a cancellation would be thrown away.
         if progress.is_cancelled() {
             return;
         }

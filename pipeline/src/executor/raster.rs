@@ -48,7 +48,7 @@ impl Renderer {
             })
             .collect();
         let depth = target.and_then(|target| self.plan.project.targets[target].depth());
-        // The engine's depth maps keep what stands between the light and the view.
+        // `clamped`: depth maps keep occluders between the light and the view volume, as in the report's engine.
         let (programs, materials, channels) = (&own_programs[..], &own_materials[..], &channels[..]);
         let own = OwnShaders { programs, materials, channels, depth, clamped, instances };
         let job = RasterJob {

@@ -24,7 +24,7 @@ pub(super) enum Traced {
 }
 
 impl Renderer {
-    /// Builds what a ray pass needs and runs it. If a backend fails, an allowed fallback takes over.
+    /// Builds the acceleration structure for a ray pass, and runs the pass. If a backend fails, an allowed fallback takes over.
     pub(super) fn rays(
         &mut self,
         index: usize,
@@ -39,7 +39,7 @@ impl Renderer {
         })
     }
 
-    /// Builds what a pass traces in, and traces by `trace`. If a backend fails, an allowed fallback takes over.
+    /// Builds the acceleration structure for a pass, and calls `trace`. If a backend fails, an allowed fallback takes over.
     pub(super) fn build_and_trace(
         &mut self,
         scene_set: usize,
@@ -102,7 +102,7 @@ impl Renderer {
         let scene = Arc::clone(&self.scenes[scene_set].scene);
         let (mut params, seed) = self.random_of_sample(name, ray.program, params);
         let linear = pass.kind.linear();
-        // An accumulation has its gamma put on the mean of its batches.
+        // With a linear buffer the gamma is applied after tracing. An accumulation applies it to the mean of its batches.
         let gamma = params.camera.gamma;
         if linear.is_some() {
             params.camera.gamma = 1.0;
@@ -188,7 +188,7 @@ impl Renderer {
 }
 
 impl Renderer {
-    /// The cone of a pixel of a viewport of this size, of which several samples have a part each.
+    /// The cone of a sample: its part of a pixel of a viewport of this size.
     pub(super) fn pixel_cone(&self, view: &View, size: [u32; 2]) -> PixelCone {
         PixelCone::of(&View { footprint: self.samples().side(), ..*view }, size)
     }

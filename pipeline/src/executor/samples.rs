@@ -2,7 +2,7 @@
 //!
 //! Each sample is a complete picture with one sample a pixel, from a camera that is shifted so that the sample positions are its
 //! pixel centres. So every pass works as without supersampling, whatever engine runs it, and only the sums take additional memory.
-//! Of an adaptive number, ray passes skip pixels ([`shares`](super::shares)).
+//! With an adaptive number of samples, ray passes skip pixels ([`shares`](super::shares)).
 
 use super::{Observer, RenderError, Renderer};
 use crate::image::Image;
@@ -50,9 +50,9 @@ impl Renderer {
         self.plan.settings.aa
     }
 
-    /// Renders the picture of one sample of every pixel, of [`aa`](crate::plan::Settings::aa) samples. The mean of all samples,
-    /// added in `f64`, equals the picture of [`Self::frame`], bit for bit. For programs that show each sample as soon as it is
-    /// there, or that distribute samples over machines.
+    /// Renders the picture of one sample of every pixel, of [`aa`](crate::plan::Settings::aa) samples. The mean of all samples, added in
+    /// `f64`, equals the picture of [`Self::frame`], bit for bit. This is for programs that show each sample as soon as it is complete,
+    /// or that distribute samples over machines.
     ///
     /// # Errors
     /// As [`Self::frame`]; if `sample` is not below the number of samples, or the picture is rendered in bands.

@@ -15,8 +15,8 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::Instant;
 
-/// Names of the channels of a colour layer. The fourth number is no alpha: targets keep the light's cosine there. Viewers would take a
-/// channel `A` for the opacity, and show the picture darker, or their background in it.
+/// Names of the channels of a colour layer. The fourth is no alpha: targets keep the light's cosine there. Viewers would use a channel
+/// `A` as opacity, and show the picture darker or mixed with their background.
 const COLOR: [&str; 4] = ["R", "G", "B", "W"];
 
 /// The error for an EXR file of a picture that a device displayed in 8 bits.
@@ -30,7 +30,7 @@ pub struct Written {
     pub path: PathBuf,
     /// Description of its contents.
     pub what: String,
-    /// Which places the colours are, of positions made visible.
+    /// For positions made visible: which positions the colours stand for.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub legend: Option<String>,
 }

@@ -58,7 +58,7 @@ pub(super) fn own_channels(raster: &RasterPass) -> Vec<ChannelRef> {
     channels
 }
 
-/// The buffers and images that the own shaders of a raster pass bind, each listed once. What it draws into is none of them.
+/// The buffers and images that the own shaders of a raster pass bind, each listed once, without the pass's own target.
 pub(super) fn own_bound(pass: &Pass) -> Vec<Bound> {
     pass.kind.bound().into_iter().filter(|bound| pass.target != Some(bound.target)).collect()
 }
@@ -119,7 +119,7 @@ impl Renderer {
                 ShaderTexture::Channel(channel) => {
                     channels.iter().position(|other| other == channel).map(OwnTexture::Channel)
                 }
-                // Passes that draw scenes sample no levels that are stored.
+                // Passes that draw scenes cannot sample stored mip levels.
                 ShaderTexture::Levels(_) | ShaderTexture::Nothing => None,
             };
             OwnMaterial {
@@ -134,7 +134,7 @@ impl Renderer {
         (programs, surfaces.iter().map(|surface| surface.as_ref().map(made)).collect())
     }
 
-    /// Fills a viewport of a buffer's colour with an own shader, or, without `writes_color`, only stores what it stores.
+    /// Fills a viewport of a buffer's colour with an own shader. Without `writes_color` the shader only stores to its buffers and images.
     pub(super) fn fill_quad(
         &mut self,
         (shader, pass, writes_color): (&OwnShader, usize, bool),
@@ -231,7 +231,7 @@ impl Renderer {
         let number = |number: f32| vec![Vec4::new(number, 0.0, 0.0, 0.0)];
         let columns = match (value, scope.pass) {
             (Value::Matrix(_) | Value::NormalMatrix, None) => columns(DMat4::IDENTITY),
-            // It needs a camera; a project that gives it to a quad is refused.
+            // This value needs the pass's camera; a project that uses it in a quad is refused.
             (Value::Camera(None, _), None) => return,
             (Value::Matrix(matrix), Some(pass)) => self.matrix(pass, matrix),
             (Value::NormalMatrix, Some(pass)) => {

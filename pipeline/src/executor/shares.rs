@@ -1,9 +1,10 @@
-//! Adaptive numbers of samples: what a ray pass leaves of a pixel's colour is that of the first samples where it hardly changes.
+//! Adaptive numbers of samples: pixels whose first samples hardly differ reuse the result of ray passes in later samples.
 //!
-//! The share of a sample is the pass's output divided by the colour that it reads, or the output itself where it reads none: the shadow,
-//! the occlusion, what glass adds. Textures and the outlines of surfaces are in the colour, which the rasteriser draws for every sample. A
-//! pixel is settled if the shares of its first samples are near each other, and near those of its neighbours. In the samples that follow it
-//! has no triangle, so that nothing is traced for it on any backend, and its output is the sample's colour times the mean share.
+//! The share of a sample is the pass's output divided by the colour that it reads, or the output itself if it reads no colour. Shares are
+//! shadow, occlusion, or the light that glass adds. Textures and the outlines of surfaces are in the colour, which the rasteriser draws
+//! for every sample. A pixel is settled if the shares of its first samples are near each other, and near those of its neighbours. In
+//! later samples a settled pixel has no triangle, so no backend traces rays for it; its output is the sample's colour times the mean
+//! share.
 
 use super::{Renderer, StepKind};
 use crate::backend::BackendError;
@@ -13,7 +14,7 @@ use crate::pixel_samples::PixelSamples;
 use crate::plan::PlannedPass;
 use rayon::prelude::*;
 
-/// A channel of at most this is dark: light is no share of it.
+/// A colour channel of at most this is dark: the share of such a colour is not defined.
 const DARK: f32 = 1e-4;
 
 /// Least number of pixels that a thread takes.
@@ -22,12 +23,12 @@ const TOGETHER: usize = 4096;
 /// The shares of a ray pass's pixels in a frame.
 #[derive(Debug)]
 pub(super) struct Shares {
-    /// By how much the shares of a settled pixel differ at most.
+    /// Largest difference between the shares of a settled pixel.
     tolerance: f32,
     pixels: Vec<Share>,
     /// Which pixels are settled; none until all first samples are there.
     settled: Vec<bool>,
-    /// The triangles of a sample but those of settled pixels.
+    /// Triangle ids of a sample, without those of settled pixels.
     triangles: Vec<u32>,
 }
 
@@ -97,7 +98,7 @@ fn color(colors: &[[f32; 4]], index: usize) -> [f32; 4] {
 }
 
 impl Shares {
-    /// Those of so many pixels, before the first sample.
+    /// The shares of this number of pixels, before the first sample.
     fn new(pixels: usize, tolerance: f32) -> Result<Self, Refused> {
         Ok(Self {
             tolerance,
@@ -107,7 +108,7 @@ impl Shares {
         })
     }
 
-    /// The triangles for which a sample is traced, of those that it shows.
+    /// The triangle ids for which a sample is traced: `shown`; after the first samples, without those of settled pixels.
     pub(super) fn traced<'a>(&'a mut self, taken: u32, shown: &'a [u32]) -> &'a [u32] {
         if taken < PixelSamples::FIRST {
             return shown;
@@ -117,8 +118,8 @@ impl Shares {
         &self.triangles
     }
 
-    /// Adds what was traced for one of the first samples, the last of which settles pixels; or completes a later sample. `taken` samples were
-    /// there before, and a row has `width` pixels.
+    /// Adds the traced output of one of the first samples; the last of these settles pixels. In a later sample it writes the output of
+    /// settled pixels. `taken` is the number of samples before this one, and a row has `width` pixels.
     pub(super) fn take(&mut self, output: &mut [[f32; 4]], colors: &[[f32; 4]], width: u32, taken: u32) {
         if taken >= PixelSamples::FIRST {
             let pixels = output.par_iter_mut().zip(&self.pixels).zip(&self.settled).enumerate();
@@ -228,7 +229,7 @@ mod tests {
         assert_eq!(settled(&[lit, lit, lit]), [true; 3]);
         assert_eq!(settled(&[lit, lit, dark, dark, dark]), [true, false, false, true, true]);
         assert_eq!(settled(&[lit, both, lit, lit]), [true, false, true, true]);
-        // What changes evenly, by less than the tolerance within a pixel.
+        // Shares that change evenly, by less than the tolerance within a pixel.
         let ramp = |start: f32| [0.0, 0.25, 0.5, 0.75].map(|part| (gray(0.5 + 0.02 * (start + part)), gray(1.0)));
         assert_eq!(settled(&[ramp(0.0), ramp(1.0), ramp(2.0)]), [true; 3]);
         let mut no_number = lit;

@@ -1,4 +1,4 @@
-//! Shows observers what passes write.
+//! Shows the outputs of passes to observers.
 
 use super::{ChangeError, Observer, Output, Range, Renderer, Triangles, channel_of};
 use crate::backend::GBuffer;
@@ -53,7 +53,7 @@ impl Renderer {
         writers.next_back().is_some_and(held) && !self.channel(channel).is_empty()
     }
 
-    /// Shows an observer what a pass wrote.
+    /// Shows the outputs of a pass to an observer.
     pub(super) fn show_outputs(&self, index: usize, planned: &PlannedPass, observer: &mut dyn Observer) {
         let pass = self.plan.pass(planned);
         let buffer: &GBuffer = pass.target.map_or(&self.window, |target| &self.targets[target]);

@@ -14,12 +14,12 @@ pub(super) fn give(targets: &mut [GBuffer], bound: Bound, bytes: Vec<[f32; 4]>) 
 }
 
 impl Renderer {
-    /// The buffers and images that a shader binds, by its places. A frame begins with zeros in all, unless another pass drew an image or it
-    /// holds random numbers.
+    /// The buffers and images that a shader binds, in the order of its bindings. At the start of a frame all contain zeros, except for
+    /// images that another pass drew and those with random numbers.
     pub(super) fn take_buffers(&mut self, shader: &OwnShader, pass: usize) -> Vec<Vec<[f32; 4]>> {
         let take = |bound: &Option<Bound>| match bound {
             Some(bound) => self.take_bound(*bound, pass),
-            // What holds nothing has a texel that no shader reaches.
+            // A binding without contents gets one texel, which no shader reaches.
             None => vec![[0.0; 4]],
         };
         shader.storage.iter().map(take).collect()
@@ -34,11 +34,11 @@ impl Renderer {
         }
     }
 
-    /// The contents of a buffer or image that the pass at an index of the pipeline binds. What no pass reads or stores to is not held: a
-    /// texel that no shader reaches stands for it.
+    /// The contents of a buffer or image that the pass at an index of the pipeline binds. A buffer that no pass reads or stores to has no
+    /// memory: one texel that no shader reaches takes its place.
     pub(super) fn take_bound(&mut self, bound: Bound, pass: usize) -> Vec<[f32; 4]> {
         let mut bytes = std::mem::take(&mut self.targets[bound.target].color);
-        // Random numbers are there already.
+        // Textures with random numbers are filled already.
         let begins = self.plan.project.targets[bound.target].contents.is_none();
         if bound.cleared || begins && self.is_first_to_bind(bound.target, pass) {
             bytes.fill([0.0; 4]);
@@ -58,7 +58,7 @@ impl Renderer {
         stored.into_iter().for_each(|target| self.round_to_formats(Some(target)));
     }
 
-    /// Whether no pass that runs before the one at an index of the pipeline binds a buffer or image, or draws into it.
+    /// Whether the pass at an index of the pipeline is the first that binds a buffer or image, or draws into it.
     pub(super) fn is_first_to_bind(&self, target: usize, pass: usize) -> bool {
         let binds = |planned: &&PlannedPass| {
             let pass = self.plan.pass(planned);

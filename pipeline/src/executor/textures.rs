@@ -1,4 +1,4 @@
-//! What the samplers of own shaders read: image files, and channels.
+//! Textures of own shaders: image files, and channels.
 
 use super::{RenderError, Renderer, StepKind, channel_of};
 use crate::backend::{BackendError, GBuffer, MipLevel, QuadTexture};
@@ -10,7 +10,7 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::Instant;
 
-/// What the samplers of a quad's or compute pass's shader read.
+/// Textures of the samplers of a quad's or compute pass's shader.
 pub(super) fn sampled<'a>(
     shader: &OwnShader,
     targets: &'a [GBuffer],
@@ -108,8 +108,8 @@ impl Renderer {
         Ok(images)
     }
 
-    /// Loads the image files of textures that a scene set's passes map to materials of it, and adds them to the scene's textures.
-    /// One that cannot be decoded is a warning, and the diffuse colour serves.
+    /// Loads the textures that a scene set's passes map to its materials, and adds them to the scene's textures. A file that cannot be
+    /// decoded causes a warning, and the diffuse colour is used instead.
     pub(super) fn load_mapped(
         &mut self,
         set: usize,
@@ -139,7 +139,7 @@ impl Renderer {
         Ok(loaded.filter_map(|(source, index)| Some((source, first + index?))).collect())
     }
 
-    /// Loads the image files that the shader of a quad or compute pass samples, unless they are there.
+    /// Loads the image files that the shader of a quad or compute pass samples, unless they are loaded already.
     pub(super) fn load_sampled(&mut self, shader: &OwnShader) -> Result<(), BackendError> {
         let backend = self.engines.raster.name();
         let failed =

@@ -146,7 +146,7 @@ impl Timeline {
         self.record_run(kind, name, host, 1)
     }
 
-    /// Records a run of a step that scripts repeat, from 1 on: the runs of a frame are one measurement, their sum.
+    /// Records a run of a step that scripts repeat. `run` counts from 1; the runs of a frame are summed to one measurement.
     pub fn record_run(&mut self, kind: StepKind, name: &str, host: Duration, run: u32) -> &mut Row {
         let now = Instant::now();
         let start = now.checked_sub(host).unwrap_or(now);

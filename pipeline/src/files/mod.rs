@@ -4,13 +4,13 @@
 //!   size that it had when it was opened is an error, so no loader takes half a file for a whole one.
 //! - [`write_atomically`] and [`Replacement`] write a file whole or not at all, and [`TemporaryFolder`] a folder.
 //!   [`check_outputs`] finds out before the work whether that will succeed.
-//! - [`Resumable`] is for outputs so long that a run after a kill continues them: what is written stays beside the file until
+//! - [`Resumable`] is for long outputs that a later run continues after a kill: the bytes written so far stay beside the file until
 //!   it is complete.
-//! - [`abandon`] removes what is half written when the program is ended from outside. What a killed program left is
-//!   removed when a file is next written into the same folder.
-//! - [`confine`] bounds all of them to a folder, for the whole process: functions that open files need no parameter for it and
+//! - [`abandon`] removes half-written files when the program is ended from outside. Leftovers of a killed program are removed when a
+//!   file is next written into the same folder.
+//! - [`confine`] restricts all of these to a folder, for the whole process: functions that open files need no parameter for it and
 //!   cannot forget the check.
-//! - [`fault`] makes them fail at a chosen call, for tests.
+//! - [`fault`] makes these functions fail at a chosen call, for tests.
 
 mod confine;
 pub mod fault;

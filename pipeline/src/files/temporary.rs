@@ -136,7 +136,7 @@ impl TemporaryFolder {
             let mut builder = tempfile::Builder::new();
             builder.prefix(PREFIX).suffix(SUFFIX).rand_bytes(RANDOM);
             let folder = builder.tempdir_in(&parent).map_err(without_path)?;
-            // Not every system can open folders, and so lock them.
+            // Some systems cannot open folders; there the folder stays unlocked.
             let held = File::open(folder.path()).ok();
             if held.as_ref().is_none_or(|held| lock(held, folder.path())) {
                 let path = folder.path().to_owned();

@@ -1,11 +1,11 @@
-//! What of a scene focuses light in a pass with `shadow=caustic`, for the plan.
+//! Decisions about the glass that focuses light in a pass with `shadow=caustic`.
 
 use super::{Dielectric, Shape};
 use crate::diagnostic::Decision;
 use crate::scene::{RenderScene, Sphere};
 
-/// For a pass with `shadow=caustic` and so many photons: decisions whether it has spheres that focus light, and what its photons do with each
-/// material of glass meshes.
+/// Decisions for a pass with `shadow=caustic` and this number of photons: whether exact spheres of the scene focus light, and what the
+/// photons do with each material of glass meshes.
 #[must_use]
 pub fn caustics(pass: &str, scene: &RenderScene, dielectrics: &[Dielectric], photons: u32) -> Vec<Decision> {
     let mut decisions = vec![of_spheres(pass, &scene.geometry.spheres, dielectrics)];
@@ -40,7 +40,7 @@ fn of_spheres(pass: &str, spheres: &[Sphere], dielectrics: &[Dielectric]) -> Dec
     Decision { what: format!("caustics for pass `{pass}`"), built: count > 0, why }
 }
 
-/// One for each material of glass that has triangles.
+/// One decision for each glass material that has triangles.
 fn of_meshes(pass: &str, scene: &RenderScene, dielectrics: &[Dielectric], photons: u32) -> Vec<Decision> {
     let mut decisions = Vec::new();
     for ((index, material), dielectric) in scene.materials.iter().enumerate().zip(dielectrics) {

@@ -25,7 +25,7 @@ pub enum Closedness {
     },
 }
 
-/// Examines the given triangles. Corners with bitwise equal positions are one (0 and -0 are equal too), so vertices that are
+/// Examines the given triangles. Corners with bitwise equal positions count as one (0 and -0 are equal too), so vertices that are
 /// duplicated for their normals do not open a surface.
 ///
 /// Takes linear time: it fills a hash table of all edges.
@@ -65,8 +65,8 @@ fn weld(geometry: &Geometry, triangles: &[u32]) -> (Vec<[u32; 3]>, Vec<Vec3>) {
     (corners.collect(), points)
 }
 
-/// By triangle of the list: the number of the connected part of the surface that it belongs to. Parts are numbered from 0 in the order of
-/// their first triangles. Corners are one as in [`closedness`].
+/// For each triangle of the list, the number of its connected part of the surface. Parts are numbered from 0 in the order of their first
+/// triangles. Corners are joined as in [`closedness`].
 #[must_use]
 pub fn connected(geometry: &Geometry, triangles: &[u32]) -> Vec<u32> {
     let (corners, points) = weld(geometry, triangles);

@@ -28,12 +28,12 @@ pub struct Decided {
 /// | material | is |
 /// |---|---|
 /// | lets less than [`TRANSPARENT`] of the light through, or has no triangle | opaque |
-/// | is that of exact spheres, and of no triangle | solid |
+/// | belongs to exact spheres, and to no triangle | solid |
 /// | has a volume (glTF `thicknessFactor` above 0; MTL `illum` 6 and 7), and its triangles are closed | solid |
 /// | has a volume, and is open | thin, with a warning |
 /// | any other | thin |
 ///
-/// Exact spheres are closed: their material has a volume whether or not its file says so, and where it is that of triangles too, these
+/// Exact spheres are closed, so their material has a volume whether or not its file says so. If the material has triangles too, these
 /// must be closed.
 #[must_use]
 pub fn decide(scene: &mut Arc<RenderScene>, file: &Path) -> Decided {
@@ -108,14 +108,14 @@ fn roughness(material: &Material) -> String {
     }
 }
 
-/// What a surface reflects in the place of Fresnel's share, in words; nothing where that serves.
+/// Description of a surface's reflectance; empty if it is Fresnel's.
 fn reflectance(material: &Material) -> String {
     material.reflectance.map_or(String::new(), |Reflectance { minimum, maximum, exponent }| {
         format!("; reflects {minimum} to {maximum}, by exponent {exponent}")
     })
 }
 
-/// By Abbe's number, which is 20 over the dispersion. What reflects everything bends no colour.
+/// [`Dielectric::spread`] from the Abbe number, which is 20 divided by the dispersion. A material that reflects all light has none.
 fn spread(material: &Material) -> f32 {
     if material.ior < Dielectric::MIRROR { (material.ior - 1.0).max(0.0) * (material.dispersion / 20.0) } else { 0.0 }
 }

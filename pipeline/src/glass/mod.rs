@@ -106,11 +106,11 @@ pub struct Dielectric {
     pub roughness_texture: Option<u32>,
     /// Extinction coefficient by colour, per scene unit: transmittance is `exp(-extinction * length)`. At least 0, finite.
     pub extinction: Vec3,
-    /// What a surface of a body or of a wall reflects in the place of Fresnel's share; `None` where that serves.
+    /// Reflectance of a surface of a body or wall; `None` for Fresnel's.
     pub reflectance: Option<Reflectance>,
-    /// What is kept of reflected light by colour, 0 to 1; `None` for all of it.
+    /// Share of the reflected light that is kept, by colour, 0 to 1; `None` for all of it.
     pub reflection: Option<Vec3>,
-    /// Share of the light by colour that passes a surface, beside Fresnel's: 0 to 1.
+    /// Factor, by colour, of light that passes a surface, in addition to Fresnel's transmittance: 0 to 1.
     pub filter: Vec3,
     /// Texture whose colour (decoded from sRGB) multiplies the filter: index into the scene's textures.
     pub filter_texture: Option<u32>,
@@ -118,16 +118,17 @@ pub struct Dielectric {
     pub filter_vertex_colors: bool,
     /// Share of the entering light that is scattered back with the diffuse colour: 0 to 1.
     pub veil: f32,
-    /// Texture whose red channel multiplies what is not scattered back: index into the scene's textures.
+    /// Texture whose red channel multiplies the light that is not scattered back: index into the scene's textures.
     pub transmission_texture: Option<u32>,
     /// Thickness of a thin wall that absorbs light, in scene units; otherwise 0.
     pub thickness: f32,
-    /// Rank where bodies overlap: the body of the highest priority fills the place; of equal ones the body entered last.
+    /// Rank where bodies overlap: the body with the highest priority fills the overlap; among equal priorities it is the body entered
+    /// last.
     pub priority: u8,
 }
 
 impl Dielectric {
-    /// Index from which on all light is reflected: Fresnel reflectance differs from 1 by less than a rounding error.
+    /// Least index at which all light is reflected: Fresnel reflectance differs from 1 by less than a rounding error.
     pub const MIRROR: f32 = 1e9;
 
     /// Width below which a surface counts as smooth: it scatters light by less than a hundredth of a degree.
@@ -141,7 +142,7 @@ impl Dielectric {
         (self.index + self.spread * (CAUCHY / (wavelength * wavelength) - CAUCHY_AT_D)).max(1.0)
     }
 
-    /// What is kept of reflected light by colour: [`Self::reflection`], or all of it.
+    /// Share of the reflected light that is kept, by colour: [`Self::reflection`], or all of it.
     #[inline]
     #[must_use]
     pub fn mirrors(&self) -> Vec3 {

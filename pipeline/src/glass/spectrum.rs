@@ -74,8 +74,8 @@ fn rgb(wavelength: f64) -> DVec3 {
 /// Divides the spectrum into `count` strata (1 to [`MOST_STRATA`]), from violet to red. All have the same area under the sum of the
 /// weights' absolute values, so that the three colours are sampled alike.
 ///
-/// The weight of a stratum is the integral over it, its wavelength the mean by that area. In each channel the weights sum to
-/// exactly 1, in any order of addition.
+/// The weight of a stratum is the integral over the stratum. Its wavelength is the mean, weighted by that area. In each channel the
+/// weights sum to exactly 1, in any order of addition.
 #[must_use]
 pub fn strata(count: u32) -> Vec<Stratum> {
     let count = count.clamp(1, MOST_STRATA) as usize;

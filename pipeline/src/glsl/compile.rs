@@ -1,4 +1,4 @@
-//! The steps of a shader, one after the other.
+//! Runs the compilation steps of a shader in order.
 
 use super::link::{link, link_compute, next_binding};
 use super::rewrite::read;
@@ -7,14 +7,14 @@ use super::translate::Translated;
 use super::translate::translate;
 use super::{Compute, ComputeSource, Fault, MAX_OUTPUTS, Program, Source, Stage, StorageBuffer};
 
-/// Bytes of the stack on which files are read: the compiler recurses as deeply as they nest, which is bounded.
+/// Stack size of the compiling thread, bytes. The compiler recurses as deeply as a file nests, which is bounded.
 const STACK: usize = 256 << 20;
 
 impl Source<'_> {
     /// Compiles the two stages.
     ///
     /// # Errors
-    /// What is wrong, with its places in the files.
+    /// The faults, with their places in the files.
     pub fn compile(&self) -> Result<Program, Vec<Fault>> {
         on_a_thread(Stage::Vertex, || compile(*self))
     }
@@ -24,7 +24,7 @@ impl ComputeSource<'_> {
     /// Compiles the shader.
     ///
     /// # Errors
-    /// What is wrong, with its places in the file.
+    /// The faults, with their places in the file.
     pub fn compile(&self) -> Result<Program, Vec<Fault>> {
         on_a_thread(Stage::Compute, || compile_compute(self.text))
     }
@@ -39,7 +39,7 @@ fn on_a_thread(
         let thread = std::thread::Builder::new().name("glsl".to_owned()).stack_size(STACK);
         let running = thread.spawn_scoped(scope, compile);
         let running = running.map_err(|error| failed(format!("no thread could be started to compile: {error}")))?;
-        // Defects of our own end the program with their message.
+        // A panic that no guard caught is a defect of this program; it is passed on.
         running.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic))
     })
 }
@@ -67,7 +67,7 @@ fn compile_compute(text: &str) -> Result<Program, Vec<Fault>> {
     })
 }
 
-/// The buffers of a stage, with whether it reads them and stores to them.
+/// The buffers of a stage, each marked with whether the stage reads it and stores to it.
 fn used(storage: &[StorageBuffer], done: &Translated) -> Vec<StorageBuffer> {
     let used = |(index, buffer): (usize, &StorageBuffer)| {
         let [read, written] = done.storage.iter().find(|(at, _)| *at == index).map_or([false; 2], |(_, of)| *of);
@@ -108,7 +108,7 @@ fn compile(source: Source<'_>) -> Result<Program, Vec<Fault>> {
     })
 }
 
-/// Both, or all that is wrong with either.
+/// Both values, or the faults of both.
 fn both<A, B>(first: Result<A, Vec<Fault>>, second: Result<B, Vec<Fault>>) -> Result<(A, B), Vec<Fault>> {
     match (first, second) {
         (Ok(first), Ok(second)) => Ok((first, second)),

@@ -1,4 +1,4 @@
-//! Joins two stages: locations of what passes between them, of attributes and results, and our `main` around the file's.
+//! Joins two stages: assigns locations to the variables between them, to attributes and to results, and adds a `main` that calls the file's.
 
 use super::rewrite::{
     OURS, Origin, Stated, TRUTH, Variable, attribute, beside_name, compare_name, compare_projected_name, counters,
@@ -7,18 +7,18 @@ use super::rewrite::{
 use super::{Attribute, FRAME, Fault, Held, MAX_OUTPUTS, Sampler, SamplerKind, Stage};
 use std::fmt::Write;
 
-/// Most variables, elements of arrays and columns that pass between the stages: what every device has.
+/// Most variables, array elements and matrix columns that pass between the stages. Every device supports this many.
 const MAX_VARYINGS: usize = 15;
 
 /// A stage as the compiler reads it.
 #[derive(Debug)]
 pub(super) struct Text {
     pub source: String,
-    /// Where its parts come from; none before the first.
+    /// Origins of its parts. The text before the first of them has no origin.
     pub origins: Vec<Origin>,
 }
 
-/// Two stages that fit together.
+/// Two stages that match.
 #[derive(Debug)]
 pub(super) struct Linked {
     pub vertex: Text,
@@ -34,7 +34,7 @@ pub(super) fn loose_binding(stated: &Stated, first: usize) -> usize {
     first + stated.blocks.len()
 }
 
-/// The first binding of the stage behind.
+/// The first binding of the next stage.
 pub(super) fn next_binding(stated: &Stated, first: usize) -> usize {
     loose_binding(stated, first) + usize::from(!loose_block(stated, 0).is_empty())
 }
@@ -150,8 +150,8 @@ pub(super) fn link(vertex: &Stated, fragment: &Stated, depth: Option<usize>) -> 
     Ok(Linked { vertex: vertex_text, fragment: fragment_text, attributes, samplers, outputs, flat })
 }
 
-/// What stands before a stage's text: the samplers that it reads, of all `samplers` of the shader, its uniforms and buffers, and functions
-/// of ours.
+/// The text before a stage's own text: the samplers of the stage, numbered by their places in all `samplers` of the shader, its uniforms and
+/// buffers, and generated functions.
 fn begin(stated: &Stated, samplers: &[Sampler], binding: usize) -> String {
     let mut text = "#version 450\n".to_owned();
     for (index, sampler) in samplers.iter().enumerate() {
@@ -180,7 +180,7 @@ fn begin(stated: &Stated, samplers: &[Sampler], binding: usize) -> String {
     text
 }
 
-/// What makes truth values of the numbers of the block.
+/// Statements that convert the numbers in the block to Booleans.
 fn truths(stated: &Stated) -> String {
     let made = |uniform: &super::rewrite::Uniform| {
         let (kind, name) = (&uniform.kind, &uniform.name);
@@ -231,12 +231,12 @@ fn attributes(vertex: &Stated, faults: &mut Vec<Fault>) -> Vec<Attribute> {
     found
 }
 
-/// The function that compares depths with those of a texture, as OpenGL filters them: each of the four texels is 1 where the reference is
-/// at most its depth, else 0, and the four are weighted.
+/// The function that compares depths with those of a texture, filtered as in OpenGL: each of four texels counts as 1 if the reference is at
+/// most its depth, otherwise 0, and the four are weighted.
 fn compare(sampler: &Sampler) -> String {
     let (name, projected) = (compare_name(&sampler.name), compare_projected_name(&sampler.name));
     let whole = format!("sampler2D({}, {})", texture_name(&sampler.name), sampler_name(&sampler.name));
-    // Coordinates repeat. Those that are infinite or no numbers are cut off, or they would be of no texel.
+    // Coordinates repeat. Infinite ones and NaN are clamped, since they would address no texel.
     let text = "float @t(vec2 at, float depth) {
 vec2 size = vec2(textureSize(@s, 0));
 vec2 texel = at - size * floor(at / size);
@@ -260,7 +260,7 @@ vec4 @p_4(vec4 p) { return vec4(vec3(@p(p)), 1.0); }
         .replace("@p", &projected)
 }
 
-/// The function that reads a texel beside another.
+/// The function that reads a texel at an offset.
 fn beside(sampler: &Sampler) -> String {
     let whole = format!("sampler2D({}, {})", texture_name(&sampler.name), sampler_name(&sampler.name));
     format!(
@@ -279,7 +279,7 @@ struct Passed<'a> {
     flat: bool,
 }
 
-/// What the fragment stage reads of the vertex stage, location by location.
+/// The variables that the fragment stage reads from the vertex stage, one entry a location.
 fn passed<'a>(vertex: &'a Stated, fragment: &'a Stated, faults: &mut Vec<Fault>) -> Vec<Passed<'a>> {
     let mut found = Vec::new();
     for input in fragment.inputs.iter().filter(|input| input.used) {
@@ -324,7 +324,7 @@ fn declared(variable: &Variable) -> String {
     format!("{}{}", variable.kind, array.map_or(String::new(), |length| format!("[{length}]")))
 }
 
-/// Locations of the results; from that of the depth on they go nowhere, as OpenGL has it where a target has no such channel.
+/// Locations of the results. Results at the depth's location or beyond are dropped, as in OpenGL where a target has no such channel.
 fn results<'a>(fragment: &'a Stated, depth: Option<usize>, faults: &mut Vec<Fault>) -> Vec<(usize, &'a Variable)> {
     let mut found: Vec<(usize, &Variable)> = Vec::new();
     let taken: Vec<u32> = fragment.outputs.iter().filter_map(|output| output.location).collect();

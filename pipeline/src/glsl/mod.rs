@@ -1,19 +1,21 @@
-//! Projects' own shaders: GLSL as the engine's files hold it, compiled to WGSL, and what the project says of their uniforms.
+//! Projects' own shaders: GLSL in the form of the engine's files, compiled to WGSL, and the values that the project maps to their uniforms.
 //!
 //! A stage goes through four steps, in builds with the feature `glsl`. [`Source::compile`] runs them.
 //!
-//! 1. `tokens`: comments go, `#if` and macros are resolved; every token keeps its place in the file.
-//! 2. `rewrite`: what OpenGL allows and the compiler does not is written otherwise, token by token: uniforms outside blocks are gathered into
-//!    one, samplers are split, interface blocks taken apart, and `main` is called by one of ours, which reads attributes and writes results.
-//! 3. `link`: what one stage writes and the other reads gets locations.
+//! 1. `tokens`: comments are removed, `#if` and macros are resolved; every token keeps its place in the file.
+//! 2. `rewrite`: constructs that OpenGL allows and the compiler does not are rewritten token by token. Uniforms outside blocks are gathered
+//!    into one block, samplers are split, and interface blocks are taken apart. A generated `main` reads attributes, calls the file's `main`,
+//!    and writes results.
+//! 3. `link`: variables that one stage writes and the other reads get locations.
 //! 4. `translate`: the front end of `naga` reads the result, which is validated and written as WGSL.
 //!
-//! Our `main` turns clip space from OpenGL's into that of the rasteriser: depth from -1 (near) to 1 (far) becomes 1 to 0. Rows count upwards for
-//! the shader, in `gl_FragCoord` as in textures, whose rows are handed over from the bottom.
+//! The generated `main` converts clip space from OpenGL's to the rasteriser's: depth from -1 (near) to 1 (far) becomes 1 to 0. Rows count
+//! upwards for the shader, in `gl_FragCoord` and in textures, whose rows are handed over from the bottom.
 //!
-//! Storage buffers are bound as they are; what atomic counters do is put behind the compiler, which has no word for it (`translate`).
-//! Images that shaders load and store are storage buffers of a vec4 for each texel, the top row first, since not every device stores to
-//! textures that it also loads. Compute shaders have one stage, and go through the same steps ([`ComputeSource`]).
+//! Storage buffers are bound as declared. The operations of atomic counters are inserted after the compiler's front end, which does not
+//! support them (`translate`). Images that shaders load and store are storage buffers with a vec4 for each texel, the top row first, since
+//! not every device can store to textures that it also loads. Compute shaders have one stage, and go through the same steps
+//! ([`ComputeSource`]).
 //!
 //! Files are bounded ([`MAX_FILE`]), and so are tokens, nesting and macros; macros with parameters are refused.
 
@@ -41,11 +43,11 @@ pub const MAX_FILE: u64 = 1 << 20;
 /// Whether this build compiles shaders.
 pub const AVAILABLE: bool = cfg!(feature = "glsl");
 
-/// What a build without [`AVAILABLE`] says.
+/// The help of a fault in a build without [`AVAILABLE`].
 pub const MISSING: &str =
     "it is GLSL of the project's own, which builds with the feature `glsl` draw with wgpu: cargo build --features glsl";
 
-/// How many channels of a target a shader's results go to, from location 0: what a G-buffer holds of colours.
+/// Number of colour channels of a target that a shader can write, from location 0: as many as a G-buffer has.
 pub const MAX_OUTPUTS: usize = 3;
 
 /// A stage.
@@ -76,8 +78,9 @@ pub struct Source<'a> {
     pub vertex: &'a str,
     /// What runs for each pixel.
     pub fragment: &'a str,
-    /// Where the depth of pixels is written as well, 0 at the near plane and 1 at the far plane, below [`MAX_OUTPUTS`]: the location behind
-    /// those of the target's colours. Results from there on go nowhere, as OpenGL has it where a target has no such channel.
+    /// Location at which the depth of pixels is written too: 0 at the near plane, 1 at the far plane. It follows the locations of the
+    /// target's colours and is below [`MAX_OUTPUTS`]. Results at this location or beyond are dropped, as in OpenGL where a target has no such
+    /// channel.
     pub depth: Option<usize>,
 }
 
@@ -140,15 +143,15 @@ pub enum Attribute {
     Normal,
     /// Texture coordinates of unit 0, `v = 0` at the bottom row; `z` is 0, `w` is 1.
     TexCoord,
-    /// Unit tangent in the world, along which `u` grows, as normal maps are made with (MikkTSpace); `w` is 0. 0 where there is none.
+    /// Unit tangent in the world, the direction in which `u` grows, by MikkTSpace as for normal maps; `w` is 0. All 0 where there is none.
     Tangent,
 }
 
 impl Attribute {
-    /// All of them; their places are the locations in [`Program::vertex`].
+    /// All attributes, in the order of their locations in [`Program::vertex`].
     pub const ALL: [Self; 4] = [Self::Position, Self::Normal, Self::TexCoord, Self::Tangent];
 
-    /// As shaders declare it.
+    /// Name in the shaders.
     #[must_use]
     pub fn name(self) -> &'static str {
         match self {
@@ -166,7 +169,7 @@ impl Attribute {
     }
 }
 
-/// Of what kind the components of a uniform are.
+/// Type of the components of a uniform.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Scalar {
     /// 32 bits.
@@ -177,10 +180,10 @@ pub enum Scalar {
     Uint,
 }
 
-/// How a uniform lies in its block: columns of 16 bytes, or one of as many components as it has.
+/// Layout of a uniform in its block: columns of 16 bytes, or a single column of just its components.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Shape {
-    /// Of its components.
+    /// Type of the components.
     pub scalar: Scalar,
     /// Columns: 1 for scalars and vectors.
     pub columns: u32,
@@ -191,13 +194,13 @@ pub struct Shape {
 /// A uniform.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Member {
-    /// As shaders declare it.
+    /// Name in the shaders.
     pub name: String,
     /// Bytes from the start of its block.
     pub offset: u32,
-    /// How it lies there; `None` for arrays and structures.
+    /// Its layout; `None` for arrays and structures.
     pub shape: Option<Shape>,
-    /// What it has where the project maps nothing to it: components of a vector.
+    /// Value where the project maps nothing to it, as the components of a vector.
     pub default: Option<[f32; 4]>,
     /// Where its declaration is in the file, bytes.
     pub at: [usize; 2],
@@ -206,18 +209,18 @@ pub struct Member {
 /// A uniform buffer: the uniforms outside blocks of a stage, or a block that the shader declares.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Block {
-    /// `None` for what was declared outside blocks.
+    /// Name of the block; `None` for the uniforms outside blocks.
     pub name: Option<String>,
-    /// Who reads it.
+    /// The stage that reads it.
     pub stage: Stage,
-    /// Bytes.
+    /// Size, bytes.
     pub size: u32,
-    /// Those that the shader reads.
+    /// Its members. Of the uniforms outside blocks, those that the shader uses.
     pub members: Vec<Member>,
 }
 
-/// The name of the uniform that says where the viewport lies: `x` is its left column, `y` is from how many rows above it `gl_FragCoord` counts
-/// down. Users cannot declare one of this name.
+/// The name of the uniform that places the viewport: `x` is its left column. `y` is the number of rows from its top edge to the target's
+/// bottom edge; `gl_FragCoord` counts down from it. Users cannot declare a uniform of this name.
 pub const FRAME: &str = "curitiba_frame";
 
 /// What a sampler does.
@@ -234,22 +237,22 @@ pub enum SamplerKind {
 /// A texture of the project, sampled.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Sampler {
-    /// As shaders declare it; of an element of an array `name[1]`.
+    /// Name in the shaders; `name[1]` for an element of an array.
     pub name: String,
     /// What it does.
     pub kind: SamplerKind,
-    /// Who reads it first.
+    /// The first stage that reads it.
     pub stage: Stage,
     /// Where its declaration is in the file, bytes.
     pub at: [usize; 2],
 }
 
-/// A uniform array with the values that it begins with, to which nothing can be mapped: a constant.
+/// A uniform array with initial values. The project cannot map a value to it, so it is compiled as a constant.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Fixed {
-    /// As shaders declare it.
+    /// Name in the shaders.
     pub name: String,
-    /// Who reads it.
+    /// The stage that reads it.
     pub stage: Stage,
     /// Where its declaration is in the file, bytes.
     pub at: [usize; 2],
@@ -269,9 +272,9 @@ pub enum Held {
 /// A buffer that a fragment or compute shader reads and stores to.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct StorageBuffer {
-    /// As the shader declares it: the block, the first counter, or the image; of an element of an array of images `name[1]`.
+    /// Name in the shader: of the block, the first counter, or the image; `name[1]` for an element of an array of images.
     pub name: String,
-    /// The binding point at which the project binds it. Of an image the unit, unless the project maps another to its name.
+    /// The binding point at which the project binds it. For an image this is its unit, unless the project maps another unit to its name.
     pub point: u32,
     /// What it holds.
     pub held: Held,
@@ -285,20 +288,20 @@ pub struct StorageBuffer {
     pub at: [usize; 2],
 }
 
-/// The name of the uniform that says how many columns (`x`) and rows (`y`) the image at that place of [`Program::storage`] has. Users
-/// cannot declare one of this name.
+/// The name of the uniform that holds the columns (`x`) and rows (`y`) of the image at index `storage` of [`Program::storage`]. Users cannot
+/// declare a uniform of this name.
 #[must_use]
 pub fn image_size(storage: usize) -> String {
     format!("curitiba_size{storage}")
 }
 
-/// The place in [`Program::storage`] of the image whose size a uniform of this name is.
+/// The index in [`Program::storage`] of the image whose size the uniform of this name holds; `None` for other names.
 #[must_use]
 pub fn is_image_size(name: &str) -> Option<usize> {
     name.strip_prefix("curitiba_size")?.parse().ok()
 }
 
-/// A compute shader's own.
+/// The compute stage of a program.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Compute {
     /// WGSL.
@@ -318,23 +321,23 @@ pub struct Program {
     pub vertex: String,
     /// WGSL; empty in a compute shader.
     pub fragment: String,
-    /// What a compute shader has instead of the two.
+    /// The stage of a compute shader, which has neither of the two above.
     pub compute: Option<Compute>,
-    /// What it reads of a vertex.
+    /// Vertex attributes that it reads.
     pub attributes: Vec<Attribute>,
-    /// What it reads for each draw.
+    /// Uniform buffers that it reads for each draw.
     pub blocks: Vec<Block>,
-    /// What it samples.
+    /// Textures that it samples.
     pub samplers: Vec<Sampler>,
     /// Which channels of a target it writes, by location.
     pub outputs: [bool; MAX_OUTPUTS],
-    /// Whether something is not interpolated: OpenGL then takes it from a triangle's last corner.
+    /// Whether some variable between the stages is not interpolated. OpenGL then takes its value from a triangle's last corner.
     pub flat: bool,
     /// Buffers that the fragment or compute shader reads and stores to.
     pub storage: Vec<StorageBuffer>,
-    /// Where the fragment shader says that hidden pixels store nothing (`early_fragment_tests`), bytes of its file.
+    /// Where the fragment shader declares `early_fragment_tests`, so that hidden pixels store nothing: bytes of its file.
     pub early: Option<[usize; 2]>,
-    /// Uniforms that keep the values that they begin with.
+    /// Uniform arrays that keep their initial values.
     pub fixed: Vec<Fixed>,
 }
 

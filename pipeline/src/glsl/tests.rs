@@ -44,7 +44,7 @@ fn a_shader_reads_and_writes_what_it_says() {
     assert!(program.samplers.is_empty() && !program.flat);
 }
 
-/// std140: what is behind a vector of three comes at once, columns of a matrix of three are 16 bytes apart.
+/// std140: what follows a vec3 is not padded, and the columns of a 3-row matrix are 16 bytes apart.
 #[test]
 fn uniforms_lie_by_the_rules_of_std140_whether_in_blocks_or_not() {
     let members = "float a; vec3 b; float c; mat3 d; vec2 e; int f; vec4 g;";
@@ -147,7 +147,7 @@ fn arrays_and_matrices_pass_between_the_stages_part_by_part() {
     assert!(found[0].message.contains("more than 15"), "{found:?}");
 }
 
-/// Blocks hold no truth values: they are numbers there, and what the file has is made of them.
+/// Blocks hold no Booleans but numbers, from which the file's variables are computed.
 #[test]
 fn truth_values_are_uniforms_by_the_names_that_the_file_gives_them() {
     let fragment = "#version 330\nuniform bool on = true;\nuniform bvec2 two;\nout vec4 color;\n\
@@ -194,7 +194,7 @@ fn samplers_that_compare_are_known_and_every_call_of_them_has_its_coordinates() 
     assert!(found[0].1 == 6 && found[0].0 == Stage::Fragment, "two coordinates and no depth: {found:?}");
 }
 
-/// A depth takes the location behind the colours; what the file writes there goes nowhere.
+/// The depth takes the location after the colours; what the file writes there is dropped.
 #[test]
 fn the_depth_is_written_behind_the_colours() {
     let depth_only = "#version 330\nout float depth;\nvoid main() { depth = 0.0; }\n";
@@ -218,7 +218,7 @@ fn functions_may_stand_in_any_order_with_declarations_before() {
 
 #[test]
 fn faults_are_where_the_file_has_them() {
-    // A tab is a column, as everywhere; comments and macros move nothing.
+    // A tab counts as one column; comments and macros do not move other tokens.
     let body = |statement: &str| {
         format!(
             "#version 330\n// é\n#define TWO 2.0 /* a\n   b */\nout vec4 color;\nvoid main() {{\n\t{statement}\n}}\n"
@@ -240,7 +240,7 @@ fn faults_are_where_the_file_has_them() {
         );
         assert!(message.contains(said), "{statement}: {message}");
     }
-    // What is found when all is read is in its function.
+    // Faults that are found after reading are reported within their function.
     let (line, _, message) = fault(&body("color = vec3(1.0);"));
     assert!((6..=7).contains(&line) && message.contains("main"), "line {line}: {message}");
 }
@@ -329,7 +329,7 @@ fn buffers_say_whether_they_are_read_and_written_and_counters_are_atomic() {
     for part in ["array<atomic<u32>>", "atomicAdd(", "atomicSub(", "atomicLoad("] {
         assert_eq!(wgsl.matches(part).count(), 1, "{part}: {wgsl}");
     }
-    // The second counter is behind the first, and counting down gives what is left.
+    // The second counter follows the first; counting down returns the number that is left.
     assert!(wgsl.contains("curitiba_up2_(1u)") && wgsl.contains("curitiba_down2_(0u)"), "{wgsl}");
     let vertex = VERTEX.replace("void main", "layout(std430) buffer B { vec4 b[]; };\nvoid main");
     let vertex = vertex.replace("pvm * position", "pvm * (position + b[0])");
@@ -371,7 +371,7 @@ fn compute_shaders_have_the_work_groups_that_they_declare() {
     assert!(faults.iter().any(|fault| text[..fault.start].matches('\n').count() == 7), "{faults:?}");
 }
 
-/// What would let the preprocessor or the compiler run for long, or recurse until the stack ends.
+/// Files with which the preprocessor or the compiler would run for long, or recurse until the stack overflows.
 #[test]
 fn hostile_files_are_refused_soon() {
     let main = |inside: String| format!("#version 330\nout vec4 color;\nvoid main() {{ {inside} }}\n");
@@ -394,7 +394,7 @@ fn hostile_files_are_refused_soon() {
     ] {
         assert!(compile(VERTEX, &text).is_err(), "{}", &text[..text.len().min(60)]);
     }
-    // What is just allowed does not end the stack.
+    // Files just within the limits do not overflow the stack.
     compile(VERTEX, &main(format!("color = vec4({});", deep("(", ")", 40)))).expect("it compiles");
     compile(VERTEX, &main(format!("color = vec4({}1.0);", "- ".repeat(1_900)))).expect("it compiles");
     let chain = |links: usize| {
@@ -402,7 +402,7 @@ fn hostile_files_are_refused_soon() {
         compile(VERTEX, &main(format!("color = vec4(1.0); {links} color.z = 1.0;")))
     };
     chain(100).expect("it compiles");
-    // Written as WGSL, each link lies in the braces of the one before, and the device's reader counts them.
+    // In WGSL each link of the chain is nested in the braces of the one before, and the device's parser limits nesting.
     let faults = chain(900).expect_err("refused");
     assert!(faults[0].message.contains("nesting limit"), "{faults:?}");
 }

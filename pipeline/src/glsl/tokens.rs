@@ -1,4 +1,4 @@
-//! Tokens of a shader file, after its directives and macros.
+//! Tokens of a shader file, after directives and macros are resolved.
 
 use super::{Fault, Stage};
 use crate::guard;
@@ -7,16 +7,16 @@ use pp_rs::token::{PreprocessorError, Punct, Token as Lexed, TokenValue};
 
 /// Most tokens of a file, after its macros.
 const MAX_TOKENS: usize = 100_000;
-/// Deepest nesting of brackets: the compiler reads them by recursion.
+/// Deepest nesting of brackets. It is limited because the compiler is recursive.
 const MAX_DEPTH: usize = 64;
-/// Most tokens between two semicolons or braces outside initialisers, for the same reason.
+/// Most tokens between two semicolons or braces, for the same reason.
 const MAX_STATEMENT: usize = 2_000;
-/// Most `else` of a file, for the same reason.
+/// Most `else` in a file, for the same reason.
 const MAX_ELSE: usize = 1_000;
 /// Longest line of a directive, bytes, for the same reason.
 const MAX_DIRECTIVE: usize = 1_000;
 
-/// Extensions whose rules hold anyway.
+/// Extensions whose features are available without them.
 const HARMLESS: [&str; 6] = [
     "GL_ARB_explicit_attrib_location",
     "GL_ARB_explicit_uniform_location",
@@ -34,7 +34,7 @@ pub(super) enum Kind {
     Sign,
 }
 
-/// A token, and where in the file it is (for one of a macro: where that is used).
+/// A token with its place in the file. A token from a macro has the place where the macro is used.
 #[derive(Debug, Clone)]
 pub(super) struct Token {
     pub kind: Kind,
@@ -104,7 +104,7 @@ pub(super) fn tokens(stage: Stage, text: &str) -> Result<Vec<Token>, Fault> {
     Ok(tokens)
 }
 
-/// The text with blanks for comments: every other byte stays where it is. The place of a comment without an end, if there is one.
+/// The text with comments replaced by blanks; every other byte stays in its place. The error is the place of a comment that does not end.
 fn without_comments(text: &str) -> Result<String, usize> {
     let bytes = text.as_bytes();
     let mut bare = bytes.to_vec();
@@ -125,11 +125,11 @@ fn without_comments(text: &str) -> Result<String, usize> {
         }
         at = end;
     }
-    // Comments are whole characters, as what is between them.
+    // Comments begin and end between characters, so what is left is valid UTF-8.
     Ok(String::from_utf8(bare).unwrap_or_default())
 }
 
-/// Refuses what would let the preprocessor run for long or recurse deeply.
+/// Refuses directives with which the preprocessor would run for long or recurse deeply.
 fn check_directives(bare: &str) -> Result<(), (usize, String, &'static str)> {
     if let Some(at) = bare.find('\\') {
         return Err((at, "a `\\` outside comments".to_owned(), "write the line that it continues as one"));
@@ -176,7 +176,7 @@ fn check_extension(tokens: &[Lexed]) -> Result<(), String> {
         _ => None,
     });
     let (name, behaviour) = (words.next().unwrap_or_default(), words.next().unwrap_or_default());
-    // What is not there is an error in OpenGL only where it is required.
+    // In OpenGL a missing extension is an error only with `require`.
     if behaviour != "require" || HARMLESS.contains(&name) {
         return Ok(());
     }

@@ -1,4 +1,4 @@
-//! From the rewritten text to WGSL, and what the compiler knows of uniform blocks.
+//! Translates the rewritten text to WGSL, and finds the layout of uniform blocks.
 
 use super::link::Text;
 use super::rewrite::{LOOSE, Stated, TRUTH, counting_name};
@@ -11,7 +11,7 @@ use naga::{
     Type, TypeInner, VectorSize,
 };
 
-/// A stage as the device takes it.
+/// A stage in the form that the device reads.
 #[derive(Debug)]
 pub(super) struct Translated {
     pub wgsl: String,
@@ -42,7 +42,7 @@ pub(super) fn translate(stage: Stage, text: &Text, stated: &Stated) -> Result<Tr
     let mut validator = Validator::new(ValidationFlags::all(), Capabilities::empty());
     let validate = || validator.validate(&module).map_err(Box::new);
     let info = guard::call("naga", validate).map_err(of_crate)?.map_err(|error| {
-        // The function first, then what is wrong in it, of which the smallest says most.
+        // Spans are those of the function and of the faulty parts in it. The smallest is the most precise.
         let ranges: Vec<_> = error.spans().filter_map(|(span, _)| Some((*span, span.to_range()?))).collect();
         let whole =
             ranges.iter().map(|(_, range)| range.clone()).max_by_key(ExactSizeIterator::len).unwrap_or_default();
@@ -73,8 +73,8 @@ pub(super) fn translate(stage: Stage, text: &Text, stated: &Stated) -> Result<Tr
     Ok(Translated { wgsl, blocks, storage })
 }
 
-/// Members of blocks that lie elsewhere in the WGSL that the device reads (`modules[1]`) than `std140` has them (`modules[0]`): WGSL
-/// pads neither the elements of arrays nor structures to 16 bytes.
+/// Faults for block members whose offsets in the WGSL that the device reads (`modules[1]`) differ from those of `std140` (`modules[0]`): WGSL
+/// pads neither array elements nor structures to 16 bytes.
 fn laid_out_otherwise(stage: Stage, modules: [&Module; 2], blocks: &[(u32, Block)]) -> Vec<Fault> {
     let mut faults = Vec::new();
     for (binding, block) in blocks {
@@ -93,7 +93,7 @@ fn laid_out_otherwise(stage: Stage, modules: [&Module; 2], blocks: &[(u32, Block
     faults
 }
 
-/// The members of a buffer that is bound there.
+/// The members of the buffer at a group and binding.
 fn members(module: &Module, group: u32, binding: u32) -> Option<Vec<naga::StructMember>> {
     let at = Some(naga::ResourceBinding { group, binding });
     let variable =
@@ -104,7 +104,7 @@ fn members(module: &Module, group: u32, binding: u32) -> Option<Vec<naga::Struct
     }
 }
 
-/// The same of storage buffers.
+/// Faults for storage buffers whose layout in the WGSL that the device reads differs from the declared one.
 fn stored_otherwise(stage: Stage, modules: [&Module; 2], stated: &Stated) -> Vec<Fault> {
     let differs = |(binding, _): &(u32, &StorageBuffer)| {
         let [stated, device] = modules.map(|module| members(module, 2, *binding).unwrap_or_default());
@@ -136,8 +136,7 @@ fn storage(module: &Module, info: &naga::valid::ModuleInfo) -> Vec<(usize, [bool
     found
 }
 
-/// Makes barriers wait for a work group and what it stored, as GLSL has them: the front end asks for subgroups as well, which not every
-/// device has.
+/// Makes barriers wait for the work group and its stores, as in GLSL. The front end asks for subgroups as well, which not every device has.
 fn wait_in_group(block: &mut naga::Block) {
     for statement in block.iter_mut() {
         match statement {
@@ -157,8 +156,8 @@ fn wait_in_group(block: &mut naga::Block) {
     }
 }
 
-/// Makes the numbers of buffers of counters atomic, and gives their functions, of which the language that the compiler reads has none, the
-/// bodies that they stand for.
+/// Makes the numbers in counter buffers atomic, and gives the counter functions their real bodies. The GLSL that the front end reads has no
+/// atomic counters.
 fn count_atomically(module: &mut Module, stated: &Stated) {
     let number = Type { name: None, inner: TypeInner::Scalar(ScalarType::U32) };
     for (index, _) in stated.storage.iter().enumerate().filter(|(_, buffer)| buffer.held == Held::Counters) {
@@ -187,7 +186,8 @@ fn count_atomically(module: &mut Module, stated: &Stated) {
     }
 }
 
-/// Gives a function of an index its body: it counts that number of the buffer `variable` (`counts`), or reads it.
+/// Writes the body of a counter function, whose argument is an index. The body applies `counts` to that number of the buffer `variable`, or
+/// only reads the number if `counts` is `None`.
 fn count_by(
     function: &mut naga::Function,
     (variable, number): (Handle<naga::GlobalVariable>, Handle<Type>),
@@ -217,7 +217,7 @@ fn count_by(
             let before = add(Expression::AtomicResult { ty: number, comparison: false });
             let counts = Statement::Atomic { pointer, fun, value: one, result: Some(before) };
             body.push(counts, Span::UNDEFINED);
-            // Counting down gives the number after it, counting up the one before.
+            // A decrement returns the number after it, an increment the number before.
             if matches!(fun, naga::AtomicFunction::Subtract) {
                 let op = naga::BinaryOperator::Subtract;
                 let after = add(Expression::Binary { op, left: before, right: one });
@@ -232,7 +232,7 @@ fn count_by(
     function.body = body;
 }
 
-/// Whether the members and elements of a type lie in both modules at the same places.
+/// Whether a type has the same member offsets and array strides in both modules.
 fn same_layout(modules: [&Module; 2], [a, b]: [Handle<Type>; 2]) -> bool {
     match (&modules[0].types[a].inner, &modules[1].types[b].inner) {
         (TypeInner::Array { base: a, stride: here, .. }, TypeInner::Array { base: b, stride: there, .. }) => {
@@ -259,7 +259,7 @@ fn at(stage: Stage, text: &Text, span: Span, message: String) -> Fault {
         }
         None => (0, 0),
     };
-    // As all messages here it is no sentence, though some of the compiler's are.
+    // Messages here are no sentences, so a full stop of the compiler's is removed.
     let message = message.replace("curitiba_main", "main");
     let message = message.trim_end_matches('.');
     Fault {

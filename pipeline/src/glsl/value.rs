@@ -1,19 +1,19 @@
-//! Where the value of a uniform comes from: what `<valueof>` says.
+//! Sources of a uniform's value, as `<valueof>` declares them.
 
-/// What a uniform is given.
+/// Source of a uniform's value.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Value {
     /// `RENDERER`: a matrix of the pass's camera.
     Matrix(Matrix),
     /// `RENDERER NORMAL`: the inverse transpose of [`Matrix::ViewModel`], 3 x 3.
     NormalMatrix,
-    /// `RENDERER TEXTURE_COUNT`: textures that are bound.
+    /// `RENDERER TEXTURE_COUNT`: number of bound textures.
     TextureCount,
-    /// `CAMERA`: of the camera with that index, or of the pass.
+    /// `CAMERA`: a value of the camera with that index, or else of the pass's camera.
     Camera(Option<usize>, CameraValue),
-    /// `LIGHT`: of the light with that index.
+    /// `LIGHT`: a value of the light with that index.
     Light(usize, LightValue),
-    /// `COLOR`: of the material.
+    /// `COLOR`: a value of the material.
     Color(ColorValue),
     /// Numbers that the project declares.
     Constant([f32; 4]),
@@ -26,19 +26,19 @@ pub enum Value {
 pub enum Matrix {
     /// View to clip.
     Projection,
-    /// Positions of vertices to the world. They are the world's already, but for the origin of a scene far from 0.
+    /// Vertex positions to world. They are in world space already, except for the origin of a scene far from 0.
     Model,
     /// World to view.
     View,
-    /// Positions of vertices to view.
+    /// Vertex positions to view.
     ViewModel,
-    /// Positions of vertices to clip.
+    /// Vertex positions to clip.
     ProjectionViewModel,
     /// World to clip.
     ProjectionView,
 }
 
-/// Of a camera.
+/// A value of a camera.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum CameraValue {
     /// World; `w` is 1.
@@ -63,12 +63,12 @@ pub enum CameraValue {
     Far,
 }
 
-/// Of a light. What cannot be changed while a project is open is a [`Value::Constant`].
+/// A value of a light. Values that cannot change while a project is open are [`Value::Constant`].
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum LightValue {
     /// World; `w` is 1.
     Position,
-    /// In which it shines, as long as the project has it; `w` is 0.
+    /// Direction in which it shines, with the length that the project gives it; `w` is 0.
     Direction {
         /// Its length.
         length: f32,
@@ -77,7 +77,7 @@ pub enum LightValue {
     Color,
 }
 
-/// Of a material, after the pass's maps.
+/// A value of a material, after the pass has replaced colours.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum ColorValue {
     /// Diffuse colour.
@@ -108,19 +108,19 @@ pub enum BlendFactor {
     Zero,
     /// 1.
     One,
-    /// What the shader writes, by channel.
+    /// The shader's result, by channel.
     SrcColor,
     /// 1 less that.
     OneMinusSrcColor,
-    /// What is there, by channel.
+    /// The target's colour, by channel.
     DstColor,
     /// 1 less that.
     OneMinusDstColor,
-    /// The alpha that the shader writes.
+    /// The alpha of the shader's result.
     SrcAlpha,
     /// 1 less that.
     OneMinusSrcAlpha,
-    /// The alpha that is there.
+    /// The target's alpha.
     DstAlpha,
     /// 1 less that.
     OneMinusDstAlpha,
@@ -141,32 +141,32 @@ impl BlendFactor {
         ("ONE_MINUS_DST_ALPHA", Self::OneMinusDstAlpha),
     ];
 
-    /// The one of a name of the engine, in any letters' case.
+    /// The factor with a name of the engine, in any letter case.
     #[must_use]
     pub fn named(name: &str) -> Option<Self> {
         Self::NAMED.iter().find(|(known, _)| known.eq_ignore_ascii_case(name)).map(|(_, factor)| *factor)
     }
 }
 
-/// How what a shader writes and what is there are added up, alpha like the colours.
+/// How a shader's result and the target's contents are added; alpha is treated like the colours.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub struct Blend {
-    /// What the shader's result is multiplied by.
+    /// Factor of the shader's result.
     pub source: BlendFactor,
-    /// What is multiplied that is there.
+    /// Factor of the target's contents.
     pub destination: BlendFactor,
 }
 
 /// How a shader's states say that triangles are drawn.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub struct Drawn {
-    /// Which side of triangles is left out, where the states say so.
+    /// Side of triangles that is culled, if any.
     pub culled: Option<Side>,
-    /// What is added up; `None` where the result takes the place of what is there.
+    /// How results are blended; `None` where they replace the target's contents.
     pub blend: Option<Blend>,
-    /// Whether triangles are hidden by what is nearer. Those that are not hide nothing either, as in OpenGL.
+    /// Whether triangles are tested against the depth of the target. Without the test they write no depth either, as in OpenGL.
     pub tests_depth: bool,
-    /// Whether they hide what is farther.
+    /// Whether triangles write their depth, so that they hide what is farther.
     pub writes_depth: bool,
 }
 

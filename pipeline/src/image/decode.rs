@@ -1,7 +1,7 @@
 //! Decoding of pictures within the memory of the result, without a second copy.
 //!
-//! The decoder writes the file's pixels into the end of the result's memory. From there they are converted, front to back, to its
-//! beginning. The converted pixel never lies beyond the place of the pixel that it is made of.
+//! The decoder writes the file's pixels into the end of the result's memory. From there they are converted, front to back, into the
+//! beginning. A converted pixel never overwrites a pixel that is yet to be converted.
 
 use crate::guard;
 use crate::memory::{self, Refused};
@@ -43,7 +43,7 @@ impl fmt::Display for Fault {
     }
 }
 
-/// What can be read and sought.
+/// A buffered reader that can seek.
 pub(crate) trait BufReadSeek: BufRead + Seek {}
 impl<T: BufRead + Seek> BufReadSeek for T {}
 
@@ -64,7 +64,7 @@ pub(crate) fn rgba8(decoder: impl ImageDecoder) -> Result<Vec<[u8; 4]>, Fault> {
     convert(decoder, &mut bytes, 4, reduce)?;
     bytes.truncate(4 * pixels);
     bytes.shrink_to_fit();
-    // Four bytes a texel either way; the copy is only made where the list could not give its end back.
+    // Both lists have four bytes a texel. The copy is made only if the list could not release its unused end.
     Ok(bytemuck::try_cast_vec(bytes).unwrap_or_else(|(_, bytes)| bytes.as_chunks().0.to_vec()))
 }
 

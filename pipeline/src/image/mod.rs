@@ -108,7 +108,7 @@ pub fn widen(bytes: &[u8], pixels: &mut [[f32; 4]]) {
     }
 }
 
-/// Converts values to 16-bit floats, the nearest ones, in native byte order: 2 bytes for each. [`widen`] reads them.
+/// Converts values to the nearest 16-bit floats in native byte order, 2 bytes each. [`widen`] converts them back.
 #[must_use]
 pub fn narrow(values: &[f32]) -> Vec<u8> {
     values.iter().flat_map(|value| f16::from_f32(*value).to_ne_bytes()).collect()
@@ -176,9 +176,9 @@ pub(crate) enum Colors {
     /// No pixel was seen.
     #[default]
     None,
-    /// All pixels have this one.
+    /// All pixels have this colour.
     One([f32; 3]),
-    /// There are different ones.
+    /// Pixels have different colours.
     Several,
 }
 

@@ -252,7 +252,7 @@ fn prepare(layer: &str, header: &Header) -> Result<Prepared, String> {
     // Other programs write `layer.R`, even where the layer has that name already.
     let short = |name: &Text| name.to_string().rsplit('.').next().unwrap_or_default().to_owned();
     let find = |wanted: &str| list.iter().position(|channel| short(&channel.name) == wanted);
-    // Two sets begin alike; the fourth channel decides.
+    // Some sets begin with the same channels; the fourth channel decides.
     let has = |names: &[&str]| names.iter().all(|name| find(name).is_some());
     let whole = CHANNELS.iter().find(|names| has(&names[..]));
     let colored = whole.or_else(|| CHANNELS.iter().find(|names| has(&names[..3])));

@@ -9,7 +9,7 @@ use std::io;
 pub enum Content {
     /// Colours, shown as they are.
     Color,
-    /// World positions, shown relative to the [bounding box](position_box) of nearly all that are near.
+    /// World positions, shown relative to the [bounding box](position_box) of nearly all near positions.
     Position,
     /// Unit vectors, shown as `(n + 1) / 2`.
     Normal,
@@ -54,15 +54,15 @@ impl Visible {
 
 /// Most pixels that [`position_box`] looks at.
 const LOOKED_AT: usize = 1 << 16;
-/// Share of the near pixels below the low end of the box, and the share above the high end. Without this, one point would compress the rest
-/// into one colour.
+/// Share of the near pixels that lie below the low end of the box, and share that lies above the high end. Otherwise a single point could
+/// compress all others into one colour.
 const BEYOND: f32 = 0.02;
-/// Places are near up to so many times the median distance from the middle. Sky and mountains, which may be seen at a third of the pixels, would
-/// else leave nothing but black to what stands in front of them.
+/// A position is near if its distance from the middle is at most this many times the median distance. Without this limit sky and
+/// mountains, which may cover a third of the pixels, would leave only black for the objects in front of them.
 const NEAR: f64 = 4.0;
 
-/// The box in which positions are shown, low and high end of each axis: it holds nearly all covered pixels that are near the middle of what is
-/// seen, the median of each coordinate. `None` where no pixel is covered.
+/// The box in which positions are shown, as the low and high end of each axis. It contains nearly all covered pixels that are near the
+/// middle, which is the median of each coordinate. `None` where no pixel is covered.
 #[must_use]
 pub fn position_box(pixels: &[[f32; 4]]) -> Option<[[f32; 2]; 3]> {
     let step = pixels.len().div_ceil(LOOKED_AT).max(1);
@@ -92,7 +92,7 @@ fn ranked(values: &mut [f32], rank: usize) -> f32 {
     *values.select_nth_unstable_by(rank, f32::total_cmp).1
 }
 
-/// A sentence that tells which places the colours are, for [`Content::Position`] of pixels that show any.
+/// A sentence that says which positions the colours stand for; `None` unless these are [`Content::Position`] and a pixel is covered.
 #[must_use]
 pub fn legend(pixels: &[[f32; 4]], content: Content) -> Option<String> {
     let ends = position_box(pixels).filter(|_| content == Content::Position)?;

@@ -275,7 +275,7 @@ fn sorted(names: [&str; 4]) -> [usize; 4] {
     order
 }
 
-/// The bytes of a tile: row by row, and within a row all values of one component after those of another.
+/// The bytes of a tile: row by row, and within a row one component after the other.
 fn tile(pixels: &[[f32; 4]], width: usize, place: BlockIndex, order: [usize; 4]) -> Vec<u8> {
     let Vec2(columns, rows) = place.pixel_size;
     let left = place.pixel_position.0;

@@ -28,8 +28,8 @@ impl ErrorMap {
     }
 }
 
-/// Control points of the heat map in CIELAB under D65: from black over blue, purple, red and orange to cream. Lightness
-/// grows in proportion to the error, so that the map reads the same in grey, and all points between lie in sRGB.
+/// Control points of the heat map in CIELAB under D65: from black through blue, purple, red and orange to cream. Lightness grows in
+/// proportion to the error, so that the map reads the same in grey, and all points between lie in sRGB.
 const RAMP: [[f64; 3]; 6] = [
     [3.0, 0.0, -6.0],
     [22.0, 28.0, -52.0],

@@ -1,11 +1,10 @@
 //! Telling error from noise: are two noisy pictures estimates of the same one?
 //!
-//! Each picture comes with the variance of its mean, pixel by pixel. Under the null hypothesis (both have the same
-//! expectation, the noise of pixels is independent) the difference of a value divided by its standard deviation follows
-//! Student's t with the degrees of freedom of Welch (Biometrika 34, 1947), and the standard normal distribution where
-//! variances are known. Each is turned into the normal value of the same tail probability by Wallace's formula (Annals of
-//! Mathematical Statistics 30, 1959), so that one expectation serves for all: 4.55 % of the values lie beyond 2 and
-//! 0.27 % beyond 3.
+//! Each picture comes with the variance of its mean, pixel by pixel. Under the null hypothesis both have the same expectation, and the
+//! noise of pixels is independent. Then the difference of a value divided by its standard deviation follows Student's t with the degrees
+//! of freedom of Welch (Biometrika 34, 1947), or the standard normal distribution where variances are known. Each difference is turned
+//! into the normal value of the same tail probability by Wallace's formula (Annals of Mathematical Statistics 30, 1959). So one
+//! expectation holds for all: 4.55 % of the values lie beyond 2 and 0.27 % beyond 3.
 //!
 //! A pixel with few samples is not normally distributed: where nine in ten rays agree, all samples of a pixel often agree, and its
 //! estimated variance is 0. The verdict therefore sums over tiles of 8 x 8 pixels. Their noise is nearly normal, their estimated
@@ -68,8 +67,8 @@ pub struct ZTest {
     /// Mean of the tiles' squared z values, averaged over colours: chi-square divided by its degrees of freedom, 1 under
     /// the null hypothesis.
     pub chi_square: f64,
-    /// `(chi_square - 1) sqrt(tiles / 2)`: standard deviations above what noise makes. The colours of a pixel are counted
-    /// as one, since their noise is often the same, so this errs to the side of noise.
+    /// `(chi_square - 1) sqrt(tiles / 2)`: standard deviations above the expectation for noise. The colours of a pixel are counted as
+    /// one, since their noise is often the same, so this errs on the side of noise.
     pub sigma: f64,
     /// [`Verdict::Different`] above 4 [`Self::sigma`].
     pub verdict: Verdict,

@@ -96,7 +96,7 @@ impl Plan {
         if kept.store_depth {
             writes.push((pass.target, DEPTH));
         }
-        // What a pass both reads and stores to is its own.
+        // A slot that the pass itself stores to does not count as read: it is no dependency on another pass.
         let reads = reads.into_iter().filter(|slot| !stored.contains(slot)).collect();
         writes.extend(stored);
         Access { reads, writes }

@@ -1,4 +1,4 @@
-//! Adaptive sampling of stochastic glass: which passes ask for it, and what it takes.
+//! Adaptive sampling of stochastic glass: which passes ask for it, and how much memory it takes.
 
 use super::{Plan, PlannedPass, Work};
 use crate::backend::{BackendError, RayBackend};
@@ -16,8 +16,8 @@ impl Plan {
         }
     }
 
-    /// The first ray pass whose glass is to be sampled to an error by a ray backend that does not do so; with what to do. `rays_of`
-    /// gives the backend of a pass by name.
+    /// The first ray pass that asks for adaptive sampling of glass which its ray backend does not support, and the error with a
+    /// remedy. `rays_of` gives the backend of a pass by name.
     #[must_use]
     pub fn unsampled<'a>(&self, rays_of: impl Fn(&str) -> &'a dyn RayBackend) -> Option<(String, BackendError)> {
         let why = "it gives every pixel the same number of paths; use --backend cpu, or allow it with --fallback cpu, or set error=0 \
@@ -37,7 +37,7 @@ impl Plan {
         ADAPTIVE_BYTES * pixels.max().unwrap_or(0)
     }
 
-    /// Says which passes sample adaptively, and which ask for it in vain.
+    /// Adds the decisions which passes sample adaptively, and which ask for it without effect.
     pub(super) fn explain_adaptive_sampling(&mut self) {
         let mut decisions = Vec::new();
         for planned in &self.passes {

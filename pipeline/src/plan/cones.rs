@@ -4,14 +4,15 @@ use super::{Plan, PlannedPass};
 use crate::backend::{BackendError, RayBackend};
 
 impl Plan {
-    /// What a pass that traces rays asks of texture lookups at hits, for messages; `None` where they are made at level 0.
+    /// The filtering of texture lookups at hits that a pass asks for, in words for messages; `None` if lookups read mip level 0.
     #[must_use]
     pub fn asks_of_cones(&self, planned: &PlannedPass) -> Option<String> {
         let (program, params) = self.traced(planned)?.program?;
         program.asks_of_cones(&params)
     }
 
-    /// The first pass that asks for ray cones of a ray backend, by the pass's name, that has none; with what to do.
+    /// The first pass that asks for ray cones which its ray backend does not support, and the error with a remedy. `rays_of`
+    /// gives the backend of a pass by name.
     #[must_use]
     pub fn without_cones<'a>(&self, rays_of: impl Fn(&str) -> &'a dyn RayBackend) -> Option<(String, BackendError)> {
         let why = "at hits it reads textures at level 0; use --backend cpu, or allow it with --fallback cpu, or set texturelod=zero on \

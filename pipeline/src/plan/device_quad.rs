@@ -11,7 +11,7 @@ use crate::project::{ChannelRef, PassKind, QuadSource};
 pub enum RayPictures {
     /// On the rasteriser's device, if the ray backend reads what the rasteriser lends.
     Lent,
-    /// One of them in memory that the rasteriser shares with another interface of its device.
+    /// One picture is in memory that the rasteriser shares with another programming interface of its device.
     Shared,
     /// In the memory of the ray backends alone.
     Apart,
@@ -43,7 +43,7 @@ impl ShowingQuad {
         [Some(self.color), self.factor].into_iter().flatten()
     }
 
-    /// Whether it reads a channel that a pass writes.
+    /// Whether it reads a channel that the pass at index `writer` of [`Plan::passes`] writes.
     #[must_use]
     pub fn reads(&self, writer: usize) -> bool {
         self.inputs().any(|input| input.writer == writer)
@@ -58,8 +58,8 @@ impl ShowingQuad {
 }
 
 impl Plan {
-    /// The last quad pass that fills the window, by its index, and whether it may run on a device: no other pass may read its
-    /// inputs in host memory. The error is the reason why not. `None` if no quad pass fills the window.
+    /// The quad pass that writes the window last, by its index, and whether it may run on a device: no other pass may read its
+    /// inputs in host memory. The error says why it may not. `None` if the pass that writes the window last is not a quad pass.
     #[must_use]
     pub fn showing_quad(&self) -> Option<(usize, Result<ShowingQuad, String>)> {
         let window = |planned: &PlannedPass| self.pass(planned).target.is_none();
@@ -82,14 +82,14 @@ impl Plan {
         }
     }
 
-    /// Whether the quad that shows the picture can read that of a ray pass in the shared memory of the G-buffer.
+    /// Whether the quad that shows the picture can read a ray pass's picture in the memory that is shared for the G-buffer.
     #[must_use]
     pub fn shares_picture(&self) -> bool {
         self.showing_quad().and_then(|(_, quad)| quad.ok()).is_some_and(|quad| self.reads_one_picture(&quad))
     }
 
-    /// Whether a quad reads the picture of one ray pass, which reads the shared G-buffer, and otherwise what is drawn. That G-buffer is
-    /// drawn once in a frame, so that there is one picture of it to wait for.
+    /// Whether a quad reads exactly one ray pass's picture, and no other inputs but drawn ones. That ray pass must read the
+    /// shared G-buffer. The G-buffer must be drawn once in a frame, so that the quad waits for a single picture.
     fn reads_one_picture(&self, quad: &ShowingQuad) -> bool {
         let shared = self.target_to_share();
         let draws =

@@ -156,7 +156,7 @@ impl Plan {
         let size = self.target_size(pass.target);
         let whole = Rect { x: 0, y: 0, width: size[0], height: size[1] };
         let in_place = |channel: Option<ChannelRef>, place| channel.is_none_or(|channel| channel.channel == place);
-        // With an adaptive number of samples, triangles are taken out of the G-buffer in host memory.
+        // With an adaptive number of samples, the triangle ids of skipped pixels are removed from the G-buffer in host memory.
         let fits = matches!(pass.kind, PassKind::Raster(_))
             && self.settings.aa.tolerance().is_none()
             && passes[index].target != pass.target

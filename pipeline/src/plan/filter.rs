@@ -1,4 +1,4 @@
-//! The filter over shares of light: which passes ask for it, what it takes, and what has none.
+//! The filter over shares of light: which passes ask for it, how much memory it takes, and which backends lack it.
 
 use super::{Plan, PlannedPass, Work};
 use crate::backend::{BackendError, RayBackend};
@@ -6,8 +6,8 @@ use crate::memory::mebibytes;
 use crate::programs::FILTER_BYTES;
 use crate::project::PassKind;
 
-/// Most samples with which a filter can pay at any radius, as measured: of more, what rays leave of noise is less than what the filter blurs, but for
-/// long radii.
+/// Most samples with which a filter can pay off at any radius, as measured. With more samples the remaining noise is less than
+/// the blur of the filter, except at long radii.
 const FEW: u32 = 16;
 
 impl Plan {
@@ -34,14 +34,16 @@ impl Plan {
         }
     }
 
-    /// The first ray pass that asks for a filter which its ray backend, by the pass's name, does not have; with what to do.
+    /// The first ray pass that asks for a filter which its ray backend does not have, and the error with a remedy. `rays_of`
+    /// gives the backend of a pass by name.
     #[must_use]
     pub fn unfiltered<'a>(&self, rays_of: impl Fn(&str) -> &'a dyn RayBackend) -> Option<(String, BackendError)> {
         let why = "it has no filter; use --backend cpu, or allow it with --fallback cpu, or set filter=0 on the pass";
         self.first_lacking(rays_of, |planned| self.asks_of_filter(planned), |rays| rays.filters_shares(), why)
     }
 
-    /// Bytes that the filters of the processor hold: one of all ray passes, and one of all raster effects, as large as their largest target.
+    /// Bytes of the filters on the processor: all ray passes share one, and all raster effects another. Each is as large as the
+    /// largest target that it filters.
     pub(super) fn filter_bytes(&self) -> u64 {
         let largest = |of_rays: bool| {
             let of_kind = |planned: &&PlannedPass| matches!(planned.work, Work::Rays { .. }) == of_rays;
@@ -52,7 +54,7 @@ impl Plan {
         largest(true) + largest(false)
     }
 
-    /// Says what filters take, and what of them is not asked for with a reason.
+    /// Adds the decisions which passes are filtered and how much memory that takes, and which ask for a filter without effect.
     pub(super) fn explain_filters(&mut self) {
         let mut decisions = Vec::new();
         for planned in &self.passes {
@@ -85,7 +87,7 @@ impl Plan {
         }
     }
 
-    /// Samples of a ray pass that may be filtered.
+    /// Number of samples of a ray pass, or of its samples over the light's disc if these are more.
     fn samples_of(&self, planned: &PlannedPass) -> Option<u32> {
         let (Work::Rays { params, .. }, PassKind::Ray(ray)) = (&planned.work, &self.pass(planned).kind) else {
             return None;

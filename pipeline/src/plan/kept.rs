@@ -16,8 +16,8 @@ enum Left {
 }
 
 impl Plan {
-    /// Decides for each raster pass that does not clear its target whether an earlier pass of the frame wrote what it starts from; what none
-    /// wrote is cleared.
+    /// Decides for each raster pass that does not clear its target whether an earlier pass of the frame wrote the contents that
+    /// it keeps. Contents that no pass wrote are cleared.
     pub(super) fn choose_kept(&mut self) -> Result<(), PlanError> {
         for index in 0..self.passes.len() {
             let planned = &self.passes[index];
@@ -44,7 +44,7 @@ impl Plan {
                 };
                 let left = self.left_before(index, clears);
                 let from = self.whole(pass, "DEPTH_CLEAR", &left)?;
-                // A quad leaves the far plane.
+                // A quad that clears the depth leaves the far plane, as does clearing in this pass.
                 let from = from.filter(|from| matches!(self.passes[*from].work, Work::Raster { .. }));
                 kept.load_depth = from.is_some();
                 decisions.push((format!("depth before pass `{}`", pass.name), "DEPTH_CLEAR", from));
@@ -63,7 +63,7 @@ impl Plan {
         Ok(())
     }
 
-    /// The channel of a target that holds its depth is wanted of earlier passes where a pass starts from their depth.
+    /// Requires earlier passes to write the channel with the target's depth if `pass` keeps their depth and that channel is live.
     pub(super) fn want_depth_channel(&self, pass: &Pass, live: Attachments, wanted: &mut Wanted) {
         let (PassKind::Raster(_), Some(target), false) = (&pass.kind, pass.target, pass.clears.depth) else { return };
         let Some(channel) = self.project.targets[target].depth() else { return };
@@ -73,7 +73,8 @@ impl Plan {
         }
     }
 
-    /// The last pass before `index` that `counts` and writes where that pass draws.
+    /// Finds the last pass before `index` that writes where the pass at `index` draws. Only passes for which `counts` is true are
+    /// considered.
     fn left_before(&self, index: usize, counts: impl Fn(&Pass) -> bool) -> Left {
         let own = self.pass(&self.passes[index]);
         let Rect { x, y, width, height } = self.drawn_by(&self.passes[index]);
@@ -110,7 +111,7 @@ impl Plan {
         }
     }
 
-    /// The pass that left all of what `pass` starts from, if one left anything.
+    /// The pass that wrote everything that `pass` draws over; `None` if no pass wrote any of it. Fails if only a part was written.
     fn whole(&self, pass: &Pass, what: &str, left: &Left) -> Result<Option<usize>, PlanError> {
         match left {
             Left::Nothing => Ok(None),
@@ -127,7 +128,7 @@ impl Plan {
         }
     }
 
-    /// Fails if triangle ids would be kept that another list of scenes counts.
+    /// Fails if a pass would keep triangle ids that number the triangles of other scenes than its own.
     fn check_triangles(&self, pass: &Pass, index: usize) -> Result<(), PlanError> {
         let PassKind::Raster(raster) = &pass.kind else { return Ok(()) };
         for planned in self.passes[..index].iter().rev() {
@@ -157,7 +158,7 @@ impl Plan {
 }
 
 impl Wanted {
-    /// What a pass draws over stays wanted of earlier passes, in host memory, where it starts from it.
+    /// Requires earlier passes to write, in host memory, those wanted channels that `pass` keeps instead of clearing.
     pub(super) fn kept_by(&mut self, pass: &Pass, written: usize) {
         let Some(target) = pass.target else { return };
         let kept = |channel: &&ChannelRef| channel.target == target && channel.channel < written;
@@ -169,7 +170,7 @@ impl Wanted {
         }
     }
 
-    /// Of which targets earlier passes leave their depth, before a pass that may fill its target.
+    /// Updates the targets whose depth earlier passes must leave. `fills` tells whether `pass` fills its target.
     pub(super) fn depth_before(&mut self, pass: &Pass, fills: bool) {
         if !matches!(pass.kind, PassKind::Raster(_) | PassKind::Quad(_)) {
             return;
@@ -181,7 +182,7 @@ impl Wanted {
         }
     }
 
-    /// Whether nothing of a pass's target is seen through what it writes, where it writes. A quad's shader may leave pixels as they are.
+    /// Whether a pass replaces all earlier contents of its target where it writes. A quad's own shader may leave pixels unchanged.
     pub(super) fn starts_over(pass: &Pass) -> bool {
         match &pass.kind {
             PassKind::Raster(_) => pass.clears.color,

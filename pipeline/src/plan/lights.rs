@@ -1,4 +1,4 @@
-//! Lights of passes: which shine, and what is not known of several, or of lights with a place.
+//! Lights of passes: which lights shine, and which passes do not support several lights or positional ones.
 
 use super::{Plan, PlanError, PlannedPass, Work};
 use crate::backend::{BackendError, Cone, Light, RayBackend, Sun};
@@ -9,7 +9,7 @@ use crate::project::{self, ChannelRef, PassKind, QuadSource};
 use crate::raster_effects::EffectProgram;
 use glam::Vec3;
 
-/// Lights that messages name.
+/// Most lights that a message names.
 const NAMED: usize = 4;
 
 /// The lights that shine in a pass.
@@ -17,7 +17,7 @@ const NAMED: usize = 4;
 pub struct Shining {
     /// The only light, a directional one.
     pub sun: Option<Sun>,
-    /// Several lights, or a light with a place; `sun` is then `None`.
+    /// Several lights, or one positional light; `sun` is then `None`.
     pub lights: Vec<Light>,
 }
 
@@ -26,14 +26,14 @@ pub struct Shining {
 enum Shaded<'a> {
     /// What a rasteriser draws.
     Drawn,
-    /// What rays from a G-buffer find.
+    /// The result of rays from a G-buffer.
     Traced(RayProgram, &'a RayParams),
-    /// What a raster effect makes of a G-buffer.
+    /// The result of a raster effect on a G-buffer.
     Estimated(EffectProgram),
 }
 
 impl Plan {
-    /// The lights of these indices as engines take them. In thesis fidelity the first directional one alone shines.
+    /// The lights with these indices, in the form that engines take. In thesis fidelity only the first directional light shines.
     #[must_use]
     pub fn shining(&self, lights: &[usize]) -> Shining {
         let of_project = |light: &usize| &self.project.lights[*light];
@@ -67,17 +67,17 @@ impl Plan {
         }
     }
 
-    /// Whether these lights are more than a directional one.
+    /// Whether these are several lights, or a light that is not directional.
     fn are_more(&self, lights: &[usize]) -> bool {
         lights.len() > 1 || lights.iter().any(|light| self.project.lights[*light].direction.is_none())
     }
 
-    /// Whether these lights are more than a directional one, in a fidelity that knows them.
+    /// As `are_more`, but false in thesis fidelity, which supports no such lights.
     fn are_many(&self, lights: &[usize]) -> bool {
         self.settings.fidelity == Fidelity::Corrected && self.are_more(lights)
     }
 
-    /// What a pass shades by lights that are more than a directional one, in any fidelity; `None` where it reads no such lights.
+    /// What a pass shades by several lights or positional ones, in any fidelity; `None` if it reads no such lights.
     fn shaded<'a>(&'a self, planned: &'a PlannedPass) -> Option<Shaded<'a>> {
         let pass = self.pass(planned);
         let shaded = match (&planned.work, &pass.kind) {
@@ -97,13 +97,15 @@ impl Plan {
         shaded.filter(|_| self.are_more(pass.kind.lights()))
     }
 
-    /// The lights beyond a directional one that a pass which starts from a G-buffer asks for, for messages; `None` without such.
+    /// The several or positional lights of a ray pass that starts from a G-buffer, in words for messages; `None` if it reads no
+    /// such lights.
     #[must_use]
     pub fn asks_of_lights(&self, planned: &PlannedPass) -> Option<String> {
         matches!(self.shaded(planned)?, Shaded::Traced(..)).then(|| self.lights_in_words(planned)).flatten()
     }
 
-    /// The lights of a pass that are more than a directional one, for messages; `None` where it is not shaded by such.
+    /// The several or positional lights of a pass, in words for messages; `None` if it is not shaded by such lights, and in
+    /// thesis fidelity.
     #[must_use]
     pub fn lights_in_words(&self, planned: &PlannedPass) -> Option<String> {
         let known = self.shaded(planned).is_some() && self.settings.fidelity == Fidelity::Corrected;
@@ -119,7 +121,7 @@ impl Plan {
         self.first_lacking(rays_of, |planned| self.asks_of_lights(planned), |rays| rays.knows_lights(), why)
     }
 
-    /// Whether a quad multiplies by a share of light that differs by colour, because lights of several colours throw shadows of their own.
+    /// Whether a quad multiplies by a share of light that differs by colour channel: lights of several colours cast different shadows.
     #[must_use]
     pub fn combines_colors(&self, source: QuadSource) -> bool {
         let QuadSource::Combine { factor: ChannelRef { target, channel: 0 }, .. } = source else { return false };
@@ -147,10 +149,10 @@ impl Plan {
         }
     }
 
-    /// Says which lights shine in passes that have several, or a light with a place.
+    /// Adds the decisions which lights shine in passes that have several lights or a positional one.
     ///
     /// # Errors
-    /// If what a pass computes is not known of its lights.
+    /// If a pass computes something that does not support its lights.
     pub(super) fn explain_lights(&mut self) -> Result<(), PlanError> {
         let mut decisions = Vec::new();
         for planned in &self.passes {
@@ -196,7 +198,7 @@ impl Plan {
                         remedy,
                     ))
                 };
-                // What is filtered is one share for all colours.
+                // The filter works on one share for all colours.
                 if let Some(asked) = program.asks_of_filter(params) {
                     return refused(asked, "set filter=0 on the pass, or leave one light with a direction in it");
                 }

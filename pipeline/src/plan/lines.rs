@@ -1,4 +1,4 @@
-//! Lines that raster passes draw beside their scenes: what cameras see, and coordinate axes.
+//! Lines that raster passes draw in addition to their scenes: view frusta of cameras, and coordinate axes.
 
 use super::{Plan, Rect};
 use crate::programs::Fidelity;
@@ -9,15 +9,14 @@ use glam::{DVec2, DVec3};
 use std::sync::Arc;
 
 impl Plan {
-    /// The scenes that a raster pass draws, with the scene of its lines, made for the camera and rectangle into which it draws, if
-    /// there are any.
+    /// The scenes that a raster pass draws. If it draws lines, a scene of these lines is added, made for its camera and rectangle.
     pub(super) fn with_lines(&mut self, pass: &Pass, raster: &RasterPass, camera: usize, rect: Rect) -> Vec<usize> {
         let mut scenes = raster.scenes.clone();
-        // What a camera sees ends at the border of its own picture.
+        // A camera's own frustum is the border of its picture, so it is not drawn.
         let others = raster.frusta.iter().filter(|frustum| **frustum != camera);
         let mut lines: Vec<Line> = others.flat_map(|frustum| self.frustum(*frustum)).collect();
         lines.extend(raster.scenes.iter().flat_map(|scene| axes(&self.project.scenes[*scene])));
-        // A light's camera draws depths, which lines have none of.
+        // A light's camera draws a depth map, in which lines have no part.
         if lines.is_empty() || self.project.is_of_light(raster.camera) {
             return scenes;
         }
@@ -39,7 +38,7 @@ impl Plan {
 
     /// The lines of a camera's frustum in a window of the plan's size.
     fn frustum(&self, camera: usize) -> [Line; 12] {
-        /// Pairs of neighbouring corners: those of the near rectangle, of the far one, and those that go from the near to the far one.
+        /// Pairs of neighbouring corners: edges of the near rectangle, edges of the far rectangle, and edges from the near to the far one.
         const EDGES: [[usize; 2]; 12] =
             [[0, 1], [1, 3], [3, 2], [2, 0], [4, 5], [5, 7], [7, 6], [6, 4], [0, 4], [1, 5], [2, 6], [3, 7]];
         let camera = &self.project.cameras[camera];
@@ -84,7 +83,7 @@ fn viewer(camera: &Camera, rect: Rect) -> LineViewer {
     let right = forward.cross(camera.up.as_dvec3()).normalize();
     let sides = DVec2::new(f64::from(rect.width.max(1)), f64::from(rect.height.max(1)));
     let (pixel, near) = match camera.orthographic {
-        // Its aspect is that of the rectangle, so pixels are square.
+        // The camera has the rectangle's aspect ratio, so pixels are square.
         None => (DVec2::splat(2.0 * (f64::from(camera.fov_y) * 0.5).tan() / sides.y), Some(f64::from(camera.near))),
         Some(sees) => {
             let seen = DVec2::new(f64::from(sees.right - sees.left), f64::from(sees.top - sees.bottom));

@@ -78,7 +78,7 @@ impl Plan {
             let rect = rectangle(viewport.as_ref(), size);
             let fills = match &pass.kind {
                 PassKind::Intersection(intersection) => intersection.fills(&self.project.targets[intersection.hits]),
-                // It may store to a part.
+                // A compute pass may store to a part of its target only.
                 PassKind::Compute(_) => false,
                 PassKind::Quad(quad) if !quad.writes_color => false,
                 _ => rect == Rect { x: 0, y: 0, width: size[0], height: size[1] },
@@ -96,7 +96,7 @@ impl Plan {
                     self.explain_attachments(pass, live);
                     self.check_shaders(pass, raster, live)?;
                     wanted.read_in_host(sampled(raster).chain(pass.kind.buffers_read()).collect());
-                    // What it stores to a part of, it leaves in the rest.
+                    // A buffer that the shader fills only in part keeps its other contents, so these are read too.
                     wanted.read_in_host(pass.kind.buffers_stored().collect());
                     self.hold_buffers(pass);
                     let camera = self.seen_from(camera, raster.camera);
@@ -135,7 +135,7 @@ impl Plan {
                 }
                 PassKind::Quad(quad) => {
                     wanted.read_in_host(sources(quad));
-                    // What it stores to a part of, it leaves in the rest.
+                    // A buffer that the shader fills only in part keeps its other contents, so these are read too.
                     wanted.read_in_host(pass.kind.buffers_stored().collect());
                     self.hold_buffers(pass);
                     if let Some(shader) = &quad.shader {
@@ -169,7 +169,7 @@ impl Plan {
         self.choose_kept()
     }
 
-    /// Keeps the textures that hold random numbers where a pass reads them: no pass need write them.
+    /// Allocates the textures of random numbers that passes read. No pass need write them.
     fn hold_filled(&mut self) {
         let read = self.passes.iter().flat_map(|planned| self.access(planned).reads);
         let read: Vec<usize> = read.filter_map(|(target, _)| target).collect();
@@ -178,7 +178,7 @@ impl Plan {
         }
     }
 
-    /// Keeps the buffers and images that a pass reads and stores to.
+    /// Allocates the buffers and images that a pass reads and stores to.
     fn hold_buffers(&mut self, pass: &Pass) {
         for channel in pass.kind.buffers_read().chain(pass.kind.buffers_stored()) {
             self.targets[channel.target].stored.color = true;
@@ -199,7 +199,8 @@ impl Plan {
         Work::Off { instead }
     }
 
-    /// A pass's parameters as thesis fidelity allows them: the report's panes, and a light without a disc.
+    /// A pass's parameters. In thesis fidelity they are reduced to what the report's programs support, such as panes and a light
+    /// without a disc.
     fn of_fidelity(&mut self, pass: &Pass, ray: &RayPass, params: RayParams) -> RayParams {
         if self.settings.fidelity == Fidelity::Corrected {
             return params;

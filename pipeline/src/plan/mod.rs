@@ -57,7 +57,8 @@ pub struct Plan {
     pub window: [u32; 2],
     /// The part of the window that is written, and its division for rendering.
     pub parts: Parts,
-    /// Side of the blocks in which targets beyond the rasteriser's limits are drawn one after the other; `None` if none is.
+    /// Side of the blocks in which a target that exceeds the rasteriser's limits is drawn, one block after the other; `None` if
+    /// no target exceeds them.
     pub block: Option<u32>,
     /// The user's settings.
     pub settings: Settings,
@@ -125,7 +126,7 @@ pub enum Work {
         /// The attachments that ray passes may read in place ([`Work::Rays`]'s `resident`); if they cannot, these are read in host
         /// memory too.
         traced: Attachments,
-        /// What it starts from instead of clearing it, and whether it leaves its depth for a later pass.
+        /// The earlier contents of the target that the pass keeps instead of clearing, and whether it stores its depth for a later pass.
         load_store: LoadStore,
     },
     /// Traces rays.
@@ -145,7 +146,7 @@ pub enum Work {
         /// The target whose G-buffer the pass reads, if that is the unchanged result of the last draw and may be read in place.
         resident: Option<usize>,
     },
-    /// Computes by rasterisation what rays would.
+    /// Computes by rasterisation an effect that a ray pass would compute by tracing.
     Effect {
         /// Index into [`Plan::scene_sets`].
         scene_set: usize,
@@ -250,7 +251,7 @@ impl Plan {
         &self.project.pipelines[self.pipeline].passes[planned.pass]
     }
 
-    /// Makes the cameras relative to another origin, that of the scenes' positions.
+    /// Makes the cameras relative to `origin`, the origin of the scenes' positions.
     pub fn move_origin(&mut self, origin: DVec3) {
         self.origin = origin;
         let chosen = self.settings.camera.as_deref().and_then(|name| self.project.camera(name).ok());
@@ -316,7 +317,7 @@ impl Plan {
         }
     }
 
-    /// Warns of positions in 16-bit floats: at a few hundred metres they are off by an eighth of a metre.
+    /// Warns of positions stored in less than 32-bit floats. In 16-bit floats they are off by an eighth of a metre at a few hundred metres.
     fn warn_of_rounded_positions(&mut self) {
         let mut warnings = Warnings::default();
         for planned in &self.passes {
@@ -454,7 +455,7 @@ impl Plan {
         program.info().needs_structure(&params, finds_glass || self.settings.fidelity == Fidelity::Thesis)
     }
 
-    /// What is counted with the render targets, in words: such as `, filters and photons`.
+    /// The data that the memory check counts with the render targets, in words: such as `, filters and photons`.
     fn beside_targets(&self) -> String {
         let kinds = [
             (self.filter_bytes(), "filters"),
@@ -490,11 +491,11 @@ impl Plan {
     }
 }
 
-/// Size of a target, by index, of a window of this size: as the project says, scaled with the window. A side that is too large is
-/// [`MAX_SIDE`] + 1.
+/// Size of the target with the index `target` in a window of size `window`: the project's size, scaled with the window where that
+/// is possible. A side above [`MAX_SIDE`] is returned as [`MAX_SIDE`] + 1.
 fn target_size(project: &Project, pipeline: usize, target: usize, window: [u32; 2]) -> [u32; 2] {
     let target = &project.targets[target];
-    // Shaders that bind buffers and images count on the sizes that the project has.
+    // Shaders that bind buffers or images rely on the sizes that the project declares.
     let binds = |pass: &Pass| pass.kind.buffers_read().chain(pass.kind.buffers_stored()).next().is_some();
     let fixed = project.pipelines[pipeline].passes.iter().any(binds);
     // Depth maps of lights do not scale with the window.
@@ -509,8 +510,8 @@ fn target_size(project: &Project, pipeline: usize, target: usize, window: [u32; 
     })
 }
 
-/// Gives a project another window, and its targets the sizes that they have in that window. As it is declared then, it shows what it showed with
-/// this [`Settings::size`].
+/// Sets a project's window size, and scales its targets as for that window. The project as declared then gives the picture that
+/// it gave with this [`Settings::size`].
 pub fn resize(project: &mut Project, pipeline: usize, window: [u32; 2]) {
     let sizes: Vec<_> =
         (0..project.targets.len()).map(|target| target_size(project, pipeline, target, window)).collect();
@@ -518,7 +519,7 @@ pub fn resize(project: &mut Project, pipeline: usize, window: [u32; 2]) {
     project.window = window;
 }
 
-/// A viewport in pixels of a target. Its edges are rounded, so that neighbouring viewports neither gap nor overlap.
+/// A viewport in pixels of a target. Its edges are rounded, so that neighbouring viewports leave no gap and do not overlap.
 fn rectangle(viewport: Option<&Viewport>, size: [u32; 2]) -> Rect {
     let Some(viewport) = viewport else { return Rect { x: 0, y: 0, width: size[0], height: size[1] } };
     let edges = |axis: usize| {
@@ -538,8 +539,8 @@ const FAR_EYE: f32 = 16_384.0;
 
 /// The view of a camera, relative to `origin`.
 fn view(camera: &Camera, viewport: Rect, origin: DVec3) -> View {
-    /// Distance at which the eye of an orthographic camera is placed, as a multiple of the size of what it sees: lines of sight to
-    /// a point are parallel within the inverse of this, in radians.
+    /// Distance of an orthographic camera's eye, as a multiple of the size of its view volume. Lines from the eye to points of
+    /// the volume are then parallel within the inverse of this number, in radians.
     const FAR_AWAY: f32 = 65_536.0;
     let position = (camera.position - origin).as_vec3();
     let to_view: Mat4 = rh::view::look_to_mat4(position, camera.direction, camera.up);
@@ -605,7 +606,7 @@ mod tests {
         // Nearer cameras need no second matrix.
         let near = view(&camera(DVec3::new(7.4, 18.6, -38.6)), whole, DVec3::ZERO);
         assert_eq!((near.clip_from_eye, near.projection().1), (None, Vec3::ZERO));
-        // Relative to a nearby origin the same camera needs none either, and sees the same.
+        // Relative to a nearby origin the same camera needs no second matrix either, and its eye is at the same place.
         let origin = DVec3::new(98_304.0, 0.0, -87_040.0);
         let moved = view(&camera(eye.into()), whole, origin);
         assert_eq!((moved.clip_from_eye, moved.eye.as_dvec3() + origin), (None, eye.as_dvec3()));

@@ -14,10 +14,11 @@ use crate::gbuffer::ALIGNMENT;
 use crate::memory::mebibytes;
 use crate::project::{ChannelRef, PassKind, QuadPass};
 
-/// Side of the blocks in which a rasteriser draws pictures beyond its limits, one after another. Each block has its own projection.
+/// Side of the blocks in which a rasteriser draws, one after another, a picture that exceeds its limits. Each block has its own projection.
 pub const BLOCK: u32 = 4096;
 
-/// Targets may take `1 / SHARE` of the allowed memory before a picture is cut into bands; the rest is for the scene.
+/// If targets take more than half of the allowed memory, the picture is cut into bands whose targets take about `1 / SHARE` of
+/// it. The rest is for the scene.
 const SHARE: u64 = 4;
 
 /// Name of these decisions.

@@ -1,4 +1,4 @@
-//! Photons: which passes shoot them at glass meshes, and what they take.
+//! Photons: which passes shoot them at glass meshes, and how much memory they take.
 
 use super::{Plan, PlannedPass, Work};
 use crate::memory::mebibytes;
@@ -21,7 +21,7 @@ impl Plan {
         PHOTON_BYTES * u64::from(most.unwrap_or(0))
     }
 
-    /// Says which passes shoot photons, and which ask for them in vain.
+    /// Adds the decisions which passes shoot photons, and which ask for them without effect.
     pub(super) fn explain_photons(&mut self) {
         let mut decisions = Vec::new();
         for planned in &self.passes {

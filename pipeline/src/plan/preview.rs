@@ -1,14 +1,14 @@
-//! Previews: pictures with fewer pixels and samples, for while a camera moves.
+//! Previews: pictures with fewer pixels and samples, shown while a camera moves.
 
 use crate::programs::RayParams;
 
 /// Fewer pixels and samples than the settings ask for, for pictures that are soon replaced by others.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Preview {
-    /// By how much the sides of the window are divided, and those of targets that scale with it; at least 1. Fractions are rounded up.
+    /// Divisor of the window's sides, at least 1. The quotients are rounded up. Targets that scale with the window shrink with it.
     pub divisor: u32,
-    /// Most samples that a ray pass takes for a point, of each kind: occlusion, the light's disc, paths. At least 1, and a square, for passes
-    /// whose samples lie in square strata.
+    /// Most samples of each kind (occlusion, the light's disc, paths) that a ray pass takes at a point. At least 1, and a square
+    /// number, since some passes place their samples in square strata.
     pub samples: u32,
 }
 

@@ -101,7 +101,7 @@ impl Plan {
         })
     }
 
-    /// Bytes of what decides which pixels ray passes skip, with an adaptive number of samples.
+    /// Bytes of the data that decide which pixels ray passes skip, with an adaptive number of samples; 0 without.
     pub(super) fn share_bytes(&self) -> u64 {
         let bytes = |(planned, _): (&PlannedPass, &RayParams)| {
             PixelSamples::SHARE_BYTES * self.held_pixels(self.target_size(self.pass(planned).target))

@@ -174,7 +174,7 @@ const BACKEND: &str = "backend";
 /// Ray backends that a single pass may ask for; `auto` is the common one.
 const BACKENDS: &[&str] = &["auto", "cpu", "wgpu", "cuda", "optix"];
 
-/// The parameter with which `--set PASS.backend=NAME` selects a ray backend for one pass; of every pass that [`may_trace`].
+/// The parameter with which `--set PASS.backend=NAME` selects a ray backend for one pass. Every pass that [`may_trace`] has it.
 pub const OWN_BACKEND: ParamInfo = ParamInfo {
     name: BACKEND,
     about: "ray backend of this pass alone; auto is that of all passes",

@@ -72,8 +72,9 @@ impl Plan {
         })
     }
 
-    /// The first ray pass that asks for what its ray backend lacks, by the pass's name, with the reason and what to do. `rays_of` gives
-    /// the backend of a pass by name, `asked` what a pass asks for.
+    /// The name of the first ray pass that asks for a feature which its ray backend lacks, and the error with the reason `why`.
+    /// `rays_of` gives the backend of a pass by name, `asked` the feature that a pass asks for, and `has` whether a backend has
+    /// it.
     pub(super) fn first_lacking<'a>(
         &self,
         rays_of: impl Fn(&str) -> &'a dyn RayBackend,

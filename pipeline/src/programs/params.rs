@@ -31,9 +31,9 @@ pub struct RayParams {
     pub wavelengths: u32,
     /// Number of paths that continue from the first rough glass surface of a path.
     pub paths: u32,
-    /// Error that adaptive sampling of stochastic glass aims at: the root mean square over the pixels that show such glass and their
-    /// red, green and blue, in the units of the colour, up to 1. 0 follows [`Self::paths`] at every pixel; above 0, `paths` is the most
-    /// of a pixel.
+    /// Error that adaptive sampling of stochastic glass aims at: the root mean square over the pixels that show such glass and their red,
+    /// green and blue, in the units of the colour, up to 1. 0 follows [`Self::paths`] at every pixel; above 0, `paths` is the largest
+    /// number of paths of a pixel.
     pub error: f32,
     /// Photons that are shot at glass meshes for their caustics, with [`GlassShadow::Caustic`]; 0 shoots none.
     pub photons: u32,
@@ -57,8 +57,8 @@ pub struct RayParams {
     pub first_path: u32,
     /// Position in the sequence of the first of the [`Self::sun_samples`].
     pub first_sun: u32,
-    /// Number of the batch of [`Self::photons`] that is shot, from 0: each continues the sequence of the one before, with a smaller
-    /// radius.
+    /// Number of the batch of [`Self::photons`] that is shot, from 0. Each batch continues the sequence of the batch before, with a
+    /// smaller radius.
     pub photon_batch: u32,
     /// Parameters of programs whose rays start at the camera. For these programs [`Self::samples`] is the number of camera rays a
     /// pixel; 0 means one ray through the pixel's centre.
@@ -102,13 +102,13 @@ impl Default for RayParams {
 pub const MOST_SAMPLES: u32 = 65_536;
 /// Largest value of [`RayParams::paths`].
 pub const MOST_PATHS: u32 = 4096;
-/// Least value of [`RayParams::paths`] with an [`RayParams::error`]: two for each of the halves that the error is found by.
+/// Least value of [`RayParams::paths`] with an [`RayParams::error`]: two for each of the two halves from which the error is estimated.
 pub const LEAST_ADAPTIVE_PATHS: u32 = 4;
 /// Bytes a pixel that adaptive sampling takes at most on the processor.
 pub const ADAPTIVE_BYTES: u64 = 88;
 /// Largest value of [`RayParams::photons`].
 pub const MOST_PHOTONS: u32 = 1 << 26;
-/// Bytes that a photon takes at most on the processor, with its share of the table by which it is found.
+/// Bytes that a photon takes at most on the processor, including its share of the table for finding photons.
 pub const PHOTON_BYTES: u64 = 64;
 /// Largest angular diameter of the light's disc, in degrees; the sun's is 0.53.
 pub const LARGEST_SUN: f32 = 90.0;

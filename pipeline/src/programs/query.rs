@@ -1,12 +1,12 @@
-//! What is asked of the rays of a storage buffer.
+//! The query for which rays of a storage buffer are traced.
 
-/// Which of the hits of a ray is asked for.
+/// Which hit of a ray is wanted.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Hash)]
 pub enum Query {
-    /// The nearest.
+    /// The closest hit.
     #[default]
     Closest,
-    /// Any one, for rays of which only whether they hit something is read: the search ends at the first that it finds. Which one is the
-    /// backend's choice, the same whatever the number of threads.
+    /// Any hit, for rays of which it only matters whether they hit something: the search ends at the first hit that it finds. The backend
+    /// chooses the hit, independent of the number of threads.
     Any,
 }

@@ -409,7 +409,7 @@ impl RayProgram {
         (self.info().filter_levels(params) > 0).then(|| format!("filter={}", params.filter))
     }
 
-    /// What these parameters ask of texture lookups at hits, in words; `None` where they are made at level 0.
+    /// The filter of texture lookups at hits that these parameters ask for, in words; `None` for lookups at level 0.
     #[must_use]
     pub fn asks_of_cones(self, params: &RayParams) -> Option<String> {
         let asks = self.info().reads("texturelod") && params.texture_lod != TextureLod::Zero;
@@ -431,16 +431,16 @@ impl RayProgram {
         if asks { params.photons } else { 0 }
     }
 
-    /// Whether a parameter of [`PARAMS`](super::PARAMS) matters beside these: the program reads it, and those of photons matter only where the shadow's
-    /// rule shoots any.
+    /// Whether a parameter of [`PARAMS`](super::PARAMS) has an effect beside these. The program must read it; photon parameters have an
+    /// effect only if the rules for glass and its shadow use photons.
     #[must_use]
     pub fn heeds(self, name: &str, params: &RayParams) -> bool {
         let of_photons = matches!(name, "photons" | "photonradius");
         self.info().reads(name) && (!of_photons || self.photons(&RayParams { photons: 1, ..*params }) > 0)
     }
 
-    /// Whether a pixel's colour depends on chance with these parameters and materials ([`RayJob::dielectrics`]): rough glass, glass that
-    /// bends colours apart, or Russian roulette.
+    /// Whether a pixel's colour is stochastic with these parameters and materials ([`RayJob::dielectrics`]): rough glass, glass with
+    /// dispersion, or Russian roulette.
     ///
     /// [`RayJob::dielectrics`]: crate::backend::RayJob::dielectrics
     #[must_use]
@@ -451,7 +451,7 @@ impl RayProgram {
         self.info().reads("paths") && dielectrics.iter().any(stochastic)
     }
 
-    /// Whether the program traces rays with these parameters, in a scene with everything that it looks for.
+    /// Whether the program traces rays with these parameters, if the scene has glass.
     #[must_use]
     pub fn can_trace(self, params: &RayParams) -> bool {
         self.info().needs_structure(params, true).0
@@ -501,8 +501,8 @@ impl RayProgramInfo {
         if self.reads("sun") && params.sun > 0.0 { params.sun_samples } else { 0 }
     }
 
-    /// The levels of the filter over what it writes; 0 where nothing is filtered: no noise is in a share without samples, or of a light that is
-    /// a point.
+    /// Levels of the filter over the program's output; 0 where nothing is filtered. A share without samples of occlusion or of the
+    /// light's disc has no noise.
     #[must_use]
     pub fn filter_levels(&self, params: &RayParams) -> u32 {
         let noise = self.samples(params) > 0 || self.sun_samples(params) > 0;

@@ -109,7 +109,7 @@ fn cones_are_asked_of_programs_that_read_textures_at_hits() {
         assert_eq!(asked, reads.then(|| "texturelod=cones".to_owned()), "{}", info.stem);
         assert_eq!(info.program.asks_of_cones(&zero), None);
     }
-    // Raster effects say it for the rays in their place.
+    // A raster effect has the parameter if its counterpart reads it.
     for info in EFFECT_PROGRAMS {
         assert_eq!(info.params.contains(&"texturelod"), info.counterpart.info().reads("texturelod"), "{}", info.name);
         let asked = |params: EffectParams| info.counterpart.asks_of_cones(&params.by_rays());
@@ -145,7 +145,7 @@ fn photons_are_shot_only_where_materials_say_what_glass_is_and_shadows_ask_for_t
     assert_eq!(of(RayProgram::Final, &RayParams { shadow: GlassShadow::Straight, ..caustic }), 0);
     assert_eq!(of(RayProgram::Final, &RayParams { glass: GlassRule::Pane, ..caustic }), 0);
     assert_eq!(RayParams::default().photons, 0);
-    // What the window offers follows.
+    // The window offers photon parameters only where they have an effect.
     for (params, heeds) in [(asked, false), (RayParams { photons: 0, ..caustic }, true)] {
         let heeded = ["photons", "photonradius"].map(|name| RayProgram::Final.heeds(name, &params));
         assert_eq!(heeded, [heeds; 2]);

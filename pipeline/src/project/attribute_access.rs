@@ -1,4 +1,4 @@
-//! What of a project's attributes scripts read and set.
+//! The attributes of a project that scripts can read and set.
 
 use super::attributes::{Attributes, GROUPS, Held, MAX_GROUPS};
 use super::report::{shown, suggest};
@@ -7,15 +7,15 @@ use crate::script::{self, Asked};
 /// Highest mip level of an image of the largest size.
 const MAX_LEVEL: u32 = 16;
 
-/// Attributes of the engine that scripts can only read: a picture is that of the second frame, and no time passes.
+/// Attributes of the engine that scripts can only read. A picture corresponds to the engine's second frame, and no time passes.
 const FIXED: [(&str, f64); 2] = [("FRAME_COUNT", 1.0), ("TIMER", 0.0)];
 
 /// The kinds of things whose attributes scripts read and set.
 const KINDS: [&str; 3] = ["PASS", "RENDERER", "IMAGE_TEXTURE"];
 
-/// What an attribute is.
+/// An attribute that a script names.
 enum Place {
-    /// Work groups of a pass in a direction.
+    /// Number of workgroups of a pass in a direction.
     Groups(String, usize),
     /// A number of a pass.
     Pass(String),
@@ -23,12 +23,12 @@ enum Place {
     Renderer,
     /// The level of an image of a material.
     Level(String, u32),
-    /// One that cannot be set.
+    /// A constant, which cannot be set.
     Fixed(f64),
 }
 
 impl Attributes {
-    /// What a script asks for.
+    /// Finds the attribute that a script names.
     fn place(&self, asked: &Asked) -> Result<Place, String> {
         let (name, current) = (asked.component.as_str(), asked.context == "CURRENT");
         let missing = |valid: Vec<&str>| {

@@ -1,21 +1,21 @@
-//! Named numbers of a project: those that `<attributes>` declare for passes and for shaders, those that passes give themselves, and what scripts
-//! make of them, of work groups and of the levels of images.
+//! Named numbers of a project: those that `<attributes>` declare for passes and for shaders, and those that passes give
+//! themselves. Scripts may change them, and also numbers of workgroups and mip levels of images.
 
 use super::dom::Element;
 use std::collections::HashMap;
 
-/// Most work groups in one direction: what every device has.
+/// Most workgroups in one direction: the limit that every device supports.
 pub(super) const MAX_GROUPS: u32 = 65_535;
 
-/// The attributes of a compute pass that are its work groups.
+/// The numbers of workgroups of a compute pass: their names in scripts and in XML.
 pub(super) const GROUPS: [(&str, &str); 3] = [("DIM_X", "dimX"), ("DIM_Y", "dimY"), ("DIM_Z", "dimZ")];
 
-/// What an attribute holds.
+/// Type of an attribute's value.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) struct Held {
-    /// How many numbers.
+    /// Number of components.
     pub count: usize,
-    /// Whether they are whole.
+    /// Whether the components are integers.
     pub whole: bool,
 }
 
@@ -30,17 +30,17 @@ pub(super) struct Attributes {
     pub given_values: HashMap<(String, String), f32>,
     /// `pipeline#pass` of each pass.
     pub pass_keys: Vec<String>,
-    /// What declared attributes hold, by whether they are of passes, and by name.
+    /// Types of declared attributes. The key is whether the attribute is declared for passes, and its name.
     pub held: HashMap<(bool, String), Held>,
-    /// Work groups of compute passes, by `pipeline#pass`, as their elements say.
+    /// Numbers of workgroups of compute passes, by `pipeline#pass`, as their elements say.
     pub groups: HashMap<String, [u32; 3]>,
-    /// Work groups of compute passes as scripts say.
+    /// Numbers of workgroups of compute passes, by `pipeline#pass`, where scripts set them.
     pub set_groups: HashMap<String, [u32; 3]>,
     /// Mip levels of images, by `Library::material` and unit, where a script set them.
     pub levels: HashMap<(String, u32), u32>,
-    /// What scripts set since the last run of a pass, for `plan`.
+    /// Descriptions of what scripts set since the last run of a pass, for `plan`.
     pub set: Vec<String>,
-    /// `pipeline#pass` of the pass whose script runs, and `Library::material` of what it names.
+    /// `pipeline#pass` of the pass whose script runs, and `Library::material` of the material that the pass names.
     #[cfg(feature = "glsl")]
     pub current: (String, Option<String>),
     /// Levels that materials bind to image units, by `Library::material` and unit.
@@ -49,7 +49,7 @@ pub(super) struct Attributes {
 }
 
 impl Attributes {
-    /// Takes down what an `<attribute>` holds.
+    /// Records the type of an `<attribute>`.
     pub fn declare(&mut self, item: &Element, name: &str, of_pass: bool) {
         let data = item.attribute("data").map_or("", |data| &data.text).to_ascii_uppercase();
         let count = data.strip_prefix(['I', 'U', 'B', 'D']).unwrap_or(&data).strip_prefix("VEC");

@@ -1,4 +1,5 @@
-//! Storage buffers: declared in libraries, bound by materials. They are held as targets of one channel, of 16 bytes a pixel, as images are.
+//! Storage buffers: declared in libraries, bound by materials. Like an image, a buffer is held as a target of one channel; a
+//! pixel holds 16 bytes.
 
 use super::dom::{Element, Value};
 use super::libraries::{BufferBinding, Library, ValueOf};
@@ -12,7 +13,7 @@ use glam::Vec4;
 
 /// Bytes of a pixel.
 const PIXEL: u64 = 16;
-/// Pixels of a row, at most.
+/// Most pixels of a row.
 const ROW: u64 = 4096;
 /// Largest buffer, bytes.
 const MOST: u64 = 1 << 30;
@@ -36,7 +37,7 @@ const FIELDS: [(&str, u64); 14] = [
 ];
 
 impl Loader {
-    /// `<buffers>` of a library. What is wrong with one is said where it is bound.
+    /// Reads `<buffers>` of a library. A size that cannot be read is reported where the buffer is bound.
     pub fn buffers(&mut self, library: &mut Library, root: &Element) {
         let lists = root.children_named(&["buffers"]).filter(|_| glsl::AVAILABLE);
         for buffer in lists.flat_map(|list| list.children_named(&["buffer"])) {
@@ -81,7 +82,7 @@ impl Loader {
         sides.into_iter().try_fold(bytes, |bytes, side| bytes.checked_mul(side?))
     }
 
-    /// What `<buffers>` of a material binds.
+    /// The buffers that `<buffers>` of a material binds.
     pub fn bound_buffers(&mut self, material: &Element) -> Vec<BufferBinding> {
         let mut found = Vec::new();
         let lists = material.children_named(&["buffers"]).filter(|_| glsl::AVAILABLE);
@@ -97,7 +98,7 @@ impl Loader {
         found
     }
 
-    /// By buffer of the program: what is bound.
+    /// What is bound to each buffer and image of the program. Outer `None` after an error.
     pub(super) fn storage(
         &mut self,
         program: &Program,

@@ -1,9 +1,9 @@
 //! Ray passes whose rays start at the camera: their program, its parameters, and the behaviour of materials.
 //!
 //! Such a pass either names one of our programs, as in `program="whitted"`, or hands inputs to device programs of its own. The
-//! tutorials of the engine's descendant all name the same file and the same programs, so the intended program is inferred from the
-//! inputs: by rules that are tried in order; `curitiba plan` prints the one that decided. If no rule fits, the pass is in error,
-//! and the message lists the programs.
+//! tutorials of the engine's descendant all name the same file and the same programs, so the intended program is inferred from
+//! the inputs. Rules are tried in order; `curitiba plan` prints the one that decided. If no rule fits, the pass is in error, and
+//! the message lists the programs.
 
 use super::dom::{Element, Value};
 use super::file;
@@ -43,7 +43,7 @@ struct Handed {
     others: Vec<String>,
 }
 
-/// How rays behave at which materials, and which inputs besides program names determined it.
+/// The behaviour of rays at materials, and descriptions of inputs, besides program names, that determined it.
 type Surfaces = (Vec<(MaterialPattern, SurfaceKind)>, Vec<String>);
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -171,7 +171,8 @@ impl Loader {
         handed.filter(is_buffer).find_map(|item| self.libraries.buffer_named(&item.attribute("context")?.text))
     }
 
-    /// Leaves out the buffers of colours that no pass of the pipeline reads; of the others the size must be that of the pass's target.
+    /// Drops the colour buffers ([`CameraStart::linear`]) that no pass of the pipeline reads. Reports each other one whose size
+    /// differs from that of its pass's target.
     pub(super) fn check_linear(&mut self, passes: &mut [Pass], facts: &[Facts]) {
         let read: HashSet<usize> =
             passes.iter().flat_map(|pass| pass.kind.buffers_read()).map(|channel| channel.target).collect();
@@ -346,7 +347,7 @@ impl Loader {
         let (aperture, focus) = (value("APERTURE"), value("FOCAL_DISTANCE"));
         let (scale, gamma, depth) = (value("LIGHT_SCALE"), value("GAMMA"), value("MAX_DEPTH"));
         if let Some(aperture) = aperture.filter(|aperture| *aperture > 0.0) {
-            // The square of a radius, in units of half the picture's height at distance 1.
+            // `APERTURE` is the square of a radius, in units of half the picture's height at distance 1.
             let fov = camera.and_then(|camera| self.cameras.items[camera].as_ref()).map_or(1.0, |camera| camera.fov_y);
             params.camera.aperture = aperture.sqrt() * (0.5 * fov).tan();
         }

@@ -177,7 +177,8 @@ impl Loader {
         Some((position, direction, up))
     }
 
-    /// Of a view direction and a target, in either order, returns the view element. It is an error if the two disagree.
+    /// Takes the elements of a view direction and a target, in either order, and returns that of the direction. It is an error if
+    /// the two disagree.
     fn agree<'e>(&mut self, both: [&'e Element; 2], position: Option<DVec3>) -> Option<&'e Element> {
         let [first, second] = both;
         let (view, point) = if first.is(&["view"]) { (first, second) } else { (second, first) };

@@ -1,12 +1,12 @@
 //! Textures that the engine fills with random numbers: `<CONTENT value="RANDOM_UNIFORM"/>`.
 //!
-//! The engine takes them from the C library, so they differ from machine to machine there. Here they are SplitMix64's (Steele, Lea and
-//! Flood 2014), the same on every machine, thread and run.
+//! The engine takes the numbers from the C library, so they differ from machine to machine. Here SplitMix64 (Steele, Lea and
+//! Flood 2014) generates them, the same on every machine, thread and run.
 
 use crate::image::PixelFormat;
 use rayon::prelude::*;
 
-/// What SplitMix64 adds from number to number: 2⁶⁴ divided by the golden ratio, odd.
+/// Increment of SplitMix64's state: 2⁶⁴ divided by the golden ratio, rounded to an odd number.
 const STEP: u64 = 0x9E37_79B9_7F4A_7C15;
 
 /// How random numbers are distributed.
@@ -29,12 +29,12 @@ impl Distribution {
 pub struct Contents {
     /// Their distribution.
     pub distribution: Distribution,
-    /// What they follow from: SplitMix64's state at the first of them. 0 unless the project says otherwise.
+    /// Initial state of SplitMix64. 0 unless the project says otherwise.
     pub seed: u64,
 }
 
 impl Contents {
-    /// The format that holds them: 32-bit floats, as many a texel as `declared` has, or four, as in the engine.
+    /// The format that holds the numbers: 32-bit floats, with as many channels as `declared`, as in the engine.
     #[must_use]
     pub fn format(declared: PixelFormat) -> PixelFormat {
         match declared {
@@ -44,8 +44,9 @@ impl Contents {
         }
     }
 
-    /// Fills a texture of `width` texels a row, whose top row is first. The numbers go from texel to texel and, in one, from red to alpha,
-    /// from the bottom row on; what the format (one of [`Self::format`]) lacks is 0, or 1 for alpha.
+    /// Fills a texture of `width` texels a row, whose top row is first in `texels`. The sequence starts in the bottom row, and
+    /// goes from texel to texel and within a texel from red to alpha. Channels that the format (one of [`Self::format`]) lacks
+    /// are 0, and alpha is 1.
     pub fn fill(self, format: PixelFormat, width: u32, texels: &mut [[f32; 4]]) {
         let count = match format {
             PixelFormat::R8Unorm | PixelFormat::R32Float => 1,
@@ -80,7 +81,7 @@ impl Contents {
     }
 }
 
-/// The upper 24 bits of a number of the sequence, from 0 to 1.
+/// The upper 24 bits of a number of the sequence, scaled to 0 to 1.
 fn uniform(seed: u64, index: u64) -> f32 {
     const MOST: f32 = ((1_u32 << 24) - 1) as f32;
     (random(seed, index) >> 40) as f32 / MOST
@@ -131,7 +132,8 @@ mod tests {
         assert_eq!((one[3], one[0]), ([at(0), 0.0, 0.0, 1.0], [at(3), 0.0, 0.0, 1.0]));
     }
 
-    /// Moments of `values`, and the mean of the product of neighbours; each is off by less than five standard errors of what is known.
+    /// Checks that the moments of `values`, and the mean product of neighbours, differ from `known` by less than five standard
+    /// errors. `squares` are the known mean squares of the same quantities.
     fn check(values: &[f64], known: [f64; 4], squares: [f64; 4]) {
         let count = values.len() as f64;
         let mean = |of: &dyn Fn(usize) -> f64| (0..values.len()).map(of).sum::<f64>() / count;

@@ -39,7 +39,7 @@ impl Value {
         Self { text, joined, span }
     }
 
-    /// Whether it says yes.
+    /// Whether it is `true`, `yes` or `1`; case is ignored.
     pub fn is_true(&self) -> bool {
         ["true", "yes", "1"].iter().any(|yes| self.text.eq_ignore_ascii_case(yes))
     }
@@ -75,7 +75,7 @@ pub(super) struct Element {
 }
 
 impl Element {
-    /// Its start tag alone.
+    /// A copy of its start tag alone, without children and text.
     pub fn tag(&self) -> Self {
         let (name, attributes) = (self.name.clone(), self.attributes.clone());
         Self { name, attributes, children: Vec::new(), text: None, ..*self }
@@ -164,7 +164,7 @@ impl Parser<'_> {
 
     /// Parses to the end of the file; `false` if it had to stop earlier.
     fn read(&mut self) -> bool {
-        // The reader does not count a byte order mark; here it is one that follows the file's own.
+        // `quick-xml` does not count byte-order marks. The file's own was removed before, so any mark here follows it.
         let skipped = self.text.len() - self.text.trim_start_matches('\u{feff}').len();
         let mut reader = quick_xml::Reader::from_str(&self.text[skipped..]);
         let config = reader.config_mut();

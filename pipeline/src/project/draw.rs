@@ -50,8 +50,8 @@ impl Loader {
         self.scenes.items.len() - 1
     }
 
-    /// Reads a pass that draws triangles. The camera is the given one, or else the pass's own. `others` are further elements of its
-    /// class.
+    /// Reads a pass that draws triangles. The camera is the given one, or else the pass's own. `others` are further elements that
+    /// its class may contain.
     pub fn draw_pass(
         &mut self,
         context: &mut PassContext<'_>,
@@ -86,7 +86,7 @@ impl Loader {
         self.no_parameters(context, "default");
         context.facts.writes_first(RASTER_CHANNELS);
         let instances = self.instances(context);
-        // A light's camera draws depths, which lines have none of.
+        // A light's camera draws a depth map, in which lines have no part.
         let frusta = self.cameras_among_scenes(context, camera.is_none());
         let camera = camera.or_else(|| self.pass_camera(context));
         let lights = self.pass_lights(context);
@@ -158,7 +158,7 @@ impl Loader {
         clears
     }
 
-    /// Reports a target without colours, unless own shaders draw everything: they write the depth.
+    /// Reports a target without colours. It is valid if own shaders draw everything, because these write the depth.
     fn check_colors(&mut self, context: &PassContext<'_>, all_own: bool) {
         let Some((target, at)) = context.facts.colorless() else { return };
         let target = &self.libraries.targets[target];

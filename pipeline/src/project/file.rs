@@ -29,7 +29,7 @@ pub(super) fn read(report: &mut Report, path: &Path, named_at: Option<Span>) -> 
     let body = bytes.strip_prefix(b"\xEF\xBB\xBF").unwrap_or(&bytes);
     let wrong = undecodable(body);
     let text = String::from_utf8_lossy(body);
-    // Up to the invalid byte offsets agree with the file; the character that replaces that byte is three bytes long.
+    // Offsets up to the invalid byte are those of the file. The character that replaces this byte is three bytes long.
     let end = wrong.as_ref().and_then(|(offset, ..)| Some(offset + text.get(*offset..)?.chars().next()?.len_utf8()));
     let file = report.add_source(Source { path: path.to_owned(), text: text.into() });
     if let Some((offset, message, help)) = wrong {
@@ -44,7 +44,7 @@ fn read_bytes(path: &Path) -> Result<Vec<u8>, String> {
     crate::files::read(path, MAX_FILE).map_err(|error| error.to_string())
 }
 
-/// The first fault of bytes that are no text allowed in XML: its offset, a message and a hint.
+/// The first fault in bytes that are not a text allowed in XML: its offset, a message and a hint.
 fn undecodable(bytes: &[u8]) -> Option<(usize, String, &'static str)> {
     let utf8 = "valid: UTF-8, with or without a byte-order mark; convert the file";
     if bytes.starts_with(b"\xFF\xFE") || bytes.starts_with(b"\xFE\xFF") {

@@ -17,9 +17,9 @@ use glam::Vec4;
 const MAX_ARRAY: u32 = 64;
 
 impl Loader {
-    /// A texture without a file: `<texture name="…"><WIDTH value="…"/><HEIGHT value="…"/><INTERNAL_FORMAT value="…"/></texture>`, with
-    /// zeros or, by `<CONTENT value="…"/>` and `<SEED value="…"/>`, random numbers. What has other dimensions or mip levels is
-    /// [`Texture::Other`], and so are all in a build without own shaders.
+    /// A texture without a file: `<texture name="…"><WIDTH value="…"/><HEIGHT value="…"/><INTERNAL_FORMAT value="…"/></texture>`,
+    /// with zeros or, by `<CONTENT value="…"/>` and `<SEED value="…"/>`, random numbers. A texture that is not two-dimensional,
+    /// or has neither a format nor contents, is [`Texture::Other`]; so is every texture in a build without own shaders.
     pub(super) fn image_texture(&mut self, library: &str, element: &Element, name: &str) -> Texture {
         let is_image =
             glsl::AVAILABLE && element.is(&["texture", "arrayOfTextures"]) && element.child_value("depth").is_none();
@@ -32,7 +32,7 @@ impl Loader {
         let Some(contents) = self.contents(element) else { return Texture::Channel(None) };
         let format = match (element.child_value("internal_format"), contents) {
             (Some(format), _) => self.format_named(format),
-            // The engine's own choice is in bytes.
+            // Without a declared format the engine uses bytes.
             (None, Some(_)) => Some(PixelFormat::Rgba8Unorm),
             (None, None) => return Texture::Other,
         };
@@ -57,7 +57,8 @@ impl Loader {
         Texture::Channel(Some(channel))
     }
 
-    /// The highest mip level of what `<LEVELS value="…"/>` declares, or of all down to a texel where `mipmap` is true; 0 without either.
+    /// The highest mip level: the one that `<LEVELS value="…"/>` declares, or that of a single texel where `mipmap` is true; 0
+    /// without either.
     pub(super) fn levels(&mut self, element: &Element, mipmap: Option<&Value>, size: [u32; 2]) -> u32 {
         let all = size[0].max(size[1]).max(1).ilog2();
         if let Some(value) = element.child_value("levels") {
@@ -72,7 +73,8 @@ impl Loader {
         if mipmap.is_some_and(Value::is_true) { all } else { 0 }
     }
 
-    /// The target that holds a mip level of a channel, from 1 on. Each side is half of the side before, rounded down, and at least 1.
+    /// The target that holds a mip level of a channel, from 1 on. Each side is half of that of the level before, rounded down,
+    /// and at least 1.
     fn level_target(&mut self, channel: ChannelRef, level: u32) -> usize {
         if let Some(target) = self.libraries.level_targets.get(&(channel, level)) {
             return *target;
@@ -95,7 +97,8 @@ impl Loader {
         index
     }
 
-    /// The mip levels of a channel to which earlier passes stored, from 1 on, without gaps; not those to which this shader stores.
+    /// The mip levels of a channel to which earlier passes stored, from 1 on. The list ends before the first level to which none
+    /// stored or to which this shader stores.
     pub(super) fn levels_stored(&self, channel: ChannelRef, storage: &[Option<Bound>]) -> Vec<ChannelRef> {
         let held = |level: u32| {
             let target = *self.libraries.level_targets.get(&(channel, level))?;
@@ -105,8 +108,8 @@ impl Loader {
         (1..).map_while(held).collect()
     }
 
-    /// The files of a cube map, +x, -x, +y, -y, +z, -z: `<cubeMap name="…" filePosX="…" fileNegX="…" … fileNegZ="…"/>`. One that names
-    /// fewer is an error, where a shader samples it.
+    /// The files of a cube map, +x, -x, +y, -y, +z, -z: `<cubeMap name="…" filePosX="…" fileNegX="…" … fileNegZ="…"/>`. A cube
+    /// map that names fewer files is an error if a shader samples it.
     pub(super) fn cube_files(&mut self, element: &Element) -> Option<[Value; 6]> {
         const FACES: [&str; 6] = ["filePosX", "fileNegX", "filePosY", "fileNegY", "filePosZ", "fileNegZ"];
         match FACES.map(|face| self.required(element, face).cloned()) {
@@ -138,7 +141,8 @@ impl Loader {
         found.map(|(_, distribution)| distribution.map(|distribution| Contents { distribution, seed }))
     }
 
-    /// `<arraysOfTextures>` of a library: `<arrayOfTextures name="…"><TEXTURE_COUNT value="…"/>…`, of which each texture is an image.
+    /// Reads `<arraysOfTextures>` of a library: `<arrayOfTextures name="…"><TEXTURE_COUNT value="…"/>…`. Each texture of an array
+    /// is an image.
     pub(super) fn texture_arrays(&mut self, library: &mut Library, root: &Element) {
         let lists = root.children_named(&["arraysOfTextures"]).filter(|_| glsl::AVAILABLE);
         for array in lists.flat_map(|list| list.children_named(&["arrayOfTextures"])) {
@@ -160,7 +164,7 @@ impl Loader {
         }
     }
 
-    /// Binds the arrays of textures and of images of a material, and says which are the first units of each.
+    /// Binds the arrays of textures and of images of a material. Returns the first unit of each array, of textures and then of images.
     pub(super) fn bound_arrays(
         &mut self,
         library: &Library,
@@ -211,7 +215,7 @@ impl Loader {
     }
 
     /// The first unit of the array that `<valueof uniform="name[0]" type="ARRAY_OF_TEXTURES_BINDING" component="SAMPLER_ARRAY" id="0"/>`
-    /// names, or `ARRAY_OF_IMAGE_TEXTURES`; outer `None` for values of other kinds, inner `None` after an error.
+    /// names; the type may also be `ARRAY_OF_IMAGE_TEXTURES`. Outer `None` for values of other kinds, inner `None` after an error.
     pub(super) fn array_unit(&mut self, given: &ValueOf, material: &LibraryMaterial) -> Option<Option<glsl::Value>> {
         const KINDS: [&str; 2] = ["ARRAY_OF_TEXTURES_BINDING", "ARRAY_OF_IMAGE_TEXTURES"];
         let of = given.kind.as_ref()?;
@@ -227,8 +231,8 @@ impl Loader {
         Some(unit.map(|unit| glsl::Value::Unit(*unit)))
     }
 
-    /// The unit that values give to a sampler or an image; of elements of arrays that of the first is given. `None` where none is given,
-    /// and the value that is none where one is.
+    /// The unit that values give to a sampler or an image. For an array the value gives the unit of its first element; the others
+    /// follow. `None` if there is no value. The error is a value that is not a unit.
     pub(super) fn unit_given<'v>(values: &'v [(ValueOf, glsl::Value)], name: &str) -> Option<Result<u32, &'v ValueOf>> {
         let (given, value) = values.iter().rev().find(|(given, _)| names(&given.uniform.text, name))?;
         let index = |name: &str| name.strip_suffix(']').and_then(|name| name.split_once('[')?.1.parse::<u32>().ok());
@@ -239,7 +243,7 @@ impl Loader {
         })
     }
 
-    /// What `<imageTextures>` of a material binds: `<imageTexture UNIT="0" texture="…"><LEVEL value="0"/></imageTexture>`.
+    /// The images that `<imageTextures>` of a material binds: `<imageTexture UNIT="0" texture="…"><LEVEL value="0"/></imageTexture>`.
     pub(super) fn bound_images(&mut self, material: &Element) -> Option<Vec<ImageBinding>> {
         let mut found = Some(Vec::new());
         let lists = material.children_named(&["imageTextures"]).filter(|_| glsl::AVAILABLE);
@@ -259,7 +263,7 @@ impl Loader {
         found
     }
 
-    /// What is bound to the unit of an image of a shader; inner `None` for nothing, with a warning.
+    /// What is bound to the unit of a shader's image. Inner `None` if nothing is bound, with a warning; outer `None` after an error.
     pub(super) fn image_of(
         &mut self,
         image: &StorageBuffer,

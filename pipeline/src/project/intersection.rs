@@ -1,4 +1,4 @@
-//! Reading intersection passes: rays in a storage buffer, and what they hit in another.
+//! Reading intersection passes: rays in one storage buffer, and their hits in another.
 
 use super::dom::{Element, Value};
 use super::loader::Loader;
@@ -9,7 +9,7 @@ use super::{ChannelRef, IntersectionPass, RaysTraced};
 use crate::glsl;
 use crate::programs::Query;
 
-/// What the file may ask of each ray.
+/// Names in files for the hit that is written of each ray.
 const QUERIES: [(&str, Query); 2] = [("CLOSEST", Query::Closest), ("ANY", Query::Any)];
 
 impl Loader {
@@ -80,7 +80,7 @@ impl Loader {
         Some((self.find_buffer_of(name)?, name.span))
     }
 
-    /// How many records of `size` bytes a buffer holds; it must be full of them.
+    /// How many records of `size` bytes a buffer holds. Its size must be a multiple of `size`.
     fn held(&mut self, context: &PassContext<'_>, target: usize, size: u64, at: Span) -> Option<u64> {
         let buffer = &self.libraries.targets[target];
         let bytes = buffer.buffer.unwrap_or_default();
@@ -97,7 +97,7 @@ impl Loader {
         None
     }
 
-    /// How many rays are traced: what `<rayCount>` says, or else as many as there is room for hits.
+    /// How many rays are traced: the number in `<rayCount>`, or else as many as the buffer of hits has room for.
     fn rays_traced(
         &mut self,
         context: &mut PassContext<'_>,
@@ -131,7 +131,7 @@ impl Loader {
         Some(RaysTraced::Fixed(hits_held))
     }
 
-    /// A number of rays that lies in a buffer.
+    /// A number of rays that a buffer holds: `<rayCount buffer="…" offset="…"/>`.
     fn counted(&mut self, context: &mut PassContext<'_>, asked: &Element, most: u64) -> Option<RaysTraced> {
         let name = self.required(asked, "buffer")?;
         let buffer = self.find_buffer_of(name)?;
@@ -167,7 +167,7 @@ impl Loader {
         if number == -1.0 {
             return Some(None);
         }
-        // Numbers of the format are floats; larger ones are written out in full.
+        // `number` is an `f32`. A large integer that it would round is parsed from the text.
         let number =
             value.text.parse::<u64>().ok().or((number.fract() == 0.0 && number >= 0.0).then_some(number as u64));
         if let Some(number) = number.filter(|number| *number <= most) {

@@ -84,7 +84,8 @@ impl ValueOf {
     }
 }
 
-/// Whether a value for the uniform `given` is one for the sampler or image `name`: `tex[0]`, or `tex`, is for all elements of `tex`.
+/// Whether a value for the uniform `given` applies to the sampler or image `name`. A value for `tex[0]` or `tex` applies to all
+/// elements of `tex`.
 pub(super) fn names(given: &str, name: &str) -> bool {
     let array = |name: &str| name.split('[').next().unwrap_or_default().to_owned();
     given == name
@@ -94,9 +95,9 @@ pub(super) fn names(given: &str, name: &str) -> bool {
 /// The render state in a `<state>`.
 #[derive(Debug, Clone, Copy, Default)]
 pub(super) struct State {
-    /// What is done of it.
+    /// The part of the state that is supported.
     pub drawn: Drawn,
-    /// What it asks for beside that, and is not done.
+    /// An unsupported part of the state, for messages.
     pub other: Option<&'static str>,
 }
 
@@ -109,7 +110,7 @@ pub(super) struct Binding {
     pub name: Value,
     /// The element `COMPARE_FUNC`, if present.
     pub compare: Option<Value>,
-    /// The element `MAG_FILTER`; only materials without an own shader are drawn so.
+    /// The element `MAG_FILTER`; it applies only to materials without an own shader.
     pub magnification: Magnification,
 }
 
@@ -129,7 +130,7 @@ pub(super) struct BufferBinding {
 pub(super) struct ImageBinding {
     pub unit: u32,
     pub name: Value,
-    /// Whether each pass that binds it begins with zeros.
+    /// Whether it is filled with zeros before each pass that binds it.
     pub cleared: bool,
     /// The mip level, where it is not the first.
     pub level: Option<Value>,
@@ -154,14 +155,14 @@ pub(super) struct LibraryMaterial {
     pub buffers: Vec<BufferBinding>,
     /// Images that are bound.
     pub images: Vec<ImageBinding>,
-    /// The first units of the arrays of textures, and of images, that are bound, in the order of the file.
+    /// First units of the bound arrays of textures, and of the bound arrays of images, each in the order of the file.
     pub arrays: [Vec<u32>; 2],
     /// How it is drawn.
     pub state: State,
 }
 
 impl LibraryMaterial {
-    /// A material with the colours of one that a file says nothing of. It has no shader and binds nothing.
+    /// A material with the default colours. It has no shader and binds nothing.
     pub fn plain(name: &str) -> Self {
         let defaults = crate::scene::Material::default();
         Self {
@@ -209,9 +210,9 @@ pub(super) struct Library {
     pub target_indices: Vec<Option<usize>>,
     pub texture_names: Names,
     pub textures: Vec<Texture>,
-    /// Numbers of textures of the arrays of textures, by name: their textures are `name_0`, `name_1` and so on.
+    /// Number of textures in each array of textures, by the array's name. Its textures are `name_0`, `name_1` and so on.
     pub arrays: HashMap<String, u32>,
-    /// Names of storage buffers, with their indices into [`Libraries::targets`]; `None` of one whose size is not known.
+    /// Names of storage buffers, with their indices into [`Libraries::targets`]; `None` for a buffer whose size could not be read.
     pub buffer_names: Names,
     pub buffer_indices: Vec<Option<usize>>,
     pub shader_names: Names,
@@ -268,7 +269,7 @@ pub(super) struct Libraries {
     pub targets: Vec<RenderTarget>,
     /// The highest mip level of channels that have several.
     pub levels: HashMap<ChannelRef, u32>,
-    /// By channel and level from 1 on: the targets that hold mip levels to which shaders store.
+    /// The targets that hold mip levels to which shaders store, by channel and level from 1 on.
     pub level_targets: HashMap<(ChannelRef, u32), usize>,
 }
 
@@ -315,7 +316,7 @@ impl Libraries {
     }
 }
 
-/// What an injection binds beside a shader.
+/// What an injection binds in addition to a shader.
 #[derive(Debug, Default)]
 pub(super) struct Injected {
     pub textures: Vec<Binding>,

@@ -386,7 +386,7 @@ impl Loader {
         let mut drawn = Drawn { culled: side.filter(|_| on), tests_depth, writes_depth, ..Drawn::default() };
         let mut other = None;
         if is("BLEND", true) {
-            // The engine's factors, where a state is silent.
+            // The engine's factors, where the state names none.
             let factor = |name: &str, own| value(name).map_or(Some(own), |value| BlendFactor::named(&value.text));
             let source = factor("BLEND_SRC", BlendFactor::One);
             let destination = factor("BLEND_DST", BlendFactor::Zero);

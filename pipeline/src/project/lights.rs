@@ -1,4 +1,4 @@
-//! Lights, and those that passes name.
+//! Reading lights, and the references to lights in passes.
 
 use super::dom::Element;
 use super::loader::Loader;
@@ -58,7 +58,7 @@ impl Loader {
             });
         }
         let is = |kind: &str| element.attribute("type").is_some_and(|given| given.text.eq_ignore_ascii_case(kind));
-        // With a place, these types say that a direction is not that of all its light.
+        // A light of these types with a position is positional, not directional: a direction is only the axis of a spot light.
         let has_place = position.is_some() && (is("spot") || is("point"));
         if let Some(kind) = element.attribute("type")
             && !is("directional")
@@ -84,7 +84,7 @@ impl Loader {
         self.lights.add(&mut self.report, name, item);
     }
 
-    /// How the light of a place falls off. `along` is the axis of a spot light that names no `SPOT_DIRECTION`.
+    /// Falloff of a positional light. `along` is the axis of a spot light that names no `SPOT_DIRECTION`.
     fn falloff(&mut self, element: &Element, along: Option<Vec3>, is_point: bool) -> Option<Falloff> {
         let usual = Falloff::default();
         let parts = [
@@ -110,7 +110,7 @@ impl Loader {
             return None;
         }
         let (cutoff, exponent, axis) = (cutoff?, exponent?, axis?);
-        // As OpenGL has it: a cutoff of 180 degrees is no spot light, but its exponent counts.
+        // As in OpenGL, a cutoff of 180 degrees means no cone, but an exponent still applies.
         let is_spot = !is_point && (cutoff < EVERYWHERE || exponent > 0.0);
         if let Some(kind) = element.attribute("type").filter(|kind| kind.text.eq_ignore_ascii_case("spot") && !is_spot)
         {
@@ -127,7 +127,8 @@ impl Loader {
         Some(Falloff { attenuation, range: range?, spot })
     }
 
-    /// The number that the only child with one of these names has as its `value`, within limits; `usual` without such a child.
+    /// The number in the attribute `value` or `x` of the only child with one of these names, from `least` to `most`; `usual`
+    /// without such a child.
     fn part_of(&mut self, element: &Element, names: &[&str], usual: f32, (least, most): (f32, f32)) -> Option<f32> {
         let Some(child) = self.single(element, names) else { return Some(usual) };
         self.expect(child, &[], &["value", "x"]);
@@ -179,7 +180,8 @@ impl Loader {
         whole.then_some(lights)
     }
 
-    /// The first light of a pass whose program has one, with the place of its name. Outer `None` if one could not be resolved.
+    /// The first light of a pass whose program supports a single light, with the place of its name. Outer `None` if a light could
+    /// not be resolved.
     pub fn first_light(&mut self, context: &PassContext<'_>) -> Option<Option<(usize, Span)>> {
         let lights = self.pass_lights(context)?;
         if let Some((_, at)) = lights.get(1) {

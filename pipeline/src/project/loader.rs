@@ -26,7 +26,7 @@ pub(super) struct Loader {
     pub attributes: Attributes,
     /// The scripts of the pipeline that is being read.
     pub running: Running,
-    /// By light: properties that only own shaders read.
+    /// Properties of each light that only own shaders read.
     pub light_extras: Vec<LightExtra>,
     /// Cameras of lights.
     pub light_cameras: Vec<LightCamera>,
@@ -34,7 +34,7 @@ pub(super) struct Loader {
     pub pipeline_name: String,
     /// Compiled shaders by their files; `None` for one that failed to compile.
     pub compiled: HashMap<ShaderKey, Option<Arc<glsl::Program>>>,
-    /// Texts that were read beside the project and its libraries, by path: their indices in the report.
+    /// Indices in the report of the texts that were read in addition to the project and its libraries, by path.
     pub texts: HashMap<PathBuf, u32>,
     /// The project's name; empty before it is read.
     pub title: String,
@@ -125,8 +125,8 @@ impl Loader {
         format!("{}#{pass}", self.pipeline_name)
     }
 
-    /// Reads the file of a shader or a script, of `most` bytes, into the report, unless it was; its index there. Invalid UTF-8 is tolerated,
-    /// since it may be in comments. `None` after an error at `named`.
+    /// Reads the file of a shader or a script, of at most `most` bytes, into the report, unless it is there already. Returns its
+    /// index there. Invalid UTF-8 is tolerated, since it may be in comments. `None` after an error, which is reported at `named`.
     pub fn text_file(&mut self, path: &Path, named: &Value, most: u64) -> Option<u32> {
         if let Some(known) = self.texts.get(path) {
             return Some(*known);
@@ -255,7 +255,7 @@ impl Loader {
                     // A pipeline other than the default one need not run: its errors become warnings.
                     let what = format!("pipeline `{}` cannot run", shown(&pipeline.name));
                     pipeline.broken = self.report.excuse(mark, &what);
-                    // Shaders that failed in it may be compiled again, and reported as errors, for others.
+                    // A shader that failed here is compiled again for other pipelines, so that its errors can be reported there.
                     self.compiled.retain(|_, program| program.is_some());
                 }
                 pipelines.push(pipeline);

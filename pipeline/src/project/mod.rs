@@ -17,7 +17,7 @@
 //! | projection | 60 degrees, near 1, far 10,000 |
 //! | position, view, up of a camera | the origin, -z (each with a note), +y |
 //! | colour of a light | white |
-//! | attenuation of a light with a place | none: constant 1, linear 0, quadratic 0 |
+//! | attenuation of a positional light | none: constant 1, linear 0, quadratic 0 |
 //! | pipeline that runs | the one with `default="true"`, or else the first |
 //! | program of a `default` pass | the first of [`RASTER_PROGRAMS`](crate::programs::RASTER_PROGRAMS) |
 //! | colours of a library material | diffuse 0.8, emission 0 |
@@ -25,7 +25,7 @@
 //! The library `curitiba_material_lib` (today `__nau_material_lib`) is built in: `__Black`, `__White`, `__Grey`, `__Red`,
 //! `__Green`, `__Blue`, and `__Emission White`, `Red`, `Green`, `Blue`, `Yellow`.
 //!
-//! Files are bounded (16 MiB, 64 levels of elements, 65,536 elements), and so is what is reported.
+//! Files are limited to 16 MiB, 64 levels of elements and 65,536 elements. The number of reported problems is limited too.
 
 mod assets;
 #[cfg(feature = "glsl")]
@@ -194,7 +194,7 @@ pub struct SceneDecl {
 }
 
 impl SceneDecl {
-    /// A scene of which nothing is declared.
+    /// A scene without files, primitives or a placement.
     pub(crate) fn empty(name: String) -> Self {
         Self {
             name,
@@ -232,7 +232,7 @@ impl SceneDecl {
         Ok(scene)
     }
 
-    /// Where its first exact sphere is declared; `None` without one. A scene made in memory may have exact spheres too.
+    /// Where its first exact sphere is declared; `None` without one. For exact spheres of a scene made in memory this is the scene's name.
     #[must_use]
     pub fn exact_sphere(&self) -> Option<&str> {
         let in_memory = self.memory.as_ref().filter(|scene| !scene.spheres.is_empty());
@@ -331,7 +331,7 @@ pub struct Light {
     pub position: Option<DVec3>,
     /// Colour (`COLOR`, `DIFFUSE`).
     pub color: Vec3,
-    /// How the light of a place falls off; a light with a direction has none.
+    /// Falloff of a positional light; a directional light has none.
     pub falloff: Falloff,
 }
 
@@ -347,11 +347,11 @@ impl Light {
     }
 }
 
-/// How the light of a place falls off with distance and direction.
+/// Falloff of a positional light with distance and direction.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Falloff {
-    /// Constant, linear and quadratic part of the divisor at a distance (`CONSTANT_ATT`, `LINEAR_ATT`, `QUADRATIC_ATT`); none is negative, and
-    /// one is above 0.
+    /// Constant, linear and quadratic coefficient of the polynomial in the distance that divides the light (`CONSTANT_ATT`,
+    /// `LINEAR_ATT`, `QUADRATIC_ATT`). None is negative, and at least one is above 0.
     pub attenuation: [f32; 3],
     /// Distance at which the light ends (`RANGE`), above 0; infinite if it does not.
     pub range: f32,
@@ -360,7 +360,7 @@ pub struct Falloff {
 }
 
 impl Default for Falloff {
-    /// That of OpenGL: none.
+    /// OpenGL's default: no falloff.
     fn default() -> Self {
         Self { attenuation: [1.0, 0.0, 0.0], range: f32::INFINITY, spot: None }
     }
@@ -369,11 +369,11 @@ impl Default for Falloff {
 /// The cone of a spot light.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Spot {
-    /// Unit vector along its axis, in which the light travels (`SPOT_DIRECTION`).
+    /// Unit vector along the axis, pointing as the light travels (`SPOT_DIRECTION`).
     pub axis: Vec3,
     /// Angle between the axis and the edge of the light, in degrees (`SPOT_CUTOFF`), above 0 and below 180.
     pub cutoff: f32,
-    /// Angle up to which the light is whole, in degrees (`SPOT_INNER`), at most [`Self::cutoff`].
+    /// Angle to the axis up to which the light has its full strength, in degrees (`SPOT_INNER`), at most [`Self::cutoff`].
     pub inner: f32,
     /// Power of the cosine of the angle to the axis (`SPOT_EXPONENT`).
     pub exponent: f32,
@@ -390,11 +390,11 @@ pub struct RenderTarget {
     pub size: [u32; 2],
     /// Clear value of the colour.
     pub clear_color: Vec4,
-    /// Of a storage buffer its bytes: its only channel holds them, 16 a pixel. `None` of what passes draw into.
+    /// Size of a storage buffer in bytes; its only channel holds them, 16 bytes a pixel. `None` for other targets.
     pub buffer: Option<u64>,
-    /// What a texture without a file holds when a frame begins, in place of zeros.
+    /// Initial contents of a texture without a file at the start of a frame; `None` for zeros.
     pub contents: Option<Contents>,
-    /// Colour channels, in order; behind them the depth, where it has a name and no more than two colours are before it.
+    /// Colour channels, in order. The depth is the last channel if it has a name and there are at most two colours.
     pub channels: Vec<Channel>,
 }
 
@@ -435,8 +435,8 @@ pub struct Pipeline {
     pub camera: Option<usize>,
     /// Passes, in order.
     pub passes: Vec<Pass>,
-    /// Why the pipeline cannot run: the error of its first pass that could not be read, which is missing in the list, as all may be.
-    /// Always `None` for the default pipeline.
+    /// Why the pipeline cannot run: the error of its first pass that could not be read. That pass, and possibly all others, are
+    /// missing from [`Self::passes`]. Always `None` for the default pipeline.
     pub broken: Option<String>,
 }
 
@@ -453,24 +453,24 @@ pub struct Pass {
     pub target: Option<usize>,
     /// What it clears before it draws.
     pub clears: Clears,
-    /// What scripts say of it; `None` of a pass that runs once and for which they set nothing.
+    /// What scripts decide about it; `None` for a pass without a test script for which scripts set nothing.
     pub scripted: Option<Scripted>,
     /// Kind and details.
     pub kind: PassKind,
 }
 
 impl Pass {
-    /// Which of the runs that scripts ask for it is, from 1 on.
+    /// Number of this run among the runs of the pass that scripts ask for, from 1 on.
     #[must_use]
     pub fn run(&self) -> u32 {
         self.scripted.as_ref().map_or(1, |scripted| scripted.run)
     }
 }
 
-/// What scripts say of a pass. One that they repeat stands in the pipeline once for each run.
+/// What scripts decide about a pass. A pass that they repeat is in the pipeline once for each run.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Scripted {
-    /// Which run it is, from 1 on.
+    /// Number of the run, from 1 on.
     pub run: u32,
     /// Why it runs, and what scripts set for it.
     pub told: String,
@@ -524,8 +524,9 @@ impl PassKind {
         drawing.iter().map(|map| &*map.shader).chain(self.shader())
     }
 
-    /// The channels of the storage buffers and images to which the pass's shaders store, several maybe to one, and of the buffer that gets the
-    /// colours of its rays. The hits of an intersection pass are its target.
+    /// The channels of the storage buffers and images to which the pass's shaders store, and of the buffer
+    /// [`CameraStart::linear`]. A channel may occur several times. The hits of an intersection pass are not among them: they are
+    /// its target.
     pub fn buffers_stored(&self) -> impl Iterator<Item = ChannelRef> + '_ {
         let linear = self.linear().map(|target| ChannelRef { target, channel: 0 });
         self.shaders().flat_map(OwnShader::buffers_stored).chain(linear)
@@ -545,7 +546,7 @@ impl PassKind {
         self.shaders().flat_map(OwnShader::buffers_read)
     }
 
-    /// What the pass's shaders bind, each buffer and image once.
+    /// The buffers and images that the pass's shaders bind, each once.
     #[must_use]
     pub fn bound(&self) -> Vec<Bound> {
         let mut found: Vec<Bound> = Vec::new();
@@ -558,7 +559,7 @@ impl PassKind {
         found
     }
 
-    /// Indices of the lights that it names, as far as it is shaded or asks for shadows.
+    /// Indices of the lights that it names; empty for kinds of passes that read no lights.
     #[must_use]
     pub fn lights(&self) -> &[usize] {
         match self {
@@ -598,11 +599,11 @@ impl PassKind {
     }
 }
 
-/// What of its target a pass that draws scenes or a quad clears before it draws: `COLOR_CLEAR` and `DEPTH_CLEAR`. What is not cleared is as
-/// earlier passes left it. Other passes clear nothing.
+/// The parts of its target that a raster or quad pass clears before it draws: `COLOR_CLEAR` and `DEPTH_CLEAR`. Parts that are not
+/// cleared stay as earlier passes left them. Other kinds of passes clear nothing.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Clears {
-    /// All channels of colours, and the triangle ids.
+    /// All colour channels, and the triangle ids.
     pub color: bool,
     /// The depth.
     pub depth: bool,
@@ -620,9 +621,9 @@ impl Default for Clears {
 pub struct RasterPass {
     /// Indices of the scenes drawn.
     pub scenes: Vec<usize>,
-    /// Indices of the cameras among them, of which the edges of what they see are drawn.
+    /// Indices of the cameras that the pass names among its scenes. The edges of their view frusta are drawn.
     pub frusta: Vec<usize>,
-    /// How often they are drawn, at least once. Own shaders alone tell one time from another.
+    /// How often the scenes are drawn, at least once. Only own shaders can distinguish the instances.
     pub instances: u32,
     /// Index of the camera.
     pub camera: usize,
@@ -658,9 +659,10 @@ pub struct OwnShader {
     pub values: Vec<Vec<Option<glsl::Value>>>,
     /// Texture of each sampler.
     pub textures: Vec<ShaderTexture>,
-    /// By buffer of the program: what is bound. Nothing is bound twice. `None` of an image to which nothing is bound: it holds nothing.
+    /// What is bound to each buffer and image of the program. No target is bound twice. `None` for an image to which nothing is
+    /// bound: it is empty.
     pub storage: Vec<Option<Bound>>,
-    /// Textures that are bound; `None` where it is the scene's material that binds them.
+    /// Number of bound textures; `None` if the scene's material binds them.
     pub bound: Option<u32>,
     /// Number of textures bound in addition to those of the scene's material.
     pub injected: u32,
@@ -693,8 +695,8 @@ pub enum ShaderTexture {
     Cube([PathBuf; 6]),
     /// A channel that an earlier pass wrote, or a texture of random numbers.
     Channel(ChannelRef),
-    /// A channel that an earlier pass wrote, and its mip levels from 1 on, to which earlier passes stored. Each side of a level is half of the
-    /// side before, rounded down, and at least 1.
+    /// A channel that an earlier pass wrote, and its mip levels from 1 on, to which earlier passes stored. Each side of a level
+    /// is half of that of the level before, rounded down, and at least 1.
     Levels(Vec<ChannelRef>),
     /// No texture: reads opaque black, as in OpenGL.
     Nothing,
@@ -712,7 +714,7 @@ impl ShaderTexture {
     }
 }
 
-/// What the engine calls the material of OBJ triangles that name none, and what it is called here.
+/// The engine's name for the material of OBJ triangles that name none, and the name used here.
 const ENGINES_PLAIN: &str = "DefaultOBJMaterial";
 const PLAIN: &str = "default";
 
@@ -750,7 +752,7 @@ pub struct ColorMap {
     pub emission: Option<Vec4>,
     /// Colours that only own shaders read.
     pub phong: PhongMap,
-    /// The texture that the material has then.
+    /// What happens to the material's texture.
     pub texture: TextureMap,
 }
 
@@ -762,7 +764,7 @@ pub enum TextureMap {
     Kept,
     /// They are removed: a `materialMaps` entry replaces the whole material.
     Removed,
-    /// This image file takes their place, read so where it is magnified.
+    /// They are replaced by this image file, with this filter for magnification.
     File(PathBuf, Magnification),
 }
 
@@ -793,14 +795,15 @@ pub struct PhongMap {
 /// Properties of a pass whose rays start at the camera.
 #[derive(Debug, Clone)]
 pub struct CameraStart {
-    /// How rays behave at which materials. If several patterns match, the last one applies.
+    /// The behaviour of rays at materials. If several patterns match, the last one applies.
     pub surfaces: Vec<(MaterialPattern, SurfaceKind)>,
     /// Whether the light is a point light instead of a directional one.
     pub lamp: bool,
     /// Why this program was chosen; empty if the project names it.
     pub why: String,
-    /// The storage buffer that gets the pass's colours as well, an index into [`Project::targets`]: before `gamma`, not rounded to the target's
-    /// format, a vec4 a pixel, the bottom row first. It holds the whole target. `None` where no pass reads it.
+    /// Index into [`Project::targets`] of the storage buffer that also gets the pass's colours: before `gamma`, not rounded to
+    /// the target's format, a vec4 a pixel, the bottom row first. It has room for the whole target. `None` if no pass reads such
+    /// a buffer.
     pub linear: Option<usize>,
 }
 
@@ -811,7 +814,7 @@ pub struct RayPass {
     pub scenes: Vec<usize>,
     /// Index of the camera.
     pub camera: usize,
-    /// Indices of the lights, in order. Programs whose rays start at the camera have the first alone.
+    /// Indices of the lights, in order. Programs whose rays start at the camera have only the first light.
     pub lights: Vec<usize>,
     /// The program that runs per pixel.
     pub program: RayProgram,
@@ -858,7 +861,7 @@ pub struct EffectPass {
     pub glass: Vec<MaterialPattern>,
 }
 
-/// Traces the rays that lie in a storage buffer, and writes what they hit into another, which is the pass's target.
+/// Traces the rays in a storage buffer, and writes their hits into another buffer, which is the pass's target.
 ///
 /// A ray is eight floats: its origin, the least distance, its direction and the greatest distance. Distances are multiples of the
 /// direction's length. A hit is the distance, the triangle's id as the bits of an integer, and the barycentric coordinates of the
@@ -892,7 +895,7 @@ impl IntersectionPass {
         [self.rays].into_iter().chain(count).map(|target| ChannelRef { target, channel: 0 })
     }
 
-    /// Whether it writes all that its buffer of hits holds.
+    /// Whether it writes its whole buffer of hits.
     #[must_use]
     pub fn fills(&self, hits: &RenderTarget) -> bool {
         self.count == RaysTraced::Fixed(hits.buffer.unwrap_or_default() / Self::HIT)
@@ -908,7 +911,7 @@ impl IntersectionPass {
 /// How many rays of a buffer are traced.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum RaysTraced {
-    /// So many.
+    /// This number of rays.
     Fixed(u64),
     /// As many as a 32-bit integer in a buffer says, at most `most`; all `most` if it is negative.
     Counted {
@@ -916,13 +919,13 @@ pub enum RaysTraced {
         buffer: usize,
         /// Where the integer lies in it, bytes from the start.
         offset: u64,
-        /// As many rays and hits as the buffers hold.
+        /// Number of rays and of hits for which both buffers have room.
         most: u64,
     },
 }
 
 impl RaysTraced {
-    /// The greatest number.
+    /// The largest possible number of rays.
     #[must_use]
     pub fn most(self) -> u64 {
         match self {
@@ -943,7 +946,7 @@ pub struct QuadPass {
 }
 
 impl OwnShader {
-    /// Whether it is a shader of ours, which takes the place of a ray pass that traces no rays.
+    /// Whether it is a built-in shader, which replaces a ray pass that traces no rays.
     #[must_use]
     pub fn is_pattern(&self) -> bool {
         self.name.split_once("::").is_some_and(|(library, _)| library == libraries::BUILT_IN[0])
@@ -985,10 +988,10 @@ impl OwnShader {
     }
 }
 
-/// A storage buffer or an image of a shader: what is bound.
+/// The target that is bound to a storage buffer or an image of a shader.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Bound {
-    /// Index into [`Project::targets`]; of a target with several channels it is the first.
+    /// Index into [`Project::targets`]. Of a target with several channels, the first is bound.
     pub target: usize,
     /// Whether it is filled with zeros before the pass.
     pub cleared: bool,
@@ -999,7 +1002,7 @@ pub struct Bound {
 pub struct ComputePass {
     /// The shader.
     pub shader: Arc<OwnShader>,
-    /// Work groups in each direction, at least 1.
+    /// Number of workgroups in each direction, at least 1.
     pub groups: [u32; 3],
     /// The first image or buffer that it stores to, an index into [`Project::targets`]: the pass's target.
     pub stored: usize,

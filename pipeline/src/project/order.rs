@@ -23,7 +23,7 @@ pub(super) struct Facts {
     depth: Kept,
     /// Storage buffers that it stores to.
     stores: Vec<ChannelRef>,
-    /// Whether it stores to what is not known, since its shader could not be read.
+    /// Whether it may store to unknown buffers or images, since its shader could not be read.
     stores_unknown: bool,
     /// Whether all that it reads and writes must have one size.
     pub one_size: bool,
@@ -82,22 +82,22 @@ impl Facts {
         self.writes = count;
     }
 
-    /// The pass stores to these buffers.
+    /// Records that the pass stores to these buffers.
     pub fn stores(&mut self, buffers: impl Iterator<Item = ChannelRef>) {
         self.stores.extend(buffers);
     }
 
-    /// The pass stores to what is not known, for which there is an error.
+    /// Records that the pass may store to unknown buffers or images; an error was reported.
     pub fn stores_unknown(&mut self) {
         self.stores_unknown = true;
     }
 
-    /// The pass writes all channels of its target.
+    /// Records that the pass writes all channels of its target.
     pub fn writes_all(&mut self) {
         self.writes = usize::MAX;
     }
 
-    /// What earlier passes must write: what it samples, and what it loads and does not store to itself.
+    /// The channels that earlier passes must write: those that it samples, and those that it loads and does not store to itself.
     fn needs(&self) -> impl Iterator<Item = &(ChannelRef, Span)> {
         let loaded = self.loads.iter().filter(|(channel, _)| !self.stores.contains(channel));
         self.reads.iter().chain(loaded)

@@ -9,7 +9,7 @@ use crate::programs::ParamInfo;
 /// Variables that channels are bound to: position, normal, colour.
 const BUFFERS: [&str; 3] = ["pos_buffer", "norm_buffer", "color_buffer"];
 
-/// A program's entry in its table.
+/// The inputs that a program reads.
 #[derive(Clone, Copy)]
 pub(super) struct Reads<'a> {
     /// Its name.

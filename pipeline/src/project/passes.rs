@@ -30,7 +30,7 @@ const CLASSES: [&str; 11] = [
     "geometryPI",
 ];
 
-/// Most often that a pass draws its scenes.
+/// Most instances of its scenes that a pass draws.
 const MAX_INSTANCES: f32 = 16_777_216.0;
 
 fn is_class(name: &str) -> bool {
@@ -111,7 +111,7 @@ impl Loader {
                 read.scripted = self.told_of_run(pass, runs);
                 passes.push(read);
             }
-            // What the last answer set is of no run.
+            // A test script that ends the runs may have set values; these belong to no run.
             self.attributes.set.clear();
             self.runs_scripts(pass, "postScript");
         }
@@ -209,7 +209,7 @@ impl Loader {
         let colors = target.map_or(0, |target| {
             self.libraries.targets[target].channels.iter().filter(|channel| !channel.depth).count()
         });
-        // Whether only the depth is drawn is known once the shaders are read.
+        // For these classes, the check for colour channels follows once the shaders are read.
         let draws = ["default", "depthmap", "depthmap2", "geometryPI"];
         let class = context.element.attribute("class");
         let draws = class.is_some_and(|class| draws.iter().any(|name| class.text.eq_ignore_ascii_case(name)));
@@ -241,7 +241,7 @@ impl Loader {
         }
     }
 
-    /// The scenes of a pass that meets each once. `None` if one could not be resolved, or there is none.
+    /// The scenes of a pass that cannot draw several instances of them. `None` if one could not be resolved, or there is none.
     pub fn pass_scenes(&mut self, context: &PassContext<'_>) -> Option<Vec<usize>> {
         let scenes = self.scenes_of(context);
         self.cameras_among_scenes(context, false)?;
@@ -309,7 +309,8 @@ impl Loader {
         misses(&self.scenes.names) && !misses(&self.cameras.names)
     }
 
-    /// The cameras among the scenes of a pass: the engine draws the edges of what they see. Where they are not drawn, warnings say so.
+    /// The cameras among the scenes of a pass: the engine draws the edges of their view frusta. Warns of each camera if these are
+    /// not `drawn`.
     pub fn cameras_among_scenes(&mut self, context: &PassContext<'_>, drawn: bool) -> Option<Vec<usize>> {
         let lists = context.element.children_named(&["scenes"]);
         let mut cameras = Vec::new();

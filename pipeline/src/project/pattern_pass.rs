@@ -1,5 +1,6 @@
-//! Ray passes that trace no rays: the ray-generation program alone writes their picture, as in the first tutorials of the engine's
-//! descendant. A shader of ours draws the same as a quad. Device code is not run: what a pass hands over decides, and a warning says so.
+//! Ray passes that trace no rays: the ray-generation program alone writes their picture, as in the first tutorials of the
+//! engine's descendant. A built-in shader draws the same picture as a quad. Device code is not run: the inputs that a pass hands
+//! over decide which shader is used, and a warning says so.
 
 use super::QuadPass;
 use super::dom::{Element, Value};
@@ -24,7 +25,7 @@ void main() {
 }
 ";
 
-/// Cosines of the column, in green, and what is left to 1, in blue: a period of 10 pi pixels.
+/// Green is a cosine over the columns, from 0 to 1, with a period of 10 pi pixels. Blue is 1 minus green.
 const STRIPES: BuiltIn = BuiltIn {
     name: "stripes",
     vertex: CORNERS,
@@ -51,8 +52,8 @@ void main() {
 ",
 };
 
-/// What a pass hands to its program besides vertices: its one texture, as `Library::name`; inner `None` if it hands over nothing. Outer `None`
-/// for anything else, from which a program could compute anything. Values of the renderer beside a texture are not read.
+/// The only texture, as `Library::name`, that a pass hands to its program; inner `None` if it hands over nothing. Vertices, and
+/// renderer values beside a texture, are ignored. Outer `None` for any other inputs, from which a program could compute anything.
 fn handed_texture(pass: &Element) -> Option<Option<&Value>> {
     let (mut textures, mut others) = (Vec::new(), 0);
     for item in pass.children_named(handed::GLOBAL).flat_map(|list| &list.children) {
@@ -70,7 +71,7 @@ fn handed_texture(pass: &Element) -> Option<Option<&Value>> {
 }
 
 impl Loader {
-    /// Whether a ray pass traces no rays of ours: it names neither a camera nor one of our programs, nor has its pipeline a camera.
+    /// Whether a ray pass traces no rays: neither the pass nor its pipeline names a camera, and the pass names none of our programs.
     pub(super) fn is_pattern(context: &PassContext<'_>) -> bool {
         let element = context.element;
         let names_camera =

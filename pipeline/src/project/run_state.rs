@@ -1,4 +1,4 @@
-//! What is known of the scripts and of the mip levels of a pipeline while it is read.
+//! State of a pipeline's scripts and mip levels while the pipeline is read.
 
 #[cfg(feature = "glsl")]
 use super::attributes::Attributes;
@@ -14,15 +14,15 @@ use std::path::PathBuf;
 #[cfg(feature = "glsl")]
 use std::rc::Rc;
 
-/// The scripts of a pipeline.
+/// State of the pipeline that is being read.
 #[derive(Default)]
 pub(super) struct Running {
-    /// Once one was asked for.
+    /// The loaded scripts; `None` until a script is needed.
     #[cfg(feature = "glsl")]
     pub scripts: Option<Loaded>,
-    /// How often they have let passes run.
+    /// Number of runs of passes that test scripts asked for so far.
     pub runs: u32,
-    /// Targets that hold mip levels to which passes have stored.
+    /// Targets to which shaders have stored so far, among them those that hold mip levels.
     pub stored: HashSet<usize>,
 }
 
@@ -30,8 +30,8 @@ pub(super) struct Running {
 #[cfg(feature = "glsl")]
 pub(super) struct Loaded {
     pub scripts: Scripts,
-    /// The loader's own, while a script runs.
+    /// The loader's attributes, while a script runs.
     pub attributes: Rc<RefCell<Attributes>>,
-    /// Places of the files in the report; `None` of one that failed.
+    /// Indices of the files in the report; `None` for a file that failed.
     pub files: HashMap<PathBuf, Option<u32>>,
 }

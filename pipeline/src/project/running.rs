@@ -6,12 +6,12 @@ use super::dom::Element;
 use super::loader::Loader;
 use super::report::{shown, suggest};
 
-/// What a pass of any class may hold.
+/// Elements that a pass of any class may contain.
 pub(super) const RUNNING: [&str; 4] = ["mode", "testScript", "preScript", "postScript"];
 
 /// The mode of a pass that never runs.
 const NEVER: &str = "DONT_RUN";
-/// A picture is that of the engine's second frame: whatever runs in one of the first two has run.
+/// A picture corresponds to the engine's second frame. By then a pass of every mode but [`NEVER`] has run.
 const MODES: [&str; 6] = ["RUN_ALWAYS", "RUN_ONCE", "SKIP_FIRST_FRAME", "RUN_EVEN", "RUN_ODD", NEVER];
 
 /// The classes of passes that a script can repeat.
@@ -43,7 +43,7 @@ impl Loader {
         runs
     }
 
-    /// Whether a pass that has run `before` times runs now, as its script says; without one it runs once.
+    /// Whether a pass that has run `before` times runs again, as its test script says. Without a test script a pass runs once.
     pub fn runs_again(&mut self, pass: &Element, before: u32) -> bool {
         let Some(test) = pass.children_named(&["testScript"]).next() else { return before == 0 };
         let (repeats, can_repeat) = (repeats(test), of_class(pass, &REPEATED));
@@ -72,7 +72,7 @@ impl Loader {
         answer == Some(true)
     }
 
-    /// Warns of scripts that run before and after a pipeline or a pass, and are not run.
+    /// Warns of scripts that the engine runs before and after a pipeline or a pass, and that are not run here.
     pub fn warn_of_scripts(&mut self, element: &Element, of: &str) {
         for child in element.children_named(&["preScript", "postScript"]) {
             let when = if child.is(&["preScript"]) { "before" } else { "after" };
@@ -84,7 +84,8 @@ impl Loader {
 }
 
 impl Loader {
-    /// Says which run of a pass this is, and what scripts set for it; `None` of a pass that runs once as its elements say.
+    /// Describes which run of a pass this is, and what scripts set for it; `None` for a pass without a test script for which
+    /// scripts set nothing.
     pub fn told_of_run(&mut self, pass: &Element, run: u32) -> Option<Scripted> {
         let set = std::mem::take(&mut self.attributes.set);
         let test = pass.children_named(&["testScript"]).next();
@@ -96,7 +97,7 @@ impl Loader {
         Some(Scripted { run, told: why.into_iter().chain(set).collect::<Vec<_>>().join("; ") })
     }
 
-    /// Takes down the work groups of a compute pass, as far as they are numbers; reading the pass reports what is not.
+    /// Records the numbers of workgroups of a compute pass. An invalid number is recorded as 1; it is reported when the pass is read.
     pub fn announce_groups(&mut self, key: &str, pass: &Element) {
         let Some(material) = pass.children_named(&["material"]).next().filter(|_| of_class(pass, &["compute"])) else {
             return;
@@ -115,14 +116,14 @@ impl Loader {
 impl Loader {
     /// Warns of the scripts before or after a pass, which this build does not run.
     pub fn runs_scripts(&mut self, pass: &Element, when: &'static str) {
-        // Both kinds at once.
+        // One call warns of both kinds.
         if when == "preScript" {
             let name = pass.attribute("name").map_or("", |name| &name.text);
             self.warn_of_scripts(pass, &format!("pass `{}`", shown(name)));
         }
     }
 
-    /// Warns of the script that says whether a pass runs, which this build does not run: the pass does.
+    /// Warns of a pass's test script, which this build does not run. The pass runs as if the script said yes.
     fn asks_script(&mut self, pass: &Element, test: &Element) -> Option<bool> {
         let name = pass.attribute("name").map_or("", |name| &name.text);
         let when = if repeats(test) { "as often as" } else { "if" };

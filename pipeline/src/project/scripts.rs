@@ -1,4 +1,4 @@
-//! Scripts of passes: their files, what runs them, and where their faults are.
+//! Scripts of passes: reads their files, runs them, and locates their faults.
 
 use super::dom::Element;
 use super::loader::Loader;
@@ -10,7 +10,7 @@ use std::collections::HashMap;
 use std::rc::Rc;
 
 impl Loader {
-    /// Runs the scripts before (`preScript`) or after (`postScript`) a pass. One that fails sets nothing, with a warning.
+    /// Runs the scripts before (`preScript`) or after (`postScript`) a pass. A script that fails sets nothing, and a warning says so.
     pub fn runs_scripts(&mut self, pass: &Element, when: &'static str) {
         for element in pass.children_named(&[when]) {
             let before = self.attributes.clone();
@@ -40,7 +40,7 @@ impl Loader {
             .ok()
     }
 
-    /// Reads the file of a script, unless it was, and says what the script is called. `None` after an error.
+    /// Reads the file of a script, unless it was read before, and returns the script's name. `None` after an error.
     fn script_of(&mut self, pass: &Element, element: &Element) -> Option<String> {
         let (file, name) = (self.required(element, "file"), self.required(element, "script"));
         let (file, name) = (file?, name?.text.clone());
@@ -80,7 +80,7 @@ impl Loader {
         read.map(|_| name)
     }
 
-    /// Takes down the images that materials bind, and the levels.
+    /// Records the image units that materials bind, with their mip levels.
     fn announce_images(&mut self) {
         for library in &self.libraries.list {
             for material in library.materials.iter().flatten() {
@@ -93,7 +93,7 @@ impl Loader {
         }
     }
 
-    /// Hands the attributes to the scripts, and takes them back.
+    /// Lends the attributes to the scripts while `run` is called.
     fn with_scripts<T>(&mut self, run: impl FnOnce(&Scripts) -> Result<T, Fault>) -> Result<T, Fault> {
         let Some(loaded) = &self.running.scripts else { unreachable!("scripts are there once one is asked for") };
         loaded.attributes.replace(std::mem::take(&mut self.attributes));

@@ -26,7 +26,7 @@ const MATRICES: [(&str, glsl::Value); 9] = [
     ("PROJECTION_VIEW", glsl::Value::Matrix(Matrix::ProjectionView)),
     ("NORMAL", glsl::Value::NormalMatrix),
     ("TEXTURE_COUNT", glsl::Value::TextureCount),
-    // Passes that run in the first frame alone and those that skip it run in one frame here, which is the second.
+    // A picture is a single frame here. Passes for the first frame only, and passes that skip it, both run in it; it counts as the second.
     ("FRAME_COUNT", glsl::Value::Constant([1.0, 0.0, 0.0, 0.0])),
 ];
 
@@ -110,7 +110,7 @@ impl Loader {
             value.clone()
         };
         let kind = part(&given.kind, "type");
-        // As in the engine, what names no context is of the pass.
+        // As in the engine, a missing context means `CURRENT`.
         let own = |kind: &Value| Value { text: "CURRENT".to_owned(), joined: None, span: kind.span };
         let context = given.context.clone().or_else(|| kind.as_ref().map(own));
         let component = part(&given.component, "component");

@@ -30,7 +30,7 @@ pub(super) struct ShaderUse<'a> {
 }
 
 impl ShaderUse<'_> {
-    /// The textures that are bound: where the scene's material stays, those beside its own.
+    /// The bound textures. If the scene's material stays, its own texture is not among them.
     pub fn textures(&self) -> &[Binding] {
         if self.replaces { &self.material.textures } else { &self.injected.textures }
     }
@@ -51,13 +51,13 @@ impl ShaderUse<'_> {
 pub(super) enum UsedBy {
     /// A pass that draws scenes, as a camera sees them.
     Scenes,
-    /// A quad pass, which has no camera; with a shader of ours in place of the project's own.
+    /// A quad pass, which has no camera; `Some` if a built-in shader takes the place of the project's own.
     Quad(Option<&'static BuiltIn>),
     /// A compute pass, which has no camera.
     Compute,
 }
 
-/// A shader of ours, in the language of projects' own.
+/// A built-in shader, in the same language as projects' own shaders.
 #[derive(Debug, PartialEq, Eq)]
 pub(super) struct BuiltIn {
     /// For messages.
@@ -74,13 +74,13 @@ impl Loader {
         let known = |stem: &str| {
             RASTER_PROGRAMS.iter().any(|info| info.stem == stem) || QUAD_PROGRAMS.iter().any(|info| info.stem == stem)
         };
-        // No shader of ours loads or stores images.
+        // No program of ours loads or stores images.
         let own = |stem: &str| !known(stem) || !material.images.is_empty();
         glsl::AVAILABLE && self.shader_of(library, material).is_some_and(|(_, stem)| own(&stem))
     }
 
-    /// Compiles the own shader of a quad or compute pass, and takes down what the pass reads and stores by it. `at` is where the pass names
-    /// the material.
+    /// Compiles the own shader of a quad or compute pass, and records what the pass reads and stores through it. `at` is where
+    /// the pass names the material.
     pub fn pass_shader(
         &mut self,
         context: &mut PassContext<'_>,
@@ -95,7 +95,7 @@ impl Loader {
         shader
     }
 
-    /// Takes down what a pass reads and stores by an own shader, which is `None` where it could not be read.
+    /// Records what a pass reads and stores through an own shader; `shader` is `None` if it could not be read.
     pub fn takes_down(context: &mut PassContext<'_>, shader: Option<&OwnShader>, at: Span) {
         let Some(shader) = shader else { return context.facts.stores_unknown() };
         for channel in shader.sampled() {
@@ -180,7 +180,8 @@ impl Loader {
         whole.then(|| Arc::new(own))
     }
 
-    /// Reports a shader that stores only what is seen: hidden pixels store as well, here as in OpenGL unless a shader asks otherwise.
+    /// Reports a shader that stores and asks for early fragment tests, so that hidden pixels store nothing. This is not
+    /// supported: hidden pixels store too, as in OpenGL by default.
     fn check_early(&mut self, program: &Program, files: [u32; 2], used: &ShaderUse<'_>) -> Option<()> {
         let stores = used.by == UsedBy::Scenes && program.storage.iter().any(|buffer| buffer.written);
         let Some(early) = program.early.filter(|_| stores) else { return Some(()) };
@@ -191,7 +192,7 @@ impl Loader {
         None
     }
 
-    /// Reports samplers of what the shader stores to.
+    /// Reports samplers of images or buffers to which the shader itself stores.
     fn check_sampled(
         &mut self,
         program: &Program,
@@ -297,7 +298,7 @@ impl Loader {
         program.map(|program| (program, files))
     }
 
-    /// The compiled shader of ours, and the indices of its two texts in the report.
+    /// The compiled built-in shader, and the indices of its two texts in the report.
     fn built_in_program(&mut self, built_in: &BuiltIn) -> Option<(Arc<Program>, [u32; 2])> {
         let texts = [built_in.vertex, built_in.fragment];
         let files = texts.map(|text| {
@@ -442,8 +443,9 @@ impl Loader {
         textures
     }
 
-    /// What a uniform gets of a bound image file: `<valueof type="TEXTURE" context="CURRENT" component="COMPONENT_COUNT" id="0"/>`, the number of
-    /// its channels. Outer `None` for values of other kinds, inner `None` after an error.
+    /// The number of channels of a bound image file, for a uniform with
+    /// `<valueof type="TEXTURE" context="CURRENT" component="COMPONENT_COUNT" id="0"/>`. Outer `None` for values of other kinds, inner `None`
+    /// after an error.
     fn texture_value(&mut self, given: &ValueOf, used: &ShaderUse<'_>) -> Option<Option<glsl::Value>> {
         let kind = given.kind.as_ref().filter(|kind| kind.text.eq_ignore_ascii_case("TEXTURE"))?;
         let counts = given.component.as_ref().is_some_and(|part| part.text.eq_ignore_ascii_case("COMPONENT_COUNT"));
@@ -580,8 +582,8 @@ impl Loader {
         None
     }
 
-    /// The image file that a material of `library` binds, or the path and the place of one that is not there. `None` if it binds something
-    /// else.
+    /// The image file that a material of `library` binds. The error is the path of a missing file and the place that names it.
+    /// `None` if the material binds something else.
     pub fn image_file_of(&mut self, library: usize, binding: &Binding) -> Option<Result<PathBuf, (PathBuf, Span)>> {
         let (library, name) = match binding.name.text.split_once("::") {
             Some((other, name)) => {

@@ -7,7 +7,7 @@ use crate::color::BRIGHTEST;
 use crate::image::MAX_SIDE;
 use glam::{DVec3, Vec3, Vec4};
 
-/// Writes names as a list for a message.
+/// Names of an element's attributes.
 fn attribute_names(element: &Element) -> impl Iterator<Item = &str> {
     element.attributes.iter().map(|attribute| attribute.name.as_str())
 }

@@ -58,16 +58,16 @@ impl SceneError {
         Self::new(file, Place::File, what)
     }
 
-    /// The error with line and column in the place of a byte of `text`, the contents of the file.
+    /// The error with its byte position replaced by line and column in `text`, the contents of the file.
     pub(crate) fn in_text(mut self, text: &[u8]) -> Self {
         if let Place::Byte(at) = self.place {
-            // A byte order mark is no column.
+            // A byte order mark does not count as a column.
             let (mark, rest) = text.split_at(if text.starts_with("\u{feff}".as_bytes()) { 3 } else { 0 });
             let before =
                 &rest[..usize::try_from(at).map_or(rest.len(), |at| at.saturating_sub(mark.len()).min(rest.len()))];
             let line = 1 + before.iter().filter(|byte| **byte == b'\n').count();
             let start = before.iter().rposition(|byte| *byte == b'\n').map_or(0, |end| end + 1);
-            // The bytes of a character but its first are 0x80 to 0xbf.
+            // All bytes of a character after its first are 0x80 to 0xbf.
             let column = 1 + before[start..].iter().filter(|byte| **byte & 0xc0 != 0x80).count();
             self.place =
                 Place::Column(u32::try_from(line).unwrap_or(u32::MAX), u32::try_from(column).unwrap_or(u32::MAX));

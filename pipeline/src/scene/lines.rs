@@ -12,8 +12,8 @@ pub(crate) struct Line {
     pub color: LineColor,
 }
 
-/// The colours of the engine's lines: of cameras the near rectangle is red and the rest green; of coordinate axes x is red, y green and
-/// z blue.
+/// The colours of the engine's lines. A camera's near rectangle is red and its other lines are green. Coordinate axes are red (x), green
+/// (y) and blue (z).
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum LineColor {
     Red,
@@ -24,7 +24,7 @@ pub(crate) enum LineColor {
 impl LineColor {
     const ALL: [Self; 3] = [Self::Red, Self::Green, Self::Blue];
 
-    /// Name of its material, as in the engine, by which projects map it.
+    /// Name of its material, as in the engine; projects map materials by it.
     fn material(self) -> &'static str {
         match self {
             Self::Red => "__Emission Red",
@@ -49,18 +49,17 @@ pub(crate) struct LineViewer {
     pub position: DVec3,
     /// Its unit axes: right, up, and the viewing direction.
     pub axes: [DVec3; 3],
-    /// Width and height of a pixel in the middle of the picture: with perspective at the distance 1, otherwise at any.
+    /// Width and height of a pixel in the middle of the picture: at a distance of 1 with perspective, at any distance without.
     pub pixel: DVec2,
     /// Distance of the near plane with perspective; `None` without perspective.
     pub near: Option<f64>,
 }
 
 impl LineViewer {
-    /// The two sides of a line's ribbon: at each end the two corners. `None` if all of it is behind the near plane, or it is seen from
-    /// its end.
+    /// The corners of a line's ribbon, two at each end. `None` if the line is wholly behind the near plane, or is seen end on.
     ///
-    /// The corners are moved along the axis of the picture along which the line is less steep, by half a pixel each way. All points of
-    /// the ribbon are as deep as the line.
+    /// The corners are offset by half a pixel to either side, along the axis of the picture along which the line is shorter. All points of
+    /// the ribbon have the depth of the line.
     fn ribbon(&self, line: &Line) -> Option<[[DVec3; 2]; 2]> {
         let mut ends = line.ends.map(|end| DVec3::from_array(self.axes.map(|axis| axis.dot(end - self.position))));
         if let Some(near) = self.near {
@@ -90,8 +89,8 @@ impl LineViewer {
     }
 }
 
-/// The lines as a scene: ribbons that face the viewer. Their materials are a [sky](Material::sky), so they are seen in their colours whatever
-/// the light, and leave neither positions nor ids for rays. `None` if nothing of them is in front of the viewer.
+/// The lines as a scene: ribbons that face the viewer. Their materials are a [sky](Material::sky), so they have their own colours whatever
+/// the light, and they write no positions or ids that rays would start from. `None` if no line is in front of the viewer.
 pub(crate) fn scene(lines: &[Line], viewer: &LineViewer) -> Option<Scene> {
     // Positions are relative to the viewer.
     let mut mesh = Mesh { name: "lines".to_owned(), ..Mesh::default() };

@@ -141,10 +141,10 @@ pub struct SceneLight {
     pub direction: Vec3,
     /// Colour times intensity, as the file has it: in lux for a directional light, in candela for others.
     pub color: Vec3,
-    /// Position, relative to [`Scene::origin`]; `None` for a directional light. The light of a place falls off with the square of the
+    /// Position, relative to [`Scene::origin`]; `None` for a directional light. Light from a position falls off with the square of the
     /// distance.
     pub position: Option<Vec3>,
-    /// Distance at which the light of a place ends; infinite where it does not.
+    /// Distance at which light from a position ends; infinite where it does not.
     pub range: f32,
     /// Angles between the axis of a spot light and the edges of its cone, in radians: where it begins to fade, and where it ends.
     pub cone: Option<[f32; 2]>,
@@ -199,11 +199,11 @@ pub enum TextureSource {
         /// The alpha, resampled to the size of the colours.
         mask: PathBuf,
     },
-    /// Another source that is read otherwise than by repetition and trilinear filtering.
+    /// Another source whose sampling is not repetition with trilinear filtering.
     Sampled {
         /// The texels.
         source: Box<TextureSource>,
-        /// Wrap modes, and what is read where the texture is magnified.
+        /// Wrap modes, and the magnification mode.
         sampling: Sampling,
     },
     /// Another source whose texels are data, not colours (normals, roughness): never decoded from sRGB.
@@ -211,7 +211,7 @@ pub enum TextureSource {
         /// The texels.
         source: Box<TextureSource>,
     },
-    /// What another source's alpha lets through: 1 - opacity times alpha, in all channels. Always within [`Self::Data`].
+    /// Transmittance of another source's alpha: 1 - opacity times alpha, in all channels. Always within [`Self::Data`].
     Clear {
         /// The texels.
         source: Box<TextureSource>,
@@ -245,19 +245,19 @@ impl TextureSource {
         matches!(self, Self::Data { .. })
     }
 
-    /// What this source's alpha lets through, as data. `opacity` is the factor of alpha, in 65,535ths.
+    /// The transmittance of this source's alpha ([`Self::Clear`]), as data. `opacity` is the factor of alpha, in 65,535ths.
     #[must_use]
     pub fn clear(self, opacity: u16) -> Self {
         Self::Clear { source: Box::new(self), opacity }.data()
     }
 
-    /// Whether the texels are what the alpha of others lets through.
+    /// Whether the texels are the transmittance of another source's alpha.
     #[must_use]
     pub fn is_clear(&self) -> bool {
         matches!(self, Self::Data { source } if matches!(**source, Self::Clear { .. }))
     }
 
-    /// This source, read so. It must not be read otherwise already.
+    /// This source with a sampling. It must not have one already.
     #[must_use]
     pub fn sampled(self, sampling: Sampling) -> Self {
         if sampling == Sampling::default() { self } else { Self::Sampled { source: Box::new(self), sampling } }
@@ -311,16 +311,16 @@ pub struct Material {
     /// Whether some triangles of the material have vertex colours ([`Geometry::colors`]). [`RenderScene::build`] sets it; `false`
     /// before.
     pub vertex_colors: bool,
-    /// Whether it is a sky around the scene: in corrected fidelity it is seen as it is, whatever the light, and it is in the way of neither
-    /// light nor ambient occlusion. Projects say so ([`SceneDecl::sky`](crate::project::SceneDecl::sky)), scene files do not.
+    /// Whether it is a sky around the scene. In corrected fidelity a sky is shown in its own colours whatever the light, and occludes
+    /// neither light nor ambient occlusion rays. Projects declare skies ([`SceneDecl::sky`](crate::project::SceneDecl::sky)), scene files do not.
     pub sky: bool,
     /// Whether cameras cull its back faces, whose corners run clockwise on screen (glTF unless `doubleSided`). Rays hit both sides:
     /// light that entered glass must leave it, and a wall blocks light from either side.
     pub single_sided: bool,
     /// Share of the light that enters (glTF `KHR_materials_transmission`), 0..=1.
     pub transmission: f32,
-    /// What that share is multiplied by: the red channel, as a number, at the coordinates of [`Self::texture`] (glTF
-    /// `transmissionTexture`). What does not enter by it is scattered back ([`Self::veil`]). Index into [`Scene::textures`].
+    /// Texture whose red channel, as a number, multiplies [`Self::transmission`], at the coordinates of [`Self::texture`]
+    /// (glTF `transmissionTexture`). Light that it keeps from entering is scattered back ([`Self::veil`]). Index into [`Scene::textures`].
     pub transmission_texture: Option<u32>,
     /// Whether the surface bounds a solid body instead of being a thin wall (glTF `thicknessFactor` above 0; MTL `illum` 6 and 7).
     /// This field and the following ones apply with `glass=auto`; a thin pane has only the program's index of refraction.
@@ -328,9 +328,9 @@ pub struct Material {
     /// Share of light, by colour, that passes the surface at each crossing, in addition to Fresnel's term: glTF's base colour, or
     /// the square root of MTL's `Tf` for a body, since light crosses its surface twice. Linear, 0..=1.
     pub filter: Vec3,
-    /// What is kept of reflected light by colour, each time that glass reflects it (glTF `extras.reflectionColor`). Linear, 0..=1.
+    /// Share of reflected light, by colour, that is kept at each reflection by glass (glTF `extras.reflectionColor`). Linear, 0..=1.
     pub reflection: Vec3,
-    /// What glass reflects in the place of Fresnel's share (glTF `extras.schlick`); `None` where that serves.
+    /// Reflectance of glass that replaces Fresnel's equations (glTF `extras.schlick`); `None` keeps these.
     pub reflectance: Option<Reflectance>,
     /// Whether the texture's colour is part of the filter (glTF) and not only of the diffuse colour (MTL).
     pub filter_textured: bool,
@@ -346,7 +346,7 @@ pub struct Material {
     /// Roughness of the surface as glass (glTF `roughnessFactor`, MTL `Pr`), 0..=1. Its square is the width alpha of the microfacet
     /// distribution.
     pub roughness: f32,
-    /// What the roughness is multiplied by: the green channel, as a number, at the coordinates of [`Self::texture`] (glTF
+    /// Texture whose green channel, as a number, multiplies the roughness, at the coordinates of [`Self::texture`] (glTF
     /// `metallicRoughnessTexture`, MTL `map_Pr`). Index into [`Scene::textures`].
     pub roughness_texture: Option<u32>,
     /// Thickness in scene units, as the file has it (glTF `KHR_materials_volume`). Used only for a surface with a volume that is
@@ -436,7 +436,7 @@ pub struct Needs {
     pub colors: bool,
     /// Normal maps of materials that have them, with their tangents and texture coordinates; only with [`Self::normals`].
     pub normal_maps: bool,
-    /// Roughness and transmission textures of glass, and the texels of what is blended; only with [`Self::textures`].
+    /// Roughness and transmission textures of glass, and the alpha of blended texels; only with [`Self::textures`].
     pub glass_maps: bool,
     /// Tangents of all meshes, for shaders that read them; only with [`Self::normals`] and [`Self::textures`].
     pub tangents: bool,
@@ -488,8 +488,8 @@ pub struct Geometry {
     /// Exact spheres, in ascending order of their materials. Their normals point outwards; they have neither texture coordinates
     /// nor vertex colours.
     pub spheres: Vec<Sphere>,
-    /// The triangles of a sky ([`Material::sky`]): cameras and the rays of mirrors and glass see them, shadow and occlusion rays do not.
-    /// Rasterisers write their colour alone, as if nothing were drawn there.
+    /// The triangles of a sky ([`Material::sky`]). Cameras and the rays of mirrors and glass see them; shadow and occlusion rays do not.
+    /// Rasterisers write only their colour, as if nothing were drawn there.
     pub sky: TriangleRanges,
 }
 
@@ -665,7 +665,7 @@ impl RenderScene {
         }
         let before = geometry.positions.len();
         join(&mut geometry.colors, &other.geometry.colors, before, whole, Vec4::ONE);
-        // A scene needs coordinates only for its normal maps may have none, if it has no such map.
+        // If only normal maps need texture coordinates, a scene without normal maps may have none.
         join(&mut geometry.texcoords, &other.geometry.texcoords, before, whole, Vec2::ZERO);
         join(&mut geometry.tangents, &other.geometry.tangents, before, whole, Vec4::ZERO);
         let (vertices, triangles) = (index(geometry.positions.len()), index(geometry.triangles.len()));

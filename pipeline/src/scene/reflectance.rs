@@ -1,14 +1,15 @@
-//! Reflectances that materials have in the place of Fresnel's.
+//! Reflectance curves that materials have instead of Fresnel's equations.
 
-/// A curve after Schlick: `minimum + (maximum - minimum) (1 - cos)^exponent`, with the cosine of the angle on the side of the lower index,
-/// so that light has the same share both ways. With ((n - 1) / (n + 1))², 1 and 5 it is Schlick's approximation of Fresnel's equations.
+/// A curve after Schlick: `minimum + (maximum - minimum) (1 - cos)^exponent`. The cosine is that of the angle on the side of the lower
+/// index, so that the reflected share is the same in both directions. With ((n - 1) / (n + 1))², 1 and 5 it is Schlick's approximation of
+/// Fresnel's equations.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Reflectance {
     /// Share reflected at normal incidence: 0 to [`Self::maximum`].
     pub minimum: f32,
-    /// At grazing incidence, up to 1.
+    /// Share reflected at grazing incidence, up to 1.
     pub maximum: f32,
-    /// 0 to [`Self::STEEPEST`].
+    /// Exponent of the curve, 0 to [`Self::STEEPEST`].
     pub exponent: f32,
 }
 
@@ -23,7 +24,7 @@ impl Reflectance {
         Self { minimum: root * root, maximum: 1.0, exponent: 5.0 }
     }
 
-    /// Whether its numbers are in their ranges: then it is nowhere below 0 or above 1.
+    /// Whether its numbers are in their ranges. The curve is then nowhere below 0 or above 1.
     #[must_use]
     pub fn is_valid(&self) -> bool {
         let Self { minimum, maximum, exponent } = *self;
@@ -32,7 +33,7 @@ impl Reflectance {
             && (0.0..=Self::STEEPEST).contains(&exponent)
     }
 
-    /// The share reflected where 1 less the cosine is `away`, 0 to 1.
+    /// The reflected share for `away` = 1 - cosine, 0 to 1.
     #[inline]
     #[must_use]
     pub fn at(&self, away: f32) -> f32 {
@@ -52,7 +53,8 @@ mod tests {
             let share = curve.at(step as f32 / 100.0);
             assert!((0.04..=0.9).contains(&share), "{share}");
         }
-        // Who adds the rest of the minimum to the whole (a precedence in a source of this model) gains light at grazing incidence.
+        // A source of this model has wrong precedence, by which the rest of the minimum is added to the whole. That gains light at grazing
+        // incidence.
         let wrong = |away: f32| 0.04 + (1.0 - 0.04) * 0.04 + (1.0 - 0.04) * away.powf(5.0);
         assert!((wrong(0.0) - 0.0784).abs() < 1e-4 && wrong(1.0) > 1.03);
     }

@@ -126,8 +126,8 @@ impl ShapeKind {
             Self::Grid { divisions, length } => {
                 let at = |u, v| (Vec3::new((u - 0.5) * length, 0.0, (0.5 - v) * length), Vec3::Y);
                 let mut grid = net((divisions, divisions), at, false);
-                // The engine divides the numbers of columns and rows by one more than there are: the last column does not reach 1. Rows count
-                // along z.
+                // The engine divides columns and rows by one more than the number of divisions, so the last column does not reach 1. Rows
+                // count along z.
                 let part = divisions as f32 / (divisions as f32 + 1.0);
                 grid.texcoords.iter_mut().for_each(|at| *at = Vec2::new(at.x, 1.0 - at.y) * part);
                 grid
@@ -226,7 +226,7 @@ pub(crate) fn add(scene: &mut Scene, shapes: &[Shape], file: &Path, max_bytes: u
 mod tests {
     use super::*;
 
-    /// Area and, by the divergence theorem, volume of a shape. Checks that every face has the side of its normals.
+    /// Area and, by the divergence theorem, volume of a shape. Checks that every face points to the side of its normals.
     fn measured(kind: ShapeKind) -> (f64, f64) {
         let mesh = kind.mesh().expect("it has a mesh");
         let (mut area, mut volume) = (0.0, 0.0);

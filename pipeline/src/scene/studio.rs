@@ -15,9 +15,9 @@
 //! track     := u16 flags, u32[2], u32 n, (u32 frame, u16 which, f32 for each of its bits, value)[n]
 //! ```
 //!
-//! Positions are in scene coordinates. A mesh that one node names stands there. Several nodes that name the same mesh are its instances, which
-//! stand where their nodes are in the first frame: at `parent * translation * rotation * scale * -pivot * inverse matrix`; angles turn clockwise
-//! about their axis. The file contains no normals.
+//! Positions are in scene coordinates; a mesh that a single node names is drawn at them. Several nodes that name the same mesh are its
+//! instances. Each is placed as its node is in the first frame: at `parent * translation * rotation * scale * -pivot * inverse matrix`.
+//! Angles turn clockwise about their axis. The file contains no normals.
 
 use super::bytes::{Reader, f32_at};
 use super::context::{Context, MaterialTable, add_texture, texture_file_or_suffix};
@@ -52,10 +52,10 @@ const PLAIN_MAPPING: Mapping = Mapping { scale: Vec2::ONE, offset: Vec2::ZERO };
 
 /// A node of the key-framer.
 struct Node {
-    /// Name of the mesh that stands there; other names belong to nodes that only place others.
+    /// Name of the node's mesh. Nodes with names of no mesh only place their children.
     mesh: String,
     pivot: Vec3,
-    /// To the world, in the first frame.
+    /// From the node to the world, in the first frame.
     transform: Mat4,
 }
 
@@ -68,7 +68,7 @@ struct Loader<'a, 'b> {
     /// Matrices of the meshes, in their order.
     matrices: Vec<Mat4>,
     nodes: Vec<Node>,
-    /// To the world, by a node's id. A parent comes before its children.
+    /// Transforms of nodes to the world, by a node's id. A parent comes before its children.
     frames: HashMap<u16, Mat4>,
     warnings: Warnings,
 }
@@ -172,7 +172,7 @@ fn first_key<const N: usize>(mut reader: Reader<'_>) -> Result<Option<[f32; N]>,
 
 impl Loader<'_, '_> {
     fn node(&mut self, mut reader: Reader<'_>) -> Result<(), SceneError> {
-        /// Of a node without one.
+        /// Parent of a node without a parent.
         const NONE: u16 = u16::MAX;
         let mut node = Node { mesh: String::new(), pivot: Vec3::ZERO, transform: Mat4::IDENTITY };
         let (mut id, mut parent) = (u16::try_from(self.nodes.len()).unwrap_or(NONE), NONE);

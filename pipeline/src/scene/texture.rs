@@ -204,7 +204,7 @@ pub struct Texture {
     pub name: String,
     /// Level 0 is the image; each next one halves both sides (rounded down, at least 1) down to 1 x 1.
     pub levels: Vec<Level>,
-    /// Wrap modes, and what is read where the texture is magnified.
+    /// Wrap modes, and the magnification mode.
     pub sampling: Sampling,
     /// How colours are read: as stored, or decoded from sRGB. Alpha is always read as stored.
     pub space: ColorSpace,
@@ -217,7 +217,7 @@ impl Texture {
         Self { sampling: Sampling { wrap, ..self.sampling }, ..self }
     }
 
-    /// The texture, read otherwise where it is magnified.
+    /// The texture with another magnification mode.
     #[must_use]
     pub fn magnified(self, magnification: Magnification) -> Self {
         Self { sampling: Sampling { magnification, ..self.sampling }, ..self }
@@ -279,7 +279,7 @@ impl Texture {
         Self::build(name, Level { width, height, texels }, true, ColorSpace::Report)
     }
 
-    /// Samples trilinearly at a level of detail; `lod <= 0` reads level 0, and of [`Magnification::Nearest`] one texel.
+    /// Samples trilinearly at a level of detail. `lod <= 0` reads level 0, or with [`Magnification::Nearest`] a single texel of it.
     #[must_use]
     #[inline(always)]
     pub fn sample(&self, uv: Vec2, lod: f32) -> Vec4 {
@@ -308,7 +308,7 @@ impl Texture {
             return level.sample_at::<DECODE>(place);
         }
         let nearest = self.sampling.is_nearest() && lod == 0.0;
-        // At whole numbers one texel has all of the weight. A place is half a texel before the coordinate times the size.
+        // A whole position gives one texel all of the weight. A position is the coordinate times the size, less half a texel.
         let axis = |wrap: Wrap| move |at: f32, count| wrap.around(if nearest { (at + 0.5).floor() } else { at }, count);
         let [u, v] = self.sampling.wrap;
         level.sample_in::<DECODE>(place, axis(u), axis(v))
@@ -425,7 +425,7 @@ mod tests {
     use super::{ColorSpace, Level, Magnification, Texture, Wrap, log2};
     use glam::Vec2;
 
-    /// The texel that stands for one beyond the sides.
+    /// The texel that is read for an index, which may be beyond the sides.
     fn texel(texels: &[u8], wrap: Wrap, index: i64) -> u8 {
         let count = texels.len() as i64;
         let index = match wrap {
@@ -466,7 +466,7 @@ mod tests {
             let blended = row_and_column(&values, wrap);
             let nearest = blended.clone().map(|texture| texture.magnified(Magnification::Nearest));
             let mut others = 0;
-            // Never at the border of two texels.
+            // These coordinates are never on the border of two texels.
             for step in -400..400 {
                 let u = (f64::from(step) + 0.5) * 0.0078125;
                 let exact = f32::from(texel(&values, wrap, (u * 5.0).floor() as i64)) / 255.0;
@@ -485,7 +485,7 @@ mod tests {
             for texture in nearest {
                 assert_eq!(texture.sample(Vec2::new(f32::NAN, 0.0), 0.0), texture.sample(Vec2::INFINITY, 0.0));
                 assert!(texture.sample(Vec2::new(1e30, -1e30), 0.0).is_finite());
-                // At the sides themselves the texel is one of the texture's.
+                // Exactly on a side, the result is some texel of the texture.
                 for side in [Vec2::ZERO, Vec2::ONE, -Vec2::ONE] {
                     assert!(values.iter().any(|value| texture.sample(side, 0.0).x == f32::from(*value) / 255.0));
                 }

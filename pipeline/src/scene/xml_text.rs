@@ -1,4 +1,4 @@
-//! The text of XML files, which say themselves how it is encoded.
+//! The text of XML files, which declare their encoding themselves.
 
 use super::context::Context;
 use super::error::{Place, SceneError};
@@ -8,13 +8,13 @@ use encoding_rs::{Encoding, UTF_8, UTF_16BE, UTF_16LE};
 /// Bytes within which an XML declaration ends.
 const DECLARATION: usize = 1024;
 
-/// Calls `read` with a file's text. Errors in bytes, those of `read` in the bytes of the text as UTF-8, become errors with a line.
+/// Calls `read` with a file's text. Byte positions in errors become lines and columns; those of `read` count bytes of the text as UTF-8.
 ///
-/// A byte order mark says how the file is encoded; without one the XML declaration, and without that it is UTF-8 (XML 1.0, appendix F). The
-/// names of encodings are those of the WHATWG's standard: `ISO-8859-1` is read as the Windows-1252 that contains it.
+/// The encoding is that of the byte order mark, or else of the XML declaration, or else UTF-8 (XML 1.0, appendix F). The names of encodings
+/// are those of the WHATWG's standard: `ISO-8859-1` is read as the Windows-1252 that contains it.
 ///
 /// # Errors
-/// If the encoding is not known, the bytes are not encoded so, or the text needs more memory than is left.
+/// If the encoding is not known, the bytes are not valid in it, or the text needs more memory than is left.
 pub(super) fn with_text<T>(
     bytes: &[u8],
     context: &mut Context<'_>,
@@ -32,7 +32,7 @@ pub(super) fn with_text<T>(
             None => UTF_8,
         },
     };
-    // A declaration that could be read byte by byte is in no UTF-16.
+    // A declaration that can be read as single bytes is not in UTF-16, whatever it says.
     let is_wide = encoding == UTF_16LE || encoding == UTF_16BE;
     if encoding == UTF_8 || is_wide && Encoding::for_bom(bytes).is_none() {
         let text = std::str::from_utf8(bytes).map_err(|error| {

@@ -200,7 +200,7 @@ pub(super) fn moulding(
         let at = |x: f32, (z, y): (f32, f32)| Vec3::new(x, y, z);
         builder.polygon(surface, frame, &[at(from, pair[0]), at(to, pair[0]), at(to, pair[1]), at(from, pair[1])]);
     }
-    // The profile is seen whole from a point on the wall at its top.
+    // A fan from the point on the wall at the profile's top covers the whole end.
     let hub = (profile[0].0, profile[profile.len() - 1].1);
     for (x, forward) in [(from, true), (to, false)] {
         let mut cap = vec![Vec3::new(x, hub.1, hub.0)];

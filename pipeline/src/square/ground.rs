@@ -176,7 +176,7 @@ fn patches(coarse: bool) -> Vec<Patch> {
             rectangle(low_2, high_2, Surface::Setts, turned);
         }
     }
-    // Rings from under the fountain's steps outwards: from and to which radius, surface, width of a stone.
+    // Rings from under the fountain's steps outwards: inner and outer radius, surface, width of a stone.
     let rings = [
         (5.85, 6.9, Surface::Slabs, 0.9),
         (6.9, 7.4, Surface::Basalt, 0.125),

@@ -74,7 +74,7 @@ fn row(start: Vec3, outward: Vec3, plans: &[Plan], depth: f32, seed: u32) -> Vec
             balconies: balconies.to_vec(),
             seed: hash(seed, index as u32, 0x40) & 0xffff,
         };
-        // Hipped roofs project at the sides: leave room for their eaves.
+        // The next house adjoins this one, also under the projecting eaves of a hipped roof.
         frame = frame.moved(width, 0.0, 0.0);
         houses.push(house);
     }

@@ -1,5 +1,5 @@
-//! The bodies of the fuzz targets in `fuzz/`: guarantees that every loader must keep for any bytes at all. The ordinary tests run
-//! them too (`fuzz_brief.rs`).
+//! The bodies of the fuzz targets in `fuzz/`. They check guarantees that every loader must keep for any bytes at all. The ordinary
+//! tests run them too (`fuzz_brief.rs`).
 //!
 //! A body writes its input to a folder of its own, since loaders read files and the files beside them; the folder is in memory if
 //! the system has one there. It loads the input with a cap of [`MAX_BYTES`] and panics if a successful load breaks a guarantee, or

@@ -35,7 +35,7 @@ pub fn picture(input: &[u8]) -> Outcome {
     if read == [false, false] { Outcome::Refused } else { Outcome::Loaded }
 }
 
-/// The most pixels that a PNG's header, or a data window anywhere in an EXR, claims.
+/// Greatest number of pixels that the header of a PNG, or any data window of an EXR, claims.
 fn claimed_pixels(input: &[u8]) -> u64 {
     const WINDOW: &[u8] = b"dataWindow\0box2i\0\x10\0\0\0";
     let words = |bytes: &[u8]| -> Vec<[u8; 4]> { bytes.as_chunks::<4>().0.to_vec() };

@@ -3,7 +3,8 @@
 use super::fuzz_targets::check::{self, Outcome};
 use super::fuzz_targets::{Folder, LIBRARY, PROJECT};
 
-/// The attributes that scripts find, and a pass that asks them before it runs, whether it runs again, and afterwards.
+/// Replacements in [`PROJECT`]: they add attributes for scripts to read, and three scripts to a pass. The first runs before the pass, the
+/// second after it, and the third decides whether the pass runs again.
 const ADDED: [[&str; 2]; 2] = [
     [
         "<assets>",
@@ -18,8 +19,7 @@ const ADDED: [[&str; 2]; 2] = [
     ],
 ];
 
-/// Runs a file of Lua while [`PROJECT`] is read, whose last pass calls three functions of it. What it decides must be the same a
-/// second time.
+/// Reads [`PROJECT`] with the input as a Lua file; the last pass calls three functions of it. A second read must decide the same.
 pub fn script(input: &[u8]) -> Outcome {
     let folder = Folder::new();
     folder.write("everything.mlib", LIBRARY.as_bytes());

@@ -65,7 +65,7 @@ const BANDS_FRAGMENT: &str = include_str!("../../../xml_projects/shaders/glsl/ba
 const SHADOWED_VERTEX: &str = include_str!("../../../xml_projects/shaders/glsl/shadowed.vert");
 const SHADOWED_FRAGMENT: &str = include_str!("../../../xml_projects/shaders/glsl/shadowed.frag");
 
-/// A pass that runs once for each level.
+/// A script that runs its pass once for each level.
 const LEVELS_SCRIPT: &str = r#"function before()
     setAttr("PASS", "main#show", "Share", 0, { 0.25 })
 end
@@ -82,7 +82,7 @@ function after()
 end
 "#;
 
-/// Most words of the language.
+/// A script with most keywords of Lua.
 const WORDS_SCRIPT: &str = r##"local runs, parts = 0, { 1, 2.5, [4] = "four", name = { 0x1p4, 7 // 2, 7 % -3, 1 << 3, ~5 } }
 local held = setmetatable and nil
 function before()

@@ -4,13 +4,13 @@ use super::fuzz_targets::SEPARATOR;
 use super::fuzz_targets::check::Outcome;
 use curitiba_pipeline::glsl::{Block, FRAME, MAX_OUTPUTS, Program, Source, Stage, is_image_size};
 
-/// Compiles a vertex shader and, after a [`SEPARATOR`], a fragment shader. In builds with these assertions the compiler itself
-/// asserts that its output is WGSL that the device's library can read.
+/// Compiles a vertex shader and, after a [`SEPARATOR`], a fragment shader. In builds with debug assertions the compiler itself
+/// asserts that its output is valid WGSL for the device's library.
 pub fn shader(input: &[u8]) -> Outcome {
     // Files that are not UTF-8 are refused before they are compiled.
     let Ok(text) = std::str::from_utf8(input) else { return Outcome::Refused };
     let (vertex, fragment) = text.split_once(char::from(SEPARATOR)).unwrap_or((text, ""));
-    // A leading digit in the vertex shader stands for a target that keeps its depth, at that output location.
+    // A leading digit in the vertex shader is the output location of the depth, for a target that keeps its depth.
     let digit = vertex.bytes().next().filter(u8::is_ascii_digit).map(|digit| usize::from(digit - b'0'));
     let depth = digit.filter(|depth| *depth < MAX_OUTPUTS);
     let vertex = if depth.is_some() { &vertex[1..] } else { vertex };
@@ -44,7 +44,7 @@ fn check<'a>(program: &Program, file: impl Fn(Stage) -> &'a str) {
     }
     for (index, sampler) in program.samplers.iter().enumerate() {
         let [start, end] = sampler.at;
-        // Elements of arrays are samplers of their own: `name[1]`.
+        // Each element of an array is a sampler of its own, such as `name[1]`.
         let declared = sampler.name.split('[').next();
         assert_eq!(file(sampler.stage).get(start..end), declared, "where it is declared");
         assert!(program.samplers[..index].iter().all(|other| other.name != sampler.name), "one of each name");

@@ -1,4 +1,4 @@
-//! Passes whose rays start at the camera: which program is chosen.
+//! Choice of the program for passes whose rays start at the camera.
 
 use crate::support::{Files, SHOW, bad, errors, good, one_error, place, project, with};
 use curitiba_pipeline::camera_programs::SurfaceKind;
@@ -14,7 +14,7 @@ const NAMED: &str = r#"<pass class="rt" name="rays" program="whitted" samples="4
 <glass><material name="Vidro"/></glass><metal><material name="steel*"/></metal></pass>
 "#;
 
-/// A pass in the style of the tutorials of the engine's descendant: the program names are the same, whatever it computes.
+/// A pass in the style of the tutorials of the engine's descendant. Its program names are the same whatever the pass computes.
 fn tutorial(shadow: bool, attributes: &[&str], light: &str, handed: &str, maps: &str) -> String {
     let program = |ray: &str, names: &str| {
         let of = |kind: &str, prefix: &str| {
@@ -95,7 +95,7 @@ fn what_a_pass_is_handed_says_what_it_computes() {
         assert_eq!(found.program, program);
         assert!(start.why.contains(why), "{}", start.why);
         assert_eq!(start.lamp, pass.contains("POSITION"), "{program:?}");
-        // The plan contains the decision, and needs no G-buffer.
+        // The plan contains the decision, and has no G-buffer pass.
         let plan = Plan::new(project, Settings::default()).expect("a plan");
         let what = format!("ray program `{}` for pass `rays`", program.info().stem);
         assert!(plan.decisions.iter().any(|decision| decision.what == what && decision.why.contains(why)));
@@ -182,7 +182,7 @@ fn numbers_of_the_project_become_parameters() {
     assert_eq!((params.camera.light_width, params.background), (0.4, Background::Blue));
     let several = with(&pass, "<scenes>", "<RAYS_PER_PIXEL value=\"2\"/><SHADOW_RAYS value=\"1\"/><scenes>");
     assert_eq!(ray(&project_of(&several)).params.samples, 8);
-    // Numbers that are not handed over are ignored, and attributes of the pass take precedence.
+    // Numbers that the pass does not hand to its programs are ignored, and attributes of the pass take precedence.
     let named = with(&pass, "name=\"rays\">", "name=\"rays\" samples=\"5\" background=\"clear\">");
     let project = project_of(&named);
     assert_eq!((ray(&project).params.samples, ray(&project).params.background), (5, Background::Clear));

@@ -1,4 +1,4 @@
-//! Both dialects of the format, and everything in which the reader is lenient.
+//! Both dialects of the format, and deviations from it that the reader tolerates.
 
 use crate::support::{FINAL, Files, LIBRARY, RASTER, SHADOWS, SHOW, good, line, place, project, ssao, with};
 use curitiba_pipeline::diagnostic::Severity;

@@ -107,10 +107,10 @@ fn what_only_an_effect_reads_stays_where_it_was_drawn() {
 
 #[test]
 fn narrow_formats_rays_and_inspection_need_the_g_buffer_in_host_memory() {
-    // Normals in 16-bit floats are stored as rasterisers keep them themselves.
+    // Rasterisers themselves can store normals as 16-bit floats, so the effect reads them in place.
     let half = plan(load_with(LIBRARY, &[RASTER, MAP, SHOW].concat()), Settings::default());
     assert!(matches!(work(&half, "map"), Work::Effect { resident: true, .. }));
-    // Normals in bytes are not, so the effect must read the rounded values.
+    // Rasterisers cannot store normals as bytes, so the effect must read the rounded values.
     let bytes = LIBRARY.replace("name=\"norm\" internalFormat=\"RGBA16F\"", "name=\"norm\" internalFormat=\"RGBA8\"");
     assert_ne!(bytes, LIBRARY);
     let narrow = plan(load_with(&bytes, &[RASTER, MAP, SHOW].concat()), Settings::default());

@@ -1,4 +1,4 @@
-//! Parts of the engine's projects that have no effect here or cannot run: they are left out with a warning, and the rest renders.
+//! Parts of the engine's projects that have no effect here or cannot run. They are left out with a warning, and the rest renders.
 
 use crate::support::{RASTER, SHADOWS, bad, errors, good, project, with};
 use curitiba_pipeline::project::{MaterialPattern, PassKind, Project};
@@ -25,7 +25,7 @@ fn a_pipeline_that_does_not_run_may_hold_what_is_refused() {
     let said = loaded.pipeline(Some("other")).expect_err("it cannot run");
     assert!(said.contains("pipeline `other` cannot run: ") && said.contains("project.xml:"), "{said}");
     assert_eq!(good(&two("", RASTER)).pipeline(Some("other")), Ok(1), "a whole one can be asked for");
-    // If it is the default pipeline, it is an error.
+    // A default pipeline that cannot run is an error.
     for text in [two("default=\"true\"", MESH), with(&two("", MESH), "<pipelines>", "<pipelines default=\"other\">")] {
         let found = errors(&bad(&text));
         assert!(found.len() == 1 && found[0].ends_with("pass `sums` is of class `mesh`"), "{found:?}");
@@ -34,7 +34,7 @@ fn a_pipeline_that_does_not_run_may_hold_what_is_refused() {
     assert_eq!(named.pipeline(None), Ok(1));
 }
 
-/// Errors outside the pipelines are errors, whichever pipeline runs.
+/// A fault outside the pipelines is an error, whichever pipeline runs.
 #[test]
 fn what_pipelines_share_is_not_excused() {
     let lens = "<perspective fov=\"200\" near=\"1\" far=\"2\" /><view x=";
@@ -55,7 +55,7 @@ fn passes_that_draw_nothing_are_left_out() {
     assert!(errors(&bad(project(&[RASTER, empty].concat()))).iter().any(|error| error.contains("names no scene")));
 }
 
-/// A picture is that of the engine's second frame: passes of its first two frames have run, in the order of the file.
+/// A picture corresponds to the engine's second frame: the passes of the first two frames have run, in the order of the file.
 #[test]
 fn passes_of_every_mode_but_one_run() {
     let raster = |mode: &str| RASTER.replacen('>', &format!("><mode value=\"{mode}\"/>"), 1);
@@ -142,7 +142,7 @@ fn the_engines_name_fits_triangles_without_a_material() {
 
 #[test]
 fn scenes_are_drawn_a_whole_number_of_times() {
-    // The last list is the pass's.
+    // The last list of scenes in the file belongs to the pass.
     let times = |count: &str| {
         let text = project(RASTER);
         let at = text.rfind("<scenes>").expect("the pass's scenes");
@@ -156,7 +156,7 @@ fn scenes_are_drawn_a_whole_number_of_times() {
     for wrong in ["0", "1.5", "-3", "16777218"] {
         assert!(errors(&bad(times(wrong)))[0].ends_with(&format!("draws its scenes {wrong} times")));
     }
-    // Rays and effects meet scenes once.
+    // Ray and effect passes cannot draw their scenes several times.
     let rays = [RASTER, &with(SHADOWS, "<scenes>", "<scenes instances=\"2\">")].concat();
     assert!(errors(&bad(project(&rays)))[0].contains("has its scenes many times"));
 }

@@ -1,4 +1,4 @@
-//! Lights: their kinds, how they fall off, and which shine in a pass.
+//! Lights: their kinds, their falloff, and the choice of lights that illuminate a pass.
 
 use crate::support::{ASSETS, Files, LIBRARY, RASTER, SHADOWS, SHOW, good, one_error, project, with};
 use curitiba_pipeline::backend::Sun;
@@ -9,7 +9,7 @@ use glam::{DVec3, Vec3};
 
 const LAMP: &str = r#"<light name="Lamp"><position x="0" y="3" z="0" /></light>"#;
 
-/// The light `Lamp` of the shared project, declared like this.
+/// The light `Lamp` of the shared project, with this declaration.
 fn lamp(declared: &str) -> Light {
     good(&with(&project(RASTER), LAMP, &format!("<light name=\"Lamp\" {declared}</light>"))).lights[1].clone()
 }
@@ -33,7 +33,7 @@ fn a_light_with_a_place_is_a_point_or_a_spot_light() {
     assert_eq!(soft.falloff.spot, Some(Spot { inner: 20.0, exponent: 0.0, ..cone }));
     let everywhere = lamp(&format!(r#">{PLACE}{down}<SPOT_CUTOFF value="180"/>"#));
     assert_eq!(everywhere.kind(), "point");
-    // The type says what a direction beside a position is.
+    // If a light has a position and a direction, its type determines the meaning of the direction.
     let both = format!(r#"{PLACE}<direction x="0" y="-1" z="0"/><SPOT_CUTOFF value="30"/>"#);
     assert_eq!(lamp(&format!(">{both}")).kind(), "directional");
     let spot = lamp(&format!("type=\"spot\">{both}"));

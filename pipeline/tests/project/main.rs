@@ -1,4 +1,4 @@
-//! Projects and material libraries: what loads, and the messages about what does not.
+//! Projects and material libraries: contents that load, and messages about contents that do not.
 
 mod camera;
 mod dialects;

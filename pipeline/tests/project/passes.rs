@@ -358,7 +358,7 @@ fn quads_must_show_one_thing() {
         project(&[RASTER, SHADOWS, &quad].concat())
     };
     if curitiba_pipeline::glsl::AVAILABLE {
-        // It is taken for GLSL of the project's own, whose files are not there.
+        // The shader is taken for GLSL of the project, and its files are missing.
         let problems = Files::new(quad("flat")).load().expect_err("no files");
         let found = errors(&problems);
         assert!(found.len() == 1 && found[0].contains("flat.vert"), "{found:?}");

@@ -1,4 +1,4 @@
-//! Damaged or hostile files must cause a message, never a panic, a hang or unbounded memory.
+//! Damaged or hostile files must cause a message, never a panic, a hang or unbounded use of memory.
 
 use crate::support::{FINAL, Files, LIBRARY, RASTER, SHOW, bad, errors, line, project};
 use curitiba_pipeline::project::load;

@@ -58,8 +58,8 @@ fn primitives_and_placements_of_both_dialects_are_read() {
     let corner =
         |measure: fn(Vec3, Vec3) -> Vec3, start: Vec3| built.geometry.positions.iter().copied().fold(start, measure);
     let (low, high) = (corner(Vec3::min, Vec3::INFINITY), corner(Vec3::max, Vec3::NEG_INFINITY));
-    // The ball spans -3.5 to -1.5 along x, with twice the height and depth, then half the height; the box has half the height of
-    // 2.
+    // The ball spans -3.5 to -1.5 along x. It has twice the height and depth, and the scene then halves the height. The box has half
+    // the height of 2.
     assert!(low.distance(Vec3::new(-3.5, -1.0, -2.0)) < 0.02 && high.distance(Vec3::new(3.5, 1.0, 2.0)) < 0.02);
     assert!(built.geometry.normals.iter().all(|normal| (normal.length() - 1.0).abs() < 1e-5));
 
@@ -101,7 +101,7 @@ fn exact_spheres_are_placed_as_meshes_are() {
         let mesh = built(&with_param.replace("exact=true", "").replace("exact=TRUE", "")).geometry;
         for vertex in &mesh.positions {
             let off = spheres.iter().map(|sphere| (vertex.distance(sphere.center) - sphere.radius).abs());
-            // A mesh with ten slices is smaller than its sphere, and UNITIZE scales by that size.
+            // A mesh with ten slices is smaller than its sphere, and UNITIZE scales by the size of the mesh.
             let allowed = if param.contains("UNITIZE") { 0.04 } else { 1e-5 };
             let off = off.fold(f32::INFINITY, f32::min);
             assert!(off < allowed, "{param}: {spheres:?} {vertex} {off}");

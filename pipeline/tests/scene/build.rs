@@ -151,7 +151,7 @@ fn pyramid(sides: u32, slope: f32) -> Mesh {
 
 #[test]
 fn computed_normals_are_smooth_below_the_crease_angle_and_weighted_by_angle() {
-    // In a fine fan adjacent faces differ little, though opposite faces meet at far more than 60 degrees.
+    // In a fine fan the angle between adjacent faces is small, though opposite faces meet at far more than 60 degrees.
     let fan = |sides| {
         let scene = scene(vec![pyramid(sides, 1.0)], vec![object(0, Mat4::IDENTITY)], 1);
         build(scene, &BuildOptions::default()).0.geometry

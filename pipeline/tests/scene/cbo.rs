@@ -310,7 +310,7 @@ fn what_the_format_cannot_keep_is_counted() {
     assert_eq!(warnings.groups().len(), 4, "{:?}", warnings.groups());
     assert_eq!(count(&warnings, "names with letters outside Latin-1"), 1);
     assert_eq!(load_one(&folder.path("b.cbo")).unwrap().objects[0].name, "??");
-    // An index means nothing where nothing is transmitted.
+    // Without transmission, the refractive index and the roughness have no meaning, and the writer warns about neither.
     scene.materials[0] = Material { ior: 1.1, roughness: 0.5, ..Material::default() };
     scene.objects[0].name = "a".to_owned();
     assert!(write_cbo(&scene, &folder.path("b.cbo"), Layout::Cbo2014).unwrap().is_empty());

@@ -231,7 +231,7 @@ fn materials_and_their_extensions_are_read() {
     assert_eq!((default.name.as_str(), default.diffuse), ("default", Vec4::ONE));
 }
 
-/// Blending leaves a share of the light that meets the surface as it is.
+/// Alpha blending transmits a share of the incident light unchanged; the glass acts on the rest.
 #[test]
 fn a_blended_pane_lets_through_what_its_alpha_and_its_glass_leave() {
     let (mut json, binary) = square();
@@ -253,7 +253,7 @@ fn a_blended_pane_lets_through_what_its_alpha_and_its_glass_leave() {
         assert!((material.veil + material.transmission - 1.0).abs() < 1e-6, "{material:?}");
         material.transmission * material.filter
     };
-    // Three quarters as it is, and half of the rest in the colour of the glass.
+    // Three quarters of the light are unchanged; of the rest, half passes in the colour of the glass.
     assert!(through(0).distance(Vec3::new(0.75, 0.8125, 0.875)) < 1e-6, "{}", through(0));
     for glass in 1..4 {
         assert!(through(glass).distance(Vec3::new(0.0, 0.25, 0.5)) < 1e-6, "{}", through(glass));
@@ -308,7 +308,7 @@ fn glass_may_have_a_reflectance_and_colours_of_its_own() {
         glass(json!({})),
         glass(json!({"schlick": {"minimum": 0.1, "maximum": 0.9, "exponent": 3}, "reflectionColor": [1, 0.5, 0]})),
         glass(json!({"schlick": {}, "refractionColor": [0.5, 0.25, 0]})),
-        // The index follows from Cauchy's equation; the minimum without a choice from that.
+        // The index follows from Cauchy's equation, and the default minimum from the index.
         glass(json!({"schlick": {"exponent": 4}, "cauchy": [2.0, 0.0]})),
         glass(json!({"schlick": {"minimum": 0.8, "maximum": 0.2}, "reflectionColor": [1, 2, 0]})),
         glass(json!({"schlick": {"power": 5}, "refractionColor": "red"})),
@@ -955,7 +955,7 @@ fn buffer_views_compressed_by_meshopt_hold_what_the_plain_ones_held() {
     };
     assert_eq!(sorted(&scene), sorted(&expected));
 
-    // A fallback need not say that it is one, unless a view of it is not compressed.
+    // A fallback buffer need not be marked as one if all of its views are compressed.
     let mut silent = json.clone();
     silent["buffers"][0] = json!({"byteLength": 92});
     let scene = load_one(&folder.write("silent.gltf", silent.to_string())).unwrap();
@@ -1043,8 +1043,8 @@ fn images_of_other_formats_are_taken_from_their_extensions() {
     assert!(error.contains("KHR_texture_basisu") && error.contains("PNG, JPEG or WebP"), "{error}");
 }
 
-/// The square in a skin of two joints: A translates by 5, and its child B rotates by 90 degrees about (1, 0). The node of the mesh
-/// would move it by 100, which a skin ignores. `weights` are those of A and B, by vertex.
+/// The square in a skin of two joints: A translates by 5, and its child B rotates by 90 degrees about (1, 0). The mesh's node translates
+/// by 100, which a skin ignores. `weights` are the weights of A and B for each vertex.
 fn skinned(weights: [[f32; 2]; 4]) -> (Value, Vec<u8>) {
     let (mut json, mut binary) = square();
     let half = std::f32::consts::FRAC_1_SQRT_2;
@@ -1120,7 +1120,7 @@ fn skinned_meshes_are_where_their_joints_are() {
 #[test]
 fn joints_far_from_the_origin_move_vertices_without_loss() {
     let (mut json, mut binary) = skinned([[0.0, 1.0]; 4]);
-    // In 32 bits both positions would be known only to half a unit.
+    // In 32-bit floats both positions would be rounded to half a unit.
     let far = Vec3::new(6_000_001.0, -3_000_002.0, 9_000_003.0);
     json["nodes"][1] = json!({"children": [2]});
     json["nodes"][2]["translation"] = json!(far.to_array());
@@ -1221,7 +1221,7 @@ fn morph_targets_move_vertices_by_the_default_weights() {
     assert_eq!(moved(&json), (corner + Vec3::new(0.0, 0.5, 0.5), Vec3::new(0.5, 0.0, 1.0)));
     json["nodes"][0]["weights"] = json!([0.0, -1.0]);
     assert_eq!(moved(&json), (corner - Vec3::Y * 2.0, Vec3::Z), "those of the node count");
-    // Targets whose weight is 0 are not even read.
+    // Targets with a weight of 0 are not read.
     json["meshes"][0]["primitives"][0]["targets"][0]["POSITION"] = 99.into();
     assert_eq!(moved(&json).0, corner - Vec3::Y * 2.0);
     json["nodes"][0]["weights"] = json!([1.0, -1.0]);
@@ -1295,7 +1295,7 @@ fn columns(folder: &Folder, name: &str, alpha: impl Fn(u32) -> u8) {
 #[test]
 fn what_is_blended_by_a_texture_is_clear_by_each_texel_or_cut_out() {
     let folder = Folder::new();
-    // An eighth of the columns each of 0, 51, 102 ... 255, and two halves with one half-clear column between them.
+    // `smoke`: alpha grows by 51 every 8 columns, up to 255. `leaf`: a clear half, one half-clear column, and an opaque half.
     columns(&folder, "smoke.png", |x| (x / 8 * 51).min(255) as u8);
     columns(&folder, "leaf.png", |x| [0, 128, 255][usize::from(x > 31) + usize::from(x > 32)]);
     let (mut json, binary) = square();
@@ -1331,7 +1331,7 @@ fn what_is_blended_by_a_texture_is_clear_by_each_texel_or_cut_out() {
     assert_eq!((opaque.transmission, opaque.transmission_texture, opaque.alpha_cutoff), (0.0, None, None));
     assert_eq!((count(&scene.warnings, CUT), count(&scene.warnings, UNASKED)), (1, 0));
 
-    // The texels are what alpha leaves, in both colour spaces.
+    // The texels of the transmission texture are 1 minus the material's alpha, also in linear colour space.
     for (material, opacity) in [(0, 1.0), (2, 0.5)] {
         let mut scene = scene.clone();
         scene.meshes[0].groups[0].material = material;
@@ -1348,13 +1348,13 @@ fn what_is_blended_by_a_texture_is_clear_by_each_texel_or_cut_out() {
         }
     }
 
-    // Where no pass asks the materials what is glass, all are cut at half, and it is said.
+    // If no pass asks for the glass materials, the blended ones are cut out at a texture alpha of one half, with a warning.
     let scene = read(Needs { glass_maps: false, ..Needs::ALL });
     let cutoffs: Vec<Option<f32>> = scene.materials.iter().map(|material| material.alpha_cutoff).collect();
     assert_eq!(cutoffs, [Some(0.5), Some(0.5), Some(0.25), Some(0.5), None]);
     assert!(scene.materials.iter().all(|material| material.transmission_texture.is_none()));
     assert_eq!((count(&scene.warnings, CUT), count(&scene.warnings, UNASKED)), (1, 2));
-    // A load of nothing but the shape tells the same materials to be glass, and complains of no picture.
+    // A load of nothing but shapes finds the same materials to be glass, and warns of no missing texture.
     let scene = read(Needs::NOTHING);
     let glass = scene.materials.iter().map(|material| material.transmission >= curitiba_pipeline::glass::TRANSPARENT);
     assert_eq!(glass.collect::<Vec<_>>(), [true, false, true, false, false]);
@@ -1377,7 +1377,7 @@ fn a_blend_whose_picture_is_lost_is_opaque_and_vertex_alpha_is_said_to_be_ignore
     let scene = load_one(&path).unwrap();
     assert_eq!(count(&scene.warnings, "vertex colours with alpha of what is blended texel by texel"), 1);
     assert!(scene.meshes[0].colors.iter().all(|color| color.w == 1.0));
-    // Its 2014 layout has an alpha test at half, as pictures without rays do.
+    // In the 2014 layout the material has an alpha test at one half, as in pictures without rays.
     let written = folder.path("a.cbo");
     write_cbo(&scene, &written, Layout::Cbo2014).unwrap();
     assert_eq!(load_one(&written).unwrap().materials[0].alpha_cutoff, Some(0.5));
@@ -1386,7 +1386,7 @@ fn a_blend_whose_picture_is_lost_is_opaque_and_vertex_alpha_is_said_to_be_ignore
     let (built, warnings) = RenderScene::build(scene, &BuildOptions::default()).unwrap();
     assert_eq!((built.materials[0].transmission, built.materials[0].transmission_texture), (0.0, None));
     assert_eq!(count(&warnings, "textures that cannot be decoded"), 2, "its colours, and its alpha");
-    // A picture that is missing from the beginning is said once, and leaves the material whole.
+    // A texture that is already missing when the scene is read causes one warning, and the material is opaque.
     std::fs::remove_file(folder.path("smoke.png")).unwrap();
     let scene = load_one(&path).unwrap();
     assert_eq!((count(&scene.warnings, "missing textures"), scene.materials[0].transmission), (1, 0.0));
@@ -1407,6 +1407,6 @@ fn samplers_say_what_is_read_where_textures_are_magnified() {
     let nearest = Sampling { wrap: [Wrap::Repeat, Wrap::Mirror], magnification: Magnification::Nearest };
     let read = scene.textures.iter().map(|texture| texture.texels().1);
     assert_eq!(read.collect::<Vec<_>>(), [nearest, Sampling::default()], "two of the three are alike");
-    // Its alpha, as what lets light through, is read in the same way.
+    // The transmission texture made from the alpha has the same sampling.
     assert_eq!(scene.textures[0].clone().clear(65_535).texels().1, nearest);
 }

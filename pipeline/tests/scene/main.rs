@@ -1,4 +1,4 @@
-//! Scene files of every format: what is read, what is refused and why, and what is built of them.
+//! Scene files of every format: contents that are read, files that are refused and why, and the scenes that are built from them.
 
 mod build;
 mod cbo;

@@ -1,4 +1,4 @@
-//! Normal maps: what loaders read, and the tangents of scenes compared with the directions of growing u and v.
+//! Normal maps: the data that loaders read, and the tangents of scenes compared with the directions of growing u and v.
 
 use crate::scene_support::{Folder, count};
 use curitiba_pipeline::color::ColorSpace;
@@ -273,7 +273,7 @@ fn what_nobody_asks_for_is_not_loaded() {
     let (loaded, built) = build(Needs { normal_maps: false, ..Needs::ALL });
     assert_eq!((loaded, built.geometry.tangents.len(), built.textures.len()), ((0, 6), 0, 0));
     assert_eq!(built.materials[0].normal_texture, None);
-    // If only normals are needed: texture coordinates and the normal map are loaded, and no other texture.
+    // If only normals are needed, texture coordinates and the normal map are loaded, but no other texture.
     let normals = Needs { normals: true, normal_maps: true, ..Needs::NOTHING };
     let (loaded, built) = build(normals);
     assert_eq!((loaded, built.geometry.texcoords.len(), built.textures.len()), ((6, 6), 6, 1));

@@ -224,7 +224,7 @@ fn material_statements_are_read_in_every_legal_form() {
     assert_eq!(named(&scene, "mirror").transmission, 0.0);
     assert_eq!(named(&scene, "seen").transmission, 0.75);
     assert_eq!(named(&scene, "exported").transmission, 0.0);
-    // As a glass body: whether it has a volume, its filter per surface, and the share scattered back.
+    // The material as glass: whether it has a volume, its filter per surface, and the share of light that it scatters back.
     let glass = |name| {
         let material = named(&scene, name);
         (material.volume, material.filter, material.veil)
@@ -319,8 +319,8 @@ fn holes_of_a_colour_texture_cut_out_unless_the_material_is_glass_or_has_a_mask_
     assert_eq!(triangles(&broken.unwrap()), 0, "but neither two nor a fourth field");
 }
 
-/// glTF's rule for `BLEND`, where `map_d` or `d` says that a material is blended: a texture that is half clear over areas is seen through by each
-/// texel's alpha, any other is cut out.
+/// A material that `map_d` or `d` declares as blended follows glTF's rule for `BLEND`. If its texture is half clear over areas, each texel
+/// transmits light by its alpha; any other texture is cut out.
 #[test]
 fn masks_that_are_half_clear_over_areas_are_seen_through_and_others_are_cut() {
     let folder = Folder::new();
@@ -340,7 +340,7 @@ fn masks_that_are_half_clear_over_areas_are_seen_through_and_others_are_cut() {
         load(std::slice::from_ref(&path), &LoadOptions { needs, ..LoadOptions::default() }, &|_| {}).expect("it loads")
     };
     let scene = read(Needs::ALL);
-    // The texture of transmission, and its factor of alpha.
+    // The opacity factor of the transmission texture, if there is one.
     let clear = |name: &str| {
         named(&scene, name).transmission_texture.map(|texture| match scene.textures[texture as usize].clone() {
             TextureSource::Data { source } => match *source {
@@ -354,7 +354,7 @@ fn masks_that_are_half_clear_over_areas_are_seen_through_and_others_are_cut() {
     let found = names.map(|name| (clear(name), named(&scene, name).alpha_cutoff.map(|cutoff| cutoff > 0.1)));
     let seen_through = |opacity| (Some(opacity), Some(false));
     let (cut, whole) = ((None, Some(true)), (None, None));
-    // `alpha` has d 1, and its colour's alpha of 0.4 is that of a hole; glass is cut by its mask alone.
+    // `alpha` has no `d`, so its texture's alpha of 0.4 makes a hole. Glass is cut out only if it has a mask.
     assert_eq!(
         found,
         [seen_through(65_535), seen_through(65_535), seen_through(half), cut, seen_through(half), cut, cut]
@@ -370,7 +370,8 @@ fn masks_that_are_half_clear_over_areas_are_seen_through_and_others_are_cut() {
     }
     assert_eq!(count(&scene.warnings, "materials that are blended texel by texel"), 0);
 
-    // Without passes that ask what is glass it is cut, and clear by its mean; a load without textures knows the mean as well.
+    // If no pass asks for the glass materials, they are cut out and transmit light by their mean alpha. A load without textures finds the
+    // same mean.
     let unasked = read(Needs { glass_maps: false, ..Needs::ALL });
     assert_eq!(count(&unasked.warnings, "materials that are blended texel by texel"), 4);
     for scene in [unasked, read(Needs::NOTHING)] {
@@ -487,7 +488,7 @@ fn files_far_from_their_origin_keep_their_digits() {
         let options = BuildOptions { origin, ..BuildOptions::default() };
         RenderScene::build(scene.clone(), &options).unwrap().0
     };
-    // In f32 positions in map coordinates have a spacing of half a unit; relative to the nearby origin, of half a millionth.
+    // In map coordinates, adjacent `f32` values are half a unit apart; relative to the nearby origin, half a millionth.
     let (world, near) = (build(&scene, Some(DVec3::ZERO)), build(&scene, None));
     assert_eq!((world.origin, near.origin), (DVec3::ZERO, scene.origin));
     assert!((0.05..0.5).contains(&worst(&world)), "{}", worst(&world));
@@ -519,7 +520,8 @@ fn files_near_their_origin_have_the_numbers_that_they_had() {
     assert_eq!((built.origin, built.geometry.positions[1]), (DVec3::ZERO, Vec3::new(101.2, 30.0, 0.0)));
 }
 
-/// A name of bytes that are no UTF-8 is that of a library in UTF-8, or with the same bytes, and so are names of textures.
+/// A file name in bytes that are not UTF-8 finds a library whose name is the same text in UTF-8, or has the same bytes. This also holds
+/// for textures.
 #[test]
 fn libraries_and_textures_are_found_by_names_in_latin_1() {
     let triangle = b"\nv 0 0 0\nv 1 0 0\nv 0 1 0\nusemtl wall\nf 1 2 3\n";

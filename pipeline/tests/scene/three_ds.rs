@@ -73,10 +73,10 @@ fn meshes_materials_and_textures_are_read() {
     assert!(built.geometry.normals.iter().take(2).all(|normal| normal.z > 0.5));
 }
 
-/// A node of the key-framer: its id and its parent's, its mesh, and its place.
+/// A node of the key-framer: its id, its parent's id, its mesh, and its placement in the first frame.
 fn node(id: u16, parent: u16, mesh: &[u8], [position, pivot, scale]: [[f32; 3]; 3], rotation: [f32; 4]) -> Vec<u8> {
     let track = |id: u16, values: &[f32]| {
-        // Two keys, the first with two numbers of its tension and bias.
+        // Two keys; the first has two numbers, its tension and its bias.
         let key = |which: u16, numbers: &[f32], values: &[f32]| {
             [&[0; 4][..], &shorts(&[which]), &floats(numbers), &floats(values)].concat()
         };
@@ -97,7 +97,7 @@ fn node(id: u16, parent: u16, mesh: &[u8], [position, pivot, scale]: [[f32; 3]; 
     )
 }
 
-/// A triangle whose matrix moves it by two along x, with the nodes.
+/// A file with these nodes, and a triangle that its mesh matrix moves by two along x.
 fn with_nodes(nodes: &[Vec<u8>]) -> Vec<u8> {
     let positions = floats(&[2.0, 0.0, 0.0, 3.0, 0.0, 0.0, 2.0, 1.0, 0.0]);
     let matrix = floats(&[1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0, 2.0, 0.0, 0.0]);
@@ -127,13 +127,13 @@ fn instances_stand_where_their_nodes_are_in_the_first_frame() {
         node(5, 4, b"leaf", [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], WHOLE], [0.0; 4]),
         // About z, clockwise: x becomes -y.
         node(6, 4, b"leaf", [AT_REST, AT_REST, WHOLE], [quarter, 0.0, 0.0, 3.0]),
-        // No such parent.
+        // A node whose parent does not exist.
         node(7, 99, b"leaf", [AT_REST, AT_REST, WHOLE], [0.0; 4]),
     ]);
     let scene = load_one(&folder.write("leaves.3ds", &file)).unwrap();
     assert_eq!((scene.meshes.len(), scene.objects.len()), (1, 3));
     assert_eq!(scene.warnings.groups().len(), 0, "{:?}", scene.warnings.groups());
-    // The second corner lies at (1, 0, 0) of the mesh's own axes.
+    // The second corner is at (1, 0, 0) in the mesh's own axes.
     let corner = scene.meshes[0].positions[1];
     let places: Vec<_> = scene.objects.iter().map(|object| object.transform.transform_point3(corner)).collect();
     for (place, expected) in places.into_iter().zip([[4.0, -2.0, 10.0], [0.0, -2.0, 10.0], [1.0, 0.0, 0.0]]) {

@@ -3,7 +3,7 @@
 use crate::scene_support::{Folder, load_one};
 use curitiba_pipeline::scene::{LoadOptions, Scene, load};
 
-/// A triangle with a name in another alphabet than ASCII's.
+/// A triangle whose name has a letter outside ASCII.
 fn dae(encoding: &str) -> String {
     format!(
         r##"<?xml version="1.0" encoding="{encoding}"?>
@@ -17,7 +17,7 @@ fn dae(encoding: &str) -> String {
     )
 }
 
-/// Latin-1: each letter is the byte of its number.
+/// Encodes a text in Latin-1, where each letter is the byte of its code point.
 fn in_bytes(text: &str) -> Vec<u8> {
     text.chars().map(|letter| u8::try_from(letter).expect("Latin-1")).collect()
 }
@@ -44,7 +44,7 @@ fn the_xml_declaration_says_how_the_text_is_encoded() {
     let at = euro.iter().position(|byte| *byte == 0xe9).expect("the letter");
     euro[at] = 0x80;
     assert_eq!(named(&euro), Ok("casa caf€".to_owned()));
-    // A byte order mark decides, whatever is declared; what is declared as UTF-16 and reads byte by byte is UTF-8.
+    // A byte order mark has precedence over the declaration. A text that declares UTF-16 but has one byte per letter is UTF-8.
     let wide = dae("utf-8");
     let wide: Vec<u8> = "\u{feff}".encode_utf16().chain(wide.encode_utf16()).flat_map(u16::to_le_bytes).collect();
     assert_eq!(named(&wide), expected);
@@ -62,12 +62,12 @@ fn text_in_another_encoding_than_the_file_says_is_refused_with_its_place() {
     assert!(latin.contains("this is not UTF-8") && latin.contains("house.dae:3:"), "{latin}");
     let japanese = refused(&[dae("Shift_JIS").into_bytes(), vec![0xfd]].concat());
     assert!(japanese.contains("this is not Shift_JIS, as the file says"), "{japanese}");
-    // Lines are those of the file, whatever its encoding.
+    // Line numbers in messages are those of the file, whatever its encoding.
     let wrong = refused(&in_bytes(&dae("ISO-8859-1").replacen(">0 0 0", ">0 zero 0", 1)));
     assert!(wrong.contains("house.dae:4:") && wrong.contains("`zero`"), "{wrong}");
 }
 
-/// The text in UTF-8, of up to three bytes for each of the file's, is held beside the file.
+/// The text is held in UTF-8 beside the file's bytes, and takes up to three bytes for each of them.
 #[test]
 fn the_text_counts_as_memory() {
     let folder = Folder::new();

@@ -52,7 +52,7 @@ pub fn triangles(scene: &Scene) -> u64 {
     curitiba_pipeline::scene::statistics(scene).triangles
 }
 
-/// Asserts that every index of a loaded scene is in range, as later stages rely on it.
+/// Asserts that every index of a loaded scene is in range; later stages rely on this.
 pub fn assert_references_are_valid(scene: &Scene) {
     for object in &scene.objects {
         assert!((object.mesh as usize) < scene.meshes.len(), "object {} has no mesh", object.name);

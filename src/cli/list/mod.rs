@@ -44,7 +44,7 @@ fn unknown(name: &str) -> Failure {
     Failure::Usage(format!("there is no ray program or raster effect `{name}`\n       {valid}"))
 }
 
-/// A line with a name and a text; [`width::wrapped`] goes on below the text.
+/// A line with a name and a text; [`width::wrapped`] aligns its continuation lines with the text.
 fn named(name: &str, text: impl Display) -> String {
     format!("  {name:16}  {text}")
 }
@@ -107,7 +107,7 @@ fn of_effects(param: &ParamInfo) -> [String; 2] {
     [describe(param, &default), named("", format_args!("read by {}", readers.join(", ")))]
 }
 
-/// The rasterisers; `found` are the adapters, and what each can do.
+/// The rasterisers. `found` holds the adapters, each with a description of what it supports.
 fn rasterisers(found: &[(impl Display, String)]) -> Vec<String> {
     let mut lines = vec![named("cpu", CpuRasteriser::new().device())];
     for (place, (adapter, abilities)) in found.iter().enumerate() {
@@ -147,10 +147,10 @@ fn ray_support(rays: &dyn RayBackend) -> Vec<String> {
     lines
 }
 
-/// Name and description of a program, in a terminal of so many columns.
+/// Name and description of a program, for a terminal with this number of columns.
 fn title(name: &str, about: &str, columns: Option<usize>) -> Vec<String> {
     let mut lines = width::folded(&format!("{name}: {about}"), columns);
-    // The name is one word, and stands in the first line.
+    // The name is one word, and so is in the first line.
     lines[0] = lines[0].replacen(name, &heading(name), 1);
     lines
 }
@@ -187,7 +187,7 @@ fn one_effect(info: &EffectProgramInfo, columns: Option<usize>) -> Vec<String> {
     lines
 }
 
-/// Describes the parameter that only the command line sets, since machines differ.
+/// Describes the parameter that only the command line can set, since machines differ.
 fn own_backend() -> [String; 3] {
     [String::new(), heading("by --set PASS.NAME=VALUE alone"), describe(&OWN_BACKEND, "auto")]
 }
@@ -200,7 +200,7 @@ fn describe(param: &ParamInfo, default: &str) -> String {
 mod tests {
     use super::*;
 
-    /// What a terminal of 80 columns shows of a line, without its styles.
+    /// A line as a terminal of 80 columns shows it, without its styles.
     fn shown(line: &str) -> Vec<String> {
         let plain = format!("{}", anstream::adapter::strip_str(line));
         let shown = width::wrapped(line, 80);
@@ -219,7 +219,7 @@ mod tests {
             "pictures of 16384 x 16384 pixels; rays: scenes of 128 MiB a part; lacks timestamps: no device times";
         lines.extend(rasterisers(&[(adapter, lacks.to_owned())]));
         for info in RAY_PROGRAMS {
-            // What is pasted into a project stays whole.
+            // Text to paste into a project is not wrapped.
             lines.extend(one_ray(info, Some(80)).into_iter().filter(|line| !line.starts_with("<pass")));
         }
         for info in EFFECT_PROGRAMS {

@@ -1,4 +1,4 @@
-//! One effect: its pictures under a divider, FLIP maps, speed against error, where the time goes, every setting.
+//! The section of an effect: pictures with a divider, FLIP maps, speed against error, times of the steps, and all settings.
 
 use super::{Plots, table};
 use crate::bench::model::{BenchRow, RowError};
@@ -56,7 +56,7 @@ pub fn section(data: &ReportData, section: &Section, plots: &mut Plots) -> Marku
     }
 }
 
-/// The passes of the rows with pictures, by raster and by rays: as long as they differ in their passes and not only in settings.
+/// The graphs of the rows with pictures, by raster and by rays. Rows that differ only in settings share one graph.
 fn graphs(data: &ReportData, section: &Section, plots: &mut Plots) -> Markup {
     let mut known: Vec<&[[String; 2]]> = Vec::new();
     let different: Vec<_> = section

@@ -1,4 +1,4 @@
-//! The page: from [`ReportData`] and finished plots to one HTML file. Nothing is rendered or read here.
+//! Builds the page, a single HTML file, from [`ReportData`] and finished plots. Nothing is rendered or read here.
 
 mod effect;
 mod table;
@@ -16,15 +16,15 @@ use maud::{DOCTYPE, Markup, PreEscaped, html};
 const STYLE: &str = include_str!("page.css");
 const SCRIPT: &str = include_str!("page.js");
 
-/// What marks a page as ours, in its `meta name="generator"`.
+/// Marks a page as a report of this program, in its `meta name="generator"`.
 pub const GENERATOR: &str = "curitiba report";
 
-/// The page, and the plots as files of their own.
+/// The page, and its plots as separate files.
 #[derive(Debug, Clone)]
 pub struct Page {
     /// `index.html`.
     pub html: String,
-    /// Name inside `plots/` and content of each SVG file.
+    /// Name inside `plots/`, and contents, of each SVG file.
     pub plots: Vec<(String, String)>,
 }
 
@@ -92,7 +92,7 @@ pub fn build(data: &ReportData) -> Page {
     Page { html: page.into_string(), plots: plots.0 }
 }
 
-/// No more than a title: the answer is to be seen without scrolling.
+/// The top of the page, only a title: the answer should be visible without scrolling.
 fn top(data: &ReportData) -> Markup {
     html! {
         header.top {
@@ -137,7 +137,7 @@ fn machine(data: &ReportData) -> Markup {
     }
 }
 
-/// Every field of the environment, under the name that a reader knows it by.
+/// Every field of the environment, under its name for readers.
 fn facts(data: &ReportData) -> Vec<(String, String)> {
     const ORDER: [&str; 10] =
         ["cpu", "threads", "gpu", "driver", "platform", "version", "commit", "profile", "flags", "load_average"];
@@ -161,7 +161,7 @@ fn facts(data: &ReportData) -> Vec<(String, String)> {
     fields.iter().map(|(name, value)| (title(name), words(value))).collect()
 }
 
-/// A JSON value as a reader reads it.
+/// A JSON value as text for readers.
 fn words(value: &serde_json::Value) -> String {
     match value {
         serde_json::Value::Null => "not known".to_owned(),
@@ -177,7 +177,7 @@ fn words(value: &serde_json::Value) -> String {
     }
 }
 
-/// A caution where other programs ran beside the measurements.
+/// A warning if other programs ran during the measurements.
 fn busy(data: &ReportData) -> Markup {
     let environment = &data.bench.environment;
     html! {
@@ -191,7 +191,7 @@ fn busy(data: &ReportData) -> Markup {
     }
 }
 
-/// Every engine that a row ran on, in the order of the rows.
+/// Every engine that rows ran on, in the order of the rows.
 fn engines(data: &ReportData) -> Vec<(&'static str, String)> {
     let mut found: Vec<(&'static str, String)> = Vec::new();
     for row in &data.bench.rows {
@@ -217,7 +217,7 @@ fn in_short(data: &ReportData) -> Markup {
                 p { strong { (first) } }
             }
             div.scroll tabindex="0" role="group" aria-label="Table of advice" {
-                // With roles, because narrow windows lay it out as lines, which takes away those of the elements.
+                // Narrow windows lay the table out as lines, which removes the elements' own roles; hence the explicit roles.
                 table.advice role="table" {
                     thead role="rowgroup" {
                         tr role="row" {
@@ -332,7 +332,7 @@ fn effects(data: &ReportData, plots: &mut Plots) -> Markup {
     }
 }
 
-/// What several samples a pixel cost, and what they do for the picture.
+/// Costs of several samples a pixel, and their effect on the picture.
 fn pixel_samples(data: &ReportData) -> Markup {
     let rows: Vec<&BenchRow> = data.pixel_samples.iter().filter_map(|key| data.row(key)).collect();
     html! {
@@ -350,7 +350,7 @@ fn pixel_samples(data: &ReportData) -> Markup {
     }
 }
 
-/// Names the report's machine beside ours, where its figures stand in the table.
+/// Names the report's machine beside ours, if the table has the report's figures.
 fn figures_of_2014(rows: &[&BenchRow]) -> Markup {
     let thesis = rows.iter().find_map(|row| row.thesis.as_ref());
     html! {

@@ -1,4 +1,4 @@
-//! Tables of rows: readable as they stand, sortable with the script.
+//! Tables of rows, which the page's script makes sortable.
 
 use super::tag;
 use crate::bench::model::{BenchRow, RowError, Stats};
@@ -8,7 +8,7 @@ use crate::report::model::{Against, ReportData, Scaling};
 use crate::report::number::{bytes, error, grouped, significant};
 use maud::{Markup, html};
 
-/// The columns that every row has, grouped.
+/// A table with the columns that all rows have, in groups.
 pub fn rows(data: &ReportData, rows: &[&BenchRow], caption: &str) -> Markup {
     let device = rows.iter().any(|row| row.frame_device.is_some());
     let processor = rows.iter().any(|row| row.frame_processor.is_some());
@@ -104,7 +104,7 @@ pub fn rows(data: &ReportData, rows: &[&BenchRow], caption: &str) -> Markup {
     }
 }
 
-/// What adaptive sampling of glass spent.
+/// Number of paths of adaptive sampling of glass.
 fn spent_list(rows: &[&BenchRow]) -> Markup {
     let lines: Vec<String> = rows.iter().flat_map(|row| spent(row)).collect();
     html! {
@@ -115,7 +115,7 @@ fn spent_list(rows: &[&BenchRow]) -> Markup {
     }
 }
 
-/// The error of a row's picture, and whether it is that at most.
+/// The error of a row's picture, and whether it is only an upper bound.
 pub fn of_picture(row: &BenchRow) -> Option<(&Comparison, bool)> {
     let error = row.picture_error.as_ref()?;
     error.found().map(|(found, _)| (found, error.is_at_most()))
@@ -130,7 +130,7 @@ fn picture_errors(row: &BenchRow) -> Markup {
     }
 }
 
-/// What errors of pictures are against, or why rows have none: a few at most, since a table may have many rows.
+/// A list of the references of pictures, and of reasons why rows have none. It is short, since a table may have many rows.
 fn pictures_list(rows: &[&BenchRow]) -> Markup {
     const MOST: usize = 4;
     let lines = of_pictures(rows.iter().copied());
@@ -148,7 +148,7 @@ fn pictures_list(rows: &[&BenchRow]) -> Markup {
     }
 }
 
-/// A cell with the value that it is sorted by; a dash where there is none.
+/// A cell with the value by which it is sorted; a dash for `None`.
 fn number(value: Option<f64>, print: impl Fn(f64) -> String) -> Markup {
     html! {
         @match value {
@@ -158,10 +158,10 @@ fn number(value: Option<f64>, print: impl Fn(f64) -> String) -> Markup {
     }
 }
 
-/// Columns that paper has no room for.
+/// Columns that are left out on paper for lack of room.
 const EXTRA: [&str; 5] = ["rel. MSE", "PSNR, dB", "energy", "outliers", "Memory"];
 
-/// Columns of the shares of glass pixels, of effects that march rays through the picture; paper has no room for them either.
+/// Columns of the shares of glass pixels, for effects that march rays through the picture; also left out on paper.
 const GLASS: [&str; 4] = ["by screen", "by cube", "by rays", "by nothing"];
 
 fn glass(row: &BenchRow) -> Markup {
@@ -173,7 +173,7 @@ fn glass(row: &BenchRow) -> Markup {
     }
 }
 
-/// [`number`] in a column that paper has no room for.
+/// [`number`] in a column that is left out on paper.
 fn extra(value: Option<f64>, print: impl Fn(f64) -> String) -> Markup {
     html! {
         @match value {
@@ -250,7 +250,7 @@ fn more_errors(row: &BenchRow) -> Markup {
     }
 }
 
-/// What the errors of a table are against, each once: the cells have numbers.
+/// The references of a table's errors, each once, numbered for the cells.
 struct References(Vec<String>);
 
 impl References {
@@ -289,7 +289,7 @@ impl References {
     }
 }
 
-/// The figures behind a scaling plot.
+/// The numbers of a scaling plot.
 pub fn scaling(data: &ReportData, scaling: &Scaling) -> Markup {
     let quantity = match scaling.against {
         Against::Triangles => "Triangles",

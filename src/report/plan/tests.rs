@@ -1,4 +1,4 @@
-//! What is planned, and what is left out.
+//! Tests of what is planned, and what is left out.
 
 use super::*;
 use std::collections::HashSet;

@@ -1,4 +1,4 @@
-//! Where a frame's time goes: one bar a row, one piece a step, the shortest first.
+//! Times of the steps of a frame: one bar per row, one piece per step, the shortest frame first.
 
 use super::Plot;
 use super::canvas::{
@@ -26,8 +26,8 @@ const KINDS: [(StepKind, Ink, &str); 7] = [
     (StepKind::Quad, RAYS[1], "quad"),
 ];
 
-/// Horizontal bars of the median time of each kind of step, the shortest frame first, with the whole frame's median and its 95 % interval at the end. What all labels
-/// begin with, `common`, is left out of them. `None` without rows.
+/// Horizontal bars of the median time of each kind of step, the shortest frame first. The end of each bar shows the median of the whole frame
+/// and its 95 % interval. `common` is the beginning of all labels, and left out of them. `None` without rows.
 #[must_use]
 pub fn frame_bars(title: &str, rows: &[&BenchRow], common: &str) -> Option<Plot> {
     let mut rows = rows.to_vec();
@@ -75,7 +75,7 @@ pub fn frame_bars(title: &str, rows: &[&BenchRow], common: &str) -> Option<Plot>
             .draw()?;
         let area = chart.plotting_area();
         for (index, row) in rows.iter().enumerate() {
-            // The first row is the uppermost.
+            // The first row is at the top.
             let middle = count - index as f64 - 0.5;
             let mut from = 0.0;
             for ((_, ink, _), piece) in KINDS.iter().zip(pieces(row)) {
@@ -105,7 +105,7 @@ pub fn frame_bars(title: &str, rows: &[&BenchRow], common: &str) -> Option<Plot>
     })
 }
 
-/// Milliseconds of each of [`KINDS`].
+/// Times of each of [`KINDS`], milliseconds.
 fn pieces(row: &BenchRow) -> [f64; KINDS.len()] {
     KINDS.map(|(kind, _, _)| row.steps.iter().filter(|step| step.kind == kind).map(|step| step.host.median).sum())
 }
@@ -119,7 +119,7 @@ fn shorten(label: &str) -> String {
     format!("{}…", kept.trim_end())
 }
 
-/// A tick without float dust.
+/// A tick's value, without rounding errors of floats.
 fn trim(value: f64) -> String {
     let text = format!("{value:.3}");
     text.trim_end_matches('0').trim_end_matches('.').to_owned()

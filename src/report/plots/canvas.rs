@@ -1,4 +1,4 @@
-//! What all plots share: colours that follow the page, text, legends, marks, logarithmic axes.
+//! Items that all plots share: colours that follow the page, text, legends, marks, logarithmic axes.
 
 use super::Plot;
 use plotters::coord::Shift;
@@ -6,25 +6,25 @@ use plotters::coord::ranged1d::{DefaultFormatting, KeyPointHint, Ranged};
 use plotters::prelude::*;
 use plotters::style::text_anchor::{HPos, Pos, VPos};
 
-/// A colour of the page, by the place of its variable in [`VARIABLES`]. plotters knows fixed colours only, so each is
-/// drawn as one that nothing else uses and renamed in the finished SVG.
+/// A colour of the page, as an index into [`VARIABLES`]. plotters supports fixed colours only, so each is
+/// drawn in a unique fixed colour, which the finished SVG replaces by the page's variable.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Ink(u8);
 
 /// Text and axes.
 pub const INK: Ink = Ink(0);
-/// Text of less weight.
+/// Less prominent text.
 pub const MUTED: Ink = Ink(1);
 /// Grid lines.
 pub const GRID: Ink = Ink(2);
-/// What rays do; two more for further series.
+/// Rays: the main colour, and two more for further series.
 pub const RAYS: [Ink; 3] = [Ink(3), Ink(4), Ink(5)];
-/// What raster does; two more for further series.
+/// Raster: the main colour, and two more for further series.
 pub const RASTER: [Ink; 3] = [Ink(6), Ink(7), Ink(8)];
-/// Neither.
+/// Neither rays nor raster.
 pub const NEUTRAL: Ink = Ink(9);
 
-/// Name, light and dark value of each colour. Each series has a contrast of at least 3 against its ground, text of 4.5
+/// Name, light and dark value of each colour. Against its background, each series has a contrast of at least 3, and text one of 4.5
 /// (WCAG 2.2, 1.4.3 and 1.4.11); a test computes them.
 pub const VARIABLES: [(&str, &str, &str); 10] = [
     ("--ink", "#1c1e21", "#e6e4df"),
@@ -38,11 +38,11 @@ pub const VARIABLES: [(&str, &str, &str); 10] = [
     ("--raster-3", "#7a6a00", "#d2bf4a"),
     ("--neutral", "#6b7078", "#9aa0a8"),
 ];
-/// Light and dark ground of the page.
+/// Light and dark background of the page.
 pub const GROUND: [&str; 2] = ["#fbfaf7", "#16181b"];
 
 impl Ink {
-    /// As plotters draws it.
+    /// The fixed colour in which plotters draws it.
     pub const fn color(self) -> RGBColor {
         RGBColor(1, 2, 16 + self.0)
     }
@@ -56,18 +56,18 @@ pub const FONT: i32 = 13;
 pub type Root<'a> = DrawingArea<SVGBackend<'a>, Shift>;
 pub type Failed = DrawingAreaErrorKind<std::io::Error>;
 
-/// Text in a colour, anchored.
+/// A text style with a colour and an anchor.
 pub fn text(size: i32, ink: Ink, horizontal: HPos, vertical: VPos) -> TextStyle<'static> {
     ("sans-serif", size).into_font().color(&ink.color()).pos(Pos::new(horizontal, vertical))
 }
 
-/// About the width of text in a sans-serif font, pixels.
+/// Approximate width of text in a sans-serif font, pixels.
 pub fn text_width(text: &str, size: i32) -> i32 {
     (text.chars().count() as f64 * f64::from(size) * 0.55).ceil() as i32
 }
 
-/// Draws a plot of `size` pixels, and makes its colours the page's. `None` if plotters refuses, which it does for empty
-/// ranges only; callers do not pass any.
+/// Draws a plot of `size` pixels, and replaces its colours by the page's. `None` if plotters fails, which it does for empty
+/// ranges only; callers pass none.
 pub fn draw(size: (u32, u32), title: &str, paint: impl FnOnce(&Root<'_>) -> Result<(), Failed>) -> Option<Plot> {
     let mut svg = String::new();
     let painted = {
@@ -115,7 +115,7 @@ pub enum Mark {
 }
 
 impl Mark {
-    /// One after the other.
+    /// The mark at an index; the marks repeat.
     pub fn of(index: usize) -> Self {
         [Self::Circle, Self::Square, Self::Diamond, Self::Triangle, Self::Bar][index % 5]
     }
@@ -132,7 +132,7 @@ impl Mark {
         Some(corners.iter().map(|(dx, dy)| (x + dx, y + dy)).collect())
     }
 
-    /// Draws it.
+    /// Draws the mark.
     pub fn draw(self, root: &Root<'_>, at: (i32, i32), ink: Ink) -> Result<(), Failed> {
         let style = ink.color().filled();
         match self.outline(at) {
@@ -149,7 +149,7 @@ pub struct Entry {
     pub label: String,
 }
 
-/// Where the entries of a legend go, in lines of at most `width` pixels, and the height of all lines.
+/// Positions of the entries of a legend in lines of at most `width` pixels, and the height of all lines.
 pub fn lay_out(entries: &[Entry], width: i32) -> (Vec<(i32, i32)>, i32) {
     let (mut x, mut y) = (0, 0);
     let mut places = Vec::with_capacity(entries.len());
@@ -164,7 +164,7 @@ pub fn lay_out(entries: &[Entry], width: i32) -> (Vec<(i32, i32)>, i32) {
     (places, y + LINE + 6)
 }
 
-/// Draws a legend from the point `at` on, in the places that [`lay_out`] gave.
+/// Draws a legend with its corner at `at`, with the positions that [`lay_out`] returned.
 pub fn legend(root: &Root<'_>, entries: &[Entry], places: &[(i32, i32)], at: (i32, i32)) -> Result<(), Failed> {
     for (entry, (x, y)) in entries.iter().zip(places) {
         let (x, y) = (at.0 + x, at.1 + y);
@@ -174,7 +174,7 @@ pub fn legend(root: &Root<'_>, entries: &[Entry], places: &[(i32, i32)], at: (i3
     Ok(())
 }
 
-/// A logarithmic axis: the coordinate is the decimal logarithm, so that ticks stand where we want them.
+/// A logarithmic axis. Its coordinate is the decimal logarithm, so that we can choose the ticks.
 #[derive(Clone)]
 pub struct LogAxis {
     /// Logarithms of the ends.
@@ -184,14 +184,14 @@ pub struct LogAxis {
 }
 
 impl LogAxis {
-    /// Around positive values, with a little room; `None` if there are none.
+    /// An axis around positive values with some margin; `None` if there are no values.
     pub fn around(values: impl Iterator<Item = f64>) -> Option<Self> {
         let logs = values.filter(|value| *value > 0.0 && value.is_finite()).map(f64::log10);
         let (low, high) = logs.fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), v| (low.min(v), high.max(v)));
         if low > high {
             return None;
         }
-        // Half a factor of two at least, so that a single value has an axis too.
+        // At least 0.12 decades on each side, so that a single value also has an axis.
         let room = ((high - low) * 0.07).max(0.12);
         let (low, high) = (low - room, high + room);
         let steps: &[f64] = match high - low {
@@ -256,7 +256,7 @@ impl Ranged for LogAxis {
     }
 }
 
-/// Prints the value of a tick of a [`LogAxis`]: two digits, no float dust.
+/// Text of a tick of a [`LogAxis`]: two digits, without rounding errors of floats.
 pub fn tick(logarithm: f64) -> String {
     let value = 10_f64.powf(logarithm);
     if value >= 999.5 {

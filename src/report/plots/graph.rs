@@ -1,4 +1,4 @@
-//! The passes of a row, from the first down to the window, with what each hands on and the time that it took on its edges.
+//! The graph of a row's passes, from the first down to the window. Its edges show each pass's time and the attachments that it writes.
 
 use super::Plot;
 use super::canvas::{FONT, INK, MUTED, NEUTRAL, RASTER, RAYS, Root, draw, text, text_width};
@@ -13,10 +13,10 @@ const WIDTH: i32 = 760;
 const BOX: i32 = 34;
 const PITCH: i32 = 84;
 const LEFT: i32 = 16;
-/// Between the boxes and the lines that pass some of them by, and between such lines.
+/// Distance between the boxes and the edges that bypass boxes, and between such edges.
 const LANE: i32 = 26;
 
-/// Boxes one below the other. `None` for a row of no pass.
+/// Draws the passes as boxes, one below the other. `None` for a row without passes.
 #[must_use]
 pub fn pass_graph(graph: &PassGraph, row: &BenchRow) -> Option<Plot> {
     if graph.passes.is_empty() {
@@ -40,7 +40,7 @@ pub fn pass_graph(graph: &PassGraph, row: &BenchRow) -> Option<Plot> {
         let window = format!("the window: {} a frame", milliseconds(row.frame.median));
         root.draw_text(&window, &text(FONT, INK, HPos::Left, VPos::Center), (LEFT + 14, y + BOX / 2))?;
         let middle = LEFT + 40;
-        // Lines that pass some boxes by, one beside the other.
+        // Edges that bypass boxes lie beside each other.
         let mut lanes = 0;
         for (from, to, attachments) in &graph.edges {
             let (from, to) = (*from as i32, *to as i32);
@@ -65,7 +65,7 @@ pub fn pass_graph(graph: &PassGraph, row: &BenchRow) -> Option<Plot> {
     })
 }
 
-/// What steps of a pass took, by its name: the sum of their medians.
+/// Host time of a pass's steps: the sum of their medians.
 fn pass_ms(row: &BenchRow, pass: &str) -> f64 {
     row.steps.iter().filter(|step| step.name == pass).map(|step| step.host.median).sum()
 }
@@ -84,7 +84,7 @@ fn ink(row: &BenchRow, pass: &str) -> super::canvas::Ink {
     }
 }
 
-/// A line with a head at its end, which is straight down or to the left.
+/// A line with an arrow head at its end, which points down or to the left.
 fn arrow(root: &Root<'_>, points: &[(i32, i32)]) -> Result<(), super::canvas::Failed> {
     let [.., before, (x, y)] = points else { return Ok(()) };
     let head = if before.0 == *x {

@@ -18,6 +18,6 @@ pub use threads::threads_plot;
 pub struct Plot {
     /// An `svg` element for the page; its colours are the page's CSS variables.
     pub inline: String,
-    /// The same as a file that stands alone.
+    /// The same plot as a file of its own.
     pub file: String,
 }

@@ -19,7 +19,7 @@ pub struct Fit {
     pub spread: f64,
 }
 
-/// Least squares of the logarithms. `None` for fewer than three different places, where a line says nothing.
+/// Least squares fit of the logarithms. `None` for fewer than three different quantities, to which any line fits.
 #[must_use]
 pub fn fit(points: &[(f64, f64)]) -> Option<Fit> {
     let logs: Vec<(f64, f64)> =
@@ -46,7 +46,7 @@ pub fn points(data: &ReportData, against: Against, series: &ScalingSeries) -> Ve
     data.points(against, series).map(|(row, amount)| (amount, row.frame.median)).collect()
 }
 
-/// Both axes logarithmic; the legend has the exponents. `None` without a point.
+/// Draws the lines on logarithmic axes; the legend has the exponents. `None` without a point.
 #[must_use]
 pub fn scaling_plot(data: &ReportData, scaling: &Scaling) -> Option<Plot> {
     let mut lines = Vec::new();

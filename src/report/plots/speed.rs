@@ -1,4 +1,4 @@
-//! Speed against error: every setting of an effect, and which of them are beaten by none.
+//! Speed against error: all settings of an effect, and the Pareto front among them.
 
 use super::Plot;
 use super::canvas::{
@@ -22,8 +22,8 @@ struct Point {
     error: f64,
 }
 
-/// Frame time to the right with the 95 % interval of its median, RMSE upwards, both logarithmic; the front is drawn and its points are named. `None` without
-/// any setting that has an error.
+/// Horizontal: frame time with the 95 % interval of its median. Vertical: RMSE. Both axes are logarithmic. The Pareto front is drawn, and its
+/// points are named. `None` if no setting has an error.
 #[must_use]
 pub fn speed_against_error(data: &ReportData, section: &Section) -> Option<Plot> {
     let mut entries: Vec<Entry> = Vec::new();
@@ -41,7 +41,7 @@ pub fn speed_against_error(data: &ReportData, section: &Section) -> Option<Plot>
         let value = if error == 0.0 { format!("{}: no error", setting.value) } else { setting.value.clone() };
         points.push(Point { series, value, frame_ms: row.frame.median, interval: row.frame.interval(), error });
     }
-    // Errors of zero have no place on a logarithmic axis: they stand below its least tick, and say what they are.
+    // A logarithmic axis has no place for errors of zero. They are drawn below its least tick, with a label.
     let least = points.iter().map(|point| point.error).filter(|error| *error > 0.0).fold(f64::INFINITY, f64::min);
     let least = if least.is_finite() { least } else { 1e-5 };
     let exact = points.iter().any(|point| point.error == 0.0);
@@ -101,7 +101,7 @@ pub fn speed_against_error(data: &ReportData, section: &Section) -> Option<Plot>
         if let Some(limit) = limit {
             let (px, py) = pixel((limit.log10(), y.range.1));
             let words = "60 frames a second";
-            // To the left of its line where it would be cut at the right.
+            // Placed left of its line if the right edge would cut it off.
             let fits = px + 5 + text_width(words, 12) < SIZE.0 as i32 - 4;
             let (from, dx) = if fits { (HPos::Left, 5) } else { (HPos::Right, -5) };
             root.draw_text(words, &text(12, INK, from, VPos::Top), (px + dx, py + 3))?;
@@ -118,7 +118,7 @@ pub fn speed_against_error(data: &ReportData, section: &Section) -> Option<Plot>
     })
 }
 
-/// Two strokes across the axis, between the place of no error and the least error: what is below them is on no scale.
+/// Two strokes across the axis between the least error and the place of zero: below them there is no scale.
 fn break_axis(root: &Root<'_>, (x, zero): (i32, i32), least: i32) -> Result<(), super::canvas::Failed> {
     let middle = (zero + least) / 2;
     for y in [middle - 3, middle + 3] {
@@ -128,8 +128,8 @@ fn break_axis(root: &Root<'_>, (x, zero): (i32, i32), least: i32) -> Result<(), 
     root.draw_text("0", &text(FONT, INK, HPos::Right, VPos::Center), (x - 9, zero))
 }
 
-/// Names points where there is room: right above first, then the other corners; a name without room is left out, the
-/// table has it.
+/// Writes names of points where there is room: at the upper right, else at the other corners. A name without room is left out;
+/// the table has it.
 fn label(
     root: &Root<'_>,
     named: &[(&Point, &(i32, i32))],

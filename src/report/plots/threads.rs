@@ -24,10 +24,10 @@ fn curves(case: &ThreadsCase) -> Vec<Curve<'_>> {
             StepKind::Raster | StepKind::Maps | StepKind::Effect => &RASTER[..2],
             StepKind::Rays => &RAYS[..2],
             StepKind::Quad => &RAYS[2..],
-            // Copies and writing have one thread.
+            // Copies and writing use a single thread.
             _ => continue,
         };
-        // What takes less than a hundredth of a millisecond is no curve.
+        // Steps below a hundredth of a millisecond get no curve.
         if step.points.iter().any(|point| point.wall.median < 0.01) {
             continue;
         }
@@ -41,8 +41,8 @@ fn curves(case: &ThreadsCase) -> Vec<Curve<'_>> {
     curves
 }
 
-/// Both axes logarithmic: wall times as lines with marks, processor times of all threads dashed. The legend says how many
-/// times as fast the most threads are as the fewest. `None` without a point.
+/// Logarithmic axes: wall times as lines with marks, and processor times of all threads as dashed lines. The legend has the speed-up from the
+/// fewest to the most threads. `None` without a point.
 #[must_use]
 pub fn threads_plot(case: &ThreadsCase) -> Option<Plot> {
     let curves = curves(case);

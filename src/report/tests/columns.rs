@@ -1,4 +1,4 @@
-//! What stands on the page and in tables only where there is something to say.
+//! Tests of columns and sentences that appear only if there is something to show.
 
 use super::{against, assert_well_formed, report};
 use crate::bench::model::Stats;
@@ -34,7 +34,7 @@ fn what_answered_the_glass_has_columns_where_it_is_known_for_some_row() {
     assert_eq!(csv_cell(&data, 2, "glass_pixels").as_deref(), Some("1000"));
     assert_eq!(csv_cell(&data, 2, "glass_by_screen").as_deref(), Some("0.25"));
     assert_eq!(csv_cell(&data, 1, "glass_pixels").as_deref(), Some(""));
-    // No glass is seen.
+    // No glass is visible.
     data.bench.rows[2].steps[2].answers = Some(Answers::default());
     assert!(!page::build(&data).html.contains("Glass pixels answered"));
     assert_eq!(csv_cell(&data, 2, "glass_pixels").as_deref(), Some("0"));
@@ -64,7 +64,7 @@ fn outlying_frames_are_counted_on_the_page_in_tables_and_in_one_sentence() {
     let html = page::build(&data).html;
     assert!(html.contains("Outlying frames") && html.contains("<td class=\"extra\" data-v=\"1\">1</td>"));
     assert_well_formed(&html);
-    // Another round counts again, over all samples.
+    // With another round, outliers are counted again over all samples.
     let more = data.bench.rows[2].clone();
     data.bench.rows[2].add(&more);
     assert_eq!(data.bench.rows[2].outliers, Some(Outliers { mild: 0, severe: 2 }));

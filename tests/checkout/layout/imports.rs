@@ -61,7 +61,7 @@ pub fn code(text: &str) -> String {
     lines[..end].join("\n")
 }
 
-/// The `use` declarations of a code: whether the name is re-exported, and the text between `use` and `;`.
+/// The `use` declarations of a source: whether the name is re-exported, and the text between `use` and `;`.
 fn uses(code: &str) -> Vec<(bool, String)> {
     let mut found = Vec::new();
     let mut rest = code;
@@ -79,7 +79,7 @@ fn uses(code: &str) -> Vec<(bool, String)> {
     found
 }
 
-/// The paths of a `use` tree, each with the name that it introduces.
+/// The paths in a `use` tree, each with the name that it introduces.
 fn expand(prefix: &str, tree: &str, paths: &mut Vec<(String, String)>) {
     let tree = tree.trim();
     if let Some(open) = tree.find('{') {
@@ -106,7 +106,7 @@ fn expand(prefix: &str, tree: &str, paths: &mut Vec<(String, String)>) {
     paths.push((path.strip_suffix("::self").unwrap_or(&path).to_owned(), name.to_owned()));
 }
 
-/// The paths in a code that start with `crate` or `super`, outside `use` declarations.
+/// The paths in a source that start with `crate` or `super`, outside `use` declarations.
 fn inline(code: &str) -> Vec<String> {
     let is_name = |letter: char| letter.is_alphanumeric() || letter == '_' || letter == ':';
     let words = code.split(|letter: char| !is_name(letter));
@@ -142,7 +142,7 @@ impl Imports {
             let paths = paths.into_iter().map(|(path, _)| path).chain(inline(&text));
             let targets = paths.map(|path| absolute(&file.module, &path)).filter_map(|path| resolve(&path));
             let own = &file.module;
-            // A file may name the folder it is in, and the items directly in that folder.
+            // A file may import from its own folder's module and from the items directly in that folder.
             let targets = targets.filter(|target| target != own && !own.starts_with(&format!("{target}::")));
             of.insert(own.clone(), targets.collect());
         }

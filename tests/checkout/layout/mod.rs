@@ -7,7 +7,7 @@ use imports::{Imports, Source};
 use std::collections::BTreeMap;
 use std::path::Path;
 
-/// The rooms of a folder by floor, from the ground up. A room is a file or a folder, and imports only rooms of lower
+/// The rooms of a folder by floor, from the ground up. A room is a file or a folder, and imports only from rooms on lower
 /// floors.
 type Floors = [&'static [&'static str]];
 
@@ -77,7 +77,7 @@ fn upward(imports: &Imports, floors: &Floors, folder: &str) -> Vec<String> {
     found
 }
 
-/// A circle of files that import each other, if there is one.
+/// A cycle of files that import each other, if there is one.
 fn circle(imports: &Imports) -> Option<Vec<String>> {
     fn visit(imports: &Imports, module: &str, path: &mut Vec<String>, done: &mut BTreeMap<String, bool>) -> bool {
         if let Some(finished) = done.get(module) {
@@ -132,7 +132,7 @@ fn no_files_import_each_other_in_a_circle() {
     }
 }
 
-/// What opens, makes or renames a file.
+/// Calls that open, create or rename a file.
 const OPENING: [&str; 8] = [
     "File::open",
     "File::create",
@@ -144,8 +144,8 @@ const OPENING: [&str; 8] = [
     "fs::copy(",
 ];
 
-/// The lines of a file, tests excepted, that open a file, as `module: line`. What the system tells about itself in `/proc` and
-/// `/sys` is no file of the user's.
+/// The lines of a file, except in tests, that open a file, as `module: line`. Files in `/proc` and `/sys` do not count, because the user
+/// does not provide them.
 fn opened(source: &Source) -> Vec<String> {
     let code = imports::code(&source.text);
     let opens = |line: &&str| OPENING.iter().any(|word| line.contains(word));
@@ -153,7 +153,7 @@ fn opened(source: &Source) -> Vec<String> {
     lines.map(|line| format!("{}: {}", source.module, line.trim())).collect()
 }
 
-/// So that `--confine`, the check for regular files, and writing files whole concern every file.
+/// One module opens all files, so that `--confine`, the check for regular files, and writing files whole apply to every file.
 #[test]
 fn one_module_opens_files() {
     let root = Path::new(env!("CARGO_MANIFEST_DIR"));
@@ -168,7 +168,7 @@ fn one_module_opens_files() {
         }
     }
     assert_eq!(elsewhere, [""; 0]);
-    // Control: the calls of that module are seen.
+    // Control: the calls in that module are found.
     assert!(there >= 6, "{there}");
 }
 

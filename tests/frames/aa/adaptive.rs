@@ -14,13 +14,13 @@ fn within(count: u32, tolerance: f32) -> PixelSamples {
     samples(count).within(tolerance).expect("more than four samples")
 }
 
-/// The picture, the rays of the frame, and the part of the pixels with all samples, if it is known.
+/// The picture, the number of rays in the frame, and the share of pixels with all samples, if it is known.
 fn rendered(name: &str, aa: PixelSamples, choice: Choice) -> Result<(Image, u64, Option<f64>), OpenError> {
     let settings = Settings { aa, size: Some([160, 120]), ..settings(name, 1) };
     let mut renderer = curitiba::open(file(name), settings, choice, &mut Silent)?;
     let picture = frame(&mut renderer);
     let found = traced(&renderer);
-    // Another frame is the same.
+    // A second frame is the same.
     assert!(bits(&frame(&mut renderer)) == bits(&picture) && traced(&renderer) == found, "{name}");
     Ok((picture, found.0, found.1))
 }
@@ -31,7 +31,7 @@ fn traced(renderer: &Renderer) -> (u64, Option<f64>) {
     (row.rays.expect("just found").total(), row.all_samples)
 }
 
-/// Part of the rays, at most `most`, take the picture nearly as near to that of 64 samples as all of them do.
+/// The adaptive number traces at most the share `most` of the rays, and its error against 64 samples is nearly as small as with all rays.
 fn check(name: &str, most: f64, choice: Choice) -> Result<(), OpenError> {
     let (truth, ..) = rendered(name, samples(64), choice)?;
     let (four, ..) = rendered(name, samples(4), choice)?;
@@ -50,7 +50,7 @@ fn check(name: &str, most: f64, choice: Choice) -> Result<(), OpenError> {
 
 #[test]
 fn where_samples_are_alike_four_are_traced() {
-    // Of what glass shows little is alike within a pixel, and nothing is traced elsewhere.
+    // What glass shows is rarely alike within a pixel, and outside of glass this program traces nothing.
     for (name, most) in [("SceneShadows", 0.5), ("SceneReflect", 1.0)] {
         check(name, most, Choice::CPU).expect("it opens");
     }
@@ -68,8 +68,8 @@ fn devices_skip_pixels_too() {
     }
 }
 
-/// The smaller the tolerance, the more pixels have all samples, and the smaller is the error. Where all shares are equal, and with all their
-/// samples, pixels are those of the number without a tolerance.
+/// The smaller the tolerance, the more pixels have all samples, and the smaller is the error. Pixels with all their samples, or with equal
+/// shares, are the same as without a tolerance.
 #[test]
 fn the_tolerance_decides() {
     let name = "SceneShadows";

@@ -103,7 +103,7 @@ fn half_planes_cover_their_area() {
                 "{degrees} degrees, {count} samples: {rms} and {largest}, not {bound:?}"
             );
         }
-        // Control: one sample knows nothing between 0 and 1.
+        // Control: one sample gives only 0 or 1.
         let half = half_plane(DVec2::new(0.31, 0.17), degrees);
         let [rms, _] = error(&covered(flat(&[half.map(|p| p.as_vec2())], SIDE, [0.0; 2]), 1), &exact(&half));
         assert!(rms > 0.15, "{degrees} degrees: {rms}");
@@ -112,7 +112,7 @@ fn half_planes_cover_their_area() {
 
 #[test]
 fn a_triangle_narrower_than_a_pixel_keeps_its_area() {
-    // A thin triangle, 0.3 pixels wide at its foot, diagonally across the picture.
+    // A thin triangle, 0.3 pixels wide at its base, diagonally across the picture.
     let thin = [DVec2::new(-17.2, -20.1), DVec2::new(-16.9, -20.13), DVec2::new(12.3, 19.4)];
     let exact = exact(&thin);
     let whole: f64 = exact.iter().sum();
@@ -132,7 +132,7 @@ fn a_triangle_narrower_than_a_pixel_keeps_its_area() {
 
 #[test]
 fn no_sample_shifts_the_picture() {
-    // A half turn about the picture's centre maps the triangles onto each other, and so the samples.
+    // A half turn about the picture's centre maps the triangles onto each other, and the samples as well.
     let one = [Vec2::new(-19.3, -11.7), Vec2::new(-2.6, -15.2), Vec2::new(-9.1, 8.9)];
     let other = one.map(|corner| -corner);
     // Mirroring keeps vertical edges, because each column has one sample.
@@ -195,8 +195,8 @@ fn reduced(picture: &Image) -> Image {
     Image { width, height, pixels: pixels.into_iter().map(|sum| sum.map(|sum| sum as f32)).collect() }
 }
 
-/// Another way to take many samples is a picture of eight times the size. Edges, textures and their levels of detail
-/// agree with it.
+/// A picture of eight times the size is another way to take many samples. Edges, textures and their levels of detail agree
+/// with it.
 #[test]
 fn pictures_tend_to_those_of_eight_times_the_size() {
     for (name, least) in [

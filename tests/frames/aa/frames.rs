@@ -89,7 +89,7 @@ fn an_update_is_a_frame_and_runs_nothing_twice() {
     set.set.push("pass2.radius=2".to_owned());
     let expected = frame(&mut opened("SceneFinal", set));
     assert!(bits(&changed) == bits(&expected) && bits(&changed) != bits(&first));
-    // So does a changed number of samples, and a channel that was not averaged before.
+    // The same holds for a changed number of samples, and for a channel that was not averaged before.
     renderer.set_pixel_samples(samples(1)).expect("a number");
     let one = renderer.update(&mut Silent).expect("a frame");
     let mut set = settings("SceneFinal", 1);
@@ -103,7 +103,7 @@ fn an_update_is_a_frame_and_runs_nothing_twice() {
     assert!(bits(&renderer.update(&mut Silent).expect("a frame")) == bits(&expected));
     assert!(renderer.channel(channel) != last, "the mean, and not the last sample");
     renderer.set_shown(&["pos".to_owned()]).expect_err("positions have no mean");
-    // A single sample leaves no mean, nor does a cancelled frame.
+    // A single sample does not change the mean that is shown, nor does a cancelled frame.
     renderer.sample(1, &mut Silent).expect("a sample");
     assert!(bits(&renderer.update(&mut Silent).expect("a frame")) == bits(&expected));
     let stop = renderer.cancellation();
@@ -117,7 +117,7 @@ fn an_update_is_a_frame_and_runs_nothing_twice() {
 fn a_frame_that_is_given_up_between_samples_is_rendered_again() {
     let mut renderer = opened("SceneShadows", settings("SceneShadows", 4));
     let expected = frame(&mut renderer);
-    // Cancels when the last pass of a sample is done, before the next sample begins.
+    // Cancels when the last pass of a sample has ended, before the next sample begins.
     struct StopAfter(u32, Cancellation);
     impl Observer for StopAfter {
         fn begin(&mut self, _: StepKind, _: &str, _: &Arc<Progress>) {}
@@ -213,7 +213,7 @@ fn devices_agree() {
 /// Raster effects, with maps drawn anew for every sample and different noise.
 #[test]
 fn raster_effects_are_averaged() {
-    // One small map in each, because the maps are drawn for every sample.
+    // One small map for each, because the maps are drawn again for every sample.
     for (name, set) in [
         ("raster/SceneGTAO", &[][..]),
         ("raster/SceneShadowMap", &["pass2.mapsize=256", "pass2.cascades=1"]),

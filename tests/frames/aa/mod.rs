@@ -1,5 +1,5 @@
-//! Several samples per pixel: closed forms of the picture, and everything in which such a picture must agree with one
-//! of a single sample.
+//! Several samples per pixel: closed forms of the picture, and everything in which such a picture must agree with one of a
+//! single sample.
 
 mod adaptive;
 mod exact;
@@ -96,7 +96,7 @@ fn flat(triangles: &[[Vec2; 3]], side: u32, moved: [f32; 2]) -> Project {
     project
 }
 
-/// The covered share of every pixel of such a picture.
+/// The covered share of every pixel in the picture of a [`flat`] project.
 fn covered(project: Project, count: u32) -> Vec<f64> {
     let settings = Settings { aa: samples(count), color: Some(ColorSpace::Linear), ..Settings::default() };
     let mut renderer = curitiba::open_project(project, settings, Choice::CPU, &mut Silent).expect("it opens");

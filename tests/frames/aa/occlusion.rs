@@ -15,10 +15,10 @@ use std::cell::RefCell;
 use std::rc::Rc;
 use std::sync::Arc;
 
-/// Of each job: index of the first sample, of the first path and of the first disc sample, and the seed.
+/// For each job: the index of the first sample, of the first path and of the first disc sample, and the seed.
 type Noted = Rc<RefCell<Vec<[u32; 4]>>>;
 
-/// The processor's backend, which records these numbers of its jobs.
+/// The processor's backend, which records these indices and the seed for each job.
 struct Noting {
     rays: CpuRays,
     continues: bool,
@@ -79,7 +79,7 @@ fn sequences_go_on_and_others_have_seeds_of_their_own() {
     // Each sample of the pixel takes four occlusion samples, and sixteen paths through rough glass.
     let (going_on, picture) = noted(settings.clone(), true);
     assert_eq!(going_on, [[0, 0, 0, 5], [4, 16, 0, 5], [8, 32, 0, 5], [12, 48, 0, 5]]);
-    // The same for rays to the light's disc.
+    // Rays to the light's disc continue in the same way.
     let set = vec!["pass2.sun=4".to_owned(), "pass2.sunsamples=3".to_owned()];
     let (of_sun, _) = noted_of("SceneShadows", Settings { set, ..settings.clone() }, true);
     assert_eq!(of_sun.iter().map(|noted| noted[2..].to_vec()).collect::<Vec<_>>(), [[0, 5], [3, 5], [6, 5], [9, 5]]);
@@ -137,8 +137,8 @@ fn occlusion_tends_to_its_mean() {
     }
 }
 
-/// In a part of a large picture, each pixel shows a single surface, so the only error is noise. It falls as fast as
-/// that of one sequence, which is faster than that of independent random numbers.
+/// In a part of a large picture, each pixel shows a single surface, so the only error is noise. The noise falls as fast as
+/// that of one sequence, which is faster than with independent random numbers.
 #[test]
 fn noise_falls_as_that_of_one_sequence() {
     let of = |continues: bool, count: u32, own: u32, seed: u32| {
@@ -152,7 +152,7 @@ fn noise_falls_as_that_of_one_sequence() {
         };
         noted(settings, continues).1
     };
-    // The reference has the same places in the pixels and other random numbers, so the difference is noise.
+    // The reference uses the same positions in the pixels and other random numbers, so the difference is noise.
     let reference = of(true, 16, 256, 77);
     let error = |continues: bool| {
         let squares = [0, 1, 2].map(|seed| rms(&of(continues, 16, 4, seed), &reference).powi(2));

@@ -1,4 +1,4 @@
-//! Accumulated samples are the same rays as all samples at once.
+//! Accumulated samples use the same rays as all samples at once.
 
 use super::{bits, file, frame, opened, update};
 use curitiba::Choice;
@@ -101,7 +101,7 @@ fn soft_shadows_are_accumulated() {
         }
         opened(name, Settings { size: Some([112, 80]), camera: Some("Vidro".to_owned()), set, ..Settings::default() })
     };
-    // `final` also adds up the colours of reflections, in another order.
+    // `final` also adds up the colours of reflections, and in another order.
     for (name, most) in [("SceneShadows", 0.0), ("SceneFinal", 16.0 * f32::EPSILON)] {
         let mut accumulated = of(name, 16);
         let accumulation = accumulated.accumulate(Goal::Samples(64), &mut Silent).expect("it takes samples");
@@ -114,7 +114,7 @@ fn soft_shadows_are_accumulated() {
             |renderer: &Renderer| renderer.timeline().rows.iter().find_map(|row| row.rays).map(|rays| rays.shadow);
         let mut at_once = of(name, 64);
         frame(&mut at_once);
-        // Every batch tests again whether points lifted onto round surfaces are cut off.
+        // Every batch repeats the rays that test whether points lifted onto round surfaces are cut off.
         let (all, once) = (shadow(&accumulated).expect("traced"), shadow(&at_once).expect("traced"));
         assert!((once..once + once / 100).contains(&all), "{name}: {all} and {once}");
     }
@@ -128,7 +128,7 @@ fn the_standard_error_is_an_upper_estimate_and_falls() {
         let mut accumulated = renderer("SceneSSAO", 4);
         let accumulation = accumulated.accumulate(Goal::Samples(samples), &mut Silent).expect("it takes samples");
         let (told, real) = (accumulation.error(), rms(&accumulated.window_image(), &reference));
-        // The pass writes a share. The window shows at most twice that, so the pass's own picture is compared.
+        // The pass writes a share. The window shows the share at most doubled, so the pass's own picture is compared.
         let pass = &accumulation.passes()[0];
         let of_pass = rms(&pass.picture(), &share(4096));
         assert!(of_pass <= 1.25 * told, "{samples} samples: {of_pass} and told {told}");
@@ -250,7 +250,7 @@ fn an_accumulation_of_the_cpu_equals_that_of_another_number_of_threads() {
     assert!(once(1) == once(3));
 }
 
-/// Notes the steps that begin, and after each batch how far the whole is.
+/// Records the steps that begin, and after each batch the share of the whole that is done.
 #[derive(Default)]
 struct Follows {
     begun: Vec<String>,
@@ -281,7 +281,7 @@ fn progress_is_the_share_of_the_whole_goal() {
     for (batch, share) in follows.shares.iter().enumerate() {
         assert!((share - (batch + 1) as f64 / 16.0).abs() < 1e-3, "{:?}", follows.shares);
     }
-    // Of a time and of an error, what comes is not known, but it does not go back, and is never more than the whole.
+    // For a time or an error as the goal, the remaining work is unknown, but the share never decreases and never exceeds 1.
     for goal in [Goal::Time(Duration::from_millis(20)), Goal::Error(0.02)] {
         let mut follows = Follows::default();
         renderer.accumulate(goal, &mut follows).expect("it takes samples");

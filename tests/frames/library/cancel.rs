@@ -29,7 +29,7 @@ fn a_frame_that_is_given_up_leaves_no_half_picture() {
     }
     assert!(matches!(renderer.frame(&mut Silent), Err(RenderError::Cancelled)));
     stop.reset();
-    // Cancels in the middle of the ray pass, from another thread than the rendering one.
+    // Cancels in the middle of the ray pass, from a thread other than the rendering one.
     let mut at = StopAtRays(&stop);
     assert!(matches!(renderer.update(&mut at), Err(RenderError::Cancelled)));
     assert!(ran(&renderer).is_empty());
@@ -52,7 +52,7 @@ impl Observer for StopAtRays<'_> {
     fn end(&mut self) {}
 }
 
-/// A tracer that cancels at a ray in the middle of the picture, and records how many tiles were done then.
+/// A tracer that cancels at a ray in the middle of the picture, and records how many tiles are done at that moment.
 struct Tripwire<'a> {
     bvh: &'a Bvh,
     rays: &'a AtomicU64,
@@ -83,8 +83,8 @@ impl Tracer for Tripwire<'_> {
     }
 }
 
-/// The processor's backend with that tracer. Records how many tiles were done when it was cancelled, when it returned,
-/// and how many there are.
+/// The processor's backend with that tracer. Records how many tiles were done when it was cancelled and when it returned,
+/// and the total.
 #[derive(Default)]
 struct Stopped {
     bvh: Option<Bvh>,
@@ -134,7 +134,7 @@ fn what_was_begun_ends_with_its_tile() {
         let engines = Engines::new(Box::new(CpuRasteriser::new()), Box::new(backend));
         Renderer::new(plan, engines, &mut Silent).expect("the scene loads")
     };
-    // The number of rays, to cancel in the middle of them.
+    // The number of rays is needed to cancel in the middle of them.
     let backend = Stopped::default();
     let rays = Arc::clone(&backend.rays);
     frame(&mut open(backend));

@@ -1,4 +1,4 @@
-//! The library: what can be set of a renderer, giving frames up, accumulating samples, and passes of a caller's own.
+//! The library: the settings of a renderer, cancelled frames, accumulated samples, and passes of the caller's own.
 
 mod accumulate;
 mod cancel;

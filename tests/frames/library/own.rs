@@ -1,4 +1,4 @@
-//! A pass with a function of the caller's in a project's graph.
+//! A pass in a project's graph that runs a function of the caller.
 
 use super::*;
 use curitiba::passes::cpu::CpuRays;

@@ -11,8 +11,8 @@ use curitiba::pipeline::project::Pose;
 use glam::Vec3;
 use std::path::{Path, PathBuf};
 
-/// Sets a value of a renderer that has already rendered, and compares the picture with that of a renderer opened with
-/// the value. Returns the passes that ran.
+/// Sets a value on a renderer that has already rendered, and compares the picture with that of a renderer opened with the
+/// value. Returns the passes that ran.
 fn same_as_fresh(
     name: &str,
     set: impl FnOnce(&mut Renderer) -> Result<(), ChangeError>,
@@ -29,7 +29,7 @@ fn same_as_fresh(
     // The comparison is meaningful: the new value changes the picture.
     assert!(bits(&before) != bits(&after), "{name}: nothing changed");
     assert_eq!(renderer.decisions(), fresh.decisions(), "{name}: the same is decided");
-    // Nothing has been set since, so no pass runs, and a whole frame is the same.
+    // Nothing has been set since the last update, so no pass runs, and a whole frame is the same.
     assert!(bits(&update(&mut renderer)) == bits(&expected) && ran(&renderer).is_empty());
     assert!(bits(&frame(&mut renderer)) == bits(&expected), "{name}: a whole frame differs");
     passes
@@ -282,7 +282,7 @@ fn wrong_values_are_refused_and_change_nothing() {
     assert!(bits(&update(&mut renderer)) == before && ran(&renderer).is_empty());
 }
 
-/// A copy of the projects' folder, with files that tests may change; the scene is the repository's.
+/// A copy of the projects' folder with files that tests may change; the scene is that of the repository.
 struct Project(tempfile::TempDir);
 
 impl Project {
@@ -356,7 +356,7 @@ fn scenes_that_are_kept_are_read_once_for_all_that_need_the_same_of_them() {
     let [of_shadows, of_refraction] =
         [&shadows, &refraction].map(|path| bits(&frame(&mut open(path, small()).expect("the project opens"))));
     let warned = first.warnings().groups().len();
-    // From here on the file is gone.
+    // The scene file is missing from here on.
     let scene = folder.0.path().join("3dsmodels/largoCamoes.cbo");
     let whole = std::fs::read(&scene).expect("the scene is there");
     std::fs::remove_file(&scene).expect("a file");
@@ -365,10 +365,10 @@ fn scenes_that_are_kept_are_read_once_for_all_that_need_the_same_of_them() {
     assert_eq!((loads(&second), second.warnings().groups().len()), (vec![true], warned));
     let mut other = open(&refraction, kept.clone()).expect("another project of the scene");
     assert!(bits(&frame(&mut other)) == of_refraction);
-    // Settings that do not keep it, and those that need other parts of it, look for the file.
+    // Opening reads the file if the settings do not keep scenes, or if they need other parts of the scene.
     assert!(open(&shadows, small()).is_err());
     assert!(open(&shadows, Settings { fidelity: Fidelity::Thesis, ..kept.clone() }).is_err());
-    // So does who asks to read files again.
+    // An explicit reload reads the file as well.
     second.reload().expect("the project is there");
     assert!(matches!(second.update(&mut Silent), Err(RenderError::Scene { .. })));
     assert!(open(&shadows, kept).is_err());

@@ -1,4 +1,4 @@
-//! Bodies of glass as `glass="auto"` has them, in whole scenes: what `tests/oracle/bodies.py` stored.
+//! Bodies of glass with `glass="auto"`, in whole scenes: compared with the results that `tests/oracle/bodies.py` stored.
 
 use super::{Camera, Difference, Tally, agrees, load, path};
 use curitiba::Choice;
@@ -20,7 +20,7 @@ struct Stored {
     error: Vec<Option<[f64; 3]>>,
 }
 
-/// What a test changes: the eye's place, the seed, and parameters in the place of the stored ones.
+/// What a test changes: the eye's place, the seed, and parameters that replace the stored ones.
 #[derive(Clone, Copy, Default)]
 struct Change<'a> {
     moved: DVec3,
@@ -48,10 +48,10 @@ fn picture(stored: &Stored, file: &Path, change: Change<'_>) -> Image {
     renderer.frame(&mut Silent).expect("a frame")
 }
 
-/// Compares red, green and blue. A pixel is left out if its value jumps by a hundredth when the eye moves by two thousandths: there a way ends at
-/// the border of two cells. Mitsuba's rays start a ten-thousandth off the surface, and ways of twenty reflections end as much beside ours.
-/// Rough glass has no such borders; pictures of several seeds tell its noise. What its standard errors do not know of is
-/// stored beside them.
+/// Compares red, green and blue. A pixel is left out if its value jumps by a hundredth when the eye moves by two thousandths: such a path ends at
+/// the border of two cells. Mitsuba's rays start a ten-thousandth off the surface, and after twenty reflections its paths end about that far beside
+/// ours. Rough glass has no such borders; there, pictures of several seeds measure the noise. The stored `unseen` is the error that the standard
+/// errors do not include.
 fn difference(name: &str, file: &Path, seeds: u32, set: &[&str]) -> Difference {
     let stored: Stored = load(name);
     let change = Change { set, ..Change::default() };
@@ -84,7 +84,7 @@ fn difference(name: &str, file: &Path, seeds: u32, set: &[&str]) -> Difference {
     found
 }
 
-/// The scene file with another text in the place of one, beside nothing else.
+/// The scene file with one text replaced by another.
 fn edited(name: &str, from: &str, to: &str) -> (tempfile::TempDir, PathBuf) {
     let text = std::fs::read_to_string(path(name, "gltf")).expect("the scene");
     assert!(text.contains(from), "{name}: {from}");
@@ -94,7 +94,7 @@ fn edited(name: &str, from: &str, to: &str) -> (tempfile::TempDir, PathBuf) {
     (folder, file)
 }
 
-/// The pictures agree, and do not with a mistake in the file.
+/// The pictures agree, and with a mistake in the file they do not.
 fn compared(name: &str, seeds: u32, least: usize, [from, to]: [&str; 2]) {
     let found = difference(name, &path(name, "gltf"), seeds, &[]);
     assert!(found.pixels > 3 * least && agrees(&found), "{name}: {found:?}");
@@ -131,7 +131,7 @@ fn rough_bodies_scatter_alike() {
     compared("body_rough", 32, 300, ["\"roughnessFactor\":0.31622776601683794", "\"roughnessFactor\":0.35"]);
 }
 
-/// The oracle renders wavelength by wavelength. Its table of how the eye sees colours and our formula differ by a hundredth.
+/// The oracle renders wavelength by wavelength. Its table of colour matching differs from our formula by a hundredth.
 #[test]
 fn colours_are_bent_apart_alike() {
     compared("body_prism", 1, 150, ["\"dispersion\":1.0", "\"dispersion\":0.7"]);
@@ -142,8 +142,8 @@ fn textures_and_holes_are_seen_alike_through_a_body() {
     compared("body_texture", 1, 300, ["\"alphaMode\":\"MASK\"", "\"alphaMode\":\"OPAQUE\""]);
 }
 
-/// The share of the sun that a body leaves on a floor. Where nothing is in the way the floor has one colour, which is halved where nothing is
-/// left.
+/// The share of the sun's light that a body leaves on a floor. Without an occluder the floor has one colour; where no sunlight is left, half of
+/// that colour.
 #[test]
 fn light_that_goes_straight_on_is_kept_alike() {
     let stored: Stored = load("body_shadow");

@@ -1,13 +1,13 @@
-//! The mirrors of `reflection`: what `tests/oracle/mirrors.py` stored.
+//! The mirrors of `reflection`, compared with the results that `tests/oracle/mirrors.py` stored.
 //!
-//! They have no noise: the oracle's standard errors are 0. What the z-test takes for one is a hundred-thousandth of the value, and
-//! what a rounded eye would change, which a path over a round mirror multiplies.
+//! These pictures have no noise: the oracle's standard errors are 0. For the z-test, the standard error is a hundred-thousandth of the value, plus
+//! the change when the eye is rounded, which a path over a round mirror magnifies.
 
 use super::{Difference, Stored, agrees, glass_of, load};
 use curitiba::pipeline::programs::RayParams;
 use glam::{Quat, Vec3};
 
-/// Eight units in the last place of places 2 to 4 from the origin.
+/// Eight units in the last place, for distances of 2 to 4 from the origin.
 const ROUNDING: f64 = 8.0 * 2.0 * f32::EPSILON as f64;
 
 /// The scene as it is stored agrees.

@@ -32,7 +32,7 @@ fn renderer(name: &str, settings: Settings, engines: Engines) -> Renderer {
     Renderer::new(plan(name, settings), engines, &mut Silent).expect("ready")
 }
 
-/// The engines for a choice, with a rasteriser that fills windows on software drivers, too.
+/// The engines for a choice, with a rasteriser that also fills windows on software drivers.
 fn engines(choice: Choice) -> Engines {
     let mut raster = WgpuRasteriser::new(AdapterChoice::Any).expect("a device");
     raster.set_fills_quads(true);
@@ -96,7 +96,7 @@ fn same(name: &str, settings: Settings) -> Renderer {
     if display.exposure == 0.0 && display.tone == Tone::None {
         assert!(colors(&again) == colors(&found), "{name}: what is known of it are its codes");
     }
-    // The files are equal, and so is what was found about their pixels.
+    // The files are equal, and so are the findings about their pixels.
     let saved = renderer.render_and_save(&by_device, &mut Silent).expect("written");
     assert_eq!((saved.not_finite, saved.is_blank), (0, false), "{name}");
     assert!(std::fs::read(&by_host).expect("read") == std::fs::read(&by_device).expect("read"), "{name}: the files");
@@ -104,7 +104,7 @@ fn same(name: &str, settings: Settings) -> Renderer {
     renderer.draw_frame_for(Path::new("picture.exr"), &mut Silent).expect("rendered");
     assert_eq!(copies(&renderer), ["16 bytes a pixel"], "{name}");
     assert!(bits(&renderer.window_image()) == bits(&expected), "{name}: every bit of the floats");
-    // A caller that takes everything finds it in the targets.
+    // A caller that takes everything finds the picture in the targets.
     let after = renderer.update(&mut Silent).expect("rendered");
     assert!(bits(&after) == bits(&expected), "{name}: after it");
     renderer

@@ -124,7 +124,7 @@ fn record_in(
     record_of(project, color, lent, name, camera, fidelity, set, found);
 }
 
-/// As [`record_in`], of a project that was loaded.
+/// As [`record_in`], for a loaded project.
 #[expect(clippy::too_many_arguments, reason = "each test names all of them")]
 fn record_of(
     project: Project,
@@ -170,8 +170,8 @@ fn check(record: &Record, nothing_fuses: bool) {
     // Rays that the processor finds unnecessary may be traced on the device; the sum is the same.
     let (mine, theirs) = (record.rays, record.cpu_rays.expect("the processor ran"));
     if record.program != "final" && record.program != "refraction" {
-        // In thesis fidelity, the last bit may decide whether the report's noise gives a direction of numbers, and so
-        // may chains of mirrors.
+        // In thesis fidelity, the last bit may decide whether the report's noise gives a direction of numbers or NaN. Chains of
+        // mirrors depend on the last bit in the same way.
         let few = if record.fidelity == "thesis" { theirs.total() / 1000 } else { 0 };
         assert!((mine.occlusion + mine.certain).abs_diff(theirs.occlusion + theirs.certain) <= few, "{words}");
         assert!(mine.shadow == theirs.shadow && mine.reflected.abs_diff(theirs.reflected) <= few, "{words}");
@@ -257,15 +257,15 @@ fn several_lights_are_the_processors() {
     }
 }
 
-/// Glass as each material says, in front of a background: balls of several kinds, a filled glass with a bubble, panes, and exact spheres, alone
-/// and in each other.
+/// Glass as each material says, in front of a background: balls of several kinds, a filled drinking glass with a bubble, panes, and exact
+/// spheres, alone and nested.
 #[test]
 fn glass_as_each_material_says_is_the_processors() {
     if !is_there() {
         return;
     }
     let found = Arc::new(Mutex::new(Found::default()));
-    // Software drivers abort long loops, so the backend refuses deeper glass on them
+    // Software drivers abort long loops, so on them the backend refuses glass of greater depth
     // (`deep_glass_is_whole_or_refused`).
     let is_software = adapters().first().is_some_and(|adapter| adapter.kind == AdapterKind::Software);
     let set: &[&str] = if is_software { &["samples=9", "depth=2"] } else { &["samples=9"] };
@@ -302,11 +302,11 @@ fn caustics_of_exact_spheres_are_the_processors() {
     assert!(record.within_limits, "farther off than it may be: {words}");
     let (mine, theirs) = (record.rays, record.cpu_rays.expect("the processor ran"));
     assert!(mine.shadow.abs_diff(theirs.shadow) <= theirs.shadow / 100, "{words}");
-    // Control: without focused light a pixel has a ray to each point of the disc, and few others.
+    // Control: without focused light, a pixel would have little more than a ray to each point of the disc.
     assert!(theirs.shadow > 5 * u64::from(SIDE * SIDE), "{theirs:?}");
 }
 
-/// Photons are the processor's alone: only bodies of meshes are refused.
+/// Only the processor traces photons. A scene with photons is refused only if it has bodies of meshes.
 #[test]
 fn photons_at_meshes_are_refused_by_name() {
     if !is_there() {
@@ -388,8 +388,8 @@ fn raster_and_rays_on_one_device_copy_nothing_and_show_the_same() {
         rows.iter().filter(|(own, ..)| *own == kind).map(|(.., ms)| *ms).collect()
     };
     assert_eq!(of(&rows, StepKind::Join), [0.0], "{rows:?}");
-    // Read back are the colour, which the quad pass lights, and the picture of the rays. With rays on the processor,
-    // the whole G-buffer is read back at once.
+    // Two targets are read back: the colour, which the quad pass lights, and the picture of the rays. With rays on the
+    // processor, the whole G-buffer is read back at once.
     assert_eq!((of(&rows, StepKind::ReadBack).len(), of(&apart, StepKind::ReadBack).len()), (2, 1), "{rows:?}");
     assert!(rows.iter().any(|(kind, note, _)| *kind == StepKind::Join && note == "in device memory"), "{rows:?}");
 }

@@ -1,4 +1,4 @@
-//! What is compared, how it is shown, and the numbers.
+//! The panel of a comparison: choice of the two sides, display mode, and metrics.
 
 use super::parameters::{named_list, offer};
 use crate::app::{App, Mode};
@@ -9,11 +9,11 @@ use curitiba::{BackendChoice, RasterChoice};
 use egui::{Align, ComboBox, Grid, Label, Layout, RichText, TextEdit, Ui, vec2};
 use std::path::PathBuf;
 
-/// Draws it.
+/// Draws the panel.
 pub fn draw(app: &mut App, ui: &mut Ui, facts: &Facts) {
     let mut sides = [Some(app.left.clone()), app.right.clone()];
     for (index, side) in sides.iter_mut().enumerate() {
-        // The left side is one of a comparison, as soon as there is a right one.
+        // The left side can be chosen only once there is a right side.
         let enabled = index == 1 || app.right.is_some();
         ui.add_enabled_ui(enabled, |ui| ui.horizontal(|ui| choose(app, ui, facts, index, side)));
     }
@@ -61,7 +61,7 @@ pub fn draw(app: &mut App, ui: &mut Ui, facts: &Facts) {
     numbers(app, ui);
 }
 
-/// A side: what, and by which engines where it is rendered. The right one may be nothing.
+/// Lists for a side: the picture and, if it is rendered, the engines. The right side may be nothing.
 fn choose(app: &App, ui: &mut Ui, facts: &Facts, index: usize, side: &mut Option<Side>) {
     /// Width of the list of engines, points.
     const ENGINES: f32 = 122.0;
@@ -73,10 +73,10 @@ fn choose(app: &App, ui: &mut Ui, facts: &Facts, index: usize, side: &mut Option
     };
     let width = ui.available_width() - 14.0 - if rendered.is_some() { ENGINES + 6.0 } else { 0.0 };
     let now = side.as_ref().map_or_else(|| "nothing".to_owned(), Side::name);
-    // What tells outputs apart is the channel, behind the library's name, for which there is no room.
+    // Outputs differ in the channel, which follows the library's name. There is no room for both.
     let channel = now.rsplit("::").next().unwrap_or(&now);
     let combo = ComboBox::from_id_salt(("side", index)).width(width).selected_text(channel).truncate();
-    // Long names are cut off there: a list grows with its text, and the panel with the list.
+    // Long names are cut off at the width of this area: otherwise the list grows with its text, and the panel with the list.
     let place_of = vec2(width, ui.spacing().interact_size.y);
     let list = ui.allocate_ui_with_layout(place_of, Layout::left_to_right(Align::Center), |ui| {
         combo.show_ui(ui, |ui| offers(app, ui, facts, index, side))
@@ -93,7 +93,7 @@ fn choose(app: &App, ui: &mut Ui, facts: &Facts, index: usize, side: &mut Option
     }
 }
 
-/// The one list of both sides.
+/// The entries of the list of pictures, the same for both sides except `nothing`.
 fn offers(app: &App, ui: &mut Ui, facts: &Facts, index: usize, chosen: &mut Option<Side>) {
     if index == 1 {
         ui.selectable_value(chosen, None, "nothing");
@@ -140,7 +140,7 @@ fn engines_of(app: &App, ui: &mut Ui, chosen: &mut On) {
     }
 }
 
-/// How far both are apart, and what each took.
+/// Metrics of the comparison, and the times of each side.
 fn numbers(app: &App, ui: &mut Ui) {
     match (&app.state.compared, &app.state.incomparable) {
         (Some(compared), _) => {
@@ -168,7 +168,7 @@ fn numbers(app: &App, ui: &mut Ui) {
     }
 }
 
-/// Host time of a frame by kind of step, in a column for each side.
+/// Host time of a frame by kind of step, one column per side.
 fn times(ui: &mut Ui, sides: [Option<&Times>; 2]) {
     let mut kinds: Vec<StepKind> = Vec::new();
     for (kind, _) in sides.iter().flatten().flat_map(|times| &times.0) {

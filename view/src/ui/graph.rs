@@ -1,14 +1,14 @@
-//! What the last frames took, stacked by pass.
+//! Graph of the times of the last frames, stacked by pass.
 
 use crate::app::App;
 use crate::theme::{color, milliseconds};
 use crate::worker::{FRAMES, Facts};
 use egui::{Align2, Color32, FontId, Panel, Rect, Sense, Stroke, Ui, pos2};
 
-/// Points a frame.
+/// Width of a frame, points.
 const WIDTH: f32 = 3.0;
 
-/// Draws it; the pass under the pointer is marked.
+/// Draws the graph; the pass under the pointer is highlighted.
 pub fn draw(app: &mut App, ui: &mut Ui, facts: Option<&Facts>) {
     let history = std::sync::Arc::clone(&app.state.history);
     Panel::bottom("graph").exact_size(84.0).show(ui, |ui| {

@@ -4,7 +4,7 @@ use super::keys::KEYS;
 use crate::app::App;
 use egui::{Align2, Grid, RichText, Ui, Window, vec2};
 
-/// Draws it if it was asked for.
+/// Draws the window if it is open.
 pub fn draw(app: &mut App, ui: &Ui) {
     let mut open = app.help;
     Window::new("Keys")

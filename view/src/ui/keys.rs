@@ -1,11 +1,11 @@
-//! Keys.
+//! Keyboard commands.
 
 use crate::app::{App, Output};
 use crate::camera;
 use crate::worker::{Command, Facts};
 use egui::{Key, Modifiers, Ui};
 
-/// What a key does, for the help and the documentation.
+/// Keys and their actions, for the help and the documentation.
 pub const KEYS: &[(&str, &str)] = &[
     ("drag with left", "orbit the camera"),
     ("drag with right", "look around; with W A S D Q E fly, with the wheel change the speed"),
@@ -24,7 +24,7 @@ pub const KEYS: &[(&str, &str)] = &[
     ("F1", "these keys"),
 ];
 
-/// Does what keys ask for.
+/// Performs the actions of the keys that were pressed.
 pub fn read(app: &mut App, ui: &Ui, facts: Option<&Facts>) {
     let context = ui.ctx().clone();
     if context.text_edit_focused() {
@@ -68,7 +68,7 @@ pub fn read(app: &mut App, ui: &Ui, facts: Option<&Facts>) {
     if pressed(Key::S) {
         app.worker.send(Command::Save(App::new_file(facts)));
     }
-    // Where a widget has the focus these keys are its own.
+    // A widget with the focus receives these keys itself.
     if context.memory(|memory| memory.focused().is_some()) {
         return;
     }
@@ -81,20 +81,20 @@ pub fn read(app: &mut App, ui: &Ui, facts: Option<&Facts>) {
     }
 }
 
-/// Stops rendering, or goes on.
+/// Pauses or continues rendering.
 pub fn set_paused(app: &mut App, paused: bool) {
     app.paused = paused;
     app.worker.send(Command::Pause(paused));
 }
 
-/// Shows all of the scene, or what the far plane lets be drawn of it.
+/// Shows all of the scene, as far as the far plane allows.
 pub fn fit(app: &mut App, facts: &Facts) {
     let aspect = facts.window[0] as f32 / facts.window[1].max(1) as f32;
     let far = facts.far;
     app.move_camera(Some(facts), |pose, bounds| camera::fit(pose, bounds, aspect, far));
 }
 
-/// Puts the camera into the clipboard, and says so.
+/// Copies the camera to the clipboard as XML, and shows a message.
 pub fn copy_camera(app: &mut App, context: &egui::Context, facts: &Facts) {
     let notice = match &facts.camera_xml {
         Ok(xml) => {
@@ -106,7 +106,7 @@ pub fn copy_camera(app: &mut App, context: &egui::Context, facts: &Facts) {
     app.notify(context, notice);
 }
 
-/// Pins the first output of the next pass, or of the one before.
+/// Pins the first output of the next or the previous pass.
 fn step_passes(app: &mut App, facts: &Facts, step: i32) {
     let outputs: Vec<Output> =
         facts.passes.iter().filter_map(|pass| pass.outputs.first()).map(|output| output.full.clone()).collect();

@@ -1,4 +1,4 @@
-//! The window, drawn in its parts.
+//! The parts of the window.
 
 mod comparison;
 mod graph;

@@ -1,9 +1,9 @@
-//! What was just done, for a moment, over the picture.
+//! A message over the picture about the last action, for a moment.
 
 use crate::app::App;
 use egui::{Align2, Area, Color32, Frame, Id, Label, RichText, Ui, vec2};
 
-/// Draws it if there is one.
+/// Draws the message if there is one.
 pub fn draw(app: &mut App, ui: &Ui) {
     let context = ui.ctx();
     let Some((text, until)) = &app.notice else { return };

@@ -1,4 +1,4 @@
-//! What is drawn over the picture: values of pixels, rays, names.
+//! Overlays of the picture: values of pixels, rays, names.
 
 use crate::canvas::{Canvas, VALUES, rounded};
 use crate::theme::number;
@@ -9,7 +9,7 @@ use glam::{Mat4, Vec3, Vec4};
 /// Most rays that are drawn.
 const RAYS: usize = 4096;
 
-/// Writes the values into the pixels, where these are large enough, and the picture has all of them.
+/// Writes the values into the pixels, if these are large enough and the picture has its full resolution.
 pub fn values(painter: &Painter, canvas: &Canvas, area: Rect, picture: &Picture) {
     let size = [picture.image.width, picture.image.height];
     if canvas.scale(area, size) < VALUES || picture.is_reduced() {
@@ -30,7 +30,7 @@ pub fn values(painter: &Painter, canvas: &Canvas, area: Rect, picture: &Picture)
     }
 }
 
-/// A name in a corner of the picture.
+/// Writes a name into a corner of the picture.
 pub fn name(painter: &Painter, at: Pos2, align: Align2, text: &str) {
     let galley = painter.layout_no_wrap(text.to_owned(), FontId::proportional(12.0), Color32::from_gray(235));
     let rect = align.anchor_size(at, galley.size());
@@ -38,7 +38,7 @@ pub fn name(painter: &Painter, at: Pos2, align: Align2, text: &str) {
     painter.galley(rect.min, galley, Color32::WHITE);
 }
 
-/// The colour of rays for a purpose.
+/// The colour of a ray, by its purpose.
 fn ink(segment: &Segment) -> Color32 {
     let color = match segment.purpose {
         "shadow" => Color32::from_rgb(255, 220, 90),
@@ -49,7 +49,7 @@ fn ink(segment: &Segment) -> Color32 {
     if segment.meets { color } else { color.gamma_multiply(0.55) }
 }
 
-/// The pixel, and its rays as the camera sees them.
+/// Draws the pixel's outline, and its rays as the camera sees them.
 pub fn rays(painter: &Painter, canvas: &Canvas, area: Rect, size: [u32; 2], clip: Option<&Mat4>, rays: &PixelRays) {
     let rect = canvas.pixel_rect(area, size, rays.pixel);
     painter.rect_stroke(rect.expand(2.0), 1.0, Stroke::new(1.5, Color32::WHITE), egui::StrokeKind::Outside);
@@ -65,7 +65,7 @@ pub fn rays(painter: &Painter, canvas: &Canvas, area: Rect, size: [u32; 2], clip
     }
 }
 
-/// Both ends of a line as shares of the picture from its top left, cut where it goes behind the camera; `None` if all of it is behind.
+/// Both ends of a line as shares of the picture from its top left, clipped at the camera; `None` if all of the line is behind the camera.
 fn projected(clip: &Mat4, from: Vec3, to: Vec3) -> Option<[[f32; 2]; 2]> {
     /// Least distance along the view, in units of clip space.
     const NEAR: f32 = 1e-4;
@@ -81,7 +81,7 @@ fn projected(clip: &Mat4, from: Vec3, to: Vec3) -> Option<[[f32; 2]; 2]> {
     ends.as_flattened().iter().all(|value| value.is_finite()).then_some(ends)
 }
 
-/// Where the two halves of a wipe lie.
+/// The rectangles of the two halves of a wipe.
 pub fn halves(rect: Rect, wipe: f32) -> [Rect; 2] {
     let line = rect.left() + rect.width() * wipe;
     [Rect::from_min_max(rect.min, pos2(line, rect.bottom())), Rect::from_min_max(pos2(line, rect.top()), rect.max)]

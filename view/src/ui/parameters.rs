@@ -1,4 +1,4 @@
-//! Parameters of a pass, from the one table.
+//! Parameters of a pass, from the table of parameters that the library has.
 
 use crate::app::App;
 use crate::worker::{Command, Parameter, PassFacts};
@@ -6,7 +6,7 @@ use curitiba::pipeline::plan::OWN_BACKEND;
 use curitiba::pipeline::programs::Values;
 use egui::{ComboBox, DragValue, Grid, Response, Role, Slider, Ui, WidgetInfo};
 
-/// Draws them; what is changed is asked for at once.
+/// Draws the parameters; changes are sent to the renderer at once.
 pub fn draw(app: &App, ui: &mut Ui, pass: &PassFacts) {
     Grid::new(("parameters", &pass.name)).num_columns(2).spacing([10.0, 3.0]).show(ui, |ui| {
         for parameter in &pass.parameters {
@@ -21,7 +21,7 @@ pub fn draw(app: &App, ui: &mut Ui, pass: &PassFacts) {
     });
 }
 
-/// The value that the user gave it now.
+/// An editor for a parameter; returns the value if the user changed it now.
 fn edit(app: &App, ui: &mut Ui, pass: &PassFacts, parameter: &Parameter) -> Option<String> {
     let label = format!("{} {}", pass.name, parameter.info.name);
     match parameter.info.values {
@@ -61,7 +61,7 @@ fn edit(app: &App, ui: &mut Ui, pass: &PassFacts, parameter: &Parameter) -> Opti
     }
 }
 
-/// One of several values; grey with the reason where it is not there.
+/// An entry in a list of values; disabled, with the reason as a hover text, if `missing` is given.
 pub(super) fn offer<T: PartialEq>(ui: &mut Ui, chosen: &mut T, value: T, name: &str, missing: Option<&str>) {
     let label = egui::Button::selectable(*chosen == value, name);
     let response = ui.add_enabled(missing.is_none(), label);
@@ -70,7 +70,7 @@ pub(super) fn offer<T: PartialEq>(ui: &mut Ui, chosen: &mut T, value: T, name: &
     }
 }
 
-/// Why a ray backend that a pass may be given is not there.
+/// Why a ray backend for a single pass is not available; `None` if it is, or for other parameters.
 fn missing(app: &App, parameter: &Parameter, name: &str) -> Option<String> {
     if parameter.info.name != OWN_BACKEND.name {
         return None;
@@ -79,7 +79,7 @@ fn missing(app: &App, parameter: &Parameter, name: &str) -> Option<String> {
     available.rays.into_iter().find(|(backend, _)| backend.name() == name)?.1
 }
 
-/// Names a list for those who do not see it, with what is chosen.
+/// Gives a list a name and its chosen value for screen readers.
 pub(super) fn named_list(response: &Response, label: &str, chosen: &str) {
     response.widget_info(|| WidgetInfo {
         current_text_value: Some(chosen.to_owned()),

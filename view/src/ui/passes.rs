@@ -1,4 +1,4 @@
-//! The passes in their order: on and off, what they write, what they took, what can be set.
+//! The table of passes in their order: whether they run, their outputs, times and parameters.
 
 use super::parameters::{self, named_list, offer};
 use crate::app::App;
@@ -27,7 +27,7 @@ pub fn draw(app: &mut App, ui: &mut Ui, facts: Option<&Facts>) {
     });
 }
 
-/// Which engines work; what is not there says why.
+/// Lists of engines; those that are not available give the reason.
 fn engines(app: &App, ui: &mut Ui, facts: &Facts) {
     let available = app.available().unwrap_or_else(|| Available {
         raster: RasterChoice::NAMES.iter().map(|(_, choice)| (*choice, None)).collect(),
@@ -66,7 +66,7 @@ fn engine(ui: &mut Ui, [name, device]: &[String; 2]) {
     ui.add(egui::Label::new(text).truncate()).on_hover_text(device);
 }
 
-/// A pass. The whole row shows what it writes.
+/// The row of a pass. Hovering over it shows the pass's first output.
 fn row(app: &mut App, ui: &mut Ui, facts: &Facts, (index, pass): (usize, &PassFacts), frame: f64) {
     let pinned = pass.outputs.iter().any(|output| app.pinned.as_ref() == Some(&output.full));
     let fill = if pinned { BLUE.gamma_multiply(0.16) } else { egui::Color32::from_gray(36) };
@@ -142,7 +142,7 @@ fn head(app: &mut App, ui: &mut Ui, index: usize, pass: &PassFacts) {
     });
 }
 
-/// Its share of the frame.
+/// A bar for the pass's share of the frame's time.
 fn bar(ui: &mut Ui, index: usize, pass: &PassFacts, frame: f64) {
     let (rect, _) = ui.allocate_exact_size(vec2(ui.available_width(), 3.0), Sense::hover());
     ui.painter().rect_filled(rect, 1.0, egui::Color32::from_gray(50));
@@ -168,7 +168,7 @@ fn outputs(app: &mut App, ui: &mut Ui, pass: &PassFacts) {
     });
 }
 
-/// Rays, device time, and who else writes the same.
+/// Number of rays, device time, and the pass that overwrites this pass's output.
 fn notes(ui: &mut Ui, facts: &Facts, pass: &PassFacts) {
     let mut parts = Vec::new();
     if let Some(rays) = pass.times.rays.filter(|rays| *rays > 0 && pass.state == PassState::Runs) {

@@ -14,14 +14,14 @@ use egui::{
 use glam::Vec3;
 use std::time::Duration;
 
-/// Radians a point that the mouse is dragged.
+/// Radians per point that the mouse is dragged.
 const TURN: f32 = 0.005;
-/// From one picture to the other.
+/// Time after which [`Mode::Flicker`] changes the picture.
 const FLICKER: Duration = Duration::from_millis(500);
-/// How near to the line of a wipe it is taken hold of, points.
+/// Distance in points within which the line of a wipe can be grabbed.
 const HOLD: f32 = 7.0;
 
-/// Draws it, and does what the mouse asks for.
+/// Draws the picture, and handles the mouse over it.
 pub fn draw(app: &mut App, ui: &mut Ui, facts: Option<&Facts>) {
     CentralPanel::default().frame(Frame::new().fill(Color32::from_gray(18))).show(ui, |ui| {
         if app.seen().is_none() {
@@ -34,7 +34,7 @@ pub fn draw(app: &mut App, ui: &mut Ui, facts: Option<&Facts>) {
     });
 }
 
-/// Why there is no picture.
+/// Says why there is no picture.
 fn nothing(app: &App, ui: &mut Ui) {
     let error = app.state.error.as_ref().filter(|_| app.state.activity == Activity::Failed);
     let Some(error) = error else {
@@ -51,7 +51,7 @@ fn nothing(app: &App, ui: &mut Ui) {
     });
 }
 
-/// Draws the pictures and what lies over them; says what is shown.
+/// Draws the pictures and their overlays; returns the name of what is shown.
 fn show(app: &mut App, ui: &Ui, area: Rect, facts: Option<&Facts>) -> String {
     let Some(picture) = app.seen() else { return String::new() };
     let size = picture.whole;
@@ -116,7 +116,7 @@ fn show(app: &mut App, ui: &Ui, area: Rect, facts: Option<&Facts>) -> String {
     shown
 }
 
-/// The picture's name, and its size where that is not the whole one.
+/// The picture's name, with its size if that is reduced.
 fn named(picture: &Picture) -> String {
     let (name, [width, height]) = (&picture.name, [picture.image.width, picture.image.height]);
     if picture.is_reduced() { format!("{name}, {width} × {height} while the camera moves") } else { name.clone() }
@@ -156,13 +156,13 @@ fn mouse(app: &mut App, ui: &Ui, area: Rect, response: &Response, facts: Option<
     if flies {
         fly(app, context, facts);
     }
-    // Where the camera stands is told by the renderer again when it rests.
+    // At rest the renderer reports the camera's pose itself.
     if app.state.activity == Activity::Resting && !flies && !response.dragged() {
         app.pose = None;
     }
 }
 
-/// Whether the line of a wipe is dragged; then it follows the pointer.
+/// Whether the line of a wipe is being dragged; if so, the line follows the pointer.
 fn hold_line(app: &mut App, area: Rect, size: [u32; 2], response: &Response, context: &egui::Context) -> bool {
     let rect = app.canvas.rect(area, size);
     let (start, now) = context.input(|input| (input.pointer.press_origin(), input.pointer.interact_pos()));
@@ -178,7 +178,7 @@ fn hold_line(app: &mut App, area: Rect, size: [u32; 2], response: &Response, con
     app.holds_line
 }
 
-/// Moves with the keys that are held.
+/// Moves the camera by the keys that are held down.
 fn fly(app: &mut App, context: &egui::Context, facts: Option<&Facts>) {
     let (by, time) = context.input(|input| {
         let axis = |ahead: Key, back: Key| f32::from(input.key_down(ahead)) - f32::from(input.key_down(back));

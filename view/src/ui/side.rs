@@ -6,7 +6,7 @@ use crate::theme::{BLUE, number};
 use crate::worker::{Facts, PixelRays};
 use egui::{Color32, Grid, Panel, RichText, ScrollArea, Ui};
 
-/// Draws it.
+/// Draws the panel.
 pub fn draw(app: &mut App, ui: &mut Ui, facts: Option<&Facts>) {
     Panel::right("side").default_size(290.0).size_range(240.0..=640.0).show(ui, |ui| {
         let Some(facts) = facts else { return };
@@ -23,7 +23,7 @@ pub fn draw(app: &mut App, ui: &mut Ui, facts: Option<&Facts>) {
 fn pixel(app: &mut App, ui: &mut Ui) {
     let Some(picture) = app.seen() else { return };
     let right = app.compared().map(|[_, right]| right);
-    // Of one height with and without a pixel: what lies below must not move away from the pointer.
+    // The same height with and without a pixel, so that the rows below do not move away from the pointer.
     let pointed = app.pointed.and_then(|at| Some((at, picture.pixel(at)?)));
     match pointed {
         Some(([x, y], _)) => ui.monospace(format!("{x}, {y}")),

@@ -1,4 +1,4 @@
-//! The bar below: what goes on, and everything that is not as it was asked for.
+//! The bar at the bottom: the activity, and every deviation from what was asked for.
 
 use crate::app::App;
 use crate::theme::{RED, YELLOW, milliseconds};
@@ -6,7 +6,7 @@ use crate::worker::{Activity, Doing, Facts, NO_SAMPLES};
 use egui::{Align, Layout, Panel, RichText, ScrollArea, Ui};
 use std::time::Duration;
 
-/// Draws it, and above it the errors and warnings.
+/// Draws the bar, and above it the errors and warnings.
 pub fn draw(app: &mut App, ui: &mut Ui, facts: Option<&Facts>) {
     Panel::bottom("status").show(ui, |ui| {
         ui.horizontal(|ui| {
@@ -38,9 +38,9 @@ pub fn draw(app: &mut App, ui: &mut Ui, facts: Option<&Facts>) {
     warnings(app, ui, facts);
 }
 
-/// A step of the renderer that makes a side of a comparison.
+/// Shows the step of the renderer that makes a side of a comparison.
 fn doing_now(ui: &mut Ui, doing: &Doing) {
-    /// How often it is looked at how far it is.
+    /// Period of reading the step's progress.
     const LOOKED_AT: Duration = Duration::from_millis(200);
     let (done, total) = doing.progress.get();
     let share = (100 * done.min(total)).checked_div(total).map_or_else(String::new, |share| format!(", {share} %"));
@@ -79,7 +79,7 @@ fn warnings(app: &App, ui: &mut Ui, facts: Option<&Facts>) {
     });
 }
 
-/// What goes on, as it is written.
+/// The activity as text.
 pub fn activity(activity: &Activity) -> &'static str {
     match activity {
         Activity::Opening => "Opening…",

@@ -1,4 +1,4 @@
-//! The bar above: what is open, its camera, and what can be done.
+//! The bar at the top: the open project, its camera, and actions.
 
 use super::keys;
 use super::parameters::named_list;
@@ -6,7 +6,7 @@ use crate::app::App;
 use crate::worker::{Command, Facts};
 use egui::{ComboBox, Panel, RichText, Ui};
 
-/// Draws it.
+/// Draws the bar.
 pub fn draw(app: &mut App, ui: &mut Ui, facts: Option<&Facts>) {
     Panel::top("top").show(ui, |ui| {
         ui.add_space(2.0);

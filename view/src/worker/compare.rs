@@ -1,4 +1,4 @@
-//! How far two pictures are apart, and pictures of files.
+//! Metrics of two pictures, and reading pictures from files.
 
 use super::picture::Picture;
 use super::side::Side;
@@ -8,16 +8,16 @@ use curitiba::pipeline::metrics::{Options, compare_with_map, heat_map};
 use std::path::Path;
 use std::sync::Arc;
 
-/// How far two pictures are apart: `docs/numerics.md`.
+/// Metrics of two pictures: `docs/numerics.md`.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Compared {
-    /// Names of the two.
+    /// Names of the two pictures.
     pub names: [String; 2],
     /// Root mean square error of red, green and blue.
     pub rmse: f64,
     /// Largest difference of a value.
     pub max: f64,
-    /// Mean FLIP error of what is displayed, 0 to 1.
+    /// Mean FLIP error of the displayed colours, 0 to 1.
     pub flip: f64,
     /// FLIP by pixel, from black for 0 to cream for 1.
     pub heat: Arc<Picture>,
@@ -45,7 +45,7 @@ pub(super) fn compare(left: &Picture, right: &Picture, display: Display) -> Resu
     })
 }
 
-/// A picture of a file in the colours of the project: display values are decoded for one of linear light.
+/// Reads a picture in the colours of the project: display values are decoded if the project has linear light.
 pub(super) fn read(path: &Path, display: Display) -> Result<Picture, String> {
     let read = read_image(path).map_err(|error| error.to_string())?;
     let mut image: Image = read.image;

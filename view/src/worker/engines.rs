@@ -1,9 +1,9 @@
-//! Which engines are there.
+//! The available engines.
 
 use curitiba::passes::raster::gpu::adapters;
 use curitiba::{BackendChoice, Choice, RasterChoice, engines};
 
-/// Engines by name, with the reason of those that are not there.
+/// Engines by name, with the reason for those that are not available.
 #[derive(Debug, Clone, Default)]
 pub struct Available {
     /// Rasterisers.
@@ -13,7 +13,7 @@ pub struct Available {
 }
 
 impl Available {
-    /// Looks for devices, which takes a while where there are any.
+    /// Looks for devices. This takes a while if there are any.
     #[must_use]
     pub fn look() -> Self {
         let no_adapter = adapters().is_empty().then(|| "no device was found by wgpu".to_owned());

@@ -1,4 +1,4 @@
-//! What the window says of a project and its passes.
+//! Facts about a project and its passes that the window shows.
 
 use crate::camera::Bounds;
 use curitiba::Choice;
@@ -18,9 +18,9 @@ pub struct Facts {
     pub source: PathBuf,
     /// The pipeline that runs.
     pub pipeline: String,
-    /// Window at rest, pixels.
+    /// Size of the window's picture at rest, pixels.
     pub window: [u32; 2],
-    /// By index of the pipeline.
+    /// The passes, in the order of the pipeline.
     pub passes: Vec<PassFacts>,
     /// Names of the cameras.
     pub cameras: Vec<String>,
@@ -28,15 +28,15 @@ pub struct Facts {
     pub camera: Option<String>,
     /// The camera through which the first raster pass sees.
     pub seen_by: String,
-    /// Where it stands.
+    /// The pose of that camera.
     pub pose: Option<Pose>,
-    /// The distance of its far plane, behind which nothing is drawn.
+    /// The distance of that camera's far plane, behind which nothing is drawn.
     pub far: f32,
-    /// Clip space from the world, of the first raster pass.
+    /// The matrix from world space to clip space, of the first raster pass.
     pub clip_from_world: Option<Mat4>,
-    /// Around the scene.
+    /// The bounding box of the scene.
     pub bounds: Option<Bounds>,
-    /// Its camera as an element of a project.
+    /// The camera in use as an element of a project.
     pub camera_xml: Result<String, String>,
     /// The engines that were asked for.
     pub choice: Choice,
@@ -44,11 +44,11 @@ pub struct Facts {
     pub raster: [String; 2],
     /// Name and device of the ray backend.
     pub rays: [String; 2],
-    /// Everything that was replaced or left out, and every backend that another took the place of.
+    /// Everything that was replaced or left out, and every backend that a fallback replaced.
     pub warnings: Vec<String>,
-    /// Loading and building, with milliseconds.
+    /// The steps of loading and building, with milliseconds.
     pub once: Vec<(String, f64)>,
-    /// What `curitiba render` takes to give this picture, but for a camera that was moved.
+    /// The settings with which `curitiba render` gives this picture, except for cameras that were moved.
     pub settings: Settings,
 }
 
@@ -59,24 +59,24 @@ pub struct PassFacts {
     pub name: String,
     /// `raster`, `rays`, `effect` or `quad`.
     pub kind: &'static str,
-    /// What it runs, if a project chooses that.
+    /// Its program, if the project chooses one.
     pub program: Option<&'static str>,
-    /// What that does.
+    /// A description of what it does.
     pub about: &'static str,
-    /// Whether it runs, and why not.
+    /// Whether it runs, or why it does not.
     pub state: PassState,
-    /// What it writes.
+    /// Its outputs.
     pub outputs: Vec<PassOutput>,
-    /// What can be set.
+    /// Its parameters.
     pub parameters: Vec<Parameter>,
-    /// What it took when it last ran.
+    /// Times of its last run.
     pub times: PassTimes,
 }
 
-/// Whether a pass runs.
+/// Whether a pass runs, or why it does not.
 #[derive(Debug, Clone, PartialEq)]
 pub enum PassState {
-    /// It does.
+    /// It runs.
     Runs,
     /// The user switched it off.
     Off,
@@ -84,10 +84,10 @@ pub enum PassState {
     LeftOut(String),
 }
 
-/// What a pass writes.
+/// An output of a pass.
 #[derive(Debug, Clone, PartialEq)]
 pub struct PassOutput {
-    /// Its own name: `pos`, `result`.
+    /// Its own name, such as `pos` or `result`.
     pub name: String,
     /// `library::texture`; `None` for the window.
     pub full: Option<String>,
@@ -98,27 +98,27 @@ pub struct PassOutput {
 pub struct Parameter {
     /// Its entry in the table.
     pub info: &'static ParamInfo,
-    /// Its value, as projects have it.
+    /// Its value, as written in projects.
     pub value: String,
 }
 
-/// What a pass took when it last ran.
+/// Times of a pass when it last ran.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct PassTimes {
     /// How often it has run.
     pub runs: u64,
     /// Host time of all its steps, milliseconds.
     pub host_ms: f64,
-    /// Device time, where the device has a clock.
+    /// Device time, milliseconds; `None` if the device has no clock.
     pub device_ms: Option<f64>,
-    /// Rays.
+    /// Number of rays; `None` if the pass traces none.
     pub rays: Option<u64>,
     /// Its steps, with milliseconds and notes.
     pub steps: Vec<(StepKind, f64, String)>,
 }
 
 impl PassTimes {
-    /// Takes what a pass did in the frame whose rows these are.
+    /// Replaces the times by those of a frame; `rows` are the rows of the timeline for this pass.
     pub(super) fn take<'a>(&mut self, rows: impl Iterator<Item = &'a Row>) {
         let runs = self.runs + 1;
         *self = Self { runs, ..Self::default() };
@@ -143,7 +143,7 @@ impl PassTimes {
 }
 
 impl Facts {
-    /// Of a renderer after a frame; `times` by index of the pipeline.
+    /// Facts of a renderer after a frame; `times` is in the order of the pipeline.
     pub(super) fn of(renderer: &Renderer, choice: Choice, times: &[PassTimes], bounds: Option<Bounds>) -> Self {
         let plan = renderer.plan();
         let project = renderer.project();
@@ -188,13 +188,13 @@ impl Facts {
         }
     }
 
-    /// What the passes that run took when they last ran, milliseconds.
+    /// Host time of the passes that run, each as of its last run, milliseconds.
     #[must_use]
     pub fn frame_ms(&self) -> f64 {
         self.passes.iter().filter(|pass| pass.state == PassState::Runs).map(|pass| pass.times.host_ms).sum()
     }
 
-    /// The pass that wrote an output last; of the result, the last one that writes the window.
+    /// The pass that writes an output last; for the result, the last pass that writes the window.
     #[must_use]
     pub fn last_writer(&self, output: Option<&str>) -> Option<&PassFacts> {
         let writes = |pass: &&PassFacts| pass.outputs.iter().any(|written| written.full.as_deref() == output);
@@ -250,17 +250,17 @@ fn pass_facts(plan: &Plan, settings: &Settings, index: usize, pass: &Pass, times
     PassFacts { name: pass.name.clone(), kind, program, about, state, outputs, parameters, times }
 }
 
-/// The parameters of a ray pass with what was set.
+/// The parameters of a ray pass with the values that the settings assign.
 pub(super) fn ray_parameters(pass: &str, mut values: RayParams, settings: &Settings) -> RayParams {
     let prefix = format!("{pass}.");
     for (name, value) in settings.set.iter().filter_map(|set| set.strip_prefix(&prefix)?.split_once('=')) {
-        // What is not valid was refused when it was set.
+        // Invalid values were refused when they were assigned.
         let _ = values.set(name, value);
     }
     values
 }
 
-/// The parameters of a pass with what was set: also of one that is switched off.
+/// The parameters of a pass with the values that the settings assign, even if the pass is switched off.
 fn parameters(pass: &Pass, settings: &Settings) -> Vec<Parameter> {
     let prefix = format!("{}.", pass.name);
     let set = settings.set.iter().filter_map(|set| set.strip_prefix(&prefix)?.split_once('='));

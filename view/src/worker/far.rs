@@ -1,4 +1,4 @@
-//! Sides of a comparison that another renderer makes, on a thread of its own: the window goes on meanwhile.
+//! Sides of a comparison that another renderer makes, on a thread of its own; the window continues meanwhile.
 
 use super::picture::Picture;
 use super::side::{Obtained, On, Times, What};
@@ -13,31 +13,31 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
-/// The first frame of a renderer translates shaders and fills caches. Where it takes no longer, a second one is timed.
+/// The first frame of a renderer compiles shaders and fills caches. If it takes less than this, a second frame is timed.
 const TIMED_AGAIN: Duration = Duration::from_millis(500);
 
-/// What is to be made.
+/// The pictures to make, and everything that they depend on.
 pub(super) struct Task {
-    /// The project as it is now: with cameras that were moved.
+    /// The project in its present state, including cameras that were moved.
     pub project: Project,
     pub settings: Settings,
-    /// The window's choice.
+    /// The window's choice of engines.
     pub choice: Choice,
-    /// Samples that the window's picture has accumulated.
+    /// Samples that the window's picture has accumulated; `None` if it has not accumulated any.
     pub samples: Option<u32>,
     pub source: Source,
 }
 
-/// Which picture, or pictures, with the side that each is for.
+/// Which pictures to make, each with the index of its side.
 pub(super) enum Source {
-    /// By other engines.
+    /// Pictures by other engines.
     Engines(On, Vec<(usize, What)>),
-    /// The reference.
+    /// The reference of the picture.
     Reference(usize),
 }
 
 impl Source {
-    /// The sides that it is for.
+    /// The sides that the pictures are for.
     pub fn sides(&self) -> Vec<usize> {
         match self {
             Self::Engines(_, wanted) => wanted.iter().map(|(side, _)| *side).collect(),
@@ -46,17 +46,17 @@ impl Source {
     }
 }
 
-/// What a thread has made: by side. Nothing, where it was given up.
+/// The result of a thread: pictures by side; `None` if the job was given up.
 pub(super) type Made = Option<Vec<(usize, Obtained)>>;
 
-/// A thread at work.
+/// A thread that makes sides.
 pub(super) struct Job {
     pub sides: Vec<usize>,
     stop: Stop,
     thread: Option<JoinHandle<()>>,
 }
 
-/// A request to stop, and the request of the renderer at work.
+/// A request to stop, and the cancellation of the renderer that the thread uses.
 #[derive(Clone, Default)]
 struct Stop {
     asked: Cancellation,
@@ -75,7 +75,7 @@ impl Stop {
         }
     }
 
-    /// Stops this renderer, too: at once if it was asked before.
+    /// Makes this renderer stop too; at once if the request was made before.
     fn adopt(&self, renderer: &Renderer) {
         *self.renderer() = Some(renderer.cancellation());
         if self.asked.is_cancelled() {
@@ -84,7 +84,7 @@ impl Stop {
     }
 }
 
-/// Sends what was made when it is dropped: also after a panic, whose message has been printed.
+/// Sends the result when it is dropped, also after a panic, which has printed its message by then.
 struct Report {
     to: Sender<Message>,
     made: Made,
@@ -92,16 +92,16 @@ struct Report {
 
 impl Drop for Report {
     fn drop(&mut self) {
-        // Nobody listens once the window is closed.
+        // The window may be closed, so that nothing receives the message.
         let _ = self.to.send(Message::Made(self.made.take()));
     }
 }
 
 impl Job {
-    /// Starts a thread.
+    /// Starts a thread for a task.
     ///
     /// # Errors
-    /// If none can be started.
+    /// If no thread can be started.
     pub fn start(task: Task, shared: Arc<Shared>, to: Sender<Message>) -> std::io::Result<Self> {
         let (sides, stop) = (task.source.sides(), Stop::default());
         let theirs = stop.clone();
@@ -117,7 +117,7 @@ impl Job {
         Ok(Self { sides, stop, thread: Some(thread) })
     }
 
-    /// Asks it to end.
+    /// Asks the thread to end.
     pub fn give_up(&self) {
         self.stop.stop();
     }
@@ -137,7 +137,7 @@ impl Drop for Job {
     }
 }
 
-/// Tells the window which step runs, and how far it is.
+/// Reports the current step and its progress to the window.
 struct Teller<'a>(&'a Shared);
 
 impl Observer for Teller<'_> {
@@ -163,7 +163,7 @@ fn make(task: Task, stop: &Stop, teller: &mut Teller<'_>) -> Made {
     Some(made.unwrap_or_else(|why| sides.into_iter().map(|side| (side, Obtained::missing(&why))).collect()))
 }
 
-/// Pictures by a renderer with other engines, with what a frame took.
+/// Pictures by a renderer with other engines, with the times of a frame.
 fn on_engines(
     task: &Task,
     on: On,
@@ -173,7 +173,7 @@ fn on_engines(
 ) -> Result<Vec<(usize, Obtained)>, String> {
     let mut settings = task.settings.clone();
     if matches!(on, On::Rays(_)) {
-        // Passes with a backend of their own have it, too.
+        // The chosen ray backend also applies to passes with a backend of their own.
         let own = format!(".{}=", OWN_BACKEND.name);
         settings.set.retain(|assignment| !assignment.contains(&own));
     }
@@ -224,7 +224,7 @@ fn on_engines(
     Ok(pictures)
 }
 
-/// The reference of the picture: a stored one, or one with the fewest samples that a reference may have.
+/// The reference of the picture: a stored one, or one rendered with the smallest valid number of samples.
 fn reference(task: &Task, stop: &Stop, teller: &mut Teller<'_>) -> Result<Obtained, String> {
     if task.settings.crop.is_some() {
         return Err("references are of whole pictures; leave --crop out".to_owned());

@@ -1,8 +1,8 @@
-//! What the last frames took.
+//! Times of the last frames.
 
 use std::collections::VecDeque;
 
-/// Frames that are kept.
+/// Number of frames that are kept.
 pub const FRAMES: usize = 512;
 
 /// Times of the last [`FRAMES`] frames by pass.
@@ -12,7 +12,8 @@ pub struct History {
 }
 
 impl History {
-    /// Adds a frame: by pass of the pipeline, milliseconds; 0 for what did not run. Frames of another number of passes are forgotten.
+    /// Adds a frame: milliseconds of each pass of the pipeline, 0 for passes that did not run. If the number of passes changed, earlier frames
+    /// are removed.
     pub fn push(&mut self, times: Vec<f32>) {
         if self.frames.back().is_some_and(|last| last.len() != times.len()) {
             self.frames.clear();

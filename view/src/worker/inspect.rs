@@ -11,12 +11,12 @@ use std::sync::Arc;
 /// Rays that leave the scene are drawn this long, as a share of the scene's radius.
 const OPEN: f32 = 0.25;
 
-/// What passes did at a pixel.
+/// The values and rays of the passes at a pixel.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct PixelRays {
     /// Column and row from the top left.
     pub pixel: [u32; 2],
-    /// What each pass wrote there: pass, output, value.
+    /// The value of each output there: pass, output, value.
     pub values: Vec<(String, String, [f32; 4])>,
     /// The lines of `curitiba render --pixel` about rays.
     pub lines: Vec<String>,
@@ -24,23 +24,23 @@ pub struct PixelRays {
     pub segments: Vec<Segment>,
 }
 
-/// A ray from where it starts to what it meets.
+/// A ray from its origin to its hit.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Segment {
     /// `shadow`, `occlusion`, `reflected` or `refracted`.
     pub purpose: &'static str,
-    /// Where it starts, world.
+    /// Its origin, in world space.
     pub from: Vec3,
-    /// Where it ends.
+    /// Its end, in world space.
     pub to: Vec3,
-    /// Whether it meets something.
+    /// Whether it hits something.
     pub meets: bool,
 }
 
-/// Looks into a frame.
+/// Collects the values and rays of a pixel from a frame.
 pub(super) struct Inspector {
     pub found: PixelRays,
-    /// Of the scene.
+    /// Radius of the scene.
     pub radius: f32,
     pub failed: Option<String>,
 }

@@ -1,6 +1,6 @@
 //! The thread that owns the renderer.
 //!
-//! Engines belong to the thread that made them, and a frame may take seconds: so the window never calls a renderer. It sends [`Command`]s and
+//! Engines belong to the thread that made them, and a frame may take seconds. So the window never calls a renderer: it sends [`Command`]s and
 //! shows the latest [`State`].
 
 mod compare;
@@ -39,64 +39,64 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
-/// Of [`State::not_refined`], where there is nothing to refine.
+/// Value of [`State::not_refined`] if no pass takes samples.
 pub const NO_SAMPLES: &str = "no pass takes samples";
 
-/// A frame that takes longer is given up for a change of its settings; a shorter one is shown first, so that a slider that is dragged
-/// always shows something.
+/// A frame that has taken longer than this is cancelled when its settings change. A shorter one is finished and shown, so that dragging a
+/// slider always shows something.
 const PATIENCE: Duration = Duration::from_millis(250);
 
-/// What is shown, as the command line asks for it.
+/// The project to show, with its settings, as the command line names them.
 #[derive(Debug, Clone)]
 pub struct Source {
     /// The project, scene file or folder.
     pub path: PathBuf,
-    /// What the plan is made from.
+    /// Settings of the plan.
     pub settings: Settings,
-    /// Which engines.
+    /// The choice of engines.
     pub choice: Choice,
     /// Whether files that change are read again.
     pub watch: bool,
 }
 
-/// What the renderer is asked to do.
+/// A request to the renderer's thread.
 #[derive(Debug, Clone)]
 pub enum Command {
-    /// The camera of every pass; each its own, if `None`.
+    /// Selects the camera of every pass; `None` gives each pass its own.
     Camera(Option<String>),
     /// Moves the camera in use.
     Move(Pose),
-    /// A parameter of a pass.
+    /// Sets a parameter of a pass.
     Parameter {
         /// The pass.
         pass: String,
         /// The parameter.
         name: String,
-        /// Its value, as projects have it.
+        /// Its value, as written in projects.
         value: String,
     },
     /// Switches a pass on or off.
     Enable {
         /// The pass.
         pass: String,
-        /// On.
+        /// Whether the pass is on.
         on: bool,
     },
-    /// Other engines.
+    /// Changes the engines.
     Engines(Choice),
-    /// Shows an output by its full name; the result, if `None`.
+    /// Shows the output with this full name; `None` shows the result.
     Show(Option<String>),
-    /// Looks into a pixel of what is shown, column and row from the top left; no more, if `None`.
+    /// Shows the values and rays of a pixel of the shown picture, column and row from the top left; `None` ends this.
     Pixel(Option<[u32; 2]>),
-    /// Compares the left picture with the right one, its reference; no more, if `None`.
+    /// Compares the left picture with the right one, its reference; `None` ends the comparison.
     Compare(Option<Box<[Side; 2]>>),
-    /// Whether more samples are taken while nothing changes.
+    /// Sets whether more samples are accumulated while nothing changes.
     Refine(bool),
-    /// Whether nothing is rendered.
+    /// Pauses or continues rendering.
     Pause(bool),
     /// Reads all files again.
     Reload,
-    /// Writes the picture with what reproduces it: PNG, EXR and JSON beside this path.
+    /// Writes the picture and a record that reproduces it: PNG, EXR and JSON beside this path.
     Save(PathBuf),
     /// Ends the thread.
     Quit,
@@ -117,7 +117,7 @@ impl Command {
         }
     }
 
-    /// Whether the picture that is being rendered will not be wanted: at once, or once it takes long.
+    /// How long a frame must have taken for this command to cancel it; `None` if the command leaves the frame valid.
     fn outdates(&self) -> Option<Duration> {
         match self {
             Self::Move(_) | Self::Engines(_) | Self::Camera(_) | Self::Reload | Self::Pause(true) | Self::Quit => {
@@ -129,109 +129,109 @@ impl Command {
     }
 }
 
-/// What the thread does.
+/// What the thread is doing.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub enum Activity {
-    /// Reads and builds.
+    /// It reads files and builds structures.
     #[default]
     Opening,
-    /// Renders.
+    /// It renders.
     Rendering,
-    /// Renders with few samples, because the camera moves.
+    /// It renders with few samples, because the camera moves.
     Moving,
-    /// Takes more samples.
+    /// It accumulates more samples.
     Refining,
     /// A side of a comparison is made by another renderer.
     Comparing,
-    /// Nothing is left to do.
+    /// Nothing remains to be done.
     Resting,
-    /// Nothing is rendered, because the user says so.
+    /// Rendering is paused by the user.
     Paused,
-    /// There is nothing to render: [`State::error`] says why.
+    /// There is nothing to render; [`State::error`] says why.
     Failed,
 }
 
-/// Samples of the picture that is shown.
+/// Accumulation of samples of the shown picture.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Refinement {
-    /// Samples a point.
+    /// Samples per point.
     pub samples: u64,
-    /// Where it stops.
+    /// Number of samples at which accumulation ends.
     pub goal: u64,
     /// Standard error, root mean square over the pixels: `docs/library.md`. NaN before the second batch.
     pub error: f64,
 }
 
-/// What the window shows. Cheap to copy.
+/// The thread's state, as the window shows it. Cheap to copy.
 #[derive(Debug, Clone, Default)]
 pub struct State {
     /// The project and its passes; `None` until it is open.
     pub facts: Option<Arc<Facts>>,
-    /// What is shown: the result, or an output.
+    /// The shown picture: the result, or an output.
     pub picture: Option<Arc<Picture>>,
     /// The two sides of a comparison.
     pub sides: [Obtained; 2],
-    /// Their difference, where it has been computed.
+    /// Metrics of the two sides, once they are computed.
     pub compared: Option<Arc<Compared>>,
-    /// Why there is none although both are there.
+    /// Why the two sides cannot be compared although both exist.
     pub incomparable: Option<String>,
-    /// The step of the renderer that makes a side.
+    /// The current step of the renderer that makes a side.
     pub doing: Option<Doing>,
     /// The rays of a pixel.
     pub pixel: Option<Arc<PixelRays>>,
     /// Times of the last frames.
     pub history: Arc<History>,
-    /// More samples than the project asks for.
+    /// Progress of accumulating more samples than the project asks for.
     pub refinement: Option<Refinement>,
-    /// Why no more samples are taken than the project asks for.
+    /// Why no more samples are accumulated than the project asks for.
     pub not_refined: Option<String>,
-    /// What goes on.
+    /// What the thread is doing.
     pub activity: Activity,
-    /// Why the last thing that was asked for could not be done.
+    /// Why the last command failed.
     pub error: Option<String>,
-    /// What was done last: files that were written or read again.
+    /// The last message: files that were written or read again.
     pub told: Option<String>,
-    /// Frames so far.
+    /// Number of frames so far.
     pub frames: u64,
-    /// Commands that were taken, and the step behind them done.
+    /// Number of commands that were taken, each counted after the step that follows it.
     pub taken: u64,
-    /// From the last command that gave a frame up until the thread took it: what cancelling took.
+    /// Time from the last command that cancelled a frame to when the thread took up commands again: the duration of the cancellation.
     pub gave_up_after: Option<Duration>,
 }
 
-/// A step, and how far it is.
+/// A step and its progress.
 #[derive(Debug, Clone)]
 pub struct Doing {
-    /// What it is.
+    /// Kind and name of the step.
     pub what: String,
-    /// How far it is.
+    /// Its progress.
     pub progress: Arc<Progress>,
 }
 
-/// What the thread is told.
+/// A message to the renderer's thread.
 enum Message {
-    /// By the window.
+    /// From the window.
     Command(Command),
-    /// By a thread that makes sides of a comparison.
+    /// From a thread that makes sides of a comparison.
     Made(far::Made),
 }
 
 type Wake = Arc<dyn Fn() + Send + Sync>;
 
-/// What the two threads share.
+/// Data that the window and the renderer's thread share.
 struct Shared {
     state: Mutex<State>,
     busy: Mutex<Busy>,
     wake: Wake,
 }
 
-/// What is being rendered.
+/// The cancellation of the current step.
 #[derive(Default)]
 struct Busy {
     cancellation: Cancellation,
-    /// Since when, of a frame that may be given up.
+    /// When the step became cancellable; `None` if it may not be cancelled.
     since: Option<Instant>,
-    /// When it was.
+    /// When it was cancelled.
     given_up: Option<Instant>,
 }
 
@@ -240,14 +240,14 @@ fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
 }
 
 impl Shared {
-    /// Changes what the window shows, and lets it draw.
+    /// Changes the state that the window shows, and wakes the window.
     fn change(&self, change: impl FnOnce(&mut State)) {
         change(&mut lock(&self.state));
         (self.wake)();
     }
 }
 
-/// The window's end of the thread; the thread ends with it.
+/// The window's handle of the renderer's thread. Dropping it ends the thread.
 pub struct Worker {
     messages: Sender<Message>,
     sent: AtomicU64,
@@ -256,7 +256,7 @@ pub struct Worker {
 }
 
 impl Worker {
-    /// Opens something on a thread of its own. `wake` is called whenever there is something new to show.
+    /// Opens a source on a new thread. `wake` is called whenever the state has changed.
     ///
     /// # Errors
     /// If no thread can be started.
@@ -270,11 +270,11 @@ impl Worker {
         Ok(Self { messages, sent: AtomicU64::new(0), shared, thread: Some(thread) })
     }
 
-    /// Asks for something. What is being rendered is given up if it will not be wanted.
+    /// Sends a command. Cancels the current step if the command makes its picture obsolete.
     pub fn send(&self, command: Command) {
         let outdates = command.outdates();
         self.sent.fetch_add(1, Ordering::Relaxed);
-        // The thread ends by itself only with a fault, which `state` tells.
+        // The thread ends by itself only after a panic, which `state` reports.
         let _ = self.messages.send(Message::Command(command));
         let mut busy = lock(&self.shared.busy);
         if let (Some(patience), Some(since)) = (outdates, busy.since)
@@ -285,13 +285,13 @@ impl Worker {
         }
     }
 
-    /// Commands that were sent: all are done where [`State::taken`] is as large.
+    /// Number of commands sent. All of them are done once [`State::taken`] has reached it.
     #[must_use]
     pub fn sent(&self) -> u64 {
         self.sent.load(Ordering::Relaxed)
     }
 
-    /// What there is to show.
+    /// The present state.
     #[must_use]
     pub fn state(&self) -> State {
         let mut state = lock(&self.shared.state).clone();
@@ -313,10 +313,10 @@ impl Drop for Worker {
     }
 }
 
-/// The thread: takes what was asked for, does one step, and begins again.
+/// The main loop of the thread: takes the commands, does one step, and repeats.
 fn work(mut session: Session, inbox: &Receiver<Message>) {
     loop {
-        // First: what is asked for from here on may give up the step below, which is then done again.
+        // This comes first: commands sent from here on may cancel the step below, which is then repeated.
         session.begin();
         let mut messages: Vec<Message> = Vec::new();
         let first = match session.patience() {

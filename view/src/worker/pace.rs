@@ -3,10 +3,10 @@
 use curitiba::pipeline::plan::Preview;
 use std::time::Duration;
 
-/// A frame while the camera moves should take no longer.
+/// Greatest duration of a frame while the camera moves.
 const SMOOTH: Duration = Duration::from_millis(50);
 
-/// From all pixels on to fewer: a frame of each takes about a quarter of the time of the one before, where samples or pixels take it.
+/// From full quality to fewer samples and pixels. Each level takes about a quarter of the time of the one before, if samples or pixels dominate.
 const LEVELS: [Preview; 4] = [
     Preview { divisor: 1, samples: 4 },
     Preview { divisor: 1, samples: 1 },
@@ -14,31 +14,31 @@ const LEVELS: [Preview; 4] = [
     Preview { divisor: 4, samples: 1 },
 ];
 
-/// What a project lets be left out.
+/// What may be reduced in the pictures of a project.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Lets {
-    /// Passes take more than one sample.
+    /// Whether passes take more than one sample.
     pub samples: bool,
-    /// Pictures can be smaller.
+    /// Whether pictures can be smaller.
     pub size: bool,
 }
 
-/// What is rendered while the camera moves, by what the last frames took. It is kept from one move to the next.
+/// Chooses the quality of frames while the camera moves, from the durations of the last frames. It is kept from one move to the next.
 #[derive(Debug, Default)]
 pub(super) struct Pace {
     level: usize,
-    /// The best of the frames in a row that took too long, and how many they are; and of those that left room for more.
+    /// Of the latest frames, all too slow: the shortest duration, and their number. `quick` is the number of frames that left room for more.
     slow: Option<(Duration, u32)>,
     quick: u32,
 }
 
 impl Pace {
-    /// What the next frame leaves out.
+    /// The quality of the next frame.
     pub fn preview(&self) -> Preview {
         LEVELS[self.level]
     }
 
-    /// Takes note of what a frame took. One frame may have waited for something else: two in a row ask for less work, and three for more.
+    /// Records the duration of a frame. A single frame may have been delayed by something else: the level changes down after two, up after three.
     pub fn note(&mut self, took: Duration, lets: Lets) {
         if took > SMOOTH {
             let (best, count) = self.slow.map_or((took, 1), |(best, count)| (best.min(took), count + 1));
@@ -53,7 +53,7 @@ impl Pace {
             return;
         }
         self.slow = None;
-        // The next level takes four times as long, and must not be too slow in its turn.
+        // The next level takes four times as long, and must stay below the limit too.
         self.quick = if 5 * took < SMOOTH { self.quick + 1 } else { 0 };
         if self.quick == 3 {
             self.quick = 0;
@@ -78,7 +78,7 @@ mod tests {
         Duration::from_millis(milliseconds)
     }
 
-    /// What frames leave out that take so long where nothing is left out, and a quarter of it a level.
+    /// The quality at which frames settle that take `full` milliseconds at full quality, and a quarter of it at each further level.
     fn settled(full: u64, lets: Lets, pace: &mut Pace) -> Preview {
         for _ in 0..40 {
             let level = LEVELS.iter().position(|level| *level == pace.preview()).expect("a level");
@@ -95,7 +95,7 @@ mod tests {
             assert_eq!(settled(full, ALL, &mut Pace::default()), expected, "{full} ms");
         }
         assert_eq!(settled(100_000, ALL, &mut Pace::default()), preview(4, 1));
-        // Single frames that waited for something.
+        // Single frames that were delayed.
         let mut pace = Pace::default();
         for _ in 0..20 {
             pace.note(ms(500), ALL);

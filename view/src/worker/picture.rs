@@ -9,24 +9,24 @@ use egui::{Color32, ColorImage};
 use rayon::prelude::*;
 use std::sync::Arc;
 
-/// A picture: its numbers, and what a screen shows of them.
+/// A picture: its values, and the colours that the screen shows.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Picture {
-    /// What it is: `result`, or the full name of an output.
+    /// Its name: `result`, or the full name of an output.
     pub name: String,
-    /// Its numbers, as passes read them.
+    /// Its values, as passes read them.
     pub image: Image,
-    /// The size as which it is shown: its own, but for one with fewer pixels while the camera moves.
+    /// The size at which it is shown. It differs from the picture's own size only while the camera moves and the picture has fewer pixels.
     pub whole: [u32; 2],
-    /// Names of the four numbers of a pixel.
+    /// Names of the four components of a pixel.
     pub components: [&'static str; 4],
-    /// What a screen shows of it: the colours of the PNG file that `render` writes of it. It is made beside the window, which
-    /// passes it on to its device as it is.
+    /// The colours on the screen: those of the PNG file that `render` writes. They are computed on the worker's side, and the window passes them
+    /// to its device unchanged.
     pub shown: Arc<ColorImage>,
 }
 
 impl Picture {
-    /// A picture that is to be compared with the window's.
+    /// A picture to be compared with the window's picture.
     #[must_use]
     pub fn of_window(name: impl Into<String>, image: Image, display: Display) -> Self {
         let (shown, whole) = (shown(&image, display), [image.width, image.height]);
@@ -56,17 +56,17 @@ impl Picture {
         Self { name: name.into(), image, whole, components, shown }
     }
 
-    /// Whether it has fewer pixels than it is shown as.
+    /// Whether it has fewer pixels than the size at which it is shown.
     #[must_use]
     pub fn is_reduced(&self) -> bool {
         self.whole != [self.image.width, self.image.height]
     }
 
-    /// The numbers of a pixel of [`Self::whole`], column and row from the top left; `None` outside.
+    /// The values of a pixel at coordinates of [`Self::whole`], column and row from the top left; `None` outside.
     #[must_use]
     pub fn pixel(&self, at: [u32; 2]) -> Option<[f32; 4]> {
         let held = [self.image.width, self.image.height];
-        // The pixel that its middle lies in.
+        // The pixel of the picture that contains the centre of the shown pixel.
         let [x, y] = [0, 1].map(|axis| {
             let middle = (2 * u64::from(at[axis]) + 1) * u64::from(held[axis]);
             (middle / (2 * u64::from(self.whole[axis]))) as usize

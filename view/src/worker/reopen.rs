@@ -8,7 +8,7 @@ use curitiba::pipeline::executor::{Renderer, Silent};
 use std::sync::Arc;
 
 impl Session {
-    /// Opens what the command line names; where that fails, waits for its files to change.
+    /// Opens the source that the command line names. After a failure, the thread waits for the files to change.
     pub(super) fn open(&mut self) {
         self.opening = false;
         self.shared.change(|state| state.activity = Activity::Opening);
@@ -24,14 +24,14 @@ impl Session {
         }
     }
 
-    /// Opens it again with other engines; where one cannot be had, nothing changes.
+    /// Opens the project again with other engines. If an engine is not available, nothing changes.
     pub(super) fn change_engines(&mut self, choice: Choice) -> Result<(), String> {
         let Some(renderer) = &self.renderer else {
             self.source.choice = choice;
             self.opening = true;
             return Ok(());
         };
-        // The files' own project: what was moved is set again, so that reading it again keeps it.
+        // Moved cameras are set again in the project as its files have it, so that reading the files again keeps these poses.
         let (mut project, settings) = (renderer.project().clone(), renderer.settings().clone());
         if self.source.watch {
             project = settings.open(&self.source.path).map_err(|error| error.to_string())?;
@@ -45,7 +45,7 @@ impl Session {
         Ok(())
     }
 
-    /// Shows another renderer from now on.
+    /// Replaces the renderer.
     pub(super) fn adopt(&mut self, renderer: Renderer, choice: Choice) {
         lock(&self.shared.busy).cancellation = renderer.cancellation();
         self.choice = choice;
@@ -55,7 +55,7 @@ impl Session {
         self.shared.change(|state| state.error = None);
     }
 
-    /// Notes the bounds where other triangles are there.
+    /// Computes the bounds again if the scenes have changed.
     pub(super) fn scene_changed(&mut self) {
         let ids: Vec<usize> =
             self.renderer.iter().flat_map(Renderer::scenes).map(|scene| Arc::as_ptr(scene).addr()).collect();
@@ -65,7 +65,7 @@ impl Session {
         self.scenes = ids;
         let scenes = self.renderer.iter().flat_map(Renderer::scenes);
         let boxes: Vec<_> = scenes
-            // Cameras stand in the world, wherever the scenes' own origin is.
+            // Cameras have world coordinates, so the scenes' own origins are added.
             .filter_map(|scene| Some((Bounds::around(&scene.geometry.positions)?, scene.origin)))
             .flat_map(|(b, origin)| [b.low, b.high].map(|corner| (corner.as_dvec3() + origin).as_vec3()))
             .collect();

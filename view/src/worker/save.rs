@@ -1,4 +1,4 @@
-//! Writing the picture with what reproduces it.
+//! Saving the picture with a record that reproduces it.
 
 use curitiba::args::quoted;
 use curitiba::environment::Environment;
@@ -8,35 +8,35 @@ use curitiba::pipeline::programs::Fidelity;
 use serde::Serialize;
 use std::path::{Path, PathBuf};
 
-/// What a picture was rendered with.
+/// Everything that a picture depends on.
 #[derive(Serialize)]
 struct Record<'a> {
-    /// A command that renders the same picture, if the camera stands where the project has it.
+    /// A command that renders the same picture, if the project has the camera's pose.
     command: String,
     project: &'a Path,
     size: [u32; 2],
     camera: &'a str,
-    /// The camera as an element of a project: where it was moved, the project needs it for the same picture.
+    /// The camera as an element of a project. If the camera was moved, the project needs this element to give the same picture.
     camera_xml: String,
     camera_was_moved: bool,
     parameters: &'a [String],
     off: &'a [String],
     seed: u32,
-    /// Samples that were accumulated; none where the project's own were taken at once.
+    /// Number of accumulated samples; `None` if the picture has the project's own samples.
     accumulated: Option<u64>,
     raster: &'static str,
     rays: &'static str,
     environment: Environment,
 }
 
-/// What of the session is not in the renderer.
+/// The part of the record that the session knows and the renderer does not.
 pub(super) struct Taken {
     pub camera: String,
     pub moved: bool,
     pub accumulated: Option<u64>,
 }
 
-/// Writes `NAME.png`, `NAME.exr` and `NAME.json`. Returns what was written.
+/// Writes `NAME.png`, `NAME.exr` and `NAME.json`. Returns the written files.
 pub(super) fn save(renderer: &mut Renderer, path: &Path, taken: &Taken) -> Result<Vec<PathBuf>, String> {
     let (png, exr, json) = (path.with_extension("png"), path.with_extension("exr"), path.with_extension("json"));
     for picture in [&png, &exr] {

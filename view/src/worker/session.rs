@@ -1,4 +1,4 @@
-//! What is to be done next, and what was asked for.
+//! State of the renderer's thread: the pending work, and everything that was asked for.
 
 use super::facts::{Facts, PassTimes, camera_in_use};
 use super::far::Job;
@@ -17,49 +17,49 @@ use std::sync::Arc;
 use std::sync::mpsc::Sender;
 use std::time::{Duration, Instant};
 
-/// After so long without a move the camera rests.
+/// The camera rests after this time without a move.
 const REST: Duration = Duration::from_millis(150);
 
-/// The renderer's thread's own.
+/// State of the renderer's thread.
 pub(super) struct Session {
     pub source: Source,
     pub shared: Arc<Shared>,
-    /// To this thread itself: other threads of its tell what they made.
+    /// Sends messages to this thread itself, from the threads that it starts.
     pub messages: Sender<Message>,
     pub renderer: Option<Renderer>,
     pub choice: Choice,
     /// Cameras that were moved.
     pub poses: Vec<(String, Pose)>,
     pub bounds: Option<Bounds>,
-    /// Addresses of the scenes that these are around.
+    /// Addresses of the scenes that `bounds` contains.
     pub scenes: Vec<usize>,
     pub watch: Watch,
-    /// By index of the pipeline.
+    /// Times of the passes, in the order of the pipeline.
     pub times: Vec<PassTimes>,
-    /// Whether these are of a frame with all samples and pixels.
+    /// Whether `times` are of a frame with all samples and pixels.
     pub times_are_whole: bool,
     pub history: History,
     /// The window's picture.
     pub result: Option<Arc<Picture>>,
-    /// Samples of it: those that the passes were set to, or were accumulated.
+    /// Samples per point of `result`: the number that the passes were set to, or that were accumulated.
     pub samples: u64,
     pub accumulated: bool,
     pub accumulation: Option<Accumulation>,
-    /// When the camera moved last; `None` once it rests.
+    /// When the camera last moved; `None` once it rests.
     pub moved: Option<Instant>,
     pub pace: Pace,
-    /// The output that is shown; the result, if `None`.
+    /// The output that is shown; `None` for the result.
     pub shown: Option<String>,
     pub pixel: Option<[u32; 2]>,
-    /// What is compared.
+    /// The sides of the comparison.
     pub sides: Option<[Side; 2]>,
-    /// Which of them are to be obtained.
+    /// Which of the sides must be obtained.
     pub sides_due: [bool; 2],
-    /// The thread that makes some of them.
+    /// The thread that makes sides with another renderer.
     pub job: Option<Job>,
     pub refine: bool,
     pub paused: bool,
-    // What is to be done.
+    // Pending work.
     pub opening: bool,
     pub pose: Option<Pose>,
     pub frame_due: bool,
@@ -108,7 +108,7 @@ impl Session {
         }
     }
 
-    /// A step begins: nobody has given it up.
+    /// Begins a step: clears an earlier cancellation.
     pub fn begin(&mut self) {
         let mut busy = lock(&self.shared.busy);
         busy.since = None;
@@ -119,7 +119,7 @@ impl Session {
         }
     }
 
-    /// How long to wait for commands; `None` for ever.
+    /// How long to wait for commands; `None` for no limit.
     pub fn patience(&self) -> Option<Duration> {
         let idle = self.source.watch.then_some(PERIOD);
         if self.opening {
@@ -141,7 +141,7 @@ impl Session {
         self.moved.is_some_and(|moved| moved.elapsed() >= REST)
     }
 
-    /// Takes up a command.
+    /// Handles a command.
     pub fn take(&mut self, command: Command) {
         let result = match command {
             Command::Camera(name) => self.set(|renderer| renderer.set_camera(name.as_deref())),
@@ -168,7 +168,7 @@ impl Session {
             Command::Refine(refine) => {
                 self.refine = refine;
                 self.refine_due = refine;
-                // Without it the picture is the one that `render` writes.
+                // Without refinement, the picture is the one that `render` writes.
                 if !refine && self.accumulated {
                     self.changed();
                 }
@@ -183,7 +183,7 @@ impl Session {
         self.shared.change(|state| state.error = result.err());
     }
 
-    /// Sets something of the renderer, which then has to render.
+    /// Changes a setting of the renderer, which then has to render again.
     fn set(&mut self, set: impl FnOnce(&mut Renderer) -> Result<(), ChangeError>) -> Result<(), String> {
         self.stop_moving();
         self.look_away();
@@ -193,7 +193,7 @@ impl Session {
         Ok(())
     }
 
-    /// What was written only because it was looked at is not written any more.
+    /// Stops writing outputs that were written only because they were shown.
     pub fn look_away(&mut self) {
         let wanted = self.looked_at();
         let Some(renderer) = self.renderer.as_mut().filter(|_| self.shown.is_none()) else { return };
@@ -204,7 +204,7 @@ impl Session {
         }
     }
 
-    /// The picture is not that of the settings any more.
+    /// Marks the picture as outdated: the settings have changed.
     pub fn changed(&mut self) {
         (self.frame_due, self.refine_due) = (true, self.refine);
         self.pixel_due = self.pixel.is_some();
@@ -248,21 +248,21 @@ impl Session {
         }
     }
 
-    /// Tells the window what there is to know.
+    /// Sends the facts to the window.
     pub fn tell_facts(&mut self) {
         let Some(renderer) = &self.renderer else { return };
         let facts = Arc::new(Facts::of(renderer, self.choice, &self.times, self.bounds));
         self.shared.change(|state| state.facts = Some(facts));
     }
 
-    /// Tells that so many more commands were taken.
+    /// Adds to the number of commands that were taken.
     pub fn tell_taken(&self, count: u64) {
         if count > 0 {
             self.shared.change(|state| state.taken += count);
         }
     }
 
-    /// Tells what goes on.
+    /// Sends the activity to the window, if it changed.
     pub fn tell_activity(&self, activity: Activity) {
         if lock(&self.shared.state).activity != activity {
             self.shared.change(|state| state.activity = activity);

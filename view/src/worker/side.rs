@@ -1,4 +1,4 @@
-//! The two sides of a comparison: each is chosen from the same things.
+//! The two sides of a comparison, with the same choices for each.
 
 use super::picture::Picture;
 use curitiba::pipeline::executor::StepKind;
@@ -9,25 +9,25 @@ use std::sync::Arc;
 /// A side of a comparison.
 #[derive(Debug, Clone)]
 pub enum Side {
-    /// A picture of the project with its present settings.
+    /// A picture of the project, rendered with its present settings.
     Rendered {
-        /// Which one.
+        /// Which picture.
         what: What,
-        /// By which engines.
+        /// The engines.
         on: On,
     },
     /// A picture of a file.
     File(PathBuf),
-    /// A picture as it was at a moment.
+    /// A picture that was kept.
     Kept(Arc<Picture>),
-    /// The result from the camera in `f64`: the stored one of `curitiba reference`, or one that is rendered.
+    /// The result, rendered from the camera in `f64`: the stored reference of `curitiba reference`, or one that is rendered now.
     Reference,
 }
 
 /// A picture of the project.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum What {
-    /// The output that is hovered or pinned; the result where none is.
+    /// The output that is hovered or pinned; the result if there is none.
     Shown,
     /// The result.
     Result,
@@ -38,17 +38,17 @@ pub enum What {
 /// Engines of a side.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum On {
-    /// Those of the window.
+    /// The window's engines.
     #[default]
     Here,
-    /// The same with another rasteriser.
+    /// The window's engines with another rasteriser.
     Raster(RasterChoice),
-    /// The same with another ray backend, for all passes.
+    /// The window's engines with another ray backend, for all passes.
     Rays(BackendChoice),
 }
 
 impl PartialEq for Side {
-    /// Kept pictures are equal if they are one: their pixels are not looked at.
+    /// Kept pictures are equal if they are the same object; pixels are not compared.
     fn eq(&self, other: &Self) -> bool {
         match (self, other) {
             (Self::Rendered { what, on }, Self::Rendered { what: other, on: also }) => (what, on) == (other, also),
@@ -61,7 +61,7 @@ impl PartialEq for Side {
 }
 
 impl Side {
-    /// What is looked at, by the window's engines.
+    /// The shown picture, by the window's engines.
     pub const SHOWN: Self = Self::Rendered { what: What::Shown, on: On::Here };
 
     /// The picture of a pass, or of the result, by the window's engines.
@@ -70,13 +70,13 @@ impl Side {
         Self::Rendered { what, on: On::Here }
     }
 
-    /// Whether another renderer makes it.
+    /// Whether another renderer has to make it.
     #[must_use]
     pub fn is_far(&self) -> bool {
         matches!(self, Self::Reference | Self::Rendered { on: On::Raster(_) | On::Rays(_), .. })
     }
 
-    /// What the window calls it without its engines.
+    /// Its name in the window, without its engines.
     #[must_use]
     pub fn name(&self) -> String {
         match self {
@@ -91,7 +91,7 @@ impl Side {
 }
 
 impl What {
-    /// What the window calls it.
+    /// Its name in the window.
     #[must_use]
     pub fn name(&self) -> &str {
         match self {
@@ -103,7 +103,7 @@ impl What {
 }
 
 impl On {
-    /// What the window calls it.
+    /// Its name in the window.
     #[must_use]
     pub fn name(self) -> String {
         match self {
@@ -113,7 +113,7 @@ impl On {
         }
     }
 
-    /// The choice of engines, given the window's.
+    /// The side's choice of engines, given the window's choice.
     pub(super) fn choice(self, here: Choice) -> Choice {
         match self {
             Self::Here => here,
@@ -123,12 +123,12 @@ impl On {
     }
 }
 
-/// A side as it is drawn.
+/// A side with its picture, or the reason why there is none.
 #[derive(Debug, Clone, Default)]
 pub struct Obtained {
-    /// Its picture, once it is there.
+    /// The picture, once it exists.
     pub picture: Option<Arc<Picture>>,
-    /// What a frame of it took; `None` for what no frame was timed of.
+    /// Times of one frame of the picture; `None` if no frame was timed.
     pub times: Option<Times>,
     /// Why there is no picture.
     pub missing: Option<String>,
@@ -140,7 +140,7 @@ impl Obtained {
     }
 }
 
-/// Host time of the steps of a frame by kind, milliseconds, in order.
+/// Host time of a frame's steps by kind, milliseconds, in order.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Times(pub Vec<(StepKind, f64)>);
 
@@ -152,13 +152,13 @@ impl Times {
         }
     }
 
-    /// Of the whole frame.
+    /// Host time of the whole frame.
     #[must_use]
     pub fn total(&self) -> f64 {
         self.0.iter().map(|(_, ms)| ms).sum()
     }
 
-    /// Of the steps of a kind; `None` where there is none.
+    /// Host time of the steps of a kind; `None` if there are none.
     #[must_use]
     pub fn of(&self, kind: StepKind) -> Option<f64> {
         self.0.iter().find(|(other, _)| *other == kind).map(|(_, ms)| *ms)

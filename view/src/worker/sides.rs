@@ -9,7 +9,7 @@ use super::side::{Obtained, On, Side, Times, What};
 use std::sync::Arc;
 
 impl Session {
-    /// Other sides from now on; one that stays, or changes its place, is not obtained again.
+    /// Changes the sides. A side that stays the same, or two sides that are swapped, are not obtained again.
     pub fn set_sides(&mut self, sides: Option<[Side; 2]>) {
         if let (Some([left, right]), Some([now_left, now_right]), None) = (&self.sides, &sides, &self.job)
             && (left, right) == (now_right, now_left)
@@ -44,12 +44,12 @@ impl Session {
         });
     }
 
-    /// Sides of pictures that are made by rendering are made again; a thread that makes one is given up.
+    /// After a change of settings: rendered sides must be made again, and a thread that makes one is cancelled.
     pub fn sides_changed(&mut self) {
         self.renew_sides(|side| matches!(side, Side::Rendered { .. } | Side::Reference));
     }
 
-    /// The same for sides that show what is looked at.
+    /// After a change of the shown output: the same for sides that follow it.
     pub fn looked_elsewhere(&mut self) {
         self.renew_sides(|side| matches!(side, Side::Rendered { what: What::Shown, .. }));
     }
@@ -61,7 +61,7 @@ impl Session {
             *due |= renewed;
         }
         self.compare_due = true;
-        // It may take long until another renderer has made its picture: the numbers would be of other settings.
+        // Another renderer may take long to make its picture. Until then, the metrics would belong to other settings.
         if sides.iter().zip(renewed).any(|(side, renewed)| renewed && side.is_far()) {
             self.shared.change(|state| (state.compared, state.incomparable) = (None, None));
         }
@@ -75,22 +75,22 @@ impl Session {
         sides.filter(move |(index, side)| self.sides_due[*index] && side.is_far() == far)
     }
 
-    /// Whether a side can be obtained at once.
+    /// Whether a side is due that this renderer or a file gives.
     pub fn near_due(&self) -> bool {
         self.due(false).next().is_some()
     }
 
-    /// Whether a thread is to be started for a side.
+    /// Whether a thread should be started for a side that is due.
     pub fn far_due(&self) -> bool {
         self.job.is_none() && self.due(true).next().is_some()
     }
 
-    /// Whether the time of a frame is shown beside that of other engines.
+    /// Whether the time of a frame is compared with that of another renderer.
     pub fn compares_times(&self) -> bool {
         self.sides.iter().flatten().any(Side::is_far)
     }
 
-    /// Outputs that have to be in host memory: those asked for by the command line, the one that is looked at, and those of the sides.
+    /// Outputs that must be in host memory: those named by the command line, the shown one, and those of the sides.
     pub fn looked_at(&self) -> Vec<String> {
         let mut names = self.source.settings.show.clone();
         let of_sides = self.sides.iter().flatten().filter_map(|side| match side {
@@ -105,7 +105,7 @@ impl Session {
         names
     }
 
-    /// The result or an output by the window's engines; `None` if a frame must write it first, which is then due.
+    /// The result or an output by the window's engines. If a frame must write it first, makes that frame due and returns `None`.
     pub fn rendered(&mut self, what: &What) -> Result<Option<Arc<Picture>>, String> {
         let name = match what {
             What::Result => None,
@@ -127,7 +127,7 @@ impl Session {
         Ok(None)
     }
 
-    /// Obtains the sides that need no other renderer: those that are due, or with `again` all that are rendered here.
+    /// Obtains the sides that need no other renderer: those that are due and, if `again` is true, all that are rendered here.
     pub fn obtain_near(&mut self, again: bool) {
         let Some(sides) = self.sides.clone() else { return };
         for (index, side) in sides.iter().enumerate().filter(|(_, side)| !side.is_far()) {
@@ -148,14 +148,14 @@ impl Session {
             let times = if is_rendered { self.times_of_frame() } else { None };
             match obtained {
                 Ok(Some(picture)) => self.tell_side(index, Obtained { picture: Some(picture), times, missing: None }),
-                // The frame that writes it is due.
+                // The frame that writes the output is due.
                 Ok(None) => {}
                 Err(why) => self.tell_side(index, Obtained::missing(why)),
             }
         }
     }
 
-    /// What the last frame took that was whole.
+    /// Times of the last frame, if it had all samples and pixels.
     fn times_of_frame(&self) -> Option<Times> {
         let renderer = self.renderer.as_ref().filter(|_| self.times_are_whole)?;
         let plan = renderer.plan();
@@ -167,7 +167,7 @@ impl Session {
         Some(times)
     }
 
-    /// Starts a thread for sides that another renderer makes; both at once where the engines are the same.
+    /// Starts a thread for a side that another renderer makes; for both sides if they use the same engines.
     pub fn start_far(&mut self) {
         let Some(renderer) = &self.renderer else { return };
         let shown = || self.shown.clone().map_or(What::Result, What::Output);
@@ -202,9 +202,9 @@ impl Session {
         }
     }
 
-    /// A thread has ended.
+    /// Takes the result of a thread that has ended.
     pub fn take_made(&mut self, made: Made) {
-        // What was asked to end is made again where it is still due.
+        // The results of a cancelled thread are dropped. Sides that are still due are made again.
         let Some(job) = self.job.take().filter(|job| !job.is_given_up()) else { return };
         for (side, obtained) in made.unwrap_or_default() {
             self.sides_due[side] = false;
@@ -218,7 +218,7 @@ impl Session {
         self.shared.change(|state| state.sides[index] = obtained);
     }
 
-    /// Compares the two sides, once both are there and whole.
+    /// Compares the two sides, once both exist at full resolution.
     pub fn compare(&mut self) {
         self.compare_due = false;
         let Some(renderer) = self.renderer.as_ref().filter(|_| self.sides_due == [false; 2]) else { return };

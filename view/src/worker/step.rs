@@ -14,15 +14,15 @@ use curitiba::pipeline::project::{PassKind, Pose};
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
-/// Samples of the first batch.
+/// Samples in the first batch.
 const FEW: u32 = 4;
-/// Most samples of a batch: none is long before other things can be shown.
+/// Most samples in a batch, so that a batch never delays other work for long.
 const BATCH: u64 = 16;
-/// Samples that are taken at rest, at least: a power of two, with which the picture is that of all samples at once.
+/// Least number of samples at which accumulation at rest ends. A power of two, at which the picture equals that of all samples at once.
 const GOAL: u64 = 256;
 
 impl Session {
-    /// Does what is most urgent.
+    /// Does the most urgent work.
     pub fn step(&mut self) {
         if self.opening {
             self.open();
@@ -61,7 +61,7 @@ impl Session {
                 _ => Activity::Resting,
             });
         } else if lock(&self.shared.state).activity == Activity::Resting {
-            // Told before the command is: who waits for rest must not find that of before.
+            // Reported before the commands are counted as taken: otherwise a caller that waits for rest would see the rest before its command.
             self.tell_activity(Activity::Rendering);
         }
     }
@@ -72,12 +72,12 @@ impl Session {
         }
     }
 
-    /// From here on the step may be given up.
+    /// Allows the step to be cancelled from here on.
     fn may_be_given_up(&self) {
         lock(&self.shared.busy).since = Some(Instant::now());
     }
 
-    /// A failure of the step; one that was given up is done again.
+    /// Reports a failure of the step. A cancelled step is not reported, but stays due.
     fn fail(&mut self, error: &RenderError) {
         if !matches!(error, RenderError::Cancelled) {
             (self.frame_due, self.refine_due, self.pixel_due) = (false, false, false);
@@ -86,7 +86,7 @@ impl Session {
         }
     }
 
-    /// A whole picture of the settings: that of `curitiba render`.
+    /// Renders a complete picture with the settings: the picture of `curitiba render`.
     fn frame(&mut self) {
         self.may_be_given_up();
         let Some(renderer) = &mut self.renderer else { return };
@@ -108,13 +108,13 @@ impl Session {
         }
     }
 
-    /// Most samples a point of a pass that takes any; 0 where none does.
+    /// The largest number of occlusion samples per point of any pass; 0 if no pass takes any.
     fn samples_of_settings(&self) -> u64 {
         let most = |renderer: &Renderer| taking_samples(renderer).map(|[occlusion, _]| occlusion).max();
         self.renderer.as_ref().and_then(most).unwrap_or_default().into()
     }
 
-    /// Keeps what the passes of the last frame took.
+    /// Stores the times of the passes of the last frame.
     fn note_times(&mut self) {
         let Some(renderer) = &self.renderer else { return };
         let plan = renderer.plan();
@@ -136,7 +136,7 @@ impl Session {
         state.frames += u64::from(!ran.is_empty());
     }
 
-    /// Gives the window a picture of the result, and of the output that is shown.
+    /// Stores the result, and sends facts and shown picture to the window.
     fn tell_picture(&mut self, image: Image) {
         let Some(renderer) = &self.renderer else { return };
         self.result = Some(Arc::new(Picture::of_result(image, renderer.plan())));
@@ -144,12 +144,12 @@ impl Session {
         self.show();
     }
 
-    /// Gives the window the output that is shown. What is not in host memory is asked for with another frame.
+    /// Sends the shown output to the window. If it is not in host memory, requests it with another frame.
     fn show(&mut self) {
         self.show_due = false;
         match self.rendered(&What::Shown) {
             Ok(Some(picture)) => self.shared.change(|state| state.picture = Some(picture)),
-            // The frame that writes it is due.
+            // The frame that writes the output is due.
             Ok(None) => return,
             Err(why) => {
                 self.shown = None;
@@ -160,7 +160,7 @@ impl Session {
         self.obtain_near(true);
     }
 
-    /// A frame of the moved camera, with as many samples and pixels as the last frames left time for.
+    /// Renders a frame with a moved camera. The durations of the last frames determine how many samples and pixels it has.
     fn move_camera(&mut self, pose: Pose) {
         let start = Instant::now();
         self.begin_moving();
@@ -191,9 +191,9 @@ impl Session {
         self.moved = Some(Instant::now());
     }
 
-    /// What may be left out while the camera moves.
+    /// What may be reduced while the camera moves.
     fn lets(&self) -> Lets {
-        // A crop is a part of the whole size.
+        // A crop refers to the full size.
         let size = self.renderer.as_ref().is_some_and(|renderer| renderer.settings().crop.is_none());
         let samples = self
             .renderer
@@ -206,11 +206,11 @@ impl Session {
         self.changed();
         (self.frame_due, self.moved) = (false, Some(Instant::now()));
         self.look_away();
-        // The numbers and the map of a comparison are of the picture before.
+        // The metrics and the map of a comparison belong to the picture before the move.
         self.shared.change(|state| (state.refinement, state.error, state.compared) = (None, None, None));
     }
 
-    /// Everything is rendered again from now on. Returns what was left out.
+    /// Ends the move: everything is rendered again at full quality. Returns the reduction that was in effect.
     pub fn stop_moving(&mut self) -> Option<Preview> {
         self.moved.take()?;
         let renderer = self.renderer.as_mut()?;
@@ -222,11 +222,11 @@ impl Session {
         left_out
     }
 
-    /// The camera rests: more samples come bit by bit, where that can be; else all of them at once.
+    /// Ends a move after which the camera rests. If possible, samples are then accumulated in batches, otherwise all are taken at once.
     fn end_moving(&mut self) {
         self.may_be_given_up();
         let Some(preview) = self.stop_moving() else { return };
-        // A whole frame is timed where its time stands beside that of other engines.
+        // If times are compared with those of another renderer, a complete frame is rendered so that it can be timed.
         if self.samples_of_settings() <= preview.samples.into() || !self.refine || self.compares_times() {
             return;
         }
@@ -235,7 +235,7 @@ impl Session {
             (self.accumulation, self.frame_due, self.accumulated) = (Some(accumulation), false, false);
             self.samples = preview.samples.into();
             if preview.divisor > 1 {
-                // Nothing of the whole size is there yet: its first samples are shown at once.
+                // There is no picture of the full size yet, so the first samples are shown at once.
                 self.samples = 0;
                 self.refine();
             }
@@ -256,7 +256,7 @@ impl Session {
                 return self.end_refinement(NO_SAMPLES);
             }
             Ok(accumulation) => accumulation,
-            // What does not go together is no failure: the picture has all samples that were asked for.
+            // Settings that exclude accumulation are no failure: the picture has all samples that were asked for.
             Err(RenderError::Plan(error)) => return self.end_refinement(&error.to_string()),
             Err(error) => return self.fail(&error),
         };
@@ -280,7 +280,7 @@ impl Session {
                 }
             }
             Err(error) => {
-                // What was begun is lost: the picture is made anew.
+                // The accumulated samples are lost, so the picture is rendered again.
                 self.frame_due = self.accumulated || shows;
                 self.fail(&error);
             }
@@ -297,7 +297,7 @@ impl Session {
         self.shared.change(|state| (state.refinement, state.not_refined) = (None, Some(why.to_owned())));
     }
 
-    /// Renders every pass once more and looks into it at a pixel.
+    /// Renders every pass again, and collects values and rays of a pixel.
     fn look_into_pixel(&mut self) {
         self.may_be_given_up();
         let (Some(renderer), Some(pixel)) = (&mut self.renderer, self.pixel) else { return };
@@ -315,7 +315,7 @@ impl Session {
         }
         let result = renderer.draw_frame(&mut inspector);
         let back = if copies { renderer.read_back_as_planned() } else { Ok(()) };
-        // The frame has taken the place of the samples that were accumulated.
+        // The frame has replaced the accumulated samples.
         (self.accumulation, self.refine_due) = (None, self.refine);
         match result {
             Ok(()) => {
@@ -332,7 +332,7 @@ impl Session {
     }
 }
 
-/// How many samples of occlusion, and of the light's disc, each ray pass takes at rest.
+/// For each ray pass, its number of occlusion samples and of samples of the light's disc at full quality.
 fn taking_samples(renderer: &Renderer) -> impl Iterator<Item = [u32; 2]> {
     let (plan, settings) = (renderer.plan(), renderer.settings());
     plan.project.pipelines[plan.pipeline].passes.iter().filter_map(|pass| match &pass.kind {

@@ -1,13 +1,13 @@
-//! Files that change are read again.
+//! Detects changes of files.
 
 use curitiba::pipeline::files;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, SystemTime};
 
-/// How often files are looked at.
+/// Period of checking the files.
 pub const PERIOD: Duration = Duration::from_millis(500);
 
-/// What tells one state of a file from another; `None` for one that is not there.
+/// Time and size of a file, which change when it is written; `None` if the file does not exist.
 type Stamp = Option<(SystemTime, u64)>;
 
 fn stamp(path: &Path) -> Stamp {
@@ -15,11 +15,11 @@ fn stamp(path: &Path) -> Stamp {
     Some((metadata.modified().ok()?, metadata.len()))
 }
 
-/// The files that were read, and how they were then.
+/// The files that were read, each as it was then.
 #[derive(Debug, Default)]
 pub struct Watch {
     files: Vec<(PathBuf, Stamp)>,
-    /// How those that changed were when last looked at: a file that is being written changes again.
+    /// The files as last checked, if any had changed: a file that is still being written changes again.
     changing: Option<Vec<Stamp>>,
 }
 
@@ -32,7 +32,7 @@ impl Watch {
         self.changing = None;
     }
 
-    /// Looks at all files: whether one has changed, and none does any more.
+    /// Checks all files. Returns whether any has changed since it was read and none has changed since the last check.
     pub fn changed(&mut self) -> bool {
         let now: Vec<Stamp> = self.files.iter().map(|(path, _)| stamp(path)).collect();
         let same = self.files.iter().zip(&now).all(|((_, then), now)| then == now);

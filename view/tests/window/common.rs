@@ -1,4 +1,4 @@
-//! A window without a screen: drawn on a software device, found by its labels.
+//! A window without a screen: it is drawn on a software device, and its elements are found by their labels.
 
 use curitiba::Choice;
 use curitiba::pipeline::plan::Settings;
@@ -9,7 +9,7 @@ use egui_kittest::kittest::Queryable as _;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
-/// How long anything may take.
+/// Longest time that a test waits for anything.
 const PATIENCE: Duration = Duration::from_secs(60);
 
 pub fn project(name: &str) -> PathBuf {
@@ -24,7 +24,7 @@ pub fn source(path: PathBuf, settings: Settings) -> Source {
     Source { path, settings, choice: Choice::CPU, watch: false }
 }
 
-/// Whether the window can be drawn; without a device it says why not, or fails where that is asked for.
+/// Whether the window can be drawn. Without a device it prints the reason, or fails if the tests are required.
 pub fn can_draw() -> bool {
     let there = !curitiba::passes::raster::gpu::adapters().is_empty();
     if !there {
@@ -40,14 +40,14 @@ pub struct Window {
 }
 
 impl Window {
-    /// Opens a project and waits until nothing is left to do. It is not drawn, but laid out.
+    /// Opens a project and waits until nothing is left to do. The window is laid out, but not drawn.
     pub fn open(source: Source) -> Self {
         let mut window = Self::start(source, false);
         window.rest();
         window
     }
 
-    /// The same, to be drawn.
+    /// As [`Self::open`], for a window that is also drawn.
     pub fn drawn(source: Source) -> Self {
         let mut window = Self::start(source, true);
         window.rest();
@@ -57,7 +57,7 @@ impl Window {
     pub fn start(source: Source, draws: bool) -> Self {
         let builder = Harness::builder().with_size(egui::vec2(1280.0, 800.0)).with_max_steps(64);
         let builder = if draws { builder.wgpu() } else { builder };
-        // The thread wakes nobody: the tests draw until what they wait for is there.
+        // The worker wakes nothing: the tests draw until the awaited state is reached.
         let worker = Worker::start(source, || {}).expect("a thread");
         let app = App::new(&egui::Context::default(), worker, None);
         let harness = builder.build_ui_state(|ui, app: &mut App| curitiba_view::draw(app, ui), app);
@@ -69,7 +69,7 @@ impl Window {
         self.harness.state()
     }
 
-    /// Draws until something holds.
+    /// Draws until a condition holds.
     #[track_caller]
     pub fn until(&mut self, what: &str, holds: impl Fn(&App) -> bool) {
         let start = Instant::now();
@@ -87,7 +87,7 @@ impl Window {
     /// Draws until nothing is left to do.
     #[track_caller]
     pub fn rest(&mut self) {
-        // The first drawing takes what was done with the mouse, and the second what that has asked for.
+        // The first step handles the mouse, and the second the requests that followed from it.
         for _ in 0..3 {
             self.harness.step();
         }
@@ -102,7 +102,7 @@ impl Window {
         facts.passes.iter().find(|pass| pass.name == name).unwrap_or_else(|| panic!("no pass `{name}`")).clone()
     }
 
-    /// Clicks what has this label, and takes the pointer to the picture: over a row it would show what that writes.
+    /// Clicks the element with this label, and moves the pointer to the picture: over a row, the window would show that row's output.
     pub fn click(&mut self, label: &str) {
         self.harness.get_by_label(label).click();
         self.harness.step();
@@ -110,14 +110,14 @@ impl Window {
         self.rest();
     }
 
-    /// The bytes that are shown.
+    /// The name and the bytes of the shown picture.
     pub fn shown(&self) -> (String, Vec<[u8; 4]>) {
         let picture = self.app().state.picture.clone().expect("there is a picture");
         (picture.name.clone(), bytes(&picture))
     }
 }
 
-/// The bytes of a picture that is shown.
+/// The bytes of a shown picture.
 pub fn bytes(picture: &Picture) -> Vec<[u8; 4]> {
     picture.shown.pixels.iter().map(egui::Color32::to_array).collect()
 }

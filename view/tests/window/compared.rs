@@ -1,4 +1,4 @@
-//! Two sides of a comparison, each chosen from the same things.
+//! The two sides of a comparison, each chosen from the same list.
 
 use super::common::{Window, can_draw, project, settings, source};
 use curitiba::pipeline::executor::{Silent, StepKind};
@@ -12,7 +12,7 @@ use std::time::{Duration, Instant};
 
 const NORM: &str = "Deferred Render Targets::norm";
 
-/// A window that shows the samples of the project.
+/// A window that shows the project with its own number of samples.
 fn unrefined(name: &str, settings: Settings) -> Window {
     let mut window = Window::open(source(project(name), settings));
     window.harness.state_mut().refine = false;
@@ -51,9 +51,9 @@ fn both_sides_are_chosen_from_one_list_and_the_numbers_name_them() {
     };
     let compared = window.app().state.compared.clone().expect("numbers");
     assert_eq!(compared.names, ["result", "SceneNoEffects.exr"]);
-    // The left side from its list: a file against an output, with nothing of what is looked at.
+    // The left side is chosen from its list: a file is compared with an output, whatever output is looked at.
     choose(&mut window, "right side", NORM);
-    // The list shows the channel alone, and beside the pointer the whole name.
+    // The list shows the channel alone, and a tooltip the whole name.
     let names = |window: &Window| window.harness.query_all_by_label(NORM).count();
     let before = names(&window);
     window.harness.get_by_label("right side").hover();
@@ -68,7 +68,7 @@ fn both_sides_are_chosen_from_one_list_and_the_numbers_name_them() {
     let norm = window.app().state.sides[1].picture.clone().expect("it is there");
     assert_eq!(compared.rmse, rmse(&read(&file), &norm.image));
     window.harness.get_by_label("picture of SceneNoEffects.exr");
-    // What is looked at changes nothing here, and swapping turns it round.
+    // Looking at another output changes nothing here, and swapping exchanges the sides.
     window.harness.get_by_label("color").hover();
     window.rest();
     assert_eq!(window.app().state.compared.clone().expect("numbers").names, compared.names);
@@ -130,7 +130,7 @@ fn an_output_on_other_engines_is_that_of_a_renderer_with_them_and_has_its_time()
             let raster = times.of(StepKind::Raster).expect("it draws");
             assert!(raster > 0.0 && times.total() > raster, "{times:?}");
         }
-        // A change of the project is one of both sides.
+        // A change of the project affects both sides.
         let [pass, name] = ["pass2", "radius"].map(str::to_owned);
         window.app().worker.send(Command::Camera(Some("Vidro".to_owned())));
         window.app().worker.send(Command::Parameter { pass, name, value: "2".to_owned() });
@@ -152,7 +152,7 @@ fn other_engines_take_as_many_samples_as_are_shown() {
     let compared = window.app().state.compared.clone().expect("numbers");
     assert_eq!(compared.names, ["result", "result on rays cpu, 256 samples"]);
     assert_eq!(compared.max, 0.0);
-    // What is shown is compared, on both sides.
+    // The output that is shown is compared, on both sides.
     window.harness.get_by_label("norm").click();
     window.harness.step();
     window.harness.hover_at(egui::pos2(640.0, 400.0));
@@ -172,7 +172,7 @@ fn the_reference_is_that_of_the_camera_as_it_stands_and_can_be_given_up() {
     assert!(names[1].starts_with("reference, 64 samples, standard error 0.0"), "{names:?}");
     let first = rmse(&window);
     assert!(first < 0.15, "{first}");
-    // Moved, it is another picture, and so is its reference.
+    // With the camera moved, the picture is another, and so is its reference.
     let facts = window.app().state.facts.clone().expect("it is open");
     let pose = facts.pose.expect("a camera");
     let before = window.app().compared().expect("both")[1].clone();
@@ -182,7 +182,7 @@ fn the_reference_is_that_of_the_camera_as_it_stands_and_can_be_given_up() {
     let options = metrics::Options::default();
     let old = metrics::compare(&left.image, &before.image, &options).expect("comparable").rmse;
     assert!(after.image != before.image && rmse(&window) < 0.7 * old, "{} {old}", rmse(&window));
-    // A large one is given up at once by another choice, and the window goes on meanwhile.
+    // A large reference is cancelled at once by another choice, and the window goes on meanwhile.
     let mut window = unrefined("SceneShadows", Settings { size: Some([1024, 1024]), ..settings() });
     window.harness.state_mut().compare_with(Some(Side::Reference));
     window.until("how far it is", |app| app.state.doing.as_ref().is_some_and(|doing| doing.what.contains("reference")));

@@ -1,4 +1,4 @@
-//! The window as it looks: drawn on a device, a software one does.
+//! The look of the window, drawn on a device (a software one will do).
 
 use super::common::{Window, can_draw, project, source};
 use curitiba::RasterChoice;
@@ -37,7 +37,7 @@ fn the_picture_lies_in_the_window_pixel_by_pixel() {
     let area = window.harness.get_by_label("picture of result").rect();
     let rect = window.app().canvas.rect(area, [480, 480]);
     let [left, top] = [rect.left(), rect.top()].map(|side| side.round() as usize);
-    // Where the picture lies between the pixels of the screen it is filtered: an edge is allowed for.
+    // If the picture is not aligned with the screen's pixels, it is filtered, so edges are allowed to differ.
     let near = |a: [u8; 4], b: [u8; 4]| a.iter().zip(b).all(|(a, b)| a.abs_diff(b) <= 2);
     let mut same = 0;
     for (y, x) in (40..440).flat_map(|y| (0..480).map(move |x| (y, x))) {
@@ -57,7 +57,7 @@ fn all_parts_are_drawn_beside_one_another() {
     let (_, plain) = drawn(&mut window, "final");
     let colors: std::collections::HashSet<[u8; 4]> = plain.into_iter().collect();
     assert!(colors.len() > 1000, "{} colours", colors.len());
-    // Nothing lies over something else: the panels share the window.
+    // No element overlaps another: the panels share the window.
     let picture = window.harness.get_by_label("picture of result").rect();
     for label in ["pass1", "pass2", "pass5", "Compare", "Pixel", "Fit", "Ready"] {
         let rect = window.harness.get_by_label(label).rect();
@@ -85,7 +85,7 @@ fn all_parts_are_drawn_beside_one_another() {
         window.harness.run_steps(2);
         drawn(&mut window, name);
     }
-    // An output by another rasteriser, with numbers and times, and its list.
+    // An output by another rasteriser, with numbers and times, and the list of outputs.
     let there = Side::Rendered { what: norm.clone(), on: On::Raster(RasterChoice::Wgpu) };
     window.harness.state_mut().compare(Side::here(norm), Some(there));
     window.harness.state_mut().mode = Mode::Wipe;

@@ -1,4 +1,4 @@
-//! What a frame of the window takes besides the passes: laying out, cutting into triangles, copying to the device, drawing.
+//! The times of a window's frame besides the passes: layout, tessellation, copies to the device, and drawing.
 
 use curitiba_view::app::App;
 use curitiba_view::worker::{Activity, Worker};
@@ -8,23 +8,23 @@ use egui_kittest::wgpu::{create_render_state, default_wgpu_setup};
 use std::time::{Duration, Instant};
 use wgpu::{PollType, SubmissionIndex};
 
-/// Size of the window, points and pixels.
+/// Size of the window, in points and in pixels.
 const SIZE: [u32; 2] = [1280, 800];
 
-/// Host times of a frame, milliseconds; each ends when the device has done it.
+/// Host times of a frame in milliseconds; each time ends when the device has finished the step.
 #[derive(Debug, Clone, Copy, Default)]
 pub struct Frame {
-    /// The program and egui: what is where.
+    /// Layout, by the program and egui.
     pub layout: f64,
-    /// Shapes into triangles.
+    /// Shapes are turned into triangles.
     pub tessellation: f64,
-    /// Pictures, and letters that were not there yet.
+    /// Copies of pictures, and of letters that are new.
     pub textures: f64,
-    /// Their bytes.
+    /// Number of bytes in these copies.
     pub bytes: u64,
-    /// Triangles.
+    /// Copies of triangles.
     pub buffers: f64,
-    /// Triangles into pixels.
+    /// Triangles are drawn.
     pub draw: f64,
 }
 
@@ -50,7 +50,7 @@ pub struct TimedWindow {
 }
 
 impl TimedWindow {
-    /// On the device that egui's tests take: a software one, where there is one.
+    /// Uses the device that egui's tests use: a software one, if available.
     pub fn new(worker: Worker) -> Self {
         let (context, device) =
             (Context::default(), create_render_state(default_wgpu_setup(), RendererOptions::default()));
@@ -68,7 +68,7 @@ impl TimedWindow {
         Self { app: App::new(&context, worker, None), context, device, target, frames: 0 }
     }
 
-    /// The device that draws, as its driver names it.
+    /// The driver's name for the device that draws.
     pub fn device(&self) -> String {
         self.device.adapter.get_info().name
     }
@@ -78,7 +78,7 @@ impl TimedWindow {
         self.device.device.poll(wait).expect("the device works");
     }
 
-    /// Draws a frame; the pointer is over the picture, and moves.
+    /// Draws a frame, with the pointer moving over the picture.
     pub fn frame(&mut self) -> Frame {
         self.frames += 1;
         let at = pos2(600.0 + (self.frames % 32) as f32, 400.0);

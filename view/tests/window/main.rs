@@ -1,6 +1,6 @@
-//! The window as a person uses it: what is found by its labels, hovered, clicked and dragged, and what is then shown.
+//! The window as a person uses it: elements are found by their labels, hovered, clicked and dragged, and the shown picture is checked.
 //!
-//! No screen is needed. What is drawn as well needs a device, a software one does: without, those tests say `skipped: why`, and pass; with
+//! No screen is needed. Tests that also draw need a device (a software one will do). Without one, those tests print `skipped: why` and pass; with
 //! `CURITIBA_REQUIRE_GPU_TESTS=1` they fail instead.
 
 mod common;
@@ -18,7 +18,7 @@ use egui_kittest::kittest::Queryable as _;
 use glam::Vec3;
 use std::time::{Duration, Instant};
 
-/// What `curitiba render` shows with these settings.
+/// The picture that `curitiba render` shows with these settings.
 fn rendered(name: &str, settings: Settings) -> curitiba::pipeline::image::Image {
     let mut renderer = curitiba::open(project(name), settings, Choice::CPU, &mut Silent).expect("it opens");
     renderer.frame(&mut Silent).expect("it renders")
@@ -101,7 +101,7 @@ fn a_pass_is_switched_off_and_on_again() {
     assert!(picture.image == rendered("SceneShadows", off) && window.shown() != lit);
     window.click("run pass2");
     assert!(window.pass("pass2").state == PassState::Runs && window.shown() == lit);
-    // What others read cannot be switched off: that is said, and nothing changes.
+    // A pass whose output others read cannot be switched off: the window says so, and nothing changes.
     window.click("run pass1");
     let error = window.app().state.error.clone().expect("it is refused");
     assert!(error.contains("pass2") && error.contains("switched off"), "{error}");
@@ -139,9 +139,9 @@ fn more_samples_at_rest_lower_the_error() {
     let last = window.app().state.picture.clone().expect("a picture");
     let (before, after) = (rmse(&first.image), rmse(&last.image));
     assert!(after < 0.3 * before, "{after} after {before}");
-    // What is said of the error is an upper estimate, and no more than twice of it here.
+    // The stated error is an upper estimate, here no more than twice the real one.
     assert!(refinement.error > after && refinement.error < 10.0 * after, "{} for {after}", refinement.error);
-    // That many samples at once are the same picture.
+    // The same number of samples at once gives the same picture.
     assert!(last.image == rendered("SceneSSAO", Settings { set: vec!["pass2.samples=256".to_owned()], ..settings() }));
 }
 
@@ -166,7 +166,7 @@ fn what_is_wrong_with_a_project_is_shown_with_its_line_until_it_is_mended() {
     window.until("the mended project", |app| app.state.picture.is_some());
     assert_eq!(window.app().state.error, None);
     let before = window.shown();
-    // Once it is open a mistake leaves what there was, and a change is shown by itself.
+    // Once the project is open, a mistake in the file leaves the picture as it was, and a change is shown without a request.
     std::fs::write(&path, text.replace("class=\"optix\"", "class=\"optiks\"")).expect("written");
     window.until("the mistake", |app| app.state.error.as_deref().is_some_and(|error| error.contains("optiks")));
     assert!(window.shown() == before);
@@ -179,7 +179,7 @@ fn what_is_wrong_with_a_project_is_shown_with_its_line_until_it_is_mended() {
 fn a_camera_that_was_moved_and_copied_gives_the_same_picture_elsewhere() {
     let mut window = Window::open(source(project("SceneShadows"), settings()));
     let before = window.shown();
-    // Dragged over the picture, and flown.
+    // The camera is turned by dragging over the picture, and flown.
     window.harness.drag_at(egui::pos2(600.0, 400.0));
     window.harness.step();
     for x in [620.0, 650.0, 700.0] {
@@ -218,7 +218,7 @@ fn a_camera_that_was_moved_and_copied_gives_the_same_picture_elsewhere() {
     assert!(window.app().state.picture.clone().expect("a picture").image == expected, "not the same to the bit");
 }
 
-/// Drags over the picture; `look` sees what is shown after each move.
+/// Drags over the picture; `look` checks what is shown after each move.
 fn drag(window: &mut Window, moves: usize, mut look: impl FnMut(&mut Window) -> bool) {
     window.harness.drag_at(egui::pos2(560.0, 400.0));
     window.harness.step();
@@ -251,19 +251,19 @@ fn a_slow_picture_has_fewer_pixels_while_the_camera_moves_and_all_of_them_at_res
     let small = small.expect("fewer pixels");
     let [width, height] = [small.image.width, small.image.height];
     assert!(small.whole == [2049, 1537] && [[1025, 769], [513, 385]].contains(&[width, height]), "{width} x {height}");
-    // It lies where the whole one does, and says what it is; what is under the pointer is the pixel that is seen there.
+    // The small picture has the place of the whole one, and a label that says so. The pixel under the pointer is the one that is seen there.
     window.harness.get_by_label(&format!("picture of result, {width} × {height} while the camera moves"));
     assert_eq!(window.app().canvas.rect(area, small.whole), before);
     assert_eq!(small.pixel([2048, 1536]), small.image.pixels.last().copied());
     let middle = (height / 2 * width + width / 2) as usize;
     assert_eq!(small.pixel([1024, 768]), Some(small.image.pixels[middle]));
     assert_eq!((small.pixel([2049, 0]), small.pixel([0, 1537])), (None, None));
-    // It is not kept.
+    // The small picture cannot be kept.
     window.harness.key_press(egui::Key::K);
     window.harness.step();
     window.harness.get_by_label("the picture is not whole: keep it when the camera rests");
     assert!(window.app().right.is_none());
-    // The size and the parameters that are shown are those of the whole.
+    // The size and the parameters that are shown are those of the whole picture.
     let facts = window.app().state.facts.clone().expect("it is open");
     assert_eq!((facts.window, &facts.settings.set), ([2049, 1537], &slow.set));
     window.rest();
@@ -280,7 +280,7 @@ fn a_quick_picture_keeps_its_pixels_while_the_camera_moves_and_refines_at_rest()
     let mut window = Window::open(source(project("SceneSSAO"), Settings { size: Some([48, 32]), ..few() }));
     let before = window.app().state.frames;
     drag(&mut window, 40, |window| {
-        // Two frames in a row that waited for the other tests are allowed to ask for less.
+        // If two frames in a row waited for other tests, the window may render fewer pixels.
         let waited = window.app().state.history.frames().rev().take(4).filter(|frame| frame.iter().sum::<f32>() > 40.0);
         let waited = waited.count() > 1;
         assert!(waited || !window.app().state.picture.clone().expect("a picture").is_reduced());
@@ -379,7 +379,7 @@ fn two_pictures_are_compared_with_numbers() {
     let compared = window.app().state.compared.clone().expect("numbers");
     assert_eq!((compared.rmse, compared.flip, compared.max), (expected.rmse, expected.flip, expected.max));
     assert!(expected.rmse > 0.0, "256 samples differ from 4");
-    // The number falls to nothing where the picture is that of the file again.
+    // The difference is 0 once the picture is that of the file again.
     window.harness.get_by_label("Refine at rest").click();
     window.rest();
     window.until("equal pictures", |app| app.state.compared.as_ref().is_some_and(|compared| compared.max == 0.0));
@@ -387,7 +387,7 @@ fn two_pictures_are_compared_with_numbers() {
         window.harness.get_by_label(label).click();
         window.harness.run_steps(3);
     }
-    // A file that is not there is said, and nothing is compared.
+    // A missing file is reported, and nothing is compared.
     window.harness.state_mut().compare_with(Some(Side::File(folder.path().join("absent.png"))));
     window
         .until("the error", |app| app.state.sides[1].missing.as_deref().is_some_and(|why| why.contains("absent.png")));
@@ -470,7 +470,7 @@ fn nothing_is_drawn_or_done_while_nothing_changes() {
     assert!(before > 0, "control: pictures wake the window");
     std::thread::sleep(Duration::from_millis(1300));
     assert_eq!(woken.load(std::sync::atomic::Ordering::Relaxed), before);
-    // Nor does the window ask to be drawn again by itself.
+    // The window does not ask to be drawn again by itself either.
     let mut window = Window::open(source(project("SceneShadows"), settings()));
     window.until("which engines there are", curitiba_view::app::App::knows_engines);
     std::thread::sleep(Duration::from_millis(100));

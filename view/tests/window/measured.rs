@@ -1,6 +1,6 @@
-//! What the window takes, for the targets of `docs/viewer.md`: on an idle machine, in release mode, with
+//! The times and the processor load of the window, for the targets of `docs/viewer.md`. Run on an idle machine in release mode, with
 //! `cargo test --release … --test window -- --ignored --nocapture --test-threads 1`. `CURITIBA_ENGINES=wgpu,cuda` measures with that
-//! rasteriser and that ray backend; without it with both on the processor.
+//! rasteriser and that ray backend; without it both run on the processor.
 
 use super::common::{can_draw, project, source};
 use super::frame::{Frame, TimedWindow};
@@ -12,7 +12,7 @@ use curitiba_view::worker::{Activity, Command, Side, Source, State, What, Worker
 use std::path::PathBuf;
 use std::time::{Duration, Instant};
 
-/// Processor time of this process, seconds: clock ticks of 10 ms.
+/// Processor time of this process in seconds, at a resolution of clock ticks of 10 ms.
 fn processor() -> f64 {
     let text = std::fs::read_to_string("/proc/self/stat").unwrap_or_default();
     let fields: Vec<&str> = text.rsplit(')').next().unwrap_or_default().split_whitespace().collect();
@@ -70,7 +70,7 @@ fn frames_a_second_while_the_camera_is_dragged() {
         let pivot = camera::pivot(&start, &bounds);
         let (mut seconds, mut processors, mut passes) = (Vec::new(), Vec::new(), Vec::new());
         let mut moved = 0;
-        // As a mouse: a move every 8 ms, whatever is ready. The first frames choose how many samples are taken.
+        // As a mouse does: a move every 8 ms, whether or not a picture is ready. The first frames choose the number of samples.
         for run in 0..6 {
             let (began, before, used) = (Instant::now(), worker.state().frames, processor());
             while began.elapsed() < Duration::from_secs(3) {
@@ -107,7 +107,7 @@ fn time_until_a_long_frame_is_given_up() {
     let mut times = Vec::new();
     for turn in 0..21 {
         wait(&worker, "a long frame", |state| state.activity == Activity::Rendering);
-        // Somewhere in the ray pass.
+        // The reload falls somewhere in the ray pass.
         std::thread::sleep(Duration::from_millis(400 + 37 * turn));
         let last = worker.state().gave_up_after;
         worker.send(Command::Reload);
@@ -120,7 +120,7 @@ fn time_until_a_long_frame_is_given_up() {
     println!("given up after {middle:.2} ms (median of {count}; at most {most:.2}), {threads} threads");
 }
 
-/// The parts of a frame of the window: their medians, and the medians' sum.
+/// The parts of a window's frame: their medians, and the sum of the medians.
 fn print_parts(what: &str, frames: &[Frame]) {
     let of = |part: fn(&Frame) -> f64| median(frames.iter().map(part).collect());
     println!(
@@ -140,7 +140,7 @@ fn print_parts(what: &str, frames: &[Frame]) {
 #[test]
 #[ignore = "measures"]
 fn time_of_the_window_beside_the_passes() {
-    /// Drawings of each kind: a software device takes tenths of a second for one.
+    /// Number of frames of each kind: a software device takes tenths of a second for one.
     const FRAMES: usize = 60;
     if !can_draw() {
         return;
@@ -160,7 +160,7 @@ fn time_of_the_window_beside_the_passes() {
     for turn in 0..FRAMES {
         let name = &pictures[turn % 2];
         let shown = |state: &State| state.picture.as_ref().is_some_and(|picture| picture.name == *name);
-        // As if its row was clicked.
+        // As if its row were clicked.
         window.app.pinned = Some(Some(name.clone()));
         window.frame();
         wait(&window.app.worker, name, shown);

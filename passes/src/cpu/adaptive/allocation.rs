@@ -1,33 +1,33 @@
 //! How many paths each pixel is given.
 //!
-//! A pixel has two halves, A and B, of equally many independent paths; its colour is the mean of both means. The error needs no model:
-//! (A - B) / 2 has the variance of (A + B) / 2.
+//! A pixel has two halves, A and B, of equally many independent paths; its colour is the mean of the two halves' means. The error needs no
+//! model: (A - B) / 2 has the variance of (A + B) / 2.
 //!
-//! In each round pixels are given twice as many paths, those first where a path takes most from the square of the error. Where that falls
-//! as a power of the number of paths, a path takes as much as the square over their number, times the power: it is alike for all pixels
-//! when nothing is gained by giving one the paths of another. Numbers are powers of two, where the Sobol points of a half are a net.
+//! In each round, some pixels get twice as many paths: first those where one more path reduces the squared error most. If the squared error
+//! falls as a power of the number of paths, this reduction is the squared error over that number, times the power. The allocation is best
+//! when the reduction is the same for all pixels. Numbers of paths are powers of two, for which the Sobol points of a half are a net.
 //!
-//! A colour is unbiased only if the number of its paths does not depend on them, so a pixel's error is taken from its neighbours alone.
-//! What is left is that of the neighbours' neighbours, among which it is itself, and of the sum over the picture, which one pixel hardly
-//! moves. No path is thrown away.
+//! A colour is unbiased only if the number of its paths does not depend on their values. So a pixel's error is estimated from its neighbours
+//! alone. Two weak dependences remain: on the neighbours of its neighbours, which include the pixel itself, and on the sum over the picture,
+//! which one pixel hardly changes. No path is thrown away.
 
 use glam::DVec3;
 use rayon::prelude::*;
 
-/// Paths of a half at first, where it may have so many.
+/// Paths of a half before the first round, if a half may have this many.
 pub(super) const FIRST: u32 = 4;
 
-/// Least square of the error of a path that a pixel counts with, as a share of the mean: its neighbours may have missed what is rare.
+/// Lower bound on the squared error per path of a pixel, as a share of the mean: its neighbours may have missed rare paths.
 const LEAST: f64 = 0.05;
 
-/// Paths of the whole picture below which no error is believed: few of them may agree by chance.
+/// Least number of paths of the whole picture for which an error estimate is trusted: fewer may agree by chance.
 const LEAST_PATHS: f64 = 8192.0;
 
-/// Least and most paths of a round, as shares of those before.
+/// Least and most paths of a round, as shares of the paths before it.
 const ROUND: [f64; 2] = [0.05, 0.5];
 
-/// Quantile of the normal distribution below which lie 97.7 %: the error is looked at after each round, and must not end the rounds by chance
-/// in more than 5 %.
+/// The 97.7 % quantile of the normal distribution. The error is tested after each round, and must not end the rounds by chance in more than
+/// 5 % of all cases.
 const QUANTILE: f64 = 2.0;
 
 /// A pixel whose glass is stochastic.
@@ -35,7 +35,7 @@ const QUANTILE: f64 = 2.0;
 pub(super) struct Sampled {
     /// Its index in the picture.
     pub index: u32,
-    /// Whether paths are divided there; else only chance makes them differ.
+    /// Whether paths branch at this pixel; else they differ only by random choices.
     pub divided: bool,
     /// Sums of the colours of the paths of each half.
     pub sums: [DVec3; 2],
@@ -49,7 +49,7 @@ impl Sampled {
         0.5 * (self.sums[0] + self.sums[1]) / f64::from(self.count.max(1))
     }
 
-    /// The estimated square of the colour's error, the mean of the three channels; 0 of a colour that is not finite, which no path mends.
+    /// Estimated squared error of the colour, averaged over the channels. 0 for a colour that is not finite, which more paths cannot repair.
     fn square(&self) -> f64 {
         let off = 0.5 * (self.sums[0] - self.sums[1]) / f64::from(self.count.max(1));
         let square = off.length_squared() / 3.0;
@@ -62,7 +62,7 @@ impl Sampled {
     }
 }
 
-/// Paths of a half of every pixel before the error is looked at: a power of two, up to `most`.
+/// Number of paths in each half of every pixel before the error is first estimated: a power of two, up to `most`.
 pub(super) fn first_count(pixels: usize, most: u32) -> u32 {
     let least = LEAST_PATHS / (2 * pixels).max(1) as f64;
     let mut count = FIRST;
@@ -72,13 +72,13 @@ pub(super) fn first_count(pixels: usize, most: u32) -> u32 {
     count.min(most)
 }
 
-/// Most paths of a half where a pixel has at most so many, at least 4: a power of two.
+/// Greatest number of paths of a half where a pixel may have `paths`, which counts as 4 if it is less: a power of two.
 pub(super) fn most_of_half(paths: u32) -> u32 {
     1 << (paths / 2).max(2).ilog2()
 }
 
-/// By pixel, whether it is given twice its paths, up to `most` for a half, after a round in which the error was `reached` times what was asked
-/// for. The pixels are in the order of their index, in a picture of this width.
+/// For each pixel, whether its number of paths is doubled; a half gets at most `most`. `reached` is the error after the last round, relative
+/// to the error that was asked for. The pixels are in the order of their index, in a picture of this width.
 pub(super) fn doubled(pixels: &[Sampled], width: u32, most: u32, reached: f64) -> Vec<bool> {
     let mut squares: Vec<f64> =
         pixels.par_iter().map(|pixel| square_of_path(pixels, pixel, i64::from(width))).collect();
@@ -88,7 +88,7 @@ pub(super) fn doubled(pixels: &[Sampled], width: u32, most: u32, reached: f64) -
     }
     let mut order: Vec<usize> = (0..pixels.len()).filter(|place| pixels[*place].count < most).collect();
     order.par_sort_unstable_by(|one, other| squares[*other].total_cmp(&squares[*one]).then(one.cmp(other)));
-    // Of Sobol points the square falls with the number of paths to the power of -1.5, at best.
+    // With Sobol points, the squared error falls at best as the number of paths to the power of -1.5.
     let [low, high] = ROUND;
     let share = ((reached * reached).cbrt().powi(2) - 1.0).clamp(low, high);
     let mut more = (share * pixels.iter().map(|pixel| f64::from(pixel.count)).sum::<f64>()).max(1.0);
@@ -103,14 +103,14 @@ pub(super) fn doubled(pixels: &[Sampled], width: u32, most: u32, reached: f64) -
     doubled
 }
 
-/// The square of the error times the number of paths, as the neighbours of a pixel have it; 0 without neighbours.
+/// The squared error times the number of paths, averaged over a pixel's neighbours; 0 without neighbours.
 fn square_of_path(pixels: &[Sampled], pixel: &Sampled, width: i64) -> f64 {
     let index = i64::from(pixel.index);
     let (mut sum, mut count) = (0.0, 0.0);
     for row in [index - width, index, index + width] {
         let from = pixels.partition_point(|near| i64::from(near.index) < row - 1);
         let near = pixels[from..].iter().take_while(|near| i64::from(near.index) <= row + 1);
-        // Not what is beyond the border, in the next row of the picture.
+        // Excludes pixels that are adjacent by index but lie beyond the border, in another row.
         let beside = |near: &&Sampled| (i64::from(near.index) % width - index % width).abs() <= 1;
         for near in near.filter(beside).filter(|near| near.index != pixel.index) {
             sum += near.square() * f64::from(near.count);
@@ -125,7 +125,7 @@ fn square_of_path(pixels: &[Sampled], pixel: &Sampled, width: i64) -> f64 {
 pub(super) struct Error {
     /// The root mean square error, as estimated.
     pub estimate: f64,
-    /// The error that is not exceeded with a probability of 95 % in any round: above the estimate, by how much both may scatter.
+    /// Upper bound that the error exceeds in no round, with a probability of 95 %: above the estimate, for the scatter of both.
     pub bound: f64,
 }
 
@@ -138,10 +138,11 @@ pub(super) fn error(pixels: &[Sampled]) -> Error {
     }
     let count = pixels.len().max(1) as f64;
     let mean = sum / count;
-    // The relative variance of such a sum; the true squares scatter alike and independently.
+    // Relative variance of the sum, twice: the true squared errors scatter alike and independently.
     let seen = if sum > 0.0 { 2.0 * squares / (sum * sum) } else { 0.0 };
-    // Of few pixels the squares themselves do not show how they scatter. Those of normal variables do so by 3 of a pixel whose channels
-    // go together. The last factor keeps the bound above the quantile of the ratio of two such means for one, two and three pixels.
+    // The squares of few pixels do not show their own scatter. For normal variables, the mean fourth power is 3 times the squared variance
+    // (a pixel whose channels vary together). The last factor keeps the bound above the quantile of the ratio of two such means for one, two
+    // and three pixels.
     let least = 6.0 / count * (1.0 + 1.0 / count);
     Error { estimate: mean.sqrt(), bound: (mean * (QUANTILE * seen.max(least).sqrt()).exp()).sqrt() }
 }
@@ -158,24 +159,24 @@ mod tests {
     #[test]
     fn numbers_are_powers_of_two_up_to_the_most() {
         assert_eq!([2, 4, 5, 7, 8, 16, 100, 4096].map(most_of_half), [2, 2, 2, 2, 4, 8, 32, 2048]);
-        // Few pixels are given so many paths that an error can be believed.
+        // With few pixels, each gets enough paths for the error to be trusted.
         let first = [(100_000, 2048), (100_000, 2), (1000, 2048), (100, 2048), (1, 2048), (0, 2048)];
         assert_eq!(first.map(|(pixels, most)| first_count(pixels, most)), [4, 2, 8, 64, 2048, 2048]);
     }
 
-    /// The middle of three pixels in a row of five.
+    /// Three adjacent pixels in a row of five; only the middle one has an error.
     #[test]
     fn a_pixel_is_given_paths_by_the_error_of_its_neighbours() {
         let pixels = [pixel(1, 0.0, 4), pixel(2, 2.0, 4), pixel(3, 0.0, 4)];
         let found = pixels.map(|pixel| square_of_path(&pixels, &pixel, 5));
         assert_eq!(found, [4.0, 0.0, 4.0], "a pixel's own error does not count");
-        // Half of the paths more: the first two are not enough.
+        // Half as many paths again are 6: doubling the first pixel adds only 4.
         assert_eq!(doubled(&pixels, 5, 64, 9.0), [true, false, true]);
         assert_eq!(doubled(&pixels, 5, 64, 1.0), [true, false, false]);
-        // Those with the most paths stay; then what was not seen may be there.
+        // Pixels with the most paths stay. The other pixel gets more, although its neighbours show no error.
         let full = [pixel(1, 0.0, 64), pixel(2, 2.0, 4), pixel(3, 0.0, 64)];
         assert_eq!(doubled(&full, 5, 64, 9.0), [false, true, false]);
-        // A path takes less where there are more: a quarter at twice the number.
+        // One more path reduces the error less where there are more paths: a quarter at twice the number.
         let more = [pixel(1, 1.0, 8), pixel(2, 0.0, 4), pixel(11, 1.9, 4), pixel(12, 0.0, 4)];
         assert_eq!(doubled(&more, 10, 64, 1.01), [false, true, false, false]);
         // The last pixel of a row and the first of the next one are no neighbours; those above and below are.
@@ -188,7 +189,7 @@ mod tests {
 
     #[test]
     fn a_pixel_takes_what_plans_count() {
-        // With its error, its place in the order, and whether it is doubled; marks are dropped before.
+        // Per pixel: its data, its error, its place in the order, and whether it is doubled. The marks are dropped before.
         let bytes = (size_of::<Sampled>() + size_of::<f64>() + size_of::<usize>() + 1) as u64;
         assert!((bytes..bytes + 8).contains(&curitiba_pipeline::programs::ADAPTIVE_BYTES), "{bytes}");
     }
@@ -199,7 +200,7 @@ mod tests {
         let Error { estimate, bound } = error(&pixels);
         assert!((estimate - 0.05).abs() < 1e-9 && bound > estimate && bound < 1.03 * estimate, "{estimate} {bound}");
         assert!((pixels[0].color() - DVec3::splat(0.05)).abs().max_element() < 1e-12);
-        // A bright pixel alone: little is known.
+        // Only one pixel is noisy, so the estimate is uncertain.
         let Error { estimate, bound } = error(&[pixel(0, 0.0, 8), pixel(1, 9.0, 8)]);
         assert!(bound > 3.0 * estimate, "{estimate} {bound}");
         assert_eq!(error(&[]), Error { estimate: 0.0, bound: 0.0 });

@@ -1,8 +1,8 @@
-//! Adaptive sampling of stochastic glass: as many paths a pixel as an error of the picture takes.
+//! Adaptive sampling of stochastic glass: each pixel gets as many paths as the error asked for requires.
 //!
-//! All pixels are followed once, tile by tile. Where nothing was left to chance that is their colour, to the bit. The others are sampled in
-//! rounds until the error is what was asked for, or no pixel may have more paths. What is decided between two rounds depends on sums in the
-//! order of the pixels: the picture is the same for any number of threads.
+//! One path of every pixel is traced first, tile by tile. A pixel whose path made no random choice keeps that colour, to the bit. The other
+//! pixels are sampled in rounds until the error is what was asked for, or no pixel may have more paths. Decisions between two rounds depend
+//! on sums in the order of the pixels, so the picture is the same for any number of threads.
 
 mod allocation;
 #[cfg(test)]
@@ -23,10 +23,11 @@ use rayon::prelude::*;
 use std::cell::Cell;
 use std::sync::atomic::{AtomicU8, Ordering};
 
-/// Most ways into which the first surface that divides a path does so at once. What lies before it is followed again for the next ones.
+/// Greatest number of branches that the first dividing surface of a path follows at once. For further branches, the path up to that surface
+/// is followed again.
 const WAYS: u32 = 4;
 
-/// Parts in which the way to the error is counted.
+/// Number of steps in which the progress towards the error is counted.
 const PARTS: u64 = 1000;
 
 /// Pixels that a thread takes at a time.
@@ -41,7 +42,7 @@ pub(super) fn asked(job: &RayJob<'_>) -> Option<f32> {
 /// Runs a job whose glass is sampled to this error.
 ///
 /// # Errors
-/// [`BackendError::Unsupported`] if the job lacks something that its program reads; if there is not enough memory.
+/// [`BackendError::Unsupported`] if the job lacks something that its program reads, or if there is not enough memory.
 pub(super) fn trace(
     tracer: &dyn DynTracer,
     job: &RayJob<'_>,
@@ -77,7 +78,7 @@ fn trace_pass<T: Tracer, C: Coverage>(
     }
 }
 
-/// Samples all pixels by `shown`, the mean colour of the paths of a sample.
+/// Samples all pixels. `shown` returns the mean colour of the paths of a sample.
 fn sample<T: Tracer, C: Sync>(
     pass: &Pass<'_, T, C>,
     error_asked: f32,
@@ -106,7 +107,7 @@ fn sample<T: Tracer, C: Sync>(
     let mut pixels = marked(&marks, output).map_err(refused)?;
     drop(marks);
     let width = output.width;
-    // Gives pixels, by their place in the list, so many paths.
+    // Follows paths until each pixel has `count(place, pixel)` in each half; `place` is its index in the list.
     let sample_to = |pixels: &mut [Sampled], count: &(dyn Fn(usize, &Sampled) -> u32 + Sync)| {
         let each = |(place, pixel): (usize, &mut Sampled)| {
             let count = count(place, pixel);
@@ -160,11 +161,11 @@ fn sample<T: Tracer, C: Sync>(
     Ok(RayStats { rays, adaptive: Some(spent), ..RayStats::default() })
 }
 
-/// Follows paths until both halves of a pixel have so many. `follow` returns the mean of some ways of a half, from the first one on, and what
-/// they met.
+/// Follows paths until both halves of a pixel have `count`. `follow(half, first, ways)` returns the mean of `ways` paths of a half, from path
+/// `first` on, and what they met.
 fn fill(pixel: &mut Sampled, count: u32, mut follow: impl FnMut(u32, u32, u32) -> ([f32; 4], Met)) {
     for half in [0, 1] {
-        // The first path of the first half was followed with all pixels.
+        // The first path of the first half was followed in the pass over all pixels.
         let mut first = if half == 0 { pixel.count } else { pixel.count & !1 };
         while first < count {
             let ways = if pixel.divided { WAYS.min(count - first).min(first.max(1)) } else { 1 };

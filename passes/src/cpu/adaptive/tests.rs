@@ -1,4 +1,4 @@
-//! Pictures against converged ones, over many seeds.
+//! Adaptively sampled pictures against converged ones, over many seeds.
 
 use crate::cpu;
 use crate::effects::tests::world::{Shot, World};
@@ -29,9 +29,9 @@ struct Case {
     name: &'static str,
     world: World,
     params: RayParams,
-    /// What is asked for.
+    /// The error that is asked for.
     error: f32,
-    /// Those of the converged picture, as the mean over so many seeds.
+    /// Parameters of the converged picture, which is the mean over `seeds` seeds.
     converged: RayParams,
     seeds: u32,
 }
@@ -53,7 +53,7 @@ fn frosted() -> Case {
     Case { name: "frosted pane", world, params: params(), error: 0.03, converged: params(), seeds: 8 }
 }
 
-/// A pane that is a little rough, before a stripe that only a part of it shows.
+/// A slightly rough pane before a stripe, which is seen through only a part of the pane.
 fn stripe() -> Case {
     let mut world = World { beyond: Vec3::new(0.2, 0.3, 0.5), ..World::lit_along(Vec3::new(0.3, -0.4, -1.0)) };
     let glass = world.dielectric(Dielectric { alpha: 0.015, shape: Shape::Thin, ..solid(1.5) });
@@ -63,7 +63,7 @@ fn stripe() -> Case {
     Case { name: "stripe", world, params: params(), error: 0.01, converged: params(), seeds: 8 }
 }
 
-/// Walls of other colours around a block in which ways of little weight are followed by chance.
+/// Walls of different colours around a block in which paths of little weight end by Russian roulette.
 fn roulette() -> Case {
     let mut world = World::lit_along(Vec3::new(0.3, -0.4, -1.0));
     let glass = world.dielectric(Dielectric { extinction: Vec3::new(0.1, 0.3, 0.6), ..solid(1.8) });
@@ -146,7 +146,7 @@ impl Pictures {
         self.sums.iter().map(|[sum, _]| *sum / f64::from(self.count)).collect()
     }
 
-    /// The squares of the standard errors of the mean; 0 of one picture.
+    /// The squares of the standard errors of the mean; 0 for a single picture.
     fn variances(&self) -> Vec<DVec3> {
         let count = f64::from(self.count);
         let variance = |[sum, squares]: &[DVec3; 2]| {
@@ -155,7 +155,7 @@ impl Pictures {
         self.sums.iter().map(variance).collect()
     }
 
-    /// The mean square of the difference to other pictures in standard errors: 1 if the means are alike. Without what has no noise.
+    /// Mean squared difference to other pictures, in standard errors: 1 if the means are alike. Values without noise are left out.
     fn score(&self, others: &Self) -> f64 {
         let (mut sum, mut count) = (0.0, 0.0);
         let means = self.mean().into_iter().zip(others.mean());
@@ -186,7 +186,7 @@ fn run(
     (pixels.collect(), stats.rays, stats.adaptive)
 }
 
-/// The root mean square difference over so many pixels.
+/// The root mean square difference over `pixels` pixels.
 fn off(found: &[DVec3], expected: &[DVec3], pixels: u64) -> f64 {
     let sum: f64 = found.iter().zip(expected).map(|(a, b)| (*a - *b).length_squared()).sum();
     (sum / (3.0 * pixels as f64)).sqrt()
@@ -211,7 +211,7 @@ fn the_error_is_met_in_95_of_100_seeds_and_the_mean_is_that_of_all_paths() {
         let score = pictures.score(&converged);
         assert!(within >= 95, "{}: {within}", case.name);
         assert!(score < 1.5, "{}: {score}", case.name);
-        // Not because far more is done than was asked for, but for the prism, of which the first paths show most of the spectrum.
+        // The error is not met by overspending. The prism is exempt: its first paths already show most of the spectrum.
         let reached = squares.sqrt() / f64::from(case.error);
         assert!(reached > 0.6 || case.name == "prism", "{}: {reached}, {paths} paths", case.name);
         let brighter = Pictures {
@@ -242,7 +242,7 @@ fn where_a_part_is_noisy_less_than_two_thirds_of_the_paths_of_uniform_sampling_a
         (squares.sqrt(), paths, within)
     };
     let (reached, spent, within) = of_seeds(case.adaptive());
-    // Uniform sampling is without error=; between two powers of two its error falls as a power of the paths.
+    // Uniform sampling runs without `error=`. Between two powers of two, its error is interpolated as a power of the number of paths.
     let mut before: Option<(f64, f64)> = None;
     let mut needed = None;
     for paths in (3..=12).map(|power| 1 << power) {
@@ -256,7 +256,7 @@ fn where_a_part_is_noisy_less_than_two_thirds_of_the_paths_of_uniform_sampling_a
     }
     let needed = needed.expect("uniform sampling reaches the error");
     assert!(within + 1 >= seeds, "{within} of {seeds}");
-    // 0.605.
+    // Measured: 0.605.
     assert!(spent < 2.0 / 3.0 * needed, "{spent} of {needed} for {reached}");
 }
 
@@ -306,7 +306,7 @@ fn what_has_no_stochastic_glass_is_as_without_to_the_bit() {
         assert!(spent.pixels > 20 && spent.pixels < all / 2, "{spent}");
         assert!(alike >= all - spent.pixels && alike < all, "{alike} of {all}: {spent}");
         assert_eq!(plain.2, None);
-        // A scene without such glass runs what it runs without: the same rays.
+        // A scene without stochastic glass traces the same rays with `error=` as without.
         assert_eq!(render(&without, 0.02), render(&without, 0.0));
     }
 }

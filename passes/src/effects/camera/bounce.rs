@@ -11,7 +11,7 @@ use glam::{Vec2, Vec3};
 /// How a glass surface splits a ray.
 pub(super) struct Split {
     pub interface: Interface,
-    /// The normal by which it does, and the index of the far side over that of the near side.
+    /// The normal that is used for the split, and the index of the far side over that of the near side.
     pub bends: (Vec3, f32),
     pub reflected: Vec3,
     pub refracted: Option<Vec3>,
@@ -31,8 +31,8 @@ pub(super) fn in_lobe(around: Vec3, exponent: f32, point: Vec2) -> Vec3 {
 }
 
 impl<T: Tracer, C: Coverage> Walk<'_, '_, T, C> {
-    /// The direction in which a mirror sends a ray, and the factor of its light. A rough mirror takes a point of the
-    /// unit square.
+    /// The direction in which a mirror sends a ray, and the factor of its light. `at` gives a point of the unit square; it
+    /// is only called for a rough mirror.
     pub(super) fn mirror(&self, surface: &Surface, view: Vec3, at: impl FnOnce() -> Vec2) -> (Vec3, f32) {
         let smooth = reflect(view, surface.interface_normal(view));
         let exponent = self.params.camera.gloss;

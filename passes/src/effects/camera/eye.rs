@@ -21,12 +21,12 @@ pub struct Eye {
 }
 
 impl Eye {
-    /// The rays of a view, for a picture of so many columns and rows. The lens has radius `aperture` and its plane in
-    /// focus is at distance `focus`.
+    /// The rays of a view, for a picture of `width` columns and `height` rows. The lens has radius `aperture` and its plane
+    /// in focus is at distance `focus`.
     ///
-    /// A ray through a point of the picture contains everything that a rasteriser projects there by the same matrix:
-    /// the first, second and fourth row of the matrix map the ray's direction to a multiple of (x, y, 1) in normalised
-    /// device coordinates.
+    /// A ray through a point of the picture contains every point of the scene that a rasteriser projects there by the same
+    /// matrix: the first, second and fourth row of the matrix map the ray's direction to a multiple of (x, y, 1) in
+    /// normalised device coordinates.
     #[must_use]
     pub fn new(view: &View, [width, height]: [u32; 2], aperture: f32, focus: f32) -> Self {
         let matrix = view.clip_from_eye.unwrap_or(view.clip_from_world).as_dmat4();

@@ -48,8 +48,8 @@ impl<T: Tracer, C: Coverage> Walk<'_, '_, T, C> {
     }
 
     /// The colour of the light on a side of a surface, times the cosine. Colour and cosine are those of the light's
-    /// middle; visibility is tested for one point of the light. A rectangle's light falls off to the side by its own
-    /// cosine.
+    /// middle; visibility is tested for one point of the light. The light of a rectangle is also multiplied by the cosine
+    /// at the rectangle.
     pub(super) fn arriving(
         &self,
         hit: &Hit,
@@ -71,9 +71,9 @@ impl<T: Tracer, C: Coverage> Walk<'_, '_, T, C> {
         color * (cosine * aside * self.visible(hit, surface, &seen, work))
     }
 
-    /// Radiance that a white diffuse surface reflects of the light, estimated from one point of it by area sampling:
-    /// `L cos cos' A / (π d²)` for a rectangle of radiance `L`, `I cos / (π d²)` for a point of intensity `I`, and
-    /// `E cos` for a directional light, whose colour is what a white surface facing it reflects.
+    /// Radiance that a white diffuse surface reflects of the light, estimated from one point of the light by area sampling:
+    /// `L cos cos' A / (π d²)` for a rectangle of radiance `L`, `I cos / (π d²)` for a point of intensity `I`, and `E cos`
+    /// for a directional light. The colour of a directional light is the radiance of a white surface that faces it.
     pub(super) fn reflected(
         &self,
         hit: &Hit,

@@ -1,12 +1,12 @@
 //! Programs whose rays start at the camera: they read no G-buffer, and shade the surface that each ray hits.
 //!
-//! One integrator serves all of them. A pixel is the mean of its rays. Each ray takes one point each of the pixel, of
-//! the lens and of the light, and one direction at each surface that has several, from sequences of its own
-//! (`sampling::paths`). The programs differ in what a ray shows of the surface that it hits. They exist in corrected
-//! fidelity only.
+//! One integrator serves all of them. A pixel is the mean of its rays. Each ray samples one point of the pixel, one of
+//! the lens and one of the light, and one direction at each surface that has several. Each of these choices has its own
+//! sequence (`sampling::paths`). The programs differ in how they shade the surface that a ray hits. They exist in
+//! corrected fidelity only.
 //!
-//! From the ground up: `eye`, ray origins; `light`, the light at a point; `bounce`, directions on; `whitted` and
-//! `paths`.
+//! From the ground up: `eye`, ray origins; `light`, the light at a point; `bounce`, directions after a bounce; `whitted`
+//! and `paths`.
 
 mod bounce;
 mod eye;
@@ -41,9 +41,9 @@ struct Walk<'p, 'a, T, C> {
     pass: &'p Pass<'a, T, C>,
     camera: FromCamera<'a>,
     params: &'p RayParams,
-    /// Whether shadow rays end at glass, because paths that glass refracts find the light behind it.
+    /// Whether shadow rays end at glass, because the light behind it is found by paths that glass refracts.
     glass_stops: bool,
-    /// What a ray covers of its pixel.
+    /// The cone of one ray, which covers a part of the pixel.
     cone: PixelCone,
 }
 
@@ -56,7 +56,7 @@ pub fn pixel<T: Tracer, C: Coverage>(pass: &Pass<'_, T, C>, pixel: Pixel, work: 
     let params = &pass.job.params;
     let glass_stops = pass.job.program == RayProgram::PathTracing && camera.surfaces.contains(&SurfaceKind::Light);
     let (key, rays) = (pass.key(pixel), params.samples.max(1));
-    // Each of several rays covers a part of the pixel, as each of several samples does.
+    // Each of several rays covers only its share of the pixel's area.
     let side = (rays as f32).sqrt().recip();
     let cone = PixelCone { width: pass.job.cone.width * side, spread: pass.job.cone.spread * side };
     let walk = Walk { pass, camera, params, glass_stops, cone };

@@ -1,9 +1,9 @@
-//! Path tracing (Kajiya, "The Rendering Equation", SIGGRAPH 1986). At each surface a path takes one direction, sampled
-//! by its density; at diffuse surfaces it also samples a point of the light.
+//! Path tracing (Kajiya, "The Rendering Equation", SIGGRAPH 1986). At each surface a path takes one direction, by
+//! importance sampling; at diffuse surfaces it also samples a point of the light.
 //!
-//! No light counts twice. Where a path samples the light, an emitting surface counts only where the path meets it from
-//! the camera, a mirror or glass. In a project without a light every emitting surface counts wherever a path meets it.
-//! Where a material is the light, paths through glass find it, and shadow rays end at glass. A light without a surface
+//! No light counts twice. Where a path samples the light, an emitting surface counts only if the path comes to it
+//! from the camera, a mirror or glass. In a project without a light, every emitting surface that a path hits counts.
+//! Where the light is a material, paths through glass find it, and shadow rays end at glass. A light without a surface
 //! is found by shadow rays alone, which glass then dims.
 
 use super::{CLEAR, Walk};
@@ -60,7 +60,7 @@ impl<T: Tracer, C: Coverage> Walk<'_, '_, T, C> {
                     (direction, weight, counts) = (way, weight * share, true);
                 }
                 SurfaceKind::Clear => {
-                    // `counts` stays as it is: shadow rays already ask for the light that falls through a pane.
+                    // `counts` stays as it is: shadow rays already bring the light that falls through a pane.
                     (weight, purpose) = (weight * CLEAR, Purpose::Refracted);
                 }
                 SurfaceKind::Glass => {

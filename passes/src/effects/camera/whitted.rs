@@ -12,8 +12,7 @@ use curitiba_pipeline::camera_programs::SurfaceKind;
 use glam::Vec3;
 
 impl<T: Tracer, C: Coverage> Walk<'_, '_, T, C> {
-    /// The colour of the surface that a ray hits after so many bounces.
-    /// `cone` is the ray's at the surface.
+    /// The colour of the surface that a ray hits after `bounces` bounces. `cone` is the ray's cone at the surface.
     pub(super) fn whitted(
         &self,
         (ray, hit): (Ray, Hit),
@@ -65,7 +64,7 @@ impl<T: Tracer, C: Coverage> Walk<'_, '_, T, C> {
         }
     }
 
-    /// The colour that a ray in this direction finds, from a surface that it leaves with this cone; black after the last bounce.
+    /// The colour that the next ray sees, which leaves the surface `from` with this direction and cone; black after the last bounce.
     fn after(
         &self,
         from: &Surface,

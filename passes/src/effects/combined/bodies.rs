@@ -11,14 +11,14 @@ use crate::trace::{Hit, Tracer};
 use curitiba_pipeline::glass::GlassShadow;
 use glam::{Vec3, Vec4};
 
-/// As [`corrected::pixel`], with this glass. Where the camera is in a body, that body absorbs light from opaque surfaces too; the background
-/// has no place, and keeps its colour.
+/// As [`corrected::pixel`], with glass whose kind each material states. A body that the camera is in absorbs light from opaque surfaces too.
+/// The background has no position and keeps its colour.
 pub fn pixel<T: Tracer, C: Coverage>(pass: &Pass<'_, T, C>, pixel: Pixel, work: &mut Workspace) -> [f32; 4] {
     pixel_of(pass, pixel, AllWays, work)
 }
 
-/// One sample of [`pixel`], whose mean over all ways is its colour. Where the sample notes nothing stochastic it is that colour, to the
-/// bit.
+/// One sample of [`pixel`]; the mean of samples over all ways is the pixel's colour. Where a sample notes nothing stochastic, it equals that
+/// colour to the bit.
 pub fn sample<T: Tracer, C: Coverage>(
     pass: &Pass<'_, T, C>,
     pixel: Pixel,
@@ -61,8 +61,8 @@ fn pixel_of<T: Tracer, C: Coverage>(
     opaque(visible(pass, (color, lit), (&surface, side), known, key, work))
 }
 
-/// As [`corrected::prepare`]; where the colour of light matters, pixels behind glass are left to compute their own
-/// light.
+/// As [`corrected::prepare`]; where the colour of light matters, pixels that are lit through glass are left to compute
+/// their own light.
 pub fn prepare<T: Tracer, C: Coverage>(pass: &Pass<'_, T, C>, area: Area, work: &mut Workspace) {
     corrected::prepare(pass, area, work);
     if matters(pass) {

@@ -35,7 +35,7 @@ pub fn prepare<T: Tracer, C: Coverage>(pass: &Pass<'_, T, C>, area: Area, work: 
     work.surfaces.survey(pass, area, |pixel, triangle| {
         !pass.is_glass(triangle) && Vec4::from_array(pass.job.color[pixel.index]).truncate() != Vec3::ZERO
     });
-    // With a disc or several lights, a pixel has so many shadow rays that it traces them by itself.
+    // With a disc or several lights, a pixel has enough shadow rays to trace them by itself.
     if pass.disc.is_some() || pass.has_lights() {
         return tile_occlusion::prepare(pass, area, work, |hit| pass.stops_light(hit));
     }
@@ -43,7 +43,7 @@ pub fn prepare<T: Tracer, C: Coverage>(pass: &Pass<'_, T, C>, area: Area, work: 
         let Some(((surface, _), triangle)) = known.surface.zip(pass.triangle(pixel)) else { return (None, None) };
         let facing = lit_side(&surface, pass.normal(pixel));
         if pass.is_turned(triangle, surface.point(), (facing, pass.to_light)) {
-            // On a round surface the pixel of a triangle that is turned away may be lit nevertheless: it is left to compute its own light.
+            // A pixel whose triangle is turned away may still be lit if the surface is round: it is left to compute its own light.
             let is_dark = facing.dot(pass.to_light) > 0.0 || pass.job.scene.geometry.normals.is_empty();
             return (is_dark.then_some(SHADOWED), None);
         }
@@ -61,7 +61,7 @@ pub(super) fn lit_side(surface: &Surface, stored_normal: Vec3) -> Vec3 {
     if stored_normal.dot(surface.facing) < 0.0 { -surface.facing } else { surface.facing }
 }
 
-/// The side of a surface whose light is asked for.
+/// The side of a surface whose light is computed.
 #[derive(Clone, Copy)]
 pub(super) struct Side {
     /// Unit geometric normal on this side.
@@ -71,23 +71,23 @@ pub(super) struct Side {
     pub shading: Shading,
 }
 
-/// How a pixel is shaded, by its stored normal.
+/// The shading of a pixel, by its stored normal.
 pub(super) fn seen(stored_normal: Vec3) -> Shading {
     Shading { normal: stored_normal, hit: None }
 }
 
-/// How a surface is shaded that a ray met.
+/// The shading of a surface that a ray hits.
 pub(super) fn met(hit: &Hit, surface: &Surface) -> Shading {
     Shading { normal: surface.normal, hit: Some(*hit) }
 }
 
-/// What a side of a surface asks of several lights.
+/// The point of a surface, on one side, whose share of several lights is computed.
 pub(super) fn asked<'s>(surface: &'s Surface, Side { facing, id, shading }: Side, key: u32) -> Asked<'s> {
     Asked { point: surface.point(), facing, id, shading, key }
 }
 
-/// A colour times the light's share and the ambient occlusion. What `known` lacks of the two is computed, on a side of the surface. Black
-/// stays black, and a sky as it is, without a ray.
+/// A colour times the light's share and the ambient occlusion on a side of the surface. Either of the two that `known` lacks is computed. Black
+/// and the colour of a sky are returned unchanged, without a ray.
 pub(super) fn visible<T: Tracer, C: Coverage>(
     pass: &Pass<'_, T, C>,
     color: Vec3,

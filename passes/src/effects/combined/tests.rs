@@ -150,7 +150,7 @@ fn what_a_mirror_shows_is_shadowed_by_opaque_surfaces() {
 #[test]
 fn what_a_mirror_shows_is_occluded_once_by_what_surrounds_it() {
     let (mut world, paint, params) = mirror(0.9);
-    // An upright wall, a quarter of the radius behind the point that the mirrored ray hits: `ssao` has its closed form.
+    // An upright wall, a quarter of the radius behind the point that the mirrored ray hits. The closed form is in the tests of `ssao`.
     let met = -1.0 + 10.0 * 70f32.to_radians().tan();
     world.quad(paint, Vec3::new(met + 0.25, 0.1, 9.0), Vec3::Y * 9.0, Vec3::Z * 3.0);
     let params = RayParams { samples: 64, radius: 1.0, intensity: 1.0, ..params };

@@ -1,4 +1,4 @@
-//! Estimates of the light on a tile's pixels: what can be decided without the exact origins of their rays.
+//! Estimates of the light on a tile's pixels, made without the exact origins of their rays.
 
 use super::sides::{ALL, dot, sides_of_corners, signs};
 use crate::effects::tile::{Area, PART, PARTS, TILE, corner_of};
@@ -14,8 +14,8 @@ use glam::Vec3;
 const MOST: usize = 128;
 /// Least cosine between triangle and light for which the lit side is certain.
 const GRAZING: f32 = 1.0e-4;
-/// Least distance of the viewer from a triangle's plane, relative to the size of the coordinates: 32 units of rounding
-/// error.
+/// Least distance of the viewer from a triangle's plane for which the viewer's side is certain, relative to the size of
+/// the coordinates: 32 units of rounding error.
 const ASIDE: f32 = 32.0 / 16_777_216.0;
 
 /// The sketch of a tile: its pixels, by part, and the triangles that they show.
@@ -59,7 +59,7 @@ impl Default for Sketch {
 pub(super) struct Draw<'a, T, C> {
     pub(super) sketch: &'a mut Sketch,
     pub(super) pass: &'a Pass<'a, T, C>,
-    /// A reference, not a copy: loading a whole whose parts were just stored waits for those stores.
+    /// A reference, not a copy: a load of the whole struct stalls if its fields were just stored one by one.
     pub(super) area: &'a Area,
 }
 
@@ -209,7 +209,7 @@ impl Sketch {
     }
 }
 
-/// Four consecutive values from each of four indices on.
+/// Four consecutive values, from each of four first indices.
 ///
 /// # Panics
 /// If `values` is too short.

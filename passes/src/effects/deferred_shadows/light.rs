@@ -1,4 +1,4 @@
-//! What decides the light of a pixel: the side of its triangle, and a ray.
+//! The light of a pixel, which the side of its triangle and a ray decide.
 
 use crate::effects::coverage::Coverage;
 use crate::effects::interpolate::{interpolate, locate};
@@ -8,7 +8,7 @@ use crate::effects::terminator::Lifted;
 use crate::trace::{SurfacePoint, Tracer};
 use glam::Vec3;
 
-/// Least cosine between a triangle's normal and the normal at a corner for which their sides are beyond doubt.
+/// Least cosine between a triangle's normal and the normal at a corner for which the corner normal's side is certain.
 pub(super) const CLEARLY: f32 = 1.0e-2;
 
 /// What is left to find out about the light at a point.
@@ -17,7 +17,7 @@ pub(super) enum Light {
     Certain(f32),
     /// A shadow ray from this origin.
     Ray(Vec3),
-    /// Two rays, for a point whose triangle is turned away from the light while the round surface it stands for is not.
+    /// Two rays, for a point whose triangle is turned away from the light although the round surface that it approximates is not.
     Lifted(Lifted),
 }
 

@@ -1,4 +1,4 @@
-//! The program for several lights, and for lights with a place.
+//! The program for several lights, and for positional lights.
 
 use super::light::{is_lit, side};
 use crate::effects::interpolate::{interpolate, locate};
@@ -7,7 +7,7 @@ use crate::effects::{Coverage, LevelZero, Pass, Pixel, Workspace, opaque};
 use crate::trace::{Hit, Purpose, SurfacePoint, Tracer};
 use glam::Vec3;
 
-/// What shadows leave of the colour (`Pass::share_of_lights`), by colour; alpha 1. Where no light arrives nothing is in shadow.
+/// The share of the colour that shadows leave, for each channel (`Pass::share_of_lights`); alpha 1. It is 1 where no light arrives.
 pub fn pixel<T: Tracer, C: Coverage>(pass: &Pass<'_, T, C>, pixel: Pixel, work: &mut Workspace) -> [f32; 4] {
     let Some(id) = pass.triangle(pixel).filter(|_| is_lit(pass, pixel)) else { return [1.0; 4] };
     let point = pass.point_at(pixel, id);
@@ -33,7 +33,7 @@ pub fn pixel<T: Tracer, C: Coverage>(pass: &Pass<'_, T, C>, pixel: Pixel, work: 
     opaque(share)
 }
 
-/// The shading normal of a point that the camera sees, which the program is not handed. Normal maps are read at level 0.
+/// The shading normal of a point that the camera sees; it is no input of the program. Normal maps are read at level 0.
 fn normal<T: Tracer, C: Coverage>(pass: &Pass<'_, T, C>, id: u32, point: &SurfacePoint) -> Vec3 {
     let geometry = &pass.job.scene.geometry;
     if pass.sphere(id).is_some() || geometry.normals.is_empty() {

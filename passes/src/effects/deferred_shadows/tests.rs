@@ -282,7 +282,7 @@ fn positions_off_their_triangle_are_decided_as_alone() {
         (state >> 8) as f32 / 8_388_608.0 - 1.0
     };
     for (index, position) in shot.position.iter_mut().enumerate() {
-        // Offsets of low precision, offsets far away, and positions that are not numbers.
+        // Offsets of low precision, offsets far away, and positions that are NaN, infinite or huge.
         let off = [2e-3, 0.0, 0.3, 1e-6, 0.0, 5.0, 1e-4, 0.0][index % 8];
         for coordinate in &mut position[..3] {
             *coordinate += off * random();

@@ -16,7 +16,7 @@ use crate::trace::{
 use curitiba_pipeline::backend::RayJob;
 use glam::{Vec3, Vec4};
 
-/// Up to so many pixels are computed one by one; more are computed sixteen at a time.
+/// Greatest number of pixels that are computed one by one; more are computed sixteen at a time.
 const FEW: usize = 7;
 
 /// The shadows of a tile, and the buffers for finding them.
@@ -100,7 +100,7 @@ impl Tile {
         rays + self.lift(pass, area)
     }
 
-    /// Lights the pixels whose triangle is turned away from the light while the round surface it stands for is not.
+    /// Lights the pixels whose triangle is turned away from the light although the round surface that it approximates is not.
     /// Returns the number of rays.
     fn lift<T: Tracer, C: Coverage>(&mut self, pass: &Pass<'_, T, C>, area: &Area) -> u64 {
         let mut rays = 0;
@@ -288,7 +288,7 @@ struct Sides {
 }
 
 impl Sixteen<'_> {
-    /// Finds where rays to the light start, and puts them into a packet.
+    /// Computes the origins of rays to the light, and puts the rays into a packet.
     #[inline(always)]
     fn prepare<S: Simd>(&self, simd: S, job: &RayJob<'_>, to_light: &Vec3, packet: &mut Packet) -> Sides {
         // A copy, because the compiler must assume that `packet` may alias `to_light`. Copied by component, because a

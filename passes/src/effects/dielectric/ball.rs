@@ -1,24 +1,24 @@
-//! What a sphere of glass does with parallel light, in the plane of its axis: closed forms, in `f64`.
+//! Refraction of parallel light by a sphere of glass, in a plane that contains the axis: closed forms, in `f64`.
 //!
-//! The sphere has radius 1 and lies about the origin; light travels along the axis z. A ray that meets it at the angle of incidence i, at
-//! the distance sin i from the axis, leaves it at that distance from the centre too, turned by delta = 2 (i - t) towards the axis, where
-//! sin t = sin i / n. So it passes a point (x, z) of its plane at the distance
+//! The sphere has radius 1 and its centre at the origin; light travels along the axis z. A ray with the angle of incidence i meets the
+//! sphere at the distance sin i from the axis. It leaves the sphere turned by delta = 2 (i - t) towards the axis, where sin t = sin i / n,
+//! and its line still passes the centre at the distance sin i. So it passes a point (x, z) of its plane at the distance
 //!
 //! ```text
 //! m(i) = x cos delta + z sin delta - sin i
 //! ```
 //!
-//! and where m = 0 it lights the point with T sin i cos i / (|x| |dm/di|) times the light's irradiance across its direction: the area of
-//! a tube of light before and behind the sphere, with the share T that is let through. That is infinite on caustics, where dm/di or x
-//! is 0. What is computed is its mean over a disc of some width across the ray, which is finite everywhere and keeps the sum.
+//! and where m = 0 it lights the point with T sin i cos i / (|x| |dm/di|) times the light's irradiance across its direction: the ratio of
+//! the areas of a tube of light before and behind the sphere, times the share T that is transmitted. That is infinite on caustics, where
+//! dm/di or x is 0. What is computed is the mean over a disc of some width across the ray, which is finite everywhere and keeps the sum.
 
 use glam::{DVec2, DVec3};
 use std::f64::consts::{FRAC_PI_2, PI};
 
-/// Steps of the angle of incidence between which rays that turn back are looked for.
+/// Number of steps of the angle of incidence. Within each step, an extremum of m is looked for.
 pub const CELLS: usize = 64;
 
-/// Points of a quadrature, and their number for points so near to the axis that rays of all sides reach them.
+/// Number of points of a quadrature. Lit points so near to the axis that rays of all sides reach them take [`POINTS_AT_AXIS`].
 pub const POINTS: usize = 8;
 /// See [`POINTS`].
 pub const POINTS_AT_AXIS: usize = 32;
@@ -34,44 +34,44 @@ pub struct Ball {
 /// A ray that has passed the sphere.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Turned {
-    /// Sine and cosine of the angle of incidence: also the distance at which the ray passes the centre.
+    /// Sine and cosine of the angle of incidence. The sine is also the distance at which the ray passes the centre.
     pub sin: f64,
     /// See [`Self::sin`].
     pub cos: f64,
-    /// Cosine of the angle inside.
+    /// Cosine of the angle of refraction, inside the sphere.
     pub inner: f64,
-    /// Its direction: x is away from the axis, on the side where it met the sphere.
+    /// Direction in which the ray leaves: x is away from the axis, on the side where the ray met the sphere.
     pub direction: DVec2,
-    /// By how much more it is turned for a larger angle of incidence.
+    /// Derivative of the ray's turn, delta, by the angle of incidence.
     rate: f64,
 }
 
 impl Turned {
-    /// The one of an angle of incidence, by a sphere of this index.
+    /// The ray of an angle of incidence, behind a sphere of this index.
     #[must_use]
     pub fn at(incidence: f64, index: f64) -> Self {
         let (sin, cos) = incidence.sin_cos();
         let inner_sin = sin / index;
         let inner = (1.0 - inner_sin * inner_sin).sqrt();
-        // Of i - t, and of twice that.
+        // Sine and cosine of i - t; the ray turns by twice that.
         let (half_sin, half_cos) = (sin * inner - cos * inner_sin, cos * inner + sin * inner_sin);
         let direction = DVec2::new(-2.0 * half_sin * half_cos, half_cos * half_cos - half_sin * half_sin);
         Self { sin, cos, inner, direction, rate: 2.0 * (1.0 - cos / (index * inner)) }
     }
 
-    /// By how much more it is turned for a larger angle of incidence.
+    /// Derivative of the ray's turn, delta, by the angle of incidence.
     #[cfg(feature = "wgpu")]
     #[must_use]
     pub fn rate(&self) -> f64 {
         self.rate
     }
 
-    /// How far it passes a point, signed: m of the module's text.
+    /// Signed distance at which the ray passes a point: m of the module's text.
     fn miss(&self, at: DVec2) -> f64 {
         at.x * self.direction.y - at.y * self.direction.x - self.sin
     }
 
-    /// Its derivative by the angle of incidence.
+    /// Derivative of m by the angle of incidence.
     fn miss_rate(&self, at: DVec2) -> f64 {
         self.rate * self.along(at) - self.cos
     }
@@ -98,12 +98,12 @@ impl Turned {
         self.sin * DVec2::new(self.direction.y, -self.direction.x) + self.cos * self.direction
     }
 
-    /// Half of the angle, around the axis, by which the ray may be turned about it either way and still passes the point nearer than `width`.
+    /// Half of the range of angles by which the ray may be turned about the axis and still pass the point nearer than `width`.
     ///
-    /// Turned by psi, with u = 1 - cos psi, it passes at a distance D with D² = x² (2u - u²) + (m - x u cos delta)².
+    /// Turned by psi, with u = 1 - cos psi, the ray passes the point at a distance D with D² = x² (2u - u²) + (m - x u cos delta)².
     fn half_angle(&self, at: DVec2, width: f64) -> f64 {
         let (miss, x, c, s) = (self.miss(at), at.x, self.direction.y, self.direction.x);
-        // Nearer where a u² - b u + c0 > 0, for u from 0 to 1: the other half of the circle is the ray of the other side.
+        // The ray is near enough where a u² - b u + c0 > 0, for u from 0 to 1. The other half of the circle belongs to the ray of the other side.
         let (a, b, c0) = (x * x * s * s, 2.0 * x * (x - miss * c), (width - miss) * (width + miss));
         let discriminant = b * b - 4.0 * a * c0;
         if discriminant < 0.0 || (b <= 0.0 && c0 >= 0.0) {
@@ -127,9 +127,9 @@ impl Turned {
 pub struct Bundle {
     /// The mean of its rays.
     pub ray: Turned,
-    /// Whether it met the sphere on the point's side of the axis, 1, or on the other side, -1.
+    /// 1 if the rays met the sphere on the point's side of the axis, -1 if they met it on the other side.
     pub side: f64,
-    /// What it brings across its direction, by colour: the light's own is 1.
+    /// Irradiance across the bundle's direction, by colour, relative to the light's own.
     pub strength: DVec3,
 }
 
@@ -137,14 +137,14 @@ pub struct Bundle {
 #[derive(Clone, Copy)]
 struct Sum {
     strength: DVec3,
-    /// Weights, and angles of incidence times weights.
+    /// Sum of the weights; `incidence` is the sum of the angles of incidence times their weights.
     weight: f64,
     incidence: f64,
     end: f64,
 }
 
 impl Ball {
-    /// That of an index of refraction above 1.
+    /// The refraction by a sphere of this index, above 1.
     #[must_use]
     pub fn new(index: f64) -> Self {
         let nodes = (0..=CELLS).map(|node| Turned::at(at_node(node), index)).collect();
@@ -172,19 +172,19 @@ impl Ball {
         &self.nodes
     }
 
-    /// Points between -1 and 1 and their weights, of the quadrature of most points and then of that near the axis.
+    /// Points between -1 and 1 and their weights: first of the quadrature for most lit points, then of the one for points near the axis.
     #[cfg(feature = "wgpu")]
     pub fn quadratures(&self) -> impl Iterator<Item = DVec2> {
         self.points.iter().flatten().copied()
     }
 
-    /// The light that reaches a point outside the sphere (its distance from the axis, at least 0, and its place along it), as the mean over
-    /// discs of radius `width` (above 0) across the rays. `kept` is the share of the light that a ray brings, by colour.
+    /// The light that reaches a point outside the sphere, as the mean over discs of radius `width` (above 0) across the rays. `at` is the point's
+    /// distance from the axis, at least 0, and its place along the axis. `kept` is the share of its light that a ray keeps, by colour.
     pub fn bundles(&self, at: DVec2, width: f64, kept: impl Fn(&Turned) -> DVec3, mut each: impl FnMut(Bundle)) {
         for side in [1.0, -1.0] {
             let at = DVec2::new(at.x * side, at.y);
             let mut open: Option<Sum> = None;
-            // Who passes the point at a greater distance may pass it nearer where he is turned about the axis: near the axis alone.
+            // A ray that passes the point at a greater distance may pass it nearer when it is turned about the axis, but only near the axis.
             let reach = if at.x.abs() < width { width + at.x.abs() } else { width };
             self.pieces(at, reach, |low, high| {
                 let sum = self.sum(at, width, [low, high], &kept);
@@ -208,8 +208,8 @@ impl Ball {
         }
     }
 
-    /// Finds the angles of incidence, in ascending pieces, whose rays pass a point nearer than `reach`; within a piece the distance rises
-    /// or falls.
+    /// Finds the angles of incidence, in ascending pieces, whose rays pass a point nearer than `reach`; within a piece the distance is
+    /// monotonic.
     fn pieces(&self, at: DVec2, reach: f64, mut each: impl FnMut(f64, f64)) {
         let step = FRAC_PI_2 / CELLS as f64;
         let known = |ray: &Turned| ([ray.miss(at), ray.miss_rate(at)], ray.reaches(at));
@@ -234,7 +234,7 @@ impl Ball {
         }
     }
 
-    /// The part within reach of angles between two whose distances are known.
+    /// Finds the part of the angles between two, whose distances are known, that is within reach.
     fn piece(&self, at: DVec2, reach: f64, [low, high]: [(f64, f64); 2], each: &mut impl FnMut(f64, f64)) {
         if low.1.min(high.1) > reach || low.1.max(high.1) < -reach {
             return;
@@ -256,8 +256,8 @@ impl Ball {
         }
     }
 
-    /// The light of angles of incidence between two. Towards the ends it falls as the root of the distance from them, which is smooth in
-    /// the angle whose sine they are.
+    /// The light of the angles of incidence between two. Towards these ends the integrand falls as the square root of the distance from them.
+    /// The quadrature takes the sine of an angle as its variable: in that angle the integrand is smooth.
     fn sum(&self, at: DVec2, width: f64, [low, high]: [f64; 2], kept: impl Fn(&Turned) -> DVec3) -> Sum {
         let mut sum = Sum { strength: DVec3::ZERO, weight: 0.0, incidence: 0.0, end: high };
         let points = &self.points[usize::from(at.x.abs() < 2.0 * width)];
@@ -276,7 +276,7 @@ impl Ball {
     }
 }
 
-/// The points and weights of Gauss and Legendre from -1 to 1, by Newton's steps on the recurrence of Legendre's polynomials.
+/// Points and weights of Gauss-Legendre quadrature from -1 to 1, by Newton's method on the recurrence of Legendre polynomials.
 fn gauss_legendre(count: usize) -> impl Iterator<Item = DVec2> {
     (0..count).map(move |point| {
         let mut x = (PI * (point as f64 + 0.75) / (count as f64 + 0.5)).cos();
@@ -298,8 +298,8 @@ fn at_node(node: usize) -> f64 {
     FRAC_PI_2 * node as f64 / CELLS as f64
 }
 
-/// Where a function is 0 between two places at which it has different signs, at the first that of `first`: Newton's steps where there is a
-/// derivative, else secants, and halves where they lead away. Ends where the function is below `tolerance`.
+/// The root of a function between two places at which its signs differ; `first` has its sign at the first place. Takes Newton's steps where
+/// there is a derivative, else secants, and bisects where a step leaves the interval. Ends where the function is at most `tolerance`.
 fn root(
     [mut low, mut high]: [f64; 2],
     first: f64,

@@ -9,7 +9,7 @@ use glam::Vec3;
 pub(super) struct Branch<K> {
     pub(super) purpose: Purpose,
     pub(super) direction: Vec3,
-    /// What its radiance counts, by colour.
+    /// Factor of its radiance, by colour.
     pub(super) weight: Vec3,
     pub(super) media: Media,
     /// The cone that leaves the surface.

@@ -9,23 +9,23 @@ use crate::effects::{Coverage, Pass, Workspace};
 use crate::trace::{Ray, Tracer};
 use glam::{DVec2, DVec3, Vec3};
 
-/// Half the width over which the light of a point is spread, as a share of the sphere's radius. Where the light is a disc that blurs more,
-/// that serves.
+/// Half the width over which the light of a point source is spread, as a share of the sphere's radius. Where the light is a disc that blurs
+/// more, the blur of the disc is taken instead.
 pub const WIDTH: f64 = 1e-3;
 
-/// How a surface takes light, and what of it is in its colour.
+/// How a surface reflects light, and how much of the light its colour contains.
 #[derive(Debug, Clone, Copy)]
 pub(in crate::effects) struct Lit {
     /// Unit normal by which it was lit.
     pub(in crate::effects) normal: Vec3,
-    /// Its cosine with the light, in its colour.
+    /// Cosine of the light that its colour contains.
     pub(in crate::effects) cosine: f32,
-    /// The share of the light, by colour, that is in its colour beside [`AMBIENT`].
+    /// Factor of the light that its colour contains, by colour, without [`AMBIENT`].
     pub(in crate::effects) tint: Vec3,
 }
 
 impl Lit {
-    /// The colour that a light of this colour would give the surface from a unit direction, as a share of the colour that it has.
+    /// The colour that a light of colour `light` from a unit direction would give the surface, as a share of the surface's own colour.
     pub(super) fn share(&self, light: Vec3, towards: Vec3) -> Vec3 {
         let taken = |cosine: f32| self.tint * light * cosine + AMBIENT;
         taken(self.normal.dot(towards).max(0.0)) / taken(self.cosine)
@@ -36,7 +36,7 @@ impl Lit {
 struct Plane {
     /// Away from the axis, towards the point.
     side: DVec3,
-    /// Where the light goes.
+    /// The direction in which the light travels.
     axis: DVec3,
 }
 
@@ -48,8 +48,8 @@ impl Plane {
 }
 
 impl<T: Tracer, C: Coverage> Pass<'_, T, C> {
-    /// What focused light adds to a surface, as a share of its colour: each bundle of rays that falls on the side with the unit normal
-    /// `facing` lights it as a light of its direction and strength would.
+    /// The light that spheres focus on a surface, as a share of the surface's colour. Each bundle of rays on the side with the unit normal
+    /// `facing` counts as a light of the bundle's direction and strength.
     #[inline(never)]
     pub(in crate::effects) fn focused_light(
         &self,
@@ -71,7 +71,7 @@ impl<T: Tracer, C: Coverage> Pass<'_, T, C> {
             let at = DVec2::new(across.length(), along);
             let side = across.try_normalize().unwrap_or_else(|| axis.any_orthonormal_vector());
             let plane = Plane { side, axis };
-            // Another place of the light turns everything about the centre.
+            // Another point of the light's disc turns everything about the centre, so the blur grows with the distance from it.
             let width = WIDTH.max(from.length() * blur);
             ball.bundles(at, width, self.kept(lens), |bundle| {
                 if facing.dot(plane.vector(&bundle, bundle.ray.direction).as_vec3()) < 0.0 {
@@ -97,7 +97,7 @@ impl<T: Tracer, C: Coverage> Pass<'_, T, C> {
         }
     }
 
-    /// That of one bundle, where nothing is in its way: from the surface to the sphere, in it, and on to the light.
+    /// The light of one bundle, as far as it passes on its way: from the surface to the sphere, inside the sphere, and on to the light.
     fn bundle_light(
         &self,
         surface: &Surface,
@@ -120,7 +120,7 @@ impl<T: Tracer, C: Coverage> Pass<'_, T, C> {
         light
     }
 
-    /// Whether light that meets this is focused by it, or brought by photons, and so does not go straight on to `to`.
+    /// Whether light through this triangle or sphere does not go straight on to `to`: a lens focuses it, or photons bring it.
     pub(super) fn focuses(&self, id: u32, to: Vec3) -> bool {
         if self.targets.at(id).is_some() {
             return true;
@@ -131,12 +131,12 @@ impl<T: Tracer, C: Coverage> Pass<'_, T, C> {
     }
 }
 
-/// Where light goes that comes from this direction.
+/// The unit direction in which light travels that comes from `to_light`.
 pub fn axis(to_light: Vec3) -> DVec3 {
     -to_light.as_dvec3().normalize_or_zero()
 }
 
-/// Half the width of the light's disc, of this angle in degrees, at the distance 1.
+/// Half the width, at the distance 1, of a light's disc of this angle in degrees.
 pub fn blur(sun: f32) -> f64 {
     (0.5 * f64::from(sun)).to_radians().tan()
 }

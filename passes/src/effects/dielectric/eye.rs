@@ -1,4 +1,4 @@
-//! What the camera, or another point, is in.
+//! The bodies of glass that the camera, or another point, is in.
 
 use super::lenses::Lenses;
 use super::media::{Crossing, Media};
@@ -40,8 +40,8 @@ pub(super) fn around<T: Tracer, C: Coverage>(pass: &Pass<'_, T, C>, point: Vec3)
 }
 
 impl<T: Tracer, C: Coverage> Pass<'_, T, C> {
-    /// What is left of light, by colour, on its way from the surface that a pixel shows to the camera: the body that the camera is in fills
-    /// the whole way, since the pixel shows the first surface on it. Exactly 1 where the camera is in no body.
+    /// Transmittance, by colour, of the way from the surface that a pixel shows to the camera. The body that the camera is in fills the whole
+    /// way, since the pixel shows the first surface on it. Exactly 1 where the camera is in no body.
     ///
     /// The near plane may cut away the surface of a body; what is seen through the cut counts as seen inside.
     pub(in crate::effects) fn kept_to_eye(&self, pixel: Pixel) -> Vec3 {
@@ -51,7 +51,7 @@ impl<T: Tracer, C: Coverage> Pass<'_, T, C> {
     }
 }
 
-/// The spheres that focus light, with the rule of shadows that asks for it; else none.
+/// The spheres that focus light, if the job's rule of shadows asks for them; else none.
 ///
 /// # Errors
 /// As [`Lenses::of`].
@@ -62,7 +62,7 @@ pub fn lenses<T: Tracer, C: Coverage>(pass: &Pass<'_, T, C>) -> Result<Lenses, S
     Lenses::of(&pass.job.scene.geometry, pass.job.dielectrics, |center| around(pass, center).count() > 1)
 }
 
-/// Whether a job asks which spheres focus light: by its rule of shadows, where there is glass and a light.
+/// Whether a job needs the spheres that focus light: its rule of shadows asks for them, and it has glass and a light.
 pub fn asks_for_lenses(job: &RayJob<'_>) -> bool {
     let asked = job.params.shadow == GlassShadow::Caustic && job.program.info().reads("shadow");
     asked && job.sun.is_some_and(|sun| sun.direction != Vec3::ZERO) && !job.dielectrics.is_empty()

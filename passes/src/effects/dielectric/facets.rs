@@ -1,9 +1,9 @@
 //! Rough interfaces: microfacets after Walter, Marschner, Li and Torrance ("Microfacet Models for Refraction through Rough Surfaces",
 //! EGSR 2007), whose normals have the distribution GGX.
 //!
-//! A facet is chosen among those that the viewer sees, and is a smooth interface: by Fresnel's share of its own angle it mirrors light
-//! and lets it through. What it sends on that other facets stop is lost (see [`Facet::passes`]): light that meets several facets is no
-//! part of the model.
+//! A facet is chosen among those that the viewer sees. It is a smooth interface, which reflects and refracts by Fresnel's equations at its
+//! own angle. Light that leaves it and that other facets stop is lost (see [`Facet::passes`]): the model has no light that meets several
+//! facets.
 
 use super::branch::Branch;
 use crate::effects::reflect;
@@ -22,8 +22,8 @@ pub struct Facet {
 }
 
 impl Facet {
-    /// That of a point of the unit square, by the distribution of visible normals: of an interface with unit normal `normal` and the
-    /// width `alpha` (above 0, to 1) that is seen in the unit direction `view`, which goes against the normal.
+    /// The facet for a point of the unit square, by the distribution of visible normals. The interface has the unit normal `normal` and the
+    /// width `alpha` (above 0, at most 1). It is seen in the unit direction `view`, which goes against the normal.
     ///
     /// Spherical caps (Dupuy and Benyoub, "Sampling Visible GGX Normals with Spherical Caps", Computer Graphics Forum 42(8), 2023),
     /// with a map from square to cap that keeps neighbours together.
@@ -42,9 +42,9 @@ impl Facet {
         Self { normal: facet, surface: normal, alpha, viewer: smith(alpha, viewer.z) }
     }
 
-    /// The share of what it sends in this unit direction, to either side, that no other facet stops: G2 / G1, with heights correlated
-    /// (Heitz, "Understanding the Masking-Shadowing Function in Microfacet-Based BRDFs", JCGT 3(2), 2014; as is usual, light that
-    /// passes is taken as light that is mirrored). Never above 1.
+    /// The share of the light sent in this unit direction, to either side, that no other facet stops: G2 / G1, with heights correlated (Heitz,
+    /// "Understanding the Masking-Shadowing Function in Microfacet-Based BRDFs", JCGT 3(2), 2014). As is usual, refracted light is treated like
+    /// reflected light. Never above 1.
     #[must_use]
     pub fn passes(&self, direction: Vec3) -> f32 {
         (1.0 + self.viewer) / (1.0 + self.viewer + smith(self.alpha, direction.dot(self.surface).abs()))
@@ -52,8 +52,8 @@ impl Facet {
 }
 
 impl Facet {
-    /// Both ways on from a wall's facet: what is mirrored, as far as it stays on the viewer's side, whose unit geometric normal is
-    /// `facing`; and what passes, which goes as what is mirrored would behind the wall (glTF `KHR_materials_transmission`).
+    /// Both branches at a facet of a wall. The mirrored one is kept if it stays on the viewer's side, whose unit geometric normal is `facing`.
+    /// The one that passes has the mirrored direction, reflected to behind the wall (glTF `KHR_materials_transmission`).
     pub(super) fn of_wall<K>(
         &self,
         facing: Vec3,
@@ -87,7 +87,7 @@ mod tests {
 
     const INDEX: f32 = 1.5;
 
-    /// What an interface reflects and lets pass, and their largest sum at one facet: means over 2^16 facets.
+    /// The shares that an interface reflects and lets pass, as means over 2^16 facets, and the largest sum of both at one facet.
     fn albedo(alpha: f32, index: f32, view: Vec3) -> ([f64; 2], f64) {
         let sampler = HemisphereSampler::new(Sampler::Sobol, 1 << 16).expect("any count is valid");
         let (mut sums, mut most, mut count) = ([0.0; 2], 0.0_f64, 0.0);
@@ -144,7 +144,7 @@ mod tests {
         0.5 * ((1.0 + (alpha / cos).powi(2) * (1.0 - cos * cos)).sqrt() - 1.0)
     }
 
-    /// D, F and G of a half vector, in `f64`.
+    /// D times G, and F, of a half vector, in `f64`.
     fn parts(alpha: f64, index: f64, half: DVec3, [one, other]: [DVec3; 2]) -> (f64, f64) {
         let spread = half.z * half.z * (alpha * alpha - 1.0) + 1.0;
         let density = alpha * alpha / (std::f64::consts::PI * spread * spread);
@@ -160,7 +160,7 @@ mod tests {
         let (rings, sectors) = (600, 600);
         let (mut reflected, mut passed) = (0.0, 0.0);
         for ring in 0..rings {
-            // Uniform in the cosine, whose step is the solid angle.
+            // Uniform in the cosine, so that all steps have the same solid angle.
             let cos = (f64::from(ring) + 0.5) / f64::from(rings);
             for sector in 0..sectors {
                 let angle = (f64::from(sector) + 0.5) / f64::from(sectors) * std::f64::consts::TAU;

@@ -1,4 +1,4 @@
-//! What a surface of glass takes beside Fresnel's share.
+//! The light that a surface of glass takes away beside the share that Fresnel's equations reflect.
 
 use crate::effects::interpolate::interpolate;
 use crate::effects::{Coverage, Footprint, Pass};
@@ -8,7 +8,7 @@ use curitiba_pipeline::glass::Dielectric;
 use glam::Vec3;
 
 impl<T: Tracer, C: Coverage> Pass<'_, T, C> {
-    /// The share of the light that passes, by colour, of that which is not reflected.
+    /// The share of the unreflected light that passes the surface, by colour.
     pub(in crate::effects) fn filter(&self, hit: &Hit, footprint: impl Footprint, dielectric: &Dielectric) -> Vec3 {
         let scene = self.job.scene;
         let flat = self.sphere(hit.triangle).is_none();

@@ -5,7 +5,7 @@ use curitiba_pipeline::glass::{Dielectric, Shape};
 use curitiba_pipeline::scene::{Geometry, Sphere};
 use glam::{DVec3, Vec3};
 
-/// Spheres that focus light, at most: every point that is lit asks each of them.
+/// Greatest number of spheres that focus light: each of them is tested at every lit point.
 pub const MOST_LENSES: usize = 1024;
 
 /// A sphere of glass that focuses light.
@@ -22,20 +22,20 @@ pub struct Lens {
     ball: usize,
 }
 
-/// The spheres that focus light, and what each index does with it.
+/// The spheres that focus light, and the refraction by each index among them.
 #[derive(Debug, Default)]
 pub struct Lenses {
     list: Vec<Lens>,
     balls: Vec<Ball>,
-    /// By sphere.
+    /// For each sphere of the scene, whether it focuses light.
     focuses: Vec<bool>,
     /// Id of the first sphere.
     first: u32,
 }
 
 impl Lenses {
-    /// Those of a scene: spheres of bodies of glass whose index is above 1, that stand alone. `in_body` says of a sphere's
-    /// centre whether it lies in another body of glass as well.
+    /// The lenses of a scene: spheres that are bodies of glass with an index above 1 and stand alone. `in_body` says whether a sphere's centre
+    /// also lies in another body of glass.
     ///
     /// # Errors
     /// If they are more than 1024.
@@ -83,12 +83,12 @@ impl Lenses {
         id.checked_sub(self.first).is_some_and(|index| self.focuses.get(index as usize) == Some(&true))
     }
 
-    /// Each with what its index does with light.
+    /// Each lens with the refraction by its index.
     pub fn iter(&self) -> impl Iterator<Item = (&Lens, &Ball)> {
         self.list.iter().map(|lens| (lens, &self.balls[lens.ball]))
     }
 
-    /// What each index does with light.
+    /// The refraction by each index.
     #[cfg(feature = "wgpu")]
     #[must_use]
     pub fn balls(&self) -> &[Ball] {
@@ -102,7 +102,7 @@ impl Lenses {
         lens.ball
     }
 
-    /// By sphere of the scene, whether it focuses light.
+    /// For each sphere of the scene, whether it focuses light.
     #[cfg(feature = "wgpu")]
     #[must_use]
     pub fn by_sphere(&self) -> &[bool] {

@@ -1,4 +1,4 @@
-//! Where paths end that a pass does not want to follow.
+//! The limits at which a pass stops following paths.
 
 use super::branch::Branch;
 use super::media::Media;
@@ -18,7 +18,7 @@ where
     F: Fn(&Hit, FootprintOf<C>, &Surface, Media, u32, &mut Workspace) -> Vec3,
     W: Ways,
 {
-    /// By what a branch that is followed, as `path`, counts: 1, or more where it was followed by chance. `None` where it is not followed.
+    /// Factor of a branch that is followed, as `path`: 1, or more than 1 or 0 if Russian roulette decided. `None` where the branch is cut off.
     #[inline(always)]
     pub(super) fn kept(&self, branch: &Branch<C::Cone>, path: &mut Path<C::Cone>) -> Option<f32> {
         if !self.pass.job.params.limits.cut() {
@@ -50,13 +50,13 @@ where
                 let chance = path.importance / limits.cutoff;
                 let chosen = self.chance(path) < chance;
                 path.importance = limits.cutoff;
-                // A branch that is not followed counts nothing: no colour stands for it.
+                // A branch that roulette drops adds nothing: the colour of a cut-off branch does not replace it.
                 Some(if chosen { 1.0 / chance } else { 0.0 })
             }
         }
     }
 
-    /// A random number from 0 to 1 that belongs to a path: to its wavelength and sample too, and to the samples of the pixel.
+    /// A random number from 0 to 1 for a path. It depends on the path's wavelength and sample too, and on the samples that the pass takes.
     fn chance(&self, path: &Path<C::Cone>) -> f32 {
         let params = &self.pass.job.params;
         let wavelength = path.wavelength.map_or(0, f32::to_bits);
@@ -64,7 +64,7 @@ where
         unit(dimensions(path_key(path_key(self.own_key(path), wavelength), sample), ROULETTE)[0])
     }
 
-    /// What stands for a branch that is not followed.
+    /// The colour that replaces a branch that is cut off.
     pub(super) fn cut_off(&self, branch: &Branch<C::Cone>) -> Vec3 {
         match self.pass.job.params.limits.cutoff_color {
             CutoffColor::Black => Vec3::ZERO,

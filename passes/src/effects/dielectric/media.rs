@@ -2,7 +2,7 @@
 
 use curitiba_pipeline::glass::Dielectric;
 
-/// Bodies that are kept; a path that lies in more is counted as lost.
+/// Greatest number of bodies that are kept; a path that lies in more is counted as lost.
 pub const MOST: usize = 8;
 
 /// A surface of a body that a line crosses.
@@ -14,8 +14,8 @@ pub struct Crossing {
     pub enters: bool,
 }
 
-/// The materials of the bodies that a point lies in. The last of them fills the place: that of the highest priority, and of several
-/// alike the one that was entered last (Schmidt and Budge, "Simple Nested Dielectrics in Ray Traced Images", Journal of Graphics Tools
+/// The materials of the bodies that a point lies in. The last of them fills the place: it has the highest priority, and among bodies of
+/// equal priority it was entered last (Schmidt and Budge, "Simple Nested Dielectrics in Ray Traced Images", Journal of Graphics Tools
 /// 7(2), 2002, where only the priority decides).
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct Media {
@@ -23,17 +23,17 @@ pub struct Media {
     length: u8,
 }
 
-/// What a line that crosses a surface of a body finds.
+/// The media on both sides of a body's surface that a line crosses.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Border {
     /// The media behind the surface.
     pub after: Media,
-    /// Index of refraction behind over that before, at the line d. `None` where another body fills the place on both sides: there is
-    /// no surface.
+    /// Index of refraction behind the surface over the index before it, at the Fraunhofer line d. `None` where another body fills the place on
+    /// both sides: there is no surface.
     pub ratio: Option<f32>,
     /// The materials that fill the place before and behind; `None` for air.
     pub sides: [Option<u32>; 2],
-    /// Whether there are more bodies than are kept, so that the media are not those of the place.
+    /// Whether there are more bodies than are kept, so that the media are incomplete.
     pub overflows: bool,
 }
 
@@ -52,7 +52,7 @@ impl Media {
         self.materials().last().copied()
     }
 
-    /// How many bodies they are.
+    /// Number of bodies.
     pub(super) fn count(&self) -> usize {
         self.materials().len()
     }
@@ -63,8 +63,8 @@ impl Media {
         index_of(self.top(), dielectrics, None)
     }
 
-    /// The media at the start of a line of which all crossings are known, in their order: a body that is left without having been
-    /// entered holds the start, the one left first innermost.
+    /// The media at the start of a line, from all of its crossings in their order. A body that is left without having been entered contains
+    /// the start; the one that is left first is the innermost.
     pub fn at_start_of(crossings: impl IntoIterator<Item = Crossing>, dielectrics: &[Dielectric]) -> Self {
         let (mut entered, mut left) = (Vec::new(), Vec::new());
         for Crossing { material, enters } in crossings {
@@ -79,7 +79,7 @@ impl Media {
         left.iter().rev().fold(Self::NONE, |media, material| media.with(*material, dielectrics).0)
     }
 
-    /// With one body more, whether it fills the place then, and whether there was no room for it.
+    /// The media with one more body, whether this body then fills the place, and whether there was no room for it.
     fn with(self, material: u32, dielectrics: &[Dielectric]) -> (Self, bool, bool) {
         let priority = |material: u32| dielectrics[material as usize].priority;
         let length = usize::from(self.length);
@@ -94,19 +94,19 @@ impl Media {
         (more, place == length, false)
     }
 
-    /// Without one body of this material, the one entered last, and whether it filled the place; `None` if there is none.
+    /// The media without one body of this material, the one entered last, and whether it filled the place; `None` if there is none.
     fn without(self, material: u32) -> Option<(Self, bool)> {
         let length = usize::from(self.length);
         let place = self.materials().iter().rposition(|other| *other == material)?;
         let mut fewer = self;
         fewer.list.copy_within(place + 1..length, place);
-        // Lists of the same bodies are equal.
+        // Cleared, so that lists of the same bodies are equal.
         fewer.list[length - 1] = 0;
         fewer.length -= 1;
         Some((fewer, place + 1 == length))
     }
 
-    /// What lies behind a crossing. Who leaves a body that is not known to have been entered was in it all the same.
+    /// What lies behind a crossing. A line that leaves a body without being known to have entered it counts as having been in it.
     #[must_use]
     pub fn cross(self, Crossing { material, enters }: Crossing, dielectrics: &[Dielectric]) -> Border {
         let (after, before, real, overflows) = if enters {
@@ -125,7 +125,7 @@ impl Media {
         Border { after, ratio, sides: [before.top(), after.top()], overflows }
     }
 
-    /// Index of refraction of what fills the place, for light of a wavelength in nanometres; `None` for that of the line d.
+    /// Index of refraction of what fills the place, for light of a wavelength in nanometres; `None` for the index at the line d.
     #[must_use]
     pub fn index_at(&self, dielectrics: &[Dielectric], wavelength: Option<f32>) -> f32 {
         index_of(self.top(), dielectrics, wavelength)
@@ -133,7 +133,7 @@ impl Media {
 }
 
 impl Border {
-    /// Whether colours are bent apart here.
+    /// Whether the surface disperses light.
     #[must_use]
     pub fn disperses(&self, dielectrics: &[Dielectric]) -> bool {
         self.sides.iter().flatten().any(|material| dielectrics[*material as usize].spread > 0.0)
@@ -160,7 +160,7 @@ mod tests {
 
     const AIR: f32 = 1.0;
 
-    /// Glass 0 of index 1.5, water 1 of 1.33, and the same with priorities 1 and 2, glass above water.
+    /// Material 0 is glass of index 1.5, material 1 is water of index 1.33: first with equal priorities, then with priorities 2 and 1.
     fn tables() -> [Vec<Dielectric>; 2] {
         [[0, 0], [2, 1]].map(|priorities| {
             let body = |(index, priority)| Dielectric { index, priority, ..Dielectric::default() };

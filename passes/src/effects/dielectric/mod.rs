@@ -1,12 +1,15 @@
-//! Glass as each material says (`glass=auto`): bodies that light enters and leaves, thin walls, and the report's panes.
+//! Glass whose kind each material states (`glass=auto`): bodies that light enters and leaves, thin walls, and the report's panes.
 //!
-//! From the ground up: `media` knows in which bodies a point of a path lies, `eye` in which the camera is,
-//! `slab` what a wall with two faces does, `filter` what a surface takes beside Fresnel's share, `shadow` what is
-//! left of light that falls straight through, `ball` what a sphere does with parallel light, `lenses` which spheres focus it, `caustic` what that adds to surfaces, `targets` which meshes do, `photon_map` the light that landed, `variant` says what device programs know, `ways` which ways are followed, `branch` is a way on from a surface, `limits` where it is not followed, `facets` are those of a rough one, `walk` follows paths,
-//! `solid` is the surface of a body, and `photons` follows light to surfaces. May use: what is about one point, beside this folder.
+//! From the ground up: `media` knows in which bodies a point of a path lies, and `eye` in which the camera is. `slab` is a wall with two
+//! faces. `filter` is the light that a surface takes beside Fresnel's share, and `shadow` the light that is left after falling straight
+//! through. `ball` is parallel light in a sphere, `lenses` are the spheres that focus it, and `caustic` is the light that this adds to
+//! surfaces. `targets` are the meshes that focus light, and `photon_map` is the light that landed. `variant` says what device programs
+//! support, and `ways` which ways are followed. `branch` is a way on from a surface, `limits` says where it is not followed, and `facets`
+//! are those of a rough surface. `walk` follows paths, `solid` is the surface of a body, and `photons` follows light to surfaces. May use:
+//! the modules about one point, beside this folder.
 //!
-//! Radiance is not scaled by the square of the index inside a body, as basic radiance would be: it cancels where light leaves again,
-//! and the light that falls on a surface inside is not scaled either.
+//! Radiance is not scaled by the square of the index inside a body: the factor cancels where light leaves again, and the light that falls
+//! on a surface inside is not scaled either.
 
 pub(crate) mod ball;
 mod branch;
@@ -51,7 +54,7 @@ use crate::sampling::owen_sobol::reversed_sobol;
 use curitiba_pipeline::backend::RayJob;
 use curitiba_pipeline::glass::{Stratum, strata};
 
-/// By path through rough glass, its Sobol point in the unit square, bits reversed; none where no glass is rough.
+/// For each path through rough glass, its Sobol point in the unit square, bits reversed; empty where no glass is rough.
 #[must_use]
 pub fn facets(job: &RayJob<'_>) -> Vec<[u32; 2]> {
     if !is_rough(job.dielectrics) {
@@ -60,7 +63,7 @@ pub fn facets(job: &RayJob<'_>) -> Vec<[u32; 2]> {
     (0..job.params.paths).map(|path| reversed_sobol(job.params.first_path.wrapping_add(path))).collect()
 }
 
-/// The strata of the spectrum that a job asks for; none where no body bends colours apart.
+/// The strata of the spectrum that a job asks for; empty where no body disperses light.
 #[must_use]
 pub fn spectrum(job: &RayJob<'_>) -> Vec<Stratum> {
     if disperses(&job.params, job.dielectrics) { strata(job.params.wavelengths) } else { Vec::new() }

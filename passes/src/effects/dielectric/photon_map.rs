@@ -5,11 +5,11 @@
 //! 2 / (π r²) (1 - d² / r²) of its distance d, whose integral over the disc is 1 (Jensen, "Global Illumination using Photon Maps", EGWR 1996,
 //! with another kernel).
 //!
-//! Its error is that of the blur, which falls as r², and that of the number of photons in the disc. Both fall where r falls as the sixth root of
-//! the number of photons; over batches, by the progressive radius of Knaus and Zwicker ("Progressive Photon Mapping: A Probabilistic Approach",
-//! ACM TOG 30(3), 2011, equation 20) with alpha = 2/3: so the mean over batches goes to the right value.
+//! The sum has two errors: the blur, which falls as r², and the noise of the number of photons in the disc. Both fall where r is proportional to
+//! the number of photons to the power of -1/6. Over batches, r is the progressive radius of Knaus and Zwicker ("Progressive Photon Mapping: A
+//! Probabilistic Approach", ACM TOG 30(3), 2011, equation 20) with alpha = 2/3, so that the mean over batches converges to the right value.
 //!
-//! Photons are found by a table of cells. They are sorted by cell and number, so that sums have one order whatever thread shot which.
+//! Photons are found by a table of cells. They are sorted by cell and number, so that sums have the same order whichever thread shot a photon.
 
 use curitiba_pipeline::backend::PhotonCounts;
 use curitiba_pipeline::memory::{Refused, zeroed};
@@ -39,15 +39,15 @@ pub struct Photon {
     pub power: Vec3,
     /// Its number among those that were shot at the same target.
     pub number: u32,
-    /// The entry of the table that finds it.
+    /// Its entry in the table of cells.
     bucket: u32,
 }
 
-// One entry of the table for each photon, rounded up to a power of two.
+// The table has one entry for each photon, rounded up to a power of two.
 const _: () = assert!(size_of::<Photon>() as u64 + 2 * 4 <= PHOTON_BYTES);
 
 impl Photon {
-    /// One that did not land.
+    /// A photon that did not land.
     pub const NONE: Self = Self {
         position: Vec3::ZERO,
         direction: Vec3::ZERO,
@@ -57,7 +57,7 @@ impl Photon {
         bucket: 0,
     };
 
-    /// One that landed.
+    /// A photon that landed.
     #[must_use]
     pub fn new(position: Vec3, (direction, normal): (Vec3, Vec3), power: Vec3, number: u32) -> Self {
         Self { position, direction, normal, power, number, bucket: 0 }
@@ -67,7 +67,8 @@ impl Photon {
 /// Least radius of the discs, as a share of the target's radius: so their areas and the numbers of cells are finite.
 const LEAST: f64 = 1e-5;
 
-/// The radius of the discs of a target of this radius for so many photons of a batch. `chosen` is that of the first batch; 0 chooses one.
+/// The radius of the discs of a target of radius `target`, for `photons` photons in batch `batch`. `chosen` is the radius of the discs in the
+/// first batch; 0 chooses one.
 #[must_use]
 pub fn radius(chosen: f32, target: f64, photons: u32, batch: u32) -> f32 {
     let first =
@@ -80,7 +81,7 @@ pub fn radius(chosen: f32, target: f64, photons: u32, batch: u32) -> f32 {
 #[derive(Debug)]
 pub struct Cloud {
     photons: Vec<Photon>,
-    /// By entry of the table: its first photon, and at the end the number of photons.
+    /// For each entry of the table its first photon, and at the end the number of photons.
     starts: Vec<u32>,
     low: Vec3,
     high: Vec3,
@@ -119,7 +120,7 @@ impl Cloud {
         0.5 / self.radius
     }
 
-    /// Calls `each` with every photon that lit the side of a surface with this unit normal at a point, and the kernel's weight, 1 over an area.
+    /// Calls `each` with every photon near a point that lit the side of a surface with this unit normal, and with the kernel's weight, 1 / area.
     fn each_near(&self, point: Vec3, normal: Vec3, mut each: impl FnMut(&Photon, f32)) {
         let radius = self.radius;
         if point.cmplt(self.low - radius).any() || point.cmpgt(self.high + radius).any() {
@@ -128,7 +129,7 @@ impl Cloud {
         let (square, whole) = (radius * radius, 2.0 / (std::f32::consts::PI * radius * radius));
         let side = self.cells_a_unit();
         let [low, high] = [point - radius, point + radius].map(|corner| (corner * side).floor().as_ivec3());
-        // Two cells may have one entry of the table, whose photons count once.
+        // Two cells may share an entry of the table; its photons count once.
         let (mut seen, mut count) = ([0; 8], 0);
         for corner in 0..8 {
             let pick = |axis: usize| if corner >> axis & 1 == 0 { low[axis] } else { high[axis] };
@@ -156,7 +157,7 @@ impl Cloud {
 fn bucket(cell: IVec3, entries: usize) -> u32 {
     let [x, y, z] = cell.to_array().map(|coordinate| coordinate as u32);
     let mixed = x.wrapping_mul(73_856_093) ^ y.wrapping_mul(19_349_663) ^ z.wrapping_mul(83_492_791);
-    // The low bits of such products are those of the low bits of the coordinates alone.
+    // The low bits of such products depend on the low bits of the coordinates alone, so higher bits are mixed in.
     (mixed ^ mixed >> 15) & (entries - 1) as u32
 }
 
@@ -164,12 +165,12 @@ fn bucket(cell: IVec3, entries: usize) -> u32 {
 #[derive(Debug, Default)]
 pub struct PhotonMap {
     clouds: Vec<Cloud>,
-    /// What became of those that were shot.
+    /// Counts of the photons that were shot.
     pub counts: PhotonCounts,
 }
 
 impl PhotonMap {
-    /// That of the photons of each target.
+    /// The map of the photons of each target.
     #[must_use]
     pub fn new(clouds: Vec<Cloud>, counts: PhotonCounts) -> Self {
         Self { clouds, counts }
@@ -181,14 +182,14 @@ impl PhotonMap {
         self.clouds.is_empty()
     }
 
-    /// Calls `each` with every photon that lit the side of a surface with this unit normal at a point, and the kernel's weight there.
+    /// Calls `each` with every photon near a point that lit the side of a surface with this unit normal, and with the kernel's weight there.
     pub fn each_near(&self, point: Vec3, normal: Vec3, mut each: impl FnMut(&Photon, f32)) {
         for cloud in &self.clouds {
             cloud.each_near(point, normal, &mut each);
         }
     }
 
-    /// The irradiance on a side of a surface, by colour; 1 is that of the light across its direction.
+    /// The irradiance on a side of a surface, by colour; 1 is the light's irradiance across its direction.
     #[must_use]
     pub fn irradiance(&self, point: Vec3, normal: Vec3) -> Vec3 {
         let mut sum = Vec3::ZERO;

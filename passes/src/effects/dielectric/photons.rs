@@ -1,12 +1,12 @@
 //! Shoots photons at the bodies of glass meshes, and lights surfaces by them.
 //!
-//! The photons of a target start on a disc across the light that covers it, each with the light of an equal part of the disc. One whose first
-//! surface is not the target's is dropped: its light is no business of the target, or that of another one. So the light that meets a body of glass
-//! first is brought by photons, and no other; in return these bodies stop straight light ([`Pass::focuses`]).
+//! The photons of a target start on a disc across the light that covers the target, each with the light of an equal part of the disc. A photon
+//! whose first surface is not the target's is dropped: its light meets no target first, or is brought by the photons of another one. So photons
+//! bring exactly the light that meets a body of glass first. In return these bodies stop straight light ([`Pass::focuses`]).
 //!
-//! At each surface of a body a photon goes one of both ways, with the probability of its share, so that its power changes by absorption and
-//! filters alone. Thin glass lets it straight on as it lets straight light. It ends at the first surface that is no glass. All of its choices are
-//! Owen-scrambled Sobol points of its number, with an order of their own for each surface.
+//! At each surface of a body a photon goes one of both ways, with the way's share as its probability. So its power changes by absorption and
+//! filters alone. Thin glass lets it straight on, as it does straight light. A photon ends at the first surface that is not glass. All of its
+//! choices are Owen-scrambled Sobol points of its number, with an order of their own for each surface.
 
 use super::branch::Branch;
 use super::caustic::Lit;
@@ -35,7 +35,8 @@ use std::cell::Cell;
 /// Photons that a thread takes at a time.
 const PART: usize = 1 << 12;
 
-/// Least cosine at which a photon counts as light across its own direction: below, that light would have no bound.
+/// A photon's power is divided by its cosine for the light across its direction. This is the least cosine taken: for smaller ones, that light
+/// would have no bound.
 const GRAZING: f32 = 0.05;
 
 /// How the path of a photon ends.
@@ -121,7 +122,7 @@ impl<T: Tracer, C: Coverage> Pass<'_, T, C> {
         let basis = Basis::around(direction);
         let across = concentric_disk(point(key, PHOTON_PLACE, place)).as_dvec2() * target.radius;
         let across = basis.tangent.as_dvec3() * across.x + basis.bitangent.as_dvec3() * across.y;
-        // A little before all of the bodies.
+        // A little before all bodies of the target.
         let before = 1.001 * target.reach;
         let origin = (target.center + across - direction.as_dvec3() * before).as_vec3();
         let ray = Ray { origin, direction, t_min: 0.0, t_max: (2.1 * target.reach) as f32 };
@@ -210,8 +211,8 @@ impl<T: Tracer, C: Coverage> Pass<'_, T, C> {
         }
     }
 
-    /// What photons add to a surface, as a share of its colour: each lights the side with the unit normal `facing` as a light of its direction
-    /// would that has its irradiance there.
+    /// The light that photons add to a surface, as a share of the surface's colour. Each photon on the side with the unit normal `facing` counts as a
+    /// light of the photon's direction and irradiance.
     #[inline(never)]
     pub(in crate::effects) fn photon_light(&self, surface: &Surface, facing: Vec3, lit: &Lit) -> Vec3 {
         let mut light = Vec3::ZERO;
@@ -225,14 +226,14 @@ impl<T: Tracer, C: Coverage> Pass<'_, T, C> {
 
 /// A point of the unit square for a choice of a photon.
 fn point(key: u32, choice: u32, place: u32) -> Vec2 {
-    // What the place on the disc chooses has the sequence's own order: 2^k photons in a row cover the disc evenly.
+    // The place on the disc takes the sequence in its own order: 2^k photons in a row cover the disc evenly.
     let place = if choice == PHOTON_PLACE { place } else { in_order(place, dimensions(key, choice - 1)[0]) };
     let (sobol, seeds) = (reversed_sobol(place), dimensions(key, choice));
     let [x, y] = [0, 1].map(|axis| unit(scramble_reversed(sobol[axis], seeds[axis])));
     Vec2::new(x, y)
 }
 
-/// A number from 0 to 1 by which the photon of a place goes one of both ways at the surface of this key.
+/// A number from 0 to 1 that decides which of both ways the photon of a place goes at the surface of this key.
 fn chance(key: u32, place: u32) -> f32 {
     let [seed, order] = dimensions(key, PHOTON_WAY);
     unit(scramble_reversed(in_order(place, order), seed))
@@ -245,8 +246,8 @@ where
     F: Fn(&Hit, FootprintOf<C>, &Surface, Media, u32, &mut Workspace) -> Vec3,
     W: Ways,
 {
-    /// The way on of a photon that meets glass; `None` where nothing of it goes on. Where colours are bent apart, it has one wavelength from
-    /// then on.
+    /// The way on of a photon that meets glass; `None` where none of its light goes on. Where the surface disperses light, the photon has one
+    /// wavelength from then on.
     fn way_of_photon(
         &self,
         met: Met<'_, FootprintOf<C>>,

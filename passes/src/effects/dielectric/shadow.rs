@@ -12,13 +12,13 @@ use crate::trace::{Hit, Purpose, Ray, Tracer};
 use curitiba_pipeline::glass::{Dielectric, Shape};
 use glam::Vec3;
 
-/// Hits of one surface are no farther apart, as a share of their distance.
+/// Greatest difference of the distances of two hits on one surface, as a share of the distance.
 const ROUNDING: f32 = 8.0 * f32::EPSILON;
 
 impl<T: Tracer, C: Coverage> Pass<'_, T, C> {
-    /// What reaches a surface of the light, by colour: [`SHADOWED`] where its side is turned away or something opaque is in the way,
-    /// else from there to 1 as far as glass lets the light pass that falls straight through it ([`Self::straight`]); of a light with a disc
-    /// the mean over it, at the points of `key`.
+    /// The light that reaches a surface, by colour: [`SHADOWED`] where its side is turned away or something opaque is in the way. Else it lies
+    /// between that and 1, by the share of the light that falls straight through glass ([`Self::straight`]). For a light with a disc it is the
+    /// mean over the disc, at the points of `key`.
     pub(in crate::effects) fn straight_light(
         &self,
         surface: &Surface,
@@ -51,7 +51,7 @@ impl<T: Tracer, C: Coverage> Pass<'_, T, C> {
     }
 
     /// The share of light that comes along a ray, by colour: 0 where something opaque is in the way, or glass that sends the light elsewhere.
-    /// `weight` is the ray's, for who records it; the sphere `without` is not there.
+    /// `weight` is the ray's weight, for tracers that record it. The sphere `without` is ignored.
     pub(in crate::effects) fn straight_along(
         &self,
         ray: &Ray,
@@ -72,10 +72,9 @@ impl<T: Tracer, C: Coverage> Pass<'_, T, C> {
         passes
     }
 
-    /// The share of light that passes these surfaces of glass, by colour, though they bend nothing: 1 - F at each border between two
-    /// media, with the cosine on the side of the lower index (with that on the other side a sphere would be black from the critical
-    /// angle on, which straight light never reaches), times absorption on each way inside. The order of the hits is free, and each may
-    /// be given more than once.
+    /// The share of light that passes these surfaces of glass, by colour, as if they bent nothing: 1 - F at each border between two media,
+    /// times absorption on each way inside. F takes the cosine on the side of the lower index: with the cosine on the other side, a sphere would
+    /// be black from the critical angle on. The hits may come in any order, and each may be given more than once.
     fn straight(&self, ray: &Ray, hits: &mut Vec<Hit>, work: &mut Workspace) -> Vec3 {
         let (geometry, dielectrics) = (&self.job.scene.geometry, self.job.dielectrics);
         let material = |hit: &Hit| self.material_of(hit.triangle);
@@ -129,7 +128,7 @@ impl<T: Tracer, C: Coverage> Pass<'_, T, C> {
             * self.filter(hit, LevelZero, dielectric)
     }
 
-    /// What light keeps on a way in these media.
+    /// Transmittance of a way in these media, by colour.
     pub(super) fn on_the_way(&self, media: Media, length: f32) -> Vec3 {
         media.top().map_or(Vec3::ONE, |material| self.job.dielectrics[material as usize].transmittance(length))
     }

@@ -3,7 +3,7 @@
 use curitiba_pipeline::glass::Dielectric;
 use glam::Vec3;
 
-/// What a wall does with unpolarised light, by colour, after all reflections between its two faces.
+/// The shares of unpolarised light, by colour, that a wall reflects and transmits after all reflections between its two faces.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Slab {
     /// Share reflected.
@@ -12,9 +12,9 @@ pub struct Slab {
     pub transmitted: Vec3,
 }
 
-/// A wall whose faces reflect the share `reflectance`, of which light keeps `kept` on a way from one face to the other: with R and a for
-/// them, R + (1-R)² R a² / (1 - R² a²) and (1-R)² a / (1 - R² a²), the sums of the geometric series (Born and Wolf, Principles of
-/// Optics, section 7.6, without interference).
+/// A wall whose faces reflect the share R = `reflectance`, and where light keeps the share a = `kept` on a way from one face to the other. It
+/// reflects R + (1-R)² R a² / (1 - R² a²) and transmits (1-R)² a / (1 - R² a²), the sums of the geometric series (Born and Wolf, Principles
+/// of Optics, section 7.6, without interference).
 ///
 /// Faces that reflect everything let nothing pass.
 #[must_use]
@@ -27,7 +27,7 @@ pub fn slab(reflectance: f32, kept: Vec3) -> Slab {
     Slab { reflected: r + r * a * through, transmitted: through }
 }
 
-/// What light keeps on a way from one face of a thin wall to the other.
+/// Transmittance of a way from one face of a thin wall to the other.
 pub(super) fn kept_across(dielectric: &Dielectric, cos_refracted: f32) -> Vec3 {
     dielectric.transmittance(dielectric.thickness / cos_refracted.max(f32::MIN_POSITIVE))
 }

@@ -1,4 +1,4 @@
-//! The surface of a body: light is reflected and refracted, and where colours are bent apart each wavelength goes its own way.
+//! The surface of a body: light is reflected and refracted, and where it is dispersed each wavelength goes its own way.
 
 use super::branch::Branch;
 use super::facets::Facet;
@@ -12,7 +12,7 @@ use crate::trace::{Hit, Purpose, Tracer};
 use curitiba_pipeline::glass::{Dielectric, Stratum};
 use glam::Vec3;
 
-/// The wavelength of an index that is given without one, nanometres.
+/// The wavelength to which an index without a wavelength belongs, nanometres.
 const REFERENCE: f32 = 587.6;
 
 /// Both ways on from a surface, for light of one wavelength.
@@ -20,13 +20,13 @@ const REFERENCE: f32 = 587.6;
 pub(super) struct Onward<K> {
     /// Share of the light that is reflected; the rest enters.
     pub(super) reflectance: f32,
-    /// Where what is reflected goes.
+    /// Direction of the reflected light.
     pub(super) mirrored: Vec3,
-    /// Where what enters goes; `None` at total reflection.
+    /// Direction of the light that enters; `None` at total reflection.
     pub(super) refracted: Option<Vec3>,
-    /// What other facets of a rough surface leave of both; 1 where it is smooth.
+    /// The shares of both that the other facets of a rough surface let pass; 1 where the surface is smooth.
     pub(super) kept: [f32; 2],
-    /// The cones of what is reflected and of what enters.
+    /// The cones of the reflected light and of the light that enters.
     cones: [K; 2],
 }
 
@@ -37,7 +37,7 @@ where
     F: Fn(&Hit, FootprintOf<C>, &Surface, Media, u32, &mut Workspace) -> Vec3,
     W: Ways,
 {
-    /// What the surface of a body shows.
+    /// The colour that the surface of a body shows.
     pub(super) fn solid(
         &self,
         met: Met<'_, FootprintOf<C>>,
@@ -78,7 +78,7 @@ where
         if self.scatters(met, dielectric, path) { self.scattered(path, work, ways) } else { ways(path, work) }
     }
 
-    /// What the surface of a body shows to light of one wavelength, or of all where it bends none apart.
+    /// The colour that the surface of a body shows in light of one wavelength, or of all wavelengths where it disperses none.
     fn follow_ways(
         &self,
         met: Met<'_, FootprintOf<C>>,
@@ -106,7 +106,7 @@ where
         color + self.veil(met, dielectric, Vec3::splat(1.0 - reflectance), path, work)
     }
 
-    /// Where a surface sends light; `ratio` is the index behind it over that before.
+    /// Both ways on from a surface; `ratio` is the index behind it over the index before it.
     pub(super) fn ways(
         &self,
         met: Met<'_, FootprintOf<C>>,
@@ -120,7 +120,7 @@ where
         }
     }
 
-    /// Those of a microfacet. What it would send to the wrong side of the surface, as a whole or of the triangle, is lost.
+    /// The ways on from a microfacet. Light that it would send to the wrong side of the interface normal or of the triangle is lost.
     fn rough_ways(
         &self,
         met: Met<'_, FootprintOf<C>>,
@@ -142,7 +142,7 @@ where
         Onward { reflectance: interface.reflectance, mirrored, refracted, kept, cones }
     }
 
-    /// Those of a smooth surface.
+    /// The ways on from a smooth surface.
     fn smooth_ways(
         &self,
         met: Met<'_, FootprintOf<C>>,
@@ -156,7 +156,7 @@ where
             (normal, interface, interface.refract(view, normal, ratio))
         };
         let bent = bend(surface.interface_normal(view));
-        // Refracted back to the viewer's side, which a bent normal can do: the flat surface serves.
+        // A bent normal can refract light back to the viewer's side; then the geometric normal is used.
         let returns = bent.2.is_some_and(|direction| direction.dot(surface.facing) >= 0.0);
         let (normal, interface, refracted) = if returns { bend(surface.facing) } else { bent };
         let cones = self.cones(met, (normal, &interface), ratio, cone);
@@ -164,7 +164,7 @@ where
         Onward { reflectance: interface.reflectance, mirrored, refracted, kept: [1.0; 2], cones }
     }
 
-    /// The cones of what is reflected by this normal and of what enters.
+    /// The cones of the light reflected by this normal and of the light that enters.
     fn cones(
         &self,
         Met { hit, surface, view, .. }: Met<'_, FootprintOf<C>>,
@@ -176,8 +176,8 @@ where
         [cone.mirrored(curvature, cos), cone.refracted(curvature, [cos, interface.cos_refracted], ratio)]
     }
 
-    /// The surface of a body that bends colours apart, to light of all of them: what enters goes on by wavelength, what is reflected
-    /// stays together.
+    /// The colour of the surface of a dispersive body in light of all wavelengths. The light that enters goes on by wavelength; the reflected
+    /// light stays together.
     #[inline(never)]
     fn dispersed(
         &self,
@@ -211,7 +211,7 @@ where
             match &mut together {
                 None => together = Some(branch),
                 Some(first) if first.direction == mirrored => first.weight += back,
-                // By another normal, which few surfaces have.
+                // Reflected by another normal, which few surfaces have.
                 Some(_) => color += self.split(met.surface, Some(branch), None, own, work),
             }
             if let Some(direction) = refracted {
@@ -227,10 +227,10 @@ where
         color + self.veil(met, dielectric, entering, path, work)
     }
 
-    /// [`Self::dispersed`], for the parts of the spectrum that the ways of a sample have.
+    /// As [`Self::dispersed`], for the parts of the spectrum that the ways of a sample have.
     ///
-    /// Light of [`REFERENCE`] stands for all of it, and each way adds by how much its own wavelength differs: of what has one colour
-    /// at all wavelengths the mean has no noise, although the weights of few wavelengths do not add up to 1.
+    /// Light of [`REFERENCE`] stands for the whole spectrum, and each way adds the difference that its own wavelength makes. So the mean has no
+    /// noise where the colour is the same at all wavelengths, although the weights of few wavelengths do not add up to 1.
     #[inline(never)]
     fn sampled_spectrum(
         &self,
@@ -263,12 +263,12 @@ where
                 // Beyond the depth light goes through, with the weight of both.
                 (back, through) = (Vec3::ZERO, back + through);
             }
-            // What depends on a way is its share of the pixel: how few stand for the whole spectrum does not decide what is cut off.
+            // The importance is without the weight of the wavelength: how few ways stand for the whole spectrum does not decide what is cut off.
             let own = Path { importance: own.importance / weight.abs().max_element(), ..own };
             if mirrored == together.direction {
                 together.weight += back;
             } else {
-                // By another normal, which few surfaces have.
+                // Reflected by another normal, which few surfaces have.
                 let branch = Branch { direction: mirrored, weight: back, cone: cones[0], ..together };
                 color += self.split(met.surface, Some(branch), None, own, work);
             }

@@ -5,13 +5,13 @@ use curitiba_pipeline::glass::{Dielectric, Shape, connected};
 use curitiba_pipeline::scene::Geometry;
 use glam::DVec3;
 
-/// Targets at most. Where more bodies stand apart, all are one.
+/// Greatest number of targets. If there are more separate bodies, all of them are one target.
 const MOST: usize = 1024;
 
 /// The number of a triangle that belongs to no target.
 const NONE: u16 = u16::MAX;
 
-/// Bodies that are near each other: photons are shot at a disc across the light, in which all of them lie.
+/// Bodies that are near each other: photons are shot at a disc across the light that covers all of them.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Target {
     /// Middle of the disc, and of a sphere around the bodies, world.
@@ -20,11 +20,11 @@ pub struct Target {
     pub radius: f64,
     /// Radius of the sphere.
     pub reach: f64,
-    /// Whether bodies of glass that focus no light touch its bounding box: a photon may be in them before it meets the target.
+    /// Whether bodies of glass that are no targets touch its bounding box: a photon may be in them before it meets the target.
     pub among_bodies: bool,
 }
 
-/// All targets of a scene: the bodies of meshes whose glass bends light, those together whose bounding boxes overlap.
+/// All targets of a scene: the bodies of meshes whose glass bends light. Bodies whose bounding boxes overlap are one target.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Targets {
     list: Vec<Target>,
@@ -33,8 +33,8 @@ pub struct Targets {
 }
 
 impl Targets {
-    /// Those of a scene in light that travels in the unit direction `along`. `is_disc` says whether its direction varies, for a light that is a
-    /// disc.
+    /// The targets of a scene in light that travels in the unit direction `along`. `is_disc` says whether the light is a disc, so that its direction
+    /// varies.
     #[must_use]
     pub fn of(geometry: &Geometry, dielectrics: &[Dielectric], along: DVec3, is_disc: bool) -> Self {
         let solid = |material: u32| dielectrics.get(material as usize).filter(|glass| glass.shape == Shape::Solid);
@@ -84,7 +84,7 @@ impl Targets {
             }
         }
         if is_disc {
-            // From all directions the sphere looks alike.
+            // The sphere covers the bodies from all directions.
             list.iter_mut().for_each(|target| target.radius = target.reach);
         }
         Self { list, of }
@@ -103,7 +103,7 @@ impl Targets {
         self.of.get(id as usize).filter(|target| **target != NONE).map(|target| usize::from(*target))
     }
 
-    /// How many of `photons` are shot at each: by the area of the discs, so that all photons have the same power but for rounding.
+    /// How many of `photons` are shot at each target: by the area of the discs, so that all photons have the same power but for rounding.
     #[must_use]
     pub fn shares(&self, photons: u32) -> Vec<u32> {
         let area = |target: &Target| target.radius * target.radius;
@@ -125,7 +125,7 @@ fn triangles_of(geometry: &Geometry, material: u32) -> Vec<u32> {
     batches.flat_map(|batch| batch.first..batch.first + batch.count).collect()
 }
 
-/// Joins boxes that touch, until none do: the joined boxes, and by box the one that it is in.
+/// Joins boxes that touch, until none do. Returns the joined boxes, and for each box the number of the joined box that it is in.
 fn together(parts: &[Bounds]) -> (Vec<Bounds>, Vec<usize>) {
     if parts.len() > MOST {
         return (vec![parts.iter().copied().fold(Bounds::EMPTY, Bounds::union)], vec![0; parts.len()]);

@@ -1,4 +1,4 @@
-//! What device programs know of glass: they exist in variants, so that panes do not pay for what bodies take.
+//! Variants of device programs by the glass that they support, so that panes do not pay for what bodies need.
 
 use curitiba_pipeline::backend::{BackendError, RayJob};
 use curitiba_pipeline::glass::{Dielectric, GlassShadow, MOST_STRATA};
@@ -10,9 +10,9 @@ use glam::Vec3;
 pub enum Variant {
     /// In a fidelity, with the report's panes.
     Panes(Fidelity),
-    /// In corrected fidelity, with smooth glass as each material says, and a background or a sky.
+    /// In corrected fidelity, with smooth glass whose kind each material states, and a background or a sky.
     Bodies,
-    /// The same with glass that is rough, bends colours apart or has a reflectance of its own, and with paths that are cut off.
+    /// As [`Self::Bodies`], with glass that is rough, disperses light or has a reflectance of its own, and with paths that are cut off.
     Ways,
 }
 
@@ -20,7 +20,7 @@ impl Variant {
     /// The programs that have variants for bodies. `reflection` knows a background anyway, and the others see no glass.
     pub const OF_BODIES: [RayProgram; 2] = [RayProgram::Refraction, RayProgram::Final];
 
-    /// The one that a job needs.
+    /// The variant that a job needs.
     #[must_use]
     pub fn of(job: &RayJob<'_>) -> Self {
         let asks = !job.dielectrics.is_empty() || job.beyond != Vec3::ZERO || !job.scene.geometry.sky.is_empty();
@@ -32,14 +32,14 @@ impl Variant {
         }
     }
 
-    /// Whether it knows bodies.
+    /// Whether the variant supports bodies.
     #[must_use]
     pub fn knows_bodies(self) -> bool {
         matches!(self, Self::Bodies | Self::Ways)
     }
 }
 
-/// Whether a pass asks for colours that glass bends apart.
+/// Whether a pass asks for dispersion, and any glass disperses light.
 pub(crate) fn disperses(params: &RayParams, dielectrics: &[Dielectric]) -> bool {
     params.wavelengths > 1 && dielectrics.iter().any(|dielectric| dielectric.spread > 0.0)
 }
@@ -49,7 +49,7 @@ pub(crate) fn is_rough(dielectrics: &[Dielectric]) -> bool {
     dielectrics.iter().any(|dielectric| dielectric.alpha > 0.0)
 }
 
-/// Into how many ways rough glass and the spectrum divide a path of a pixel, at most; 1 where nothing does.
+/// Greatest number of ways into which rough glass and the spectrum divide a path of a pixel; 1 where nothing divides it.
 #[must_use]
 pub fn ways_of_path(job: &RayJob<'_>) -> u32 {
     if Variant::of(job) != Variant::Ways {
@@ -60,14 +60,14 @@ pub fn ways_of_path(job: &RayJob<'_>) -> u32 {
     facets.saturating_mul(strata)
 }
 
-/// Whether a pass asks what smooth glass of one index and whole paths do not answer.
+/// Whether a pass needs more than smooth glass of one index and paths that are not cut off.
 fn asks_of_ways(params: &RayParams, dielectrics: &[Dielectric]) -> bool {
     let own = dielectrics.iter().any(|dielectric| dielectric.reflectance.is_some() || dielectric.reflection.is_some());
     let cut = params.limits.cut() && !dielectrics.is_empty();
     disperses(params, dielectrics) || is_rough(dielectrics) || own || cut
 }
 
-/// Refuses light that spheres or photons focus where device programs do not know it.
+/// Refuses light that spheres or photons focus, which device programs do not support.
 ///
 /// # Errors
 /// [`BackendError::Unsupported`], with what would help.

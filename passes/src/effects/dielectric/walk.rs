@@ -15,7 +15,7 @@ use crate::trace::{Announcement, Hit, Purpose, Tracer};
 use curitiba_pipeline::glass::{Dielectric, Shape, transmittance};
 use glam::Vec3;
 
-/// Surfaces of glass that a path meets, at most: beyond, it is lost. Light that is mirrored in a body of many faces may take long.
+/// Greatest number of glass surfaces that a path meets; beyond it, the path is lost. In a body of many faces light may be reflected for long.
 pub const MOST_SURFACES: u32 = 128;
 
 /// A path that has come to a surface.
@@ -28,11 +28,11 @@ pub(super) struct Path<K> {
     /// How often it was split.
     pub(super) splits: u32,
     pub(super) key: u32,
-    /// The wavelength of its light, nanometres; `None` until a body has bent colours apart.
+    /// The wavelength of its light, nanometres; `None` until a body has dispersed it.
     pub(super) wavelength: Option<f32>,
-    /// Which of the ways on from rough glass it is; `None` before.
+    /// The number of its way, once rough glass or the spectrum of a sample has divided the path; `None` before.
     pub(super) sample: Option<u32>,
-    /// The share of the pixel's colour that depends on it; larger where it is one of few that were followed by chance.
+    /// The share of the pixel's colour that depends on it; raised where Russian roulette has decided about the path.
     pub(super) importance: f32,
     /// Reflections and refractions before.
     pub(super) bounces: [u32; 2],
@@ -40,21 +40,21 @@ pub(super) struct Path<K> {
     pub(super) cone: K,
 }
 
-/// Where a path has come to, and from where.
+/// The surface that a path has come to, and the path's direction.
 #[derive(Clone, Copy)]
 pub(super) struct Met<'h, F> {
     pub(super) hit: &'h Hit,
     pub(super) surface: &'h Surface,
     /// Unit direction in which the surface is seen.
     pub(super) view: Vec3,
-    /// What the path covers of the surface's textures.
+    /// The path's footprint on the surface's textures.
     pub(super) footprint: F,
 }
 
 /// Follows paths; `shade` gives the colour of everything that is not glass, given the key of the path.
 ///
 /// Down to the depth of the pass both ways on are followed. Beyond it light goes on through the surface where it can, with the weight of
-/// both: none is lost there, and a path of many surfaces costs no more than its length.
+/// both ways. So no light is lost there, and the cost of a path of many surfaces is proportional to its length.
 pub(in crate::effects) struct Walk<'p, 'a, T, C, F, W> {
     pub pass: &'p Pass<'a, T, C>,
     pub shade: F,
@@ -69,7 +69,7 @@ where
     F: Fn(&Hit, FootprintOf<C>, &Surface, Media, u32, &mut Workspace) -> Vec3,
     W: Ways,
 {
-    /// What a pixel of glass shows.
+    /// The colour of a pixel that shows glass.
     pub fn pixel(&self, pixel: Pixel, triangle: u32, seen: (Surface, Vec3), key: u32, work: &mut Workspace) -> Vec3 {
         let (surface, view) = seen;
         let stored = self.pass.position(pixel).truncate();
@@ -96,7 +96,7 @@ where
         media.top().map_or(Vec3::ZERO, |material| self.pass.job.dielectrics[material as usize].extinction)
     }
 
-    /// What glass shows to a ray that meets it.
+    /// The colour of glass that a ray meets.
     fn glass(&self, met: Met<'_, FootprintOf<C>>, path: Path<C::Cone>, work: &mut Workspace) -> Vec3 {
         if path.surfaces >= MOST_SURFACES {
             work.rays.lost += 1;
@@ -111,7 +111,7 @@ where
         }
     }
 
-    /// What a surface scatters back of the light that enters, of which it takes the share `entering`.
+    /// The light that a surface scatters back, of the light that enters; `entering` is the share of light that enters.
     pub(super) fn veil(
         &self,
         met: Met<'_, FootprintOf<C>>,
@@ -157,7 +157,7 @@ where
             direction: view,
             weight: wall.transmitted * self.pass.filter(hit, footprint, dielectric),
             media: path.media,
-            // Its two faces undo each other's bending.
+            // The two faces of the wall undo each other's bending.
             cone: path.cone,
         };
         let (mirrored, through) = match facet {
@@ -168,7 +168,7 @@ where
         color + self.veil(met, dielectric, wall.transmitted, path, work)
     }
 
-    /// The report's pane: light enters it at every bounce, and those after the first dim it.
+    /// The report's pane: light enters glass at every bounce, and each bounce after the first dims it.
     fn pane(&self, met: Met<'_, FootprintOf<C>>, path: Path<C::Cone>, work: &mut Workspace) -> Vec3 {
         let Met { hit, surface, view, .. } = met;
         let (index, weights) = (self.pass.job.params.index, self.pass.job.params.fresnel);
@@ -213,7 +213,7 @@ where
         self.ways.note(Noted::DIVIDED);
         let numbers = self.ways.numbers(self.pass.facets.len() as u32);
         let count = numbers.len() as u32;
-        // Of a sample, each way stands for the whole path: how many there are in all does not decide what is cut off.
+        // In a sample, each way stands for the whole path: the number of ways does not decide what is cut off.
         let importance = if W::SAMPLED { path.importance } else { path.importance / count as f32 };
         let sum: Vec3 = numbers.map(|sample| each(Path { sample: Some(sample), importance, ..path }, work)).sum();
         sum / count as f32
@@ -235,12 +235,12 @@ where
         Some(Facet::seen(alpha, met.surface.interface_normal(met.view), met.view, point))
     }
 
-    /// The key of what is sampled where a path ends.
+    /// The key of the random numbers that are drawn where a path ends.
     pub(super) fn own_key(&self, path: &Path<C::Cone>) -> u32 {
         self.ways.own_key(path.key, path.sample)
     }
 
-    /// Both ways on, or beyond the depth the one through the surface, where there is one. A way that brings nothing is not taken.
+    /// Follows both ways on; beyond the depth, the one through the surface, where there is one. A way of weight 0 is not followed.
     pub(super) fn split(
         &self,
         surface: &Surface,
@@ -299,7 +299,7 @@ where
         weight * self.radiance(surface, branch.direction, path, work)
     }
 
-    /// What arrives at a surface from a direction.
+    /// Radiance that arrives at a surface from a direction.
     fn radiance(&self, at: &Surface, direction: Vec3, path: Path<C::Cone>, work: &mut Workspace) -> Vec3 {
         let extinction = self.extinction(path.media);
         let (ray, Some(hit)) = self.pass.closest(at.origin(direction), direction) else {

@@ -7,15 +7,15 @@ use glam::Vec2;
 use std::cell::Cell;
 use std::ops::Range;
 
-/// The ways of a path. The programs are compiled for each kind, so that whoever follows all ways does not pay for samples.
+/// The ways of a path. The programs are compiled for each kind, so that a program that follows all ways does not pay for samples.
 pub(in crate::effects) trait Ways: Copy {
-    /// Whether they are a sample: one wavelength of the spectrum for each way, and not all of them.
+    /// Whether the ways are a sample: each way has one wavelength of the spectrum, and not all of them.
     const SAMPLED: bool;
 
-    /// The key of a pixel's random numbers, given its own.
+    /// The key of the ways' random numbers, given the pixel's own key.
     fn key(&self, pixel: u32) -> u32;
 
-    /// The numbers of the ways on from rough glass, of so many that the pass asks for.
+    /// The numbers of the ways on from rough glass that are followed; `all` is how many the pass asks for.
     fn numbers(&self, all: u32) -> Range<u32>;
 
     /// The point that chooses the microfacet which a way meets at the surface of this key. `points` are those of the pass.
@@ -24,19 +24,19 @@ pub(in crate::effects) trait Ways: Copy {
     /// Which of `count` parts of the spectrum a way has at the surface of this key.
     fn part_of_spectrum(&self, way: u32, key: u32, count: usize) -> usize;
 
-    /// The key of what is sampled where a path ends; `way` is its number, where it was divided.
+    /// The key of the random numbers that are drawn where a path ends; `way` is the path's number, where it was divided.
     fn own_key(&self, key: u32, way: Option<u32>) -> u32;
 
     /// Notes that glass is stochastic.
     fn note(&self, met: Met);
 }
 
-/// What a sample met that another one would meet otherwise.
+/// The stochastic events of a sample: another sample may differ there.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct Met {
-    /// Rough glass or glass that bends colours apart: the path was divided.
+    /// The path was divided, by rough glass or by glass that disperses light.
     pub divided: bool,
-    /// A way that was followed by chance, or not.
+    /// Chance decided whether a way was followed.
     pub chance: bool,
 }
 
@@ -81,8 +81,8 @@ impl Ways for AllWays {
         way as usize % count
     }
 
-    /// The ways on from rough glass share the keys of their surfaces, so that their points fill each other's gaps; what is sampled
-    /// where they end is each one's own.
+    /// The ways on from rough glass share the keys of their surfaces, so that their points fill each other's gaps. Where they end, each
+    /// has a key of its own.
     #[inline(always)]
     fn own_key(&self, key: u32, way: Option<u32>) -> u32 {
         way.map_or(key, |way| path_key(key, SCATTERED + way))
@@ -92,11 +92,11 @@ impl Ways for AllWays {
     fn note(&self, _: Met) {}
 }
 
-/// Some ways of one of the two halves of a pixel's sample. What both halves show is independent.
+/// Some ways of one of the two halves of a pixel's sample. The colours of both halves are independent.
 ///
 /// Each surface has its own order of the Sobol points as well as its own scrambling (Burley 2020, "Practical Hash-based Owen
-/// Scrambling", JCGT 9(4), section 4): with one order for all of them, the facets of two surfaces depend on each other, and the mean
-/// over all ways is not that of all pairs of facets.
+/// Scrambling", JCGT 9(4), section 4). With one order for all surfaces, the facets of two surfaces would depend on each other, and the
+/// mean over all ways would not be the mean over all pairs of facets.
 #[derive(Debug, Clone, Copy)]
 pub struct Sample<'m> {
     /// Which half: 0 or 1.
@@ -105,9 +105,9 @@ pub struct Sample<'m> {
     pub first: u32,
     /// How many ways the first surface divides the path into.
     pub ways: u32,
-    /// Position in the sequence of the pixel's way 0.
+    /// Position of the pixel's way 0 in the sequence.
     pub offset: u32,
-    /// What was met.
+    /// The stochastic events that the sample met.
     pub met: &'m Cell<Met>,
 }
 
@@ -137,7 +137,7 @@ impl Ways for Sample<'_> {
         ((u64::from(place) * count as u64) >> 32) as usize
     }
 
-    /// A path that was not divided has a key for each time that it is followed; the first is that of [`AllWays`].
+    /// A path that was not divided has a key for each time that it is followed; the first of these keys is that of [`AllWays`].
     fn own_key(&self, key: u32, way: Option<u32>) -> u32 {
         match way.or((self.first > 0).then_some(self.first)) {
             Some(way) => path_key(key, SCATTERED.wrapping_add(way)),
@@ -186,8 +186,8 @@ mod tests {
         }
     }
 
-    /// The mean of the product of two surfaces' numbers is that of independent ones, 1/4. The control are points in one order, by which
-    /// it is far from that for most keys, however many ways there are.
+    /// The mean of the product of two surfaces' numbers is that of independent numbers, 1/4. In the control, all surfaces take the points in
+    /// one order: for most keys the mean is far from 1/4, however many ways there are.
     #[test]
     fn facets_of_two_surfaces_do_not_depend_on_each_other() {
         let met = Cell::default();

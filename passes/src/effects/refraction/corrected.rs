@@ -23,14 +23,14 @@ pub fn pixel<T: Tracer, C: Coverage>(pass: &Pass<'_, T, C>, pixel: Pixel, work: 
     opaque(Glass { pass, shade }.blend(seen, 0, 0, work))
 }
 
-/// As [`pixel`], where each material says what kind of glass it is. Where the camera is in a body, that body absorbs light from other
-/// surfaces too; the background has no place, and keeps its colour.
+/// As [`pixel`], with glass whose kind each material states. A body that the camera is in absorbs light from other surfaces too. The
+/// background has no position and keeps its colour.
 pub fn pixel_of_bodies<T: Tracer, C: Coverage>(pass: &Pass<'_, T, C>, pixel: Pixel, work: &mut Workspace) -> [f32; 4] {
     of_bodies(pass, pixel, AllWays, work)
 }
 
-/// One sample of [`pixel_of_bodies`], whose mean over all ways is its colour. Where the sample notes nothing stochastic it is that
-/// colour, to the bit.
+/// One sample of [`pixel_of_bodies`]; the mean of samples over all ways is the pixel's colour. Where a sample notes nothing stochastic, it
+/// equals that colour to the bit.
 pub fn sample<T: Tracer, C: Coverage>(
     pass: &Pass<'_, T, C>,
     pixel: Pixel,
@@ -120,7 +120,7 @@ where
         self.pass.tracer.announce(Announcement { purpose, bounce, weight });
     }
 
-    /// What arrives at a surface from a direction, with the cone that leaves it.
+    /// Radiance that arrives at a surface from a direction; the cone is the one that leaves the surface.
     fn radiance(
         &self,
         from: &Surface,

@@ -196,7 +196,7 @@ fn directions_below_the_triangle_are_mirrored_so_that_an_open_floor_is_open() {
     let (values, rays) = occlusion(&shot, Corrected, params);
     assert!(values.iter().all(|value| *value == 1.0));
     assert_eq!((rays.occlusion, rays.certain), (900 * 64, 0));
-    // The tree answers so, and no ray is traced.
+    // The tree does answer that, so no ray is traced.
     let (pixels, rays) = shot.run_on(&world.tree(), &shot.job(RayProgram::Ssao, Corrected, params));
     assert!(pixels.iter().all(|pixel| pixel[0] == 1.0));
     assert_eq!((rays.occlusion, rays.certain), (0, 900 * 64));

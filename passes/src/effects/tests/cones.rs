@@ -38,7 +38,7 @@ fn level_of(color: [f32; 4]) -> f64 {
     f64::from(color[0]) / 0.3 * 255.0 / f64::from(STEP)
 }
 
-/// Pixels of a camera: a square of so many, each of this side at distance 1.
+/// Pixels of a camera: a square with `count` pixels along each side, each of the side `pixel` at distance 1.
 #[derive(Clone, Copy)]
 struct Camera {
     eye: Vec3,
@@ -71,8 +71,8 @@ impl Camera {
     }
 }
 
-/// A plane y = 0 with a texture of which `repeat` lie side by side in each scene unit. It is lit from below: what is seen of it is in ambient
-/// light.
+/// A plane y = 0 with a texture that lies side by side `repeat` times in each scene unit. It is lit from below, so its upper side is in
+/// ambient light.
 fn floor(world: &mut World, texture: Texture, repeat: f32) {
     let material = world.picture([[0; 4]; 2], None);
     *world.scene.textures.last_mut().expect("it was added") = texture;
@@ -83,7 +83,7 @@ fn floor(world: &mut World, texture: Texture, repeat: f32) {
     }
 }
 
-/// Where the floor's texture is met, in the units of its coordinates; NaN where it is not.
+/// The texture coordinates at which a ray meets the floor; NaN where it does not.
 fn on_floor(origin: DVec3, direction: DVec3, repeat: f32) -> DVec2 {
     let t = -origin.y / direction.y;
     let at = origin + direction * if t > 0.0 { t } else { f64::NAN };
@@ -180,7 +180,7 @@ fn paving() -> Texture {
 }
 
 /// A paved floor in a mirror: the error against means of 4096 lines of sight a pixel, and the variance over shifts of the picture by
-/// parts of a pixel, which is what glitters.
+/// parts of a pixel, which measures how much the paving glitters.
 #[test]
 fn mirrored_paving_does_not_glitter() {
     let repeat = 0.6;
@@ -243,7 +243,7 @@ fn on_sphere(origin: DVec3, direction: DVec3, (center, radius): (DVec3, f64), la
     origin + direction * if last { middle + half } else { middle - half }
 }
 
-/// A ball of this glass over the floor, of radius 1, and the ball.
+/// A world with a ball of this glass, of radius 1, over the floor; and the centre and radius of the ball.
 fn with_ball(dielectric: Dielectric, height: f32, repeat: f32) -> (World, (DVec3, f64)) {
     let mut world = World::lit_along(Vec3::Y);
     let glass = world.dielectric(dielectric);
@@ -266,8 +266,8 @@ fn ball_of_triangles(world: &mut World, material: u32, center: Vec3, steps: u32)
     }
 }
 
-/// Paving with a half ball and a wall of glass on it, and behind the camera a wall with bumps that sends out light, by textures that do not
-/// repeat and whose sides are no powers of two. Texture 0 is a roughness and texture 1 a filter.
+/// Paving with a half ball and a wall of glass on it. Behind the camera stands a wall with bumps that emits light; its textures do not repeat
+/// and their sides are no powers of two. Texture 0 is a roughness and texture 1 a filter.
 pub(crate) fn court([ball, wall]: [Dielectric; 2], bodies: bool) -> World {
     let mut world = World { beyond: Vec3::new(0.2, 0.4, 0.7), ..World::lit_along(Vec3::new(0.3, -1.0, -0.4)) };
     let [ball, wall] = [ball, wall].map(|dielectric| world.dielectric(dielectric));
@@ -367,7 +367,7 @@ fn water_narrows_what_is_seen_through_it() {
 #[test]
 fn a_ball_of_glass_gathers_what_is_seen_through_it() {
     let repeat = 4.0;
-    // Before the focus and behind it; there the whole of what is seen is a point.
+    // Before the focus and behind it. At the focus, everything that is seen is one point.
     for (height, tolerance) in [(1.1, 0.6), (3.0, 0.1)] {
         let camera = Camera { eye: Vec3::new(0.0, height + 4.0, 0.5), towards: Vec3::ZERO, pixel: 0.008, ..AT_MIRROR };
         let (world, ball) = with_ball(solid(1.5), height, repeat);
@@ -397,7 +397,7 @@ fn first_and_rest(texels: [[u8; 4]; 2]) -> Texture {
     texture
 }
 
-/// A square before the camera, 1 from it and 1 wide, of which the picture shows the middle.
+/// A camera before a square, 1 from it and 1 wide, whose middle the picture shows; and the number of texels along a pixel.
 const SQUARE: (Camera, f32) =
     (Camera { eye: Vec3::Z, towards: Vec3::ZERO, count: 12, pixel: 0.01, shift: DVec2::ZERO }, (SIDE as f32) * 0.01);
 
@@ -422,7 +422,7 @@ fn roughness_and_filters_of_glass_are_read_at_the_level_of_the_pixel() {
         assert_eq!(zero[0], 0.0);
         assert!((shown(level - 0.01)..shown(level + 0.05)).contains(&cones[0]), "{} {}", cones[0], shown(level));
     }
-    // Roughness that level 0 alone has: the pixels show a smooth surface, which is followed once.
+    // Level 0 alone is rough: the pixels show a smooth surface, whose paths are not divided.
     let rough = Dielectric { alpha: 0.3, roughness_texture: Some(0), ..solid(1.5) };
     let frosted = square(rough, first_and_rest([[0, 255, 0, 255], [0, 0, 0, 255]]));
     let rays = |params: RayParams| draw(&frosted, params).1.refracted;
@@ -452,7 +452,7 @@ fn bumps_and_glow_in_a_mirror_are_read_at_the_level_of_the_cone() {
     for (zero, cones) in draw(TextureLod::Zero).iter().zip(draw(TextureLod::Cones)) {
         let green = |cosine: f32| 0.5 * (SUN_COLOR.y * cosine + 0.3);
         assert!(zero[1] < green(0.6), "{zero:?}");
-        // Between level 0, which leans, and level 1.
+        // The bumps are read between level 0, which leans, and level 1.
         let glow = cones[0] - 0.5 * (SUN_COLOR.x * (cones[1] / 0.5 - 0.3) / SUN_COLOR.y + 0.3);
         assert!((glow / (level * f32::from(STEP) / 255.0) - 1.0).abs() < 0.02, "{glow} {level}");
         assert!(cones[1] > green(0.9), "{cones:?}");
@@ -524,7 +524,7 @@ fn rays_from_the_camera_read_the_levels_of_their_cones() {
         let job = RayJob { from_camera: Some(from), sun: None, ..shot.job(program, Corrected, asked) };
         shot.run_on(&world.tree(), &job).0
     };
-    // What a pixel shows of the floor, directly, and in the mirror, which keeps a share.
+    // Compares the levels at which pixels show the floor: directly, and in the mirror, which keeps the share `mirrored`.
     let shown = |pixels: &[[f32; 4]], mirrored: f32, finer: f64| {
         let in_mirror = |at| in_mirror(&camera, at, repeat).is_finite();
         let share = |at| if in_mirror(at) { mirrored } else { 1.0 };
@@ -551,7 +551,7 @@ fn rays_from_the_camera_read_the_levels_of_their_cones() {
         (&world, RayProgram::Whitted, 0.8, 0),
         (&glowing, RayProgram::PathTracing, 0.8, 0),
     ] {
-        // Each of 16 rays a pixel has a quarter of its side.
+        // Each of a pixel's 16 rays covers a quarter of its side.
         let finer = if samples == 16 { 2.0 } else { 0.0 };
         let (most, count) = shown(&draw(world, program, samples), mirrored, finer);
         let (least, tolerance) = if mirrored > 0.0 { (1500, 0.2) } else { (600, 0.25) };

@@ -1,4 +1,4 @@
-//! Several lights, and lights with a place, against closed forms: the share of a floor's colour that shadows leave.
+//! Several lights, and positional lights, against closed forms: the share of a floor's colour that shadows leave.
 
 use super::sun::open_beyond_plane;
 use super::world::{SUN_COLOR, Shot, World, assert_close, grid};
@@ -13,7 +13,7 @@ use glam::{DVec3, Vec3, Vec4};
 const AMBIENT: f64 = 0.3;
 const EYE: Vec3 = Vec3::new(0.0, 0.5, 40.0);
 
-/// A light at a place whose light falls off with the square of the distance.
+/// A positional light that falls off with the square of the distance.
 fn lamp(place: Vec3, color: Vec3) -> Light {
     let attenuation = [0.0, 0.0, 1.0];
     Light { place: Some(place), direction: Vec3::ZERO, color, attenuation, range: f32::INFINITY, cone: None }
@@ -45,7 +45,7 @@ fn shares_of(world: &World, targets: impl IntoIterator<Item = Vec3>, params: Ray
     pixels.into_iter().map(Vec4::from_array).collect()
 }
 
-/// What arrives on the floor of a lamp, in `f64`.
+/// The light of a lamp that arrives on the floor, in `f64`.
 fn arriving(light: &Light, point: Vec3) -> DVec3 {
     let way = (light.place.expect("a lamp") - point).as_dvec3();
     light.color.as_dvec3() * (way.z.max(0.0) / way.length().powi(3))
@@ -161,7 +161,7 @@ fn lights_at_behind_and_inside_of_things_and_far_away() {
     for (point, found) in points().zip(shares(&world, points())) {
         close(found, AMBIENT / (AMBIENT + arriving(&light, point)), point);
     }
-    // A million units away, of as many squared candela, it is a sun.
+    // A million units away, and a million squared times as bright, a lamp is a sun.
     let direction = Vec3::new(0.6, 0.0, -0.8);
     let far = Light { color: white * 1e12, ..lamp(direction * -1e6, white) };
     let sun = Light { place: None, direction, attenuation: [1.0, 0.0, 0.0], ..lamp(Vec3::ZERO, white) };

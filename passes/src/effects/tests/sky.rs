@@ -11,7 +11,7 @@ use glam::{Vec3, Vec4};
 
 const BLUE: Vec3 = Vec3::new(0.2, 0.5, 0.9);
 
-/// A floor with a block, and a box around both; `is_sky` says what that is. A mirror stands where `has_mirror` says.
+/// A floor with a block, and a box around both; `is_sky` says whether the box is a sky. `has_mirror` adds a mirror.
 fn covered(has_mirror: bool, is_sky: bool) -> World {
     let mut world = World::lit_along(Vec3::new(0.5, -1.0, -0.3));
     let paint = world.paint(Vec3::new(0.8, 0.7, 0.5));
@@ -66,7 +66,7 @@ fn a_sky_throws_no_shadow_and_occludes_nothing() {
         let sky = open.scene.geometry.sky.as_slice()[0];
         let under_sky = floor(&open, program, params);
         let under_roof = floor(&covered(false, false), program, params);
-        // The same without it.
+        // The same scene without the sky.
         open.scene.geometry.triangles.truncate(sky[0] as usize);
         open.scene.geometry.batches.pop();
         open.scene.geometry.sky = TriangleRanges::default();

@@ -28,9 +28,8 @@ fn open(pixel: [f32; 4]) -> f64 {
 /// The share of a disc's solid angle on the open side of a plane through the viewer. `above` is the angle of the disc's
 /// centre over the plane, and `half` the disc's half angle, both in radians.
 ///
-/// A great circle at angle d from the centre of a spherical cap of half angle a cuts off the area 2 (arccos (sin d /
-/// sin a) - cos a
-/// arccos (tan d / tan a)): the cap's sector less a spherical triangle (Girard).
+/// A great circle at angle d from the centre of a spherical cap of half angle a cuts off the area
+/// 2 (arccos (sin d / sin a) - cos a arccos (tan d / tan a)): the cap's sector less a spherical triangle (Girard).
 pub(super) fn open_beyond_plane(above: f64, half: f64) -> f64 {
     let distance = above.abs();
     if distance >= half {

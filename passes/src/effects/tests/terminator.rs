@@ -8,7 +8,7 @@ use curitiba_pipeline::programs::{RayParams, RayProgram};
 use glam::Vec3;
 use std::f32::consts::PI;
 
-/// A unit sphere of so many rings and twice as many segments, flat-shaded or with the normals of the exact sphere.
+/// A unit sphere of `rings` rings and twice as many segments, flat-shaded or with the normals of the exact sphere.
 pub fn sphere(rings: u32, smooth: bool) -> World {
     let mut world = World::lit_along(Vec3::new(-0.62, 0.55, -0.56));
     let paint = world.paint(Vec3::splat(0.5));
@@ -86,8 +86,8 @@ fn smooth_spheres_are_hardly_in_their_own_shadow() {
     }
 }
 
-/// The light's share in `final` of pixels of a coarse, smooth-shaded sphere, each with the light's cosine on the sphere it stands for: the pixel's
-/// colour beside the one that it was lit with, without occlusion.
+/// For each pixel of a coarse, smooth-shaded sphere: the light's cosine on the exact sphere, and the light's share in `final`. The share is
+/// the pixel's colour over the colour that it was lit with, without occlusion.
 fn shares_in_final(rings: u32, params: RayParams) -> Vec<(f32, f32)> {
     let world = sphere(rings, true);
     let to_light = Vec3::new(0.62, -0.55, 0.56).normalize();
@@ -104,8 +104,8 @@ fn shares_in_final(rings: u32, params: RayParams) -> Vec<(f32, f32)> {
     found
 }
 
-/// The border of the light follows the smooth surface, not the edges of triangles: what the surface is turned from is dark although its
-/// triangle is not, and what it faces is lit.
+/// The border of the light follows the smooth surface, not the edges of triangles. Where the surface is turned away it is dark, although its
+/// triangle is not turned away; where it faces the light it is lit.
 #[test]
 fn the_border_of_the_light_is_that_of_the_smooth_surface() {
     for rings in [4, 8, 16] {
@@ -119,7 +119,7 @@ fn the_border_of_the_light_is_that_of_the_smooth_surface() {
     }
 }
 
-/// The same of a disc: beyond half its angle from the border all of it is below the horizon, or above, and at the border half of it.
+/// The same for a disc. Farther from the border than half its angle, the disc is wholly above or below the horizon; at the border, half of it is.
 #[test]
 fn the_penumbra_on_a_smooth_sphere_is_a_band_around_its_border() {
     let (sun, rings) = (12.0_f32, 8);

@@ -19,7 +19,7 @@ pub struct World {
     pub glass: Vec<bool>,
     pub shadow_glass: Vec<bool>,
     pub sun: Option<Sun>,
-    /// Several lights, or one with a place, in place of `sun`.
+    /// Several lights, or a positional one, in place of `sun`.
     pub lights: Vec<Light>,
     /// The colour of rays that leave the scene.
     pub beyond: Vec3,
@@ -221,7 +221,7 @@ pub const BACKGROUND: [f32; 4] = [0.1, 0.2, 0.4, 0.25];
 pub struct Shot<'w> {
     world: &'w World,
     eye: Vec3,
-    /// The cone of its pixels; of width 0 without a choice.
+    /// The cone of its pixels; its width is 0 unless a test sets it.
     pub cone: PixelCone,
     width: u32,
     pub position: Vec<[f32; 4]>,

@@ -45,8 +45,8 @@ impl Bins {
             self.large.push(part);
             return;
         }
-        // Whether a part is large is decided over the whole viewport, so that a tile is drawn alike whichever tiles are
-        // drawn.
+        // Whether a part is large is decided over the whole viewport, so that a tile's result does not depend on which
+        // other tiles are drawn.
         let [columns, rows] = &grid.drawn;
         for row in top.max(rows.start)..(bottom + 1).min(rows.end) {
             for column in left.max(columns.start)..(right + 1).min(columns.end) {
@@ -114,9 +114,9 @@ pub(super) struct Fill<'a> {
     pub vertices: &'a [ScreenVertex],
     pub projection: &'a Projection,
     pub grid: &'a Grid,
-    /// By material.
+    /// By material: whether its alpha is tested.
     pub cuts: &'a [bool],
-    /// By material; materials beyond the list are drawn.
+    /// By material: whether it is left out; materials beyond the list are drawn.
     pub hidden: &'a [bool],
     /// By material: whether back faces are culled.
     pub culled: &'a [bool],

@@ -13,8 +13,8 @@ pub(super) const MAX_TRIANGLES: usize = BIN_TRIANGLES << 14;
 
 /// A drawn part of a triangle in 32 bits: a whole triangle, or a part that clipping left of it.
 ///
-/// Bit 31 marks a clipped part: bits 16..30 are the bin that clipped it, and bits 0..16 its index there. Without it,
-/// bits 0..30 are the triangle. Bit 30 marks parts whose texture alpha is tested.
+/// Bit 31 marks a clipped part: bits 16..30 are the bin that clipped it, and bits 0..16 its index in that bin. For a
+/// whole triangle, bits 0..30 are the triangle. Bit 30 marks parts whose alpha is tested.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) struct Part(pub u32);
 

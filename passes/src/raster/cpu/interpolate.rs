@@ -8,12 +8,12 @@ use std::ops::{Add, Mul, Sub};
 
 /// Barycentric coordinates along a row of pixels, exact up to the division by the area.
 ///
-/// They are those of the corners before they were snapped; in thesis fidelity and in depth maps, of the snapped corners. A pixel that only
-/// the snapped triangle covers has the coordinates of the nearest place of the triangle on the screen.
+/// They refer to the corners before snapping. With `snapped_depth` (thesis fidelity, shadow maps and cube maps) they refer to the snapped
+/// corners. A pixel that only the snapped triangle covers has the coordinates of the nearest place of the exact triangle on the screen.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Barycentric {
     /// Edge functions opposite to corners 1 and 2 at the first pixel, and the doubled area, in squares of [fractions](FINE) of sub-pixel
-    /// units. Coordinates are integers below 2^29: up to 4096 pixels from corner to corner the products are exact.
+    /// units. Coordinates are integers below 2^29, so the products are exact if corners are at most 4096 pixels apart.
     pub(super) edges: [f64; 2],
     pub(super) area: f64,
     pub(super) scale: f64,
@@ -36,7 +36,7 @@ impl Barycentric {
         let pixel = f64::from(PIXEL);
         let (mut edges, mut scale) = ([y0 * x2 - x0 * y2, y1 * x0 - x1 * y0], 1.0 / area);
         let mut steps = [[y2 * pixel, -y1 * pixel], [-x2 * pixel, x1 * pixel]];
-        // No pixel is inside of a triangle whose whole area comes from snapping.
+        // Without snapping this triangle has no area, so no pixel is inside it.
         if area == 0.0 {
             (edges, scale, steps) = ([-1.0; 2], 1.0, [[0.0; 2]; 2]);
         }
@@ -75,7 +75,7 @@ impl Barycentric {
     }
 }
 
-/// The ways from the centre of a pixel to the corners, in fractions of sub-pixel units.
+/// Vectors from the centre of a pixel to the corners, in fractions of sub-pixel units.
 #[inline(always)]
 fn ways(frame: &Frame<'_>, corners: &Corners<'_>, x: i32, y: i32) -> [[f64; 2]; 3] {
     corners.map(|corner| {
@@ -84,7 +84,7 @@ fn ways(frame: &Frame<'_>, corners: &Corners<'_>, x: i32, y: i32) -> [[f64; 2]; 
     })
 }
 
-/// Screen-space barycentric coordinates of corners 1 and 2 at the place of the border that is nearest to a pixel.
+/// Screen-space barycentric coordinates of corners 1 and 2 at the point of the triangle's border that is nearest to a pixel.
 #[cold]
 #[inline(never)]
 pub(super) fn nearest(frame: &Frame<'_>, corners: &Corners<'_>, x: i32, y: i32) -> [f64; 2] {
@@ -92,7 +92,7 @@ pub(super) fn nearest(frame: &Frame<'_>, corners: &Corners<'_>, x: i32, y: i32) 
     let edge = |from: usize, to: usize| {
         let along = corners[to] - corners[from];
         let share = (-corners[from].dot(along) / along.length_squared()).clamp(0.0, 1.0);
-        // An edge of no length has one place.
+        // An edge of length 0 is a single point.
         let share = if share.is_nan() { 0.0 } else { share };
         let mut coordinates = [0.0; 3];
         (coordinates[from], coordinates[to]) = (1.0 - share, share);

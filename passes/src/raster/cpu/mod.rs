@@ -5,8 +5,8 @@
 //! 1. `vertex`: every vertex is projected and snapped to 1/256 pixel.
 //! 2. `bins`: runs of triangles are sorted into tiles of 64 x 64 pixels, in their order. Triangles that need it are
 //!    clipped; triangles that contain no pixel centre are dropped.
-//! 3. `tile`: each tile finds the nearest triangle of each pixel, and shades each pixel once; `spheres` puts exact
-//!    spheres in front.
+//! 3. `tile`: each tile finds the nearest triangle of each pixel, and shades each pixel once; `spheres` draws exact
+//!    spheres over the triangles.
 //!
 //! Stages 2 and 3 run in several rounds for scenes of many triangles, which bounds the memory of the bins; tiles keep
 //! their depths from round to round. A draw allocates nothing if a draw of the same size came before. The result is the

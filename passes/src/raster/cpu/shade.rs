@@ -25,7 +25,7 @@ const ROW: usize = TILE + LANES;
 type Row = [f32; ROW];
 type WideRow = [f64; ROW];
 
-/// One row of a tile, as one array for each quantity, so that all pixels are computed alike whatever they show.
+/// One row of a tile, as one array for each quantity, so that the same loops compute all pixels, whatever they show.
 ///
 /// First, each run of pixels that show the same triangle copies its inputs into its columns. Then loops over the whole
 /// row compute. Columns that show nothing, and those beyond the tile, hold old values and are never stored.
@@ -44,7 +44,7 @@ pub(super) struct Rows {
     position: [[Row; 3]; 3],
     normal: [[Row; 3]; 3],
     light: Row,
-    /// Of several lights, or one with a place: their sum by colour, and the greatest cosine.
+    /// With several lights or a positional light: the sum of the arriving light by colour, and the greatest cosine.
     arriving: [Row; 4],
     diffuse: [Row; 4],
     unlit: [Row; 4],
@@ -136,7 +136,7 @@ struct Wanted {
     position: bool,
     normals: bool,
     light: bool,
-    /// Whether the job has several lights, or one with a place.
+    /// Whether the job has several lights or a positional light.
     many: bool,
     texture: bool,
     glow: bool,
@@ -265,7 +265,7 @@ impl Rows {
         }
     }
 
-    /// Leaves nothing of a sky but its colour.
+    /// Clears the position, normal and light cosine of the pixels of a sky, which have only a colour.
     #[cold]
     fn hide_sky(&mut self, sky: &TriangleRanges) {
         let Self { triangle, position: [position, ..], normal: [normal, ..], light, .. } = self;
@@ -342,7 +342,7 @@ impl Rows {
         }
     }
 
-    /// Gives the pixels of a run that lie outside of their triangle the coordinates of the nearest place. They are at the ends of the run.
+    /// Gives pixels outside their triangle the barycentric coordinates of the triangle's nearest place. Such pixels lie at the ends of a run.
     #[inline(always)]
     fn place_outside(&mut self, barycentric: &Barycentric, run: Range<usize>, nearest: impl Fn(usize) -> [f64; 2]) {
         let mut place = |column: usize| {
@@ -652,7 +652,7 @@ fn blend<const N: usize>([first, second, third]: &mut [[Row; N]; 3], u: &Row, v:
     }
 }
 
-/// Writes a row; pixels without a triangle get the background, or stay as they are if it is drawn `over` what is there.
+/// Writes a row. Pixels without a triangle get the background, or keep their values if the row is drawn `over` loaded contents.
 #[inline(always)]
 fn store(pixels: &mut [[f32; 4]], triangles: &[u32; ROW], components: [&Row; 4], background: [f32; 4], over: bool) {
     if over {

@@ -1,7 +1,7 @@
 //! Exact spheres: the line of sight of each pixel is intersected with the sphere itself, in `f64`.
 //!
 //! A pixel shows a sphere where the depth of the intersection is nearer than the triangles. Spheres are drawn after all
-//! triangles and change no other pixels, so scenes without spheres give the same pictures as before.
+//! triangles and change no other pixels, so they have no effect on pictures without spheres.
 
 use super::shade::lights::sum_of_lights;
 use super::surface::{TILE, TileSurface};

@@ -8,7 +8,7 @@ use std::ops::Range;
 
 /// Side of a tile, in pixels.
 pub(super) const TILE: usize = 64;
-// Pictures are split between tiles.
+// Pictures are split into parts only at the borders of tiles.
 const _: () = assert!(TILE == curitiba_pipeline::gbuffer::ALIGNMENT as usize);
 
 /// A viewport divided into tiles, row by row.
@@ -121,7 +121,7 @@ macro_rules! row_accessors {
 impl TileSurface<'_> {
     row_accessors!(color: [f32; 4], position: [f32; 4], normal: [f32; 4], triangle: u32, depth: f32, left: f32);
 
-    /// Whether the target is a depth map, whose texels are [`Self::depth`]; [`Self::left`] is the depth beside attachments.
+    /// Whether the target is a depth map, whose texels are [`Self::depth`]. The depths of a G-buffer are [`Self::left`] instead.
     #[inline(always)]
     pub fn is_depth(&self) -> bool {
         self.depth.is_some()
@@ -140,8 +140,8 @@ impl<T> Plane<'_, T> {
     /// The row and its width must be inside the tile.
     #[inline(always)]
     unsafe fn row(&mut self, row: usize, width: usize) -> &mut [T] {
-        // SAFETY: the tile's pixels are inside the attachment and no other tile has them, so this borrow of `self`,
-        // the only surface of the tile, is their only one.
+        // SAFETY: the tile's pixels are inside the attachment, and no other tile has them. `self` is the tile's only
+        // surface and is borrowed mutably, so no other reference to the pixels exists.
         unsafe { std::slice::from_raw_parts_mut(self.first.add(row * self.stride), width) }
     }
 }

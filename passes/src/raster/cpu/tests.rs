@@ -67,7 +67,7 @@ fn the_number_of_rounds_does_not_show() {
 
 #[test]
 fn lamps_light_a_floor_by_the_inverse_square_add_and_end_at_their_cones() {
-    // A floor from -1 to 1 that a camera from above sees whole.
+    // A floor from -1 to 1. A camera above it sees all of it.
     let corners = [(-1.0, -1.0), (1.0, -1.0), (1.0, 1.0), (-1.0, 1.0)];
     let positions: Vec<Vec3> = corners.map(|(x, y)| Vec3::new(x, y, 0.5)).into();
     let normals = vec![Vec3::Z; 4];

@@ -177,7 +177,7 @@ impl Tile {
         }
     }
 
-    /// Starts a cleared tile from the depths of a row, from the left; what is there is of no part.
+    /// Loads the depths of a row, from the left, into a cleared tile. Pixels with loaded depths have no part.
     pub fn load_depths(&mut self, row: usize, depths: &[f32]) {
         for (stored, depth) in self.depth[row * STRIDE..].iter_mut().zip(depths) {
             *stored = depth.to_bits() as i32;
@@ -185,7 +185,8 @@ impl Tile {
         self.empty = false;
     }
 
-    /// Puts something else in front at a pixel if it is nearer than what is there; returns whether it was.
+    /// Tests the depth of something other than a triangle at a pixel. If it is nearer, or the pixel is empty, stores the depth without a part,
+    /// and returns true.
     pub fn cover(&mut self, column: usize, row: usize, depth: f32) -> bool {
         let (at, bits) = (row * STRIDE + column, depth.to_bits() as i32);
         let nearer = bits > self.depth[at] || self.depth[at] == 0 && self.parts[at] == Part::NONE.0;

@@ -53,7 +53,7 @@ impl ScreenVertex {
         snapped(self.fine_y)
     }
 
-    /// The place in 1/64 of 1/256 pixel, `snapped` or as it was before.
+    /// The place in 1/64 of 1/256 pixel, after snapping if `snapped`, else before.
     #[inline(always)]
     pub fn fine(&self, snapped: bool) -> [i32; 2] {
         if snapped { [self.x() * FINE, self.y() * FINE] } else { [self.fine_x, self.fine_y] }
@@ -147,7 +147,7 @@ impl Projection {
     }
 }
 
-/// A screen coordinate relative to `origin`, in 1/64 unit, so that it is less than half a unit from the nearest whole
+/// A screen coordinate relative to `origin`, in 1/64 unit. It is clamped so that `snapped` turns it into the nearest whole
 /// unit (ties to even). `|pixels - origin| < 2^15`, so the result is below 2^29.
 ///
 /// Adding 1.5 * 2^52 leaves the rounded integer in the low bits of the sum; unlike a rounding instruction and a checked

@@ -253,7 +253,7 @@ impl Frustum {
         let (corners, planes, eye) = (bounds.corners(), bounds.planes(), eye.as_dvec3());
         let mut doubled = 0.0;
         for (face, plane) in FACES.iter().zip(planes) {
-            // The half-space of `plane` contains the box. The eye sees the face from outside if it is not in that
+            // The half-space of `plane` contains the box. The eye sees the face from outside if the eye is not in that
             // half-space.
             if plane.dot(eye.extend(1.0)) >= 0.0 {
                 continue;

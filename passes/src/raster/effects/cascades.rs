@@ -9,14 +9,14 @@
 //!
 //! # Which map serves a pixel
 //! The first map that contains the pixel's whole filter. The choice needs no depth of the pixel. The chosen map is
-//! never coarser than the map of the pixel's own part, because that one contains the pixel, too. Maps of nearer parts
-//! also serve pixels behind their parts as far as they reach. Maps are not blended: where the map changes, the softness
-//! of an edge jumps.
+//! never coarser than the map of the pixel's own part, because that map contains the pixel, too. The map of a nearer part
+//! also serves pixels behind that part, as far as the map reaches. Maps are not blended: where the map changes, the
+//! softness of an edge jumps.
 //!
 //! # Limits
-//! The ends of the depth range are rounded to a quarter of an octave. When an end moves by a step, edges change a
-//! little at once, as when a map's radius changes; between steps they stay. An orthographic camera sees all depths at
-//! one scale and gets one map. A camera without a far plane gets one map of the whole scene.
+//! The ends of the depth range are rounded to a quarter of an octave. When an end moves by a step, shadow edges jump a
+//! little, as when a map's radius changes; between steps the edges stay in place. An orthographic camera sees all depths
+//! at one scale and gets one map. A camera without a far plane gets one map of the whole scene.
 
 use super::bounds::{Bounds, Frustum};
 use super::shadow::ShadowFit;
@@ -94,7 +94,7 @@ impl Cascades {
         Self { fits }
     }
 
-    /// Whether a position is in light, where all tests in its map say the same; `None` where they differ, and where no map covers the position.
+    /// Whether a position is lit, if all tests in its map agree. `None` if they differ, or if no map covers the position.
     /// See [`ShadowFit::agreed`].
     #[must_use]
     #[inline]
@@ -109,8 +109,8 @@ impl Cascades {
         self.fits[index].agreed(map(index), position, cos, params)
     }
 
-    /// The light's share at a position, 0..=1; `cos` is the cosine of the light on the surface there. `map` returns the
-    /// depths of a map by its index, see [`ShadowFit::lit_share`].
+    /// The share of the light that reaches a position, 0..=1. `cos` is the cosine between the surface's normal and the
+    /// direction to the light. `map` returns the depths of a map by its index, see [`ShadowFit::lit_share`].
     #[must_use]
     #[inline]
     pub fn lit_share<'a>(

@@ -1,13 +1,13 @@
 //! An edge-avoiding filter of the noise of occlusions and of soft shadows.
 //!
 //! Dammertz, Sewtz, Hanika and Lensch, "Edge-Avoiding À-Trous Wavelet Transform for fast Global Illumination Filtering", HPG 2010: a
-//! level averages 5 x 5 pixels that are `2^level` apart, with the weights of the B3 spline, 1/16, 1/4, 3/8, 1/4, 1/16 along each axis,
-//! times how likely they show the same surface. What differs here from the paper:
-//! - Edges are those of the G-buffer alone, never of the noisy values.
-//! - Weights are polynomials that are exactly 0 from a bound on: two normals more than [`LEAST_COSINE`] apart and two positions of
-//!   which one is off the other's tangent plane by more than [`MOST_OFF`] of their distance do not mix at all. A part of the distance needs no
-//!   scale of the scene or the picture.
-//! - The average is taken of differences from the pixel's own value, so a constant stays the same to the bit.
+//! level averages 5 x 5 pixels that are `2^level` apart. Their weights are those of the B3 spline, 1/16, 1/4, 3/8, 1/4, 1/16 along
+//! each axis, times a measure of how likely two pixels show the same surface. Differences from the paper:
+//! - Edges are found in the G-buffer alone, never in the noisy values.
+//! - Weights are polynomials that are exactly 0 beyond a bound. Two pixels do not mix if the cosine between their normals is less than
+//!   [`LEAST_COSINE`], or if one position is off the other's tangent plane by more than [`MOST_OFF`] of their distance. A bound
+//!   relative to the distance does not depend on the scale of the scene or the picture.
+//! - Differences from the pixel's own value are averaged, so a constant stays the same to the bit.
 
 #![allow(clippy::needless_range_loop, reason = "a pixel indexes several lists side by side")]
 
@@ -24,7 +24,7 @@ pub const LEAST_COSINE: f32 = std::f32::consts::FRAC_1_SQRT_2;
 /// How far a position may be off another's tangent plane, as a part of their distance.
 pub const MOST_OFF: f32 = 0.2;
 
-/// A share of each pixel, and the surfaces that edges are found from; keeps its memory from picture to picture.
+/// A share for each pixel, and the surfaces in which edges are found. The memory is kept from picture to picture.
 #[derive(Debug, Default)]
 pub struct Filter {
     width: usize,
@@ -35,7 +35,7 @@ pub struct Filter {
 }
 
 impl Filter {
-    /// Takes the first component of each pixel of `values`, and its surface: a position and a normal of any length, by the pixel's index.
+    /// Loads the first component of each pixel of `values`. `surface` returns a pixel's position and normal (of any length) by its index.
     ///
     /// # Errors
     /// If there is not enough memory.
@@ -57,7 +57,7 @@ impl Filter {
             for across in 0..values.len() {
                 let [[x, y, z], [a, b, c]] = surface(down * row + across);
                 let scale = 1.0 / (a * a + b * b + c * c).sqrt();
-                // Neither 0 nor too long nor not a number.
+                // The normal is neither 0 nor too long nor NaN, and the position is finite.
                 let shown = scale > 0.0 && scale.is_finite() && x.is_finite() && y.is_finite() && z.is_finite();
                 [px[across], py[across], pz[across]] = if shown { [x, y, z] } else { [0.0; 3] };
                 [nx[across], ny[across], nz[across]] = if shown { [a * scale, b * scale, c * scale] } else { [0.0; 3] };
@@ -67,7 +67,7 @@ impl Filter {
         Ok(())
     }
 
-    /// Filters so many levels; the pixels' values then. May be given up between rows.
+    /// Filters `levels` levels, at most [`MAX_FILTER_LEVELS`], and returns the filtered shares. A cancelled run skips rows.
     pub fn run(&mut self, levels: u32, progress: &Progress) -> &[f32] {
         let width = self.width;
         for level in 0..levels.min(MAX_FILTER_LEVELS) {
@@ -91,7 +91,7 @@ impl Filter {
     }
 }
 
-/// A row of a level.
+/// Kernel that filters one row of a level.
 struct Row<'a> {
     surfaces: &'a [Vec<f32>; 6],
     shares: &'a [f32],
@@ -121,7 +121,7 @@ impl Kernel<()> for Row<'_> {
                     continue;
                 }
                 let spline = SPLINE[down.abs_diff(2)] * SPLINE[across.abs_diff(2)];
-                // Columns of which the other one is in the picture.
+                // Columns whose tap is inside the picture.
                 let first = (2 * step).saturating_sub(across * step).min(width);
                 let last = (width + 2 * step).saturating_sub(across * step).min(width);
                 if first >= last {
@@ -170,7 +170,7 @@ mod tests {
         unit(pcg4d([index, 7, 0, 0])[0])
     }
 
-    /// A picture of a wall in the left half and another surface in the right one: as far behind, and so turned.
+    /// A picture of a wall in the left half and another surface in the right half, offset by `behind` in z and turned by an angle.
     fn walls(behind: f32, turned: f32) -> [Vec<[f32; 4]>; 2] {
         let pixels = 0..SIDE * SIDE;
         let left = |index: u32| index % SIDE < SIDE / 2;
@@ -239,7 +239,7 @@ mod tests {
         println!("{mean} {after} {} {}", less / variance, along * along);
         assert!((less / variance / (along * along) - 1.0).abs() < 0.15);
         assert!((after - mean).abs() < 5e-3);
-        // Two levels are one spline with holes after another.
+        // Two levels are the convolution of one spline with another whose taps are two pixels apart.
         let mut two = [0.0f64; 13];
         let taps = [1.0 / 16.0, 0.25, 0.375, 0.25, 1.0 / 16.0];
         (0..5).for_each(|a| (0..5).for_each(|b| two[a + 2 * b] += taps[a] * taps[b]));
@@ -247,7 +247,7 @@ mod tests {
         let (_, less) = moments(&filtered(&values, &walls(0.0, 0.0), 2));
         println!("{} {}", less / variance, along * along);
         assert!((less / variance / (along * along) - 1.0).abs() < 0.3);
-        // Over the whole of a picture the mean changes by what the borders do.
+        // Over the whole picture, only the borders change the mean.
         let mean = |values: &[f32]| values.iter().map(|value| f64::from(*value)).sum::<f64>() / values.len() as f64;
         let [before, after] = [0, 2].map(|levels| mean(&filtered(&values, &walls(0.0, 0.0), levels)));
         assert!((before - after).abs() < 1e-3, "{before} {after}");

@@ -1,10 +1,10 @@
 //! Mirrors: the planes of glass that a picture shows, and the cameras that see the mirrored scene.
 //!
-//! A ray from the eye through a pixel's centre that is mirrored at a plane continues the ray of the mirrored eye
-//! through the same point of the plane. With the camera's own projection, that point is at the same pixel. So an image
-//! of the scene from the mirrored camera, cut off at the plane, holds in each pixel of the mirror exactly what the
-//! pixel's mirrored ray hits: nothing is filtered. (Blinn and Newell 1976 mirror at planes in this way; Kilgard,
-//! "Improving Shadows and Reflections via the Stencil Buffer", 1999, draws it on hardware.)
+//! A ray from the eye hits a plane and is mirrored there. The mirrored ray lies on the line from the mirrored eye through
+//! the same point of the plane. With the camera's own projection, that point is at the same pixel for both eyes. So in an
+//! image of the scene from the mirrored camera, clipped at the plane, each pixel of the mirror shows exactly the hit of
+//! the pixel's mirrored ray, without filtering. (Blinn and Newell 1976 mirror at planes in this way; Kilgard, "Improving
+//! Shadows and Reflections via the Stencil Buffer", 1999, draws such images on hardware.)
 
 use super::bounds::{Bounds, Frustum};
 use super::planes::{GlassPlane, Glazing, NO_PLANE, agrees};
@@ -201,8 +201,8 @@ impl Camera {
         let mirrored_eye = self.eye - 2.0 * height * normal;
         let eye = mirrored_eye.as_vec3();
         let scale = plane.bounds.min.abs().max(plane.bounds.max.abs()).max_element();
-        // Within the slack of the mirror's own glass, and of the rounding of distances in 32-bit floats, a point counts
-        // as in the mirror.
+        // Points within this distance count as lying in the mirror: the slack of the mirror's own glass, plus the
+        // rounding of distances in 32-bit floats.
         let reach = match self.depth {
             Depth::Near(_) => plane.bounds.farthest_from(self.eye),
             Depth::Scene(_) => f64::from(scale),

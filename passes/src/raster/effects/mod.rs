@@ -1,12 +1,12 @@
-//! What the raster effects of both rasterisers share: the cameras of maps, and the lookups in them.
+//! Code that the raster effects of both rasterisers share: the cameras of maps, and lookups in maps.
 //!
 //! Everything here is a pure function of the job, so that the rasterisers agree up to rounding:
 //!
 //! - [`cascades`], [`shadow`]: the number of depth maps, the map that serves a pixel, the maps' cameras, and the shadow
 //!   test.
 //! - [`panes`], [`cube`]: the panes that get a cube map, the cameras of the map, and the lookup of a direction.
-//! - [`proxy`]: boxes that stand for a cube map's surroundings, so that lookups from beside the map's centre are right,
-//!   too.
+//! - [`proxy`]: boxes that approximate a cube map's surroundings, for lookups from places other than the map's centre
+//!   (parallax correction).
 //! - [`planes`], [`mirrors`]: the planes that flat glass lies in, the choice of planes that mirror, and the cameras
 //!   mirrored at them.
 //! - [`screen`]: the surfaces of the picture that rays from glass hit.
@@ -14,7 +14,7 @@
 //! - [`occlusion`]: the screen-space ambient occlusion of a pixel.
 //!
 //! # Pixels that an effect leaves alone
-//! The same as in the ray programs in corrected fidelity. `shadowMap` writes 1 where the position's `w` is not above 0
+//! The rules are those of the ray programs in corrected fidelity. `shadowMap` writes 1 where the position's `w` is not above 0
 //! (background, and surfaces turned away from the light). The occlusions write 1 where the normal is 0 (background).
 //! Cube maps and mirrors keep the colour of pixels that are not glass; mirrors also keep that of glass without a
 //! mirror. Alpha is 1 except for kept colours.
@@ -23,7 +23,7 @@
 //! - The geometric normal is unknown: sides and slopes are those of the shading normal.
 //! - Cube maps show the world from the centre of a pane, shaded as in the G-buffer (stored normals, filtered textures,
 //!   emission), and without glass.
-//! - Mirrors show what rays hit that are mirrored once, shaded in the same way, and without glass.
+//! - Mirrors show the hits of rays that are mirrored once, shaded in the same way, and without glass.
 //! - Occlusions know only the surfaces that the camera sees.
 
 pub mod bounds;
@@ -91,8 +91,8 @@ impl SceneCache {
         self.panes.get_or_insert_with(|| panes::find(&scene.geometry, glass))
     }
 
-    /// Gives probes the proxies of their panes; `look` computes one that is not cached. `glass` is the one the panes
-    /// were found with.
+    /// Gives probes the proxies of their panes; `look` computes a proxy that is not cached. The cache is by pane index, so
+    /// the probes must be of the panes that [`Self::panes`] returned last.
     ///
     /// # Errors
     /// The errors of `look`.

@@ -115,7 +115,7 @@ impl Probe {
         cube::view(face, self.center, self.near, self.far)
     }
 
-    /// The viewpoint from which its proxy is found.
+    /// The viewpoint from which the probe's proxy is computed.
     #[must_use]
     pub fn eye(&self) -> Eye {
         let half = (self.bounds.max - self.bounds.min) * 0.5;

@@ -1,10 +1,10 @@
 //! Groups flat glass by plane, so that one mirror serves all glass in a plane.
 //!
-//! A plane is that of a triangle, in `f64`. Another triangle lies in it if its corners do, within what rounding
-//! explains. Positions have an error of [`ROUNDING`] times their largest coordinate. The error of a plane through three
-//! such points is this times the sum of the absolute barycentric coordinates of the place. Larger triangles are visited
-//! first, so that the planes others are compared with are the most exact. So the panes of a facade become one mirror,
-//! and a mirror is never farther from its glass than the error of the positions.
+//! One triangle defines a plane, in `f64`. Another triangle lies in that plane if its corners do, up to rounding errors.
+//! Positions have an error of [`ROUNDING`] times their largest coordinate. At a given place, the error of a plane through
+//! three such points is this error times the sum of the place's absolute barycentric coordinates. Larger triangles are
+//! visited first, because they define planes most exactly. So the panes of a facade become one mirror, and a mirror is
+//! never farther from its glass than the error of the positions.
 
 use super::bounds::Bounds;
 use curitiba_pipeline::memory::{Refused, with_capacity};
@@ -16,8 +16,8 @@ use std::collections::HashMap;
 /// and for the products and sums that transformed it, the total is at most 3.5 units.
 pub const ROUNDING: f64 = 1.0 / (1 << 21) as f64;
 
-/// Greatest sine between a plane and its shading normals, beside the lean that the rounding of positions explains: a
-/// milliradian, three times the error of normals in 16-bit floats. Glass with larger deviations is bent or bumpy, and
+/// Greatest sine between a plane's normal and its shading normals, in addition to the tilt by the rounding of positions:
+/// a milliradian, three times the error of normals in 16-bit floats. Glass with larger deviations is bent or bumpy, and
 /// does not mirror as its plane would.
 pub const MAX_SINE: f64 = 1e-3;
 
@@ -27,7 +27,7 @@ const LARGEST_SINE: f64 = 0.5 / CELLS;
 /// Plane index of triangles that lie in no plane: degenerate or bent.
 pub const NO_PLANE: u32 = u32::MAX;
 
-/// Number of cells into which a unit of each normal's component is divided.
+/// Number of cells per unit of each component of a normal.
 const CELLS: f64 = 32.0;
 
 /// Whether a shading normal is perpendicular to a plane, on either side. `plane` is its unit normal and, in `w`, the
@@ -46,7 +46,7 @@ pub struct GlassPlane {
     pub normal: DVec3,
     /// Dot product of the normal and a point of the plane.
     pub offset: f64,
-    /// Greatest distance of its glass from it: corners of triangles that rounding moved.
+    /// Greatest distance of a corner of its glass from the plane, which is due to rounding.
     pub slack: f64,
     /// Greatest sine between the plane's normal and its shading normals.
     pub max_sine: f64,
@@ -100,7 +100,7 @@ struct Facet {
 }
 
 impl Facet {
-    /// Error of the plane at this distance from the triangle's centre: the sum of the absolute barycentric coordinates
+    /// Error of the plane at a distance `r` from the triangle's centre: the sum of the absolute barycentric coordinates
     /// there is at most `1 + 2 r / height`.
     fn error_at(&self, distance: f64) -> f64 {
         self.rounding * (1.0 + 2.0 * distance / self.height)
@@ -198,7 +198,7 @@ impl Planes {
         // The geometric normal of a sliver is inexact; its shading normals are exact.
         let shown = shading[0].and_then(Vec3::try_normalize).map_or(own, Vec3::as_dvec3);
         let rounding = rounding_of(&corners);
-        // The greatest distance of the triangle's corners from a plane; `None` if it does not lie in the plane.
+        // The greatest distance of the triangle's corners from a plane; `None` if the triangle does not lie in the plane.
         let off = |plane: &GlassPlane, facet: &Facet| {
             let all = corners.each_ref().map(|corner| plane.distance(*corner).abs());
             let explained =

@@ -1,4 +1,4 @@
-//! Boxes that stand for the surroundings of a cube map, so that the map can be looked up from beside its centre.
+//! Boxes that approximate the surroundings of a cube map, for lookups from places other than the map's centre.
 //!
 //! A cube map holds what its centre sees. From another place the same direction hits another point, and the difference
 //! is the larger the nearer that point is. With a box around the centre, a ray from any place in the box is followed to
@@ -8,9 +8,9 @@
 //!
 //! Such boxes are usually placed by hand; this one is computed. The scene is drawn from the centre into six faces of
 //! [`FACE`] x [`FACE`] pixels. Each pixel belongs to the side of the box that its normal faces, with its distance along
-//! that axis. A side is placed at the median of its pixels' distances, weighted by solid angle. From a place `s` beside
-//! the centre, a point at distance `t` is looked up with an angular error of about `s (1/t - 1/d)` if the side is at
-//! `d`. The median is the `d` that minimises the sum of these angles, and outliers do not move it.
+//! that axis. A side is placed at the median of its pixels' distances, weighted by solid angle. From a place at distance
+//! `s` from the centre, the lookup of a point at distance `t` has an angular error of about `s (1/t - 1/d)`, where `d` is
+//! the distance of the side. The median is the `d` that minimises the sum of these errors, and outliers do not move it.
 
 use super::cube::{self, FACES};
 use curitiba_pipeline::backend::{Attachments, NO_TRIANGLE, View};

@@ -67,8 +67,8 @@ impl ShadowFit {
         let (anchor, half) =
             ((scene.min.as_dvec3() + scene.max.as_dvec3()) * 0.5, (scene.max.as_dvec3() - scene.min.as_dvec3()) * 0.5);
         let reach = direction.abs().dot(half);
-        // `tangent` is that of the disc's half angle. `aside` is how far aside an occluder of the disc may lie; the map
-        // grows by this, but by no more than half its radius.
+        // `tangent` is the tangent of the disc's half angle. `aside` is the greatest distance across the light at which an
+        // occluder of the disc may lie. The map's radius grows by `aside`, but by no more than half.
         let tangent = (f64::from(params.sun) * 0.5).to_radians().tan();
         let aside = |radius: f64| (tangent * 2.0 * reach).min(0.5 * radius);
         let largest = scene.min.abs().max(scene.max.abs()).max_element();
@@ -170,7 +170,7 @@ impl ShadowFit {
         ((1.0 - cos * cos).sqrt() / cos).min(MAX_SLOPE)
     }
 
-    /// Whether a position is in light, where all `(2 pcf + 2)^2` texels that [`Self::lit_share`] reads say the same. `None` where they
+    /// Whether a position is lit, if the tests of all `(2 pcf + 2)^2` texels that [`Self::lit_share`] reads agree. `None` if the tests
     /// differ, outside the map, and for a position that is not finite.
     #[must_use]
     #[inline]
@@ -189,8 +189,8 @@ impl ShadowFit {
         rows.all(|row| row.iter().all(|stored| (depth >= *stored) == lit)).then_some(lit)
     }
 
-    /// The light's share at a position, 0..=1, from a map of `size` x `size` depths, top row first; a depth of 0 is an
-    /// empty texel. Positions outside the map are lit.
+    /// The share of the light that reaches a position, 0..=1, from a map of `size` x `size` depths, top row first. A depth
+    /// of 0 is an empty texel. Positions outside the map are lit.
     ///
     /// The mean of `(2 pcf + 1)^2` tests, each bilinear between the four texels around its place: Reeves, Salesin and
     /// Cook, "Rendering Antialiased Shadows with Depth Maps", SIGGRAPH 1987. Together they read `(2 pcf + 2)^2` texels;

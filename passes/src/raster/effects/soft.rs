@@ -12,9 +12,9 @@
 //! widens no penumbra.
 //!
 //! # Bias
-//! A texel is compared with a plane through the point, as steep as the surface but in any direction. So the bias grows
-//! with the texel's distance from the point. Wide kernels do not leak: inside the cone the bias is less than the
-//! occluder's distance, unless the disc reaches below the horizon.
+//! A texel is compared with a plane through the point that is as steep as the surface and rises towards the texel, in
+//! whatever direction the texel lies. So the bias grows with the texel's distance from the point. Wide kernels do not
+//! leak: inside the cone the bias is less than the occluder's distance, unless the disc reaches below the horizon.
 //!
 //! # Limits
 //! The number of taps is fixed. A search of [`SEARCH_TAPS`] texels misses thin, distant occluders. Where several
@@ -76,8 +76,8 @@ pub static TAPS: LazyLock<Taps> = LazyLock::new(|| {
 });
 
 impl ShadowFit {
-    /// The share of the light's disc that is visible from a position, 0..=1; else as [`Self::lit_share`]. The kernel is
-    /// never smaller than that of a point light.
+    /// The share of the light's disc that is visible from a position, 0..=1, with the arguments of [`Self::lit_share`]. The
+    /// kernel is never smaller than that of a point light.
     #[must_use]
     pub fn soft_share(&self, map: &[f32], position: Vec3, cos: f32, params: &EffectParams) -> f32 {
         let place = self.place(position);
@@ -113,7 +113,7 @@ impl ShadowFit {
         lit.min(1.0)
     }
 
-    /// Radius in texels within which something may hide the disc from a place of this depth.
+    /// Radius in texels within which an occluder may hide the disc from a place of this depth.
     #[inline]
     pub(super) fn search(&self, depth: f32) -> f32 {
         (self.spread * (1.0 - depth).clamp(0.0, 1.0)).min(self.aside)

@@ -116,7 +116,7 @@ pub fn abilities() -> Vec<(AdapterSummary, String)> {
         .collect()
 }
 
-/// What an adapter with these features and limits can do, and what it lacks.
+/// The text that says what an adapter with these features and limits can do, and what it lacks.
 fn describe(features: wgpu::Features, limits: &wgpu::Limits) -> String {
     let bound = limits.max_storage_buffer_binding_size.min(MAX_BUFFER_BYTES) >> 20;
     let side = limits.max_texture_dimension_2d;
@@ -146,7 +146,7 @@ pub(super) fn has_plane_depth(features: wgpu::Features, limits: &wgpu::Limits) -
     features.contains(wgpu::Features::PRIMITIVE_INDEX) && limits.max_storage_buffers_per_shader_stage >= PLANE_BUFFERS
 }
 
-/// Whether vertex and fragment shaders can read what tells them of exact spheres.
+/// Whether vertex and fragment shaders can read the records of exact spheres.
 pub(super) fn draws_spheres(limits: &wgpu::Limits) -> bool {
     limits.max_storage_buffers_per_shader_stage >= SPHERE_BUFFERS
 }

@@ -11,7 +11,7 @@ struct Frame {
     to_light: vec4<f32>,
     // Colour of the light; alpha is 1.
     light_color: vec4<f32>,
-    // MIRRORED: its dot product with a position relative to `eye`, and 1, is below 0 behind the mirror.
+    // MIRRORED: the plane of the mirror. Its dot product with a position relative to `eye`, and 1, is below 0 behind the mirror.
     clip_plane: vec4<f32>,
     // The lines of sight of the pixels, as `LinesOfSight`.
     origin: vec4<f32>,
@@ -21,22 +21,22 @@ struct Frame {
     towards: vec4<f32>,
     // PER_PIXEL: the part of the picture that is shaded, in pixels: its upper left corner, its width and its height.
     part: vec4<u32>,
-    // PER_PIXEL: the colour where there is nothing.
+    // PER_PIXEL: the colour of pixels without a surface.
     background: vec4<f32>,
 }
 //#if PLANE_DEPTH
 
 // The plane of a triangle for one camera.
 struct Plane {
-    // Its dot product with a homogeneous point minus `frame.origin` is 0 in the plane.
+    // The dot product of this with a homogeneous point minus `frame.origin` is 0 in the plane.
     plane: vec4<f32>,
-    // Change of depth for a pixel to the right and down.
+    // Change of depth for one pixel to the right, and for one down.
     slope: vec2<f32>,
-    // 1 / its dot product with `frame.towards`.
+    // 1 / the dot product of `plane` with `frame.towards`.
     scale: f32,
 }
 
-// The dot product. It is written as fused operations so that every variant rounds alike: of equal triangles the first drawn is to stay.
+// The dot product. It is written as fused operations so that every variant rounds alike: of equal triangles, the first one drawn must stay.
 fn product(a: vec4<f32>, b: vec4<f32>) -> f32 {
     return fma(a.x, b.x, fma(a.y, b.y, fma(a.z, b.z, a.w * b.w)));
 }

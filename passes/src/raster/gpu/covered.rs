@@ -3,11 +3,11 @@
 use curitiba_pipeline::backend::{Rect, View};
 use glam::Vec3;
 
-/// Pixels beside those of the projected box: corners of triangles are snapped, and sums are rounded.
+/// Margin around the projected box, in pixels, because corners of triangles are snapped and sums are rounded.
 const MARGIN: f64 = 1.0;
 
-/// The pixels of `part` that may show what lies between two corners of a box: place relative to the part's, width and height. `size` is the
-/// picture's. All of the part, where a corner of the box is not in front of the eye.
+/// The pixels of `part` that may show something in a box, which is given by two opposite corners. The result is relative to the corner of
+/// `part`; `size` is the picture's size. The result is the whole part if a corner of the box is not in front of the eye.
 pub(super) fn covered(view: &View, size: [u32; 2], part: Rect, [low, high]: [Vec3; 2]) -> Rect {
     let whole = Rect { x: 0, y: 0, ..part };
     let (clip, eye) = view.projection();
@@ -26,7 +26,7 @@ pub(super) fn covered(view: &View, size: [u32; 2], part: Rect, [low, high]: [Vec
             (from[axis], to[axis]) = (from[axis].min(pixel), to[axis].max(pixel));
         }
     }
-    // Casts cut off what is beyond the numbers' range.
+    // Casts saturate at the ends of the range of `u32`.
     let span = |axis: usize, start: u32, length: u32| {
         let clamped = |pixel: f64| (pixel as u32).clamp(start, start + length) - start;
         let first = clamped((from[axis] - MARGIN).floor());

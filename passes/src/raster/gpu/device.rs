@@ -15,7 +15,7 @@ use std::sync::{Arc, Mutex, PoisonError};
 
 /// Bytes of an upload that are handed over at once; bounds the driver's staging memory.
 const UPLOAD_PIECE: usize = 32 << 20;
-/// Bytes of an upload that is not waited for: it is handed over with the next submission.
+/// Greatest upload, in bytes, that is not waited for: it is handed over with the next submission.
 const SMALL_UPLOAD: usize = 1 << 20;
 
 /// Number of storage buffers and textures of a program that shades each pixel once.
@@ -27,8 +27,8 @@ const SHADING_TEXTURES: u32 = 4;
 pub(crate) enum Parameters {
     /// In a uniform buffer.
     Uniform,
-    /// In a storage buffer. Mesa's driver for processors takes the numbers in a uniform buffer for constants of the program, and compiles it
-    /// again whenever they change: of small programs that takes 20 ms a launch, of large ones seconds (Mesa 22.3).
+    /// In a storage buffer. Mesa's driver for processors treats the numbers in a uniform buffer as constants of the program, and recompiles
+    /// the program whenever they change. For small programs that takes 20 ms a launch, for large ones seconds (Mesa 22.3).
     Storage,
 }
 
@@ -46,7 +46,7 @@ impl Parameters {
         }
     }
 
-    /// What their buffer is for.
+    /// The usage of their buffer.
     pub fn usage(self) -> wgpu::BufferUsages {
         match self {
             Self::Uniform => wgpu::BufferUsages::UNIFORM,
@@ -59,9 +59,9 @@ impl Parameters {
         u32::from(self == Self::Storage)
     }
 
-    /// A WGSL source with the entry `main`, which declares them as uniform, with their declarations as they are bound. In a storage buffer
-    /// they are copied once a thread: Mesa's driver does not see that reads of such a buffer give the same numbers, and large programs read
-    /// them at ten thousand places.
+    /// Adapts the declarations of the parameters to their binding, in a WGSL source with the entry `main` that declares them as uniform. From
+    /// a storage buffer each thread copies them once: Mesa's driver does not see that repeated reads of such a buffer give the same numbers,
+    /// and large programs read the parameters at ten thousand places.
     pub fn declared(self, source: &str) -> Cow<'_, str> {
         if self == Self::Uniform {
             return source.into();
@@ -174,12 +174,12 @@ impl Gpu {
         self.device.features().contains(feature)
     }
 
-    /// Whether depth can be that of the planes of triangles: fragments then read that of their triangle.
+    /// Whether fragments can compute depth on the plane of their triangle, which they read from a buffer.
     pub fn has_plane_depth(&self) -> bool {
         has_plane_depth(self.device.features(), &self.limits)
     }
 
-    /// Whether exact spheres can be drawn, whose records vertex and fragment shaders read.
+    /// Whether exact spheres can be drawn: vertex and fragment shaders read their records.
     pub fn draws_spheres(&self) -> bool {
         draws_spheres(&self.limits)
     }
@@ -192,7 +192,7 @@ impl Gpu {
             && limits.max_storage_textures_per_shader_stage >= SHADING_TEXTURES
     }
 
-    /// The first failure since the last call, as an error; so is memory that may not be held.
+    /// Returns the first failure since the last call as an error. It is also an error if the memory that the device takes is refused.
     pub fn check(&self, doing: &str) -> Result<(), BackendError> {
         let message = self.faults.with(|log| log.first.take().or_else(|| log.lost.clone()));
         match message.or_else(|| self.count_memory().err().map(|refused| refused.to_string())) {
@@ -201,13 +201,13 @@ impl Gpu {
         }
     }
 
-    /// Counts the buffers and textures of a software driver as memory of the process, where they lie. They are there when they are
-    /// counted, but a driver's pages take memory only once they are written.
+    /// Counts the buffers and textures of a software driver as memory of the process, because that is where they lie. They are allocated
+    /// before they are counted, but a driver's pages take memory only once they are written.
     fn count_memory(&self) -> Result<(), memory::Refused> {
         if self.adapter.kind != AdapterKind::Software {
             return Ok(());
         }
-        // Held while the device is asked, so that no other thread counts what is newer in between.
+        // Locked while the device is asked, so that no other thread stores a newer count in between.
         let mut counted = self.counted.lock().unwrap_or_else(PoisonError::into_inner);
         let counters = self.device.get_internal_counters().hal;
         let held = (counters.buffer_memory.read() + counters.texture_memory.read()) as i64;
@@ -229,7 +229,7 @@ impl Gpu {
         self.wait(doing)
     }
 
-    /// The program `text` in WGSL, whose entry is `entry`; its bindings follow from the text.
+    /// Builds a compute program from WGSL with the entry point `entry`. Its bind group layouts are derived from the text.
     pub fn compute_program(
         &self,
         label: &str,
@@ -253,13 +253,13 @@ impl Gpu {
         Ok(pipeline)
     }
 
-    /// As [`Self::check`], after a program is made whose layout follows from its text. Of a lost device it has none, and wgpu 30 panics when
-    /// it is asked for; it tells of the loss when it is polled.
+    /// As [`Self::check`], after a program is built whose layout is derived from its text. On a lost device the program has no layout, and
+    /// wgpu 30 panics when asked for it. The device reports its loss when it is polled, so it is polled here.
     pub fn check_made(&self, doing: &str) -> Result<(), BackendError> {
         self.poll(wgpu::PollType::Poll, doing)
     }
 
-    /// Waits until the device has finished what was submitted.
+    /// Waits until the device has finished all submitted work.
     fn wait(&self, doing: &str) -> Result<(), BackendError> {
         self.poll(wgpu::PollType::wait_indefinitely(), doing)
     }
@@ -354,7 +354,8 @@ fn describe(error: &wgpu::Error) -> String {
     }
 }
 
-/// Copies texels to a texture, level by level, and waits before more than a piece is handed over: what waits is held by the driver as well.
+/// Copies texels to a texture, level by level. Waits before more than `UPLOAD_PIECE` bytes are pending, because the driver holds a copy of
+/// pending texels.
 pub(crate) struct TextureUpload<'a> {
     gpu: &'a Gpu,
     texture: &'a wgpu::Texture,

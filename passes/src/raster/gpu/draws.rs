@@ -13,7 +13,7 @@ use curitiba_pipeline::backend::{Attachments, BackendError, Light, RasterJob, Re
 use glam::{Vec3, Vec4};
 use std::num::NonZeroU64;
 
-/// Side of the square of pixels that a group of a shading program shades.
+/// Side of the square of pixels that a workgroup of a shading program shades.
 const SHADING_GROUP: u32 = 16;
 
 /// One draw call.
@@ -49,17 +49,17 @@ pub(super) struct DrawList {
     stride: usize,
     frame: wgpu::Buffer,
     uniforms: wgpu::Buffer,
-    /// `Lights`; made for the first job with several lights, or one with a place.
+    /// `Lights`; made for the first job with several lights or a positional light.
     lights: Option<wgpu::Buffer>,
-    /// Whether the listed draws are of such a job.
+    /// Whether the listed draws bind `Lights`.
     many: bool,
     /// Whether the depth of the listed draws is that of planes.
     planes: bool,
-    /// What the listed draws are bound to: by chunk if their depth is that of planes, else one.
+    /// Bind groups of the listed draws: one for each chunk if their depth is that of planes, else a single one.
     bindings: Vec<wgpu::BindGroup>,
-    /// By chunk: what the program of planes reads and writes. Empty if the depth of the listed draws is not that of planes.
+    /// Bind groups of the program of planes, by chunk. Empty if the depth of the listed draws is not that of planes.
     plane_bindings: Vec<wgpu::BindGroup>,
-    /// The part of the picture whose pixels are shaded once each, from the triangles that are seen; `None` if triangles are drawn.
+    /// The part of the picture whose pixels are shaded once each, from the visibility buffer; `None` if triangles are drawn.
     shaded: Option<Rect>,
     /// Colour of pixels that show nothing.
     background: Vec4,
@@ -206,7 +206,7 @@ impl DrawList {
     /// Sets which pixels of a part of the picture are shaded for each draw.
     fn cover(&mut self, view: &View, size: [u32; 2], part: Rect) {
         for (index, draw) in self.draws.iter_mut().enumerate() {
-            // The first one writes the pixels that show nothing, too.
+            // The first draw also writes the pixels that show nothing.
             let pixels = match index {
                 0 => Rect { x: 0, y: 0, ..part },
                 _ => covered(view, size, part, draw.bounds),
@@ -233,7 +233,7 @@ impl DrawList {
         Ok(())
     }
 
-    /// Binds what the listed draws read. It is bound for each job, because the buffers may be others by now.
+    /// Binds the buffers that the listed draws read; anew for each job, because buffers may have been replaced.
     fn bind(&mut self, gpu: &Gpu, layouts: &Layouts, geometry: &DeviceGeometry) -> Result<(), BackendError> {
         self.bindings.clear();
         self.plane_bindings.clear();
@@ -256,7 +256,7 @@ impl DrawList {
         gpu.check("binding of the uniforms")
     }
 
-    /// `Frame`, `Draw` and, for several lights or one with a place, `Lights`.
+    /// `Frame`, `Draw` and, for several lights or a positional light, `Lights`.
     fn uniforms(&self) -> Vec<wgpu::BindGroupEntry<'_>> {
         let size = NonZeroU64::new(size_of::<DrawUniform>() as u64);
         let draw = wgpu::BufferBinding { buffer: &self.uniforms, offset: 0, size };
@@ -268,7 +268,7 @@ impl DrawList {
         entries
     }
 
-    /// `Frame` of the listed draws and, for several lights or one with a place, `Lights`.
+    /// `Frame` of the listed draws and, for several lights or a positional light, `Lights`.
     pub fn shared_uniforms(&self) -> (&wgpu::Buffer, Option<&wgpu::Buffer>) {
         (&self.frame, self.lights.as_ref().filter(|_| self.many))
     }
@@ -301,7 +301,7 @@ impl DrawList {
         !self.plane_bindings.is_empty()
     }
 
-    /// Records, before the draws, the computation of the planes that they read, if they do.
+    /// Records the computation of the planes, if the draws read planes. It must come before the draws.
     pub fn record_planes(
         &self,
         gpu: &Gpu,
@@ -318,7 +318,7 @@ impl DrawList {
         }
     }
 
-    /// Records the shading of each pixel, from the triangles that `targets` says are seen.
+    /// Records the shading of each pixel, from the visibility buffer of `targets`.
     pub fn record_shading(
         &self,
         gpu: &Gpu,

@@ -8,7 +8,7 @@ pub(crate) const NAME: &str = "wgpu";
 /// What the user can do where the device cannot.
 const REMEDY: &str = "`--raster cpu` draws without a GPU";
 
-/// The same error of a device with the remedy of the ray backend of the same name.
+/// The same error, with the remedy replaced by that of the ray backend of the same name.
 pub(crate) fn of_rays(error: BackendError) -> BackendError {
     const OF_RAYS: &str = "`--backend cpu` traces without a GPU";
     match error {

@@ -4,20 +4,20 @@
 //   COLOR, POSITION, NORMAL, TRIANGLE   attachments that are written
 //   VERTEX_NORMAL                       the vertices carry normals, and something above reads them
 //   TEXTURED                            the material has a texture, and COLOR or ALPHA_CUT reads it
-//   WRITES                              any attachment at all; without, only the depth is left
+//   WRITES                              any attachment is written; without it, only the depth is
 //   TEXCOORD                            the vertices carry texture coordinates: TEXTURED, GLOW_TEXTURED or BENT
-//   GLOW, GLOW_TEXTURED                 the material sends out light, and a texture says where
+//   GLOW, GLOW_TEXTURED                 the material emits light; its texture gives the emission
 //   BENT                                a normal map bends the normals; the vertices carry tangents
 //   WORLD                               the place in the world is interpolated: POSITION, BENT or LIGHTS
-//   WRAPPED                             the samplers say what lies beyond the sides of textures; without, all repeat
+//   WRAPPED                             the samplers wrap texture coordinates; without it, all textures repeat
 //   VERTEX_COLOR                        the vertices carry colours, and COLOR or ALPHA_CUT reads them
 //   ALPHA_CUT                           where alpha is below the material's cutoff there is no surface
-//   LIGHTS                              several lights, or one with a place, in place of the light of `Frame`
-//   SKY                                 nothing but the colour is left
+//   LIGHTS                              several lights, or one with a place, instead of the light of `Frame`
+//   SKY                                 only the colour is written
 //   MIRRORED                            seen by a mirrored camera: nothing is behind the mirror
 //   PLANE_DEPTH                         depth is that of the triangle's plane, not the device's
 //   EARLY                               the device drops hidden fragments by its own depth, which a bias makes nearer
-//   PRIMITIVE                           which triangle of its draw a fragment is of: TRIANGLE or PLANE_DEPTH
+//   PRIMITIVE                           the fragment's triangle within its draw is known: for TRIANGLE or PLANE_DEPTH
 //   PER_PIXEL                           a compute program, which shades each pixel once, from the visibility buffer: the ids of the
 //                                       triangles that are seen; cuts, mirrors and depth were decided when the ids were drawn
 //   LEAVES                              WRITES or PLANE_DEPTH
@@ -55,7 +55,7 @@ struct Draw {
 //#endif
 //#if PER_PIXEL
 
-// Ids plus 1 of the triangles that are seen.
+// Ids, plus 1, of the visible triangles.
 @group(0) @binding(3) var visible: texture_2d<u32>;
 // Three indices of vertices for each triangle of the chunk.
 @group(0) @binding(4) var<storage, read> corners: array<u32>;
@@ -64,7 +64,7 @@ struct Draw {
 @group(0) @binding(7) var<storage, read> texcoords: array<vec2<f32>>;
 @group(0) @binding(8) var<storage, read> colors: array<vec4<f32>>;
 @group(0) @binding(9) var<storage, read> tangents: array<vec4<f32>>;
-// The attachments. `pipelines.rs` puts in their formats.
+// The attachments. `pipelines.rs` inserts their formats.
 //#if COLOR
 @group(0) @binding(10) var color_attachment: texture_storage_2d<COLOR_FORMAT, write>;
 //#endif
@@ -156,7 +156,7 @@ struct Pixel {
 
 //#if PER_PIXEL
 //#if TEXCOORD
-// Changes of the texture coordinates from the pixel to the other ones of its square of four pixels, across and down.
+// Changes of the texture coordinates to the neighbouring pixels of the same square of four pixels, across and down.
 var<private> across: vec2<f32>;
 var<private> down: vec2<f32>;
 //#endif
@@ -266,17 +266,17 @@ fn bent(texel: vec3<f32>, normal: vec3<f32>, tangent: vec4<f32>, flat_normal: ve
 //#endif
 
 //#if PLANE_DEPTH
-// Depth at a pixel: that of the plane through the triangle's corners, as they are in the world. The device interpolates between corners
-// that it snapped to parts of a pixel, on a plane that leans otherwise. `pixel` is the fragment's built-in position.
+// Depth at a pixel in the plane through the triangle's exact corners. The device interpolates between corners that it snapped to fractions of a
+// pixel, on a plane of another slope. `pixel` is the fragment's built-in position.
 //
 //#if EARLY
-// The device's depth is nearer by a bias (`DEPTH_BIAS`), so that no depth that is written is nearer. Then the device can drop fragments of
-// hidden surfaces before they are shaded.
+// The device's depth is made nearer by a bias (`DEPTH_BIAS`), so that no written depth is nearer. The device can then drop fragments of hidden
+// surfaces before they are shaded.
 //
 //#endif
-// The device's depth stays where the two planes lean so differently that snapping must have changed the triangle's shape, as of slivers:
-// where their slopes differ by more than half; and where depth has no accurate value, as of planes seen from their edge: where the depths
-// differ by more than an eighth of a pixel changes them. Both allow for rounding. A comparison with what is no number fails, too.
+// The device's depth is kept in two cases. In the first, the slopes of the two planes differ by more than half: snapping must have changed the
+// triangle's shape, as that of a sliver. In the second, the depths differ by more than an eighth of a pixel changes them: depth has no accurate
+// value there, as for planes seen edge-on. Both limits allow for rounding. A comparison with NaN also keeps the device's depth.
 fn plane_depth(primitive: u32, pixel: vec4<f32>) -> f32 {
     let snapped_slope = vec2<f32>(dpdx(pixel.z), dpdy(pixel.z));
     let own = planes[draw.first_of_chunk + primitive];
@@ -300,7 +300,7 @@ fn plane_depth(primitive: u32, pixel: vec4<f32>) -> f32 {
 //#endif
 
 //#if PER_PIXEL
-// What a pixel shows of a draw's triangle.
+// The values that a pixel shows of a draw's triangle.
 fn shaded(in: Varyings, primitive: u32) -> Pixel {
 //#else
 @fragment
@@ -371,7 +371,7 @@ fn fragment_main(
 //#if BENT
     if length_squared > 1e-30 {
         normal = bent(normal_texel, in.normal, in.tangent, flat_normal);
-        // No light below the horizon of the unbent surface, whatever the bumps face.
+        // There is no light below the horizon of the unbent surface, even where the bent normal faces it.
         let lit = dot(frame.to_light.xyz, in.normal) > 0.0;
         cosine = select(0.0, clamp(dot(frame.to_light.xyz, normal), 0.0, 1.0), lit);
     }
@@ -454,7 +454,7 @@ fn determinant_of(a: vec2<f32>, b: vec2<f32>) -> f32 {
     return fma(a.x, b.y, -product) + fma(-a.y, b.x, product);
 }
 
-// The corners around a place in normalised device coordinates, each times its w.
+// The corners relative to a place in normalised device coordinates, each times its w.
 fn around(place: vec2<f32>, corner: array<vec3<f32>, 3>) -> array<vec2<f32>, 3> {
     return array<vec2<f32>, 3>(
         fma(-place, vec2<f32>(corner[0].z), corner[0].xy),
@@ -463,36 +463,36 @@ fn around(place: vec2<f32>, corner: array<vec3<f32>, 3>) -> array<vec2<f32>, 3> 
     );
 }
 
-// What the corners' shares are proportional to: the doubled areas opposite to them.
+// The doubled areas opposite to the corners, which the barycentric coordinates are proportional to.
 fn areas_of(way: array<vec2<f32>, 3>) -> vec3<f32> {
     return vec3<f32>(determinant_of(way[1], way[2]), determinant_of(way[2], way[0]), determinant_of(way[0], way[1]));
 }
 
-// The corners' shares of the point of a triangle that is seen in `place`, in normalised device coordinates. The corners are in clip
-// coordinates, before they were snapped. They may be behind the eye: this is Olano and Greer's rule, "Triangle scan conversion using 2D
-// homogeneous coordinates" (1997), around the pixel.
+// Barycentric coordinates of the point of a triangle that is seen at `place`, in normalised device coordinates. The corners are in clip
+// coordinates and not snapped. They may be behind the eye: this is the rule of Olano and Greer, "Triangle scan conversion using 2D homogeneous
+// coordinates" (1997), relative to the pixel.
 fn shares(place: vec2<f32>, corner: array<vec3<f32>, 3>) -> vec3<f32> {
     let areas = areas_of(around(place, corner));
     return areas / (areas.x + areas.y + areas.z);
 }
 
-// The place of an edge that is nearest to a pixel on the screen: how far along the edge, from 0 to 1, and the distance from the pixel, in
-// pixels. `from_` and `to_` lead to the edge's ends from the pixel, in pixels.
+// The point of an edge that is nearest to a pixel on the screen: its place along the edge, from 0 to 1, and its distance from the pixel, in
+// pixels. `from_` and `to_` are the vectors from the pixel to the edge's ends, in pixels.
 fn nearest_on_edge(from_: vec2<f32>, to_: vec2<f32>) -> vec2<f32> {
     let along = to_ - from_;
     let squared = dot(along, along);
-    // An edge of no length has one place.
+    // An edge of length 0 has a single point.
     let at = select(0.0, clamp(-dot(from_, along) / squared, 0.0, 1.0), squared > 0.0);
     return vec2<f32>(at, length(fma(along, vec2<f32>(at), from_)));
 }
 
-// The corners' shares of the place of a triangle's border that is nearest to a pixel on the screen, and the distance from there, in pixels.
-// The corners are in front of the eye; `ways` lead to them from the pixel, in pixels.
+// Barycentric coordinates of the point of a triangle's border that is nearest to a pixel on the screen, and its distance in pixels. The corners
+// are in front of the eye; `ways` are the vectors from the pixel to them, in pixels.
 fn nearest_on_border(ways: array<vec2<f32>, 3>, w: vec3<f32>) -> vec4<f32> {
     let a = nearest_on_edge(ways[0], ways[1]);
     let b = nearest_on_edge(ways[1], ways[2]);
     let c = nearest_on_edge(ways[2], ways[0]);
-    // On the screen the place is at `a.x`, `b.x` or `c.x`; shares are those in space.
+    // `a.x`, `b.x` and `c.x` are places along the edges on the screen; the barycentric coordinates are those in space.
     var found = vec3<f32>((1.0 - a.x) * w.y, a.x * w.x, 0.0);
     var least = a.y;
     if b.y < least {
@@ -506,11 +506,12 @@ fn nearest_on_border(ways: array<vec2<f32>, 3>, w: vec3<f32>) -> vec4<f32> {
     return vec4<f32>(found / (found.x + found.y + found.z), least);
 }
 
-// The corners' shares of what a pixel shows of a triangle. `exact` are those of the pixel's centre in the triangle's plane.
+// Barycentric coordinates of the point that a pixel shows of a triangle. `exact` are those of the pixel's centre in the triangle's plane.
 //
-// Where a triangle is narrow, rounding of the shares moves the place that they tell along it. How far is known better than the shares, so
-// they are mended by that. A pixel that a triangle covers only after its corners were snapped lies outside of it, and shows the nearest place
-// of the triangle. So does one whose shares are rounding alone, as of a triangle without width.
+// Where a triangle is narrow, rounding of the barycentric coordinates moves their point along the triangle. The distance of this point from the
+// pixel is known more precisely than the coordinates, which are corrected by it. A pixel that is covered only because the corners were snapped
+// lies outside of the triangle, and shows the nearest point of it. The same holds if the coordinates consist of rounding alone, as for a triangle
+// without width.
 fn shown(exact: vec3<f32>, place: vec2<f32>, pixel_size: vec2<f32>, corner: array<vec3<f32>, 3>) -> vec3<f32> {
     let w = vec3<f32>(corner[0].z, corner[1].z, corner[2].z);
     let ways = around(place, corner);
@@ -521,7 +522,7 @@ fn shown(exact: vec3<f32>, place: vec2<f32>, pixel_size: vec2<f32>, corner: arra
     if all(exact >= vec3<f32>(0.0)) && all(abs(off / pixel_size) < vec2<f32>(1.0 / 4096.0)) {
         return exact;
     }
-    // The areas that shares are made of, and their changes with the place.
+    // The areas that the barycentric coordinates are made of, and their changes with the point.
     let areas = areas_of(ways);
     let changes = vec3<f32>(
         dot(off, vec2<f32>(w.z * b.y - w.y * c.y, w.y * c.x - w.z * b.x)),
@@ -539,7 +540,7 @@ fn shown(exact: vec3<f32>, place: vec2<f32>, pixel_size: vec2<f32>, corner: arra
         }
         return border.xyz;
     }
-    // Where a corner is behind the eye, a place nearby.
+    // Where a corner is behind the eye, some nearby point is used.
     let inside = max(exact, vec3<f32>(0.0));
     let sum = inside.x + inside.y + inside.z;
     return select(vec3<f32>(1.0, 0.0, 0.0), inside / sum, sum > 0.0);
@@ -573,7 +574,7 @@ fn shade(pixel: vec2<u32>) {
 //#endif
         store(pixel, nothing);
     }
-    // Where there is no triangle this is greater than any.
+    // Without a triangle, this is greater than any triangle's number.
     let primitive = seen - draw.first_triangle;
     if primitive >= draw.count {
         return;
@@ -599,7 +600,7 @@ fn shade(pixel: vec2<u32>) {
     let texcoord = texcoords[vertex[0]];
     let edges = mat2x2<f32>(texcoords[vertex[1]] - texcoord, texcoords[vertex[2]] - texcoord);
     in.texcoord = fma(vec2<f32>(share.x), edges[0], fma(vec2<f32>(share.y), edges[1], texcoord));
-    // To the same pixels as a device's derivatives.
+    // The differences are taken to the same pixels as by a device's derivatives.
     let side = 1.0 - 2.0 * vec2<f32>(pixel & vec2<u32>(1u));
     across = edges * (side.x * (shares(place + vec2<f32>(side.x * pixel_size.x, 0.0), corner) - exact).yz);
     down = edges * (side.y * (shares(place + vec2<f32>(0.0, side.y * pixel_size.y), corner) - exact).yz);

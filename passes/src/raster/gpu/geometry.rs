@@ -9,10 +9,10 @@ use rayon::prelude::*;
 use std::ops::Range;
 use std::sync::OnceLock;
 
-/// Bytes of a triangle's plane, which are more than those of its indices: `Plane` of the shaders.
+/// Size of `Plane` of the shaders, a triangle's plane, in bytes. It is greater than the size of the triangle's indices.
 pub(super) const PLANE_BYTES: u64 = 32;
 
-/// A part of the triangles with one material, in one chunk: what one draw call draws.
+/// A run of triangles with one material, in one chunk, that one draw call draws.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Part {
     /// Index into [`DeviceGeometry::chunks`].

@@ -1,4 +1,4 @@
-//! What a pass starts from instead of clearing it, copied to the device, and the depth that it leaves, copied back.
+//! Copies the contents that a pass starts from, instead of clearing, to the device, and copies back the depth that the pass leaves.
 
 use super::device::Gpu;
 use super::faults::unsupported;
@@ -7,7 +7,7 @@ use super::targets::{CHANNELS, DEPTH_FORMAT, TRIANGLE, Targets};
 use curitiba_pipeline::backend::{BackendError, GBuffer, Rect};
 use curitiba_pipeline::image::narrow;
 
-/// Writes the depths of a texture into the depth buffer, which no copy can.
+/// Shader that writes the depths of a texture into the depth buffer, which no copy command can do.
 const PROGRAM: &str = "
 @group(0) @binding(0) var depths: texture_2d<f32>;
 
@@ -127,7 +127,7 @@ impl DepthLoader {
     }
 }
 
-/// Copies what `target` holds of a part of the viewport into the attachments that `wanted` names.
+/// Copies a part of the viewport from `target` into the attachments that are `wanted`.
 pub(super) fn load_colors(
     gpu: &Gpu,
     targets: &Targets,
@@ -141,7 +141,7 @@ pub(super) fn load_colors(
         let (Some(texture), Some(format)) = (targets.texture(channel), formats[channel]) else { continue };
         let half = format == wgpu::TextureFormat::Rgba16Float;
         upload(gpu, texture, rects, target, |pixels| match channel {
-            // On the device 0 is none.
+            // The device stores ids plus 1; 0 means none.
             TRIANGLE => target.triangle[pixels].iter().flat_map(|id| id.wrapping_add(1).to_ne_bytes()).collect(),
             _ if half => narrow(floats[channel][pixels].as_flattened()),
             _ => bytemuck::cast_slice(&floats[channel][pixels]).to_vec(),
@@ -150,7 +150,7 @@ pub(super) fn load_colors(
     Ok(())
 }
 
-/// Copies rows of the target to a part of a texture. `bytes` gives those of a range of the target's pixels.
+/// Copies rows of the target to a part of a texture. `bytes` returns the texels of a range of the target's pixels.
 fn upload(
     gpu: &Gpu,
     texture: &wgpu::Texture,
@@ -185,7 +185,7 @@ fn upload(
     Ok(())
 }
 
-/// Copies the depth buffer's part of the viewport to the depths of `target`. Devices copy whole depth buffers alone.
+/// Copies a part of the viewport from the depth buffer to the depths of `target`. Devices can copy only whole depth buffers.
 pub(super) fn read_depth(
     gpu: &Gpu,
     targets: &Targets,

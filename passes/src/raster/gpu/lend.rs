@@ -7,8 +7,8 @@ use curitiba_pipeline::backend::BackendError;
 use std::collections::BTreeMap;
 use std::sync::{Arc, Mutex, PoisonError};
 
-/// Usage of pictures that stay on the device: programs write them or they are copied to, and others read them or copy
-/// from them.
+/// Usage of pictures that stay on the device: they are written by programs or copies, and read by programs or
+/// copies.
 pub(crate) const PICTURE_USAGE: wgpu::TextureUsages = wgpu::TextureUsages::STORAGE_BINDING
     .union(wgpu::TextureUsages::TEXTURE_BINDING)
     .union(wgpu::TextureUsages::COPY_SRC)
@@ -39,8 +39,8 @@ impl Lending {
         Self { gpu, last: Mutex::default(), pictures: Mutex::default() }
     }
 
-    /// Removes and returns the picture with this number, if there is one. Whoever writes it again returns it by
-    /// [`Self::keep`].
+    /// Removes and returns the picture with this number, if there is one. A caller that writes the picture again returns it
+    /// by [`Self::keep`].
     pub fn take(&self, number: usize) -> Option<wgpu::Texture> {
         self.pictures.lock().unwrap_or_else(PoisonError::into_inner).remove(&number)
     }

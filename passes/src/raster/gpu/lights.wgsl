@@ -1,4 +1,4 @@
-// Several lights, or lights with a place. Shared by the programs that draw and shade triangles and spheres.
+// Several lights, or lights with a place. These functions are shared by the programs that draw and shade triangles and spheres.
 //#if LIGHTS
 
 // A light, as `Light` of the pipeline.
@@ -16,7 +16,7 @@ struct Light {
 }
 
 struct Lights {
-    // x: how many there are.
+    // x: number of lights.
     count: vec4<u32>,
     lights: array<Light, 256>,
 }
@@ -54,8 +54,8 @@ fn arriving(light: Light, point: vec3<f32>) -> vec4<f32> {
     return vec4<f32>(towards, factor);
 }
 
-// The sum of the lights at a point by colour, each times its cosine; in w the greatest cosine of a light that arrives. No light below
-// the horizon of the unbent surface.
+// The sum over the lights of their colour at a point times the cosine; w: the greatest cosine of a light that arrives. Light from below the
+// horizon of the unbent surface does not count.
 fn sum_of_lights(point: vec3<f32>, normal: vec3<f32>, unbent: vec3<f32>) -> vec4<f32> {
     var sum = vec4<f32>(0.0);
     for (var index = 0u; index < lamps.count.x; index++) {

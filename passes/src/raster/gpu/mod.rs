@@ -1,7 +1,8 @@
 //! The rasteriser for GPUs, through wgpu: Vulkan, Metal and DirectX 12, without a window.
 //!
-//! Limits: one sample per pixel, opaque or alpha-tested surfaces, one directional light. A frame is at most as large as
-//! the device's largest texture. Triangle ids need a device whose shaders have primitive indices.
+//! Limits: one sample per pixel, and opaque or alpha-tested surfaces, unless own shaders blend. There is one directional
+//! light, or at most 256 lights. A frame is at most as large as the device's largest texture. Triangle ids need a device
+//! whose shaders have primitive indices.
 //!
 //! Drivers may write to standard error. One known case: Mesa's device-selection layer for Vulkan prints
 //! `XDG_RUNTIME_DIR is invalid or not set` whenever devices are listed without a desktop session. This is harmless;
@@ -69,9 +70,9 @@ pub struct WgpuRasteriser {
     pipelines: Pipelines,
     timer: Option<Timer>,
     draws: DrawList,
-    /// Whether the pixels of a G-buffer are shaded once each, from the ids of the triangles that are seen.
+    /// Whether each pixel of a G-buffer is shaded once, from a visibility buffer: the ids of the triangles that are seen.
     shades_pixels: bool,
-    /// The draws that tell these ids.
+    /// The draws that write the visibility buffer.
     seen: DrawList,
     /// Set when the first scene with exact spheres is drawn.
     spheres: Option<Spheres>,
@@ -82,7 +83,7 @@ pub struct WgpuRasteriser {
     staging: Staging,
     /// Set when the first pass starts from a depth.
     depth_loader: Option<kept::DepthLoader>,
-    /// Viewport and format of what the attachments hold.
+    /// Viewport and formats of the last draw, which the attachments hold.
     drawn: Option<(Rect, Stored)>,
     /// Set when the first effect runs.
     effects: Option<Effects>,
@@ -190,8 +191,8 @@ impl WgpuRasteriser {
         self.fills_quads = fills;
     }
 
-    /// Sets whether the G-buffer is shaded from a visibility buffer (the ids of the triangles that are seen), where depth is that of planes
-    /// and the device has the bindings. By default it is, except on software drivers, which are faster without.
+    /// Sets whether the G-buffer is shaded from a visibility buffer (the ids of the triangles that are seen). This also needs depth on the
+    /// planes of triangles, and enough bindings of the device. It is on by default, except on software drivers, which are faster without.
     pub fn set_shades_pixels(&mut self, shades: bool) {
         self.shades_pixels = shades;
     }
@@ -288,7 +289,8 @@ impl Rasteriser for WgpuRasteriser {
         let LoadStore { load_color, load_depth, store_depth } = job.load_store;
         let part = drawn_part(job.viewport, target.held());
         let Attachments { color, position, normal, .. } = job.attachments;
-        // Own shaders draw over the attachments, and what is loaded is kept where nothing is seen: there triangles are drawn.
+        // Triangles are drawn directly with own shaders, which draw over the attachments, and with loaded attachments, which are kept where
+        // nothing is seen.
         let shades_pixels = self.shades_pixels
             && self.gpu.shades_pixels()
             && (color || position || normal)
@@ -323,7 +325,7 @@ impl Rasteriser for WgpuRasteriser {
             }
             false => None,
         };
-        // An attachment that holds depths is loaded with the depth.
+        // The attachment that receives depth is loaded if the depth buffer is.
         let loaded = std::array::from_fn(|channel| if own.depth == Some(channel) { load_depth } else { load_color });
         if let Some(part) = part {
             let rects = (job.viewport, part);
@@ -348,7 +350,7 @@ impl Rasteriser for WgpuRasteriser {
             let mut pass = encoder.begin_render_pass(&wgpu::RenderPassDescriptor {
                 label: Some("gbuffer"),
                 color_attachments: visible.as_ref().unwrap_or(&attachments),
-                // Spheres are drawn over what was shaded, behind what is nearer.
+                // Stored for spheres, too: they are drawn after the shading, and tested against this depth.
                 depth_stencil_attachment: Some(
                     targets.depth_attachment(load_depth, store_depth || shaded.is_some() && spheres.is_some()),
                 ),
@@ -357,7 +359,7 @@ impl Rasteriser for WgpuRasteriser {
                 multiview_mask: None,
             });
             // A part of a picture is drawn into attachments of the whole viewport's size, with a scissor rectangle, so
-            // that its pixels are those of the whole.
+            // that its pixels are the same as in the whole picture.
             if let Some(Rect { x, y, width, height }) = part {
                 pass.set_scissor_rect(x, y, width, height);
             }
@@ -370,12 +372,13 @@ impl Rasteriser for WgpuRasteriser {
             }
         }
         if shaded.is_some() {
-            // The device begins with the ids while the host records the shading, which takes it longer.
+            // Submitted now, so that the device draws the ids while the host records the shading, which takes the host longer.
             self.gpu.queue.submit([encoder.finish()]);
             self.gpu.check("draw")?;
             encoder = self.gpu.device.create_command_encoder(&descriptor);
             let cleared = wgpu::RenderPassDescriptor { color_attachments: &attachments, ..Default::default() };
-            // The first draw writes the pixels of the part that show nothing. What is outside is cleared here.
+            // The first draw also writes the pixels of the part that show nothing. Pixels outside the part, or all if there is no draw, are
+            // cleared here.
             if part != Some(Rect { x: 0, y: 0, ..job.viewport }) || self.draws.is_empty() {
                 drop(encoder.begin_render_pass(&cleared));
             }
@@ -408,7 +411,7 @@ impl Rasteriser for WgpuRasteriser {
             Some(timer) => {
                 let [drawn, handed] = timer.submit_spans(&self.gpu, encoder, shared.is_some(), "draw")?;
                 if let Some(shared) = &mut shared {
-                    // Host time of the synchronisation, because the draw waits for both.
+                    // The draw waits for the hand-over, too, so its device time also counts as host time of the synchronisation.
                     (shared.device, shared.host) = (Some(handed), shared.host + handed);
                 }
                 Some(drawn)

@@ -13,16 +13,16 @@ use std::num::NonZeroU64;
 /// The layouts and the sampler that all pipelines share.
 #[derive(Debug)]
 pub(super) struct Layouts {
-    /// Group 0: `Frame`, and `Draw` at a dynamic offset. The second of each pair has `Lights` as well, for several lights or one with a
-    /// place. The second pair has the planes of triangles as well, for depth on them.
+    /// Group 0: `Frame`, and `Draw` at a dynamic offset. The second of each pair also has `Lights`, for several lights or a positional
+    /// light. The second pair also has the planes of triangles, for depth on them.
     uniforms: [[wgpu::BindGroupLayout; 2]; 2],
     /// Groups 1 to 3: a texture and the sampler.
     pub texture: wgpu::BindGroupLayout,
     /// Repeating sampler, linear within a level and between two levels.
     pub trilinear: wgpu::Sampler,
-    /// By the number of textures, for each of [`Self::uniforms`].
+    /// For each layout of [`Self::uniforms`], by the number of textures.
     pipelines: [[[wgpu::PipelineLayout; 4]; 2]; 2],
-    /// What computes the planes of triangles, where depth can be that of planes.
+    /// The program that computes the planes of triangles; `None` if the device cannot have depth on planes.
     pub planes: Option<PlaneProgram>,
 }
 
@@ -37,7 +37,7 @@ impl Layouts {
             let descriptor = wgpu::BindGroupLayoutDescriptor { label: Some("uniforms"), entries: &entries };
             device.create_bind_group_layout(&descriptor)
         };
-        // Without depth on planes, for lack of storage buffers, no pipeline has the layouts with planes.
+        // A device without depth on planes may lack the storage buffers for layouts with planes. No pipeline uses these layouts then.
         let has_planes = gpu.has_plane_depth();
         let uniforms = [false, has_planes].map(|planes| [false, true].map(|lights| uniforms(lights, planes)));
         let fragment = |binding, ty| wgpu::BindGroupLayoutEntry {
@@ -80,13 +80,13 @@ impl Layouts {
         Ok(Self { uniforms, texture, trilinear, pipelines, planes })
     }
 
-    /// Group 0 with what it has beside `Frame` and `Draw`.
+    /// The layout of group 0, with or without `Lights` and planes.
     pub fn uniforms(&self, lights: bool, planes: bool) -> &wgpu::BindGroupLayout {
         &self.uniforms[usize::from(planes)][usize::from(lights)]
     }
 }
 
-/// `Frame`, `Draw` at a dynamic offset and, for several lights or one with a place, `Lights`.
+/// `Frame`, `Draw` at a dynamic offset and, for several lights or a positional light, `Lights`.
 fn uniforms(visibility: wgpu::ShaderStages, lights: bool) -> Vec<wgpu::BindGroupLayoutEntry> {
     let uniform = |binding, size: usize, has_dynamic_offset| wgpu::BindGroupLayoutEntry {
         binding,
@@ -144,7 +144,7 @@ pub(super) fn trilinear(device: &wgpu::Device, sampling: Sampling) -> wgpu::Samp
 pub(super) struct Pipelines {
     drawing: HashMap<(Variant, Stored), wgpu::RenderPipeline>,
     shading: HashMap<(Variant, Stored), wgpu::ComputePipeline>,
-    /// Group 0 of those that shade, with and without `Lights`.
+    /// Group 0 of [`Self::shading`], with and without `Lights`.
     shading_layouts: HashMap<(bool, Stored), wgpu::BindGroupLayout>,
 }
 
@@ -174,7 +174,7 @@ impl Pipelines {
         self.drawing.get(&(variant, stored))
     }
 
-    /// That of a variant that shades each pixel once.
+    /// The pipeline of a required variant that shades each pixel once.
     pub fn get_shading(&self, variant: Variant, stored: Stored) -> Option<&wgpu::ComputePipeline> {
         self.shading.get(&(variant, stored))
     }
@@ -197,7 +197,7 @@ fn textures(variant: Variant) -> usize {
 
 /// Binding of the first attachment in a program that shades each pixel once; the others follow.
 pub(super) const FIRST_ATTACHMENT: u32 = 10;
-/// Bindings of the triangles that are seen, and of indices, positions, normals, texture coordinates, colours and tangents.
+/// Bindings of the visibility buffer, and of indices, positions, normals, texture coordinates, colours and tangents.
 pub(super) const VISIBLE: u32 = 3;
 pub(super) const BUFFERS: [u32; 6] = [4, 5, 6, 7, 8, 9];
 
@@ -267,8 +267,8 @@ pub(super) fn slots(variant: Variant) -> [Option<u32>; 4] {
     })
 }
 
-/// Where fragments write the depth of planes, by how much nearer the device's own depth is made: more than by what snapping corners moves
-/// it, to 1/16 pixel at the coarsest, and than what rounding does. The shader subtracts it.
+/// Bias that makes the device's own depth nearer where fragments write the depth of planes. It is greater than the change of depth by
+/// snapping corners (to 1/16 pixel at the coarsest) and by rounding. The shader subtracts it.
 const DEPTH_BIAS: wgpu::DepthBiasState = wgpu::DepthBiasState { constant: 16, slope_scale: 0.0625, clamp: 0.0 };
 
 fn build(gpu: &Gpu, layouts: &Layouts, variant: Variant, stored: Stored) -> wgpu::RenderPipeline {

@@ -1,10 +1,10 @@
-//! Depth on the planes of triangles: what the G-buffer shader reads of the camera.
+//! Depth on the planes of triangles: the camera's data that the G-buffer shader reads.
 
 use curitiba_pipeline::backend::View;
 use glam::{DVec3, DVec4, Vec4};
 
-/// The lines of sight of a picture's pixels in homogeneous coordinates, for positions minus [`Self::origin`], as they lie in `Frame` of
-/// the shader. The point of depth z on the line through (x, y), in pixels from the picture's upper left corner, is
+/// The lines of sight of a picture's pixels in homogeneous coordinates relative to [`Self::origin`], laid out as in `Frame` of the shader.
+/// The point of depth z on the line through (x, y), in pixels from the picture's upper left corner, is
 /// `towards * z - (corner + right * x + down * y)`.
 #[derive(Debug, Clone, Copy, PartialEq, bytemuck::Pod, bytemuck::Zeroable)]
 #[repr(C)]
@@ -22,8 +22,8 @@ pub(super) struct LinesOfSight {
 }
 
 impl LinesOfSight {
-    /// Those of a view's picture of `width` x `height` pixels. A matrix that cannot be inverted gives no numbers, and then the shader
-    /// keeps the device's depth.
+    /// The lines of sight of a picture of `width` x `height` pixels. A matrix that cannot be inverted gives no finite numbers; the shader
+    /// then keeps the device's depth.
     pub fn new(view: &View, [width, height]: [u32; 2]) -> Self {
         let (matrix, offset) = view.projection();
         let (inverse, offset) = (matrix.as_dmat4().inverse(), offset.as_dvec3());
@@ -43,7 +43,7 @@ impl LinesOfSight {
     }
 }
 
-/// A homogeneous point after the origin has moved.
+/// A homogeneous point relative to another origin.
 fn relative_to(origin: DVec3, point: DVec4) -> DVec4 {
     (point.truncate() - origin * point.w).extend(point.w)
 }

@@ -5,13 +5,13 @@ use super::geometry::{Chunk, DeviceGeometry};
 use super::resources::{entry, rectangle};
 use curitiba_pipeline::backend::BackendError;
 
-/// Threads of a group of the program.
+/// Threads of a workgroup of the program.
 const GROUP: u32 = 64;
 
 /// The program's text.
 pub(super) const TEXT: &str = concat!(include_str!("camera_planes.wgsl"), "\n", include_str!("planes.wgsl"));
 
-/// The program, and what it reads.
+/// The compiled program.
 #[derive(Debug)]
 pub(super) struct PlaneProgram(wgpu::ComputePipeline);
 
@@ -37,7 +37,7 @@ impl PlaneProgram {
         }))
     }
 
-    /// Computes the planes of chunks, whose numbers of triangles come with what was [bound](Self::bind).
+    /// Records the computation of the planes of chunks. Each chunk is given by its [bind group](Self::bind) and its number of triangles.
     pub fn record<'a>(
         &self,
         gpu: &Gpu,

@@ -1,4 +1,5 @@
-// The planes of a chunk's triangles, for one camera. Each fragment of a triangle reads its depth from there. `camera_planes.wgsl` stands before this text.
+// The planes of a chunk's triangles, for one camera. Each fragment reads its depth from its triangle's plane. `camera_planes.wgsl` stands
+// before this text.
 
 @group(0) @binding(0) var<uniform> frame: Frame;
 // Three indices of vertices for each triangle of the chunk.
@@ -28,7 +29,7 @@ fn plane_main(
     let v = position_of(first + 2u) - a;
     let from_origin = a - frame.origin.xyz;
     let across = vec3<f32>(fma(u.y, v.z, -(u.z * v.y)), fma(u.z, v.x, -(u.x * v.z)), fma(u.x, v.y, -(u.y * v.x)));
-    // With a longest component of exactly 1, triangles in one plane across an axis have the same depth to the last bit.
+    // Because the longest component is exactly 1, triangles in one plane perpendicular to an axis have the same depth to the last bit.
     let size = abs(across);
     let longest = max(size.x, max(size.y, size.z));
     let normal = select(across / longest, sign(across), size == vec3<f32>(longest));

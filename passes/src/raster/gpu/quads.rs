@@ -1,5 +1,5 @@
 //! Quads that fill a window from drawn or traced pictures, computed on the device. The result is read back once, as
-//! floats or as it is displayed.
+//! floats or as display codes.
 
 use super::device::Gpu;
 use super::faults::failure;
@@ -19,11 +19,11 @@ use std::time::Instant;
 const GROUP: u32 = 16;
 /// Greatest number of bytes of a launch; larger pictures take several.
 const MOST_BYTES: u64 = 64 << 20;
-/// Greatest number of pixels of a launch: about a millisecond of a GPU, and 50 of a software driver on two cores.
+/// Greatest number of pixels of a launch, which takes about 1 ms on a GPU, and 50 ms with a software driver on two cores.
 const MOST_PIXELS: u64 = 1 << 22;
-/// Bytes of the results besides the pixels, which precede the pixels where the host reads both.
+/// Bytes of the results besides the pixels, which precede the pixels in the staging buffer.
 const FOUND_BYTES: u64 = 8;
-/// Offset of the pixels there.
+/// Offset of the pixels in the staging buffer.
 const PIXELS_AT: u64 = 256;
 /// Bytes that one task copies from the memory that the device wrote.
 const COPIED_AT_ONCE: usize = 256 << 10;
@@ -46,7 +46,7 @@ struct Params {
     end: [u32; 2],
 }
 
-/// A picture of the quad's size that it reads.
+/// A picture that a quad reads; it has the quad's size.
 #[derive(Debug, Clone)]
 pub(super) enum Source {
     /// A texture.
@@ -100,7 +100,7 @@ pub(super) struct Quads {
     staging: Option<wgpu::Buffer>,
 }
 
-/// The number that `quads.wgsl` has for a format.
+/// The number of a format in `quads.wgsl`.
 fn number(format: PixelFormat) -> u32 {
     match format {
         PixelFormat::Rgba32Float => 0,
@@ -162,7 +162,7 @@ impl Quads {
         self.pixels.iter().chain(&self.staging).map(wgpu::Buffer::size).sum()
     }
 
-    /// The index of the program for such sources.
+    /// The index of the program for sources that are `buffers` or textures; builds the program if needed.
     fn pipeline(&mut self, gpu: &Gpu, buffers: [bool; 2]) -> Result<usize, BackendError> {
         if let Some(index) = self.pipelines.iter().position(|(known, _)| *known == buffers) {
             return Ok(index);
@@ -330,7 +330,7 @@ pub(super) fn lent(lending: &Lending, quad: &DeviceQuad, source: DeviceSource) -
     view.map(Source::Texture).ok_or_else(|| absent(source))
 }
 
-/// The error of a source that is not there.
+/// The error for a missing source.
 pub(super) fn absent(source: DeviceSource) -> BackendError {
     failure(&format!("a quad reads what is not on the device: {source:?}"))
 }

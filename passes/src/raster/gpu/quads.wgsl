@@ -1,6 +1,6 @@
-// Fills a quad over a window, as floats or as the codes that are displayed. Pixels are bit patterns, and the arithmetic
-// on them is in integers. So the results are those of the processor, whatever a driver does with subnormal numbers and
-// with fused multiplications. Only the tone curve is computed in floats.
+// Fills a quad over a window, as floats or as the codes that are displayed. Pixels are bit patterns, and the arithmetic on
+// them is in integers. So the results equal the processor's, however a driver treats subnormal numbers and fused
+// multiplications. Only the tone curve is computed in floats.
 
 struct Params {
     width: u32,
@@ -218,8 +218,8 @@ fn tone_scale(color: vec3u) -> u32 {
     if magnitude(bitcast<u32>(luminance)) >= INFINITE {
         return NO_NUMBER;
     }
-    // Above 2^30 the factor is 1/16 to the last bit, so a bound of 2^40 changes nothing. A driver need not divide by
-    // numbers above 2^126.
+    // Above 2^30 the factor is 1/16 to the last bit, so a bound of 2^40 changes nothing. The bound is needed because a driver
+    // need not divide correctly by numbers above 2^126.
     let bounded = min(luminance, 1099511627776.0);
     return bitcast<u32>(1.0 / (1.0 + bounded) + bounded / (1.0 + bounded) / 16.0);
 }

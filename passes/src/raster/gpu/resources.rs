@@ -1,8 +1,8 @@
-//! What programs are given, and over how many groups they run.
+//! Textures and bindings of programs, and the sizes of dispatches.
 
 use super::device::Gpu;
 
-/// A texture of one level. Its memory is there when [`Gpu::check`] finds no fault.
+/// A texture with one mip level. Its memory is allocated if [`Gpu::check`] then finds no failure.
 pub(crate) fn texture(
     gpu: &Gpu,
     label: &str,

@@ -10,7 +10,7 @@ use std::mem::offset_of;
 const TEXT: &str =
     concat!(include_str!("gbuffer.wgsl"), "\n", include_str!("lights.wgsl"), "\n", include_str!("camera_planes.wgsl"));
 
-/// What a variant of the shader computes. Code, vertex attributes and bindings of what is off do not exist in it.
+/// The features of a variant of the shader. A variant has no code, vertex attributes or bindings for features that are off.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub(super) struct Variant {
     /// Writes the colour.
@@ -25,29 +25,29 @@ pub(super) struct Variant {
     pub vertex_normal: bool,
     /// Reads the texture and its coordinates.
     pub textured: bool,
-    /// Drops what has less alpha than the cutoff; implies `textured` or `vertex_color`.
+    /// Discards fragments whose alpha is below the cutoff; implies `textured` or `vertex_color`.
     pub alpha_cut: bool,
     /// Reads the colours of the vertices.
     pub vertex_color: bool,
-    /// Adds the light that the material sends out; implies `color`.
+    /// Adds the light that the material emits; implies `color`.
     pub glow: bool,
-    /// Multiplies it by a texture; implies `glow`.
+    /// Multiplies the emitted light by a texture; implies `glow`.
     pub glow_textured: bool,
     /// Bends the normals by a normal map; implies `vertex_normal`.
     pub bent: bool,
-    /// Leaves what lies beyond the sides of its textures to their samplers.
+    /// Leaves texture coordinates outside 0..1 to the wrapping of the samplers; otherwise all textures repeat.
     pub wrapped: bool,
-    /// Leaves out what is behind the mirror of a mirrored camera.
+    /// Discards fragments behind the mirror of a mirrored camera.
     pub mirrored: bool,
-    /// Adds several lights, or one with a place; with `vertex_normal` it also computes the place in the world.
+    /// Adds several lights or a positional light; with `vertex_normal` it also computes the position in the world.
     pub many: bool,
-    /// Leaves nothing but the colour, as of a sky.
+    /// Writes 0 to all attachments but the colour, for a sky.
     pub sky: bool,
     /// Writes the depth of the triangle's plane in place of the device's.
     pub plane_depth: bool,
-    /// Leaves back faces out. The text does not depend on it.
+    /// Culls back faces. The shader's text does not depend on this.
     pub culled: bool,
-    /// Lets the device drop fragments by a depth that is not behind that of the plane; implies `plane_depth`.
+    /// Lets the device discard hidden fragments early, by a depth that is never behind the plane's; implies `plane_depth`.
     pub early: bool,
     /// Is a compute program that shades each pixel once.
     pub per_pixel: bool,
@@ -83,7 +83,7 @@ impl Variant {
         }
     }
 
-    /// The variant that shades the pixels of which another tells what they show.
+    /// The variant that shades pixels from a visibility buffer, which another variant has drawn.
     pub fn per_pixel(self) -> Self {
         Self {
             textured: self.textured && self.color,
@@ -98,7 +98,7 @@ impl Variant {
         }
     }
 
-    /// Whether its light is that of several lights, or of one with a place.
+    /// Whether its light is that of several lights or of a positional light.
     fn lights(self) -> bool {
         self.many && self.vertex_normal && (self.color || self.position)
     }
@@ -118,7 +118,7 @@ impl Variant {
         self.color || self.position || self.normal || self.triangle
     }
 
-    /// Whether there is anything to do for a fragment.
+    /// Whether fragments have anything to compute.
     pub fn has_fragment_stage(self) -> bool {
         self.writes() || self.alpha_cut || self.mirrored || self.plane_depth
     }
@@ -152,7 +152,7 @@ impl Variant {
         })
     }
 
-    /// The variant's WGSL. One that is [per pixel](Self::per_pixel) has placeholders in the place of its attachments' formats.
+    /// The variant's WGSL. A [per-pixel](Self::per_pixel) variant has placeholders for the formats of its attachments.
     ///
     /// # Panics
     /// If the directives of the text are malformed; a test cuts every variant.
@@ -160,7 +160,7 @@ impl Variant {
         cut("gbuffer.wgsl", TEXT, |name| self.defines(name))
     }
 
-    /// The WGSL of a variant that is [per pixel](Self::per_pixel), for attachments of these formats.
+    /// The WGSL of a [per-pixel](Self::per_pixel) variant, for attachments of these formats.
     pub fn shading_source(self, stored: Stored) -> String {
         let mut source = self.source();
         for (name, format) in ["COLOR_FORMAT", "POSITION_FORMAT", "NORMAL_FORMAT"].into_iter().zip(stored.formats()) {
@@ -171,8 +171,8 @@ impl Variant {
     }
 }
 
-/// A shader's text without the lines that a variant lacks: those between `//#if NAME` and `//#endif` (with an optional
-/// `//#else`), each directive a line of its own, stay where `defines` says so.
+/// Cuts a variant from a shader's text. Lines between `//#if NAME` and `//#endif` (with an optional `//#else`) are kept if
+/// `defines` says so for the name. Each directive is a line of its own.
 ///
 /// # Panics
 /// If the directives are malformed, or `defines` does not know a name.
@@ -193,7 +193,7 @@ pub(super) fn cut(file: &str, text: &str, defines: impl Fn(&str) -> Option<bool>
             if open.iter().all(|kept| *kept) {
                 source.push_str(line);
             }
-            // Lines that are cut stay as empty ones: messages of the compiler then count lines as the file does.
+            // A cut line stays as an empty line, so that line numbers in compiler messages are those of the file.
         }
         source.push('\n');
     }
@@ -216,8 +216,8 @@ pub(super) struct FrameUniform {
 }
 
 impl FrameUniform {
-    /// `size` is the picture's width and height in pixels; `part` is what is shaded of it, and `background` the colour of
-    /// pixels there that show nothing.
+    /// `size` is the picture's width and height in pixels. `part` is the part of the picture that is shaded, and `background`
+    /// the colour of pixels in the part that show nothing.
     pub fn new(view: &View, size: [u32; 2], sun: Option<Sun>, (part, background): (Rect, Vec4)) -> Self {
         let (to_light, light_color) =
             sun.map_or((Vec4::ZERO, Vec4::ZERO), |sun| ((-sun.direction).extend(0.0), sun.color.extend(1.0)));
@@ -269,7 +269,7 @@ impl LightUniform {
     }
 }
 
-/// The beginning of `Lights` of the shader, as far as it is read; `None` if there are more lights than it has room for.
+/// Bytes of `Lights` of the shader, without the unused lights at the end. `None` if there are more than `MOST_LIGHTS` lights.
 pub(super) fn lights_uniform(lights: &[Light]) -> Option<Vec<u8>> {
     if lights.len() > MOST_LIGHTS {
         return None;
@@ -303,7 +303,7 @@ impl DrawUniform {
             emission: shade.emission,
             glow: shade.glow.map_or(Vec4::ZERO, |glow| glow.color.extend(0.0)),
             first_triangle: first_triangle.wrapping_add(1),
-            // A shader need not tell an infinity from other numbers.
+            // Shaders need not support infinities, so an infinite cutoff becomes the greatest finite number.
             alpha_cutoff: shade.alpha_cutoff.unwrap_or(0.0).min(f32::MAX),
             normal_scale: shade.normal_map.map_or(0.0, |map| map.scale),
             first_of_chunk,
@@ -313,17 +313,17 @@ impl DrawUniform {
         }
     }
 
-    /// Changes the corner of what a shading program shades, relative to the part's, of the first of these uniforms.
+    /// Sets the corner of the pixels that a shading program shades, relative to the part's corner, in the first of these uniforms.
     pub fn set_corner(bytes: &mut [u8], corner: [u32; 2]) {
         bytes[offset_of!(Self, corner)..][..8].copy_from_slice(bytemuck::bytes_of(&corner));
     }
 
-    /// Makes the first of these uniforms that of the draw by which pixels without a triangle are written.
+    /// Marks the first of these uniforms as that of the draw that also writes pixels without a triangle.
     pub fn set_clears(bytes: &mut [u8]) {
         bytes[offset_of!(Self, clears)..][..4].copy_from_slice(bytemuck::bytes_of(&1_u32));
     }
 
-    /// Changes the number of triangles of the first of these uniforms.
+    /// Sets the number of triangles in the first of these uniforms.
     pub fn set_count(bytes: &mut [u8], count: u32) {
         bytes[offset_of!(Self, count)..][..4].copy_from_slice(bytemuck::bytes_of(&count));
     }
@@ -335,7 +335,7 @@ mod tests {
     use std::mem::size_of;
     use wgpu::naga;
 
-    /// Every combination that [`Variant::new`] can give, and the others with `alpha_cut` implying `textured`.
+    /// Every combination that [`Variant::new`] can give, with and without `wrapped` and `mirrored`, and some that it cannot give.
     fn variants() -> impl Iterator<Item = Variant> {
         (0_u32..8192)
             .map(|bits| {
@@ -368,7 +368,7 @@ mod tests {
             // Mirrors show colours.
             .filter(|v| v.color || !v.mirrored)
             .filter(|v| !v.bent || (v.vertex_normal && (v.color || v.position || v.normal)))
-            // What only has depth has nothing to shade.
+            // Variants that write only depth have nothing to shade.
             .filter(|v| v.writes() || (!v.vertex_normal && v.alpha_cut == (v.textured || v.vertex_color)))
     }
 
@@ -397,12 +397,12 @@ mod tests {
             assert_eq!(source.contains("discard;"), variant.alpha_cut || variant.mirrored, "{variant:?}");
             count += 1;
         }
-        // With and without normals: 8 sets of attachments with a colour, 7 others. Of the ways to be textured, cut and coloured by the
-        // vertices a colour has 3 without a texture and 4 with one, which may end at its sides; the others, whose vertices' colours only
-        // cut, 2 and 3. With a colour also with light of their own, plain and textured. Depth alone: whole, cut by a texture, by the
-        // vertices, by both. Bent normals have vertex normals and a texture, which may end at its sides: in 8 sets with a colour, and in 6
-        // of the others.
-        // All with a colour also before a mirrored camera.
+        // There are 8 sets of attachments with a colour and 7 others, each with and without normals. Every way with a texture counts twice:
+        // `wrapped` or not. With a colour, there are 3 ways to be cut and coloured by vertices without a texture, and 4 with one. Without a
+        // colour, vertex colours only cut: 2 and 3 ways. With a colour, each way is without glow, with plain glow or with textured glow.
+        // Depth alone: whole, cut by a texture, by vertices, by both. Bent variants have vertex normals and a texture: 8 sets with a colour
+        // and 6 others.
+        // Every variant with a colour counts twice: with and without a mirrored camera.
         let (colored, others) = (2 * 8 * 2, 7 * 2);
         let (plain, glowing) = (3 + 4 * 2, (3 + 4) * 2);
         let bent = 2 * 8 * 3 * (3 + 4) * 2 + 6 * (2 + 3) * 2;

@@ -16,11 +16,11 @@ pub(crate) const CHANNEL_FORMATS: [wgpu::TextureFormat; 4] = [
     wgpu::TextureFormat::Rgba32Float,
     wgpu::TextureFormat::R32Uint,
 ];
-/// Format of the first three in 16-bit floats.
+/// Format of colour, position and normal in 16-bit floats.
 const HALF_FORMAT: wgpu::TextureFormat = wgpu::TextureFormat::Rgba16Float;
 /// Names of the channels.
 pub(crate) const CHANNELS: [&str; 4] = ["color", "position", "normal", "triangle"];
-/// Index of the channel that is not of floats.
+/// Index of the channel of triangle ids, the only one without floats.
 pub(crate) const TRIANGLE: usize = 3;
 /// The depth buffer's format.
 pub(super) const DEPTH_FORMAT: wgpu::TextureFormat = wgpu::TextureFormat::Depth32Float;
@@ -39,9 +39,9 @@ pub(super) fn in_order(attachments: Attachments) -> [bool; 4] {
 pub(super) struct Stored {
     /// The attachments that are written.
     pub attachments: Attachments,
-    /// Those that are written as 16-bit floats.
+    /// The attachments that are written as 16-bit floats.
     half: Attachments,
-    /// Whether ray passes read the attachments in place. Then nothing else is drawn there.
+    /// Whether ray passes read the attachments in place. Then passes that are not lent draw into other attachments.
     lent: bool,
 }
 
@@ -107,7 +107,7 @@ pub(super) struct Targets {
     depth: Channel,
     /// Bytes of device memory of the attachments and the depth buffer.
     bytes: u64,
-    /// Ids plus 1 of the triangles that are seen; made by the first pass that shades each pixel once.
+    /// Visibility buffer: ids plus 1 of the triangles that are seen. Made by the first pass that shades each pixel once.
     visible: OnceLock<Channel>,
     /// The bind group by which effects read the attachments; set on first use.
     pub group: OnceLock<wgpu::BindGroup>,
@@ -151,7 +151,7 @@ impl Targets {
         Ok(Self { width, height, stored, channels, depth, bytes, visible, group })
     }
 
-    /// Memory for the ids plus 1 of the triangles that are seen.
+    /// The visibility buffer: ids plus 1 of the triangles that are seen.
     pub fn visible(&self, gpu: &Gpu) -> Result<&wgpu::TextureView, BackendError> {
         if let Some(visible) = self.visible.get() {
             return Ok(&visible.view);
@@ -162,8 +162,8 @@ impl Targets {
         Ok(&self.visible.get_or_init(|| visible).view)
     }
 
-    /// The attachments of the render pass, which it clears first unless `loaded`: triangle ids to 0, which means "none" until
-    /// [`Self::read_back`]; the attachment `depth`, which holds depths, to the far plane.
+    /// The attachments of the render pass. Those that are not `loaded` are cleared first: triangle ids to 0, which means "none"
+    /// until [`Self::read_back`], and the attachment `depth`, which receives depth, to the far plane.
     pub fn color_attachments(
         &self,
         clear_color: Vec4,
@@ -189,7 +189,7 @@ impl Targets {
         })
     }
 
-    /// The memory of [`Self::visible`] as the render pass's only attachment, cleared to no triangle.
+    /// The visibility buffer, [`Self::visible`], as the render pass's only attachment, cleared to no triangle.
     pub fn visible_attachment(
         &self,
         gpu: &Gpu,
@@ -248,8 +248,8 @@ impl Targets {
         self.channels.each_ref().map(|channel| channel.as_ref().map(|channel| &channel.view))
     }
 
-    /// Copies a part of the wanted attachments, relative to the viewport's corner, into `target`, whose channels are
-    /// allocated.
+    /// Copies a part of the wanted attachments into `target`, whose channels must be allocated. The part is relative to the
+    /// viewport's corner.
     pub fn read_back(
         &self,
         gpu: &Gpu,

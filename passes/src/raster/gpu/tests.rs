@@ -23,7 +23,7 @@ pub(super) fn rasteriser() -> Option<WgpuRasteriser> {
     }
 }
 
-/// The device of a rasteriser that does not share it.
+/// The device of a rasteriser that shares its device with no one.
 fn alone(rasteriser: &mut WgpuRasteriser) -> &mut Gpu {
     Arc::get_mut(&mut rasteriser.gpu).expect("nobody else has the device")
 }
@@ -292,7 +292,7 @@ fn nothing_of_spheres_exists_before_a_scene_that_has_some() {
     let shown = drawn.triangle.iter().filter(|id| **id == 32).count();
     assert!(shown > 100 && rasteriser.spheres.is_some(), "{shown}");
     assert_eq!(rasteriser.memory().geometry - without.geometry, 3 * 208);
-    // What no pixel shows has no record; small buffers hold one record each, and change nothing.
+    // A sphere that no pixel shows has no record. Small buffers, which hold one record each, do not change the picture.
     alone(&mut rasteriser).max_buffer_bytes = 250;
     assert_eq!(render(&mut rasteriser, &with_spheres(vec![sphere; 3])).expect("draws"), drawn);
     let behind = Sphere { center: Vec3::new(9.0, 0.0, 0.0), ..sphere };

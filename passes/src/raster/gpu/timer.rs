@@ -77,8 +77,8 @@ impl Timer {
         Ok(self.submit_spans(gpu, encoder, false, doing)?[0])
     }
 
-    /// As [`Self::submit_and_wait`], for two spans, of which the second is [`Self::second_span`]. Without a second span
-    /// its time is 0.
+    /// As [`Self::submit_and_wait`], for two spans; the second is [`Self::second_span`]. Without a second span, the second
+    /// time is 0.
     pub fn submit_spans(
         &self,
         gpu: &Gpu,

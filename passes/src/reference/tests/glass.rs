@@ -54,18 +54,18 @@ impl Stage {
         self.of_glass(dielectric)
     }
 
-    /// The last call before pictures: materials that are no glass have no properties of it.
+    /// Gives default properties to the materials that are not glass. It must be the last call before pictures.
     fn settled(mut self) -> Self {
         self.dielectrics.resize(self.shades.len(), Dielectric::default());
         self
     }
 
-    /// What is seen along a ray.
+    /// The colour that is seen along a ray.
     fn along(&self, origin: DVec3, direction: DVec3, params: RayParams) -> DVec3 {
         self.shown_by(RayProgram::Refraction, (origin, direction), params)
     }
 
-    /// What a program shows along a ray.
+    /// The colour that a program shows along a ray.
     fn shown_by(&self, program: RayProgram, (origin, direction): (DVec3, DVec3), params: RayParams) -> DVec3 {
         let narrow = project::Camera { fov_y: 1e-9, ..look_from(origin, origin + direction, Vec3::Y) };
         let value = self.traced(program, params);
@@ -84,13 +84,13 @@ fn to_depth(depth: u32) -> RayParams {
     RayParams { depth, samples: 0, ..RayParams::default() }
 }
 
-/// In the plane x, z, downwards.
+/// The direction that leans by this angle from straight down, in the plane of x and z.
 fn down(degrees: f64) -> DVec3 {
     let (sin, cos) = degrees.to_radians().sin_cos();
     DVec3::new(sin, 0.0, -cos)
 }
 
-/// The reflectance from both angles (Hecht, Optics, section 4.6), and the cosine of the refracted one.
+/// The reflectance from both angles (Hecht, Optics, section 4.6), and the cosine of the refracted angle.
 fn by_angles(degrees: f64, index: f64) -> (f64, f64) {
     let angle = degrees.to_radians().max(1e-7);
     let inner = (angle.sin() / index).asin();
@@ -119,7 +119,7 @@ fn a_plate_in_white_surroundings_is_the_sum_of_all_its_reflections() {
             let once = r + (1.0 - r) * (1.0 - r) * a / (1.0 - r);
             assert!(!close(once, expected, 1e-3), "control: absorption on the first way alone");
         }
-        // From inside, half way: what leaves of light that is reflected at both faces.
+        // From the middle of the plate: white light that enters through the faces, after reflections at both of them.
         let critical = (1.0 / f64::from(index)).asin().to_degrees();
         for inside in [0.0, 0.9 * critical] {
             let outside = (f64::from(index) * inside.to_radians().sin()).asin().to_degrees();
@@ -281,12 +281,12 @@ fn straight_light_keeps_what_surfaces_and_ways_leave() {
             assert!(!close(found, expected(degrees, [1.5, 3.0], 4), 1e-2), "control: both fill the same place");
         }
     }
-    // From inside the water to a lamp in the glass: one border, and both ways.
+    // From inside the water to a lamp in the glass: one border, and a path in each body.
     let found = stage([2, 1]).straight(DVec3::new(0.0, 0.0, 2.0), DVec3::Z, 1.5);
     let r = ((1.5 / 1.33_f64 - 1.0) / (1.5 / 1.33 + 1.0)).powi(2);
     let kept = (-0.5 * water.as_dvec3() - glass.as_dvec3()).map(f64::exp);
     assert!(close(found, (1.0 - r) * filter.as_dvec3() * kept, 1e-6), "{found}");
-    // A sphere off its middle: the angle is that outside.
+    // A sphere hit off its middle: the angle that counts is the one outside.
     let mut ball = Stage::default();
     ball.sphere(solid(1.5, glass), Vec3::ZERO, 1.0);
     let found = ball.settled().straight(DVec3::new(0.8, 0.0, -3.0), DVec3::Z, f64::INFINITY);
@@ -309,7 +309,7 @@ fn a_block_throws_the_shadow_that_straight_light_leaves() {
     let (filter, kept) = (glass.filter.as_dvec3(), (-glass.extinction.as_dvec3() * slant).map(f64::exp));
     let passes = (1.0 - r) * (1.0 - r) * filter * filter * kept;
     let (diffuse, arriving) = (DVec3::splat(2.0), 0.5 / slant);
-    // The sun's shadow is a half of the colour at most; of several lights ambient light stays.
+    // The sun's shadow takes at most half of the colour; with several lights, ambient light stays.
     let cases =
         [(Some(sun), Vec::new(), 0.6 * (0.5 + 0.5 * passes)), (None, vec![lamp], diffuse * (0.3 + arriving * passes))];
     for (sun, lights, expected) in cases {
@@ -350,8 +350,8 @@ fn beyond_the_depth_light_goes_through_with_the_weight_of_both() {
     stage.block(solid(1.5, Vec3::ZERO), Vec3::ZERO, Vec3::new(400.0, 400.0, 0.5));
     stage.quad(Vec3::X, Vec3::NEG_Z * 2.0, Vec3::X * 900.0, Vec3::Y * 900.0);
     let stage = stage.settled();
-    // Blue comes from above: what the upper face reflects, and what the lower one reflects, of which the upper face takes a part from depth
-    // 3 on.
+    // Blue comes from above: the upper face reflects it, and so does the lower one. From depth 3 on, the upper face takes a part of what the
+    // lower one reflects.
     for (depth, blue) in [(0, 0.0), (1, 0.04), (2, 0.04 + 0.96 * 0.04), (3, 0.04 + 0.96 * 0.04 * 0.96)] {
         let found = stage.along(DVec3::Z * 5.0, DVec3::NEG_Z, to_depth(depth));
         assert!(close(found, DVec3::new(1.0 - blue, 0.0, blue), 1e-6), "{depth}: {found}");
@@ -419,7 +419,7 @@ fn rough_surfaces_lose_what_single_scattering_loses() {
 
 #[test]
 fn a_frosted_wall_blurs_what_is_behind_it_and_gains_no_light() {
-    // Half of what is behind is white, from the middle of the picture on.
+    // The right half of the background is white.
     let stage = |alpha: f32| {
         let mut stage = Stage::default();
         stage.quad(Vec3::ONE, Vec3::new(8.0, -8.0, 0.0), Vec3::X * 90.0, Vec3::Y * 90.0);
@@ -442,8 +442,8 @@ fn a_frosted_wall_blurs_what_is_behind_it_and_gains_no_light() {
     );
     let (low, high) = (frosted[0], frosted[15]);
     assert!(frosted.windows(2).all(|pair| pair[1] > pair[0] - 4.0 * own), "{frosted:?}, own error {own}");
-    // Both sides of the edge together have all that passes: of a facet that leans by m, what does not go beyond the horizon with its 2 m, and
-    // what other facets do not stop there.
+    // Pixels on both sides of the edge together show all light that passes. Of a facet that leans by m, light is lost that it turns by 2 m beyond
+    // the horizon, or that other facets block there.
     let passing = |alpha: f64| {
         let count = 10_000;
         let of_facet = |number: i32| {
@@ -462,13 +462,13 @@ fn a_frosted_wall_blurs_what_is_behind_it_and_gains_no_light() {
     assert!(own > 1e-3 && own < 0.05, "its noise is told: {own}");
 }
 
-/// A wall that a camera sees in the body around it: its colour, times what the way leaves.
+/// A wall that a camera sees inside the body around it: its colour, times the transmittance of the path.
 #[test]
 fn a_camera_in_a_body_sees_opaque_surfaces_through_it() {
     let (near, far) = (Vec3::new(0.1, 0.4, 0.9), Vec3::new(0.7, 0.05, 0.3));
     let color = DVec3::new(0.5, 0.25, 0.125);
     let eye = DVec3::new(0.3, -0.2, 1.4);
-    // Of the bodies around the middle, blocks or spheres, each with its half size; in the last case the eye is in none.
+    // The bodies around the middle, blocks or spheres, each with its half size; in the last case the eye is in no body.
     for (bodies, around) in [
         (&[(near, 4.0)][..], near),
         (&[(far, 4.0), (near, 3.0)], near),

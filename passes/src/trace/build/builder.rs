@@ -9,7 +9,7 @@ use super::ploc::binary_tree;
 use crate::trace::tree::{Bounds, Child, Node};
 use curitiba_pipeline::progress::Progress;
 
-/// The survey of the triangles, the binary tree, its collapse, and the writing.
+/// Steps of a build: the survey of the triangles, the binary tree, its collapse, and the writing.
 const STEPS: u64 = 4;
 
 /// The wide tree, with leaves in the layout `L`.
@@ -27,7 +27,8 @@ pub(crate) fn build<L: LeafFormat>(triangles: &Triangles<'_>, quality: Quality) 
     build_until(triangles, quality, &Progress::default()).expect("nobody asks to give it up")
 }
 
-/// [`build`] that may be given up, and gives nothing then: between its four steps, and inside of all but obvhs's between what threads take.
+/// As [`build`], but may be cancelled; `None` then. Cancellation is checked between the four steps and, except in obvhs's step, between the
+/// parts that threads take.
 pub(crate) fn build_until<L: LeafFormat>(
     triangles: &Triangles<'_>,
     quality: Quality,
@@ -107,7 +108,7 @@ mod tests {
         let stop = Cancellation::new();
         stop.cancel();
         assert!(Bvh::build_until(&geometry, &[], Quality::Balanced, &Progress::until(&stop)).is_none());
-        // After each of the four steps, by another thread: at most the step that runs is ended.
+        // Cancelled after each of the four steps, by another thread: at most the running step is completed.
         let mut given_up = 0;
         for after in (0..STEPS).cycle().take(40) {
             let (stop, over) = (Cancellation::new(), AtomicBool::new(false));

@@ -17,7 +17,7 @@ const SHARE: usize = 512;
 /// Greatest depth at which the halves of a node are still planned in parallel.
 const DEEPEST: u32 = 64;
 
-/// What a node needs to know of a half in order to plan its own collapse.
+/// The data of a half that a node needs to plan its own collapse.
 #[derive(Debug, Clone, Copy)]
 struct Summary {
     triangles: u32,
@@ -84,7 +84,7 @@ pub(crate) struct Plan {
 }
 
 impl Plan {
-    /// The plan of a tree that has nodes; nothing if it is given up, which is asked for before each part that a thread takes.
+    /// The plan of a tree that has nodes; `None` if cancelled, which is checked before each part that a thread takes.
     pub(crate) fn new<L: LeafFormat>(tree: &Bvh2, progress: &Progress) -> Option<Self> {
         let planner = Planner::<L> { tree, large: tree.nodes.len() / SHARE, progress, leaf: PhantomData };
         Some(planner.whole(0, 0)?.0)

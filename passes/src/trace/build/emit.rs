@@ -26,8 +26,8 @@ pub(crate) struct Emitted<L> {
     pub(crate) root: Child,
 }
 
-/// Writes the tree: which nodes and leaves there are, then the leaves, and then the nodes around them. Nothing if it is given up, which is
-/// asked for before each of these and before the parts of the first.
+/// Writes the tree: first which nodes and leaves there are, then the leaves, and then the nodes around them. `None` if cancelled, which is
+/// checked before each of these steps and before each part of the first.
 pub(crate) fn emit<L: LeafFormat>(plan: &Plan, triangles: &Triangles<'_>, progress: &Progress) -> Option<Emitted<L>> {
     let layout = Layout::new(&Source { plan, triangles, most: L::MOST }, progress)?;
     if progress.is_cancelled() {

@@ -61,13 +61,13 @@ pub struct BinaryNode {
 /// The tree, ready to be copied to a device.
 #[derive(Debug, Clone, Default)]
 pub struct BinaryTree {
-    /// Nodes, each before its subtrees but the one that joins a sky to all else.
+    /// Nodes, each before its subtrees, except the node that joins a sky to all else.
     pub nodes: Vec<BinaryNode>,
     /// Three corners a triangle, as the bits of `f32`. The fourth component of the first corner is the triangle's id, with [`TRANSPARENT`].
     pub triangles: Vec<[[u32; 4]; 3]>,
     /// The node or leaf at the root of all but the sky ([`Geometry::sky`]); `None` if there is no such triangle.
     pub root: Option<u32>,
-    /// That of all triangles.
+    /// The node or leaf at the root of all triangles, those of the sky included.
     pub whole: Option<u32>,
     /// Low and high corner of the bounds of all triangles.
     pub bounds: [[f32; 3]; 2],
@@ -158,7 +158,7 @@ fn node_of(first: Top, second: Top) -> BinaryNode {
     }
 }
 
-/// A reference after its nodes and triangles were moved behind that many others.
+/// A reference, adjusted for nodes and triangles that were moved behind this many others.
 fn moved(reference: u32, nodes: usize, triangles: usize) -> u32 {
     reference + if reference & LEAF == 0 { nodes } else { triangles } as u32
 }

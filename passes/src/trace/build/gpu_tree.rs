@@ -36,7 +36,7 @@ const TRIANGLE_COST: f32 = 0.3;
 ///
 /// Along each axis, a plane of child `s` lies at `corner + q * 2^(exponent - 127)`, where `q` is byte `s` of that axis's eight. A child's
 /// slot says in which octant of the node it lies: bit 0 of the slot is set on the high side along x, bit 1 along y, bit 2 along z. Where
-/// several children compete for a slot, some lie in others.
+/// several children compete for a slot, some lie in other slots.
 #[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
 #[repr(C, align(16))]
 pub struct DeviceNode {
@@ -151,7 +151,7 @@ impl DeviceTree {
     }
 }
 
-/// A node's place in the device's order, and the places of what lies below it.
+/// A node's place in the device's order, and the places of its children and triangles.
 #[derive(Debug, Clone, Copy, Default)]
 struct Place {
     /// Index of the node in the tree that was built.

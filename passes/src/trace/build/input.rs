@@ -15,12 +15,12 @@ pub(crate) struct Triangles<'a> {
     geometry: &'a Geometry,
     /// For each material, whether it is transparent; empty if none is.
     transparent: &'a [bool],
-    /// Whether the tree is that of the sky, instead of that of all but the sky.
+    /// Whether the tree holds the triangles of the sky, instead of all others.
     of_sky: bool,
 }
 
 impl<'a> Triangles<'a> {
-    /// All but the sky.
+    /// All triangles but those of the sky.
     ///
     /// # Panics
     /// If there are 2³¹ triangles or more.
@@ -29,7 +29,7 @@ impl<'a> Triangles<'a> {
         Self { geometry, transparent: if transparent.contains(&true) { transparent } else { &[] }, of_sky: false }
     }
 
-    /// The triangles of the sky instead, if there are any.
+    /// The triangles of the sky; `None` if there is none.
     pub(crate) fn sky(self) -> Option<Self> {
         (!self.geometry.sky.is_empty()).then_some(Self { of_sky: true, ..self })
     }
@@ -114,7 +114,7 @@ pub(crate) struct Survey {
 impl Survey {
     /// Surveys all triangles. Two consecutive triangles that share an edge become one leaf if wide leaves hold at least four triangles
     /// (`most`). The result does not depend on the number of threads, not even the sign of a zero.
-    /// Nothing if it is given up, which is asked for between parts.
+    /// `None` if cancelled, which is checked between the parts that threads take.
     pub(crate) fn new(triangles: &Triangles<'_>, most: usize, progress: &Progress) -> Option<Self> {
         let count = triangles.geometry.triangles.len();
         let part = |part: usize| {

@@ -26,11 +26,11 @@ const GRAIN: usize = 8192;
 ///
 /// Two consecutive triangles that share an edge are one leaf ([`Survey::new`]): meshes are full of such pairs, and obvhs has half the work.
 ///
-/// Its clustering merges neighbours that prefer each other, and loses its linear time when costs tie (a row of equal
-/// boxes merges one pair a pass), overflow or are NaN. So it is given boxes scaled to a unit cube and grown on each side
-/// by a pseudo-random 1/64 of their size at most. What is taken from the tree is its topology, and areas to choose by.
+/// obvhs's clustering merges neighbours that prefer each other, and loses its linear time when costs tie (a row of equal boxes merges one
+/// pair a pass), overflow or are NaN. So it is given boxes scaled to a unit cube and grown on each side by a pseudo-random 1/64 of their
+/// size at most. Only the topology of its tree is used, and its areas to choose by.
 ///
-/// Nothing if it is given up: before the library clusters, or before it optimises, since it is not asked inside of either.
+/// `None` if cancelled. That is checked before the library clusters and before it optimises, but not inside either.
 pub(crate) fn binary_tree(
     triangles: &Triangles<'_>,
     survey: Survey,

@@ -64,7 +64,7 @@ impl Neighbourhood {
 pub struct Candidates {
     groups: Vec<TriangleGroup>,
     used: usize,
-    /// Groups that rays from the part last narrowed to may meet: the group's index and the mask of its triangles.
+    /// Groups that rays from the box of the last [`Self::narrow`] may meet: the group's index and the mask of its triangles.
     near: Vec<(u32, Mask)>,
     /// Bounds of the scene; the rounding of the watertight test depends on them.
     bounds: Bounds,
@@ -108,7 +108,7 @@ impl Candidates {
     }
 
     /// Prepares for rays from `origin` with `direction · above >= 0`, where `above` is a unit vector. The origin must lie in the
-    /// neighbourhood, and in the part last narrowed to. Returns whether any triangle may block such a ray.
+    /// neighbourhood, and in the box of the last [`Self::narrow`]. Returns whether any triangle may block such a ray.
     ///
     /// Inlined, or `above` would be copied as a whole just after its parts were written, which stalls some processors.
     #[inline(always)]

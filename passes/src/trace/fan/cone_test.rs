@@ -317,7 +317,7 @@ impl<S: Simd> Cone<S> {
         }
     }
 
-    /// What is certain of sixteen rays. `AFTER` must be set if `t_min > 0`, and `SIDED` must equal [`Self::is_sided`]. Comparisons with NaN
+    /// The certain verdicts on sixteen rays. `AFTER` must be set if `t_min > 0`, and `SIDED` must equal [`Self::is_sided`]. Comparisons with NaN
     /// are false, so they decide nothing.
     #[inline(always)]
     pub(crate) fn test<const AFTER: bool, const SIDED: bool>(&self, simd: S, directions: &[F16; 3]) -> Verdict {

@@ -11,7 +11,7 @@ use crate::trace::simd::{F8, F16, LANES, Mask, Simd, WIDE};
 /// The least and the greatest operands of the slab tests of several rays of one octant.
 #[derive(Clone, Copy)]
 pub(crate) struct Interval {
-    /// Of the moved origins, the one nearest to near planes and the one farthest from far planes.
+    /// By axis: the moved origin that is nearest to near planes, and the one that is farthest from far planes.
     pub(crate) near_origin: [f32; 3],
     pub(crate) far_origin: [f32; 3],
     /// Least and greatest reciprocals of the directions, for near planes and for far planes.
@@ -104,7 +104,7 @@ impl Intervals {
         self.limit.0[lane] = interval.t_max;
     }
 
-    /// The packets of which any ray may enter a box, by the operations of [`Interval::meets`].
+    /// The packets with any ray that may enter a box, by the operations of [`Interval::meets`].
     #[inline(always)]
     pub(crate) fn meets<S: Simd>(&self, simd: S, planes: &[[F8; 3]; 2], box_lane: usize, octant: Octant) -> Mask {
         let lane = box_lane & (LANES - 1);

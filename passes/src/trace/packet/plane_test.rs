@@ -42,7 +42,7 @@ impl TrianglePlane {
         Self { normal: (normal * scale).as_vec3().to_array(), corner: corners[0] }
     }
 
-    /// What is certain of sixteen rays whose lines pass through the triangle. Comparisons with NaN are false, so they decide nothing.
+    /// The certain verdicts on sixteen rays whose lines pass through the triangle. Comparisons with NaN are false, so they decide nothing.
     #[inline(always)]
     pub(crate) fn decide<S: Simd>(&self, simd: S, packet: &PreparedPacket) -> Verdict {
         let (origin, direction, t_min, shortness, doubt) = packet.decided_by();

@@ -16,7 +16,7 @@ use crate::trace::tree::{Child, Leaf, Node, Stack, WideTree};
 /// In closest-hit queries, rays go on singly where at most this many are left in a subtree or at a leaf.
 const FEW: u32 = 3;
 
-/// What is still to be visited: a lower bound of the distance at which any ray enters it (as bits, which order like the non-negative
+/// A pending visit: a lower bound of the distance at which any ray enters the child (as bits, which order like the non-negative
 /// distance), the child, and the mask of its rays.
 type Entry = (u32, u32, Mask);
 

@@ -1,4 +1,4 @@
-//! Triangles and ray origins projected along one direction, and what is certain of sixteen rays against a triangle.
+//! Triangles and ray origins projected along one direction, and certain verdicts on sixteen rays against a triangle.
 //!
 //! The watertight test computes with rounded differences to the ray's origin. It accepts a line only if the origin lies in the triangle of
 //! the rounded corners. Let `u` = 2⁻²⁴, and let `S` be the largest coordinate, relative to a centre in the tile, of the triangle's corners

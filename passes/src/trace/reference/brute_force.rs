@@ -12,7 +12,7 @@ use glam::{DVec3, Vec3};
 #[derive(Debug, Clone)]
 pub struct BruteForce {
     triangles: Vec<([DVec3; 3], u32, bool)>,
-    /// What is in the way of no shadow or occlusion ray.
+    /// Triangles of the sky, which block no shadow or occlusion ray.
     sky: TriangleRanges,
 }
 

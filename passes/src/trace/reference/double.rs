@@ -10,7 +10,7 @@ use glam::DVec3;
 ///
 /// It shares no code with [`Bvh`](crate::trace::Bvh): neither the tree, nor the box test, nor the triangle test, nor the
 /// precision. Boxes are larger than their triangles by far more than rounding can matter, and are left unvisited only
-/// where they begin clearly behind the nearest hit; so the tree decides nothing but the time.
+/// where they begin clearly behind the nearest hit. So the tree affects only the time, not the answers.
 ///
 /// Built over the surface-area heuristic in 16 bins (Wald, "On fast Construction of SAH-based Bounding Volume
 /// Hierarchies", 2007). About 150 to 250 bytes a triangle.
@@ -18,7 +18,7 @@ use glam::DVec3;
 pub struct Double {
     nodes: Vec<Node>,
     triangles: Vec<([DVec3; 3], u32, bool)>,
-    /// What is in the way of no shadow or occlusion ray.
+    /// Triangles of the sky, which block no shadow or occlusion ray.
     sky: TriangleRanges,
     /// By how much boxes were enlarged. Also the distance by which a box must begin behind the nearest hit to be skipped.
     slack: f64,
@@ -193,7 +193,7 @@ impl Double {
         best.map(DoubleHit::of)
     }
 
-    /// Whether any hit exists but on the sky: on an opaque triangle, or on a transparent one that `accept` accepts.
+    /// Whether there is a hit other than on the sky: on an opaque triangle, or on a transparent one that `accept` accepts.
     pub fn any(&self, ray: &DoubleRay, mut accept: impl FnMut(&DoubleHit) -> bool) -> bool {
         let mut blocked = false;
         self.walk(ray, |candidate| {

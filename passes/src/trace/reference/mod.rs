@@ -1,4 +1,4 @@
-//! Two reference tracers in `f64`. They share no code with the fast tracer, and not the search with each other.
+//! Two reference tracers in `f64`. They share no code with the fast tracer, and their searches are independent of each other.
 //!
 //! [`BruteForce`] tests every triangle. [`Double`] gives the same answers from a tree of its own, fast enough for
 //! pictures.

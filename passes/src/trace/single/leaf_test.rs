@@ -183,7 +183,7 @@ struct Passed<S: Simd> {
     edges: [S::Vector; 3],
 }
 
-/// What is certain of a ray whose line passes through triangles of a leaf. See `packet/plane_test.rs` for the test and its error bounds.
+/// The certain verdicts on a ray whose line passes through triangles of a leaf. See `packet/plane_test.rs` for the test and its error bounds.
 ///
 /// Here the normal `n` is the cross product of two edges, in `f32` and not scaled. Let `w` be half the sum of their squared lengths; it is
 /// at least the product of their lengths, and so at least any component of `n`. A component of `n` errs by 4 u w, the first product of the

@@ -23,7 +23,7 @@ impl Bounds {
         Self { low: self.low.min(other.low), high: self.high.max(other.high) }
     }
 
-    /// Whether they have a point in common.
+    /// Whether both bounds have a point in common.
     pub(crate) fn touches(&self, other: &Self) -> bool {
         self.low.cmple(other.high).all() && other.low.cmple(self.high).all()
     }
@@ -34,7 +34,7 @@ impl Bounds {
         side.x * side.y + side.y * side.z + side.z * side.x
     }
 
-    /// Their middle, which overflows only where they are empty.
+    /// The middle of the bounds; it overflows only if they are empty.
     pub(crate) fn middle(&self) -> Vec3 {
         self.low * 0.5 + self.high * 0.5
     }

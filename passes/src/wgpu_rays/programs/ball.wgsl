@@ -1,20 +1,20 @@
-// What a sphere of glass does with parallel light (`effects/dielectric/ball.rs`, whose text has the formulas), in numbers of 32 bits. Lengths are
+// Parallel light that a sphere of glass refracts (`effects/dielectric/ball.rs`, whose text has the formulas), in numbers of 32 bits. Lengths are
 // in radii of the sphere.
 //
-// Bundles are a thousandth of a radius wide, and points lie many radii away. So the distance m at which a ray passes a point is computed in 48 bits
-// at the nodes, every 64th part of a right angle, and from there by the changes of sines and angles, which are small: m errs by about 6e-9 of the
-// distance to the point, and by 1e-8.
+// Bundles are a thousandth of a radius wide, and points lie many radii away. So the distance m at which a ray passes a point is computed in 48
+// bits at the nodes, which lie at every 64th part of a right angle. Between nodes, the small changes of sines and angles are added. The error of m
+// is about 6e-9 of the distance to the point, plus 1e-8.
 
-// A node of an index in the tables: sine and cosine of its angle of incidence, of the angle by which light is turned, and of the angle inside; and
-// by how much more light is turned for a larger angle.
+// A node in the tables, for an index of refraction: sine and cosine of its angle of incidence, of the angle by which light is turned, and of the
+// angle inside; and the derivative of the turning angle.
 fn node_place(index_at: u32, node: u32) -> u32 { return index_at + NODE_WORDS * node; }
 
-// A point outside of a sphere, in the plane of the axis: its distance from the axis, below 0 where light meets the sphere on the other side; its
-// place along the axis; the width of the discs over which light is averaged, and the distance at which a ray may pass the point.
+// A point outside of a sphere, in the plane of the axis: its distance from the axis, which is negative if light meets the sphere on the other side;
+// its place along the axis; the width of the discs over which light is averaged; and the distance at which a ray may pass the point.
 struct Aim { x: Wide, z: Wide, width: f32, reach: f32, index: f32, index_at: u32 }
 
-// A ray that has passed the sphere: sine and cosine of the angle of incidence, of the one inside, and of the angle by which it is turned. Then how
-// far it passes the point (m), how far along and across the ray the point lies, and by how much more light is turned for a larger angle.
+// A ray that has passed the sphere: sine and cosine of the angle of incidence, of the angle inside, and of the angle by which it is turned. Then the
+// distance at which it passes the point (m), the point's place along and across the ray, and the derivative of the turning angle.
 struct Turned {
     sin: f32,
     cos: f32,
@@ -53,7 +53,7 @@ fn turned_from(base: Turned, more: f32, index: f32) -> Turned {
     let below = 0.5 * square * (1.0 - square / 12.0);
     let sin_change = base.cos * sin_more - base.sin * below;
     let cos = base.cos - (base.sin * sin_more + base.cos * below);
-    // Of the angle inside, and then of the angle between both, of which light is turned twice.
+    // The changes of the angle inside, and of the angle between both. Light is turned by twice the latter.
     let inner_change = sin_change / index;
     let inner_sin = base.inner_sin + inner_change;
     let lower = inner_change * (base.inner_sin + inner_sin);
@@ -78,7 +78,7 @@ fn turned_between(base: Turned, next: Turned, more: f32, index: f32) -> Turned {
     return turned_from(node, more - select(0.0, STEP, is_late), index);
 }
 
-// Twice the angle whose sine is the root of half of a number from 0 to 1; the arc sine is within 5e-9 of this polynomial in squares up to 1/4.
+// Twice the angle whose sine is the root of half of a number from 0 to 1. The polynomial is within 5e-9 of the arc sine for squares up to 1/4.
 fn angle_below(u: f32) -> f32 {
     let half_u = 0.5 * clamp(u, 0.0, 1.0);
     let is_large = half_u > 0.25;
@@ -103,20 +103,20 @@ fn half_angle(ray: Turned, x: f32, width: f32) -> f32 {
     return angle;
 }
 
-// Rays that are neighbours and reach the point together: what they bring by colour; weights, and angles of incidence in steps times weights; and
-// where the last one ends: a cell, and how far into it.
+// Neighbouring rays that reach the point together: their light by colour; the sum of their weights, and of the angles of incidence in steps times
+// the weights; and the end of the last ray: its cell, and its place in the cell.
 struct Bundle { strength: vec3f, weight: f32, incidence: f32, cell: u32, end: f32 }
-// The mean of its rays.
+// The bundle's mean ray.
 fn mean_of(bundle: Bundle, aim: Aim) -> Turned {
     let incidence = bundle.incidence / bundle.weight;
     let node = min(u32(max(incidence + 0.5, 0.0)), CELLS);
     return turned_from(turned_at(aim, node), (incidence - f32(node)) * STEP, aim.index);
 }
 
-// Finds the bundles that reach a point at the distance `aim.x` from the axis, which is not below 0, and hands each to `take_bundle` with its mean and
-// the side on which it met the sphere. `kept_by` says what a ray keeps in the sphere.
+// Finds the bundles that reach a point at the distance `aim.x` from the axis, which is not below 0. Each is handed to `take_bundle` with its mean ray
+// and the side on which it met the sphere. `kept_by` gives the share that a ray keeps in the sphere.
 //
-// In each cell between two nodes the distance rises or falls, or turns once; its parts are those before and behind the turn.
+// In each cell between two nodes, the distance rises, falls, or turns once. A turn divides the cell into the parts before and behind it.
 fn find_bundles(both_sides: Aim) {
     var aim = both_sides;
     let far = abs(aim.x.h) + abs(aim.z.h);
@@ -127,7 +127,7 @@ fn find_bundles(both_sides: Aim) {
         var bundle: Bundle;
         var before = vec2f(0.0);
         var is_reached = false;
-        // The first round has no cell yet, and the last one none more.
+        // In the first round there is no cell yet, and in the last one none is left.
         for (var turn = 0u; turn < CELLS + 2u; turn += 1u) {
             var after = vec2f(0.0);
             var reaches = false;
@@ -154,7 +154,7 @@ fn find_bundles(both_sides: Aim) {
                 base = turned_at(aim, cell);
                 next = turned_at(aim, cell + 1u);
             }
-            // Where the distance turns, and that distance.
+            // The place where the distance turns, and the distance there.
             var top = vec2f(STEP, next.miss);
             for (var part = 0u; part < select(1u, 2u, turns && is_cell); part += 1u) {
                 var found: Bundle;
@@ -166,7 +166,7 @@ fn find_bundles(both_sides: Aim) {
                         low = top;
                         high = vec2f(STEP, next.miss);
                     }
-                    // First the turn, then the two ends of the part.
+                    // First the turn is searched for, then the two ends of the part.
                     for (var end = select(1u, 0u, turns && part == 0u); end < 3u; end += 1u) {
                         var from_to = vec2f(0.0, STEP);
                         var own = vec2f(0.0);
@@ -185,7 +185,7 @@ fn find_bundles(both_sides: Aim) {
                             first = low.y - border;
                             tolerance = 3.0e-5 * aim.reach + 1.0e-8 * far;
                         }
-                        // Newton's steps, and halves where they lead away.
+                        // Newton's steps; the interval is halved where they lead out of it.
                         var at = 0.5 * (from_to.x + from_to.y);
                         var miss = 0.0;
                         for (var step = 0u; step < MOST_NEWTON; step += 1u) {
@@ -235,7 +235,7 @@ fn find_bundles(both_sides: Aim) {
     }
 }
 
-// The light of the angles of incidence between two of a cell.
+// The light of a range of angles of incidence within a cell.
 fn sum_of(aim: Aim, base: Turned, next: Turned, cell: u32, range: vec2f) -> Bundle {
     let ends_there = range.y == STEP;
     var sum = Bundle(vec3f(0.0), 0.0, 0.0, select(cell, cell + 1u, ends_there), select(range.y, 0.0, ends_there));

@@ -1,6 +1,6 @@
-// What paths through glass as each material says have in common (`effects/dielectric`).
+// Shared functions for paths through glass as each material says (`effects/dielectric`).
 
-// What the camera is in.
+// The bodies that the camera is in.
 fn around_eye() -> Media {
     var media: Media;
     for (var i = 0u; i < MOST_BODIES; i += 1u) { media.list[i] = atomicLoad(&ray_counts[AROUND_EYE + i]); }
@@ -8,7 +8,7 @@ fn around_eye() -> Media {
     return media;
 }
 
-// What a body (NONE: air) leaves of light, by colour, on its way from the surface that a pixel shows to the eye.
+// The share of light, by colour, that a body (NONE: air) transmits from the surface that a pixel shows to the eye.
 fn kept_to_eye(pixel: Pixel, body: u32) -> vec3f {
     if body == NONE { return vec3f(1.0); }
     let to = stored_position(pixel).xyz - params.eye;
@@ -21,7 +21,7 @@ fn seen_from_eye(pixel: Pixel, color: vec3f) -> vec3f {
     return color * kept_to_eye(pixel, atomicLoad(&ray_counts[AROUND_EYE + length - 1u]));
 }
 
-// By the normal that bends light, or the flat surface's where that would send refracted light back to the viewer's side.
+// Refraction by the normal that bends light, or by the flat surface's where the former would send refracted light back to the viewer's side.
 struct Bend { normal: vec3f, meeting: Interface, enters: bool, refracted: vec3f }
 fn bent_by(body: Body, normal: vec3f, view: vec3f, ratio: f32) -> Bend {
     let meeting = face_of(body, -dot3(normal, view), ratio);

@@ -26,13 +26,13 @@ fn edge_plane(start: vec3f, to: vec3f, unit: f32) -> vec3f {
 
 // The volume that contains all rays of some length from an origin that go to one side of a plane through it.
 struct HalfBall { origin: vec3f, facing: vec3f, square: f32, nearness: f32 }
-// By how much, along each axis, a ray may miss a box although it hits the triangle inside by the watertight test; twice the processor's
-// bound (`Way`).
+// The distance, along each axis, by which a ray may miss a box although it hits the triangle inside by the watertight test; twice the
+// processor's bound (`Way`).
 fn slack_around(origin: vec3f) -> vec3f {
     let reach = reach_from(origin);
     return 2.0 * ((reach + vec3f(most3(reach))) * SLAB_ERROR + abs(origin) * SLAB_ORIGIN_ERROR);
 }
-// `radius` may be less than the length of the rays; then triangles beyond it are left out.
+// `radius` may be less than the length of the rays; triangles beyond the radius are then left out.
 fn half_ball(origin: vec3f, facing: vec3f, radius: f32) -> HalfBall {
     let slack = slack_around(origin);
     let grown = radius * LONGEST * BALL_MARGIN + 2.0 * sqrt(dot(slack, slack));

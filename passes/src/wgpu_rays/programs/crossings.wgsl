@@ -1,5 +1,5 @@
 // The distances of the glass surfaces that a shadow ray crosses, in order. A ray through the edge between two triangles hits both, so
-// distances that differ by no more than their rounding are one surface. Beyond MAX_CROSSINGS, each counts as a surface of its own.
+// distances that differ only by rounding count as one surface. Beyond MAX_CROSSINGS, each counts as a surface of its own.
 var<private> crossing: array<f32, MAX_CROSSINGS>;
 var<private> crossings_stored: u32;
 var<private> crossings_beyond: u32;

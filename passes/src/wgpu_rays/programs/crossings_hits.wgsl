@@ -1,5 +1,5 @@
 // The hits of a shadow ray on glass, ordered by distance. A ray through the edge between two triangles hits both, so distances that differ
-// by no more than their rounding are one surface. Beyond MAX_CROSSINGS, each counts as a surface of its own.
+// only by rounding count as one surface. Beyond MAX_CROSSINGS, each counts as a surface of its own.
 var<private> crossing: array<Hit, MAX_CROSSINGS>;
 var<private> crossings_stored: u32;
 var<private> crossings_beyond: u32;

@@ -1,4 +1,4 @@
-// Notes where the driver has left a loop before its end: from then on it leaves each loop after one step.
+// Records whether the driver has left a loop before its end. Once it has, it leaves every loop after one step, which this loop detects.
 fn note_cut_loops() {
     var steps = 0u;
     while steps < 2u + params.zero { steps += 1u; }

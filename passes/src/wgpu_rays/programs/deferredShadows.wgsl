@@ -20,8 +20,8 @@ fn shadow_of(origin: vec3f) -> vec4f {
     let blocked = occluded(ACCEPT_COVERED, Ray(origin, to_light(), 0.0, HUGE));
     return opaque(vec3f(select(1.0, SHADOWED, blocked)));
 }
-// Kinds of starts of shadow rays. TURNED: the surface is turned from the light, no ray; FACING: off the triangle;
-// LIFTED: off it and farther along `way`.
+// Kinds of starts of shadow rays. TURNED: the surface is turned from the light, and there is no ray. FACING: the start is offset from the
+// triangle. LIFTED: it is also moved farther along `way`.
 const TURNED: f32 = 0.0;
 const FACING: f32 = 1.0;
 // In the list only: the pixel shows no surface.

@@ -1,5 +1,5 @@
-// The occlusion rays of the points of a group, in shared memory: origins, the sides to which they go, and what their directions have in
-// common.
+// The occlusion rays of the points of a group, in shared memory: origins, the sides to which they go, and the data that their directions
+// share.
 
 // Ray origins; w: the distance before which nothing is hit, 0 unless `trace.wgsl` sets it.
 var<workgroup> fan_origin: array<vec4f, 32>;

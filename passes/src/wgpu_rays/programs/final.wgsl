@@ -1,6 +1,6 @@
 // `final`: glass as in `refraction`, shadows and ambient occlusion, at pixels and at every hit.
 
-// A colour times the share of the light and the ambient occlusion. Black stays black, and a sky as it is, without tracing a ray.
+// A colour times the share of the light and the ambient occlusion. Black and the colour of a sky stay unchanged, without tracing a ray.
 fn visible(color: vec3f, surface: Surface, lit_side: vec3f, triangle: u32, key: u32) -> vec3f {
     if all(color == vec3f(0.0)) || is_sky(triangle) { return color; }
     let light = light_share(surface, lit_side, triangle)⦃ + focused_share(surface, lit_side, triangle)⦄;

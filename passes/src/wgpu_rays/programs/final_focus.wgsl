@@ -1,4 +1,4 @@
-// Multiplies the colours of points by the share of the light that comes straight, and by what exact spheres focus on them.
+// Multiplies the colours of points by the share of light that comes straight, plus the light that exact spheres focus on them.
 @compute @workgroup_size(64)
 fn main(@builtin(workgroup_id) group: vec3u, @builtin(num_workgroups) groups: vec3u, @builtin(local_invocation_index) thread: u32) {
     let place = group.y * groups.x + group.x;
@@ -12,7 +12,7 @@ fn main(@builtin(workgroup_id) group: vec3u, @builtin(num_workgroups) groups: ve
         let straight = point_vector(point, 4u);
         let position = point_vector(point, 5u).xyz;
         let told = points[POINT * point + 5u].w;
-        // Nothing is known yet of its other rays.
+        // Nothing is known yet about the point's other rays.
         points[POINT * point + 5u] = vec4u(0u, 0u, params.root, 0u);
         let side = select(1.0, -1.0, (told & OTHER_SIDE) != 0u);
         let surface = Lit(position, start.xyz, facing, start.w, side * facing, side * normal, straight.w, tint_of(told & ~OTHER_SIDE));

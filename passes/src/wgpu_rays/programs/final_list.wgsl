@@ -3,7 +3,7 @@
 // The first and the last point of the pixel so far.
 var<private> head: u32 = NONE;
 var<private> last: u32 = NONE;
-// Called for each end of the tree of rays (`glass.wgsl`); the point's colour is added to the pixel by a later kernel, that of a sky here.
+// Called for each end of the tree of rays (`glass.wgsl`). A later kernel adds the point's colour to the pixel; a sky's colour is returned here.
 fn seen_through(hit: Hit, surface: Surface, key: u32, weight: Weight⟨, footprint: f32⟩) -> vec3f {
     let color = weighed_color(weight, met_color(hit, surface⟨, footprint⟩));
     // Black stays black, without tracing a ray.

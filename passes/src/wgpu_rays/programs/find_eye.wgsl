@@ -1,4 +1,4 @@
-// Finds the bodies that the camera is in: those that a line from it leaves without having entered them (`eye.rs`).
+// Finds the bodies that the camera is in: those that a line from the camera leaves without having entered them (`eye.rs`).
 const MOST_STEPS: u32 = 4096u;
 
 @compute @workgroup_size(1)

@@ -2,21 +2,21 @@
 
 fn point_place(point: u32) -> u32 { return lenses_at() + LENS_HEAD + 2u * point; }
 
-// A point of a surface and how it takes light: its position; where rays start, the normal along which they are offset and by how much; the side that is lit; the
-// normal by which it was lit, its cosine with the light, and the share of the light in its colour beside AMBIENT.
+// A point of a surface, and the values by which it is lit: its position; the start of rays, the normal along which they are offset, and the
+// offset; the side that is lit; the normal by which it was lit, its cosine with the light, and the light's part of its colour beside AMBIENT.
 struct Lit { position: vec3f, start: vec3f, offset: vec3f, step: f32, facing: vec3f, normal: vec3f, cosine: f32, tint: vec3f }
 fn tint_of(triangle: u32) -> vec3f {
     let shade = shade_of(triangle);
     return select(vec3f(1.0), shade.diffuse, shade.texture != NO_TEXTURE);
 }
-// The colour that the light would give the surface from a unit direction, as a share of the colour that it has.
+// The colour that light from a unit direction would give the surface, as a share of the colour that it has.
 fn share_from(towards: vec3f) -> vec3f {
     let bent = lit.tint * params.light_color * max(dot3(lit.normal, towards), 0.0) + AMBIENT;
     return bent / (lit.tint * params.light_color * lit.cosine + AMBIENT);
 }
 
-// What is looked at: the surface; the sphere and its material; the plane of the point, the sphere's centre and the light, by the direction from the
-// axis to the point and that of the light. And the sum of what is found.
+// The state of the search: the surface; the sphere and its material; the plane of the point, the sphere's centre and the light, given by the
+// direction from the axis to the point and that of the light; and the sum of the light that is found.
 var<private> lit: Lit;
 var<private> lens: Lens;
 var<private> lens_body: Body;
@@ -33,7 +33,7 @@ fn kept_by(ray: Turned) -> vec3f {
     return passes * passes * faces * faces * transmittance(lens_body.extinction, 2.0 * lens.radius * ray.inner);
 }
 
-// Adds what a bundle brings where nothing is in its way: from the surface to the sphere, in it, and on to the light.
+// Adds the light of a bundle unless it is occluded: from the surface to the sphere, in it, and on to the light.
 fn take_bundle(bundle: Bundle, ray: Turned, side: f32) {
     let aside = side * side_of_point;
     let direction = axis * ray.turn_cos - aside * ray.turn_sin;
@@ -60,7 +60,7 @@ fn take_bundle(bundle: Bundle, ray: Turned, side: f32) {
     focused_sum += light;
 }
 
-// What focused light adds to a surface, as a share of its colour.
+// The light that spheres focus on a surface, as a share of its colour.
 fn focused_light(surface: Lit) -> vec3f {
     lit = surface;
     focused_sum = vec3f(0.0);
@@ -70,7 +70,7 @@ fn focused_light(surface: Lit) -> vec3f {
     for (var number = 0u; number < tables[head]; number += 1u) {
         let place = point_place(POINTS + POINTS_AT_AXIS) + LENS_WORDS * number;
         lens = Lens(table_vector(place), table_number(place + 3u), tables[place + 6u]);
-        // In radii, from the centre. In the sphere no light is focused.
+        // In radii, from the sphere's centre. Within the sphere no light is focused.
         let from_center = scaled3(exact_sum3(lit.position, -lens.center), Wide(table_number(place + 4u), table_number(place + 5u)));
         let square = dot3(from_center.h, from_center.h);
         if square <= 1.0 { continue; }
@@ -85,12 +85,12 @@ fn focused_light(surface: Lit) -> vec3f {
     }
     return focused_sum;
 }
-// A unit vector across a unit vector.
+// A unit vector perpendicular to a unit vector.
 fn basis_beside(unit: vec3f) -> vec3f {
     return normalize_or(cross3(unit, select(vec3f(1.0, 0.0, 0.0), vec3f(0.0, 1.0, 0.0), abs(unit.x) > 0.5)), vec3f(0.0));
 }
 
-// What focused light adds to the share of a surface, `shading` being that of the surface.
+// The focused light to add to the share of a surface; `shading` must be set for that surface.
 fn focused_share(surface: Surface, lit_side: vec3f, triangle: u32) -> vec3f {
     let point = surface.point;
     let cosine = light_cosine(shade_of(triangle), triangle, point.position, params.to_light);

@@ -1,10 +1,10 @@
-// Glass that reflects and refracts, shared by `refraction` and `final`, whose `seen_through` gives the weighted colour of a surface seen
+// Glass that reflects and refracts, shared by `refraction` and `final`. Their `seen_through` gives the weighted colour of a surface seen
 // through it.
 //
 // The processor's code recurses. Here a loop walks the tree of rays with a list of pending branches, each with the weight of its colour.
 // The sum is the same up to the order of its roundings.
 
-// A ray that is still to be traced. While one branch is followed, at most one a bounce waits.
+// A ray that is still to be traced. While one branch is followed, at most one for each bounce waits.
 struct Branch { origin: vec3f, direction: vec3f, weight: f32, key: u32, bounces: u32⟨, cone: Cone⟩ }
 
 // The colour of the glass that a pixel shows.

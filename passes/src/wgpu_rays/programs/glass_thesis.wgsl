@@ -1,4 +1,4 @@
-// Glass of the report, shared by `refraction` and `final`, whose `thesis_seen` gives the colour at the end of a chain.
+// Glass of the report, shared by `refraction` and `final`. Their `thesis_seen` gives the colour at the end of a chain of rays.
 
 // The colour of the glass branch of the report's `buffer_camera`: two chains of rays, since its glass keeps only the reflected colour.
 fn thesis_glass(pixel: Pixel) -> vec3f {

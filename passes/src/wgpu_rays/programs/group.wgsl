@@ -24,7 +24,7 @@ fn ballot(value: bool) -> u32 {
     end_vote();
     return bits;
 }
-// Masks for four values. What threads wrote to shared memory before is visible after it.
+// Masks for four values. After the call, earlier writes of threads to shared memory are visible.
 fn ballots(values: vec4<bool>) -> vec4u {
     let first = 4u * next_vote;
     if values.x { atomicOr(&votes[first], 1u << lane); }

@@ -1,5 +1,5 @@
-// What the shadows of several lights leave of a surface's colour (`effects/lights.rs`). `light_reaches` of a program follows a ray to the
-// light that is looked at, and says what of it passes.
+// The share of a surface's colour that is left by the shadows of several lights (`effects/lights.rs`). A program's `light_reaches` follows a
+// ray to the current light, and returns the share of it that passes.
 
 // The cosine of a light at a point.
 fn light_cosine(shade: Shade, triangle: u32, position: vec3f, towards: vec3f) -> f32 {

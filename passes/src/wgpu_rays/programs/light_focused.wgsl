@@ -1,14 +1,14 @@
-// Light that passes straight through glass, but for the spheres that focus it: these stop it (`shadow.rs`, `Pass::focuses`). Stands in the place of
-// `light_from.wgsl`.
+// Light that passes straight through glass, except through the spheres that focus it: these stop straight light (`shadow.rs`, `Pass::focuses`).
+// Replaces `light_from.wgsl`.
 
 // The place in the tables of the spheres that focus light (`lenses.rs` of this backend).
 fn lenses_at() -> u32 { return tables[params.bodies_at]; }
 
-// Where the ray to the light starts, and the sphere that is not there; NONE where all are.
+// The origin of the ray to the light, and the sphere that the ray ignores; NONE if it ignores none.
 var<private> line_origin: vec3f;
 var<private> left_out: u32 = NONE;
 
-// Whether light that meets this sphere is focused by it, and so does not go straight on: from outside.
+// Whether this sphere focuses light that meets it, so that the light does not go straight on. This holds for rays from outside of the sphere.
 fn focuses(id: u32) -> bool {
     if tables[tables[lenses_at() + LENS_FLAGS] + (id - params.first_sphere)] == 0u { return false; }
     let sphere = sphere_of(id);
@@ -16,7 +16,7 @@ fn focuses(id: u32) -> bool {
     return dot3(apart, apart) > sphere.radius * sphere.radius;
 }
 
-// By colour, the share of the light that comes straight to the origin of a shadow ray, past the sphere `without`.
+// By colour, the share of the light that comes straight to the origin of a shadow ray, ignoring the sphere `without`.
 fn straight_along(origin: vec3f, without: u32) -> vec3f {
     count(SHADOW);
     crossings_stored = 0u;

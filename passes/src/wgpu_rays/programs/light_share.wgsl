@@ -1,9 +1,9 @@
-// The share of the light that reaches a side of a triangle; `light_from` accounts for glass on the way. `lights_final.wgsl` stands in its
-// place in passes with several lights.
+// The share of the light that reaches a side of a triangle; `light_from` accounts for glass on the way. In passes with several lights,
+// `lights_final.wgsl` replaces this text.
 
-// Where a ray to the light starts from a side of a triangle; none does where `is_dark`.
+// The start of a ray to the light from a side of a triangle; if `is_dark`, there is no ray.
 struct RayStart { origin: vec3f, is_dark: bool }
-// The start on the round surface above `start`, from a side that is turned away from the light; `way` leads there (`lifted`).
+// The start on the round surface above `start`, for a side that is turned away from the light; `way` leads there (`lifted`).
 fn lifted_start(start: vec3f, way: vec3f) -> RayStart {
     if all(way == vec3f(0.0)) { return RayStart(vec3f(0.0), true); }
     return RayStart(sep3(start + way), is_cut_off(ACCEPT_STOPS, start, way));

@@ -1,4 +1,4 @@
-// Several lights, lights with a place, and directional lights that are discs: what arrives of them at a surface (`effects/lights.rs` and
+// Several lights, lights with a place, and directional lights that are discs: the light that arrives at a surface (`effects/lights.rs` and
 // `backend/light.rs`).
 
 // A light (`layout.rs`).
@@ -14,7 +14,7 @@ struct Light {
     outer: f32,
 }
 fn light_count() -> u32 { return tables[params.lights_at]; }
-// What arrives of a light where something opaque is in the way: above 0 of a single directional light.
+// The share of a light that arrives in shadow of an opaque occluder: above 0 for a single directional light.
 fn in_shadow() -> f32 { return table_number(params.lights_at + 1u); }
 // Number of rays to the disc of each directional light; 0 where they are points.
 fn disc_samples() -> u32 { return tables[params.lights_at + 2u]; }
@@ -24,12 +24,12 @@ fn light_at(index: u32) -> Light {
                  table_vector(place + 8u), table_number(place + 11u), table_vector(place + 12u), table_number(place + 15u),
                  table_number(place + 16u));
 }
-// What a textured material adds to the light that is seen on it.
+// The emission that a textured material adds to the light on it.
 fn emission_of(triangle: u32) -> vec3f {
     return table_vector(params.lights_at + LIGHT_HEAD + LIGHT_WORDS * light_count() + 3u * mesh_at(params.materials_at + triangle));
 }
 
-// The share of a spot light at an angle of this cosine from its axis.
+// The share of a spot light at an angle from its axis, given by the cosine.
 fn cone_share(light: Light, cosine: f32) -> f32 {
     var share = 0.0;
     if cosine >= light.inner {
@@ -39,11 +39,11 @@ fn cone_share(light: Light, cosine: f32) -> f32 {
     }
     let edge = share * share;
     if light.exponent == 0.0 { return edge; }
-    // A power of 0 is no number to every driver.
+    // Some drivers give NaN for powers of 0.
     if cosine > 0.0 { return edge * pow(cosine, light.exponent); }
     return 0.0;
 }
-// What of a light arrives at a point: the unit direction to it, and the share of its colour. At the light's own place nothing does.
+// The light that arrives at a point: the unit direction to the light, and the share of its colour; 0 at the light's own place.
 struct Arriving { towards: vec3f, factor: f32 }
 fn arriving(light: Light, point: vec3f) -> Arriving {
     if (light.flags & LIGHT_PLACE) == 0u { return Arriving(-light.direction, 1.0); }
@@ -60,14 +60,14 @@ fn arriving(light: Light, point: vec3f) -> Arriving {
     return Arriving(towards, window * cone / max(falloff, LEAST_ATTENUATION));
 }
 
-// The light that is looked at: the direction to it, where rays to it end, and the length of the way that is left to it.
+// The current light: the direction to it, the end of rays to it, and the length of the rest of the way to it.
 var<private> light_direction: vec3f;
 var<private> light_length: f32;
 fn to_light() -> vec3f { return light_direction; }
 fn light_end() -> f32 { return light_length; }
 fn way_left(gone: f32) -> f32 { return light_length - gone; }
 
-// The colour of a surface that a ray met.
+// The colour of a surface that a ray hit.
 fn met_color(hit: Hit, surface: Surface⟨, footprint: f32⟩) -> vec3f {
     let shade = shade_of(hit.triangle);
     var sum = vec3f(0.0);

@@ -1,8 +1,8 @@
-// With lights that are discs: from now on the light is looked for along a segment on which focused light comes.
+// For lights that are discs: from now on, shadow rays follow a segment on which focused light comes.
 fn look_along(direction: vec3f, length: f32) {
     light_direction = direction;
     light_length = length;
 }
-// Who asks for a light next says which one.
+// The next caller sets the light that it needs, so there is nothing to restore.
 fn look_at_sun() {}
 

@@ -1,12 +1,12 @@
-// `deferredShadows` of several lights, and of lights with a place: what shadows leave of the colour, by colour. Of a single light that is a
-// disc: its share, 0.5 where all of it is hidden.
+// `deferredShadows` with several lights, and with lights with a place: the share of the colour that shadows leave, by colour. With a single
+// light that is a disc: its share, 0.5 where the whole disc is hidden.
 
 fn light_reaches(origin: vec3f) -> vec3f {
     count(SHADOW);
     let blocked = occluded(ACCEPT_COVERED, Ray(origin, to_light(), 0.0, light_end()));
     return vec3f(select(1.0, in_shadow(), blocked));
 }
-// The shading normal of a point that the camera sees, which the program is not handed. Normal maps are read at level 0.
+// The shading normal of a point that the camera sees; the program does not get it as input. Normal maps are read at level 0.
 fn normal_of(point: SurfacePoint, hit: Hit) -> vec3f {
     return normalize_or(bent_normal(hit, normal_at(hit), point.normal⟨, NO_FOOTPRINT⟩), vec3f(0.0));
 }

@@ -1,5 +1,5 @@
-// By colour, what reaches a point of a light in the direction `towards`: of a disc the mean over it. A direction from which the side is dark
-// brings what is in shadow, without a ray. What cuts the point off from the round surface that its triangle stands for is asked once.
+// By colour, the light that reaches a point from the direction `towards`; for a disc, the mean over it. A direction from which the side is dark
+// gives the value for shadow, without a ray. The test whether the point is cut off from its triangle's round surface is made once.
 fn light_seen(accept: u32, point: SurfacePoint, facing: vec3f, triangle: u32, light: Light, towards: vec3f, number: u32) -> vec3f {
     let has_place = (light.flags & LIGHT_PLACE) != 0u;
     let is_disc = disc_samples() > 0u && !has_place;
@@ -15,7 +15,7 @@ fn light_seen(accept: u32, point: SurfacePoint, facing: vec3f, triangle: u32, li
     var is_open = false;
     var raised = vec3f(0.0);
     var sum = vec3f(0.0);
-    // A light that is a point is not asked below the horizon: its cosine there is 0.
+    // The horizon is not tested for lights that are points, because their cosine below it is 0.
     var side = facing;
     if is_disc { side = horizon(triangle, point, facing); }
     for (var sample = 0u; sample < samples; sample += 1u) {
@@ -58,8 +58,8 @@ fn light_seen(accept: u32, point: SurfacePoint, facing: vec3f, triangle: u32, li
     return sum / f32(samples);
 }
 
-// By colour, what shadows leave at a point of a triangle on the side of the unit normal `facing`: the share of a single directional light, or
-// of what all lights make of the surface. `accept` says which hits cut a point off from the round surface that its triangle stands for.
+// By colour, the share that shadows leave at a point of a triangle, on the side of the unit normal `facing`: of a single directional light, or of
+// the surface's colour by all lights. `accept` gives the hits that cut a point off from the round surface that its triangle stands for.
 fn share_of_lights(accept: u32, point: SurfacePoint, facing: vec3f, triangle: u32) -> vec3f {
     let is_alone = in_shadow() > 0.0;
     let shade = shade_of(triangle);

@@ -1,5 +1,5 @@
-// Stores a point with its colour; in the vector 4 the share of the light that comes straight and the cosine with the light; in 5, until the light that
-// spheres focus is found by a later kernel, its position and what it is a point of.
+// Stores a point with its colour. Vector 4 gets the share of the light that comes straight, and the cosine with the light. Vector 5 gets the
+// position and the triangle, until a later kernel finds the light that spheres focus.
 fn put_lit_point(place: u32, surface: Surface, lit_side: vec3f, triangle: u32, key: u32, weight: f32, color: vec3f) {
     put_point(place, surface, false, key, weight, color);
     if all(color == vec3f(0.0)) { return; }

@@ -1,8 +1,8 @@
-// Glass as each material says (`effects/dielectric`): in which bodies a point lies, and what one surface does. Weights are colours.
+// Glass as each material says (`effects/dielectric`): the bodies that a point lies in, and the effect of one surface. Weights are colours.
 alias Weight = vec3f;
 const ONE: Weight = vec3f(1.0);
 const HAS_BODIES: bool = true;
-// Of a weight, what is kept beside a point's colour, and what becomes part of it.
+// Splits a weight: `weight_left` is stored beside a point's colour, and `weighed_color` includes the rest in the colour.
 fn weight_left(weight: Weight) -> f32 { return 1.0; }
 fn weighed_color(weight: Weight, color: vec3f) -> vec3f { return weight * color; }
 
@@ -19,14 +19,14 @@ struct Body {
     thickness: f32,
     priority: u32,
     vertex_colors: u32,
-    // By how much blue light is bent more; width of the distribution of microfacets, and the texture that it is multiplied by.
+    // The spread of the index of refraction towards blue; the width of the distribution of microfacets, and the texture that multiplies it.
     spread: f32,
     alpha: f32,
     roughness_texture: u32,
-    // What is kept of reflected light; minimum, maximum and exponent of a reflectance of its own, the last below 0 where there is none.
+    // The factor on reflected light; minimum, maximum and exponent of the material's own reflectance. The exponent is below 0 where it has none.
     mirrors: vec3f,
     curve: vec3f,
-    // What the share is multiplied by that is not scattered back.
+    // The texture that multiplies the share that is not scattered back.
     transmission_texture: u32,
 }
 fn body_place(material: u32) -> u32 { return params.bodies_at + BODY_HEAD + BODY_WORDS * material; }
@@ -37,7 +37,7 @@ fn body_of(material: u32) -> Body {
                 table_number(place + 13u), table_number(place + 14u), tables[place + 15u],
                 table_vector(place + 16u), table_vector(place + 19u), tables[place + 22u]);
 }
-// The same at a hit, where a texture may say what is scattered back.
+// The material at a hit, where a texture may give the share that is scattered back.
 fn body_at(material: u32, hit: Hit⟨, footprint: f32⟩) -> Body {
     var body = body_of(material);
 ⟪    if is_sphere(hit.triangle) {
@@ -56,14 +56,14 @@ fn material_of(triangle: u32) -> u32 { return mesh_at(params.materials_at + tria
 fn shape_of(material: u32) -> u32 { return tables[body_place(material)]; }
 fn priority_of(material: u32) -> u32 { return tables[body_place(material) + 11u]; }
 
-// The bodies that a point of a path lies in; the last fills the place (`media.rs`).
+// The bodies that a point of a path lies in; the last one fills the place (`media.rs`).
 struct Media { list: array<u32, MOST_BODIES>, length: u32 }
 fn top_of(media: Media) -> u32 {
     if media.length == 0u { return NONE; }
     var list = media.list;
     return list[media.length - 1u];
 }
-// Of what fills a place, or of air for NONE.
+// The index of refraction of the body that fills a place, or of air for NONE.
 fn index_of(body: u32) -> f32 {
     if body == NONE { return 1.0; }
     return table_number(body_place(body) + 1u);
@@ -75,7 +75,7 @@ fn extinction_in(media: Media) -> vec3f {
     if body == NONE { return vec3f(0.0); }
     return extinction_of(body);
 }
-// Puts one body more; says whether it fills the place then.
+// Adds one body; returns whether it now fills the place.
 fn put_body(media: ptr<function, Media>, body: u32) -> bool {
     let priority = priority_of(body);
     let length = (*media).length;
@@ -93,7 +93,7 @@ fn put_body(media: ptr<function, Media>, body: u32) -> bool {
     (*media).length = length + 1u;
     return place == length;
 }
-// Takes one body away, the one entered last: 0 where there is none, 1 where it did not fill the place, 2 where it did.
+// Removes the last entry of `body`. Returns 0 if there is none, 1 if it did not fill the place, 2 if it did.
 fn take_body(media: ptr<function, Media>, body: u32) -> u32 {
     let length = (*media).length;
     var place = length;
@@ -107,10 +107,10 @@ fn take_body(media: ptr<function, Media>, body: u32) -> u32 {
     (*media).length = length - 1u;
     return select(1u, 2u, place == length);
 }
-// The border of a body: what fills the place before and behind it, and whether there is a surface: there is none where another body fills
-// the place on both sides.
+// The border of a body: the bodies that fill the place before and behind it, and whether there is a surface. There is none where another body
+// fills the place on both sides.
 struct Border { before: u32, after: u32, is_there: bool }
-// Crosses the surface of a body: `media` are then those behind it.
+// Crosses the surface of a body; `media` is changed to the bodies behind it.
 fn border_of(media: ptr<function, Media>, body: u32, enters: bool) -> Border {
     var before = *media;
     var fills = false;
@@ -119,12 +119,12 @@ fn border_of(media: ptr<function, Media>, body: u32, enters: bool) -> Border {
     } else {
         let taken = take_body(media, body);
         fills = taken == 2u;
-        // Who leaves a body that is not known to have been entered was in it all the same.
+        // A path that leaves a body without having entered it was in that body all the same.
         if taken == 0u { fills = put_body(&before, body); }
     }
     return Border(top_of(before), top_of(*media), fills);
 }
-// The same: index of refraction behind over that before; 0 where there is no surface.
+// As `border_of`, but returns the index of refraction behind the surface over that before it; 0 where there is no surface.
 fn cross_border(media: ptr<function, Media>, body: u32, enters: bool) -> f32 {
     let border = border_of(media, body, enters);
     if !border.is_there { return 0.0; }
@@ -133,7 +133,7 @@ fn cross_border(media: ptr<function, Media>, body: u32, enters: bool) -> f32 {
 
 // exp(-extinction * length) by colour; exactly 1 where nothing is absorbed, whatever the length.
 fn transmittance(extinction: vec3f, length: f32) -> vec3f {
-    // Nothing is left of light after 200 extinctions; programs know no infinities.
+    // After 200 extinctions no light is left. The bounds are needed because programs cannot rely on infinities.
     return select(vec3f(1.0), exp(-min(extinction * min(length, 1.0e20), vec3f(200.0))), extinction > vec3f(0.0));
 }
 
@@ -152,12 +152,12 @@ fn decoded(encoded: vec3f) -> vec3f {
     let curve = pow((max(encoded, vec3f(0.0)) + 0.055) / 1.055, vec3f(2.4));
     return select(curve, encoded / 12.92, encoded <= vec3f(0.04045));
 }
-// The share of the light that passes, by colour, of that which is not reflected.
+// The share of the light that passes, by colour, relative to the light that is not reflected.
 fn filter_of(body: Body, hit: Hit⟨, footprint: f32⟩) -> vec3f {
     var colors = vec3f(1.0);
     if body.filter_texture != NO_TEXTURE {
         colors = sample_texture(body.filter_texture, texture_coordinates(hit)⟨, footprint⟩).xyz;
-        // A share of light is linear whatever the colours of the pass are.
+        // A share of light is linear in every colour space of the pass.
         if params.decoded_at == 0u { colors = decoded(colors); }
     }
     if body.vertex_colors != VERTEX_COLORS_NONE {

@@ -1,4 +1,4 @@
-// The triangles near the points of a group, gathered once; the rays of a point are tested only against the triangles that they may hit.
+// The triangles near the points of a group are gathered once; the rays of a point are tested only against triangles that they may hit.
 
 // Greatest number of nodes that wait to be opened, and of rounds, each of which opens up to 32.
 const WAITING: u32 = 320u;
@@ -82,7 +82,7 @@ fn met_children(zone: Zone, index: u32) -> vec2u {
 }
 fn is_leaf(child: u32) -> bool { return child != NONE && (child & LEAF) != 0u; }
 
-// The node below which everything lies that the last `gather` found.
+// The node that contains everything that the last `gather` found.
 var<private> below: u32;
 // Lists the triangles that meet a zone; returns their number, or a negative number if there are too many or the search takes too long. Each
 // thread opens one node at a time.
@@ -143,7 +143,7 @@ fn gather(zone: Zone, top: u32) -> i32 {
 // Greatest number of nodes that the search for a clear hemisphere opens, and greatest number that wait.
 const CLEAR_VISITS: u32 = 96u;
 const CLEAR_WAITING: u32 = 32u;
-// Whether certainly nothing is in reach of a fan; everything in reach must lie below node `top`. False means "not known".
+// Whether certainly nothing is in reach of a fan; everything in reach must lie below node `top`. False means that this is not known.
 fn is_clear(zone: Zone, top: u32) -> bool {
     if (top & LEAF) != 0u { return false; }
     var pending: array<u32, 32>;
@@ -170,8 +170,8 @@ fn is_clear(zone: Zone, top: u32) -> bool {
     return false;
 }
 
-// Up to 128 rays of one fan: up to three full slots with one ray a thread, and a last slot of `rest` rays, each of which several threads
-// test against different facets, so that no thread idles.
+// Up to 128 rays of one fan: up to three full slots with one ray for each thread, and a last slot of `rest` rays. Each ray of the last slot is
+// tested by several threads against different facets, so that no thread idles.
 var<private> ray_0: vec3f;
 var<private> ray_1: vec3f;
 var<private> ray_2: vec3f;
@@ -180,9 +180,9 @@ var<private> whole: u32;
 var<private> rest: u32;
 // Base-2 logarithm of the number of threads for each ray of the last slot.
 var<private> parts: u32;
-// Blocked rays, one bit a slot.
+// Blocked rays, one bit for each slot.
 var<private> blocked: u32;
-// Rays that some facet left undecided, one bit a slot.
+// Rays that some facet left undecided, one bit for each slot.
 var<private> unsure: u32;
 
 // Makes `count` rays from `first` on; false if a direction is too long for the facets' bounds, or not finite.
@@ -261,13 +261,13 @@ fn bits_of(v: vec4u) -> u32 {
 
 var<private> open: vec4u;
 var<private> open_unsure: vec4u;
-// Results other than a number of open rays: too many triangles; a ray that is too long; no ray has anything in its way.
+// Results other than a number of open rays: too many triangles; a ray that is too long; no ray has an occluder.
 const TOO_MANY: u32 = 0xfffffffdu;
 const TOO_LONG: u32 = 0xfffffffeu;
 const NOTHING_SEEN: u32 = 0xffffffffu;
 
-// Number of a fan's rays, of `count` from `first` on, that no gathered triangle certainly stops within a radius. `open` has a bit for each
-// of these rays, and `open_unsure` for each of them that some triangle may stop.
+// Of the `count` rays of a fan from `first` on, the number that no gathered triangle certainly stops within a radius. `open` has a bit for
+// each of these rays, and `open_unsure` for each of them that some triangle may stop.
 fn open_of(owner: u32, radius: f32, first: u32, count: u32, gathered: u32) -> u32 {
     open = vec4u(0xffffffffu);
     open_unsure = vec4u(0u);
@@ -299,7 +299,7 @@ fn open_of(owner: u32, radius: f32, first: u32, count: u32, gathered: u32) -> u3
         if base + lane < near {
             let triangle = load_triangle(near_list[base + lane]);
             met = facet_of(triangle, ball, &facet);
-            // Glass that lets occlusion rays pass stops none.
+            // Glass that occlusion rays pass does not stop them.
             let may_pass_light = OCCLUSION_ACCEPT == ACCEPT_STOPS && (triangle.id & TRANSPARENT) != 0u;
             stops = met && !(may_pass_light && passes_light(triangle.id & ~TRANSPARENT));
         }

@@ -1,6 +1,6 @@
-// Ambient occlusion with one thread a point: the open share of its rays.
+// Ambient occlusion with one thread for each point: the open share of the point's rays.
 
-// The share of the cosine-weighted hemisphere that is open within the radius, to the power of the intensity; 1 where it is switched off.
+// The share of the cosine-weighted hemisphere that is open within the radius, to the power of the intensity; 1 where occlusion is off.
 fn occlusion(accept: u32, surface: Surface, key: u32) -> f32 {
     if params.samples == 0u { return 1.0; }
     let origin = spawn(surface.point, surface.facing);

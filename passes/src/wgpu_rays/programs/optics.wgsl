@@ -39,7 +39,7 @@ fn refracts(interface_: Interface, i: vec3f, n: vec3f, ratio: f32, refracted: pt
     return any(*refracted != vec3f(0.0));
 }
 
-// What the report's device code takes from OptiX, for thesis fidelity.
+// The parts of OptiX that the report's device code uses, for thesis fidelity.
 fn is_glass_mask(color: vec4f) -> bool { return color.x > 0.0 && color.y == 0.0 && color.z > 0.0 && color.w == 0.0; }
 fn thesis_refracts(i: vec3f, normal: vec3f, index: f32, refracted: ptr<function, vec3f>) -> bool {
     var n = normal;

@@ -6,7 +6,7 @@ const HAS_BODIES: bool = false;
 // colour.
 fn weight_left(weight: Weight) -> f32 { return weight; }
 fn weighed_color(weight: Weight, color: vec3f) -> vec3f { return color; }
-// A colour that a pixel shows, as it reaches the eye: there is no body around it.
+// A colour that a pixel shows, as it reaches the eye: unchanged, because no body is around the eye.
 fn seen_from_eye(pixel: Pixel, color: vec3f) -> vec3f { return color; }
 // What the background adds to the colour of glass: nothing.
 fn missed_color() -> vec3f { return vec3f(0.0); }

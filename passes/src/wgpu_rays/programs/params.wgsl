@@ -1,7 +1,7 @@
 // The parameters of all programs. The constants before this text are written by `layout.rs`, which declares the same structure.
 struct Params {
     eye: vec3f,
-    // Always 0, which no compiler knows: see `sep`.
+    // Always 0, which compilers do not know: see `sep`.
     zero: u32,
     to_light: vec3f,
     seed: u32,
@@ -16,13 +16,13 @@ struct Params {
     height: u32,
     origin_x: u32,
     origin_y: u32,
-    // Tiles of 8 x 8 pixels: the range of this launch, and the number in a row of the images. Then the number of points that the list has
-    // room for.
+    // Tiles of 8 x 8 pixels: the range of this launch, and the number of tiles in a row of the images. Then the capacity of the list of
+    // points.
     first_tile: u32,
     end_tile: u32,
     tiles_across: u32,
     capacity: u32,
-    // Root of the tree of all but the sky, or NONE. Then the offsets of the parts of `mesh`, `vertices` and `tables`.
+    // Root of the tree without the sky, or NONE. Then the offsets of the parts of `mesh`, `vertices` and `tables`.
     root: u32,
     materials_at: u32,
     normals_at: u32,
@@ -49,13 +49,13 @@ struct Params {
     bodies_at: u32,
     // Offset of the tangents in `vertices`; 0 where there are none.
     tangents_at: u32,
-    // The cone of a pixel: its width at the eye, and by how much it grows for each scene unit.
+    // The cone of a pixel: its width at the eye, and its growth for each scene unit.
     cone_width: f32,
     cone_spread: f32,
-    // Offset in `tables` of the lights of a pass that has several, one with a place or a disc; 0 where it has one directional light that is a
-    // point.
+    // Offset in `tables` of the lights of a pass with several lights, one with a place or a disc; 0 for a pass with one directional light that is
+    // a point.
     lights_at: u32,
-    // Root of the tree that a sky is in as well, or NONE.
+    // Root of the tree that includes the sky, or NONE.
     whole: u32,
 ⟪    // Root of the tree of exact spheres, or NONE; the place of the spheres in `leaves`, and the id of the first one.
     sphere_root: u32,
@@ -69,7 +69,7 @@ struct Params {
 @group(0) @binding(3) var normal_buffer: texture_2d<f32>;
 @group(0) @binding(4) var triangle_buffer: texture_2d<u32>;
 @group(0) @binding(5) var output: texture_storage_2d<rgba32float, write>;
-// Two words a sum, the lower one first.
+// Two words for each sum, the lower one first.
 @group(0) @binding(6) var<storage, read_write> ray_counts: array<atomic<u32>>;
 
 // Group 1, the scene, is declared by `split.rs`.

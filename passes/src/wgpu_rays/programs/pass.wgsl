@@ -28,7 +28,7 @@ fn thesis_sees_light(accept: u32, position: vec3f) -> bool {
     return !occluded(accept, Ray(position, params.to_light, THESIS_EPSILON, HUGE));
 }
 
-// Whether something blocks the segment from a triangle (`start`) to the point `way` away to which it was lifted.
+// Whether an occluder blocks the segment from a triangle (`start`) to the lifted point, which is `way` away.
 fn is_cut_off(accept: u32, start: vec3f, way: vec3f) -> bool {
     count(SHADOW);
     let length = sep(sqrt(dot3(way, way)));
@@ -37,7 +37,7 @@ fn is_cut_off(accept: u32, start: vec3f, way: vec3f) -> bool {
 
 fn opaque(color: vec3f) -> vec4f { return vec4f(color, 1.0); }
 
-// Adds a pixel's rays to the sums, which are spread over slots so that atomics rarely collide.
+// Adds a pixel's rays to the sums, which are spread over slots so that atomic additions rarely collide.
 fn count_rays(tile: u32) {
     let slot = 2u * RAY_COUNT_KINDS * (tile % RAY_COUNT_SLOTS);
     for (var kind = 0u; kind < RAY_COUNT_KINDS; kind += 1u) {

@@ -1,15 +1,15 @@
 // Points of surfaces whose light and occlusion are found by successive kernels: first the points that pixels see, in the order of the
 // tiles, then those seen through glass.
 
-// Six vectors a point. For a pixel that shows glass, the first point has no colour and only refers to the next.
-//   0: ray origin, without the step off the surface; w: that step, negative where the surface is turned from the light
+// Six vectors for each point. For a pixel that shows glass, the first point has no colour and only refers to the next.
+//   0: ray origin, without the offset from the surface; w: that offset, negative where the surface is turned from the light
 //   1: the side to the viewer; w: the key of its random numbers
 //   2: the shading normal; w: its weight in the pixel's sum
 //   3: its colour; w: the next point of the pixel, or NONE
-//   4: of a side that is turned from the light, the vector by which it is lifted; w: -1 where that side is not the viewer's, else 1. Then, with up to 128
-//      occlusion rays, one bit for each that is still to be traced
-//   5: number of rays known to be open; the distance before which nothing stops the remaining rays; the node below which everything
-//      lies that they may hit, or NONE where no ray remains
+//   4: for a side that is turned from the light, the vector by which it is lifted; w: -1 where that side is not the viewer's, else 1.
+//      Later, with up to 128 occlusion rays, one bit for each ray that is still to be traced
+//   5: number of rays known to be open; the distance before which nothing stops the remaining rays; the node that contains everything
+//      that they may hit, or NONE where no ray remains
 @group(0) @binding(7) var<storage, read_write> points: array<vec4u>;
 const POINT: u32 = 6u;
 // Value for a pixel whose points did not fit: one thread computes the pixel from beginning to end.
@@ -29,7 +29,7 @@ fn put_point(point: u32, surface: Surface, turned: bool, key: u32, weight: f32, 
     points[POINT * point + 1u] = vec4u(bitcast<vec3u>(surface.facing), key);
     points[POINT * point + 2u] = bitcast<vec4u>(vec4f(surface.normal, weight));
     points[POINT * point + 3u] = vec4u(bitcast<vec3u>(color), NONE);
-    // Nothing is known of its rays yet.
+    // Nothing is known about its rays yet.
     points[POINT * point + 5u] = vec4u(0u, 0u, params.root, 0u);
 }
 // Index of the word behind the ray counts, which counts the points of a launch.

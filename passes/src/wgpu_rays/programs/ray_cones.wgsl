@@ -1,23 +1,23 @@
 // Ray cones (`effects/ray_cone.rs`): at which mip level textures are read at hits. The texts that use them have what is theirs between
 // ⟨ and ⟩, which is left out where all textures are read at level 0.
 
-// A cone at a point of its axis; both numbers are below 0 where it converges, or has converged.
+// A cone at a point of its axis; both numbers are negative where it converges, or has converged.
 struct Cone { width: f32, spread: f32 }
-// What a lookup covers of a texture: the area of the square of its longer side, in texture coordinates; 0 reads level 0.
+// The footprint of a lookup in a texture: the area of the square of its longer side, in texture coordinates; 0 reads level 0.
 const NO_FOOTPRINT: f32 = 0.0;
-// Programs know no infinities.
+// Programs cannot rely on infinities.
 const LEAST_DIVISOR: f32 = 1.0e-20;
 const MOST_SIDE: f32 = 1.0e15;
 const MOST_AREA: f32 = 1.0e30;
 
-// That of the pixel at the surface that it shows.
+// The cone of the pixel at the surface that it shows.
 fn cone_at(surface: Surface) -> Cone {
     let to = surface.point.position - params.eye;
     return Cone(params.cone_width + params.cone_spread * sqrt(dot3(to, to)), params.cone_spread);
 }
 fn cone_along(cone: Cone, distance: f32) -> Cone { return Cone(cone.width + cone.spread * distance, cone.spread); }
 
-// By how much the normal of a surface of this curvature turns over the width.
+// The angle by which the normal of a surface of this curvature turns over the cone's width.
 fn turn_of(cone: Cone, curvature: f32, cosine: f32) -> f32 {
     if curvature == 0.0 { return 0.0; }
     return curvature * cone.width / max(cosine, LEAST_DIVISOR);
@@ -25,7 +25,7 @@ fn turn_of(cone: Cone, curvature: f32, cosine: f32) -> f32 {
 fn cone_mirrored(cone: Cone, curvature: f32, cosine: f32) -> Cone {
     return Cone(cone.width, cone.spread + 2.0 * turn_of(cone, curvature, cosine));
 }
-// `ratio` is the index behind over that before.
+// `ratio` is the index of refraction behind the surface over that before it.
 fn cone_refracted(cone: Cone, curvature: f32, cosine: f32, cos_refracted: f32, ratio: f32) -> Cone {
     let rate = cosine / max(ratio * cos_refracted, LEAST_DIVISOR);
     let spread = rate * cone.spread + (rate - 1.0) * turn_of(cone, curvature, cosine);
@@ -49,7 +49,7 @@ fn curvature_of(triangle: u32, facing: vec3f⟪, outward: vec3f⟫) -> f32 {
     return select(curvature, -curvature, dot3(na + nb + nc, facing) < 0.0);
 }
 
-// What a cone covers of the textures of a triangle that it meets in a unit direction.
+// The footprint of a cone in the textures of a triangle that it meets in a unit direction.
 fn footprint_of(cone: Cone, triangle: u32, direction: vec3f) -> f32 {
 ⟪    // Spheres have no texture coordinates.
     if is_sphere(triangle) { return NO_FOOTPRINT; }
@@ -81,7 +81,7 @@ fn sample_levels(image: Texture, uv: vec2f, footprint: f32) -> vec4f {
         for (var level = 0u; level < u32(lod); level += 1u) { fine = next_level(fine); }
         blend = lod - floor(lod);
     }
-    // Drivers write out every call of a function: both levels are read in one place.
+    // Drivers inline every call of a function, so both levels are read in one place.
     var color = vec4f(0.0);
     for (var second = false; ; second = true) {
         let read = sample_level(fine, uv);

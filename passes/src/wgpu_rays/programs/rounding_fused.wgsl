@@ -1,4 +1,4 @@
-// Products as by a driver that fuses one of them with the difference, whatever the actual driver does: for tests.
+// Products as computed by a driver that fuses one of them with the difference, whatever the actual driver does: for tests.
 fn sep2(x: vec2f) -> vec2f { return bitcast<vec2f>(bitcast<vec2u>(x) ^ vec2u(params.zero)); }
 fn sheared_by(shear: vec2f, p: vec3f) -> vec2f { return sep2(p.xy - sep2(shear * p.z)); }
 fn edge(a: vec2f, b: vec2f) -> f32 {

@@ -44,7 +44,7 @@ fn four_between(first: u32, hit: Hit) -> vec4f {
 }
 fn vertex_color(hit: Hit) -> vec4f { return four_between(params.colors_at, hit); }
 
-// Level 0 of a texture; where there are others, they follow it. `nearest` is not 0 where the texel that holds the point is read alone.
+// Level 0 of a texture; further levels follow it in memory. If `nearest` is not 0, only the texel that contains the point is read.
 struct Texture { first: u32, width: u32, height: u32, wrap_u: u32, wrap_v: u32, nearest: u32, decoded_at: u32 }
 fn texture_of(index: u32) -> Texture {
     let place = params.textures_at + TEXTURE_WORDS * index;
@@ -91,12 +91,12 @@ fn sample_image(image: Texture, uv: vec2f⟨, footprint: f32⟩) -> vec4f {
 fn sample_level(image: Texture, uv: vec2f) -> vec4f {
 ⟩    var x = sep(share_of_side(uv.x, image.wrap_u) * f32(image.width)) - 0.5;
     var y = sep((1.0 - sep(share_of_side(uv.y, image.wrap_v))) * f32(image.height)) - 0.5;
-    // The first texel alone, where there are no coordinates.
+    // Without finite coordinates, only the first texel is read.
     if !(is_finite(uv.x) && is_finite(uv.y)) {
         x = 0.0;
         y = 0.0;
     }
-    // At whole numbers one texel has all of the weight.
+    // At whole numbers, one texel has the whole weight.
     if image.nearest != 0u {
         x = floor(x + 0.5);
         y = floor(y + 0.5);
@@ -134,8 +134,8 @@ fn covers(hit: Hit) -> bool {
     return alpha >= shade.cutoff;
 }
 
-// The normal that a normal map's texel makes of the interpolated normal, on a triangle with unit normal `flat_normal` (of either sign), as
-// in `normal_map::bent` of the pipeline.
+// The interpolated normal, bent by a texel of the normal map, on a triangle with unit normal `flat_normal` (of either sign), as in
+// `normal_map::bent` of the pipeline.
 fn bent(texel: vec3f, scale: f32, normal: vec3f, tangent: vec4f, flat_normal: vec3f) -> vec3f {
     let slopes = sep3((2.0 * texel - vec3f(1.0)) * scale);
     let height = 2.0 * texel.z - 1.0;
@@ -157,7 +157,7 @@ fn bent_normal(hit: Hit, vertex_normal: vec3f, flat_normal: vec3f⟨, footprint:
     let texel = sample_numbers(tables[place + 10u], texture_coordinates(hit)⟨, footprint⟩).xyz;
     return bent(texel, table_number(place + 11u), vertex_normal, four_between(params.tangents_at, hit), flat_normal);
 }
-// Whether the interpolated normal faces a light, when turned to the side of the triangle that the bent normal is on.
+// Whether the interpolated normal faces a light, after it is turned to the side of the triangle that the bent normal is on.
 fn vertices_face_light(hit: Hit, bent: vec3f, to_light: vec3f) -> bool {
     let corners = positions_of(hit.triangle);
     let flat_normal = cross3(corners.b - corners.a, corners.c - corners.a);
@@ -211,7 +211,7 @@ fn accepts(accept: u32, hit: Hit) -> bool {
     if accept == ACCEPT_ALL { return true; }
     let passes = accept != ACCEPT_COVERED && passes_light(hit.triangle);
     if accept == ACCEPT_OPAQUE { return !passes; }
-    // Drivers write out every call of a function: whether the hit is covered is asked in one place.
+    // Drivers inline every call of a function, so coverage is tested in one place.
     if (accept == ACCEPT_STOPS && passes) || !covers(hit) { return false; }
     if passes { add_crossing(hit); }
     return !passes;

@@ -1,10 +1,10 @@
 // Whether anything blocks segments between triangles: `SegmentTracer` of `trace/segments.rs`. A segment's own two triangles do not block,
 // nor do those of materials that are not opaque.
 
-// Two vectors a segment: (start, length) and (direction, pair).
+// Two vectors for each segment: (start, length) and (direction, pair).
 @group(0) @binding(8) var<storage, read> segments: array<vec4u>;
 @group(0) @binding(9) var<storage, read> own_triangles: array<vec2u>;
-// One bit a segment, set if it is blocked.
+// One bit for each segment, set if it is blocked.
 @group(0) @binding(10) var<storage, read_write> answers: array<u32>;
 struct Part { first: u32, end: u32, unused_x: u32, unused_y: u32 }
 @group(0) @binding(11) var<uniform> part: Part;

@@ -1,4 +1,4 @@
-// Settles the occlusion rays of points by the triangles near them, before any ray is traced.
+// Settles the occlusion rays of points with the triangles near them, before any ray is traced.
 
 // Distance within which triangles are gathered. If too many are within the radius, a smaller reach still finds the rays that are stopped
 // near their origin, and most hits are near the surface that a ray leaves. The parts are tried in order.
@@ -16,7 +16,7 @@ fn by_sample(slots: vec4u) -> vec4u {
     return bits;
 }
 
-// Settles the rays of the points of a group by the triangles near them, as far as possible (`settle` of `cuda/programs/count_open.cuh`):
+// Settles the rays of the points of a group with the triangles near them, as far as possible (`settle` of `cuda/programs/count_open.cuh`):
 //   1. The first point left leads. The points no farther from it than NEIGHBOURS radii share a list.
 //   2. For each reach in turn, the triangles within reach of any of them are gathered; the first list that is not too long is taken.
 //   3. Each point tests its rays against the list up to that reach, with all threads; if it sees too many triangles, up to the next one.
@@ -34,7 +34,7 @@ fn settle(point: u32, wanted: bool, there: bool) {
     var top = params.root;
     var certain = wanted && params.root == NONE;
     var traces = wanted && !certain;
-    // Whether too many triangles were gathered around the point, but it sees none within a smaller reach.
+    // Whether too many triangles were gathered around the point, although it sees none within a smaller reach.
     var asks = false;
 ⟪    // Rays that may meet a sphere are traced.
     var is_apart = true;
@@ -59,7 +59,7 @@ fn settle(point: u32, wanted: bool, there: bool) {
                 let sure = ballot(bounded);
                 member = member && (lane == leader || bounded);
                 left &= ~ballot(member);
-                // A point without finite bounds: its rays are traced.
+                // If a point has no finite bounds, its rays are traced.
                 member = member && (sure >> leader & 1u) != 0u;
                 members = ballot(member);
                 if members == 0u { break; }

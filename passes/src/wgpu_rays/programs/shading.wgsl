@@ -1,5 +1,5 @@
-// By which normal the next surface is shaded whose light is asked for, and the key of its random numbers; and where a ray met it, or else the
-// camera sees it.
+// State for the surface whose light is computed next: the normal by which it is shaded, the key of its random numbers, and the hit if a ray
+// met it; otherwise the camera sees it.
 struct Shading { normal: vec3f, key: u32, is_met: bool, hit: Hit }
 var<private> shading: Shading;
 fn shaded_as_seen(normal: vec3f, key: u32) {

@@ -1,11 +1,11 @@
-// Paths through smooth glass, all ways on and all colours together (`effects/dielectric/walk.rs`), before a background. `seen_through` of a
-// program says what is seen at an end, with its weight by colour. `ways.wgsl` stands in its place where glass is rough, bends colours
-// apart, or paths are cut off.
+// Paths through smooth glass, with all ways on and all colours together (`effects/dielectric/walk.rs`), in front of a background. A program's
+// `seen_through` gives the colour seen at an end, with the path's weight by colour. `ways.wgsl` replaces this text where glass is rough or
+// disperses colours, or where paths are cut off.
 //
-// The processor's code recurses; here the tree of rays is walked with a list of the branches still to be traced, each with the weight of
-// its colour. The sum is the same but for the order of its roundings.
+// The processor's code recurses. Here a loop walks the tree of rays with a list of the branches still to be traced, each with the weight of
+// its colour. The sum is the same up to the order of its roundings.
 
-// A ray that is still to be traced; `start` is the point of the surface that it leaves, off which it starts.
+// A ray that is still to be traced; `start` is the point of the surface that it leaves, before the offset.
 struct Branch {
     origin: vec3f,
     direction: vec3f,
@@ -18,15 +18,15 @@ struct Branch {
 ⟨    cone: Cone,
 ⟩}
 
-// What the walk of a pixel has still to do.
+// The remaining work of a pixel's walk.
 var<private> waiting: array<Branch, MAX_DEPTH + 1u>;
 var<private> stored: u32;
 var<private> next: Branch;
 var<private> follows: bool;
-// What the background adds where rays leave the scene.
+// The colour that the background adds where rays leave the scene.
 var<private> missed: vec3f;
 
-// The path that has come to the glass which is looked at.
+// The path that has arrived at the current surface of glass.
 struct Path { weight: vec3f, media: Media, key: u32, surfaces: u32, splits: u32⟨, cone: Cone⟩ }
 fn follow(surface: Surface, path: Path, direction: vec3f, weight: vec3f, media: Media, kind: u32, deeper: u32⟨, cone: Cone⟩) {
     count(kind);
@@ -35,13 +35,13 @@ fn follow(surface: Surface, path: Path, direction: vec3f, weight: vec3f, media: 
                   path_key(path.key, branch), path.surfaces + 1u, path.splits + deeper⟨, cone⟩);
     follows = true;
 }
-// Both ways on, or beyond the depth the one through the surface, where there is one. A way that brings nothing is not taken.
+// Follows both ways on; beyond the depth, only the way through the surface, if there is one. A way without weight is not taken.
 fn split(surface: Surface, path: Path, back: vec3f, back_weight: vec3f, enters: bool, on: vec3f, on_weight: vec3f, after: Media⟨,
          back_cone: Cone, on_cone: Cone⟩) {
     var weight = on_weight;
     var mirrors = !is_black(back_weight);
     let through = enters && !is_black(on_weight);
-    // Where all glass is panes, what lies deeper is black, as in the report.
+    // Where all glass is panes, deeper paths are black, as in the report.
     let panes = params.bodies_at == 0u;
     let splits = panes || path.splits < params.depth;
     let deeper = select(0u, 1u, panes || (mirrors && through && splits));
@@ -58,7 +58,7 @@ fn split(surface: Surface, path: Path, back: vec3f, back_weight: vec3f, enters: 
     follow(surface, path, back, back_weight, path.media, REFLECTED, deeper⟨, back_cone⟩);
 }
 
-// What glass does with a ray that meets it; returns the weight of what it scatters back.
+// The effect of glass on a ray that meets it; returns the weight of the light that the glass scatters back.
 fn meet(hit: Hit, surface: Surface, view: vec3f, path: Path⟨, footprint: f32⟩) -> vec3f {
     follows = false;
     if path.surfaces >= MOST_SURFACES {
@@ -75,7 +75,7 @@ fn meet(hit: Hit, surface: Surface, view: vec3f, path: Path⟨, footprint: f32�
     var after = path.media;
     var ratio = params.index;
     if shape == SHAPE_SOLID { ratio = cross_border(&after, material, is_front(surface)); }
-    // The ways on: straight, unless something bends them.
+    // The ways on. The refracted one goes straight on unless the surface bends it.
     var on = view;
     var enters = true;
     var back = vec3f(0.0);
@@ -97,7 +97,7 @@ fn meet(hit: Hit, surface: Surface, view: vec3f, path: Path⟨, footprint: f32�
         veil = on_weight;
     } else if ratio != 0.0 && (shape != SHAPE_SOLID || ratio != 1.0) {
         let bent = bend(body, surface, view, ratio);
-        // Of the report's panes those after the first dim light.
+        // Of the report's panes, those after the first one dim light.
         let kept = select(1.0, GLASS_BOUNCE, shape != SHAPE_SOLID && path.surfaces > 0u);
         back = mirrored(view, bent.normal);
 ⟨        back_cone = cone_mirrored(path.cone, curvature, -dot3(bent.normal, view));
@@ -110,14 +110,14 @@ fn meet(hit: Hit, surface: Surface, view: vec3f, path: Path⟨, footprint: f32�
     } else {
         veil = on_weight;
     }
-    // Where there is no surface, and at panes, nothing is filtered or scattered.
+    // Panes, and places without a surface, neither filter nor scatter light.
     let filters = shape == SHAPE_THIN || (shape == SHAPE_SOLID && ratio != 0.0);
     if filters { on_weight *= filter_of(body, hit⟨, footprint⟩); }
     split(surface, path, back, back_weight, enters, on, on_weight, after⟨, back_cone, on_cone⟩);
     return select(vec3f(0.0), body.veil * veil, filters);
 }
 
-// The colour of the glass that a pixel shows, without what the background adds.
+// The colour of the glass that a pixel shows, without the background's part.
 fn glass_color(pixel: Pixel, triangle: u32, first: Surface, first_view: vec3f, key: u32) -> vec3f {
     stored = 0u;
     missed = vec3f(0.0);

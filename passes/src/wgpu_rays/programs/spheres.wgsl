@@ -1,12 +1,12 @@
 // Exact spheres (`trace/spheres`, `trace/origin/sphere_point.rs`): the test of a ray, a tree over many, and points on them. Texts that know
 // them have what is theirs between ⟪ and ⟫, which is left out where the scene has none.
 //
-// The test has the processor's numbers step by step. Roots and quotients, which drivers round as they like, are corrected, so that a sphere is
-// hit or missed, and left by a ray that starts on it, whatever the driver.
+// The test has the processor's numbers step by step. Drivers may round roots and quotients in any way, so these are corrected. Whether a sphere is
+// hit, and whether a ray that starts on it leaves it, then does not depend on the driver.
 
 struct Sphere { center: vec3f, radius: f32 }
-// Two vectors a sphere, in the order of the tree: centre and radius; then its id, with TRANSPARENT, and the place of the sphere with the id
-// that follows as many others as this one has before it here.
+// Two vectors for each sphere, in the order of the tree. The first: centre and radius. The second: the id, with TRANSPARENT; and, in entry n, the
+// place of the sphere whose id is `first_sphere` + n.
 fn load_sphere(place: u32) -> Sphere {
     let v = bitcast<vec4f>(leaves_at(params.spheres_at + 2u * place));
     return Sphere(v.xyz, v.w);
@@ -17,9 +17,9 @@ fn is_sphere(id: u32) -> bool { return id >= params.first_sphere; }
 fn sphere_of(id: u32) -> Sphere { return load_sphere(leaves_at(params.spheres_at + 2u * (id - params.first_sphere) + 1u).y); }
 const OF_VERTICES: u32 = SHADE_CUT | SHADE_VERTEX_COLORS | SHADE_NORMAL_MAP;
 
-// The square root of a number that is not negative, and a quotient by one that is not 0: rounded to the nearest, as on the processor. What the
-// driver finds is corrected by what is left, and then compared with the middles to the next numbers on either side, exactly. Numbers below 2^-90
-// stay as the driver finds them.
+// The square root of a number that is not negative, and a quotient by a number that is not 0, rounded to nearest as on the processor. The driver's
+// result is corrected by the residual. It is then compared exactly with the midpoints to the next numbers on either side. Numbers below 2^-90 stay
+// as the driver finds them.
 fn rounded_root(x: f32) -> f32 {
     let found = sep(sqrt(x));
     if !(found > LEAST_ROUNDED && is_finite(found)) { return found; }
@@ -56,7 +56,7 @@ fn roots_of(origin: vec3f, direction: vec3f, sphere: Sphere) -> Roots {
     let nearest = sep3(apart + sep3(b * direction));
     let discriminant = sep(sep(sphere.radius * sphere.radius) - sep(dot3(nearest, nearest)));
     if !(discriminant >= 0.0 && is_finite(discriminant)) { return Roots(false, 0.0, 0.0); }
-    // A loop, since drivers write out every call of a function.
+    // Both roots are computed in a loop, because drivers inline every call of a function.
     var half = 0.0;
     var distance = 0.0;
     var square = discriminant;
@@ -75,8 +75,8 @@ fn roots_of(origin: vec3f, direction: vec3f, sphere: Sphere) -> Roots {
 }
 
 // As `way_of`, for boxes of spheres. By its rounding, `roots_of` accepts a line that passes the centre at up to the radius plus 16 u times
-// the distance of the centre, which is at most 1.74 times the reach along the worst axis; the test of a box errs by less than 10 u times that
-// reach. So no box is passed by whose sphere is hit.
+// the distance of the centre, which is at most 1.74 times the reach along the worst axis. The test of a box errs by less than 10 u times that
+// reach. So a ray that hits a sphere never misses its box.
 const SPHERE_PADDING: f32 = 64.0 * UNIT_ROUNDOFF;
 fn sphere_padding(origin: vec3f) -> vec3f {
     return vec3f(SPHERE_PADDING * most3(reach_from(origin))) + abs(origin) * (34.0 * UNIT_ROUNDOFF);
@@ -88,9 +88,9 @@ fn sphere_way_of(query: ptr<function, Query>) -> Way {
     return Way(inverse, (origin + pad) * inverse, (origin - pad) * inverse);
 }
 
-// The state of a ray's traversal of the tree over spheres; the stack is that of the triangles, who are done or not yet begun.
+// The state of a ray's traversal of the tree over spheres. It shares the stack with the traversal of triangles, which has ended or not yet begun.
 struct SphereDescent { way: Way, current: u32, depth: u32 }
-// The next leaf whose box a ray meets before `limit`; NONE where none is left.
+// The next leaf whose box a ray hits before `limit`; NONE if none is left.
 fn next_sphere_leaf(descent: ptr<function, SphereDescent>, t_min: f32, limit: f32) -> u32 {
     loop {
         if (*descent).current == NONE {
@@ -111,7 +111,7 @@ fn next_sphere_leaf(descent: ptr<function, SphereDescent>, t_min: f32, limit: f3
     return NONE;
 }
 
-// Whether a candidate hit on a sphere of a transparent material counts (`accepts`): nothing is cut out of it.
+// Whether a candidate hit on a sphere of a transparent material counts (`accepts`). Spheres have no cut-outs.
 fn accepts_sphere(accept: u32, hit: Hit) -> bool {
 ⦃    if accept == ACCEPT_COUNTS && hit.triangle == left_out { return false; }
     if accept == ACCEPT_COUNTS && focuses(hit.triangle) { return true; }
@@ -120,7 +120,7 @@ fn accepts_sphere(accept: u32, hit: Hit) -> bool {
     return !passes;
 }
 
-// The nearest accepted hit on a sphere with t_min < t < before; of several at one distance, that of the lowest id.
+// The nearest accepted hit on a sphere with t_min < t < before; at equal distances, the one with the lowest id.
 fn closest_sphere(accept: u32, query: ptr<function, Query>, before: f32, best: ptr<function, Hit>) -> bool {
     var descent = SphereDescent(sphere_way_of(query), params.sphere_root, 0u);
     var limit = before;
@@ -168,7 +168,7 @@ fn occluded_by_sphere(accept: u32, ray: Ray) -> bool {
     return false;
 }
 
-// Whether a ray of this length may meet a sphere whatever its direction. Errs on the side of `true`.
+// Whether a ray of this length may hit a sphere in any direction. Errs on the side of `true`.
 fn is_near_sphere(origin: vec3f, length: f32) -> bool {
     let reach = length * 1.001 + 2.0 * most3(sphere_padding(origin));
     var current = params.sphere_root;
@@ -223,7 +223,7 @@ fn point_towards(sphere: Sphere, direction: Wide3) -> SurfacePoint {
 fn on_sphere(sphere: Sphere, position: vec3f) -> SurfacePoint {
     return point_towards(sphere, exact_sum3(position, -sphere.center));
 }
-// The point at which a ray meets a sphere at about the distance `t`, which only selects one of two.
+// The point at which a ray hits a sphere at about the distance `t`, which only selects one of the two crossings.
 fn met_on_sphere(sphere: Sphere, origin: vec3f, direction: vec3f, t: f32) -> SurfacePoint {
     let apart = exact_sum3(origin, -sphere.center);
     let unit = wide_unit(wide3(direction));

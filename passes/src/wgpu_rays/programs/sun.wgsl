@@ -1,14 +1,13 @@
-// One directional light that is a point: other texts ask these functions about it. `lights.wgsl` stands in its place in passes with other
-// lights.
+// One directional light that is a point; other texts call these functions. In passes with other lights, `lights.wgsl` replaces this text.
 fn to_light() -> vec3f { return params.to_light; }
-// Where rays to the light end, and the length of the way that is left to it.
+// The end of rays to the light, and the length of the rest of the way to it.
 fn light_end() -> f32 { return HUGE; }
 fn way_left(gone: f32) -> f32 { return HUGE; }
-// What arrives of the light where something opaque is in the way.
+// The share of the light that arrives in shadow of an opaque occluder.
 fn in_shadow() -> f32 { return SHADOWED; }
 
-// The colour of a surface that a ray met.
+// The colour of a surface that a ray hit.
 fn met_color(hit: Hit, surface: Surface⟨, footprint: f32⟩) -> vec3f { return lit_color(hit, surface.normal⟨, footprint⟩); }
-// By which normal the next surface is shaded whose light is asked for: with one light its colour says so.
+// The normal for the light of the next surface is not stored: with one light, the surface's colour already includes it.
 fn shaded_as_seen(normal: vec3f, key: u32) {}
 fn shaded_as_met(hit: Hit, surface: Surface, key: u32) {}

@@ -1,9 +1,9 @@
-// One directional light that is a point, as in `sun.wgsl`, and the segments on which focused light comes: what asks for the light then follows the
-// segment. Stands in the place of `sun.wgsl` where exact spheres focus light.
+// One directional light that is a point, as in `sun.wgsl`, and the segments on which focused light comes: shadow rays then follow the segment.
+// Replaces `sun.wgsl` where exact spheres focus light.
 var<private> is_segment: bool;
 var<private> segment_direction: vec3f;
 var<private> segment_length: f32;
-// From now on the light is looked for along a segment.
+// From now on, shadow rays follow a segment.
 fn look_along(direction: vec3f, length: f32) {
     is_segment = true;
     segment_direction = direction;

@@ -3,9 +3,9 @@
 // A point of a triangle, with a bound on its error along the normal. Rays start at `start`, offset along the normal.
 struct SurfacePoint { position: vec3f, normal: vec3f, start: vec3f, error: f32 }
 
-// A position of a triangle moved along its plane, away from borders nearer than `margin`, if there is room for that.
+// A position of a triangle, moved along its plane away from borders nearer than `margin`, if there is room.
 fn drawn_in(corners: Corners, normal: Wide3, position: Wide3, margin: f32, scale: f32) -> Wide3 {
-    // Most points are far from all borders, which single-word numbers can show: they err by less than 2 of 16 units of the margin.
+    // Most points are far from all borders. Single-word numbers suffice to show this: they err by less than 2 of 16 units of the margin.
     var near = false;
     for (var border = 0u; border < 3u; border += 1u) {
         let start = select(select(corners.c, corners.b, border == 1u), corners.a, border == 0u);
@@ -110,7 +110,7 @@ fn locate(triangle: u32, position: vec3f) -> Hit {
 fn lift(position: vec3f, corner: vec3f, normal: vec3f) -> vec3f {
     return sep3(normal * max(0.0, -dot3(position - corner, normal)));
 }
-// The normals at a triangle's corners, turned to the side of `facing`; not round where the triangle stands for no round surface
+// The normals at a triangle's corners, turned to the side of `facing`; `is_round` is false where the triangle does not stand for a round surface
 // (`effects/terminator.rs`).
 struct Round { a: vec3f, b: vec3f, c: vec3f, is_round: bool }
 fn round_normals(triangle: u32, facing: vec3f) -> Round {
@@ -125,18 +125,18 @@ fn round_normals(triangle: u32, facing: vec3f) -> Round {
     return normals;
 }
 fn weighed_normals(normals: Round, at: Hit) -> vec3f { return weighed(normals.a, normals.b, normals.c, at); }
-// The normal that decides what light reaches a side: that of the round surface that the triangle stands for, else `facing`.
+// The normal that decides which light reaches a side: that of the round surface that the triangle stands for, else `facing`.
 fn horizon(triangle: u32, point: SurfacePoint, facing: vec3f) -> vec3f {
     let normals = round_normals(triangle, facing);
     if !normals.is_round { return facing; }
     return weighed_normals(normals, locate(triangle, point.position));
 }
-// Whether a side gets no light at points like this: the triangle is turned away from it, or the round surface is that it stands for.
+// Whether a side gets no light at such a point: the triangle, or the round surface that it stands for, is turned away from the light.
 fn is_turned(triangle: u32, point: SurfacePoint, facing: vec3f) -> bool {
     if dot3(facing, to_light()) <= 0.0 { return true; }
     let normals = round_normals(triangle, facing);
     if !normals.is_round { return false; }
-    // Where all corners are lit, so is what lies between.
+    // If all corners are lit, all points between them are.
     if dot3(normals.a, to_light()) > 0.0 && dot3(normals.b, to_light()) > 0.0 && dot3(normals.c, to_light()) > 0.0 { return false; }
     return dot3(weighed_normals(normals, locate(triangle, point.position)), to_light()) <= 0.0;
 }

@@ -1,4 +1,4 @@
-// The surfaces that a filter finds edges by: normals on the viewer's side, 0 where nothing is seen. `unturned` is the normal before that.
+// The normals by which a filter finds edges: on the viewer's side, 0 where the pixel shows nothing. `unturned` gives the normal of either side.
 fn picture(pixel: Pixel) -> vec4f {
     let triangle = stored_triangle(pixel);
     if triangle == NO_TRIANGLE { return vec4f(0.0); }

@@ -1,4 +1,4 @@
-// The normal of the triangle, of no length in particular. Products of short edges may be too short to be scaled.
+// The normal of the triangle, of no particular length. Products of short edges may be too small to be scaled.
 fn unturned(pixel: Pixel, triangle: u32) -> vec3f {
 ⟪    if is_sphere(triangle) { return stored_position(pixel).xyz - sphere_of(triangle).center; }
 ⟫    let corners = positions_of(triangle);

@@ -1,8 +1,8 @@
-// Traversal of the binary tree, one ray a thread, with the stack in private memory: on an H100 twice as fast as in workgroup memory.
+// Traversal of the binary tree, one ray for each thread, with the stack in private memory: on an H100 twice as fast as in workgroup memory.
 
-// A ray meets the planes of a box at `plane * inverse - start`: for low planes, `start` belongs to the origin moved up, for high planes to
-// the origin moved down. It is moved by the error of the triangle test plus the error of this test with any rounding, fused or not
-// (`box_padding` of `cuda/programs/trace_bvh.cuh` has the same units), so no box is culled whose triangle is hit.
+// A ray meets the planes of a box at `plane * inverse - start`. For low planes, `start` belongs to the origin moved up, for high planes to the
+// origin moved down. The origin is moved by the error of the triangle test plus the error of this test with any rounding, fused or not
+// (`box_padding` of `cuda/programs/trace_bvh.cuh` has the same units). So no box is culled whose triangle is hit.
 struct Way { inverse: vec3f, low: vec3f, high: vec3f }
 fn way_of(query: ptr<function, Query>) -> Way {
     let origin = (*query).origin;
@@ -18,7 +18,7 @@ fn enters(way: Way, low: vec3f, high: vec3f, t_min: f32, limit: f32) -> vec2f {
     let near = min(a, b); let far = max(a, b);
     return vec2f(max(max(near.x, near.y), max(near.z, t_min)), min(min(far.x, far.y), min(far.z, limit)) * LATER);
 }
-// Above the rounding of the reciprocals, which differs between the axes.
+// A factor above the rounding of the reciprocals, which differs between the axes.
 const LATER: f32 = 1.0 + 32.0 * UNIT_ROUNDOFF;
 
 // The children of a node that the ray enters, the nearer one first; NONE for a child that it misses.
@@ -40,7 +40,7 @@ var<private> stack: array<u32, STACK>;
 fn begin_descent(query: ptr<function, Query>, top: u32, t_min: f32) -> Descent {
     return Descent(way_of(query), top, 0u, 1u, 0u, t_min);
 }
-// The next triangle that the ray may hit before `limit`; NONE where none is left.
+// The next triangle that the ray may hit before `limit`; NONE if none is left.
 fn next_candidate(descent: ptr<function, Descent>, query: ptr<function, Query>, limit: f32) -> u32 {
     loop {
         while (*descent).next <= (*descent).end {
@@ -74,7 +74,7 @@ fn next_candidate(descent: ptr<function, Descent>, query: ptr<function, Query>, 
     return NONE;
 }
 
-// The nearest accepted hit, on a sky as well; of several at one distance, that of the lowest triangle.
+// The nearest accepted hit, including hits on a sky; at equal distances, the triangle with the lowest id.
 fn closest(accept: u32, ray: Ray, best: ptr<function, Hit>) -> bool {
     var query: Query;
     if params.whole == NONE || !prepare(ray, &query) { return false; }

@@ -33,7 +33,7 @@ fn prepare(ray: Ray, query: ptr<function, Query>) -> bool {
     let axis = select(select(2u, 1u, length.y == longest), 0u, length.x == longest);
     (*query).longest = axis;
     let d = turn(ray.direction, axis);
-    // Divided once a ray: whatever the rounding, all triangles are sheared alike.
+    // The division is done once for each ray, so that all triangles are sheared alike, whatever the rounding.
     (*query).shear = vec2f(sep(d.x / d.z), sep(d.y / d.z));
     (*query).t_min = max(ray.t_min, 0.0);
     (*query).t_max = min(ray.t_max, HUGE);
@@ -52,7 +52,7 @@ fn sheared(query: ptr<function, Query>, corner: vec3f) -> vec2f {
 }
 
 // Whether the ray's line may pass through a triangle: no two edge functions certainly have different signs. This rejects most triangles of
-// leaves, and is the only test inside the traversal loop.
+// leaves, and it is the only triangle test inside the traversal loop.
 fn may_pass(query: ptr<function, Query>, corners: Corners) -> bool {
     let sa = sheared(query, corners.a); let sb = sheared(query, corners.b); let sc = sheared(query, corners.c);
     let e = vec3f(edge(sc, sb), edge(sa, sc), edge(sb, sa));
@@ -76,7 +76,7 @@ fn edges_of(query: ptr<function, Query>, corners: Corners) -> Edges {
         let b = exact_sign(sa.x, sc.y, sa.y, sc.x);
         let c = exact_sign(sb.x, sa.y, sb.y, sa.x);
         let least = min(min(a, b), c); let most = max(max(a, b), c);
-        // Three edge functions of 0 are a triangle seen edge-on, which is missed.
+        // If all three edge functions are 0, the triangle is seen edge-on and missed.
         e.passes = !(least < 0 && most > 0) && (least != 0 || most != 0);
     } else {
         let least = min(min(e.a, e.b), e.c); let most = max(max(e.a, e.b), e.c);
@@ -88,7 +88,7 @@ fn edges_of(query: ptr<function, Query>, corners: Corners) -> Edges {
 const UNDECIDED: u32 = 0u;
 const HITS: u32 = 1u;
 const MISSES: u32 = 2u;
-// What is certain of a ray whose line passes through a triangle: `decide` of `trace/single/leaf_test.rs`, which derives the bound. The
+// The certain verdict on a ray whose line passes through a triangle: `decide` of `trace/single/leaf_test.rs`, which derives the bound. The
 // bound holds in any order of rounding, fused or not.
 fn decide(query: ptr<function, Query>, corners: Corners, limit: f32) -> u32 {
     let first = corners.b - corners.a; let second = corners.c - corners.a;

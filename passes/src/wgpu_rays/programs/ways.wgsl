@@ -1,52 +1,52 @@
-// Paths through glass that may be rough, bend colours apart, or be cut off (`walk.rs`, `solid.rs` and `limits.rs` of `effects/dielectric`).
+// Paths through glass that may be rough, disperse colours, or be cut off (`walk.rs`, `solid.rs` and `limits.rs` of `effects/dielectric`).
 //
-// As in `smooth.wgsl`, the tree of rays is walked with a list of the branches still to be traced. Where a surface divides a path, into the
-// ways on from rough glass or into strata of the spectrum, the meeting is kept, and its ways are taken one after the other: the next when
-// all branches of the one before are traced. A path is divided once by each, so two meetings are kept at most.
+// As in `smooth.wgsl`, a loop walks the tree of rays with a list of the branches still to be traced. A surface of rough glass divides a path
+// into several ways on, and dispersion divides it into strata of the spectrum. In both cases the meeting is kept, and its ways are taken in turn:
+// the next one when all branches of the previous one are traced. A path is divided once by each cause, so at most two meetings are kept.
 
-// What is to be known of a path.
+// The state of a path.
 struct Path {
     media: Media,
     key: u32,
     surfaces: u32,
     splits: u32,
-    // The stratum of its light; NONE until a body has bent colours apart.
+    // The stratum of its light; NONE until a body has dispersed colours.
     stratum: u32,
-    // Which of the ways on from rough glass it is; NONE before.
+    // Its number among the ways on from rough glass; NONE before rough glass.
     sample: u32,
-    // The share of the pixel's colour that depends on it; larger where it is one of few that were followed by chance.
+    // Its share of the pixel's colour. It is larger if the path is one of few that were followed by chance.
     importance: f32,
     reflections: u32,
     refractions: u32,
 ⟨    cone: Cone,
 ⟩}
-// A ray that is still to be traced; `start` is the point of the surface that it leaves, off which it starts.
+// A ray that is still to be traced; `start` is the point of the surface that it leaves, before the offset.
 struct Branch { origin: vec3f, direction: vec3f, start: vec3f, weight: vec3f, path: Path }
-// A path that has come to a surface.
+// A path that has arrived at a surface.
 struct Meeting { hit: Hit, surface: Surface, view: vec3f, weight: vec3f, path: Path⟨, footprint: f32⟩ }
 // How a path meets a surface: for the first time, or as one way of those into which it is divided there.
 const WHOLE: u32 = 0u;
 const BY_FACET: u32 = 1u;
 const BY_COLOR: u32 = 2u;
-// A meeting whose path is divided: its next way, how many there are, and how many branches waited before; of strata, whether the flat
-// surface served the first one.
+// A meeting whose path is divided: the kind of division; for strata, whether the flat surface served the first one; the next way, the number of
+// ways, and the number of branches that waited before.
 struct Division { at: Meeting, part: u32, is_flat: bool, following: u32, ways: u32, base: u32 }
 
-// What the walk of a pixel has still to do. One branch a split may wait, one that colours share, and one that they do not.
+// The remaining work of a pixel's walk. One branch for each split may wait, one that colours share, and one that they do not share.
 var<private> waiting: array<Branch, MAX_DEPTH + 3u>;
 var<private> stored: u32;
 var<private> divisions: array<Division, 2>;
 var<private> divided: u32;
 var<private> next: Branch;
 var<private> follows: bool;
-// Where the path is, or has ended.
+// The current meeting of the path, or its end.
 var<private> now: Meeting;
-// What the background adds where rays leave the scene, or are not followed.
+// The colour that the background adds where rays leave the scene, or are not followed.
 var<private> missed: vec3f;
 
 fn asked(word: u32) -> u32 { return tables[params.bodies_at + word]; }
 fn stratum_at(stratum: u32) -> u32 { return asked(HEAD_STRATA) + 4u * stratum; }
-// The index of what fills a place, for light of a stratum.
+// The index of refraction of the body that fills a place, for light of a stratum.
 fn index_for(body: u32, stratum: u32) -> f32 {
     let index = index_of(body);
     if body == NONE || stratum == NONE { return index; }
@@ -55,13 +55,13 @@ fn index_for(body: u32, stratum: u32) -> f32 {
     return max(index + sep(spread * (CAUCHY / sep(wavelength * wavelength) - CAUCHY_AT_D)), 1.0);
 }
 fn bends_apart(body: u32) -> bool { return body != NONE && table_number(body_place(body) + 13u) > 0.0; }
-// The key of what a path meets where it ends.
+// The random-number key for the surface at which a path ends.
 fn own_key(path: Path) -> u32 {
     if path.sample == NONE { return path.key; }
     return path_key(path.key, BRANCH_SCATTERED + path.sample);
 }
 
-// By what a way counts that is followed: 1, or more where it was followed by chance; 0 where chance left it out, -1 where it is cut off.
+// The weight factor of a way that may be followed: 1, or more if it is followed by chance; 0 if chance leaves it out, -1 if it is cut off.
 fn kept_of(weight: vec3f, kind: u32, path: ptr<function, Path>) -> f32 {
     if kind == REFLECTED {
         (*path).reflections += 1u;
@@ -82,7 +82,7 @@ fn kept_of(weight: vec3f, kind: u32, path: ptr<function, Path>) -> f32 {
     if unit_of(dimensions(key, HASH_ROULETTE).x) < chance { return 1.0 / chance; }
     return 0.0;
 }
-// The next way on; the one before waits.
+// Follows a way on; the way that was to be followed waits.
 fn follow(direction: vec3f, weight: vec3f, media: Media, kind: u32, deeper: u32⟨, cone: Cone⟩) {
     var path = now.path;
 ⟨    path.cone = cone;
@@ -108,7 +108,7 @@ fn wait_for_it() {
     stored += 1u;
     follows = false;
 }
-// Both ways on, or beyond the depth the one through the surface, where there is one. A way that brings nothing is not taken.
+// Follows both ways on; beyond the depth, only the way through the surface, if there is one. A way without weight is not taken.
 fn split(back: vec3f, back_weight: vec3f, enters: bool, on: vec3f, on_weight: vec3f, after: Media⟨, back_cone: Cone, on_cone: Cone⟩) {
     var weight = on_weight;
     var mirrors = !is_black(back_weight);
@@ -122,13 +122,13 @@ fn split(back: vec3f, back_weight: vec3f, enters: bool, on: vec3f, on_weight: ve
     if through { follow(on, weight, after, REFRACTED, deeper⟨, on_cone⟩); }
     if mirrors { follow(back, back_weight, now.path.media, REFLECTED, deeper⟨, back_cone⟩); }
 }
-// Keeps the meeting, whose path is divided.
+// Keeps the meeting of a path that is divided.
 fn divide(part: u32, is_flat: bool, ways: u32) {
     divisions[divided] = Division(now, part, is_flat, 0u, ways, stored);
     divided += 1u;
 }
 
-// Whether the path meets a microfacet; then it is `facet`.
+// Whether the path meets a microfacet, which is then stored in `facet`.
 fn meets_facet(body: Body, facet: ptr<function, Facet>) -> bool {
     if now.path.sample == NONE || body.alpha <= 0.0 { return false; }
     let alpha = alpha_at(body, now.hit⟨, now.footprint⟩);
@@ -140,10 +140,10 @@ fn meets_facet(body: Body, facet: ptr<function, Facet>) -> bool {
     return true;
 }
 
-// Both ways on from the surface of a body: the share reflected, where both go, what other facets leave of them, and whether the flat
+// Both ways on from the surface of a body: the reflectance, the two directions, the shares that other facets leave of them, and whether the flat
 // surface served.
 struct Ways { reflectance: f32, mirrored: vec3f, enters: bool, refracted: vec3f, kept: vec2f, is_flat: bool⟨, back_cone: Cone, on_cone: Cone⟩ }
-// On which side of the surface a direction goes, as a whole and of the triangle; 0 where they differ.
+// The side of the surface to which a direction goes, by the interpolated normal and by the triangle; 0 where these differ.
 fn side_of(direction: vec3f) -> f32 {
     let flat_side = dot3(direction, now.surface.facing);
     if dot3(direction, interface_normal(now.surface, now.view)) * flat_side > 0.0 { return with_sign(1.0, flat_side); }
@@ -174,8 +174,8 @@ fn refracted_cone(bent: Bend, ratio: f32) -> Cone {
     return Ways(bent.meeting.reflectance, back, enters, bent.refracted, kept, false⟨, mirrored_cone(facet.normal), refracted_cone(bent, ratio)⟩);
 }
 
-// What light of one stratum does at the surface of a body that bends colours apart, and what it counts there: beyond the depth light goes
-// through, with the weight of both.
+// The effect on light of one stratum at the surface of a body that disperses colours, and the weights. Beyond the depth, light goes through the
+// surface with the weight of both ways.
 struct Stratum { ways: Ways, share: vec3f, back: vec3f, through: vec3f }
 fn stratum_of(body: Body, border: Border, stratum: u32) -> Stratum {
     let ways = ways_of(body, index_for(border.after, stratum) / index_for(border.before, stratum));
@@ -184,7 +184,7 @@ fn stratum_of(body: Body, border: Border, stratum: u32) -> Stratum {
     let through = share * ((1.0 - ways.reflectance) * ways.kept.y);
     return Stratum(ways, share, back, through);
 }
-// Takes all of them: what is reflected stays together, and waits; the strata follow. Returns the share that enters.
+// Takes all strata: reflected light stays together and waits, and the strata follow. Returns the share that enters.
 fn disperse(body: Body, border: Border) -> vec3f {
     let splits = now.path.splits < params.depth;
     var direction: vec3f;
@@ -211,7 +211,7 @@ fn disperse(body: Body, border: Border) -> vec3f {
     divide(BY_COLOR, is_flat, strata);
     return entering;
 }
-// Takes one.
+// Takes one stratum.
 fn follow_stratum(body: Body, border: Border, filter_: vec3f, after: Media, is_flat: bool) {
     let splits = now.path.splits < params.depth;
     let stratum = stratum_of(body, border, now.path.stratum);
@@ -219,18 +219,18 @@ fn follow_stratum(body: Body, border: Border, filter_: vec3f, after: Media, is_f
     var through = stratum.through * filter_;
     if ways.enters && !splits { through += stratum.back; }
     if ways.enters { follow(ways.refracted, through, after, REFRACTED, select(0u, 1u, splits)⟨, ways.on_cone⟩); }
-    // By another normal, which few surfaces have.
+    // The reflection by another normal than that of the first stratum, which few surfaces have.
     let apart = ways.is_flat != is_flat && !(ways.enters && !splits);
     if apart && !is_black(stratum.back) { follow(ways.mirrored, stratum.back, now.path.media, REFLECTED, 0u⟨, ways.back_cone⟩); }
 }
 
-// A material of which nothing is said.
+// The material of a pane of the report, without own properties.
 fn pane() -> Body {
     var body: Body;
     body.curve = vec3f(-1.0);
     return body;
 }
-// What a thin wall or a pane of the report does with the path; returns the weight of what it scatters back.
+// The effect of a thin wall or a pane of the report on the path; returns the weight of the light that it scatters back.
 fn meet_flat(body: Body) -> vec3f {
     let view = now.view;
     if body.shape != SHAPE_THIN {
@@ -251,7 +251,7 @@ fn meet_flat(body: Body) -> vec3f {
     var on = view;
     var on_weight = wall.transmitted * filter_of(body, now.hit⟨, now.footprint⟩);
     if is_rough {
-        // What is mirrored, as far as it stays on the viewer's side, and behind the wall what would be mirrored there.
+        // The reflected light, as far as it stays on the viewer's side. The transmitted light behind the wall is its mirror image.
         let kept = passes_facets(facet, back);
         let is_above = dot3(back, facet.surface) > 0.0;
         on = mirrored(back, facet.surface);
@@ -262,8 +262,8 @@ fn meet_flat(body: Body) -> vec3f {
     return body.veil * wall.transmitted;
 }
 
-// What glass does with the path that meets it; returns the weight of what it scatters back. `part` says whether it comes for the first
-// time, or which of the divisions it goes on with: `is_flat` is of a stratum whether the flat surface served the first one.
+// The effect of glass on the path that meets it; returns the weight of the light that the glass scatters back. `part` is WHOLE for the first
+// visit, or else the division that goes on. For a stratum, `is_flat` tells whether the flat surface served the first stratum.
 fn meet(part: u32, is_flat: bool) -> vec3f {
     if now.path.surfaces >= MOST_SURFACES {
         count(LOST);
@@ -282,7 +282,7 @@ fn meet(part: u32, is_flat: bool) -> vec3f {
     var after = now.path.media;
     let lost = rays[LOST];
     let border = border_of(&after, material, is_front(now.surface));
-    // Who comes again is not lost again.
+    // A path that returns for a division is not counted as lost again.
     if part != WHOLE { rays[LOST] = lost; }
     if !border.is_there {
         follow(now.view, vec3f(1.0), after, REFRACTED, 0u⟨, now.path.cone⟩);
@@ -311,7 +311,7 @@ fn meet(part: u32, is_flat: bool) -> vec3f {
     return vec3f(body.veil * (1.0 - ways.reflectance));
 }
 
-// The colour of the glass that a pixel shows, without what the background adds.
+// The colour of the glass that a pixel shows, without the background's part.
 fn glass_color(pixel: Pixel, triangle: u32, first: Surface, first_view: vec3f, key: u32) -> vec3f {
     stored = 0u;
     divided = 0u;
@@ -327,7 +327,7 @@ fn glass_color(pixel: Pixel, triangle: u32, first: Surface, first_view: vec3f, k
     var meets = true;
     var sum = vec3f(0.0);
     loop {
-        // What is seen where the path is now, and what that counts.
+        // The weight of the surface that is seen where the path is now.
         var weight = vec3f(0.0);
         if meets {
             meets = false;

@@ -1,4 +1,4 @@
-// Writes the colour of each pixel, one thread a pixel: a whole program, or the sum of what earlier kernels found.
+// Writes the colour of each pixel, one thread for each pixel: by a whole program, or from the results of earlier kernels.
 @compute @workgroup_size(TILE, TILE, 1)
 fn main(@builtin(workgroup_id) group: vec3u, @builtin(num_workgroups) groups: vec3u, @builtin(local_invocation_id) local: vec3u) {
     let tile = params.first_tile + group.y * groups.x + group.x;

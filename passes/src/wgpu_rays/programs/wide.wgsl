@@ -1,6 +1,6 @@
 // Arithmetic that does not depend on how a driver rounds. WGSL rounds + - * correctly, but lets compilers fuse a product with a sum, and
-// drivers may do so; some also reorder sums. A value that passes through `sep` is rounded separately: no compiler knows that `params.zero`
-// is 0.
+// drivers may do so; some also reorder sums. A value that passes through `sep` is rounded separately, because compilers do not know that
+// `params.zero` is 0.
 fn sep(x: f32) -> f32 { return bitcast<f32>(bitcast<u32>(x) ^ params.zero); }
 fn sep3(x: vec3f) -> vec3f { return bitcast<vec3f>(bitcast<vec3u>(x) ^ vec3u(params.zero)); }
 
@@ -17,14 +17,14 @@ fn length_recip(a: vec3f) -> f32 { return 1.0 / sep(sqrt(dot3(a, a))); }
 fn with_sign(x: f32, signed: f32) -> f32 {
     return bitcast<f32>((bitcast<u32>(x) & 0x7fffffffu) | (bitcast<u32>(signed) & 0x80000000u));
 }
-// The unit vector of a direction, or `other` where there is none.
+// The unit vector of a direction, or `other` if the direction is 0 or not finite.
 fn normalize_or(a: vec3f, other: vec3f) -> vec3f {
     let square = dot3(a, a);
     if !(is_finite(square) && square > 0.0) { return other; }
     return sep3(a * (1.0 / sep(sqrt(square))));
 }
 
-// Double-word numbers: the sum `h + l`, with `l` below the rounding of `h`: twice the precision (Dekker, "A Floating-Point Technique for
+// Double-word numbers: the sum `h + l`, with `l` below the rounding of `h`, which doubles the precision (Dekker, "A Floating-Point Technique for
 // Extending the Available Precision", Numerische Mathematik 18, 1971). Exact products are in `product_split.wgsl` and `product_fused.wgsl`.
 struct Wide { h: f32, l: f32 }
 struct Wide3 { h: vec3f, l: vec3f }
@@ -109,7 +109,7 @@ fn wide_recip_root(a: Wide) -> Wide {
     let rest = add(wide(1.0), minus(mul(a, exact_product(first, first))));
     return quick_sum(first, sep(0.5 * sep(first * rest.h)));
 }
-// Unit vector of a vector whose largest component is far from the limits of numbers; 0 for the zero vector.
+// Unit vector of a vector whose largest component is far from the limits of the number format; 0 for the zero vector.
 fn wide_unit(a: Wide3) -> Wide3 {
     let scale = scale_to_one(most3(abs(a.h)));
     let near = Wide3(sep3(a.h * scale), sep3(a.l * scale));

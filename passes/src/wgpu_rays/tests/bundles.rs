@@ -43,7 +43,7 @@ struct Case {
     width: f32,
 }
 
-/// How far from the axis the ray of an angle of incidence meets a plane across it.
+/// Distance from the axis at which the ray of an angle of incidence meets a plane perpendicular to the axis.
 fn met(index: f64, incidence: f64, height: f64) -> f64 {
     let ray = Turned::at(incidence, index);
     let exit = ray.exit();
@@ -67,7 +67,7 @@ fn cases() -> Vec<Case> {
     for (ball, index) in INDICES.into_iter().enumerate() {
         let mut add = |x: f64, y: f64, width: f32| {
             if x * x + y * y > 1.02 && x >= 0.0 {
-                // As surfaces give them: in 48 bits.
+                // Positions have 48 bits, as surfaces give them.
                 cases.push(Case { ball, at: DVec2::new(x, y), width });
             }
         };
@@ -76,7 +76,7 @@ fn cases() -> Vec<Case> {
                 let far = f64::from(random.unit() * 5.0).exp2();
                 let angle = f64::from(random.unit()) * std::f64::consts::PI;
                 add(far * angle.sin(), far * angle.cos(), width);
-                // Near and on the axis, by widths.
+                // Near the axis and on it, in terms of the width.
                 let near = f64::from(random.unit() * random.unit()) * 4.0 * f64::from(width);
                 add(near, far.max(1.03), width);
                 add(0.0, far.max(1.03), width);
@@ -94,7 +94,7 @@ fn cases() -> Vec<Case> {
     cases
 }
 
-/// Strengths by colour, their sum by direction, and the number of bundles, in `f64`.
+/// In `f64`: the sums of strengths, plain and times both cosines of the ray; the sum of strengths times directions; the number of bundles.
 fn expected(ball: &Ball, case: &Case) -> (DVec3, DVec2, u32) {
     let (mut total, mut moment, mut number) = (DVec3::ZERO, DVec2::ZERO, 0);
     let kept = |ray: &Turned| DVec3::new(1.0, ray.cos, ray.inner);
@@ -106,7 +106,7 @@ fn expected(ball: &Ball, case: &Case) -> (DVec3, DVec2, u32) {
     (total, moment, number)
 }
 
-/// What the device finds; `change` is applied to the text.
+/// The device's output for each case; `change` is applied to the text of the programs.
 fn found(rays: &WgpuRays, balls: &[Ball], cases: &[Case], change: impl Fn(String) -> String) -> Vec<[f32; WORDS]> {
     let mut tables: Vec<u32> =
         balls[0].quadratures().flat_map(|point| point.as_vec2().to_array()).map(f32::to_bits).collect();
@@ -133,7 +133,8 @@ fn found(rays: &WgpuRays, balls: &[Ball], cases: &[Case], change: impl Fn(String
     words.into_iter().map(|words| words.map(f32::from_bits)).collect()
 }
 
-/// Errors as shares of the light, where that is a thousandth of the sun's at least, else as shares of that: the largest, the root of the mean square, and where the largest is.
+/// Errors relative to the light, or to a thousandth of the sun's light where that is more: the largest, the root mean square, and the place
+/// of the largest.
 #[derive(Debug)]
 struct Errors {
     largest: f64,
@@ -175,7 +176,7 @@ fn the_light_of_a_sphere_is_that_of_the_processor_in_f64() {
     assert!(lit > cases.len() / 4 && cases.len() > 20_000, "{lit} of {}", cases.len());
     assert!(near_errors.largest < 1e-3 && near_errors.mean < 2e-5, "{near_errors:?}");
     assert!(far_errors.largest < 2e-3 && far_errors.mean < 3e-5, "{far_errors:?}");
-    // What rays keep, and where they go.
+    // The sums with the cosines, and those with the directions.
     let mut numbers = 0;
     for ((case, words), (total, moment, number)) in cases.iter().zip(&words).zip(&answers) {
         let scale = total.x.max(1e-3);
@@ -194,7 +195,7 @@ fn the_light_of_a_sphere_is_that_of_the_processor_in_f64() {
         assert_eq!(text.matches(exact).count(), 1);
         text.replace(exact, bare)
     });
-    // Off the axis, where nothing else errs as much.
+    // Off the axis, where no other error is as large.
     let narrow = |case: &Case| far(case) && case.width < 2e-3 && case.at.x > 0.1;
     let (plain, wide) = (of(&plain, &narrow), of(&words, &narrow));
     println!("off the axis, far: {wide:?}; in 32 bits: {plain:?}");

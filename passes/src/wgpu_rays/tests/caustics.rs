@@ -16,7 +16,7 @@ use glam::{Vec2, Vec3};
 use std::f64::consts::FRAC_PI_2;
 use std::sync::Arc;
 
-/// A sphere of glass so high above a white floor at z = 0, under light that falls straight down.
+/// A sphere of glass at this height above a white floor at z = 0, under light that falls straight down.
 fn above_a_floor(index: f32, height: f32) -> World {
     let mut world = World::lit_along(Vec3::NEG_Z);
     let glass = world.dielectric(solid(index));
@@ -26,8 +26,8 @@ fn above_a_floor(index: f32, height: f32) -> World {
     world
 }
 
-/// The irradiance of the floor so far from the axis, in units of the light's, seen from below the sphere. The light is so strong that ambient light
-/// counts nothing.
+/// Irradiance of the floor at these distances from the axis, in units of the light's, seen from below the sphere. The light is so strong that
+/// ambient light is negligible.
 fn irradiance(rays: &mut dyn RayBackend, world: &World, radii: impl Iterator<Item = f32>) -> Vec<f64> {
     let places = radii.map(|radius| Vec3::new(0.6, 0.8, 0.0) * radius);
     let shot = Shot::of(world, Vec3::new(0.01, 0.02, 0.3), places);
@@ -41,8 +41,8 @@ fn irradiance(rays: &mut dyn RayBackend, world: &World, radii: impl Iterator<Ite
     pixels.iter().zip(&shot.color).map(share).collect()
 }
 
-/// The closed form of the irradiance of a plane below a sphere, without any blur: the sum over the rays that arrive so far from the axis of
-/// T b db / (rho drho), with the roots of rho(i) = rho and -rho between steps of the angle of incidence.
+/// The closed form of the irradiance of a plane below a sphere, without any blur: the sum of T b db / (rho drho) over the rays that arrive at
+/// `radius` from the axis. The roots of rho(i) = `radius` and -`radius` are found between steps of the angle of incidence.
 fn closed_form(index: f64, height: f64, radius: f64) -> f64 {
     let reaches = |incidence: f64| {
         let ray = Turned::at(incidence, index);
@@ -89,7 +89,7 @@ fn the_irradiance_below_a_sphere_has_the_closed_form() {
         assert!((found / expected - 1.0).abs() < 1e-3, "{height}: {found} {expected}");
     }
     let world = above_a_floor(1.5, 2.0);
-    // The means of rings, to four digits; where the sun shines as well, without it.
+    // Means over rings, to four digits. Where the sun also shines directly, its light is subtracted.
     const STEPS: u16 = 400;
     for ([inner, outer], expected) in [
         ([0.0_f32, 0.1], 6.807),
@@ -107,7 +107,7 @@ fn the_irradiance_below_a_sphere_has_the_closed_form() {
         println!("ring {inner} to {outer}: {mean}, and {expected}");
         assert!((mean - expected).abs() < 2e-3 * expected + 2e-4, "{inner} to {outer}: {mean} {expected}");
     }
-    // Point by point, where the closed form is finite and hardly curved over the width.
+    // Point by point, where the closed form is finite and nearly linear over the width.
     for (index, height) in [(1.5_f32, 2.0_f32), (1.33, 3.0), (2.42, 1.5)] {
         let radii = || (0..300).map(|step| 0.02 + 0.003 * step as f32);
         let found = irradiance(&mut *rays, &above_a_floor(index, height), radii());
@@ -127,7 +127,7 @@ fn the_irradiance_below_a_sphere_has_the_closed_form() {
         println!("index {index} at {height}: {number} points, RMSE {rmse:.1e}, worst {worst:.1e}");
         assert!(number > 200.0 && rmse < 1e-4 && worst < 1e-3, "{index} {height}: {rmse} {worst}");
     }
-    // Control: of another index.
+    // Control: another index.
     let other = irradiance(&mut *rays, &above_a_floor(1.53, 2.0), [0.0].into_iter())[0];
     assert!((other / 8.2944 - 1.0).abs() > 0.05, "{other}");
 }
@@ -163,7 +163,7 @@ fn spheres() -> World {
     world
 }
 
-/// How many pixels differ where light is focused and where it goes straight, on the processor.
+/// Number of pixels that differ, on the processor, between focused and straight light.
 fn seen(world: &World, params: RayParams, expected: &[[f32; 4]]) -> usize {
     let straight = RayParams { shadow: GlassShadow::Straight, ..params };
     let (without, _) = picture_on(&mut CpuRays::new(), world, EYE, RayProgram::Final, straight);
@@ -196,12 +196,12 @@ fn pixels_whose_points_do_not_fit_have_the_same_light() {
     let world = spheres();
     let params = auto(2, GlassShadow::Caustic, 0);
     let (expected, _) = picture_on(&mut *rays, &world, EYE, RayProgram::Final, params);
-    // For one point of each pixel and a few seen through glass.
+    // Room for one point of each pixel and a few seen through glass.
     rays.room = Some(64 * 64 + 10);
     let (found, _) = picture_on(&mut *rays, &world, EYE, RayProgram::Final, params);
     rays.room = None;
     assert_eq!(differing(&found, &expected, 1e-3), 0);
-    // One launch, whose points are counted behind the rays.
+    // There was one launch, whose points are counted behind the rays.
     let mut listed = 0;
     let mut encoder = rays.gpu.device.create_command_encoder(&wgpu::CommandEncoderDescriptor { label: None });
     encoder.copy_buffer_to_buffer(&rays.counts, 0, &rays.counts_staging, 0, COUNTS_BUFFER_BYTES);
@@ -221,7 +221,7 @@ fn spheres_that_focus_nothing_have_the_programs_of_straight_light() {
     world.sphere(air, Vec3::Z * 2.0, 1.0);
     let ground = world.paint(Vec3::ONE);
     world.quad(ground, Vec3::ZERO, Vec3::X * 20.0, Vec3::Y * 20.0);
-    // Of other tests.
+    // Sizes left by other tests.
     rays.sizes.clear();
     let [caustic, straight] = [GlassShadow::Caustic, GlassShadow::Straight]
         .map(|shadow| picture_on(&mut *rays, &world, EYE, RayProgram::Final, auto(2, shadow, 0)).0);
@@ -252,7 +252,7 @@ fn photons_at_meshes_are_refused_by_name_and_spheres_alone_are_not() {
     assert!(run(&mut rays, &spheres(), RayParams { photons: 0, ..params }).is_ok());
 }
 
-/// A driver that leaves loops would lose the light of most of a thousand spheres without a word.
+/// A driver that leaves loops would silently lose the light of most of a thousand spheres.
 #[test]
 fn more_spheres_than_a_driver_takes_in_one_loop_are_refused() {
     let Some(mut rays) = rays_in_turn() else { return };

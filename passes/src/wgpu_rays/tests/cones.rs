@@ -18,7 +18,7 @@ fn params(texture_lod: TextureLod) -> RayParams {
     RayParams { texture_lod, depth: 2, samples: 0, glass: GlassRule::Auto, ..RayParams::default() }
 }
 
-/// Compares the pictures of a world; at level 0 they are others.
+/// Compares the pictures of a world, and checks that they differ from those at level 0.
 fn agrees(world: &World, program: RayProgram, cones: RayParams) {
     let Some(mut rays) = rays_in_turn() else { return };
     let scene: Arc<RenderScene> = Arc::new(world.scene.clone());

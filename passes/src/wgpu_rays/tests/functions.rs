@@ -106,8 +106,8 @@ fn run(gpu: &Gpu, arithmetic: Arithmetic, cases: &[[f32; GIVEN]], geometry: &Geo
     answers(gpu, text, (&scene, &[]), cases)
 }
 
-/// The output of the entry `functions` of a text, which [`CASES`] follow, for each case, given what it reads of group 1 and the tables
-/// of group 2, if it reads them.
+/// Runs the entry `functions` of a text, to which [`CASES`] is appended, and returns its output for each case. It is given the buffers that it
+/// reads of group 1, and the tables of group 2 if it reads them.
 pub(super) fn answers<const G: usize, const W: usize>(
     gpu: &Gpu,
     text: String,

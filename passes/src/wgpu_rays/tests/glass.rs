@@ -41,7 +41,7 @@ pub(super) fn several() -> World {
     several_of([Dielectric::default(); 3])
 }
 
-/// The same, with the roughness and the dispersion of these in its tinted block, its veiled block and its wall.
+/// [`several`] with the roughness and the dispersion of `surfaces` in its tinted block, its veiled block and its wall.
 pub(super) fn several_of(surfaces: [Dielectric; 3]) -> World {
     let [tinted, veiled, wall] = surfaces;
     let with = |own: Dielectric, plain: Dielectric| Dielectric {
@@ -52,7 +52,7 @@ pub(super) fn several_of(surfaces: [Dielectric; 3]) -> World {
         ..plain
     };
     let mut world = World { beyond: Vec3::new(0.2, 0.5, 0.9), ..World::lit_along(Vec3::new(-0.4, -0.8, -0.5)) };
-    // Colours are decoded, what the first texture says is not.
+    // Colours are decoded; the values of the first texture are not.
     let texture = |texels: [[u8; 4]; 2]| Texture::new("clear".to_owned(), 2, 1, texels.to_vec());
     let clear = texture([[255, 0, 0, 255], [90, 255, 255, 255]]);
     world.scene.textures = vec![clear, Texture { space: ColorSpace::Linear, ..texture([[9; 4]; 2]) }];
@@ -170,12 +170,12 @@ fn light_of_several_lights_and_of_discs_falls_through_glass_as_on_the_processor(
     }
 }
 
-/// Where glass is rough or bends colours apart, and how: tinted block, veiled block, wall.
+/// The roughness and the dispersion of the tinted block, the veiled block and the wall.
 pub(super) fn ways(alphas: [f32; 3], spreads: [f32; 3]) -> [Dielectric; 3] {
     [0, 1, 2].map(|place| Dielectric { alpha: alphas[place], spread: spreads[place], ..Dielectric::default() })
 }
 
-/// Compares the backends, and that what the world or the parameters ask is seen: `plain` is without.
+/// Compares the backends, and checks that what the world or the parameters ask for changes the picture: `plain` is without it.
 fn differs_from_plain(asked: (&World, RayParams), plain: (&World, RayParams), program: RayProgram) -> Option<()> {
     let eye = Vec3::new(0.2, 0.4, 7.0);
     let [found, expected] = both(asked.0, eye, program, asked.1)?;
@@ -194,7 +194,7 @@ fn rough_bodies_and_walls_show_what_the_processors_do() {
     let params = RayParams { paths: 4, first_path: 8, ..auto(2, GlassShadow::Report, 0) };
     let seen = differs_from_plain((&rough, params), (&plain, params), RayProgram::Refraction);
     let Some(()) = seen else { return };
-    // Rough inside smooth, and whose list of points overflows: those pixels are computed by one thread.
+    // Rough glass inside smooth glass, with a list of points that overflows: those pixels are computed by one thread.
     let rough = several_of(ways([0.0, 0.15, 0.3], [0.0; 3]));
     let params = RayParams { paths: 6, ..auto(2, GlassShadow::Straight, 2) };
     differs_from_plain((&rough, params), (&plain, params), RayProgram::Final);
@@ -208,7 +208,7 @@ fn colours_that_are_bent_apart_are_where_the_processor_shows_them() {
     let together = RayParams { wavelengths: 1, ..params };
     let seen = differs_from_plain((&flint, params), (&plain, together), RayProgram::Refraction);
     let Some(()) = seen else { return };
-    // What is divided twice: rough and of several colours, in either order.
+    // Paths that are divided twice, by roughness and by dispersion, in either order.
     let both_ways = several_of(ways([0.1, 0.0, 0.2], [0.15, 0.2, 0.0]));
     let params = RayParams { wavelengths: 3, paths: 2, ..auto(2, GlassShadow::Report, 0) };
     differs_from_plain((&both_ways, params), (&plain, params), RayProgram::Refraction);
@@ -225,7 +225,7 @@ fn reflectances_and_colours_of_their_own_are_those_of_the_processor() {
     let params = RayParams { wavelengths: 2, ..auto(3, GlassShadow::Report, 0) };
     let seen = differs_from_plain((&own, params), (&several(), params), RayProgram::Refraction);
     let Some(()) = seen else { return };
-    // Of the kernels of rough glass, which software drivers take a minute to compile.
+    // Uses the kernels of rough glass, which software drivers take a minute to compile.
     let params = RayParams { wavelengths: 1, ..auto(3, GlassShadow::Straight, 2) };
     differs_from_plain((&own, params), (&several(), params), RayProgram::Final);
 }

@@ -66,7 +66,7 @@ fn agrees(program: RayProgram, params: RayParams) -> Option<Vec<[f32; 4]>> {
     Some(found)
 }
 
-/// Checks that a picture is another one without any of the lights.
+/// Checks that a picture changes where any one of the lights is removed.
 fn shows_each_light(found: &[[f32; 4]], program: RayProgram, params: RayParams) {
     for left_out in 0..lamps().len() {
         let mut fewer = lamps();

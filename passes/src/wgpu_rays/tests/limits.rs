@@ -162,7 +162,7 @@ fn pictures_are_the_same_without_a_clock_and_in_launches_of_any_size() {
         cpu.build(scene, &[]).expect("built");
         let (expected, theirs) = picture(&mut cpu, job);
         rays.clock = None;
-        // One tile a launch in dispatches one group wide, and several launches of which the last is short.
+        // One tile a launch, in dispatches that are one group wide; and several launches, the last of them short.
         for (tiles, most) in [(1, 1), (7, 3), (100, 65_535)] {
             alone(rays).limits.max_compute_workgroups_per_dimension = most;
             rays.sizes.insert((Kind::of(job, false), 0), Some(tiles));

@@ -31,10 +31,10 @@ fn rays() -> Option<WgpuRays> {
     }
 }
 
-/// Backends that no test uses now. Their kernels are compiled; software drivers take seconds for each.
+/// Idle backends, with their compiled kernels; software drivers take seconds to compile each.
 static WAITING: Mutex<Vec<WgpuRays>> = Mutex::new(Vec::new());
 
-/// A backend that tests use one after the other. One that fails does not hand it on.
+/// A backend that tests use one after the other. A test that fails does not hand it on.
 struct InTurn(Option<WgpuRays>);
 
 impl Deref for InTurn {

@@ -59,7 +59,7 @@ pub(super) fn both_of(
     Some(both_on(&mut *rays_in_turn()?, world, shot, program, fidelity, params))
 }
 
-/// As [`both_of`], on a device of which programs may be compiled already.
+/// As [`both_of`], on a backend that may have compiled its programs already.
 pub(super) fn both_on(
     rays: &mut WgpuRays,
     world: &World,
@@ -79,7 +79,7 @@ pub(super) fn both_on(
     if !matches!(program, RayProgram::Final | RayProgram::Refraction) {
         assert_eq!(mine.rays.shadow, theirs.rays.shadow, "{program:?} {fidelity:?}");
         let all = |rays: curitiba_pipeline::backend::RayCounts| rays.occlusion + rays.certain;
-        // A last bit may decide whether the report's noise gives a finite ray.
+        // The last bit may decide whether the report's noise gives a finite ray.
         let few = if fidelity == Fidelity::Thesis { all(theirs.rays) / 1000 } else { 0 };
         assert!(all(mine.rays).abs_diff(all(theirs.rays)) <= few, "{program:?} {fidelity:?}");
     }

@@ -40,11 +40,11 @@ fn given3(k: u32) -> vec3f { return vec3f(given[k], given[k + 1u], given[k + 2u]
 /// Where the rays of a case start.
 #[derive(Debug, Clone, Copy, PartialEq)]
 enum From {
-    /// So many radii from the centre, aimed at the sphere, beside it or at its rim.
+    /// This many radii from the centre, aimed at the sphere, beside it or at its rim.
     Far(f32),
-    /// Within it.
+    /// Within the sphere.
     Inside,
-    /// On its surface, as the processor starts rays there, in any direction and along the surface.
+    /// On the surface of the sphere, where the processor starts rays, in any direction and along the surface.
     Surface,
 }
 
@@ -96,7 +96,7 @@ fn cases() -> Vec<Case> {
     cases
 }
 
-/// What the device answers; `change` is applied to the text of the programs.
+/// The device's output for each case; `change` is applied to the text of the programs.
 fn found(rays: &WgpuRays, cases: &[Case], change: impl Fn(String) -> String) -> Vec<[u32; WORDS]> {
     let variant = Variant::Panes(Fidelity::Corrected);
     let kind =
@@ -114,7 +114,7 @@ fn found(rays: &WgpuRays, cases: &[Case], change: impl Fn(String) -> String) -> 
     answers(&rays.gpu, change(text) + ENTRY, (&[], &[]), &given)
 }
 
-/// The roots of the processor as the device says them.
+/// The processor's roots, in the format of the device's output.
 fn expected(Case { sphere, ray, .. }: &Case) -> [u32; 3] {
     match sphere_roots(ray, sphere) {
         Some(roots) => [1, roots[0].to_bits(), roots[1].to_bits()],
@@ -122,7 +122,7 @@ fn expected(Case { sphere, ray, .. }: &Case) -> [u32; 3] {
     }
 }
 
-/// Bound of the error of points by the rounding to 46 bits of the way to the sphere; near the rim it counts more along the ray.
+/// Bound on the error of points from the rounding of the distance to 46 bits; near the rim it is larger along the ray.
 fn met_error(sphere: &Sphere, ray: &Ray) -> f64 {
     let apart = (ray.origin - sphere.center).as_dvec3();
     let direction = ray.direction.as_dvec3().normalize();
@@ -155,11 +155,11 @@ fn rays_meet_spheres_at_the_processors_distances_bit_by_bit() {
         let stored = SurfacePoint::on_sphere(sphere, ray.origin);
         let same = vector(3) == met.position && vector(6) == met.normal && f32::from_bits(words[9]) == met.error;
         let same = same && vector(10) == stored.position && vector(13) == stored.normal;
-        // From a hundred million radii away 46 bits are too few to be rounded as 53 are.
+        // From a hundred million radii away, 46 bits are too few for the rounding that 53 bits give.
         if *from != From::Far(1e8) {
             points += usize::from(!(same && f32::from_bits(words[16]) == stored.spawn(ray.direction).x));
         }
-        // Whatever the driver: a point lies where the processor has it, to a part of the offset of rays.
+        // With any driver, a point agrees with the processor's to a fraction of the offset of rays.
         let reach = f64::from(sphere.center.abs().max_element() + sphere.radius);
         let near = |found: Vec3, expected: Vec3, more: f64| {
             f64::from((found - expected).abs().max_element()) <= 1.2e-7 * reach + more
@@ -179,7 +179,7 @@ fn rays_meet_spheres_at_the_processors_distances_bit_by_bit() {
     assert!(points * 100 <= cases.len(), "{points} points differ");
 }
 
-/// A text whose test of spheres has roots and quotients that are off by up to four units in the last place, by where they are needed.
+/// A text whose test of spheres has roots and quotients that are off by up to four units in the last place, depending on an operand.
 fn careless(text: &str) -> String {
     let [root, quotient] = ["let found = sep(sqrt(x));", "let found = sep(dividend / divisor);"];
     assert!(text.contains(root) && text.contains(quotient));
@@ -202,7 +202,7 @@ fn no_distance_depends_on_how_a_driver_rounds_roots_and_quotients() {
         cases.iter().zip(words).filter(|(case, words)| !is_same(*words, expected(case))).count()
     };
     let careless_off = off(&found(&rays, &cases, |text| careless(&text)));
-    // Control: what a careless driver finds, as it is.
+    // Control: the results of a careless driver without the correction.
     let bare = found(&rays, &cases, |text| {
         let at_once = "> LEAST_ROUNDED && is_finite(found)";
         assert_eq!(text.matches(at_once).count(), 2);

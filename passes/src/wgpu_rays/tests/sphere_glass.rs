@@ -85,7 +85,7 @@ fn spheres_that_are_rough_or_bend_colours_apart_are_the_processors() {
     assert!(differing(&smooth, &expected, 0.003) > 5 * FEW, "control: it is seen");
 }
 
-/// What a pixel shows.
+/// The colour of a pixel.
 fn look(rays: &mut WgpuRays, world: &World, eye: Vec3, direction: Vec3, params: RayParams) -> Vec3 {
     let shot = Shot::of(world, eye, [eye + direction]);
     let scene: Arc<RenderScene> = Arc::new(world.scene.clone());
@@ -94,7 +94,7 @@ fn look(rays: &mut WgpuRays, world: &World, eye: Vec3, direction: Vec3, params: 
     Vec3::from_slice(&super::picture(rays, &job).0[0])
 }
 
-/// R of an interface between air and this index for a ray at impact `b` (in radii), and the length of the way inside.
+/// The reflectance of an interface between air and this index for a ray at impact `b` (in radii), and the length of the path inside.
 fn impact(b: f64, index: f64) -> (f64, f64) {
     let (outer, inner) = ((1.0 - b * b).sqrt(), (1.0 - b * b / (index * index)).sqrt());
     let across = (outer - index * inner) / (outer + index * inner);
@@ -122,14 +122,14 @@ fn a_sphere_in_a_white_environment_has_the_closed_form() {
                 };
                 let expected = Vec3::new(white(sigma.x), white(sigma.y), white(sigma.z));
                 let found = look(&mut rays, &world, eye, Vec3::NEG_Z, auto(16, GlassShadow::Report, 0));
-                // Places are rounded to 2^-24 of where the sphere is, not of its size.
+                // Positions are rounded to 2^-24 of the sphere's coordinates, not of its size.
                 let allowed = 5e-6 * (1.0 + 0.3 * offset.abs().max_element() / scale);
                 assert!((found - expected).abs().max_element() <= allowed, "{scale} {index} {b}: {found} {expected}");
                 if b == 0.0 && index == 1.0 {
                     let through = (-2.0 * sigma * scale).exp();
                     assert!((found - through).abs().max_element() < allowed, "{found}: exp(-sigma 2 r)");
                 }
-                // Control: another index, and half of the way.
+                // Control: another index, and half of the path.
                 let (other, _) = impact(from, f64::from(index) * 1.02);
                 let half = (-0.5 * f64::from(sigma.y * scale) * length).exp() as f32;
                 assert!((f64::from(expected.y) - f64::from(half)).abs() > 1e-2 && (other != r || b == 0.0), "control");
@@ -157,20 +157,21 @@ fn a_camera_in_a_sphere_sees_out_of_it() {
             });
             let found = look(&mut rays, &world, eye, Vec3::Z, auto(16, GlassShadow::Report, 0));
             assert!((found - Vec3::from(expected)).abs().max_element() < 6e-6, "{index} {share}: {found} {expected:?}");
-            // Control: from outside the way is twice as long.
+            // Control: from outside, the path is twice as long.
             assert!(share > 0.0 || (found.z - (-4.0_f32).exp()).abs() > 0.05, "{found}");
         }
     }
 }
 
-/// A bubble in glass: Bouguer's invariant gives the angles; on the axis all of them are right, and the wall is as thick as it is.
+/// A bubble in a sphere of glass: only the path through the glass around the bubble absorbs light.
 #[test]
 fn a_bubble_in_a_sphere_takes_the_glass_out_of_the_way() {
     let Some(mut rays) = rays_in_turn() else { return };
     let sigma = Vec3::new(0.3, 0.7, 1.5);
     let of = |bubble: f32| {
         let mut world = World { beyond: Vec3::ONE, ..World::lit_along(Vec3::NEG_Z) };
-        // Of index 1 throughout, so that nothing is mirrored: what is left is exp(-sigma (2 R - 2 r)).
+        // The index is 1 throughout, so that nothing is reflected: the path through the glass is 2 R - 2 r on the axis, and absorbs
+        // exp(-sigma (2 R - 2 r)).
         let wall = world.dielectric(Dielectric { extinction: sigma, ..solid(1.0) });
         let air = world.dielectric(Dielectric { priority: 1, ..solid(1.0) });
         world.sphere(wall, Vec3::ZERO, 1.0);
@@ -193,7 +194,7 @@ fn a_bubble_in_a_sphere_takes_the_glass_out_of_the_way() {
     }
 }
 
-/// A shadow through a sphere of glass: (1 - F(cos i))² exp(-2 sigma cos i); and spheres of index 1 are not there.
+/// A shadow through a sphere of glass: (1 - F(cos i))² exp(-2 sigma cos i). Spheres of index 1 throw no shadow.
 #[test]
 fn straight_shadows_of_spheres_have_the_closed_form() {
     let Some(mut rays) = rays_in_turn() else { return };

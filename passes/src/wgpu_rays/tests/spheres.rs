@@ -76,7 +76,7 @@ fn occlusion_by_spheres_is_the_processors() {
     for (samples, radius) in [(16, 1.5), (100, 0.4), (2, 1.0)] {
         let params = RayParams { samples, radius, ..RayParams::default() };
         let [found, expected] = both_on(&mut rays, &world, &shot, RayProgram::Ssao, Fidelity::Corrected, params);
-        // One ray more or less, where the last bit of a direction decides.
+        // The last bit of a direction may decide on one ray more or less.
         let off = differing(&found, &expected, 1e-6);
         assert!(off <= (SIDE * SIDE) as usize / 200, "{samples} {radius}: {off} pixels are off");
         let covered = expected.iter().filter(|pixel| pixel[0] < 1.0).count();

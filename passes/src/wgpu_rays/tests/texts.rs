@@ -22,7 +22,7 @@ fn validate(source: &str) -> Result<naga::Module, String> {
     Ok(module)
 }
 
-/// The texts of all kernels by what they are written for; kernels that several numbers of samples share are here once.
+/// The texts of all kernels by their kind; kernels that several numbers of samples share appear once.
 fn every_text() -> HashMap<String, String> {
     let mut texts = HashMap::new();
     let mut add = |kind: Kind, stage: Stage, arithmetic: Arithmetic, lod: TextureLod, split: Split| {
@@ -49,7 +49,7 @@ fn every_text() -> HashMap<String, String> {
             }
         }
     }
-    // With several lights, of which arithmetic and cones know nothing.
+    // With several lights, on which arithmetic and cones do not depend.
     for program in [RayProgram::DeferredShadows, RayProgram::Reflection, RayProgram::Refraction, RayProgram::Final] {
         let panes = Variant::Panes(Fidelity::Corrected);
         let knows = Variant::OF_BODIES.contains(&program);
@@ -152,7 +152,7 @@ fn parameters_lie_where_the_host_writes_them() {
     let info = RAY_PROGRAMS.iter().find(|info| is_written(info.program)).expect("a program");
     let variant = Variant::Panes(Fidelity::Corrected);
     let kind = Kind { program: info.program, variant, lighting: Lighting::Sun, spheres: false, focuses: false };
-    // The last parameters are known to programs with exact spheres alone, whose structures are as long.
+    // Only programs for exact spheres have the last parameters; without them the structure is as long.
     let lengths = [false, true].map(|spheres| {
         let kind = Kind { spheres, ..kind };
         let text = source(kind, Stage::Whole, (Arithmetic::default(), TextureLod::Zero), Split::default());
@@ -200,7 +200,7 @@ fn programs_that_read_level_0_have_no_word_of_cones() {
             let kind = Kind { program: info.program, variant, lighting: Lighting::Sun, spheres: false, focuses: false };
             let text = |lod| {
                 let text = source(kind, Stage::Whole, (Arithmetic::default(), lod), Split::default()).expect("written");
-                // Without the parameters, which all share, and what is only said.
+                // Without the parameters, which all share, and without comments.
                 let code = text.lines().map(|line| line.split("//").next().unwrap_or_default());
                 code.filter(|line| !line.contains("    cone_")).collect::<Vec<_>>().join("\n")
             };
@@ -259,7 +259,7 @@ fn programs_where_no_sphere_focuses_light_have_no_word_of_it() {
         *if says { &mut with } else { &mut without } += 1;
     }
     assert!(with >= 30 && without >= 200, "{with} {without}");
-    // Kernels that ask for no light are those of any scene with spheres.
+    // Kernels that compute no light are the same as in any scene with spheres.
     let variant = Variant::Bodies;
     let of = |focuses| {
         let kind = Kind { program: RayProgram::Final, variant, lighting: Lighting::Sun, spheres: true, focuses };

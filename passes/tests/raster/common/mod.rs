@@ -88,7 +88,7 @@ pub fn triangles(corners: &[[Vec3; 3]]) -> RenderScene {
     scene(positions, (0..corners.len() as u32).map(|i| [3 * i, 3 * i + 1, 3 * i + 2]).collect())
 }
 
-/// A triangle of one material before a large one of another, which may be a sky.
+/// A triangle in front of a larger one of another material, which may be a sky.
 pub fn before(is_sky: bool) -> RenderScene {
     let near = [Vec3::new(-1.0, -1.0, -4.0), Vec3::new(1.5, -0.5, -4.0), Vec3::new(0.0, 1.2, -4.5)];
     let far = [Vec3::new(-30.0, -9.0, -9.0), Vec3::new(30.0, -9.0, -9.0), Vec3::new(0.0, 9.0, -12.0)];
@@ -99,7 +99,7 @@ pub fn before(is_sky: bool) -> RenderScene {
     scene
 }
 
-/// Asserts that a picture of [`before`] with a sky is that without one, but for all attachments of the sky except its colour.
+/// Asserts that pictures of [`before`] with and without a sky differ in one respect: a sky only writes its colour, and no other attachment.
 #[track_caller]
 pub fn hides_sky(with: &GBuffer, without: &GBuffer) {
     assert!(with.color == without.color);
@@ -235,8 +235,8 @@ fn layer(half: f32, cells: u32, toward: f32, seed: u32, tilt: f32) -> (Vec<Vec3>
     (positions, (0..cells).flat_map(|row| (0..cells).map(move |column| (row, column))).flat_map(cell).collect())
 }
 
-/// Two such layers 60 m from [`camera`], tilted by so much, the nearer one `gap` before the other; and the number of triangles of the
-/// farther one, which come first.
+/// Two layers 60 m from [`camera`], tilted by `tilt` radians, the nearer one `gap` in front of the other. Also returns the number of
+/// triangles of the farther layer, which come first.
 pub fn layers(seed: u32, tilt: f32, gap: f32) -> (RenderScene, u32) {
     let (mut positions, mut triangles) = layer(12.0, 23, 0.0, 2 * seed, tilt);
     let behind = triangles.len() as u32;
@@ -246,18 +246,18 @@ pub fn layers(seed: u32, tilt: f32, gap: f32) -> (RenderScene, u32) {
     (scene(positions, triangles), behind)
 }
 
-/// Where a pixel's position lies on the screen.
+/// Distance on the screen between a pixel's stored position and the nearest point of its triangle.
 #[derive(Debug, Clone, Copy)]
 pub struct Beside {
-    /// Pixels from the place of the exact triangle that is nearest to the pixel's centre.
+    /// Distance, in pixels, from the point of the exact triangle that is nearest to the pixel's centre.
     pub off: f64,
-    /// What rounding explains of it.
+    /// The part of the distance that rounding explains, in pixels.
     pub rounding: f64,
     /// Whether the centre is outside of the triangle.
     pub is_outside: bool,
 }
 
-/// Of all pixels of a job's drawing that show a triangle in front of the camera.
+/// The distances of all pixels of a drawing that show a triangle in front of the camera.
 pub fn beside_nearest(job: &RasterJob<'_>, target: &GBuffer) -> Vec<Beside> {
     let size = DVec2::new(target.width.into(), target.height.into());
     let screen = |position: DVec3| {
@@ -278,7 +278,7 @@ pub fn beside_nearest(job: &RasterJob<'_>, target: &GBuffer) -> Vec<Beside> {
     pixels.collect()
 }
 
-/// The place of a triangle that is nearest to a point.
+/// The point of a triangle that is nearest to `point`.
 fn nearest([a, b, c]: [DVec2; 3], point: DVec2) -> DVec2 {
     let sides = [(a, b), (b, c), (c, a)].map(|(from, to)| (to - from).perp_dot(point - from));
     if sides.iter().all(|side| *side > 0.0) || sides.iter().all(|side| *side < 0.0) {

@@ -99,7 +99,7 @@ impl Cover {
                     let ndc_y = 1.0 - (f64::from(y) + 0.5 + dy) / size[1] * 2.0;
                     let weights = *inverse * DVec3::new(ndc_x, ndc_y, 1.0);
                     let depth = weights.dot(*depth);
-                    // Beyond the near and far planes there is nothing, and on them only up to rounding.
+                    // Nothing is drawn beyond the near and far planes. On them, rounding decides.
                     (weights.min_element() >= 0.0 && (0.0..=1.0).contains(&depth)).then_some(depth)
                 };
                 let centre = at(0.0, 0.0);

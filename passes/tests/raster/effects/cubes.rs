@@ -117,7 +117,7 @@ fn in_a_room_that_is_a_box_parallax_is_exact() {
             // The remaining difference is at the edges of tiles, a texel wide, and at single pixels whose rays hit such
             // edges.
             assert!(mean < 0.01 && differing < 0.04, "{eye} {program:?}: {mean} {differing}");
-            // Control: without the box most of the picture is displaced.
+            // Control: without the parallax correction by the box, most of the picture is displaced.
             assert!(plain > 8.0 * mean && others > 0.2, "{eye} {program:?}: {plain} {others}");
         }
     }

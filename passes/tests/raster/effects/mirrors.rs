@@ -1,4 +1,4 @@
-//! Mirrors against rays in `f64` that use none of the code under test.
+//! Planar mirrors against rays in `f64` that share no code with them.
 
 use super::world::{BACKGROUND, Shot, World, mean};
 use curitiba_passes::raster::effects::bounds::Bounds;
@@ -22,7 +22,7 @@ pub struct Camera {
     pub forward: DVec3,
     pub right: DVec3,
     pub up: DVec3,
-    /// Half a side of the picture at distance 1; without perspective in scene units.
+    /// Half the side of the picture at distance 1; without perspective, half the side in scene units.
     pub half: f64,
     pub perspective: bool,
 }
@@ -79,7 +79,7 @@ pub fn nearest(shot: &Shot, origin: DVec3, direction: DVec3, glass: bool) -> Opt
         let second = direction.dot(aside) * scale;
         let t = v.dot(aside) * scale;
         let hit = second >= 0.0 && first + second <= 1.0 && t > 1e-9 && best.is_none_or(|(_, least)| t < least);
-        // Few triangles are hit: of those alone the material is looked up.
+        // Few triangles are hit, so the material is only looked up after a hit.
         if hit && shot.glass[geometry.material_of(triangle) as usize] == glass {
             best = Some((triangle, t));
         }
@@ -117,9 +117,9 @@ fn is_near(found: [f32; 4], expected: [f32; 3]) -> bool {
     (0..3).all(|i| (found[i] - expected[i]).abs() < 1e-5) && found[3] == 1.0
 }
 
-/// Compares every pixel whose surroundings of `reach` pixels show glass: the pixel must show the colour that one of the
-/// rays there hits. Returns the number of compared pixels, and how many of them show what the ray through their centre
-/// hits.
+/// Compares every pixel that shows only glass within a distance of `reach` pixels: it must have the colour that one of
+/// the rays there hits. Returns the number of compared pixels, and the number of those with the colour that the ray
+/// through their centre hits.
 fn compare(shot: &Shot, camera: &Camera, found: &[[f32; 4]], reach: f64, what: &str) -> (usize, usize) {
     let (compared, exact, wrong) = differing(shot, camera, found, reach, usize::MAX);
     println!("{what}: {compared} pixels of glass, {exact} as the ray through the centre");
@@ -132,7 +132,7 @@ fn compare(shot: &Shot, camera: &Camera, found: &[[f32; 4]], reach: f64, what: &
 /// A pixel, its colour, and the expected colour.
 type Wrong = ([u32; 2], [f32; 4], [f32; 3]);
 
-/// How many pixels are compared, how many are exact, and the wrong ones, of which no more than `most` and one are looked for.
+/// Number of compared pixels, number of exact pixels, and the wrong pixels. The search ends after `most` + 1 wrong ones.
 fn differing(shot: &Shot, camera: &Camera, found: &[[f32; 4]], reach: f64, most: usize) -> (usize, usize, Vec<Wrong>) {
     let (mut compared, mut exact, mut wrong) = (0, 0, Vec::new());
     for (index, pixel) in found.iter().enumerate() {
@@ -191,7 +191,7 @@ fn run(world: World, camera: &Camera, what: &str) -> (Shot, Vec<[f32; 4]>) {
     (shot, found)
 }
 
-/// Corners are snapped to 1/256 pixel.
+/// Distance, in pixels, that allows for corners snapped to 1/256 pixel.
 const SNAPPED: f64 = 1.0 / 128.0;
 
 #[test]
@@ -276,7 +276,7 @@ fn the_comparison_finds_out_a_missing_cut_an_eye_that_is_not_mirrored_and_cullin
 
 #[test]
 fn grazing_views_show_what_the_rays_meet() {
-    // The eye is just above a wide mirror, as low as a five-hundredth of the distance to what is mirrored.
+    // The eye is just above a wide mirror, as low as 1/300 of its distance from the mirror's middle.
     for height in [0.5, 0.1, 0.02] {
         let eye = Vec3::new(0.2, height, 6.0);
         let camera = Camera::new(eye, Vec3::new(0.0, height * 0.2, -2.0), 0.3);
@@ -381,7 +381,7 @@ fn coplanar_panes_share_a_mirror_and_others_have_their_own() {
     let [glass, without] = stats.glass_pixels;
     assert!(stats.map_count == 2 && without == 0 && glass > 2000, "{stats:?}");
     assert_ne!(found, shot.buffer.color);
-    // With one mirror, the pane that stands forward keeps its colour, and the statistics tell so.
+    // With one mirror, the pane that stands forward keeps its colour, and the statistics count its pixels.
     let (fewer, stats) = shot.effect(PlanarReflection, EffectParams { planes: 1, ..EffectParams::default() });
     let [all, without] = stats.glass_pixels;
     assert!(stats.map_count == 1 && all == glass && without > 20 && without < glass / 20, "{stats:?}");

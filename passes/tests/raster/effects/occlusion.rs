@@ -114,7 +114,7 @@ fn sectors_leave_an_open_plane_open_and_find_the_closed_form_in_a_corner() {
         assert!(lowest > 0.999, "{eye}: {lowest}");
     }
     let mut shot = corner();
-    // The wall is taken as the outline of a solid, as deep as the radius.
+    // With this thickness the wall counts as the front of a solid that is as deep as the radius.
     let (found, _) = shot.effect(HorizonOcclusion, sectors(8, 32, 1.0));
     // Control: a thin wall lets light through between the steps.
     let (thin, _) = shot.effect(HorizonOcclusion, sectors(8, 4, 0.01));
@@ -218,10 +218,10 @@ fn a_near_object_darkens_what_is_far_behind_it_by_depths_and_not_by_horizons() {
     let (horizons, _) = shot.effect(HorizonOcclusion, params(8, 8));
     let of = |image: &[[f32; 4]], pixels: &[usize]| mean(pixels.iter().map(|index| image[*index][0]));
     println!("beside the post: depths {:.3}, horizons {:.3}", of(&depths, &beside), of(&horizons, &beside));
-    // The open share of the disk as beside a wall: between 0.05 and 0.5 from the outline it is 0.68 on average.
+    // The open share of the disk is the same as beside a wall: on average 0.68 between 0.05 and 0.5 from the outline.
     assert!((of(&depths, &beside) - 0.68).abs() < 0.06, "{}", of(&depths, &beside));
     assert_eq!(of(&depths, &far), 1.0);
-    // Rays find nothing within reach, either.
+    // Rays find no occluder within reach either.
     let traced = shot.rays(HorizonOcclusion, RayParams { samples: 64, ..rays() });
     assert!(of(&horizons, &beside) > 1.0 - 1e-6);
     assert_eq!(of(&traced, &beside), 1.0);

@@ -37,7 +37,7 @@ struct Line {
 }
 
 impl Line {
-    /// The place of a step, from its share of the way.
+    /// The place in the picture of a step, from its share of the way to the line's end.
     fn step(&self, side: usize, share: f64) -> [f64; 2] {
         let pixels = 1.0 + (self.ends[side] - 1.0) * share * share;
         (self.from + self.along * [1.0, -1.0][side] * pixels).to_array()
@@ -122,7 +122,7 @@ impl<'a> Oracle<'a> {
 
     /// The line of the picture on which a slice is seen.
     fn line(&self, position: DVec3, across: DVec3) -> Line {
-        // By a small difference.
+        // The direction of the line comes from a small difference of positions.
         let small = 1e-6 * (self.eye - position).length();
         let near = [1.0, -1.0].map(|side| self.place(position + across * small * side));
         let from = self.place(position).map_or(DVec2::NAN, DVec2::from_array);
@@ -181,7 +181,7 @@ impl<'a> Oracle<'a> {
         Open { share: if whole > 0.0 { visible / whole } else { 1.0 }, decided }
     }
 
-    /// As the paper writes it, with a list of 32 sectors of one tested angle each.
+    /// The open share by sectors as in the paper, with a list of 32 sectors that are each tested at one angle.
     fn by_sectors(&self, pixel: [u32; 2], position: DVec3, to_eye: DVec3, normal: DVec3) -> Open {
         let (radius, thickness) = (f64::from(self.job.params.radius), f64::from(self.job.params.thickness));
         let slices = self.job.params.slices;

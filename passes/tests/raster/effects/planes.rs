@@ -37,7 +37,7 @@ fn panes_of_a_facade_are_one_plane_however_it_is_turned_and_wherever_it_stands()
             let normal = turn * DVec3::Z;
             let plane = found.planes[0];
             let GlassPlane { normal: found_normal, slack, .. } = plane;
-            // The plane's error is that of the corners, times the factor of extrapolation.
+            // The error of the plane is the error of the corners times the factor of extrapolation.
             let rounding = (away + 30.0) * ROUNDING;
             assert!(found_normal.cross(normal).length() < 10.0 * rounding, "{away} {i}");
             assert!(plane.distance(at).abs() < 100.0 * rounding, "{away} {i}");
@@ -86,7 +86,7 @@ fn both_sides_and_the_faces_of_a_box_are_told_by_their_planes() {
     assert_eq!(glazing(&world).planes.len(), 7);
 }
 
-/// A glass ball of so many rings, with the normals of its faces or those of the ball.
+/// A glass ball of `rings` rings, with the normals of its faces or smooth ones.
 fn ball(rings: u32, smooth: bool) -> World {
     let mut world = World::default();
     let glass = world.pane();

@@ -44,7 +44,7 @@ fn court_seen(perspective: bool) -> (Shot, Camera) {
     (court().through(camera.view(), SIDE, SIDE), camera)
 }
 
-/// Calls `look` with the picture as rays are marched through it.
+/// Calls `look` with the picture through which rays are marched.
 fn marched<T>(shot: &Shot, thickness: f32, look: impl FnOnce(&Screen<'_>) -> T) -> T {
     let size = [shot.buffer.width, shot.buffer.height];
     let camera = ScreenCamera::new(&shot.view, size[0], size[1]).expect("a camera");
@@ -249,7 +249,7 @@ fn with_alpha(color: [f32; 4]) -> [f32; 4] {
     Vec4::from_array(color).truncate().extend(1.0).to_array()
 }
 
-/// Answered pixels have the same colours as by rays, with the same weights.
+/// Pixels that the effect answers have the same colours and weights as with the ray program.
 #[test]
 fn answered_pixels_show_what_rays_show() {
     for (program, least) in [(ScreenReflection, 1000), (ScreenRefraction, 300)] {

@@ -22,7 +22,7 @@ fn cascades(shot: &Shot, params: EffectParams) -> Cascades {
     Cascades::new(&shot.sun.expect("lit"), &bounds, &shot.view, depths, &params)
 }
 
-/// A box 2 high, with these halves of its width and depth, seen from `eye`, and its shadows by rays.
+/// A box of height 2 whose half width is `x` and half depth `z`, seen from `eye`, and its ray-traced shadows.
 fn box_on_the_ground([x, z]: [f32; 2], eye: Vec3) -> (Shot, Vec<[f32; 4]>) {
     let mut world = World::lit_along(Vec3::new(0.6, -0.5, 0.3));
     world.ground(10.0);
@@ -58,7 +58,7 @@ fn the_edge_of_a_half_planes_shadow_is_within_a_texel_of_its_place() {
             let (found, stats) = shot.effect(ShadowMap, params);
             let maps = u64::from(count);
             assert_eq!((stats.map_count, stats.triangles, stats.bytes), (count, 4 * maps, maps * (4 << 20)));
-            // The bias lets light in by so much at the edge; the filter reaches pcf + 1 texels.
+            // Pixels this close to the edge are left out: the bias lets light in, and the filter reaches pcf + 1 texels.
             let reach = (pcf + 1) as f32 * texel * slant * (1.0 + 1.5 * 0.7);
             let (mut dark, mut bright) = (0, 0);
             for index in shot.pixels_where(|p| p.y < 0.1 && (p.x - edge).abs() > reach) {
@@ -110,7 +110,7 @@ fn light_does_not_leak_through_a_thin_wall() {
         for index in shot.pixels_where(|p| p.y < 0.01 && p.x > -0.8 && p.x < 0.9 && p.z.abs() < 4.5) {
             assert_eq!((found[index][0], expected[index][0]), (0.5, 0.5), "{}", shot.position(index));
         }
-        // The wall's own dark side is turned away from the light: no map is read there, as no ray starts there.
+        // The wall's dark side faces away from the light. No map is read there, just as no shadow ray starts there.
         for index in shot.pixels_where(|p| p.y > 0.1) {
             assert_eq!((found[index], expected[index]), ([1.0; 4], [1.0; 4]));
         }
@@ -120,7 +120,7 @@ fn light_does_not_leak_through_a_thin_wall() {
     }
 }
 
-/// The number of pixels that are left to rays, and how many of the others are not what rays say.
+/// Number of pixels that are left to rays, and number of others whose value differs from the ray-traced one.
 fn bordered(shot: &mut Shot, params: EffectParams, expected: &[[f32; 4]]) -> [usize; 2] {
     let (mean, _) = shot.effect(ShadowMap, params);
     let (found, _) = shot.effect(ShadowMap, EffectParams { border: Border::Rays, ..params });
@@ -131,7 +131,7 @@ fn bordered(shot: &mut Shot, params: EffectParams, expected: &[[f32; 4]]) -> [us
             continue;
         }
         assert!((found[0] == 0.5 || found[0] == 1.0) && found[3] == 1.0, "{found:?}");
-        // The mean's sum of weights is rounded.
+        // The sum of the filter weights behind `mean` is rounded.
         assert!((found[0] - mean[0]).abs() < 1e-6, "{found:?}, {mean:?}");
         wrong += usize::from(found[0] != expected[0]);
     }
@@ -149,7 +149,7 @@ fn pixels_whose_tests_differ_are_left_to_rays_and_the_others_are_as_rays_say() {
             assert_eq!(wrong, 0, "{count}, {pcf}");
             before = left;
         }
-        // Control: the whole shadow of a bias that is too long is neither in the map nor at a border.
+        // Control: too large a bias removes parts of the shadow from the map that are not left to rays either.
         let [_, wrong] = bordered(&mut shot, EffectParams { bias: 30.0, ..params(1024, 1, count) }, &expected);
         assert!(wrong > 20, "{count}: {wrong}");
     }

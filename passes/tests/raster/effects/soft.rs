@@ -161,7 +161,7 @@ fn a_small_disc_gives_nearly_the_hard_shadow() {
     let (hard, stats) = shot.effect(ShadowMap, params(1024, 4, 0.0));
     let (soft, soft_stats) = shot.effect(ShadowMap, params(1024, 4, 1e-4));
     assert_eq!((stats.map_count, stats.bytes), (soft_stats.map_count, soft_stats.bytes));
-    // The filter differs from that of a point of light, because it is a disk and not a square.
+    // The filter differs from the one for a point of light, because it is a disk and not a square.
     let edges = mean(hard.iter().map(|pixel| f32::from(u8::from(pixel[0] > 0.5 && pixel[0] < 1.0))));
     let apart = mean(hard.iter().zip(&soft).map(|(a, b)| f32::from(u8::from((a[0] - b[0]).abs() > 1e-3))));
     println!("{edges:.4} at edges, {apart:.4} apart, rms {:.4}", rms(&soft, &hard));

@@ -43,8 +43,9 @@ fn rms(a: &Image, b: &Image) -> f64 {
 
 #[test]
 fn each_effect_is_nearer_to_its_rays_than_no_effect_is() {
-    // Refraction in a cube map has no parallax, so the chairs behind the pane are displaced: hardly nearer to the rays
-    // than the bare pane. The cube mirrors of `MainCamera` are left out, because four probes serve all its windows.
+    // Refraction in a cube map has no parallax, so the chairs behind the pane are displaced. The picture is hardly nearer
+    // to the ray-traced one than without the effect. The cube mirrors of `MainCamera` are left out, because four probes
+    // serve all its windows.
     for (raster, rays, cameras, most) in [
         ("raster/SceneShadowMap", "SceneShadows", &["MainCamera", "Vidro"][..], 0.5),
         ("raster/SceneCubeReflect", "SceneReflect", &["Vidro"], 0.8),
@@ -87,7 +88,7 @@ fn mirrors_are_nearer_to_the_rays_than_cube_maps() {
     for camera in ["MainCamera", "Vidro"] {
         let files = ["raster/ScenePlanarReflect", "raster/SceneCubeReflect", "SceneReflect", "SceneNoEffects"];
         let [mirrors, cubes, rays, none] = files.map(|name| rendered(name, camera, &[], SIDE));
-        // Pixels whose ray hits no glass after the first: one bounce less does not change them.
+        // Pixels whose ray hits no second glass: one bounce less does not change them.
         let first = rendered("SceneReflect", camera, &["pass2.depth=0"], SIDE);
         let (mut worst, mut square, mut other, mut glass, mut deeper) = (0f32, 0.0, 0.0, 0u32, 0u32);
         for (index, expected) in first.pixels.iter().enumerate() {
@@ -120,7 +121,7 @@ fn mirrors_are_nearer_to_the_rays_than_cube_maps() {
     }
 }
 
-/// Not true for every view, because the square is no box. `docs/projects.md` has the numbers at 256 x 256 pixels.
+/// Parallax correction does not help in every view, because the square is no box. `docs/projects.md` has the numbers at 256 x 256 pixels.
 #[test]
 fn parallax_brings_the_far_mirrors_and_the_near_refraction_nearer_to_the_rays() {
     for (name, rays, camera) in [
@@ -164,20 +165,20 @@ fn keep(name: &str, image: &Image) {
     }
 }
 
-/// The difference of the processor's occlusion from the same in `f64`, over the pixels of a picture.
+/// Differences between the processor's occlusion and the same formulas in `f64`, over the pixels of a picture.
 #[derive(Debug, Clone, Copy, Default)]
 struct Apart {
-    /// Number of pixels that show a surface, and of those whose steps rounding may decide.
+    /// Number of pixels that show a surface, and number of those for which rounding may decide a step.
     shown: usize,
     undecided: usize,
-    /// Greatest difference where rounding decides nothing, and mean difference of all.
+    /// Greatest difference among pixels where rounding decides nothing, and mean difference of all pixels.
     worst: f64,
     mean: f64,
     /// Mean open share, which shows that there is some occlusion to compare.
     open: f64,
 }
 
-/// The processor's rasteriser, which also compares the occlusion that it computes.
+/// The processor's rasteriser, which also compares its occlusion with the formulas in `f64`.
 struct Compared {
     cpu: CpuRasteriser,
     apart: Rc<Cell<Apart>>,
@@ -230,8 +231,8 @@ impl Rasteriser for Compared {
 /// Tests the error bounds stated in `raster::effects::occlusion`.
 #[test]
 fn occlusion_is_what_the_formulas_give_in_double_precision() {
-    // A slice whose plane is almost perpendicular to the normal has a small weight, of which rounding is a larger part: a picture of one slice
-    // has pixels that show it.
+    // A slice whose plane is almost perpendicular to the normal has a small weight with a large relative rounding error. With a single slice,
+    // some pixels show this error.
     for (name, worst) in [("GTAO", 4e-6), ("DepthOcclusion", 3e-7)] {
         for (camera, set) in [
             ("MainCamera", &[][..]),

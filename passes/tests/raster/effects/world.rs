@@ -1,4 +1,4 @@
-//! Small scenes, their G-buffers, and the computation of an effect by raster and by rays.
+//! Small scenes, their G-buffers, and effects on them by rasterisation and by ray tracing.
 
 use curitiba_passes::cpu::CpuRays;
 use curitiba_passes::raster::cpu::CpuRasteriser;

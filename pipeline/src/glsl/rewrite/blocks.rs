@@ -1,4 +1,4 @@
-//! Blocks: of uniforms, and of what passes between the stages.
+//! Uniform and storage blocks, and interface blocks between the stages.
 
 use super::super::Fault;
 use super::super::tokens::{Kind, Token};
@@ -62,7 +62,7 @@ impl<'a> Reader<'a> {
         self.recover();
     }
 
-    /// Whether a block is used beyond its declaration: by the name of its instance, or by those of its members where it has none.
+    /// Whether a block is used beyond its declaration: by its instance name, or without one by its members' names.
     pub(super) fn uses_block(&self, members: &[(Qualifiers, &Token, Declarator)], instance: Option<&Token>) -> bool {
         match instance {
             Some(instance) => self.uses(&instance.text) > 1,
@@ -70,7 +70,7 @@ impl<'a> Reader<'a> {
         }
     }
 
-    /// Refuses a name that begins as those that are added here do.
+    /// Refuses a name that has the prefix of generated names.
     pub(super) fn not_reserved(&self, name: &Token) -> Result<(), Fault> {
         match name.text.starts_with(OURS) {
             true => Err(self.fault(name, format!("`{}` is a reserved name", name.text), "")),
@@ -78,7 +78,7 @@ impl<'a> Reader<'a> {
         }
     }
 
-    /// Writes a block's name, its members and its instance. `truth` says why a member may be no truth value, and what helps.
+    /// Writes a block's name, members and instance. Boolean members are refused; `truth` is the message and the help for them.
     pub(super) fn put_block(
         &mut self,
         name: &Token,

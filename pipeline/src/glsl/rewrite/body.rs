@@ -1,4 +1,4 @@
-//! Functions, constants and structures: copied word by word, what is called otherwise today under its name of today.
+//! Copies functions, constants and structures token by token, and replaces outdated names by today's.
 
 use super::super::tokens::{Kind, Token};
 use super::super::{Fault, SamplerKind, Stage};
@@ -6,7 +6,7 @@ use super::{
     Function, Origin, Reader, Variable, beside_name, compare_name, compare_projected_name, sampler_name, texture_name,
 };
 
-/// Functions whose first argument is a sampler, and what they are called today.
+/// Functions whose first argument is a sampler, with their names today.
 const SAMPLING: [(&str, &str); 21] = [
     ("texture", "texture"),
     ("textureLod", "textureLod"),
@@ -31,7 +31,7 @@ const SAMPLING: [(&str, &str); 21] = [
     ("shadow2DProj", "shadow2DProj"),
 ];
 
-/// Variables of the language that are not there, and why.
+/// Built-in variables that are not supported, with the reason.
 const WITHOUT: [(&str, &str); 10] = [
     ("gl_VertexID", "vertices are numbered otherwise than in the engine"),
     ("gl_PrimitiveID", "triangles are numbered otherwise than in the engine"),
@@ -46,8 +46,8 @@ const WITHOUT: [(&str, &str); 10] = [
 ];
 
 impl Reader<'_> {
-    /// Copies a structure, a constant or a variable of the file to its text, and a function to the functions. Declarations of functions
-    /// are left out: functions stand behind those that they call.
+    /// Copies a structure, a constant or a variable of the file to the text, and a function to the list of functions. Declarations of
+    /// functions are left out, since functions are later placed after those that they call.
     pub(super) fn copy_statement(&mut self) -> Result<(), Fault> {
         let structure = self.peek(0).is_some_and(|token| token.is_word("struct"));
         let (begin, text, origins) = (self.at, self.done.text.len(), self.done.origins.len());
@@ -158,7 +158,7 @@ impl Reader<'_> {
         Ok(())
     }
 
-    /// A function that samples, called `now` today: its bracket, and its sampler.
+    /// Rewrites a sampling call up to its sampler; `now` is the function's name today.
     fn sampled(&mut self, now: &str, token: &Token) -> Result<(), Fault> {
         let open = self.next()?;
         let Some(first) = self.peek(0) else { return Ok(()) };
@@ -196,7 +196,7 @@ impl Reader<'_> {
                 let message = format!("`{now}` compares depths, and `{}` is a sampler2D", first.text);
                 return Err(self.fault(first, message, "declare it as sampler2DShadow"));
             }
-            // The compiler overlooks the offset.
+            // The compiler ignores the offset.
             (SamplerKind::Color, "texelFetchOffset") => {
                 self.at += length + 1;
                 self.put(&beside_name(&name), token);
@@ -209,7 +209,7 @@ impl Reader<'_> {
                 self.put(&whole, first);
             }
             (SamplerKind::Compared, "texture" | "textureLod" | "textureProj" | "shadow2D" | "shadow2DProj") => {
-                // Behind the sampler and its comma are the coordinates.
+                // The coordinates follow the sampler and its comma.
                 self.at += length + 1;
                 let projected = now.ends_with("Proj");
                 let name = if projected { compare_projected_name(&name) } else { compare_name(&name) };

@@ -1,10 +1,10 @@
-//! What is declared outside functions and blocks: attributes, what passes between the stages, results, uniforms.
+//! Declarations outside functions and blocks: attributes, variables between the stages, results, uniforms.
 
 use super::super::tokens::{Kind, Token};
 use super::super::{Fault, Fixed, Sampler, SamplerKind, Stage};
 use super::{OURS, Reader, Uniform, Variable};
 
-/// Longest array that passes from stage to stage.
+/// Longest array that can pass between the stages.
 const MAX_PARTS: usize = 8;
 
 /// Longest array of samplers or images.
@@ -13,7 +13,7 @@ const MAX_ELEMENTS: usize = 16;
 /// Largest number of a binding, and of an offset in bytes.
 const MAX_OFFSET: u32 = 1 << 20;
 
-/// What stands before a declaration's type.
+/// Qualifiers before the type of a declaration.
 #[derive(Debug, Default)]
 pub(super) struct Qualifiers {
     pub storage: Option<Storage>,
@@ -22,9 +22,9 @@ pub(super) struct Qualifiers {
     pub std140: bool,
     pub std430: bool,
     pub readonly: bool,
-    /// Of a buffer.
+    /// Binding point of a buffer.
     pub binding: Option<u32>,
-    /// Of a counter in its buffer, bytes.
+    /// Offset of a counter in its buffer, bytes.
     pub offset: Option<u32>,
 }
 
@@ -160,7 +160,7 @@ impl<'a> Reader<'a> {
         }
     }
 
-    /// `[4]` as a text, or nothing.
+    /// Reads `[4]` as a text; empty without an array.
     pub(super) fn array(&mut self) -> Result<String, Fault> {
         let mut text = String::new();
         while self.peek(0).is_some_and(|token| token.is("[")) {
@@ -196,7 +196,7 @@ impl<'a> Reader<'a> {
         Ok(Declarator { token, array, initialiser })
     }
 
-    /// A variable of a stage's border; its type must be one that passes it.
+    /// An input or output of a stage. Its type must be one that can pass between stages.
     pub(super) fn variable(
         &self,
         qualifiers: &Qualifiers,
@@ -241,7 +241,7 @@ impl<'a> Reader<'a> {
     }
 
     pub(super) fn keep(&mut self, storage: Storage, variable: Variable) {
-        // The value lives in a variable of the file's own; ours at the border are copied by our `main`.
+        // The file's own global variable holds the value. The generated `main` copies it from the stage's input or to its output.
         let array = variable.parts.filter(|_| !variable.kind.starts_with("mat"));
         let array = array.map_or(String::new(), |length| format!("[{length}]"));
         let text = format!("{} {}{array} ;", variable.kind, variable.global);
@@ -312,15 +312,15 @@ impl<'a> Reader<'a> {
             if !uniform.array.is_empty() {
                 return Err(self.fault(&uniform.token, "an array of truth values, which no block holds", "use int"));
             }
-            // Blocks hold numbers; our `main` makes truth values of them.
+            // Blocks hold numbers; the generated `main` converts them to Booleans.
             self.put(&format!("{} {} ;", uniform.kind, uniform.name), &uniform.token);
         }
         self.done.uniforms.push(uniform);
         Ok(())
     }
 
-    /// The names of the elements of an array that are used, as `name[1]`; of what is no array its own name. Each is a sampler or an image of
-    /// its own here, so their numbers must be written out where they are used.
+    /// The names of an array's elements that are used, as `name[1]`; for a sampler or image that is no array, its own name. Each element
+    /// becomes a sampler or image of its own, so indices must be literal numbers.
     pub(super) fn elements(&self, token: &Token, array: &str) -> Result<Vec<String>, Fault> {
         let name = &token.text;
         if array.is_empty() {
@@ -336,13 +336,13 @@ impl<'a> Reader<'a> {
             let number = index.to_string();
             let is =
                 |four: &[Token]| four[0].is_word(name) && four[1].is("[") && four[2].text == number && four[3].is("]");
-            // The declaration itself has the length in that place.
+            // The declaration itself has the array's length at that place.
             self.tokens.windows(4).any(|four| is(four) && four[0].start != token.start)
         };
         Ok((0..length).filter(used).map(element).collect())
     }
 
-    /// A sampler's or image's name where it is used, and how many tokens it has.
+    /// The name of a sampler or image where it is used, and its number of tokens.
     pub(super) fn element(&self) -> Option<(String, usize)> {
         let first = self.peek(0).filter(|first| first.kind == Kind::Word)?;
         if !self.peek(1).is_some_and(|next| next.is("[")) {
@@ -353,7 +353,7 @@ impl<'a> Reader<'a> {
         Some((format!("{}[{index}]", first.text), 4))
     }
 
-    /// An array with the values that it begins with: a constant, since nothing can be mapped to it.
+    /// Reads an array with initial values. It becomes a constant, since nothing can be mapped to it.
     fn fixed(&mut self, kind: &Token, name: &Token, array: &str, range: std::ops::Range<usize>) -> Result<(), Fault> {
         let tokens = &self.tokens[range];
         let inner = match tokens {
@@ -373,7 +373,7 @@ impl<'a> Reader<'a> {
             return Err(self.fault(tokens.first().unwrap_or(name), message, &help));
         }
         let inner: Vec<Token> = inner.to_vec();
-        // A comma may stand behind the last.
+        // A comma may follow the last value.
         let end = inner.len() - usize::from(inner.last().is_some_and(|last| last.is(",")));
         let (mut depth, mut values) = (0_usize, 1_usize);
         for token in &inner[..end] {

@@ -5,18 +5,18 @@ use super::super::{Fault, Held, StorageBuffer, image_size};
 use super::declarations::{Declarator, Qualifiers};
 use super::{OURS, Reader, Uniform};
 
-/// Functions of images, and what those of ours are called before the number of the buffer.
+/// Image functions, with the names of the generated functions, to which the buffer's index is appended.
 const FUNCTIONS: [(&str, &str); 3] = [("imageLoad", "load"), ("imageStore", "store"), ("imageSize", "extent")];
 
-/// Most invocations of a work group, in all and in each direction: what every device has.
+/// Most invocations of a work group, in all and in each direction. Every device supports these.
 const MAX_GROUP: [u32; 4] = [256, 256, 256, 64];
 
 fn function(what: &str, buffer: usize) -> String {
     format!("{OURS}{what}{buffer}")
 }
 
-/// The buffer of texels of that place, and its functions. Rows count upwards for the shader. What lies outside the image is 0 when it is
-/// loaded, and is not stored.
+/// Declares the texel buffer with this index, and its functions. Rows count upwards for the shader. Loads outside the image return 0, and
+/// stores there do nothing.
 pub(in super::super) fn image(buffer: usize) -> String {
     let [load, store, extent] = FUNCTIONS.map(|(_, what)| function(what, buffer));
     let (texels, inside, place) = (function("i", buffer), function("inside", buffer), function("place", buffer));
@@ -59,7 +59,7 @@ impl Reader<'_> {
         Ok(())
     }
 
-    /// A call that loads, stores or measures an image, rewritten up to its second argument; `false` for any other.
+    /// Rewrites a call that loads, stores or measures an image, up to its second argument. Returns `false` for any other call.
     pub(super) fn of_image(&mut self, token: &Token) -> Result<bool, Fault> {
         if token.text.starts_with("imageAtomic") {
             return Err(self.fault(token, format!("`{}` is not supported", token.text), "count in an atomic_uint"));
@@ -80,7 +80,7 @@ impl Reader<'_> {
         Ok(true)
     }
 
-    /// `local_size_x = 8` of a layout.
+    /// Reads `local_size_x = 8` of a layout.
     pub(super) fn group_side(&mut self, axis: usize, token: &Token) -> Result<(), Fault> {
         self.expect("=")?;
         let value = self.next()?;

@@ -1,7 +1,7 @@
-//! A stage's declarations, and its text as the compiler takes it.
+//! Reads a stage's declarations, and rewrites its text in the form that the compiler takes.
 //!
-//! Here is what goes through a file, statement by statement; [`declarations`] reads what is declared outside functions, [`blocks`] what is
-//! declared in blocks, and [`body`] copies functions, word by word.
+//! This module goes through a file statement by statement. [`declarations`] reads declarations outside functions, [`blocks`] those in blocks,
+//! and [`body`] copies functions token by token.
 
 mod blocks;
 mod body;
@@ -16,19 +16,19 @@ use super::tokens::{Kind, Token};
 use super::{Attribute, FRAME, Fault, Fixed, Sampler, SamplerKind, Stage, StorageBuffer};
 use std::collections::HashMap;
 
-/// What names of our own begin with.
+/// Prefix of generated names.
 pub(super) const OURS: &str = "curitiba_";
 /// The block of the uniforms that are declared outside blocks.
 pub(super) const LOOSE: &str = "curitiba_Uniforms";
-/// What a uniform of truth values is called in that block: its name behind this.
+/// Prefix of the names of Boolean uniforms in that block.
 pub(super) const TRUTH: &str = "curitiba_u_";
 
-/// A variable between stages, an attribute, or a result.
+/// A variable between the stages, an attribute, or a result.
 #[derive(Debug, Clone)]
 pub(super) struct Variable {
-    /// What links it to the other stage: its name, with that of its block before.
+    /// Name that links it to the other stage: that of its block, if any, then its own.
     pub key: String,
-    /// What it is called in the rewritten text.
+    /// Name in the rewritten text.
     pub global: String,
     pub kind: String,
     /// Elements of an array, or columns of a matrix.
@@ -43,7 +43,7 @@ pub(super) struct Variable {
 #[derive(Debug, Clone)]
 pub(super) struct Uniform {
     pub name: String,
-    /// With the length of an array, as in `vec4` or `float[4]`.
+    /// Type without the length of an array, such as `vec4`.
     pub kind: String,
     pub array: String,
     pub default: Option<[f32; 4]>,
@@ -51,7 +51,7 @@ pub(super) struct Uniform {
 }
 
 impl Uniform {
-    /// Whether it is of truth values, which blocks hold as numbers.
+    /// Whether it is Boolean; blocks hold Booleans as numbers.
     pub fn is_truth(&self) -> bool {
         matches!(self.kind.as_str(), "bool" | "bvec2" | "bvec3" | "bvec4")
     }
@@ -65,17 +65,17 @@ impl Uniform {
     }
 }
 
-/// A function of the file, rewritten: functions stand behind all else, those that are called first.
+/// A rewritten function of the file. Functions come after everything else, callees before callers.
 #[derive(Debug)]
 struct Function {
     name: String,
     text: String,
     origins: Vec<Origin>,
-    /// Names that are followed by a bracket in it.
+    /// Names in it that are followed by an opening bracket.
     calls: Vec<String>,
 }
 
-/// Where something of the rewritten text comes from.
+/// Where a part of the rewritten text comes from.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Origin {
     /// First byte of the rewritten text.
@@ -86,7 +86,7 @@ pub(super) struct Origin {
     pub end: usize,
 }
 
-/// A stage that was read.
+/// A stage after reading.
 #[derive(Debug)]
 pub(super) struct Stated {
     /// The file's text, rewritten.
@@ -97,13 +97,13 @@ pub(super) struct Stated {
     pub inputs: Vec<Variable>,
     /// `out`.
     pub outputs: Vec<Variable>,
-    /// Those that are read.
+    /// Uniforms outside blocks that are used.
     pub uniforms: Vec<Uniform>,
     /// Blocks that are read, in the order of their bindings.
     pub blocks: Vec<String>,
     /// Where members of blocks are declared.
     pub members: HashMap<(String, String), [usize; 2]>,
-    /// Those that are read.
+    /// Samplers that are used.
     pub samplers: Vec<Sampler>,
     /// Buffers that it binds, in the order of their bindings.
     pub storage: Vec<StorageBuffer>,
@@ -113,13 +113,13 @@ pub(super) struct Stated {
     pub depth: bool,
     /// Where it says `early_fragment_tests`.
     pub early: Option<[usize; 2]>,
-    /// Arrays with the values that they begin with, and where they are declared: constants, since nothing can be mapped to them.
+    /// Uniform arrays with initial values. They are constants, since nothing can be mapped to them.
     pub fixed: Vec<Fixed>,
-    /// Of a compute shader: invocations of a work group in each direction.
+    /// Invocations of a compute shader's work group, in each direction.
     pub group: [u32; 3],
 }
 
-/// Reads a stage whose first block gets the binding after `first_block`.
+/// Reads a stage whose first block gets the binding `first_block`.
 pub(super) fn read(stage: Stage, tokens: &[Token], first_block: usize) -> Result<Stated, Vec<Fault>> {
     let mut counts = HashMap::new();
     for token in tokens.iter().filter(|token| token.kind == Kind::Word) {
@@ -186,8 +186,7 @@ pub(super) fn read(stage: Stage, tokens: &[Token], first_block: usize) -> Result
     Ok(done)
 }
 
-/// The order in which functions stand behind those that they call. Where they call each other in a circle, which is no GLSL, they stand
-/// as in the file.
+/// The order of functions in which callees come before callers. Recursive functions, which are no GLSL, get some order.
 fn in_order(functions: &[Function]) -> Vec<usize> {
     let mut named: HashMap<&str, Vec<usize>> = HashMap::new();
     for (index, function) in functions.iter().enumerate() {
@@ -195,7 +194,7 @@ fn in_order(functions: &[Function]) -> Vec<usize> {
     }
     let (mut order, mut seen) = (Vec::new(), vec![false; functions.len()]);
     for first in 0..functions.len() {
-        // What waits: a function, and how many of its calls were looked at.
+        // Stack of functions, each with the number of its calls that were looked at.
         let mut waiting = vec![(first, 0)];
         while let Some((index, call)) = waiting.pop() {
             if call == 0 {
@@ -216,21 +215,21 @@ fn in_order(functions: &[Function]) -> Vec<usize> {
     order
 }
 
-/// What stands before a declaration's type.
+/// Reads the tokens of a stage.
 struct Reader<'a> {
     stage: Stage,
     tokens: &'a [Token],
     at: usize,
     counts: HashMap<&'a str, usize>,
     first_block: usize,
-    /// Instances of interface blocks: to the names of their members.
+    /// By instance name of an interface block: the rewritten names of its members.
     instances: HashMap<String, HashMap<String, String>>,
     sampler_names: HashMap<String, SamplerKind>,
     /// Atomic counters by name.
     counters: HashMap<String, storage::Counter>,
-    /// Images by name: their places among the buffers.
+    /// Indices of images in the list of buffers, by name.
     images: HashMap<String, usize>,
-    /// By binding point, where the next counter is that does not say it, bytes.
+    /// By binding point: the offset in bytes of the next counter that declares none.
     next_offset: HashMap<u32, u32>,
     functions: Vec<Function>,
     faults: Vec<Fault>,
@@ -273,7 +272,7 @@ impl<'a> Reader<'a> {
         Err(self.fault(token, format!("`{}` where `{sign}` is expected", token.text), ""))
     }
 
-    /// Goes on behind the next semicolon.
+    /// Skips to the token after the next semicolon.
     fn recover(&mut self) {
         while let Some(token) = self.peek(0) {
             self.at += 1;
@@ -320,7 +319,7 @@ impl<'a> Reader<'a> {
     }
 }
 
-/// A sampler's name, that of an element of an array without its brackets: no name of the file begins with a digit.
+/// A sampler's name without brackets. An array element gets a name that begins with a digit, which no name of the file does.
 fn plain(sampler: &str) -> String {
     match sampler.strip_suffix(']').and_then(|name| name.split_once('[')) {
         Some((array, index)) => format!("{index}_of_{array}"),
@@ -328,37 +327,37 @@ fn plain(sampler: &str) -> String {
     }
 }
 
-/// What a sampler's texture is called in the rewritten text.
+/// The name of a sampler's texture in the rewritten text.
 pub(super) fn texture_name(sampler: &str) -> String {
     format!("{OURS}t_{}", plain(sampler))
 }
 
-/// What its sampler is called there.
+/// The name of the sampler itself in the rewritten text.
 pub(super) fn sampler_name(sampler: &str) -> String {
     format!("{OURS}s_{}", plain(sampler))
 }
 
-/// What the function is called there that compares a depth with its texture.
+/// The name of the function that compares a depth with a sampler's texture.
 pub(super) fn compare_name(sampler: &str) -> String {
     format!("{OURS}c_{}", plain(sampler))
 }
 
-/// What the one is called that divides by the last coordinate before.
+/// The name of the comparing function that divides by the last coordinate first.
 pub(super) fn compare_projected_name(sampler: &str) -> String {
     format!("{OURS}p_{}", plain(sampler))
 }
 
-/// What the function is called there that reads a texel beside another.
+/// The name of the function that reads a texel at an offset.
 pub(super) fn beside_name(sampler: &str) -> String {
     format!("{OURS}b_{}", plain(sampler))
 }
 
-/// The attribute of that name.
+/// The attribute with a name.
 pub(super) fn attribute(name: &str) -> Option<Attribute> {
     Attribute::ALL.into_iter().find(|attribute| attribute.name() == name)
 }
 
-/// How the members of the loose block are declared: those of the file and, where it reads `gl_FragCoord`, [`FRAME`].
+/// Declares the block of uniforms outside blocks: those of the file and, where it reads `gl_FragCoord`, [`FRAME`].
 pub(super) fn loose_block(stated: &Stated, binding: usize) -> String {
     if stated.uniforms.is_empty() && !stated.coordinates {
         return String::new();

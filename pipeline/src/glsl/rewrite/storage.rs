@@ -1,16 +1,16 @@
-//! Storage buffers and atomic counters: both are buffers that the device holds, of which group and binding are ours.
+//! Storage buffers and atomic counters. Both become storage buffers, whose group and binding are assigned here.
 
 use super::super::tokens::{Kind, Token};
 use super::super::{Fault, Held, Stage, StorageBuffer};
 use super::declarations::{Declarator, Qualifiers};
 use super::{OURS, Reader};
 
-/// Functions of atomic counters, and what those of ours are called before the number of the buffer.
+/// Functions of atomic counters, with the names of the generated functions, to which the buffer's index is appended.
 const COUNTING: [(&str, &str); 3] =
     [("atomicCounterIncrement", "up"), ("atomicCounterDecrement", "down"), ("atomicCounter", "count")];
 
-/// Functions that wait for what was stored. Passes end before what they stored is read, and `barrier()` waits for what a work group
-/// stored.
+/// Memory barriers. Calls of them are left out: a pass ends before its stores are read, and `barrier()` also waits for the stores of a work
+/// group.
 const WAITING: [&str; 6] = [
     "memoryBarrier",
     "memoryBarrierBuffer",
@@ -20,23 +20,23 @@ const WAITING: [&str; 6] = [
     "groupMemoryBarrier",
 ];
 
-/// Numbers of 32 bits between two counters that follow each other.
+/// Bytes from one counter to the next: each is a 32-bit number.
 const COUNTER_BYTES: u32 = 4;
 
-/// An atomic counter: the buffer that it is in, by its place among the buffers, and its number there.
+/// An atomic counter: the index of its buffer, and its number within the buffer.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Counter {
     buffer: usize,
     word: u32,
 }
 
-/// What a counter's function of ours is called.
+/// The name of a generated function of a counter.
 pub(in super::super) fn counting_name(what: &str, buffer: usize) -> String {
     format!("{OURS}{what}{buffer}")
 }
 
-/// The buffer of counters of that place, and its functions. What they do here is not atomic: the compiler is given no word for that, so the
-/// functions are exchanged behind it.
+/// Declares the counter buffer with this index, and its functions. The functions are not atomic here: the front end supports no atomic
+/// counters, so their bodies are replaced after parsing.
 pub(in super::super) fn counters(buffer: usize) -> String {
     let [up, down, count] = COUNTING.map(|(_, what)| counting_name(what, buffer));
     let all = format!("{OURS}n{buffer}");
@@ -50,7 +50,7 @@ uint {count}(uint at) {{ return {all}[at]; }}
 }
 
 impl Reader<'_> {
-    /// The place among the buffers of what is bound to a binding point: `fresh` for a block, of which only one may be there.
+    /// The index of the buffer at a binding point, which is added if it is missing. With `fresh` (for blocks) it must be missing.
     pub(super) fn storage(&mut self, point: u32, held: Held, token: &Token, fresh: bool) -> Result<usize, Fault> {
         let known = self.done.storage.iter().position(|buffer| buffer.point == point && buffer.held == held);
         match known {
@@ -122,7 +122,7 @@ impl Reader<'_> {
         Ok(())
     }
 
-    /// A call that counts or waits, rewritten; `false` for any other.
+    /// Rewrites a call that counts, and leaves out a memory barrier. Returns `false` for any other call.
     pub(super) fn counted(&mut self, token: &Token) -> Result<bool, Fault> {
         if WAITING.contains(&token.text.as_str()) && self.peek(1).is_some_and(|token| token.is(")")) {
             self.at += 2;

@@ -1,27 +1,27 @@
-//! What of a scene is looked at: the box of all of it, or of most of it, and the shell around it if there is one.
+//! The part of a scene that the camera looks at: the box of all triangles, or of most of them, and the shell around them if there is one.
 
 use super::extent::{Extent, around, parts};
 use super::shell::{Shell, outermost};
 use crate::scene::Scene;
 use glam::DVec3;
 
-/// Boxes of what a scene holds.
+/// Bounding boxes of a scene, and the shell around its other parts.
 #[derive(Debug)]
 pub(super) struct Contents {
     /// The box of all triangles.
     pub whole: Extent,
-    /// The box of what is looked at.
+    /// The box of the part that the camera looks at.
     pub focus: Extent,
-    /// What is around all else.
+    /// The shell around everything else.
     pub shell: Option<Shell>,
-    /// Indices of the materials of the skies among that.
+    /// Indices of the materials of the skies in the shell.
     pub skies: Vec<u32>,
 }
 
 impl Contents {
     /// `None` for a scene without a triangle.
     pub fn of(scene: &Scene) -> Option<Self> {
-        /// Skies that may be around each other, as clouds in a dome.
+        /// Most nested shells, such as clouds in a sky dome.
         const MOST: usize = 4;
         let mut rest = parts(scene);
         let whole = around(&rest)?;
@@ -48,9 +48,9 @@ impl Contents {
     }
 }
 
-/// The bounding box of most triangles, if a few far ones (a sky, a plane to the horizon) make the whole box more than three
-/// times as large; otherwise the whole box. The walls of a room around finely tessellated things make it at most that. The
-/// triangles of each (object, group) of `left_out` are not examined.
+/// The bounding box of most triangles, if a few far ones (a sky, a plane to the horizon) make the whole box more than three times
+/// as large; otherwise the whole box. The walls of a room around finely tessellated objects make it at most three times as large.
+/// The triangles of each (object, group) of `left_out` are not examined.
 fn focus(scene: &Scene, whole: Extent, left_out: &[(usize, usize)]) -> Extent {
     /// Most triangles that are examined.
     const MOST: usize = 1 << 16;

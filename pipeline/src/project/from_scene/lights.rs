@@ -14,10 +14,10 @@ const MOST: usize = 32;
 const POINTS: usize = 1024;
 /// Most triangles that are examined.
 const MOST_TRIANGLES: usize = 1 << 16;
-/// Share of these points that receive no more than [`SUN`].
+/// Share of the lit points, of [`POINTS`], that receive no more than [`SUN`].
 const BELOW: f64 = 0.9;
 
-/// The lights of a scene that is made into a project: the sun of the options; else the lights of the files; else a sun of its own.
+/// The lights of a scene that is made into a project: the sun of the options; else the lights of the files; else a default sun.
 pub(super) fn of(
     scene: &Scene,
     options: &SceneOptions,
@@ -40,8 +40,8 @@ pub(super) fn of(
     }
 }
 
-/// The lights of the files, of many those that light most of what is looked at. All are multiplied by one number, which stands for the
-/// exposure: so that most of the surfaces receive at most [`SUN`].
+/// The lights of the files; if there are more than [`MOST`], those that give the most light to the focus. All are multiplied by
+/// one number, which stands for the exposure, so that most of the lit surfaces receive at most [`SUN`].
 fn several(
     scene: &Scene,
     lights: &[SceneLight],
@@ -52,7 +52,7 @@ fn several(
     let sum = |light: &SceneLight| points.iter().map(|point| arriving(light, scene.origin, point)).sum::<DVec3>();
     let mut strongest: Vec<(usize, f64)> =
         lights.iter().enumerate().map(|(index, light)| (index, sum(light).max_element())).collect();
-    // A stable sort: of equally strong ones the first of the file stay.
+    // The sort is stable: of equally strong lights, the first of the file stay.
     strongest.sort_by(|a, b| b.1.total_cmp(&a.1));
     strongest.truncate(MOST);
     strongest.sort_by_key(|(index, _)| *index);
@@ -146,7 +146,7 @@ fn points(scene: &Scene, focus: Extent) -> Vec<Point> {
         .sum();
     let step = count.div_ceil(MOST_TRIANGLES).max(1);
     let (mut number, mut whole) = (0_usize, 0.0);
-    // Corners, each with the sum of the areas up to it.
+    // Corners of triangles, each with the sum of the areas up to this triangle.
     let mut triangles: Vec<(f64, [DVec3; 3])> = Vec::with_capacity(count / step);
     for object in &scene.objects {
         let mesh = &scene.meshes[object.mesh as usize];

@@ -1,4 +1,4 @@
-//! What is around all else of a scene: sky domes, sky boxes, and the walls of closed rooms.
+//! The shell around everything else of a scene: a sky dome, a sky box, or the walls of a closed room.
 
 use super::clean;
 use super::extent::{Extent, Part, around};
@@ -6,28 +6,30 @@ use crate::scene::{Group, Material, Scene};
 use glam::DVec3;
 use std::f64::consts::PI;
 
-/// What names of skies contain, in small letters.
+/// Words that names of skies contain, in lower case.
 const SKIES: [&str; 11] =
     ["sky", "dome", "cloud", "heaven", "atmosph", "himmel", "cielo", "nuvem", "nuvens", "panorama", "hdri"];
-/// What contains such a word and is none.
+/// Words that contain one of [`SKIES`] and do not name a sky.
 const NO_SKIES: [&str; 3] = ["skylight", "skyscraper", "skyline"];
 
-/// A shell around all else of a scene that shows its faces to the inside, such as a sky dome or the walls of a closed room. It may
-/// be open below. A ball or a house whose faces look outwards is none; a sky that is named so may look outwards.
+/// A shell around everything else of a scene, with faces that look inwards, such as a sky dome or the walls of a closed room. It
+/// may be open below. A ball or a house whose faces look outwards is not a shell. A shell that is a sky by its name may look
+/// outwards.
 #[derive(Debug)]
 pub(super) struct Shell {
     /// Name of its object, or of its material where the object has several.
     pub name: String,
     /// Whether a camera outside of it sees nothing else: its material is not single-sided.
     pub hides: bool,
-    /// Whether it is a sky: named so, round, or a box of pictures that is far larger than what is in it.
+    /// Whether it is a sky: by its name, because it is round, or as a box of pictures that is far larger than its contents.
     pub is_sky: bool,
     /// Corners, anticlockwise as seen from the front.
     triangles: Vec<[DVec3; 3]>,
 }
 
-/// What is around all other parts of a scene, and which of the parts it consists of: the largest one, all of its object, or the flat ones
-/// in the sides of the box around all. Of several parts only a sky is taken.
+/// The shell around all other parts of a scene, and whether each of `parts` belongs to it. Candidates are the largest part, all
+/// parts of its object, and the flat parts in the sides of the box around all parts. A candidate of several parts is taken only
+/// if it is a sky.
 pub(super) fn outermost(scene: &Scene, parts: &[Part]) -> Option<(Shell, Vec<bool>)> {
     let largest = parts.iter().max_by(|a, b| a.extent.diagonal().total_cmp(&b.extent.diagonal()))?;
     let same = |part: &Part| (part.object, part.group) == (largest.object, largest.group);
@@ -38,7 +40,7 @@ pub(super) fn outermost(scene: &Scene, parts: &[Part]) -> Option<(Shell, Vec<boo
         let members: Vec<bool> = parts.iter().map(chosen).collect();
         let of = |member: bool| parts.iter().zip(&members).filter(move |(_, is)| **is == member).map(|(part, _)| part);
         let (shell, inner) = (of(true).collect::<Vec<_>>(), around(of(false))?);
-        // A sky's material that other things have as well would make these a sky too.
+        // If other parts had the sky's material, they would become sky too.
         let is_apart = of(false).all(|part| shell.iter().all(|member| member.material != part.material));
         let found = Shell::around(scene, &shell, inner, is_apart)?;
         (found.is_sky || shell.len() == 1).then_some((found, members))
@@ -47,7 +49,8 @@ pub(super) fn outermost(scene: &Scene, parts: &[Part]) -> Option<(Shell, Vec<boo
 
 /// Whether a part is in a side of the box around all, as the pictures of sky boxes are: flat, and nearly as large as the side.
 fn is_side(part: &Part, whole: Extent) -> bool {
-    /// Extent of its short side, and distance from the box's side, as shares of the box; and the least extent of its long sides.
+    /// `FLAT`: most extent of its short side, and most distance from the box's side. `LARGE`: least extent of its long sides. All
+    /// are shares of the box.
     const FLAT: f64 = 0.02;
     const LARGE: f64 = 0.9;
     let (size, own) = (whole.high - whole.low, part.extent.high - part.extent.low);
@@ -81,18 +84,18 @@ fn is_named_sky(scene: &Scene, part: &Part) -> bool {
 }
 
 impl Shell {
-    /// The shell that parts are around what has the box `inner`. It is a sky only if it `may_be_sky`.
+    /// The shell that `parts` form around contents with the box `inner`; `None` if they form none. It is a sky only if it `may_be_sky`.
     fn around(scene: &Scene, parts: &[&Part], inner: Extent, may_be_sky: bool) -> Option<Self> {
         /// Most triangles that are examined.
         const MOST: usize = 1 << 20;
-        /// By how much of the part's size a corner of the inner box may lie beyond its box: those of a square terrain do under a
-        /// round dome.
+        /// How far a corner of the inner box may lie beyond the shell's box, as a share of the shell's size. The corners of a
+        /// square terrain under a round dome do so.
         const BEYOND: f64 = 0.05;
-        /// Number of directions upwards in which it is looked for, and in how many it may be open.
+        /// Number of upward directions in which rays are tested against the shell, and most of them in which it may be open.
         const DIRECTIONS: u32 = 64;
         const OPEN: u32 = 3;
-        /// How many times as large as what is in it a box of pictures is, and by which share of its height that is above its bottom: what
-        /// stands on the bottom is in a room.
+        /// A box of pictures is more than `FAR` times as large as its contents. They lie above its bottom by more than the share
+        /// `ABOVE` of its height: contents that stand on the bottom are in a room.
         const FAR: f64 = 4.0;
         const ABOVE: f64 = 0.1;
         let extent = around(parts.iter().copied())?;
@@ -130,7 +133,7 @@ impl Shell {
         Some(shell)
     }
 
-    /// This shell around another one, as one.
+    /// Merges this shell and the shell `inner` inside it into one.
     pub fn around_another(mut self, inner: Self) -> Self {
         self.triangles.extend(inner.triangles);
         Self {
@@ -141,7 +144,7 @@ impl Shell {
         }
     }
 
-    /// Whether it is met in a direction, and the outermost of its faces there looks back or may look away.
+    /// Whether a ray in a direction hits the shell, and the farthest hit is on a front face or `may_look_away`.
     fn closes(&self, from: DVec3, direction: DVec3, may_look_away: bool) -> bool {
         let hits = self.triangles.iter().filter_map(|corners| hit(corners, from, direction));
         hits.max_by(|a, b| a.0.total_cmp(&b.0)).is_some_and(|(_, is_front)| is_front || may_look_away)
@@ -171,9 +174,9 @@ fn triangles_of<'s>(scene: &'s Scene, part: &Part) -> impl Iterator<Item = [DVec
     })
 }
 
-/// Whether all corners lie on an ellipsoid that fills a box, or on the upper half of one that does.
+/// Whether all corners lie on the ellipsoid that fills the box, or on the ellipsoid whose upper half fills it.
 fn is_round(triangles: &[[DVec3; 3]], extent: Extent) -> bool {
-    /// Least number of triangles, which a box has not.
+    /// Least number of triangles; a box has fewer.
     const LEAST: usize = 24;
     /// How far a corner may be off, as a share of the radius.
     const OFF: f64 = 0.03;

@@ -168,12 +168,12 @@ fn the_camera_of_a_scene_under_a_dome_stands_in_it() {
         opened(&path, &SceneOptions { effects: "shadows".parse().ok(), ..SceneOptions::default() });
     assert_eq!(passes, ["raster", "deferredShadows", "combine"]);
     assert!(!notes.contains("no shadows"), "{notes}");
-    // A described camera is that.
+    // A `look_from` is kept. With `look_at` alone the camera stands inside the dome.
     let from = DVec3::new(0.0, 50.0, 100.0);
     assert_eq!(opened(&path, &SceneOptions { look_from: Some(from), ..SceneOptions::default() }).0, from);
     let at = opened(&path, &SceneOptions { look_at: Some(DVec3::new(5.0, 0.0, 0.0)), ..SceneOptions::default() }).0;
     assert!(at.length() < 29.5, "{at}");
-    // Nobody sees a single-sided dome from outside.
+    // A single-sided dome is not visible from outside.
     let scene = scene::load(&[path], &LoadOptions::default(), &|_| {}).expect("a scene");
     let material = |single_sided: bool| scene::Material { single_sided, ..scene.materials[0].clone() };
     let seen = |single_sided: bool| {
@@ -202,7 +202,7 @@ fn named(names: &[&str]) -> Vec<MaterialPattern> {
     names.iter().map(|name| MaterialPattern::Named((*name).to_owned())).collect()
 }
 
-/// The scene of [`under_a_dome`] with a material for the terrain and one for the dome, which are called so.
+/// The scene of [`under_a_dome`] with a material for the terrain, and these names for the dome's object and material.
 fn of_materials(folder: &Path, inwards: bool, [object, material]: [&str; 2]) -> PathBuf {
     let path = under_a_dome(folder, inwards, false);
     let text = std::fs::read_to_string(&path).expect("a file");
@@ -225,12 +225,12 @@ fn a_dome_with_a_material_of_its_own_is_a_sky_that_leaves_the_scene_its_shadows(
         let note = format!("sky: `{}` shows as it is", names[1]);
         assert!(notes.contains(&note) && notes.contains("which is around all else"), "{notes}");
     }
-    // Who looks outwards and is not named so is a ball, and a skylight is no sky.
+    // A dome whose faces look outwards and whose name is not that of a sky is a ball; `skylight` does not name a sky.
     for material in ["blue", "skylight"] {
         let (sky, passes, _) = sky_of(&of_materials(folder.path(), false, ["Sphere 3", material]));
         assert_eq!((sky, passes), (Vec::new(), all.to_vec()), "{material}");
     }
-    // Without a material of its own it is a shell like the walls of a room.
+    // A dome without a material of its own is a shell like the walls of a room.
     let (sky, passes, _) = sky_of(&under_a_dome(folder.path(), true, false));
     assert_eq!((sky, passes), (Vec::new(), vec!["raster", "ssao", "combine"]));
 }
@@ -297,7 +297,7 @@ fn a_box_of_six_materials_is_a_sky_if_it_is_named_so_or_far_around_what_floats_i
     let of = |names: [&str; 6], bottom: f64| sky_of(&in_a_box(folder.path(), names, bottom)).0;
     assert_eq!(of(plain, -1.0), named(&plain));
     assert_eq!(of(skies, -10.0), named(&skies));
-    // What stands on the bottom stands in a room, and two walls of one material are none of a sky box.
+    // A block that stands on the bottom is in a room, and a box with two walls of one material is not a sky box.
     assert_eq!(of(plain, -10.0), []);
     assert_eq!(of(["wall", "wall", "floor", "ceiling", "wall", "wall"], -1.0), []);
 }
@@ -369,7 +369,7 @@ fn lights_of_the_file_keep_their_ratios_and_most_of_the_floor_is_below_white() {
     ratio(bulb.color.x, sun.color.x, 100.0 / 30.0);
     ratio(spot.color.x, sun.color.x, 400.0 / 30.0);
     ratio(bulb.color.z, bulb.color.x, 0.25);
-    // In closed form: what arrives on the floor at a distance from its middle, on a grid over it.
+    // The light that arrives at points of the floor, in closed form, on a grid over the floor.
     let scale = f64::from(sun.color.x) / 30.0;
     let received = |x: f64, z: f64| {
         let from = |height: f64| (x * x + z * z + height * height, height / (x * x + z * z + height * height).sqrt());

@@ -18,9 +18,9 @@ const MARGIN: f64 = 0.04;
 const RISE: f64 = 0.45;
 /// Elevation for scenes as flat as a terrain.
 const RISE_OF_FLAT: f64 = 0.8;
-/// Elevations of a camera that stands before the inside of a shell. With the first the horizon is in the picture.
+/// Elevations, as [`RISE`], that are tried in order for a camera inside a shell. With the first the horizon is in the picture.
 const RISES_INSIDE: [f64; 4] = [0.27, 0.5, 1.0, 2.0];
-/// How far such a camera stands from what it looks at, as a share of the way to the shell.
+/// Distance of such a camera from its target, as a share of the distance from the target to the shell.
 const BEFORE_SHELL: f64 = 0.9;
 
 /// The unit vector, computed as the loader does, so that writing and reading it again changes nothing.
@@ -40,8 +40,8 @@ fn rounded(value: DVec3, size: f64) -> DVec3 {
     }
 }
 
-/// The camera of the options, or one that sees all of the focus in a window of this shape, from inside a shell that hides it. Its
-/// near and far planes enclose everything.
+/// The camera of the options, or one that sees all of the focus in a window of this shape. If a shell hides the focus from
+/// outside, this camera stands inside the shell. Its near and far planes enclose everything.
 ///
 /// # Errors
 /// If the camera would look at its own position.
@@ -86,8 +86,8 @@ fn away(extent: Extent) -> DVec3 {
     DVec3::new(if broad_side { 1.0 } else { 0.5 }, rise, if broad_side { 0.5 } else { 1.0 }).normalize()
 }
 
-/// Tangents of half the camera's angles, without the margin, to the right and up, and these two directions. A window wider than
-/// high is treated as a square one.
+/// Tangents of half the horizontal and vertical field of view without the margin, and the directions to the right and up. A
+/// window wider than high is treated as a square one.
 fn frame(away: DVec3, fov: f32, [width, height]: [u32; 2]) -> ([f64; 2], [DVec3; 2]) {
     let tan_y = (f64::from(fov).to_radians() * 0.5).tan() * (1.0 - MARGIN);
     let tan_x = tan_y * (f64::from(width) / f64::from(height.max(1))).min(1.0);
@@ -127,8 +127,8 @@ fn distance(extent: Extent, target: DVec3, away: DVec3, fov: f32, window: [u32; 
     if farthest > 0.0 { farthest } else { 1.0 }
 }
 
-/// Where a camera stands that would otherwise be outside of the shell, or close to it: as low as the horizon needs, or as high as
-/// it must be to look down on the focus. `None` if it is inside.
+/// A position inside the shell for a camera whose `eye` is outside of the shell or close to it: the first of [`RISES_INSIDE`]
+/// that is above the focus, or else one nearer to the target in the same direction. `None` if `eye` is well inside.
 fn inside(shell: &Shell, focus: Extent, target: DVec3, eye: DVec3) -> Option<DVec3> {
     let (away, distance) = ((eye - target).try_normalize()?, eye.distance(target));
     let reach = |direction: DVec3| shell.distance(target, direction).map(|distance| distance * BEFORE_SHELL);
@@ -176,9 +176,10 @@ pub(super) fn of_file(camera: &SceneCamera, origin: DVec3, name: String, extent:
 }
 
 /// The vertical field of view in which a window shows the whole picture of a file's camera (glTF 2.0, section 3.10.3: neither
-/// cropped nor stretched). In a window narrower than that picture it is larger than the file's, so that the horizontal one is kept.
+/// cropped nor stretched). In a window narrower than that picture it is larger than the file's, so that the horizontal field of
+/// view is kept.
 fn whole_fov(camera: &SceneCamera, [width, height]: [u32; 2]) -> f32 {
-    /// The largest that a window makes of it.
+    /// Largest field of view that results from a narrow window, degrees.
     const WIDEST: f32 = 179.0;
     let shape = f64::from(width.max(1)) / f64::from(height.max(1));
     match camera.aspect.map(|aspect| f64::from(aspect) / shape) {
@@ -203,8 +204,8 @@ pub(super) fn sun(options: &SceneOptions, camera: &Camera) -> Light {
     directional("Sun".to_owned(), travels, Vec3::splat(SUN))
 }
 
-/// The only light of a scene file, a directional one. Its intensity is in lux, for an exposure that is not modelled here: the hue alone
-/// is its own.
+/// The sun for a scene file whose only light is directional. The light's intensity is in lux, for an exposure that is not
+/// modelled here, so only its direction and hue are used.
 pub(super) fn sun_of_file(light: &SceneLight) -> Light {
     let strongest = light.color.max_element();
     let hue = if strongest > 0.0 && strongest.is_finite() { light.color / strongest } else { Vec3::ONE };

@@ -243,7 +243,7 @@ fn write_light(xml: &mut Xml, light: &Light) {
     xml.end();
 }
 
-/// Writes the parts of a falloff that differ from that of a light without any.
+/// Writes the parts of a falloff that differ from the default.
 fn write_falloff(xml: &mut Xml, Falloff { attenuation, range, spot }: &Falloff) {
     let usual = Falloff::default();
     let mut number = |name: &'static str, value: f32, usual: f32| {

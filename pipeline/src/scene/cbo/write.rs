@@ -23,10 +23,10 @@ const STATE_BOOL4S: [u8; 4] = [1; 4];
 
 /// Writes a scene. The file is written whole or not at all, and then replaces a file of that name.
 ///
-/// Objects that place the same mesh share it. Texture paths are stored relative to the file; images that are embedded in scene
-/// files, or combined from two files, are written beside it as `NAME.texture0.png`. The returned warnings count, by kind, what the
-/// format cannot store: what makes a material glass, light of its own, normal maps, sides, alpha cutoffs (today's layout only), how
-/// textures go on beyond their sides, vertex colours, and letters outside Latin-1.
+/// Objects that place the same mesh share it. Texture paths are stored relative to the file; images that are embedded in scene files, or
+/// combined from two files, are written beside it as `NAME.texture0.png`. The returned warnings count, by kind, what the format cannot
+/// store: properties of glass, emissive textures, emission that is added, normal maps, single-sided materials, alpha cutoffs (today's
+/// layout only), wrap modes, magnification, vertex colours, and letters outside Latin-1.
 ///
 /// # Errors
 /// If a count does not fit the format, an image cannot be combined, or the file cannot be written.
@@ -114,9 +114,9 @@ fn texture_paths(scene: &Scene, path: &Path, warnings: &mut Warnings) -> Result<
     Ok(paths)
 }
 
-/// What of a material a layout cannot hold: whether the material has it, what it is, and what stands for it.
+/// Properties of a material that a layout cannot store: whether the material has each, its description, and the remedy.
 fn losses(material: &Material, scene: &Scene, layout: Layout) -> [(bool, &'static str, &'static str); 11] {
-    // Named one by one: who adds a property decides here whether its loss is told of.
+    // Every field is named, so that adding a property to materials forces a decision here on whether its loss is reported.
     let Material {
         name: _,
         diffuse: _,
@@ -151,7 +151,7 @@ fn losses(material: &Material, scene: &Scene, layout: Layout) -> [(bool, &'stati
         attenuation_distance,
     } = material;
     let usual = Material::default();
-    // Of what is opaque these have no meaning.
+    // These properties have no meaning for opaque materials.
     let glass = *transmission != usual.transmission;
     let absorbs = *thickness != usual.thickness
         || *attenuation_color != usual.attenuation_color
@@ -235,7 +235,7 @@ impl SceneWriter<'_> {
             self.count(0)?;
             self.string("")?;
             let (mut bools, mut enums, mut floats) = (STATE_BOOLS, STATE_ENUMS, STATE_FLOATS);
-            // What is blended texel by texel is cut out at half, as it is drawn without rays.
+            // Materials that are blended texel by texel are cut out at half, as they are drawn without rays.
             let blended = material.transmission_texture;
             let blended = blended.is_some_and(|texture| self.scene.textures[texture as usize].is_clear());
             let half = MASK_CUTOFF * material.diffuse.w;

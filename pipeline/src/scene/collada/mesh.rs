@@ -48,7 +48,7 @@ impl Meshes {
 struct Attribute {
     offset: usize,
     numbers: Vec<f32>,
-    /// What the numbers of positions are relative to.
+    /// Origin to which positions are relative.
     origin: DVec3,
     first: usize,
     stride: usize,

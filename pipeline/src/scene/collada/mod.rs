@@ -26,7 +26,7 @@ pub(crate) fn read(bytes: &[u8], context: &mut Context<'_>) -> Result<Scene, Sce
     with_text(bytes, context, read_document)
 }
 
-/// [`read`] of the text; errors count its bytes.
+/// [`read`] for decoded text; positions in errors count its bytes.
 fn read_document(text: &str, context: &mut Context<'_>) -> Result<Scene, SceneError> {
     let file = context.file;
     let document = Document::read(text, context)?;

@@ -59,7 +59,7 @@ pub(super) fn parse(text: &[u8], context: &mut Context<'_>) -> Result<json::Root
     })
 }
 
-/// The version that an asset of any version says it has. Version 1.0 lists nodes by name; files of it may leave their version out.
+/// The version that an asset of any version declares. Files of version 1.0 may declare none; they list meshes by name.
 fn version(text: &[u8]) -> Option<String> {
     #[derive(serde::Deserialize)]
     struct Asset {
@@ -71,7 +71,7 @@ fn version(text: &[u8]) -> Option<String> {
         nodes: Option<serde::de::IgnoredAny>,
         meshes: Option<Named>,
     }
-    /// An object, no list.
+    /// Read from an object, never from a list.
     #[derive(serde::Deserialize)]
     struct Named {}
     let any: Any = serde_json::from_slice(text).ok()?;

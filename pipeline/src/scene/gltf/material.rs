@@ -46,7 +46,7 @@ enum Alpha {
     /// `BLEND` drawn as [`Alpha::Cut`] with this cutoff. The material gets the cutoff only if its texture or vertex colours have
     /// alpha; a factor alone cuts nothing.
     Blended(f32),
-    /// `BLEND` by the alpha of each texel; that of vertices is not read.
+    /// `BLEND` by the alpha of each texel; the alpha of vertex colours is ignored.
     Soft,
 }
 
@@ -248,12 +248,12 @@ fn is_even(written: &json::Material) -> bool {
         && pbr.base_color_factor.0[3] < 1.0
 }
 
-/// Whether a material is blended evenly and lets nothing through by itself. One with transmission is glass by that.
+/// Whether a material is blended evenly and has no transmission. With transmission it is glass.
 fn is_veil(written: &json::Material) -> bool {
     is_even(written) && written.extensions.as_ref().is_none_or(|extensions| extensions.transmission.is_none())
 }
 
-/// How alpha is spread, by the name of its texture and the opacity; `None` where the texture cannot be read.
+/// Distributions of alpha, by texture name and opacity; `None` for a texture that cannot be read.
 type Spread = HashMap<(String, u16), Option<Alphas>>;
 
 /// The opacity of a material as a factor of its texture's alpha, in 65,535ths.
@@ -261,8 +261,8 @@ fn opacity(written: &json::Material) -> u16 {
     alphas::opacity(written.pbr_metallic_roughness.base_color_factor.0[3])
 }
 
-/// How the alpha of a material is spread that is blended by a texture and lets nothing through by itself; `None` of others, and where the
-/// texture cannot be read. `spread` keeps what was found, by texture and opacity.
+/// The distribution of a material's alpha, if a texture blends the material and it has no transmission. `None` for other materials, and if
+/// the texture cannot be read. `spread` caches the results.
 fn blended_alphas(
     (written, name): (&json::Material, &str),
     data: &Data<'_>,
@@ -278,7 +278,7 @@ fn blended_alphas(
     let source = if context.needs.textures {
         image(info, data, images, (name, NO_TEXTURE), context, warnings)?
     } else {
-        // A load without textures says nothing of those that are missing.
+        // A load without textures does not warn about missing ones.
         let (mut unsaid, mut unkept) = (Warnings::default(), vec![None; images.len()]);
         image(info, data, &mut unkept, (name, NO_TEXTURE), context, &mut unsaid)?
     };
@@ -292,7 +292,7 @@ fn blended_alphas(
     Ok(found)
 }
 
-/// Whether a material is blended evenly, and is glass that bounds no body.
+/// Whether a material is blended evenly and is thin glass: it has transmission and no volume.
 fn is_blended_pane(written: &json::Material) -> bool {
     let thin = |e: &json::extensions::material::Material| {
         e.transmission.is_some() && e.volume.as_ref().is_none_or(|volume| volume.thickness_factor.0 <= 0.0)
@@ -300,8 +300,8 @@ fn is_blended_pane(written: &json::Material) -> bool {
     is_even(written) && written.extensions.as_ref().is_some_and(thin)
 }
 
-/// The texture of a glass material's transmission, where a pass asks for it. Of a pane that is blended evenly it is not read: it
-/// multiplies the share of the glass alone, and not what alpha leaves.
+/// The transmission texture of glass, if a pass asks for it. For an evenly blended pane it is not read, since the texture multiplies only
+/// the share of the glass and not the gaps that alpha leaves.
 fn transmission_texture<'a>(written: &'a json::Material, context: &Context<'_>) -> Option<&'a json::texture::Info> {
     let transmission = written.extensions.as_ref()?.transmission.as_ref()?;
     let wanted = context.needs.textures && context.needs.glass_maps;
@@ -343,7 +343,7 @@ fn surface(
             // Texels of less than half opacity, without the factor, become holes; all others are opaque.
             material.alpha_cutoff = (textured && factor.w > 0.0).then_some(MASK_CUTOFF * factor.w);
             if is_veil(written) {
-                // What is behind shows by what alpha leaves, neither bent nor tinted (glTF 2.0, section 3.9.4).
+                // The share that alpha leaves shows what is behind, neither refracted nor tinted (glTF 2.0, section 3.9.4).
                 material.transmission = (1.0 - factor.w).clamp(0.0, 1.0);
                 material.veil = 1.0 - material.transmission;
             } else if let Some(soft) = alphas.filter(|alphas| alphas.are_soft()) {
@@ -372,7 +372,7 @@ fn surface(
         material.filter = factor.truncate().clamp(Vec3::ZERO, Vec3::ONE);
         material.roughness = written.pbr_metallic_roughness.roughness_factor.0.clamp(0.0, 1.0);
         if is_blended_pane(written) {
-            // Alpha is the share of the surface that is there; through the rest what is behind shows as it is (glTF 2.0, section 3.9.4).
+            // Alpha is the share of the area that the surface covers; the rest shows what is behind unchanged (glTF 2.0, section 3.9.4).
             let (gap, glass) = (1.0 - factor.w.clamp(0.0, 1.0), factor.w.clamp(0.0, 1.0) * material.transmission);
             material.transmission = gap + glass;
             material.veil = 1.0 - material.transmission;
@@ -435,7 +435,7 @@ fn surface(
             );
         }
     }
-    // Its minimum is that of the index without a choice.
+    // Parameters that are left out are those of Schlick's approximation for the index of refraction.
     match extras.reflectance(&material) {
         Ok(curve) => material.reflectance = curve,
         Err(()) => {
@@ -488,7 +488,7 @@ impl Extras {
         color.iter().all(|share| (0.0..=1.0).contains(share)).then_some(Some(Vec3::from(color))).ok_or(())
     }
 
-    /// What is reflected in the place of Fresnel's share.
+    /// The reflectance that replaces Fresnel's equations (`schlick`).
     fn reflectance(&self, material: &Material) -> Result<Option<Reflectance>, ()> {
         let Some(written) = self.0.get("schlick") else { return Ok(None) };
         let Some(numbers) = written.as_object() else { return Err(()) };
@@ -579,7 +579,7 @@ fn wrap_of(mode: Checked<WrappingMode>) -> Wrap {
     }
 }
 
-/// How a sampler reads textures. Minified ones are blended whatever `minFilter` says.
+/// How a sampler reads textures. Minified textures are always filtered trilinearly, whatever `minFilter` says.
 fn sampling_of(sampler: &json::texture::Sampler) -> Sampling {
     let magnification = match sampler.mag_filter {
         Some(Checked::Valid(MagFilter::Nearest)) => Magnification::Nearest,

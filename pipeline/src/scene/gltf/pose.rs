@@ -227,8 +227,8 @@ impl Skins {
 /// Joints and weights of all vertices, four of each a vertex.
 type Set = (Vec<[f32; 4]>, Vec<[f32; 4]>);
 
-/// The mean of a vertex's joint matrices, weighted and divided by the sum of the weights, which files round; and whether all
-/// weights are 0, in which case it is the first joint's matrix.
+/// The weighted mean of a vertex's joint matrices, and whether all weights are 0; the matrix is then that of the first joint. The mean is
+/// divided by the sum of the weights, since files round them.
 fn blended(sets: &[Set], vertex: usize, matrices: &[DMat4]) -> Result<(DMat4, bool), String> {
     let (mut sum, mut total) = (DMat4::ZERO, 0.0);
     let mut first = None;

@@ -91,7 +91,7 @@ pub(super) fn light(
     let angle = |name: &str, usual: f32| number(spot.and_then(|spot| spot.get(name)), usual.into()) as f32;
     let cone = [angle("innerConeAngle", 0.0), angle("outerConeAngle", FRAC_PI_4)];
     let [inner, outer] = cone;
-    // KHR_lights_punctual: the inner angle lies below the outer one, and that is 90 degrees at most.
+    // KHR_lights_punctual: the inner angle is below the outer one, and the outer is at most 90 degrees.
     if range.is_nan() || range <= 0.0 || is_spot && !(0.0 <= inner && inner <= outer && 0.0 < outer && outer <= WIDEST)
     {
         return ignored("has a range or a cone that is not valid");

@@ -69,7 +69,7 @@ pub(super) struct Library {
     pub(super) coordinates: Vec<Option<(Vec2, Vec2)>>,
     /// Textures already examined, and whether they have holes.
     cut_out: HashMap<PathBuf, bool>,
-    /// How the alpha of textures is spread, by their names and the opacity; `None` where one cannot be read.
+    /// Distributions of the alpha of textures, by texture name and opacity; `None` for a texture that cannot be read.
     spread: HashMap<(String, u16), Option<Alphas>>,
     /// Files already read: reading one again declares nothing new, and a file may name it a million times.
     files: HashSet<PathBuf>,
@@ -141,7 +141,8 @@ impl Library {
         let defaults = Material::default();
         let color = |written: Option<Vec3>, default: Vec4| written.map_or(default, |color| color.extend(1.0));
         let is_glass = is_glass(&written);
-        // Some exporters, MeshLab among them, write the opacity for `Tr`. Nobody models what cannot be seen, but glass may be wholly clear.
+        // Some exporters, MeshLab among them, write the opacity as `Tr`. An invisible material is not intended, so `Tr 1` means opaque;
+        // but glass may be wholly clear.
         let is_opacity = written.d.is_none() && !is_glass && written.tr.is_some_and(|tr| tr >= 1.0);
         if is_opacity {
             let what = "materials that `Tr 1` would make invisible";
@@ -169,7 +170,7 @@ impl Library {
             self.normal_map(map, written.map_kd.as_ref(), &mut material, context, warnings);
         }
         self.roughness_map(&written, &mut material, context, warnings);
-        // A load without textures says nothing of them.
+        // A load without textures does not warn about them.
         let mut unsaid = Warnings::default();
         let warnings = if context.needs.textures { warnings } else { &mut unsaid };
         if let Some(map) = &written.map_kd {
@@ -217,15 +218,15 @@ impl Library {
 /// Where the alpha of a colour texture comes from.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Alpha {
-    /// `map_d` names it.
+    /// The image of `map_d`.
     Mask,
     /// The image of `map_Kd` itself.
     OfColor,
-    /// `map_d` names an image without it.
+    /// Nowhere: the image of `map_d` has no alpha.
     Ignored,
 }
 
-/// The texture of colours of a material with that of its `map_d`, if it can be found.
+/// The colour texture of a material with the alpha of its `map_d`, if the images can be found.
 fn color_texture(
     map: &Map,
     written: &Declaration,
@@ -252,7 +253,7 @@ fn color_texture(
 }
 
 impl Library {
-    /// How the alpha of a texture is spread, times an opacity in 65,535ths; `None` if it cannot be read. The answer is kept.
+    /// The distribution of a texture's alpha, times an opacity in 65,535ths; `None` if the texture cannot be read. The answer is cached.
     fn alphas(
         &mut self,
         source: &TextureSource,
@@ -291,7 +292,7 @@ impl Library {
 }
 
 impl Library {
-    /// The roughness map of glass, which multiplies `Pr` (1 where that is left out), read where the other textures are.
+    /// The roughness map of glass, at the coordinates of the other textures. It multiplies `Pr`, or 1 if `Pr` is missing.
     fn roughness_map(
         &mut self,
         written: &Declaration,
@@ -320,12 +321,12 @@ impl Library {
     }
 }
 
-/// What serves without a roughness map.
+/// Remedy in warnings about a missing roughness map.
 const NO_ROUGHNESS_MAP: &str = "the factor alone serves";
 
-/// The share of light that enters. The illumination models 4, 6, 7 and 9 are glass: there the transmission filter
-/// `Tf` says how much passes, or else `1 - d`, or else all of it. Other models are glass as far as `d` is below 1;
-/// exporters write `Tf 1 1 1` with every opaque material.
+/// The share of light that enters. The illumination models 4, 6, 7 and 9 are glass: the share is the transmission filter `Tf`,
+/// or else `1 - d`, or else 1. Other models are glass as far as `d` is below 1; their `Tf` is ignored, since exporters write
+/// `Tf 1 1 1` with every opaque material.
 fn transmission(written: &Declaration, dissolve: f32) -> f32 {
     let share = match written.illum {
         _ if is_glass(written) => match written.tf {

@@ -1,4 +1,4 @@
-//! How the alpha of a texture is spread: whether a surface that is blended is seen through or cut out.
+//! Distribution of a texture's alpha, which decides whether a blended surface is seen through or cut out.
 
 use super::super::error::{Budget, SceneError};
 use super::super::{Material, Needs, TextureSource};
@@ -6,12 +6,12 @@ use super::texture::{Cost, cost, pixels, times};
 use image::RgbaImage;
 use std::path::Path;
 
-/// Cutoff of what is blended by the alpha of each texel: below it a texel's code of alpha is 0, and the surface has a hole there.
+/// Alpha cutoff of surfaces that are blended texel by texel: only texels whose 8-bit alpha is 0 are holes.
 const CLEAR: f32 = 0.5 / 255.0;
 
-/// What a warning says of materials that are blended by the alpha of each texel, where no pass asks what is glass.
+/// Warning about materials that are blended texel by texel, where no pass asks for glass.
 pub(in crate::scene) const BLENDED: &str = "materials that are blended texel by texel";
-/// What is done with them.
+/// Remedy in that warning.
 pub(in crate::scene) const CUT_WITHOUT_GLASS: &str = "without glass=\"auto\" what is half clear or more is cut out";
 
 /// An opacity as a factor of a texture's alpha, in 65,535ths.
@@ -19,22 +19,23 @@ pub(in crate::scene) fn opacity(share: f32) -> u16 {
     (share.clamp(0.0, 1.0) * f32::from(u16::MAX)).round() as u16
 }
 
-/// How a texture's alpha, times an opacity, is spread.
+/// Distribution of a texture's alpha times an opacity.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(in crate::scene) struct Alphas {
-    /// Share of the texels that are seen, 1/16 and more, which are half clear over an area: at most 7/8, as the texels to their right and
-    /// below are to within 8/255. 0 if none is seen.
+    /// Share of the visible texels (alpha of 1/16 or more) that are half clear over an area. Such a texel has an alpha of at most 7/8, and
+    /// its neighbours to the right and below differ from it by at most 8/255. 0 if no texel is visible.
     pub(in crate::scene) half_clear: f32,
-    /// The mean of those; 1 if there are none.
+    /// Mean alpha of the texels that are half clear over an area; 1 if there are none.
     pub(in crate::scene) mean: f32,
 }
 
 impl Alphas {
-    /// Of leaves and railings the edges are half clear, a texel or two wide; windows, smoke and shadows are it over an area.
+    /// Share above which alpha is soft. Leaves and railings are half clear only at their edges, a texel or two wide; windows, smoke and
+    /// shadows are half clear over an area.
     const LEAST: f32 = 0.01;
-    /// Codes of alpha from which a texel is seen, and to which it is half clear.
+    /// Alpha codes of half-clear texels. Texels from the first of these codes on are visible.
     const HALF_CLEAR: std::ops::RangeInclusive<u8> = 16..=223;
-    /// Codes by which neighbours in an area differ at most.
+    /// Largest difference between the alpha codes of neighbours in an area.
     const LEVEL: u8 = 8;
 
     /// Whether the surface is blended texel by texel; otherwise it is cut out.
@@ -42,12 +43,12 @@ impl Alphas {
         self.half_clear > Self::LEAST
     }
 
-    /// Makes a material one that is seen through by the alpha of each texel, if a pass asks what is glass; otherwise its mean decides how
-    /// clear it is. Returns whether texels decide.
+    /// Makes a material transparent: by the alpha of each texel if a pass asks for glass, otherwise evenly by the mean alpha. Returns
+    /// whether it is by texel.
     pub(in crate::scene) fn blend(self, material: &mut Material, needs: Needs) -> bool {
         let by_texel = needs.textures && needs.glass_maps;
         if by_texel {
-            // The texture of transmission says what of it is clear.
+            // The transmission texture says how clear each texel is.
             (material.transmission, material.veil) = (1.0, 0.0);
             material.alpha_cutoff = Some(CLEAR);
         } else {
@@ -75,7 +76,7 @@ impl Alphas {
     }
 }
 
-/// How a texture's alpha, times an opacity in 65,535ths, is spread; `None` if it cannot be decoded.
+/// Finds the distribution of a texture's alpha times an opacity in 65,535ths; `None` if the texture cannot be decoded.
 pub(in crate::scene) fn alphas(
     source: &TextureSource,
     opacity: u16,
@@ -94,7 +95,7 @@ mod tests {
     use super::*;
     use image::Rgba;
 
-    /// A picture whose alpha is made by a function of the place.
+    /// A picture whose alpha is a function of the position.
     fn picture(alpha: impl Fn(u32, u32) -> u8) -> RgbaImage {
         RgbaImage::from_fn(64, 64, |x, y| Rgba([9, 9, 9, alpha(x, y)]))
     }
@@ -102,7 +103,7 @@ mod tests {
     #[test]
     fn leaves_with_soft_edges_are_cut_and_areas_are_blended() {
         let of = |image: &RgbaImage| Alphas::of(image, u16::MAX);
-        // A disc whose edge falls off over three texels, which are a third of what is seen.
+        // A disc whose edge falls off over three texels. The edge is a third of its visible texels.
         let leaf = |x: u32, y: u32| {
             let away = f64::from(x % 16).hypot(f64::from(y % 16) - 8.0) - 4.0;
             (255.0 * (0.5 - away / 3.0).clamp(0.0, 1.0)) as u8

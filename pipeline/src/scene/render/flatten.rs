@@ -318,7 +318,7 @@ fn ensure_tangents(
     let is_computed = |mesh: &Mesh| tangents::is_mapped(mesh, mapped) && mesh.tangents.len() != mesh.positions.len();
     let triangles = |mesh: &Mesh| mesh.groups.iter().map(|group| group.triangles.len() as u64).sum::<u64>();
     let in_use = || meshes.iter().zip(uses).filter(|(_, uses)| **uses > 0).map(|(mesh, _)| mesh);
-    // One mesh per thread is computed at a time; the worst case is that of the largest meshes.
+    // One mesh per thread is computed at a time; in the worst case these are the largest meshes.
     let mut sizes: Vec<u64> = in_use().filter(|mesh| is_computed(mesh)).map(triangles).collect();
     sizes.sort_unstable_by_key(|size| std::cmp::Reverse(*size));
     let working = sizes.iter().take(rayon::current_num_threads()).sum::<u64>() * tangents::BYTES_PER_TRIANGLE;

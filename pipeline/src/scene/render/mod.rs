@@ -61,7 +61,7 @@ impl RenderScene {
     /// - Vertices that no triangle uses are dropped. Triangles keep the order of objects and groups and are sorted by material with
     ///   a stable sort, so ids do not depend on the number of threads.
     /// - Where a transform mirrors (determinant below 0), the winding of triangles of single-sided materials is reversed, so that
-    ///   they still face where their mesh has them face (glTF 2.0, section 3.7.4).
+    ///   their front stays the side that is the front in the mesh (glTF 2.0, section 3.7.4).
     /// - Normals are transformed by the inverse transpose and normalised. For a mesh without normals each vertex gets the mean of
     ///   the normals of its faces, weighted by the face's angle there (Thürmer and Wüthrich, "Computing Vertex Normals from Polygonal
     ///   Facets", 1998). Faces on both sides of a crease of more than 60 degrees are not averaged: the vertices there are split.

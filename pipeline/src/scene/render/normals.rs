@@ -59,9 +59,9 @@ struct Split {
     corners: Vec<u64>,
 }
 
-/// Averages face normals at each vertex, weighted by the corner's angle. Where they cancel, it takes the first face's normal;
-/// without faces, +z. With `creases` only faces are averaged that are connected around the vertex by edges below the crease angle.
-/// Sums are formed in the order of the triangles, whatever the number of threads.
+/// Averages face normals at each vertex, weighted by the corner's angle. Where they cancel, it takes the first face's normal; without
+/// faces, +z. With `creases`, only faces that are connected around the vertex by edges below the crease angle are averaged. Sums are formed
+/// in the order of the triangles, whatever the number of threads.
 fn smooth(mesh: &Mesh, creases: bool) -> Smooth {
     let lists: Vec<&[[u32; 3]]> = mesh.groups.iter().map(|group| &group.triangles[..]).collect();
     let copied;

@@ -138,7 +138,7 @@ impl Geometry for Faces<'_> {
         self.mesh.normals[self.vertex(face, vert)].to_array()
     }
 
-    /// With v upwards, as everywhere here: so the bitangent is the direction in which v grows, where green points.
+    /// Texture coordinates with v upwards, as everywhere here. The bitangent is then the direction in which v grows, to which green points.
     fn tex_coord(&self, face: usize, vert: usize) -> [f32; 2] {
         self.mesh.texcoords[self.vertex(face, vert)].to_array()
     }

@@ -46,7 +46,7 @@ pub(super) fn decode_used(
             working.push((cost.working, source));
         }
     }
-    // One texture per thread is decoded at a time; the worst case is that of the largest.
+    // One texture per thread is decoded at a time; in the worst case these are the largest textures.
     working.sort_by_key(|(bytes, _)| std::cmp::Reverse(*bytes));
     working.truncate(rayon::current_num_threads());
     let mut booked = 0;
@@ -61,7 +61,7 @@ pub(super) fn decode_used(
         .with_max_len(1)
         .map(|(source, cost)| cost.map(|cost| cost.map_err(Fault::Broken).and_then(|_| decode(source))))
         .collect();
-    // The mip levels are made of one texture after the other, each with all threads, so that the large ones do not finish last.
+    // Mip levels are built for one texture at a time, each by all threads, so that no thread is left with a large texture at the end.
     let named = sources.iter().map(TextureSource::name);
     let decoded = decoded.into_iter().zip(named).zip(cut_out).zip(sources).map(|(((base, name), cut_out), source)| {
         let space = if source.is_data() { ColorSpace::Report } else { space };
@@ -121,8 +121,8 @@ pub(crate) fn image_file(path: &Path, most: u64) -> Result<Texture, SceneError> 
     Ok(Texture::build(source.name(), base, false, ColorSpace::Report))
 }
 
-/// Decodes textures of colours, whose texels take at most `most` bytes. Returns by source the index of its texture; one that cannot be
-/// decoded has none, and is counted as a warning about `by`, the file that names them.
+/// Decodes textures of colours, whose texels take at most `most` bytes. Returns the textures, and for each source the index of its texture.
+/// A source that cannot be decoded has no index; it is counted as a warning about `by`, the file that names it.
 pub(crate) fn image_files(
     sources: &[TextureSource],
     space: ColorSpace,
@@ -203,8 +203,7 @@ fn cut_out(materials: &[Material], textures: usize) -> Vec<bool> {
     cut_out
 }
 
-/// Decodes on the calling thread: a decoder whose state waited for other threads could let that thread start further decoders
-/// meanwhile.
+/// Decodes on the calling thread. If a decoder waited for other threads, the calling thread could start further decoders meanwhile.
 fn decode(source: &TextureSource) -> Result<Level, Fault> {
     let image = pixels(source)?;
     let (width, height) = image.dimensions();

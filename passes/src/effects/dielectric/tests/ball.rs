@@ -40,7 +40,7 @@ fn on_the_axis_the_strength_is_that_of_a_thick_lens() {
         let faces = (4.0 * index / ((index + 1.0) * (index + 1.0))).powi(2);
         let expected = faces / (1.0 - height / focal).powi(2);
         let (_, bundles) = irradiance(&Ball::new(index), index, DVec2::new(0.0, height), width);
-        // Of the middle alone: other rays may cross the axis there, too.
+        // The middle bundle alone: other rays may cross the axis there, too.
         let middle = bundles.iter().filter(|bundle| bundle.ray.sin < 0.01);
         let found: f64 = middle.map(|bundle| bundle.strength.x).sum();
         assert!((found / expected - 1.0).abs() < 1e-5, "{index} {height}: {found} {expected}");
@@ -70,7 +70,7 @@ fn rings_below_a_sphere_have_the_means_of_an_independent_computation() {
     assert!((off / 6.807 - 1.0).abs() > 0.1, "control: {off}");
 }
 
-/// Refracts by Snell's law in vectors, and says what is let through.
+/// Refracts by Snell's law in vectors. Returns the direction and the share that is let through.
 fn refract(direction: DVec3, normal: DVec3, ratio: f64) -> (DVec3, f64) {
     let cos = -direction.dot(normal);
     let inner = (1.0 - ratio * ratio * (1.0 - cos * cos)).sqrt();
@@ -79,7 +79,7 @@ fn refract(direction: DVec3, normal: DVec3, ratio: f64) -> (DVec3, f64) {
     (ratio * direction + (ratio * cos - inner) * normal, 1.0 - share)
 }
 
-/// A ray of light that met the sphere at (x, y), after it: in vectors, in three dimensions.
+/// Follows a ray that meets the sphere at (x, y), by vectors in three dimensions: where it leaves, its direction, and the share that it keeps.
 fn through(x: f64, y: f64, index: f64) -> (DVec3, DVec3, f64) {
     let entry = DVec3::new(x, y, -(1.0 - x * x - y * y).sqrt());
     let (inside, first) = refract(DVec3::Z, entry, 1.0 / index);
@@ -88,7 +88,7 @@ fn through(x: f64, y: f64, index: f64) -> (DVec3, DVec3, f64) {
     (exit, direction, first * second)
 }
 
-/// Light on a screen of any tilt, cell by cell, as rays are counted there and as bundles say.
+/// Light on a screen of any tilt, cell by cell: the light of counted rays against the light of bundles.
 #[test]
 fn screens_of_any_tilt_get_what_counted_rays_bring() {
     let side = 1000;
@@ -181,7 +181,7 @@ fn the_bright_ring_of_a_fold_is_where_rays_turn_back() {
     let (ball, height) = (Ball::new(1.33), 1.2);
     let light = |step: u32| irradiance(&ball, 1.33, DVec2::new(f64::from(step) * 1e-4, height), 1e-3).0;
     let brightest = (1000..4000).max_by(|a, b| light(*a).total_cmp(&light(*b))).expect("some");
-    // Rays that turn back furthest: the extremum of rho(i), by steps.
+    // The rays that turn back furthest, at the extremum of rho(i), found by steps.
     let rho = |step: u32| {
         let ray = Turned::at(FRAC_PI_2 * f64::from(step) / 1e5, 1.33);
         let exit = ray.exit();
@@ -207,7 +207,7 @@ fn nothing_is_infinite_and_the_width_keeps_the_sum() {
                         |_| DVec3::ONE,
                         |bundle| {
                             let strength = bundle.strength.x;
-                            // All the light of the sphere through the disc.
+                            // The bound: all the light of the sphere goes through the disc.
                             assert!(
                                 strength >= 0.0 && strength <= 1.01 / (width * width),
                                 "{index} {at} {width}: {strength}"

@@ -35,7 +35,7 @@ fn floor(world: &World, places: impl IntoIterator<Item = Vec3>, shadow: GlassSha
     light_at(world, places.into_iter().map(|place| (place, Vec3::Z)), RayParams { shadow, ..auto(5) }).0
 }
 
-/// What bundles bring to a floor that the light meets straight, as a share of its colour.
+/// The light of bundles on a floor that the light meets perpendicularly, as a share of the floor's colour.
 fn expected(index: f64, sigma: Vec3, at: DVec2) -> Vec3 {
     let mut sum = DVec3::ZERO;
     let kept = |ray: &Turned| {
@@ -59,7 +59,7 @@ fn the_floor_below_a_sphere_gets_its_focused_light_and_no_other() {
         let expected = direct + expected(1.5, sigma, DVec2::new(f64::from(place.length()), 2.0));
         assert!((found - expected).abs().max_element() < 3e-4 * expected.max_element(), "{place}: {found} {expected}");
     }
-    // On the axis (1 - R)⁴ / (1 - H / f)² and what the diameter absorbs; the straight shadow is far darker.
+    // On the axis it is (1 - R)² / (1 - H / f)², times what the diameter lets pass; the straight shadow is far darker.
     let faces = 0.96_f32.powi(2) * 9.0;
     let [on_axis] = floor(&world, [Vec3::ZERO], CAUSTIC)[..] else { panic!("one place") };
     assert!((on_axis - faces * (-2.0 * sigma).exp()).abs().max_element() < 2e-3, "{on_axis}");
@@ -69,7 +69,7 @@ fn the_floor_below_a_sphere_gets_its_focused_light_and_no_other() {
 
 #[test]
 fn light_is_counted_once_and_none_is_lost() {
-    // Far from the focus, so that no ring of the quadrature misses a peak, and light that is hardly slanted.
+    // The floor is far from the focus, so that no ring of the quadrature misses a peak, and its light is hardly slanted.
     let world = scene(1.05, Vec3::ZERO, 1.5);
     let rings = 600;
     let outer = 2.5_f32;
@@ -160,7 +160,7 @@ fn glass_on_the_way_takes_its_share_and_other_spheres_all() {
     let mut world = scene(1.5, Vec3::ZERO, 2.0);
     world.sphere(0, Vec3::Z * 6.0, 1.0);
     assert_eq!(floor(&world, [Vec3::ZERO], CAUSTIC), [Vec3::ZERO]);
-    // Spheres that overlap, or lie in each other, are none that focus: light goes straight through them.
+    // Spheres that overlap, or lie in each other, do not focus: light goes straight through them.
     for center in [Vec3::new(0.0, 0.0, 2.2), Vec3::new(1.5, 0.0, 2.0)] {
         let mut world = scene(1.5, Vec3::ZERO, 2.0);
         world.sphere(0, center, 0.7);
@@ -205,7 +205,7 @@ fn a_wider_sun_blurs_the_focus() {
     let peaks = [0.0, 0.53, 2.0].map(|sun| at(sun, 0.0));
     assert!(peaks[0] > 2.0 * peaks[1] && peaks[1] > 2.0 * peaks[2] && peaks[2] > 1.0, "{peaks:?}");
     assert!(peaks.iter().all(|peak| peak.is_finite()));
-    // Beside the focus a blurred one is brighter.
+    // Beside the focus, a blurred focus is brighter.
     assert!(at(2.0, 0.03) > at(0.0, 0.03), "{} {}", at(2.0, 0.03), at(0.0, 0.03));
 }
 

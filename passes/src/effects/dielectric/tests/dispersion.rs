@@ -1,4 +1,4 @@
-//! Bodies that bend colours apart.
+//! Bodies that disperse light.
 
 use super::*;
 use crate::cpu;
@@ -170,7 +170,7 @@ fn three_bands_are_no_spectrum() {
     prism(&mut world, glass);
     let white = world.paint(Vec3::ONE);
     let (eye, far) = (Vec3::new(-1.0, 0.1, 4.0), 30.0);
-    // Where light of the line d goes that meets the prism in the middle.
+    // The way out of light of the line d that meets the prism in the middle.
     let direction = (Vec3::new(0.866, 0.1, 0.5) - eye).normalize();
     let Ray { origin, direction: middle, .. } = leaves(&world, eye, direction, colors(1, 5))[0];
     let across = middle.cross(Vec3::Y).normalize();

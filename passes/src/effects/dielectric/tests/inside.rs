@@ -1,4 +1,4 @@
-//! A camera in a body: what absorbs light between the eye and the opaque surfaces that it sees directly.
+//! A camera in a body, which absorbs light between the eye and the opaque surfaces that the eye sees directly.
 
 use super::spheres::run;
 use super::*;
@@ -6,7 +6,7 @@ use crate::effects::tests::world::{BACKGROUND, grid};
 use curitiba_pipeline::backend::NO_TRIANGLE;
 use glam::DVec3;
 
-/// Extinctions of what the camera is in, and of what is around that.
+/// Extinction of the body that the camera is in; `FAR` is the extinction of another body.
 const NEAR: Vec3 = Vec3::new(0.1, 0.4, 0.9);
 const FAR: Vec3 = Vec3::new(0.7, 0.05, 0.3);
 const EYE: Vec3 = Vec3::new(0.3, -0.2, 1.4);
@@ -48,7 +48,7 @@ fn seen(target: Vec3) -> (DVec3, bool) {
     }
 }
 
-/// exp(-sigma d) by colour over the way to what is seen there.
+/// exp(-sigma d) by colour, with the distance d to the point that is seen in the direction of a target.
 fn kept(sigma: Vec3, target: Vec3) -> Vec3 {
     let length = seen(target).0.distance(EYE.as_dvec3());
     (-sigma.as_dvec3() * length).map(f64::exp).as_vec3()
@@ -75,7 +75,7 @@ fn what_the_camera_sees_in_its_own_body_is_absorbed_by_it() {
             (&[(Vec3::ZERO, 4.0)], Vec3::ZERO),
         ] {
             let world = place(bodies, are_spheres);
-            // A small body in the middle is beside all ways but some.
+            // Targets are left out where the way to them may meet a small body in the middle.
             let way = |target: &Vec3| bodies.len() < 2 || bodies[1].1 > 1.0 || target.x < -0.9;
             let targets: Vec<Vec3> = targets().filter(way).collect();
             let shot = Shot::of(&world, EYE, targets.iter().copied());
@@ -87,7 +87,7 @@ fn what_the_camera_sees_in_its_own_body_is_absorbed_by_it() {
             let what = format!("spheres {are_spheres}, {bodies:?}");
             assert!(off(&pixels, &lit(sigma)) < 1e-6, "{what}: {}", off(&pixels, &lit(sigma)));
             assert_eq!((rays.total(), rays.lost), (0, 0), "{what}");
-            // Controls: the colour without absorption, and that of the other body.
+            // Controls: the colour without absorption, and the colour with absorption by the other body.
             for wrong in [Vec3::ZERO, FAR].into_iter().filter(|wrong| *wrong != sigma) {
                 assert!(off(&pixels, &lit(wrong)) > 0.1, "{what}: {wrong}");
             }
@@ -173,7 +173,7 @@ fn who_is_outside_sees_opaque_surfaces_as_they_are_to_the_bit() {
     for program in [RayProgram::Refraction, RayProgram::Final] {
         let job = shot.job(program, Corrected, params);
         let (found, _) = shot.run_on(&world.tree(), &job);
-        // Programs that know panes alone shade all else alike, and have no camera in a body.
+        // Programs that support panes alone shade all else in the same way, and ignore that a camera may be in a body.
         let (plain, _) = shot.run_on(&world.tree(), &RayJob { dielectrics: &[], ..job });
         let opaque: Vec<usize> = (0..found.len()).filter(|index| !is_glass(*index)).collect();
         assert!(opaque.len() > 300 && opaque.len() < found.len());
@@ -183,7 +183,7 @@ fn who_is_outside_sees_opaque_surfaces_as_they_are_to_the_bit() {
     }
 }
 
-/// The near plane cuts the skin away: what has no place keeps its colour, and what has one counts as seen in the body.
+/// The near plane cuts the body's surface away. The background has no position and keeps its colour; the wall counts as seen in the body.
 #[test]
 fn the_background_behind_a_cut_keeps_its_colour() {
     let place = |body: Option<Vec3>| {
@@ -217,7 +217,7 @@ fn the_background_behind_a_cut_keeps_its_colour() {
     }
 }
 
-/// Adaptive sampling follows the paths of rough glass anew; it leaves what is seen in the body as it is, to the bit.
+/// Adaptive sampling follows the paths of rough glass anew; opaque surfaces that are seen in the body stay as they are, to the bit.
 #[test]
 fn adaptive_sampling_absorbs_alike() {
     let mut world = World { beyond: Vec3::ONE, ..World::lit_along(Vec3::NEG_Z) };

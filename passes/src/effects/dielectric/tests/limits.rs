@@ -1,4 +1,4 @@
-//! Ways that are not followed: what stands for them, and that chance keeps the mean.
+//! Ways that are cut off: the colour that replaces them, and Russian roulette, which keeps the mean.
 
 use super::spheres::{impact, look, run};
 use super::*;
@@ -23,7 +23,7 @@ fn each_kind_of_bounce_has_its_own_limit() {
         let (r, _) = impact(b.into(), 1.5);
         let color = |limits: PathLimits| look(&world, Vec3::new(b, 0.0, 3.0), Vec3::NEG_Z, limited(16, limits)).0;
         for most in 0..6 {
-            // Once outside, or that often inside.
+            // Reflected once outside, or up to `most` times inside.
             let inside: f64 = (0..=most).map(|k| r.powi(k as i32)).sum();
             let outside = if most > 0 { r } else { 0.0 };
             let expected = (outside + (1.0 - r).powi(2) * inside) as f32;
@@ -33,7 +33,7 @@ fn each_kind_of_bounce_has_its_own_limit() {
         for (most, expected) in [(0, r), (1, r), (2, 1.0)] {
             let found = color(PathLimits { refractions: most, ..PathLimits::DEFAULT });
             assert_close(found, Vec3::splat(expected as f32), 3e-6, format!("{b}: {most} refractions"));
-            // What is not followed has the colour of the background, which here is that of everything.
+            // A branch that is cut off has the colour of the background, which everything has here.
             let cutoff_color = CutoffColor::Background;
             let found = color(PathLimits { refractions: most, cutoff_color, ..PathLimits::DEFAULT });
             assert_close(found, Vec3::ONE, 3e-6, format!("{b}: {most} refractions, background"));

@@ -104,7 +104,7 @@ fn a_plate_between_white_sides_is_the_sum_of_all_its_reflections() {
             // Places on triangles 800 wide are rounded to 6e-5, and so are the ways between them.
             assert_close(pixel, Vec3::from(expected.map(|value| value as f32)), 5e-5, format!("{index} {degrees}"));
             assert_eq!(rays.lost, 0);
-            // Control: who absorbs on the first way alone, or reflects once only, is elsewhere.
+            // Control: absorption on the first way alone gives another value.
             let first_way = r + (1.0 - r) * (1.0 - r) * kept[1] / (1.0 - r);
             assert!((first_way - expected[1]).abs() > 1e-3, "{index} {degrees}");
         }
@@ -113,7 +113,7 @@ fn a_plate_between_white_sides_is_the_sum_of_all_its_reflections() {
 
 #[test]
 fn light_is_trapped_beyond_the_critical_angle_and_passes_below() {
-    // From inside a plate of half thickness 1/2: what leaves is (1-R) / (1 - R a) of what is left at the face.
+    // From inside a plate of half thickness 1/2: of the light that is left at the face, the share (1-R) / (1 - R a) leaves.
     for index in [1.33_f64, 1.5, 2.42] {
         let sigma = Vec3::new(0.0, 0.3, 1.0);
         let world = plate(solid(index as f32, sigma));
@@ -208,7 +208,8 @@ fn light_that_a_surface_scatters_back_comes_from_its_colour() {
     assert_close(pixel, mirrored + through * (0.75 + 0.25 * 0.3 * FRONT), 2e-6, "veil");
 }
 
-/// Of a factor of 0.75 one half of the wall lets everything pass, and the other nothing: that is a diffuse surface which mirrors.
+/// The texture multiplies a factor of 0.75. One half of the wall keeps the factor; the other lets nothing pass and is a diffuse surface that
+/// mirrors.
 #[test]
 fn a_texture_of_transmission_multiplies_the_factor_by_its_red_channel() {
     let place = |texels: Option<[[u8; 4]; 2]>| {

@@ -10,7 +10,7 @@ use curitiba_pipeline::backend::PhotonCounts;
 use glam::{DVec2, DVec3};
 use std::f64::consts::PI;
 
-/// Most fine levels of a ball of triangles: 32,768, with sides of a fortieth of its radius.
+/// Greatest number of times that a ball's triangles are divided: 32,768 triangles, with sides of a fortieth of its radius.
 const LEVELS: u32 = 6;
 
 fn caustic(photons: u32) -> RayParams {
@@ -49,15 +49,15 @@ fn shoot_with(world: &World, params: RayParams, seed: u32, coverage: impl Covera
     cpu::new_pass(&job, &tree, coverage, None).expect("a complete job").photons
 }
 
-/// A ray of light beside the axis of a sphere of radius 1, in its plane: along x it meets the sphere, and it travels along -y.
+/// A ray that leaves a sphere of radius 1, in a plane with the sphere's axis: x is across the axis, and the light came along -y.
 struct Flat {
     at: DVec2,
     along: DVec2,
     share: f64,
 }
 
-/// What of a ray that meets the sphere at this distance from the axis leaves it: mirrored, and after each way inside. Vectors, mirrored and
-/// refracted one after the other.
+/// The rays that leave the sphere, of one that meets it at this distance from the axis: mirrored, and after each way inside. By vectors that
+/// are mirrored and refracted one after the other.
 fn leaving(b: f64, index: f64, ways: u32) -> Vec<Flat> {
     let normal = DVec2::new(b, (1.0 - b * b).sqrt());
     let (r, inner) = interface(b.asin().to_degrees(), index);
@@ -78,7 +78,7 @@ fn leaving(b: f64, index: f64, ways: u32) -> Vec<Flat> {
     list
 }
 
-/// The mean irradiance in each ring of a floor `height` below the centre; and of the light that passes the sphere once alone.
+/// The mean irradiance in each ring of a floor `height` below the centre: of all light, and of the light alone that passes the sphere once.
 fn rings(index: f64, height: f64, borders: &[f64]) -> Vec<[f64; 2]> {
     const STEPS: u32 = 200_000;
     let mut sums = vec![[0.0; 2]; borders.len() - 1];
@@ -204,11 +204,11 @@ fn light_is_counted_once_under_a_block_that_bends_none() {
     let mean = |params| light_at(&world, &below, params).iter().map(|share| share.x).sum::<f32>() / 25.0;
     let found = mean(caustic(1 << 16));
     assert!((found - 0.923_077).abs() < 0.02, "{found}");
-    // With the straight light that went before, it would be nearly twice as much.
+    // With straight light in addition, it would be nearly twice as much.
     assert!((mean(caustic(0)) - 0.9216).abs() < 1e-3);
     let beside = light_at(&world, &[(Vec3::new(3.0, 0.5, 0.0), Vec3::Z)], caustic(1 << 12));
     assert_eq!(beside, [Vec3::ONE]);
-    // Few photons, far from here, and their light is missing: the block throws a shadow.
+    // With few photons, and none of them near these places, their light is missing: the block throws a shadow.
     let dark = light_at(&world, &below[..3], RayParams { photon_radius: 1e-4, ..caustic(16) });
     assert!(dark.iter().all(|share| *share == Vec3::ZERO), "{dark:?}");
 }
@@ -238,7 +238,7 @@ fn the_error_falls_with_the_number_of_photons_and_over_batches() {
         (squares.sum::<f64>() / places.len() as f64).sqrt()
     };
     let errors = [12, 15, 18].map(|log| error(&estimates(&shoot(&world, caustic(1 << log), 5))));
-    // As the third root of the number: by half for eight times as many.
+    // The error falls as the third root of the number of photons: by half for eight times as many.
     assert!(errors.windows(2).all(|pair| pair[1] < 0.65 * pair[0]), "{errors:?}");
     // 16 batches of 2^12 come near the error of 2^16 at once; one of them does not.
     let mut mean = vec![0.0; places.len()];
@@ -281,11 +281,11 @@ fn what_is_opaque_before_and_behind_the_glass_stops_its_light() {
     assert!(at(&free, Vec3::ZERO) > 4.0, "{}", at(&free, Vec3::ZERO));
     let before = with(Vec3::Z * 5.0, 2.0);
     assert_eq!((before.counts.landed, before.counts.lost, at(&before, Vec3::ZERO)), (0, 0, 0.0));
-    // Half of the light of the ball; what the ball mirrors up to it lands there, a twentieth.
+    // The quad stops half of the ball's light. Light that the ball mirrors up to the quad lands there, a twentieth.
     let partly = with(Vec3::new(2.0, 0.0, 5.0), 2.0);
     let share = partly.counts.landed as f64 / free.counts.landed as f64;
     assert!((0.49..0.55).contains(&share), "{share}");
-    // It lies on the focus, which is lit instead of the floor.
+    // The quad lies on the focus, which is lit instead of the floor.
     let behind = with(Vec3::Z * 0.5, 0.9);
     assert!(at(&behind, Vec3::ZERO) == 0.0 && at(&behind, Vec3::Z * 0.5) > 50.0, "{}", at(&behind, Vec3::Z * 0.5));
 }
@@ -327,7 +327,7 @@ fn no_light_is_gained() {
         ("filtered", Dielectric { filter: dye, ..solid(1.5, Vec3::ZERO) }, 0.2),
         ("rough", Dielectric { alpha: 0.3, ..solid(1.5, Vec3::ZERO) }, 0.6),
     ] {
-        // A room that is open where the light comes from: what the ball sends back there alone does not land.
+        // A room that is open where the light comes from: only light that the ball sends back there does not land.
         let mut world = World::lit_along(Vec3::new(1.0, 0.0, -0.2));
         let material = world.dielectric(glass);
         ball(&mut world, material, Vec3::ZERO, 1.0, LEVELS);
@@ -348,7 +348,7 @@ fn white_light_that_is_bent_apart_stays_white_in_all() {
     let power = landed(&shoot(&world, caustic(1 << 16), 0));
     let mean = power.element_sum() / 3.0;
     assert!((power - mean).abs().max_element() < 0.01 * mean && mean > 0.8, "{power}");
-    // Near the focus of blue light there is more of it, and red light has it farther away.
+    // Near the focus of blue light there is more blue; the focus of red light is farther away.
     let near = scene(Dielectric { spread: 0.05, ..solid(1.5, Vec3::ZERO) }, 1.5, 4);
     let focus = shoot(&near, RayParams { photon_radius: 0.03, ..caustic(1 << 16) }, 0).irradiance(Vec3::ZERO, Vec3::Z);
     assert!((focus.x - focus.z).abs() > 0.02 * focus.y, "{focus}");

@@ -59,7 +59,7 @@ fn rough_glass_never_gains_light() {
     }
 }
 
-/// What a wall scatters has no other sum than a smooth one's where facets hide nothing.
+/// The light that a rough wall scatters has the same sum as that of a smooth wall, where facets hide nothing.
 #[test]
 fn a_frosted_wall_scatters_what_it_reflects_and_what_it_lets_through() {
     let place = |alpha: f32| {
@@ -109,7 +109,7 @@ fn smooth_glass_beside_rough_is_as_it_was_to_the_bit() {
     assert!(one != other && many.refracted > 3 * few.refracted, "control: {many:?} {few:?}");
 }
 
-/// Texels of one green value over all of a wall are another factor; one of 0 is smooth glass, to the bit.
+/// A wall whose texels have one green value is like a wall with another factor; a value of 0 is smooth glass, to the bit.
 #[test]
 fn a_texture_of_roughness_multiplies_the_factor_by_its_green_channel() {
     let place = |alpha: f32, texels: Option<[[u8; 4]; 2]>| {
@@ -171,7 +171,7 @@ fn rough_glass_is_the_same_for_any_number_of_threads() {
     assert!(differs > 50, "control: {differs}");
 }
 
-/// Batches of paths are one sequence: four of 16 are the 64, but for rounding.
+/// Batches of paths are one sequence: four batches of 16 paths equal one of 64, but for rounding.
 #[test]
 fn paths_go_on_where_others_ended() {
     let world = face(0.3, 0.2);

@@ -1,7 +1,7 @@
 //! Spheres in spheres: shells around a cavity, against closed forms in `f64`.
 //!
-//! By Bouguer's formula n ρ sin of the angle is the same at every radius ρ of a ray through concentric spheres, so that each layer is met at
-//! the same angles again and again.
+//! By Bouguer's formula, n ρ sin(angle) is constant along a ray through concentric spheres, where ρ is the radius. So the ray meets each
+//! layer at the same angles again and again.
 
 use super::spheres::{look, run};
 use super::*;
@@ -21,14 +21,14 @@ struct Shell {
     cavity: f64,
 }
 
-/// What happens to a ray at an impact.
+/// What happens to a ray at an impact parameter.
 #[derive(Debug, PartialEq, Clone, Copy)]
 enum Way {
     /// It passes beside the cavity.
     Beside,
-    /// It is reflected totally there.
+    /// It is reflected totally at the cavity.
     Mirrored,
-    /// It goes through.
+    /// It goes through the cavity.
     Through,
 }
 
@@ -42,7 +42,7 @@ impl Shell {
         }
     }
 
-    /// Sines at the impact `b`: outside, in the wall at its outer and at its inner side, in the cavity.
+    /// Sines of the angles at the impact parameter `b`: outside, in the wall at its outer and at its inner side, in the cavity.
     fn sines(&self, b: f64) -> [f64; 4] {
         let [wall, inner] = self.indices;
         [b, b / wall, b / (wall * self.cavity), b / (inner * self.cavity)]
@@ -58,7 +58,7 @@ impl Shell {
             return outer + (1.0 - outer).powi(2) * a / (1.0 - outer * a);
         }
         let across = (-self.sigmas[0] * (cos(t) - self.cavity * cos(at_cavity))).exp();
-        // What the cavity sends back of what comes to it, from the side where it comes from or from the other one.
+        // The share that the cavity returns of the light that comes to it, on the same side or on the other one.
         let sends = match self.way(b) {
             Way::Mirrored => 1.0,
             _ => {
@@ -71,8 +71,8 @@ impl Shell {
         outer + (1.0 - outer).powi(2) * round / (1.0 - outer * round)
     }
 
-    /// By how much the light is turned towards the axis that passes without a reflection but a total one, radians: refraction turns it
-    /// towards the axis where it enters and where it leaves, a mirror or the cavity away from it.
+    /// By how much light is turned towards the axis, in radians, if it passes without any reflection but a total one. Refraction turns it
+    /// towards the axis where it enters and where it leaves; a mirror or the cavity turns it away from the axis.
     fn turned(&self, b: f64) -> f64 {
         let [i, t, at_cavity, inner] = self.sines(b).map(|sine| sine.min(1.0).asin());
         match self.way(b) {
@@ -92,7 +92,7 @@ impl Shell {
         world
     }
 
-    /// What the program shows at an impact; that of the eye as it is rounded.
+    /// The impact parameter of the eye as it is rounded, the colour that the program shows there, and the counts of rays.
     fn seen(&self, world: &World, scale: f32, b: f64, depth: u32) -> (f64, f32, RayCounts) {
         let eye = eye_at(b, scale);
         let (pixel, rays) = look(world, eye, Vec3::NEG_Z, auto(depth));
@@ -180,7 +180,8 @@ fn leaving(world: &World, eye: Vec3, depth: u32) -> Vec<DVec3> {
     left.collect()
 }
 
-/// Index 1.5 and a cavity of 0.6 of the radius: through it below an impact of 0.6, mirrored totally by it from there to 0.9, beside it above.
+/// With index 1.5 and a cavity of 0.6 of the radius, light goes through the cavity below an impact parameter of 0.6. From there to 0.9 the cavity
+/// mirrors it totally; above, it passes beside the cavity.
 #[test]
 fn light_leaves_a_hollow_ball_by_bouguers_angles() {
     for cavity in [0.3, 0.6, 0.9, 0.999] {
@@ -190,7 +191,7 @@ fn light_leaves_a_hollow_ball_by_bouguers_angles() {
             let eye = eye_at(f64::from(step) / 50.0, 1.0);
             let across = (eye - CENTER).as_dvec3().truncate();
             let (b, side) = (across.length(), across.normalize());
-            // Next to where ways part the angle changes with the root of the distance.
+            // Next to the borders between the ways, the angle changes with the square root of the distance.
             if [1.5 * cavity, cavity].iter().any(|border| (b - border).abs() < 2e-3) {
                 continue;
             }
@@ -201,7 +202,7 @@ fn light_leaves_a_hollow_ball_by_bouguers_angles() {
             assert!(off < 2e-4, "{cavity} {b} {:?}: {off}", shell.way(b));
         }
     }
-    // A wall that is nearly none turns nothing; control: a full ball does.
+    // A wall of hardly any thickness turns nothing; control: a full ball does.
     let bubble = Shell { cavity: 0.999_99, ..HOLLOW };
     assert!(bubble.turned(0.5).abs() < 1e-4 && Shell { cavity: 1e-9, ..HOLLOW }.turned(0.5) > 0.3);
 }
@@ -229,7 +230,7 @@ fn the_straight_shadow_of_a_hollow_ball_has_the_closed_form() {
         let cavity = if b < 0.75 { face(inner / 0.75) } else { 1.0 };
         let expected = face(outer) * cavity * (-0.5 * 2.0 * (outer - inner)).exp();
         assert!((f64::from(found) - expected).abs() < 1e-5, "{b}: {found} {expected}");
-        // Control: who takes the ball to be full.
+        // Control: a full ball.
         assert!(b > 0.75 || (face(outer) * (-outer).exp() - expected).abs() > 0.02, "{b}");
     }
 }

@@ -19,7 +19,7 @@ pub(super) fn look(world: &World, eye: Vec3, direction: Vec3, params: RayParams)
     (pixels[0], rays)
 }
 
-/// R of an interface where a sphere is met at impact `b` (in radii), and the length of the way inside, in `f64`.
+/// The reflectance where a ray meets a sphere at the impact parameter `b` (in radii), and the length of the way inside, in `f64`.
 pub(super) fn impact(b: f64, index: f64) -> (f64, f64) {
     let (r, inner) = interface(b.asin().to_degrees(), index);
     (r, 2.0 * inner)
@@ -34,7 +34,7 @@ fn white(b: f64, index: f64, sigma: f64) -> f64 {
 
 #[test]
 fn a_sphere_in_a_white_environment_has_the_closed_form_to_rounding() {
-    // That the closed form is written down right: numbers of an independent computation.
+    // Numbers of an independent computation check that the closed form is written down right.
     for (index, sigma, expected) in [
         (1.5, 0.5, [0.384_101, 0.405_261, 0.485_812, 0.635_384]),
         (1.33, 0.5, [0.375_954, 0.403_650, 0.501_718, 0.640_266]),
@@ -53,18 +53,18 @@ fn a_sphere_in_a_white_environment_has_the_closed_form_to_rounding() {
             world.sphere(glass, offset, scale);
             for b in [0.0, 0.1, 0.5, 0.7, 0.9, 0.99] {
                 let eye = offset + Vec3::new(0.6 * b, 0.8 * b, 3.0) * scale;
-                // What the rounding of the eye makes of the impact.
+                // The impact parameter of the eye as it is rounded.
                 let from = (eye - offset).as_dvec3().truncate().length() / f64::from(scale);
                 let expected = sigma.to_array().map(|sigma| white(from, index.into(), f64::from(sigma * scale)) as f32);
                 let (pixel, rays) = look(&world, eye, Vec3::NEG_Z, auto(16));
-                // Places are rounded to 2^-24 of where the sphere is, not of its size.
+                // Positions are rounded to 2^-24 of the sphere's distance from the origin, not of its size.
                 let steep = if b > 0.95 { 2e-5 } else { 3e-6 } * (1.0 + 0.3 * offset.abs().max_element() / scale);
                 assert_close(pixel, Vec3::from(expected), steep, format!("{scale} {index} {b}"));
                 assert_eq!(rays.lost, 0);
             }
         }
     }
-    // Controls: an index two percent off, and who leaves after the first way or absorbs on it alone.
+    // Controls: an index two percent off, light that leaves after the first way, and absorption on the first way alone.
     let (r, length) = impact(0.9, 1.5);
     let (a, whole) = ((-0.5 * length).exp(), white(0.9, 1.5, 0.5));
     assert!((white(0.9, 1.53, 0.5) - whole).abs() > 1e-3);
@@ -73,7 +73,7 @@ fn a_sphere_in_a_white_environment_has_the_closed_form_to_rounding() {
 
 #[test]
 fn each_inner_reflection_adds_what_the_series_says() {
-    // Down to `depth` surfaces ways part; what is left then leaves with the weight of both, after the absorption of its last way.
+    // Down to `depth` surfaces, paths are split. Light that is left then leaves with the weight of both ways, after the absorption of its last way.
     let mut world = World { beyond: Vec3::ONE, ..World::lit_along(Vec3::NEG_Z) };
     let glass = world.dielectric(solid(1.5, Vec3::new(0.0, 0.5, 3.0)));
     world.sphere(glass, Vec3::ZERO, 1.0);
@@ -181,7 +181,7 @@ fn the_straight_shadow_of_a_sphere_has_the_closed_form_and_its_flux() {
         let place = Vec3::new(0.0, outside, 0.0);
         assert_eq!(light_below(&world, place, GlassShadow::Straight), Vec3::ONE);
     }
-    // Rings of equal area: the share of the light that passes the whole disc, .83554 without absorption.
+    // The mean over rings of equal area is the share of the light that passes the whole disc, .83554 without absorption.
     let rings = 400;
     let sum: f32 = (0..rings)
         .map(|ring| light_below(&world, Vec3::X * ((ring as f32 + 0.5) / rings as f32).sqrt(), GlassShadow::Straight).x)
@@ -223,8 +223,8 @@ fn overlapping_spheres_with_priorities_are_as_nested_ones() {
     assert!(apart > 0.01, "control: a cavity above all takes the place of the water: {apart}");
 }
 
-/// By how much a sphere turns what it lets through after k ways inside: 2 (i - t) + (k - 1) (180 - 2 t) degrees; the rainbow of water is where
-/// that is least for k = 2.
+/// A sphere turns light that leaves it after k ways inside by 2 (i - t) + (k - 1) (180 - 2 t) degrees. The rainbow of water is where this angle
+/// is least for k = 2.
 #[test]
 fn light_leaves_a_sphere_by_the_angles_of_the_rainbow() {
     use crate::cpu;

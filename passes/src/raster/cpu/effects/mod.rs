@@ -105,7 +105,7 @@ impl Effects {
         let (levels, exponent) = (job.params.filter, job.params.intensity);
         let mut occlusion = Occlusion::new(job);
         if levels > 0 {
-            // Filtering before the power: the mean of powers is not the power of the mean.
+            // The exponent is applied after the filter, because the mean of powers is not the power of the mean.
             occlusion = occlusion.plain();
         }
         let method = Method::of(job);
@@ -303,7 +303,7 @@ impl Effects {
             let map = &mut self.mirror;
             (map.origin, map.width, map.height) = ([held.x, held.y], held.width, held.height);
             resize(&mut map.color, held.width as usize * held.height as usize, [0.0; 4]).map_err(refused)?;
-            // As the picture itself is drawn: of two layers the nearer one is seen.
+            // Not snapped, as in the picture itself, so that the nearer of two close layers is seen.
             let map_job = RasterJob { snapped_depth: false, ..map_job(job, mirror.view, job.sun, whole, attachments) };
             raster.render(&map_job, job.glass, Target::Attachments(map, attachments), &progress.part())?;
             drawing += start.elapsed();
@@ -348,7 +348,7 @@ fn take(output: &mut Image, plane_of: &[u32], mirror: &Mirror, map: &GBuffer) {
     });
 }
 
-/// Number of triangles that are not glass, which maps show.
+/// Number of triangles that maps show: those that are not glass.
 fn unglazed(job: &EffectJob<'_>) -> u64 {
     let seen = job.scene.geometry.batches.iter().filter(|batch| job.glass.get(batch.material as usize) != Some(&true));
     seen.map(|batch| u64::from(batch.count)).sum()
@@ -390,8 +390,8 @@ impl CubeMaps<'_> {
     }
 }
 
-/// The colour of glass from the colours that `look_up` finds in a direction: the reflected colour, or both by their
-/// Fresnel weights.
+/// The colour of glass: the reflected colour, or the reflected and the refracted colour by their Fresnel weights.
+/// `look_up` returns the colour in a direction.
 fn weighted(job: &EffectJob<'_>, view: Vec3, normal: Vec3, mut look_up: impl FnMut(Vec3) -> Vec3) -> Vec3 {
     let reflected = reflect(view, normal);
     if !job.program.refracts() {

@@ -137,7 +137,7 @@ fn draw_behind(
         *behind = GBuffer::try_new(job.width, job.height, attachments).map_err(refused)?;
     }
     let whole = Rect { x: 0, y: 0, width: job.width, height: job.height };
-    // As the picture itself is drawn: of two layers the nearer one is seen.
+    // Not snapped, as in the picture itself, so that the nearer of two close layers is seen.
     let map_job = RasterJob { snapped_depth: false, ..map_job(job, job.view, job.sun, whole, attachments) };
     raster.render(&map_job, job.glass, Target::Attachments(behind, attachments), &progress.part())?;
     stats.maps = Some(Part { host: start.elapsed(), device: None });

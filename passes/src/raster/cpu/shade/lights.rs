@@ -1,4 +1,4 @@
-//! The light of several lights, and of lights with a place, on the pixels of a row.
+//! The light of several lights, and of positional lights, on the pixels of a row.
 
 use super::{ROW, Rows, TILE, Wanted};
 use crate::raster::cpu::frame::Frame;
@@ -6,7 +6,8 @@ use curitiba_pipeline::backend::{Arriving, Light};
 use curitiba_pipeline::scene::normal_map;
 use glam::{Vec3, Vec4};
 
-/// The sum of the lights at a point by colour, each times its cosine; in the last component the greatest cosine of a light that arrives.
+/// The light that arrives at a point: the sum of the lights' colours, each times its cosine. The last component is the greatest cosine of a
+/// light that arrives.
 pub(in crate::raster::cpu) fn sum_of_lights(lights: &[Light], point: Vec3, cosine: impl Fn(Vec3) -> f32) -> Vec4 {
     let mut sum = Vec4::ZERO;
     for light in lights {

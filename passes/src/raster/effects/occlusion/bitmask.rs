@@ -21,13 +21,13 @@ struct Sectors {
     jitter: Lanes,
 }
 
-/// The open share of the cosine-weighted hemisphere within the radius. What is seen is taken as `thickness` deep, with
-/// open space behind.
+/// The open share of the cosine-weighted hemisphere within the radius. Each surface seen counts as `thickness` deep, with
+/// open space behind it.
 ///
 /// Therrien, Levesque and Gilet, "Screen Space Indirect Lighting with Visibility Bitmask", The Visual Computer 39,
 /// 2023: a slice is divided into sectors, and each sample seen shuts the sectors between its front and its back. A
-/// horizon would shut all sectors below it. So light passes behind a post. Steps and slice weights are those of the
-/// horizons. The differences from the paper:
+/// horizon would shut all sectors below it; with bitmasks, light passes behind a post. Steps and slice weights are those
+/// of the method by horizons. The differences from the paper:
 /// - Sectors have equal contributions, not equal angles, so a slice's share is the number of its open sectors. The
 ///   contribution from `V` to an angle `h` is `arc(h)` of the horizons.
 /// - A sector is shut if one angle in it is hidden. That angle is random for each pixel, so nothing is rounded to whole

@@ -4,8 +4,9 @@ use crate::raster::effects::screen::camera::ScreenCamera;
 use curitiba_pipeline::backend::EffectJob;
 use glam::{Vec3, Vec4};
 
-/// What the jitters of a slice's two sides grow by from a slice to the next, of 2³²: the sequence R2 (Roberts, "The Unreasonable Effectiveness
-/// of Quasirandom Sequences", 2018), which spreads points in a square evenly: `2³² / p` and `2³² / p²` with `p³ = p + 1`.
+/// Increments of the jitters of a slice's two sides from one slice to the next, in units of 2⁻³². They are those of the sequence R2 (Roberts,
+/// "The Unreasonable Effectiveness of Quasirandom Sequences", 2018), which spreads points evenly in a square: `2³² / p` and `2³² / p²` with
+/// `p³ = p + 1`.
 pub const JITTERS: [u32; 2] = [0xc13f_a9a9, 0x91e1_0da6];
 
 /// Values that all pixels of an ambient occlusion share.
@@ -66,7 +67,7 @@ impl<'a> Occlusion<'a> {
         }
     }
 
-    /// The same with an exponent of 1.
+    /// The same values with an exponent (`intensity`) of 1.
     #[must_use]
     pub fn plain(self) -> Self {
         Self { intensity: 1.0, ..self }

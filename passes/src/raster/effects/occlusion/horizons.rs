@@ -36,8 +36,8 @@ pub(super) struct Plane {
 ///   a flat surface seen at a grazing angle does not occlude itself.
 /// - Positions farther than the radius in that plane are ignored, without a falloff, as a ray of this length would not
 ///   reach them.
-/// - The sum is divided by that of the unoccluded slices, `|n_p| (cos γ + γ sin γ)`, not by their number. The parts
-///   that horizons take away are summed, so that an open plane is exactly 1.
+/// - The sum is divided by the sum for unoccluded slices, `|n_p| (cos γ + γ sin γ)`, not by the number of slices. The
+///   parts that horizons take away are summed, so that an open plane is exactly 1.
 /// - A horizon is kept as a direction `(x, y)` along `T` and `V`, and compared by `y / x`: no root and no quotient in a
 ///   step.
 #[inline(always)]

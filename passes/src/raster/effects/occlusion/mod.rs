@@ -3,8 +3,9 @@
 //!
 //! All three look along `slices` directions from a pixel, `steps` times on each side. A slice is a plane through the
 //! eye and the pixel's position `P`, with unit vectors `V` to the eye and `T` across. Positions `P + r T` lie on a
-//! straight line of the picture, and the surfaces seen there lie in the plane, up to the rounding to pixels. Horizons and bitmasks place
-//! their steps along that line, between one pixel and the place of `P + radius T`; depths place them by `r`.
+//! straight line of the picture, and the surfaces seen there lie in the plane, up to the rounding to pixels. The methods by horizons
+//! and by bitmasks place their steps along that line, between one pixel and the place of `P + radius T`. The method by depths
+//! places its steps by `r`.
 //!
 //! A pixel has four random words. Slice `index` has the angle `π (index + u) / slices` around `V`, where `u` is the first word as a
 //! fraction. The jitters of its two sides are the last two words as fractions, plus `index` times [`JITTERS`]. The jitter of the sectors is
@@ -45,7 +46,7 @@ pub const SPAN: usize = WIDE;
 pub enum Method {
     /// By horizon angles.
     Horizons,
-    /// By bitmasks of sectors that samples shut.
+    /// By visibility bitmasks: samples shut (occlude) sectors of a slice.
     Bitmask,
     /// By depth differences.
     Depths,

@@ -107,7 +107,7 @@ impl Pixels {
         }
         let [columns, rows, depths] = occlusion.rows;
         for lane in 0..WIDE {
-            // Relative to the eye digits stay that a camera far from the origin loses.
+            // Positions relative to the eye keep digits that are lost for a camera far from the origin.
             let p = [
                 position[0].0[lane] - occlusion.from.x,
                 position[1].0[lane] - occlusion.from.y,
@@ -177,8 +177,8 @@ impl Pixels {
         slice
     }
 
-    /// How many pixels away the position at a distance along the slice is seen; at most [`Occlusion::most`], which is said of one behind the
-    /// eye. `towards` is the sign of the slice's side.
+    /// Distance in pixels at which the position at distance `reach` along the slice is seen. It is at most [`Occlusion::most`], and exactly
+    /// that for a position behind the eye. `towards` is the sign of the slice's side.
     #[inline(always)]
     pub(super) fn pixels_to(
         &self,
@@ -193,7 +193,7 @@ impl Pixels {
         if (w > 0.0) & (pixels < occlusion.most) { pixels } else { occlusion.most }
     }
 
-    /// The pixel that is a lane's number of pixels along the slice. It is the lane's own pixel if that is outside the picture.
+    /// For each lane, the index of the pixel that is `pixels(lane)` pixels along the slice; the lane's own pixel if that is outside the picture.
     #[inline(always)]
     pub(super) fn look(&self, occlusion: &Occlusion<'_>, slice: &Slice, pixels: impl Fn(usize) -> f32) -> [u32; WIDE] {
         let (width, height) = (occlusion.width as f32, occlusion.height as f32);

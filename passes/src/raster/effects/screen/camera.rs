@@ -30,7 +30,7 @@ pub struct ScreenCamera {
     /// Step from a column to the next on the plane at depth 1; without perspective at every depth. `w` is the nearness
     /// of the near plane.
     pub right: Vec4,
-    /// Step from a row to the next, there. `w` is the nearness of the farthest depth.
+    /// Step from a row to the next, on the same plane. `w` is the nearness of the farthest depth.
     pub down: Vec4,
     /// Unit viewing direction through the middle. `w` is [`SLACK`] at depth 1 in scene units; without perspective at
     /// every depth.
@@ -38,7 +38,7 @@ pub struct ScreenCamera {
 }
 
 impl ScreenCamera {
-    /// The same as [`ScreenCamera::new`], all zeros for a degenerate matrix: no pixel is found through it, and all depths are 0.
+    /// As [`ScreenCamera::new`], but all zeros for a degenerate matrix. For such a blind camera no position has a pixel, and all depths are 0.
     #[must_use]
     pub fn or_blind(view: &View, width: u32, height: u32) -> Self {
         Self::new(view, width, height).unwrap_or_else(bytemuck::Zeroable::zeroed)
@@ -88,8 +88,9 @@ impl ScreenCamera {
         self.from.w != 0.0
     }
 
-    /// Lines of sight, relative to [`Self::from`]. In perspective the first is that through the centre of the first pixel, at depth 1; else
-    /// it is the position that this pixel shows at depth 0, and the second is the step to the next depth. Zeros for a blind camera.
+    /// Lines of sight, relative to [`Self::from`]. In perspective, the first vector is the point at depth 1 on the line through the centre of
+    /// the first pixel. Otherwise it is the position that this pixel shows at depth 0, and the second vector is the change of the position
+    /// for one unit of depth. Zeros for a blind camera.
     #[must_use]
     pub fn sights(&self) -> [Vec3; 2] {
         let rows = [self.columns, self.rows, self.depths].map(Vec4::as_dvec4);
@@ -116,7 +117,7 @@ impl ScreenCamera {
         }
     }
 
-    /// Whether `nearness` is at most `depth` plus [`SLACK`] behind the nearness `other`.
+    /// Whether a place with this nearness lies at most `depth` plus [`SLACK`] behind a place with the nearness `other`.
     #[must_use]
     #[inline]
     pub fn is_within(&self, nearness: f32, other: f32, depth: f32) -> bool {

@@ -5,11 +5,11 @@ use super::pyramid::Pyramid;
 use curitiba_pipeline::scene::TriangleRanges;
 use glam::Vec3;
 
-/// Relative rounding error of a nearness; it is taken of the ray's start and of the surface, whichever gives more.
+/// Relative rounding error of a nearness. The tolerance is this times the nearness of the ray's start or of the surface, whichever is greater.
 pub const ROUNDING: f32 = 1.0 / (1 << 18) as f32;
 
-/// How far into the next block its column and row are looked for, in pixels, so that rounding does not hold a ray back. The ray itself is followed
-/// from where it left the block before.
+/// Distance behind a block's exit, in pixels, at which the column and row of the next block are computed, so that rounding does not keep a
+/// ray in the same block. The test of the next block begins at the exit itself.
 pub const STEP: f32 = 1.0 / 256.0;
 
 /// Least extent of a line across the screen, in pixels; a shorter line stays in its column or row.
@@ -107,7 +107,7 @@ impl Screen<'_> {
         let rounding = ROUNDING * start.z.abs();
         let last = self.pyramid.depth() - 1;
         let [columns, rows] = self.size;
-        // Where the ray enters the block, and a place in that block.
+        // As fractions of the line: where the ray enters the block, and a place in that block.
         let (mut enter, mut t, mut level, mut first) = (0.0_f32, 0.0_f32, 0, !from_inside);
         for _ in 0..self.most_steps() {
             if t >= 1.0 {

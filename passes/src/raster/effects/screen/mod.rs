@@ -10,9 +10,9 @@
 //! # Answered rays
 //! A ray is answered where it hits the visible side of a surface, from in front of it or at most `thickness` and a
 //! quarter of a pixel behind it, and where it leaves for infinity in a pixel that shows nothing. A ray is not answered
-//! where it leaves the screen, reaches the camera, hits a surface from behind, hits glass, or is deeper behind a
-//! surface than that: the picture does not show what it hits there. Letting such rays go on adds answers, but most of
-//! these are wrong.
+//! where it leaves the screen, reaches the camera, hits a surface from behind, hits glass, or passes deeper behind a
+//! surface: the picture does not show the hits of such rays. Letting them go on adds answers, but most of these are
+//! wrong.
 
 pub mod camera;
 pub mod march;

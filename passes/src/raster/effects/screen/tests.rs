@@ -140,8 +140,8 @@ fn the_pyramid_changes_no_answer() {
     assert!(met > 500 && missing > 500 && differ <= (met + missing) / 500, "{met} {missing} {differ}");
 }
 
-/// Near its vanishing point a ray goes far in a small part of a pixel: it is followed without a gap from one pixel to the next. With steps of 1/256
-/// of a pixel between them one in some hundred rays was lost, which were single holes in a mirrored sky.
+/// Near its vanishing point a ray covers a long way within a small part of a pixel, so it must be followed without gaps from pixel to pixel. With
+/// gaps of 1/256 of a pixel, one in some hundred rays was lost, which made single holes in a mirrored sky.
 #[test]
 fn rays_to_a_far_wall_meet_it_wherever_they_cross_it_in_a_pixel() {
     const SIDE: u32 = 128;

@@ -1,6 +1,6 @@
 // Whether any pixel needs maps: without one, no map is drawn.
 //
-//   GLASS   a pixel that shows glass; else one that faces the light, and the depths of all that do
+//   GLASS   looks for a pixel that shows glass; else for one that faces the light, and for the range of depths of all such pixels
 
 struct Params {
     // Without GLASS: the dot product of this with a position and 1 is the position's depth.
@@ -43,14 +43,14 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
     if !calls {
         return;
     }
-    // Reads first, so that most of the millions of pixels need not write.
+    // Reads first, so that most of the millions of pixels do not write.
     if atomicLoad(&found.any) == 0u {
         atomicStore(&found.any, 1u);
     }
 //#if GLASS
 //#else
     let depth = dot(params.depth_plane, vec4<f32>(position.xyz, 1.0));
-    // Also 0 for a NaN.
+    // A NaN gives 0 as well.
     let bits = select(0u, bitcast<u32>(depth), depth > 0.0 && depth < LARGEST);
     if atomicLoad(&found.nearest) < ~bits {
         atomicMax(&found.nearest, ~bits);

@@ -1,6 +1,6 @@
 // Reflection and refraction in glass from cube maps: `raster::effects::cube` and `raster::effects::panes`.
 //
-//   REFRACT   what is behind the pane, too
+//   REFRACT   also shows what is behind the pane
 
 struct Params {
     eye: vec4<f32>,

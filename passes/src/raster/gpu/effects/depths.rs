@@ -1,8 +1,8 @@
 //! The depths of a picture on the device, from which occlusions compute positions.
 //!
-//! A step of an occlusion reads one texel of another pixel. A depth takes 4 bytes there, where a position takes 16. The position that
-//! belongs to it is the one on the line of sight through the pixel's centre. Rasterisers draw positions on that line, up to the
-//! rounding of vertices to a part of a pixel; 16-bit positions are farther off it.
+//! A step of an occlusion reads one texel of another pixel. A depth takes 4 bytes, a position 16. The position is computed from the depth
+//! as the point of that depth on the line of sight through the pixel's centre. Rasterisers draw positions on that line, up to the
+//! rounding of vertices to a part of a pixel; 16-bit positions are farther off the line.
 
 use super::bindings::{bind, layout, uniform};
 use super::inputs::Inputs;

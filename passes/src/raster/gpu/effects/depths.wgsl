@@ -1,4 +1,4 @@
-// The depth of each pixel, 4 bytes in the place of a position's 16: `raster::gpu::effects::depths`.
+// The depth of each pixel, in 4 bytes instead of a position's 16: `raster::gpu::effects::depths`.
 
 struct Params {
     camera: ScreenCamera,
@@ -15,7 +15,7 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
     }
     let position = textureLoad(position_buffer, id.xy, 0);
     let depth = dot(params.camera.depths, vec4<f32>(position.xyz - params.camera.origin.xyz, 1.0));
-    // In perspective nothing is seen at the eye or behind it.
+    // In perspective, nothing is visible at the eye or behind it.
     let known = any(position != vec4<f32>(0.0)) && (depth > 0.0 || params.camera.origin.w == 0.0) && abs(depth) < FAR;
     textureStore(depths, id.xy, vec4<f32>(select(FAR, depth, known), 0.0, 0.0, 0.0));
 }

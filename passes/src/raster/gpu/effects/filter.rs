@@ -16,20 +16,20 @@ use std::time::Duration;
 pub(crate) struct ShareFilter {
     /// Writes a colour.
     last: Program,
-    /// Writes a number a pixel, for another level.
+    /// Writes one number per pixel, for the next level.
     between: Option<Program>,
 }
 
-/// What is filtered, and how.
+/// The inputs, outputs and parameters of a filter run.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Filtered<'a> {
     /// Columns and rows.
     pub size: (u32, u32),
     /// The bind group with positions and normals.
     pub gbuffer: &'a wgpu::BindGroup,
-    /// The shares, and what each level writes.
+    /// The shares to filter, followed by the output of each level.
     pub pictures: &'a [&'a wgpu::TextureView],
-    /// Whether the pictures but the last have a number a pixel, and not a colour.
+    /// Whether all pictures but the last hold one number per pixel instead of a colour.
     pub shares: bool,
     /// Exponent of the result.
     pub exponent: f32,
@@ -77,7 +77,7 @@ fn task((width, height): (u32, u32), level: u32) -> Task {
     Task { width, height, id_base: 0, texels: 25, apart: 1 << level }
 }
 
-/// The filter after ray passes, which have neither a timer nor a layout of G-buffers for it.
+/// The filter after ray passes. It has its own timer and G-buffer layout, because ray passes have none for it.
 #[derive(Debug)]
 pub(crate) struct RayFilter {
     inputs: Inputs,
@@ -91,8 +91,8 @@ impl RayFilter {
         Ok(Self { filter: ShareFilter::new(gpu, &inputs)?, timer: Timer::new(gpu)?, inputs })
     }
 
-    /// Filters shares over the surfaces of these positions and normals, and waits. The last of the levels, which write alternately to
-    /// the second picture and the first, takes the power. Returns the time by the device's clock, if it has one.
+    /// Filters shares over the surfaces of these positions and normals, and waits. The levels write alternately to the second picture
+    /// and the first. The last level applies the exponent. Returns the time by the device's clock, if it has one.
     pub fn run(
         &mut self,
         gpu: &Gpu,

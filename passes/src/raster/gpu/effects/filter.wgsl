@@ -1,7 +1,7 @@
 // One level of the edge-avoiding filter of ambient occlusion: `raster::effects::filter`.
 
 struct Params {
-    // Neighbouring taps are 2 to this power pixels apart.
+    // Distance of neighbouring taps in pixels, as a power of 2.
     level: u32,
     // Exponent of the result.
     exponent: f32,
@@ -9,16 +9,16 @@ struct Params {
 
 @group(1) @binding(3) var shares: texture_2d<f32>;
 
-// Pixels along a side of what a workgroup reads: its own, and two on each side.
+// Pixels along a side of the tile that a workgroup reads: its own pixels, and two more on each side.
 const TILE = GROUP + 4u;
 
-// By pixel of the tile: position and share.
+// For each pixel of the tile: position and share.
 var<workgroup> places: array<vec4<f32>, TILE * TILE>;
 // Unit normal, and 1 where there is a surface, else 0.
 var<workgroup> surfaces: array<vec4<f32>, TILE * TILE>;
 
-// The pixels of a workgroup are `step` apart, as the taps are, so that it reads each pixel of its tile once. The groups of a square of
-// `step` times `step` have the pixels between.
+// The pixels of a workgroup are `step` apart, as the taps are, so that it reads each pixel of its tile once. The pixels between them belong to
+// the other groups of a square of `step` times `step` groups.
 @compute @workgroup_size(GROUP, GROUP)
 fn main(
     @builtin(workgroup_id) group: vec3<u32>,
@@ -68,15 +68,15 @@ fn filtered(middle: u32) -> f32 {
     return here.w + sums.x / (sums.y + SPLINE_0 * SPLINE_0);
 }
 
-// The taps of a row around a pixel of the tile: the weighted differences from `here`, and the weights. The taps are written out, so
-// that no compiler leaves them in a loop.
+// Sums over the taps of a row around a pixel of the tile: the weighted differences from `here`, and the weights. The taps are written out,
+// so that no compiler leaves them in a loop.
 fn row(here: vec4<f32>, surface: vec4<f32>, at: u32, spline: f32) -> vec2<f32> {
     return SPLINE_2 * spline * (tap(here, surface, at - 2u) + tap(here, surface, at + 2u))
         + SPLINE_1 * spline * (tap(here, surface, at - 1u) + tap(here, surface, at + 1u))
         + SPLINE_0 * spline * tap(here, surface, at);
 }
 
-// A tap with a weight that tells whether it shows the same surface. In the middle, where there is no distance, that is 0.
+// A tap: its weighted difference and its weight, which is high where it shows the same surface. For `here` itself the weight is 0.
 fn tap(here: vec4<f32>, surface: vec4<f32>, at: u32) -> vec2<f32> {
     let there = places[at];
     let other = surfaces[at];
@@ -93,7 +93,7 @@ fn tap(here: vec4<f32>, surface: vec4<f32>, at: u32) -> vec2<f32> {
     return vec2<f32>(weight * (there.w - here.w), weight);
 }
 
-// `x` in 0..1 to a power of at least 0.
+// `x`, from 0 to 1, raised to a power of at least 0.
 fn power(x: f32, exponent: f32) -> f32 {
     if exponent == 0.0 || x >= 1.0 {
         return 1.0;

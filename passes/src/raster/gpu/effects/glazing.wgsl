@@ -3,7 +3,7 @@
 
 const NOT_GLASS = 0xfffffffeu;
 
-// The plane that a glass triangle lies in, or NO_PLANE; NOT_GLASS for other triangles and for ids that are no triangle.
+// The plane that a glass triangle lies in, or NO_PLANE; NOT_GLASS for other triangles and for ids that do not belong to a triangle.
 fn plane_of(triangle: u32) -> u32 {
     let range = range_of(triangle);
     if range == 0u {

@@ -62,7 +62,7 @@ impl Inputs {
         Ok(Self { layout, unread, uploads: Kept::default() })
     }
 
-    /// Binds the job's G-buffer: that of `drawn` if the job says it is the same, else an upload.
+    /// Binds the job's G-buffer: the attachments of `drawn` if the job says that it is on the device, else an upload.
     pub fn ready<'a>(
         &'a mut self,
         gpu: &Gpu,

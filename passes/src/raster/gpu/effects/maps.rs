@@ -88,10 +88,10 @@ pub struct Maps {
     depths: std::sync::Arc<[wgpu::TextureView]>,
     /// Bytes of device memory, see [`MapsKey::bytes`].
     pub bytes: u64,
-    /// Width and height of each in texels.
+    /// Width and height of each map in texels.
     size: [u32; 2],
-    /// Whether depth is as the device interpolates it, and not that of the triangles' planes. Pictures of mirrors have that of planes, as
-    /// the picture that shows them.
+    /// Whether depth is interpolated by the device instead of computed on the triangles' planes. Pictures of mirrors have the depth of
+    /// planes, as the picture that shows the mirrors.
     snapped_depth: bool,
 }
 

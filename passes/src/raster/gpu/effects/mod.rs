@@ -1,7 +1,7 @@
 //! Raster effects on the device: maps drawn with the rasteriser's own pipelines, and one compute shader for each program.
 //!
 //! The host code in [`crate::raster::effects`] defines what a program computes: cameras, probes and biases come from
-//! there, and tests compare with it what the shaders must repeat. Differences come from rounding;
+//! there. Where shaders must repeat host code, tests compare the results. Differences come from rounding;
 //! `raster_effects_agree` states how many pixels they change.
 //!
 //! The G-buffer of the last draw is read in place. Textures, pipelines, bind groups and buffers are kept for the next
@@ -81,7 +81,7 @@ pub(super) struct Effects {
     asks: [Option<Ask>; 2],
     maps: Kept<MapsKey, Maps>,
     outputs: Kept<(u32, u32), Output>,
-    /// What a filter reads: that of the occlusion and of every other level, and that of the levels between, if there are any.
+    /// Pictures that filter levels read: the first has the occlusion and the results of even levels, the second those of odd levels.
     shares: [Kept<(u32, u32), Output>; 2],
     /// Bind group 1 of programs, by output and maps. Groups of dropped resources are removed.
     groups: HashMap<GroupKey, wgpu::BindGroup>,
@@ -302,7 +302,7 @@ impl Effects {
         };
         let size = (job.width, job.height);
         let levels = levels(job) as usize;
-        // The levels write alternately to the shares, and the last one the output.
+        // The levels write alternately to the two shares, and the last level writes the output.
         let mut pictures = Vec::new();
         for level in 0..=levels {
             let kept = if level == levels { &self.outputs } else { &self.shares[level % 2] };
@@ -312,8 +312,8 @@ impl Effects {
         filter.run(gpu, &self.inputs, context.timer, &filtered, progress)
     }
 
-    /// Nearest and farthest depth of the pixels that need the program's maps, 0 if these are glass pixels. `None` if no
-    /// pixel needs maps: then none are drawn.
+    /// Nearest and farthest depth of the pixels that need the program's maps; both are 0 if these are glass pixels. `None`
+    /// if no pixel needs maps, so that no maps are drawn.
     fn called_for(
         &mut self,
         gpu: &Gpu,
@@ -403,7 +403,7 @@ fn levels(job: &EffectJob<'_>) -> u32 {
     if occludes(job.program) { job.params.filter } else { 0 }
 }
 
-/// The time of two consecutive parts, of which one may have no device time: nothing was submitted for it.
+/// The time of two consecutive parts. A part for which nothing was submitted has no device time.
 fn together(a: Part, b: Part) -> Part {
     let device = match (a.device, b.device) {
         (Some(a), Some(b)) => Some(a + b),

@@ -1,14 +1,14 @@
 // Screen-space ambient occlusion: `raster::effects::occlusion`.
 //
-//   HORIZONS      by horizons, or by sectors; else by the difference of depths
+//   HORIZONS      by horizons, or by sectors of a bitmask; else by differences of depths
 //   BITMASK       by sectors of a bitmask
 //   PERSPECTIVE   the camera has perspective
 
 struct Params {
     camera: ScreenCamera,
     eye: vec4<f32>,
-    // In perspective the line of sight through the centre of the first pixel, at depth 1; else the position that it shows at depth 0. Both
-    // relative to the camera's origin.
+    // In perspective, the line of sight through the centre of the first pixel, at depth 1. Without perspective, the position that this pixel shows
+    // at depth 0. Both are relative to the camera's origin.
     corner: vec4<f32>,
     // Without perspective, the step to the next depth.
     sight: vec4<f32>,
@@ -23,26 +23,26 @@ struct Params {
     // 1 divided by the number of slices, and of steps.
     per_slice: f32,
     interval: f32,
-    // The farthest that a step goes, in pixels.
+    // The greatest distance of a step, in pixels.
     most: f32,
 }
 
 @group(1) @binding(3) var depths: texture_2d<f32>;
 
-// A pixel of the picture: `raster::effects::occlusion::pixels`. What it shows is on the line of sight through its centre. Vectors in its
-// basis have components along the direction to the eye and along two vectors across.
+// A pixel of the picture: `raster::effects::occlusion::pixels`. Its surface point lies on the line of sight through its centre. Vectors in the
+// pixel's basis have components along the direction to the eye and along two perpendicular vectors.
 struct Here {
     // Column and row, as numbers that `ROUND` is added to.
     center: vec2<f32>,
     depth: f32,
-    // What columns and rows are divided by: the depth, 1 without perspective.
+    // The divisor of columns and rows: the depth, or 1 without perspective.
     w: f32,
     // Distance from the eye.
     eye: f32,
-    // Columns, rows and `w` along the two vectors across: see `Slice`.
+    // Changes of columns, rows and `w` along the two perpendicular vectors: see `Slice`.
     rates: mat2x3<f32>,
-    // Steps of the position to the next column, row and depth; in the pixel's basis. Those to columns and rows are to be multiplied by
-    // the depth. In perspective the step to the next depth is along the first axis.
+    // Steps of the position to the next column, row and depth, in the pixel's basis. The steps to columns and rows must be multiplied by the
+    // depth. In perspective, the step to the next depth is along the first axis.
     right: vec3<f32>,
     down: vec3<f32>,
     sight: vec3<f32>,
@@ -56,13 +56,13 @@ struct Slice {
     turn: vec2<f32>,
     // Its unit direction in columns and rows.
     along: vec2<f32>,
-    // Columns and rows, taken as one length, and `w` for each unit of length.
+    // Change of column and row, as one length, and change of `w`, for each unit of length.
     rate: vec2<f32>,
     // Length along the slice that covers one pixel of the picture.
     pixel: f32,
 }
 
-// The pixel that a step finds.
+// The pixel at which a step of a slice arrives.
 struct Found {
     // Column and row, as numbers that `ROUND` was added to.
     rounded: vec2<f32>,
@@ -153,14 +153,15 @@ fn slice_of(here: Here, turn: vec2<f32>) -> Slice {
     return Slice(turn, rate.xy * inverse, vec2<f32>(squared * inverse, rate.z), here.w * inverse);
 }
 
-// Pixels from the middle to positions at these distances along a slice; at most `most`, which are those behind the eye.
+// Distances in pixels from the middle to positions at these distances along a slice; at most `most`, which also stands for positions behind
+// the eye.
 fn pixels_to(here: Here, slice: Slice, reach: vec2<f32>) -> vec2<f32> {
     let w = fma(vec2<f32>(slice.rate.y), reach, vec2<f32>(here.w));
     let pixels = min(abs(reach) * slice.rate.x / w, vec2<f32>(params.most));
     return select(vec2<f32>(params.most), pixels, w > vec2<f32>(0.0));
 }
 
-// The pixel so many pixels along the slice.
+// The pixel at a distance of `pixels` along the slice.
 fn look(here: Here, slice: Slice, pixels: f32) -> Found {
     // Adding to `ROUND` rounds to an integer, which the sum holds in its low bits.
     let rounded = fma(slice.along, vec2<f32>(pixels), here.center);
@@ -168,12 +169,12 @@ fn look(here: Here, slice: Slice, pixels: f32) -> Found {
     return Found(rounded, pixel, all(pixel < frame.size));
 }
 
-// Columns and rows from the middle. A fused product with a 1 that compilers do not know: none can cancel `ROUND`.
+// Columns and rows from the middle. The factor 1 comes from a parameter that compilers do not know, so that they cannot cancel `ROUND`.
 fn aside(here: Here, found: Found) -> vec2<f32> {
     return fma(found.rounded, vec2<f32>(params.eye.w), -here.center);
 }
 
-// What columns and rows are divided by at a depth: 1 without perspective.
+// The divisor of columns and rows at a depth: 1 without perspective.
 fn to_w(depth: f32) -> f32 {
 //#if PERSPECTIVE
     return depth;
@@ -185,19 +186,19 @@ fn to_w(depth: f32) -> f32 {
 //#if HORIZONS
 // The plane of a slice.
 struct Plane {
-    // Components of the normal to the eye and along the slice. Their length is the slice's weight.
+    // Components of the normal along the direction to the eye and along the slice. The length of both is the slice's weight.
     normal: vec2<f32>,
     // Square of that length.
     squared: f32,
-    // Steps to the next column, row and depth along the slice (x) and to the eye (y), after they are moved into the plane along the
-    // tangent plane.
+    // Steps to the next column, row and depth: components along the slice (x) and towards the eye (y). The steps are first moved into the plane
+    // along the tangent plane.
     right: vec2<f32>,
     down: vec2<f32>,
     sight: vec2<f32>,
 }
 
 fn plane_of(here: Here, turn: vec2<f32>) -> Plane {
-    // The normal's component along the slice, and the one off its plane.
+    // The normal's component along the slice, and its component perpendicular to the slice's plane.
     let across = here.normal.y * turn.x + here.normal.z * turn.y;
     let off = here.normal.z * turn.x - here.normal.y * turn.y;
     let squared = across * across + here.normal.x * here.normal.x;
@@ -219,11 +220,11 @@ fn into_plane(step: vec3<f32>, turn: vec2<f32>, shear: vec2<f32>) -> vec2<f32> {
     return vec2<f32>(step.y * turn.x + step.z * turn.y, step.x) + shear * (step.z * turn.x - step.y * turn.y);
 }
 
-// What is seen at a depth, along a side of the slice (x, above 0 on that side) and to the eye (y).
+// The position seen at a depth: its distance along one side of the slice (x, above 0 on that side) and towards the eye (y).
 fn in_plane(here: Here, plane: Plane, found: Found, depth: f32, towards: f32) -> vec2<f32> {
     let aside = aside(here, found);
 //#if PERSPECTIVE
-    // The pixel's own position is `eye` from the eye.
+    // The pixel's own position is at a distance of `eye` from the eye.
     let x = depth * (towards * (aside.x * plane.right.x + aside.y * plane.down.x));
     return vec2<f32>(x, fma(depth, fma(aside.x, plane.right.y, fma(aside.y, plane.down.y, plane.sight.y)), here.eye));
 //#else
@@ -249,7 +250,7 @@ fn open(pixel: vec2<u32>, depth: f32, normal: vec3<f32>) -> f32 {
         turn = turned(turn);
         let first = fraction(seeds) * params.interval;
         seeds += vec2<u32>(JITTER_1, JITTER_2);
-        // Else the normal is almost perpendicular to the plane.
+        // Otherwise the normal is almost perpendicular to the plane.
         let counts = plane.squared >= LEAST_WEIGHT;
         let tilt = tilt_of(plane);
         let all = plane.normal.x + tilt * plane.normal.y;
@@ -307,12 +308,12 @@ fn open(pixel: vec2<u32>, depth: f32, normal: vec3<f32>) -> f32 {
     return 1.0;
 }
 
-// Pixels of a step on both sides, from its share of the way. Steps are denser near the pixel.
+// Distances in pixels of a step on both sides, from its share of the span. Steps are denser near the pixel.
 fn reaches(span: vec2<f32>, share: vec2<f32>) -> vec2<f32> {
     return fma(span, share * share, vec2<f32>(1.0));
 }
 
-// The angle of the projected normal from the direction to the eye, as twice that of its half: `tan(g / 2) = sin g / (1 + cos g)`.
+// The angle of the projected normal from the direction to the eye, as twice its half: `tan(g / 2) = sin g / (1 + cos g)`.
 fn tilt_of(plane: Plane) -> f32 {
     let half = plane.normal.y / (plane.normal.x + sqrt(plane.squared));
     return 2.0 * arc_tangent(half);
@@ -337,7 +338,7 @@ fn sectors_of(plane: Plane, tilt: f32, all: f32, jitter: f32) -> Sectors {
     return Sectors(normal, all * scale, limit, jitter);
 }
 
-// A mask of the sectors that something seen on one side of a slice shuts.
+// A mask of the sectors that an occluder on one side of a slice covers.
 fn shut_by(sectors: Sectors, towards: f32, plane: Plane, here: Here, found: Found) -> u32 {
     var depth = FAR;
     if found.inside {
@@ -345,13 +346,13 @@ fn shut_by(sectors: Sectors, towards: f32, plane: Plane, here: Here, found: Foun
     }
     let front = in_plane(here, plane, found, depth, towards);
     let away = normalize(front - vec2<f32>(0.0, here.eye));
-    // Distances at which that line enters and leaves the disk of the radius.
+    // Distances at which the line through the occluder enters and leaves the disk of the radius.
     let middle = dot(front, away);
     let inside = middle * middle + (params.radius * params.radius - dot(front, front));
     let chord = sqrt(max(inside, 0.0));
     let first = max(-middle - chord, 0.0);
     let last = min(chord - middle, params.thickness);
-    // The move into the plane may bring a near pixel to the other side.
+    // Moving the occluder into the plane may bring a near pixel to the other side.
     if !(front.x > 0.0 && inside > 0.0 && last > first) {
         return 0u;
     }
@@ -359,7 +360,7 @@ fn shut_by(sectors: Sectors, towards: f32, plane: Plane, here: Here, found: Foun
     return below(max(parts.x, parts.y)) & ~below(min(parts.x, parts.y));
 }
 
-// The number of sectors whose tested angle lies before a direction of a side; to be truncated.
+// The number of sectors whose tested angle lies before a direction on one side; the caller truncates it.
 fn part(sectors: Sectors, towards: f32, direction: vec2<f32>) -> f32 {
     let normal = vec2<f32>(1.0, towards) * sectors.normal;
     let limit = select(sectors.limit.y, sectors.limit.x, towards > 0.0);
@@ -380,7 +381,7 @@ fn below(count: f32) -> u32 {
     return select(0u, 0xffffffffu >> ((32u - bits) & 31u), bits > 0u);
 }
 //#else
-// Both horizons of a slice, raised to what is seen at these depths.
+// Both horizons of a slice, raised to the positions seen at these depths.
 fn both_raised(
     horizons: vec2<f32>,
     here: Here,
@@ -392,23 +393,23 @@ fn both_raised(
     return max(horizons, vec2<f32>(horizon(here, plane, right, seen.x, 1.0), horizon(here, plane, left, seen.y, -1.0)));
 }
 
-// The cotangent of the angle between the direction to the eye and what is seen; `-FAR` where nothing is seen within the radius. Outside the
-// picture the depth may be any.
+// The cotangent of the angle between the direction to the eye and the position seen; `-FAR` where nothing is seen within the radius. Outside
+// the picture, any depth may be passed.
 fn horizon(here: Here, plane: Plane, found: Found, depth: f32, towards: f32) -> f32 {
     let front = in_plane(here, plane, found, depth, towards);
-    // The move into the plane may bring a near pixel to the other side. For the pixel itself all differences are 0.
+    // Moving the position into the plane may bring a near pixel to the other side. For the pixel itself all differences are 0.
     let counts = found.inside && front.x > 0.0 && dot(front, front) <= params.radius * params.radius;
     return select(-FAR, front.y / front.x, counts);
 }
 
-// What two horizons take away, with the slice's weight: on each side `(cos g sin^2 d + sin g (d - sin d cos d)) / 2` for the angle `d`
-// between the tangent plane and the horizon, which is `(cos g - cos(2h - g) + 2h sin g) / 4` at the tangent plane less that at `h`.
+// The share that two horizons occlude, with the slice's weight. On each side this is `(cos g sin^2 d + sin g (d - sin d cos d)) / 2`, where `d`
+// is the angle between the tangent plane and the horizon. It equals `(cos g - cos(2h - g) + 2h sin g) / 4` at the tangent plane less that at `h`.
 fn lost(plane: Plane, horizons: vec2<f32>) -> f32 {
     // Sines and cosines of both angles, times a length.
     let up = fma(horizons, vec2<f32>(plane.normal.x), vec2<f32>(plane.normal.y, -plane.normal.y));
     let along = fma(horizons, vec2<f32>(-plane.normal.y, plane.normal.y), vec2<f32>(plane.normal.x));
     let scaled = up / (up * up + along * along);
-    // The difference of the angles has one arc tangent.
+    // The difference of the angles needs only one arc tangent.
     let difference = direction(up.x * along.y - along.x * up.y, along.x * along.y + up.x * up.y);
     let products = scaled * along;
     return 0.5 * (plane.normal.x * dot(scaled, up) + plane.normal.y * (difference - (products.x - products.y)));
@@ -424,8 +425,8 @@ fn direction(y: f32, x: f32) -> f32 {
 }
 //#endif
 
-// The arc tangent of -1..1, by the odd polynomial of degree 11 whose greatest error is least: 1.7e-6. A device's own may be off by 4096
-// units in the last place (Vulkan 1.3, "Precision and Operation of SPIR-V Instructions").
+// The arc tangent of -1..1, by the odd polynomial of degree 11 with the least greatest error: 1.7e-6. A device's own function may be off by
+// 4096 units in the last place (Vulkan 1.3, "Precision and Operation of SPIR-V Instructions").
 fn arc_tangent(q: f32) -> f32 {
     let qq = q * q;
     var sum = -0.011719135;
@@ -499,7 +500,7 @@ fn open(pixel: vec2<u32>, depth: f32, normal: vec3<f32>) -> f32 {
 }
 //#endif
 
-// Sine and cosine of `share * π`, for `share` in 0..1, by the series around π / 2; error below 3e-7. A device's own may be off by
+// Sine and cosine of `share * π`, for `share` in 0..1, by the series around π / 2; error below 3e-7. A device's own functions may be off by
 // 2^-11.
 fn half_turn(share: f32) -> vec2<f32> {
     let x = (share - 0.5) * PI;
@@ -511,7 +512,7 @@ fn half_turn(share: f32) -> vec2<f32> {
     return vec2<f32>(cos_x, -sin_x);
 }
 
-// `x` in 0..1 to a power of at least 0.
+// `x`, from 0 to 1, raised to a power of at least 0.
 fn power(x: f32, exponent: f32) -> f32 {
     if exponent == 0.0 || x >= 1.0 {
         return 1.0;
@@ -556,7 +557,7 @@ fn unit(bits: u32) -> f32 {
     return f32(bits >> 8u) * (1.0 / 16777216.0);
 }
 
-// `sampling::hash::fraction`: the 23 high bits as numbers in [0, 1). No conversion of integers, which devices do slowly.
+// `sampling::hash::fraction`: the 23 high bits as numbers in [0, 1). It avoids converting integers, which is slow on devices.
 fn fraction(bits: vec2<u32>) -> vec2<f32> {
     return bitcast<vec2<f32>>((bits >> vec2<u32>(9u)) | vec2<u32>(0x3f800000u)) - 1.0;
 }

@@ -16,7 +16,7 @@ use super::uniforms::{self, FrameUniform};
 
 /// The output's format.
 pub const OUTPUT_FORMAT: wgpu::TextureFormat = wgpu::TextureFormat::Rgba32Float;
-/// The same of what a filter reads.
+/// The format of the shares that a filter reads.
 pub const SHARE_FORMAT: wgpu::TextureFormat = wgpu::TextureFormat::R32Float;
 /// Approximate number of texels that one submission reads. Drivers abort work that runs for seconds; this much takes a
 /// tenth of a second on slow hardware.
@@ -56,7 +56,7 @@ pub fn compute_pipeline(
         module: &module,
         entry_point: Some(shader::ENTRY),
         compilation_options: wgpu::PipelineCompilationOptions {
-            // Programs write what they read of it.
+            // Programs write workgroup memory before they read it.
             zero_initialize_workgroup_memory: false,
             ..wgpu::PipelineCompilationOptions::default()
         },
@@ -86,11 +86,11 @@ fn resources(variant: Variant) -> Vec<wgpu::BindingType> {
     }
 }
 
-/// What a program reads.
+/// The bind groups of a program, and the work that must come before it.
 pub struct Bound<'a> {
     /// Its bind groups.
     pub groups: &'a [&'a wgpu::BindGroup],
-    /// Records what is computed before it, if anything is.
+    /// Records the computation that must come before the program, if there is any.
     pub before: Option<&'a dyn Fn(&mut wgpu::ComputePass<'_>)>,
 }
 
@@ -142,7 +142,7 @@ impl Program {
         Ok(group)
     }
 
-    /// Computes every pixel, in so many submissions that each stays short, and waits.
+    /// Computes every pixel, split into short submissions, and waits.
     pub fn run(
         &self,
         gpu: &Gpu,

@@ -56,8 +56,8 @@ impl Question {
         Ok([written, gpu.buffer(words.building, Usage::MAP_READ | Usage::COPY_DST, bytes)?])
     }
 
-    /// Runs the question in `columns` x `rows` workgroups, and waits for the answer, which the device starts from
-    /// zeros.
+    /// Runs the question in `columns` x `rows` workgroups, and waits for the answer. The device clears the answer to
+    /// zeros first.
     pub fn ask(
         &mut self,
         gpu: &Gpu,

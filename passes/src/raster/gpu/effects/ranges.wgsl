@@ -2,7 +2,7 @@
 // Binary search for a triangle in the ranges of glass triangles. x and y of each range are its first triangle and its
 // end; ranges ascend.
 
-// One-based index of the range that contains a triangle; 0 if no range does, and for ids that are no triangle.
+// One-based index of the range that contains a triangle; 0 if no range does, and for ids that do not belong to a triangle.
 fn range_of(triangle: u32) -> u32 {
     var low = 0u;
     var high = params.ranges;

@@ -1,6 +1,6 @@
 // Screen-space rays from glass: `raster::effects::screen`.
 //
-//   REFRACT   what is behind the pane, too, in the picture without glass
+//   REFRACT   also shows what is behind the pane, from the picture without glass
 
 struct Params {
     camera: ScreenCamera,
@@ -154,7 +154,7 @@ fn march(position: vec3<f32>, direction: vec3<f32>) -> vec2<i32> {
     let rounding = ROUNDING * abs(start.z);
     let last = params.level_count - 1u;
     let most_steps = 4u * (frame.size.x + frame.size.y) + 256u;
-    // Where the ray enters the block, and a place in that block.
+    // The fraction of the ray at which it enters the block, and a fraction inside of the block.
     var enter = 0.0;
     var t = 0.0;
     var level = 0u;
@@ -192,8 +192,8 @@ fn march(position: vec3<f32>, direction: vec3<f32>) -> vec2<i32> {
     return vec2<i32>(select(NOT_KNOWN, NOTHING_MET, far && t >= 1.0));
 }
 
-// 0 where the ray goes on, 1 where it hits the surface that the pixel shows, 2 where it hits something that the picture
-// does not show.
+// 0 where the ray goes on, 1 where it hits the surface that the pixel shows, 2 where it hits something that the picture does not
+// show.
 fn cross_pixel(
     start: vec3<f32>,
     span: vec3<f32>,

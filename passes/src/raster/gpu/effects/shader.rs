@@ -20,8 +20,8 @@ use std::fmt::Write;
 pub const ENTRY: &str = "main";
 /// Pixels along a side of a workgroup.
 pub const GROUP: u32 = 8;
-/// The same where depths are computed: with more threads a group, that little work takes half the time. Occlusions and their filter read what
-/// their neighbours read.
+/// Pixels along a side of a workgroup of the programs for depths, occlusions and their filter. Computing depths takes half the time with more
+/// threads a workgroup. Occlusions and their filter read texels that neighbouring pixels also read.
 pub const LARGE_GROUP: u32 = 16;
 
 /// Shared by all programs. It comes last in the text, so that compiler messages count the lines of the program's own
@@ -55,7 +55,7 @@ pub const SEGMENT: u32 = 16;
 /// Squared weight below which a slice does not count, as in `raster::effects::occlusion`.
 const LEAST_WEIGHT: f32 = 1e-6;
 
-/// Least component of a normal to the eye: with it, a cotangent is finite.
+/// Least component of a normal towards the eye, so that a cotangent is finite.
 const LEAST_NORMAL: f32 = 1e-6;
 
 /// The depth of pixels that show nothing, beyond any radius. Squares of it times the side of a picture are within the range of `f32`.
@@ -68,7 +68,7 @@ const ROUND: f32 = 12_582_912.0;
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub struct Variant {
     pub program: EffectProgram,
-    /// For shadow maps: the light is a disc. Programs for a point of light are compiled without it.
+    /// For shadow maps: the light is a disc. Programs for a point of light are compiled without the code for discs.
     pub soft: bool,
     /// For shadow maps: pixels whose tests differ are left to rays.
     pub border: bool,
@@ -78,7 +78,7 @@ pub struct Variant {
     pub perspective: bool,
     /// The filter that follows an ambient occlusion, instead of the occlusion itself.
     pub filter: bool,
-    /// The output is a number a pixel, which a filter reads, and not a colour.
+    /// The output is one number per pixel, for a filter, instead of a colour.
     pub share: bool,
 }
 
@@ -89,7 +89,7 @@ impl Variant {
         Self { program, soft, border, bitmask, perspective, filter: false, share: false }
     }
 
-    /// The filter, which all ambient occlusions share. All of its levels but the last write a number a pixel.
+    /// The filter, which all ambient occlusions share. All levels but the last write one number per pixel.
     pub fn filter(last: bool) -> Self {
         Self { filter: true, share: !last, ..Self::plain(EffectProgram::HorizonOcclusion) }
     }

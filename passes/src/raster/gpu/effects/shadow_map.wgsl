@@ -47,7 +47,7 @@ fn compute(pixel: vec2<u32>) -> vec4<f32> {
     return vec4<f32>(vec3<f32>(SHADOWED + (1.0 - SHADOWED) * share), 1.0);
 }
 
-// The light's share, 0 to 1. With BORDER 0 or 1 where all texels say so, else -1.
+// The share of the light, 0 to 1. With BORDER, 0 or 1 where the tests of all texels agree, else -1.
 fn lit_share(position: vec3<f32>, cosine: f32) -> f32 {
     // The first map that contains the whole filter; if none does, the last map.
 //#if SOFT
@@ -75,7 +75,7 @@ fn lit_share(position: vec3<f32>, cosine: f32) -> f32 {
 //#endif
     cascade = min(cascade, params.count - 1u);
     let at = place.xy - 0.5;
-    // Also true for a NaN.
+    // This is also true for a NaN.
     if !(all(abs(at) < vec2<f32>(1e6)) && abs(place.z) < LARGEST) {
         return 1.0;
     }
@@ -110,7 +110,7 @@ fn lit_share(position: vec3<f32>, cosine: f32) -> f32 {
     return min(lit, 1.0);
 }
 
-// Radius in texels within which something may hide the disc from a place of this depth.
+// Radius in texels within which an occluder may hide the disc from a place of this depth.
 fn search_radius(cascade: u32, depth: f32) -> f32 {
     return min(params.cascades[cascade].spread * clamp(1.0 - depth, 0.0, 1.0), params.cascades[cascade].aside);
 }

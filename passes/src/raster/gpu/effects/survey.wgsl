@@ -1,4 +1,4 @@
-// The planes of glass that a picture shows: how many pixels show each, and where. See
+// Counts for the planes of glass that a picture shows: how many pixels show each plane, and where. See
 // `raster::effects::mirrors::Survey`.
 
 struct Params {

@@ -1,4 +1,4 @@
-//! The uniforms and tables that the shaders of the pixel programs read. A test compares how they lie in memory with what the shaders say.
+//! The uniforms and tables that the shaders of the pixel programs read. A test compares their memory layouts with those of the shaders.
 
 use super::shader::Variant;
 use crate::raster::effects::cascades::Cascades;
@@ -293,7 +293,7 @@ impl OcclusionUniform {
         let [corner, sight] = camera.sights();
         Self {
             camera,
-            // A 1 that compilers do not know.
+            // `w` is 1, which shader compilers cannot know, so they cannot simplify products with it.
             eye: job.view.eye.extend(1.0),
             corner: corner.extend(0.0),
             sight: sight.extend(0.0),

@@ -111,7 +111,7 @@ fn bits(value: f32) -> u32 {
     if value.is_nan() { f32::NAN.to_bits() } else { value.to_bits() }
 }
 
-/// Fills a quad from what is lent.
+/// Fills a quad from lent pictures.
 fn filled(
     quads: &mut Quads,
     lending: &Lending,
@@ -170,7 +170,7 @@ fn what_lies_in_buffers_gives_what_textures_give() {
     let (color, factor) = (numbers(8), numbers(9));
     let (mut quads, lending) = device(gpu, &[&color, &factor]);
     let gpu = &lending.gpu;
-    // Nothing that is read lies at the beginning of a buffer.
+    // The pixels do not lie at the beginning of the buffer.
     let buffer = |pixels: &[[f32; 4]]| {
         let bytes = [&[7; 256], bytemuck::cast_slice(pixels)].concat();
         Source::Buffer(gpu.upload_buffer("a test", wgpu::BufferUsages::STORAGE, &bytes).expect("uploaded"), 256)

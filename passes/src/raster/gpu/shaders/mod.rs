@@ -1,6 +1,6 @@
-//! Own shaders of projects: their pipelines, what they are bound to, and their draw calls.
+//! Own shaders of projects: their pipelines, bind groups and draw calls.
 //!
-//! What a shader does not read of a vertex is not bound; what it does not write of the attachments stays as it was cleared.
+//! Vertex attributes that a shader does not read are not bound. Attachments that it does not write stay as they were cleared.
 
 mod compute;
 mod pipelines;
@@ -20,7 +20,7 @@ use quad::{Filled, Quad, bind_storage, channel_texture, read_storage, upload_sto
 use std::sync::Arc;
 use textures::{Sampled, Textures};
 
-/// Most triangles of a pass, of all instances together.
+/// Greatest number of triangles of a pass, with all instances.
 const MAX_DRAWN: u64 = 1 << 32;
 
 /// One draw call.
@@ -29,7 +29,7 @@ struct Draw {
     pipeline: wgpu::RenderPipeline,
     uniforms: wgpu::BindGroup,
     textures: wgpu::BindGroup,
-    /// Of storage buffers and images.
+    /// Bind group of storage buffers and images.
     storage: Option<wgpu::BindGroup>,
     attributes: Vec<Attribute>,
     chunk: usize,
@@ -41,7 +41,7 @@ struct Draw {
     blends: bool,
 }
 
-/// What draws with own shaders; kept from frame to frame.
+/// The resources of draws with own shaders; kept from frame to frame.
 #[derive(Debug)]
 pub(super) struct Shaders {
     pipelines: Pipelines,
@@ -49,15 +49,15 @@ pub(super) struct Shaders {
     draws: Vec<Draw>,
     /// The storage buffers and images of the pass, and whether a draw stores to them.
     storage: Vec<(wgpu::Buffer, bool)>,
-    /// How often each is drawn.
+    /// How often each triangle is drawn.
     instances: u32,
-    /// By chunk of the scene: its triangles with the last corner first, once a shader has asked for them.
+    /// By chunk of the scene: indices of the triangles with the last corner first, made when a shader first needs them.
     turned: Vec<Option<wgpu::Buffer>>,
     /// Zeros, for attributes that a scene lacks.
     nothing: wgpu::Buffer,
-    /// Once a quad was filled.
+    /// Set when the first quad is filled.
     quad: Option<Quad>,
-    /// Of compute passes.
+    /// Pipelines of compute passes.
     kernels: Kernels,
 }
 
@@ -102,7 +102,7 @@ impl Shaders {
         self.kernels.run(gpu, &self.textures, job, buffers)
     }
 
-    /// What is of another scene.
+    /// Drops everything that belongs to the scene.
     pub fn forget_scene(&mut self) {
         self.textures.forget();
         self.turned.clear();
@@ -115,12 +115,12 @@ impl Shaders {
         self.textures.bytes
     }
 
-    /// Triangles of the draws listed.
+    /// Number of triangles of the listed draws.
     pub fn triangles(&self) -> u64 {
         self.draws.iter().map(|draw| u64::from(draw.count) * u64::from(self.instances)).sum()
     }
 
-    /// Lists the draws of the materials that own shaders draw, and hands over what they read; `buffers` are what they bind.
+    /// Lists the draws of the materials with own shaders, and uploads the data that the shaders read. `buffers` are the storage buffers.
     pub fn prepare(
         &mut self,
         gpu: &Gpu,
@@ -201,12 +201,12 @@ impl Shaders {
                 blends: drawn.blend.is_some(),
             });
         }
-        // What blends is seen before what does not.
+        // Draws that blend come last, so that they are blended over the others.
         self.draws.sort_by_key(|draw| draw.blends);
         Ok(())
     }
 
-    /// Reads back what the draws stored.
+    /// Reads back the storage buffers that the draws stored to.
     pub fn read_stored(&self, gpu: &Gpu, buffers: &mut [Vec<[f32; 4]>]) -> Result<(), BackendError> {
         for ((device, written), host) in self.storage.iter().zip(buffers) {
             if *written {
@@ -248,7 +248,7 @@ impl Shaders {
     }
 }
 
-/// Binds the storage buffers and images of a draw, of those of the pass, and notes to which it stores.
+/// Binds the storage buffers and images of a draw, out of the pass's `buffers`, and marks those that the draw stores to.
 fn bind_stored(
     gpu: &Gpu,
     groups: &Groups,
@@ -258,7 +258,7 @@ fn bind_stored(
     if material.storage.len() != program.storage.len() {
         return Err(failure("a material binds other buffers than its shader has"));
     }
-    // What holds nothing has a texel that no shader reaches.
+    // A place to which the material binds nothing gets a buffer of one texel, which no shader reaches.
     let nothing = upload_storage(gpu, &vec![vec![[0.0; 4]]; program.storage.len()])?;
     let mut bound = Vec::with_capacity(program.storage.len());
     for ((index, of), nothing) in material.storage.iter().zip(&program.storage).zip(nothing) {
@@ -302,8 +302,8 @@ fn uniforms(
     Ok(group)
 }
 
-/// What is not interpolated is of the first corner here and of the last one in OpenGL: the corners are turned by one, which leaves the side
-/// that is seen as it is.
+/// Makes the indices of a chunk's triangles with the last corner first. Values that are not interpolated come from the first corner in wgpu,
+/// and from the last corner in OpenGL. Rotating the corners by one keeps the winding.
 fn turn(
     gpu: &Gpu,
     geometry: &DeviceGeometry,

@@ -1,4 +1,4 @@
-//! One pipeline for each own shader and what it draws into.
+//! One pipeline for each own shader and each state and set of attachments that it is drawn with.
 
 use super::super::device::Gpu;
 use super::super::targets::{DEPTH_FORMAT, Stored};
@@ -19,25 +19,25 @@ pub(super) struct Built {
 pub(super) struct Groups {
     pub uniforms: wgpu::BindGroupLayout,
     pub textures: wgpu::BindGroupLayout,
-    /// Of storage buffers, where there are some.
+    /// Layout of the storage buffers, if there are any.
     pub storage: Option<wgpu::BindGroupLayout>,
 }
 
-/// What a pipeline draws into, and how.
+/// The attachments that a pipeline draws into, and its state.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(super) struct Into {
     formats: Vec<Option<wgpu::TextureFormat>>,
     depth: bool,
     culled: Option<wgpu::Face>,
     drawn: Drawn,
-    /// The attachment that keeps the depth.
+    /// Index of the attachment that receives depth.
     kept: Option<usize>,
-    /// Whether depth beyond the near and far plane is that of the plane, instead of nothing being drawn there.
+    /// Depth clamp: geometry beyond the near or far plane is drawn at that plane's depth instead of being clipped.
     clamped: bool,
     /// By sampler: whether it reads a texture unfiltered.
     exact: Vec<bool>,
-    /// Whether other programs of the pass bind storage buffers as well. A pass has one use of a buffer, so those that are read are then bound
-    /// as those that are stored to.
+    /// Whether several programs of the pass bind storage buffers. A pass can use a buffer in one way only, so buffers that are only read are
+    /// then bound as read-write, too.
     shares_storage: bool,
 }
 
@@ -63,10 +63,10 @@ impl Into {
     }
 }
 
-/// What a quad is drawn into.
+/// Format of the texture that a quad is drawn into.
 pub(super) const QUAD_FORMAT: wgpu::TextureFormat = wgpu::TextureFormat::Rgba32Float;
 
-/// What tells pipelines of one program apart.
+/// The key of a pipeline among those of one program.
 #[derive(Debug, Clone, PartialEq, Eq)]
 struct Key {
     into: Into,
@@ -78,7 +78,7 @@ struct Key {
 pub(super) struct Pipelines(Vec<(Arc<Program>, Key, Built)>);
 
 impl Pipelines {
-    /// The pipeline of a program, built unless it is there. Of attributes that are `missing` in the scene every vertex has the same.
+    /// The pipeline of a program, built unless it exists. Every vertex has the same value of attributes that are `missing` in the scene.
     pub fn require(
         &mut self,
         gpu: &Gpu,
@@ -101,8 +101,8 @@ impl Pipelines {
     }
 }
 
-/// The layouts of a program's groups, and that of its pipeline. `exact` says by sampler whether it reads a texture unfiltered.
-/// With `shares_storage` no buffer is bound for reading alone.
+/// The layouts of a program's groups, and the layout of its pipeline. `exact` says by sampler whether it reads a texture unfiltered.
+/// With `shares_storage`, no buffer is bound as read-only.
 pub(super) fn groups(
     gpu: &Gpu,
     program: &Program,
@@ -177,7 +177,7 @@ fn build(gpu: &Gpu, program: &Program, key: &Key) -> Built {
     let device = &gpu.device;
     let (groups, layout) = groups(gpu, program, &key.into.exact, key.into.shares_storage);
     let module = |label, text: &str| {
-        // `var<storage>` is read alone, and the layout must say the same.
+        // `var<storage>` means read-only. The text must agree with the layout, which is read-write for shared storage.
         let text = match key.into.shares_storage {
             true => text.replace("var<storage>", "var<storage, read_write>").into(),
             false => text.into(),
@@ -196,7 +196,7 @@ fn build(gpu: &Gpu, program: &Program, key: &Key) -> Built {
             let format = match attribute {
                 Attribute::Position | Attribute::Normal => wgpu::VertexFormat::Float32x3,
                 Attribute::TexCoord => wgpu::VertexFormat::Float32x2,
-                // Its side is not read.
+                // Shaders read only the direction, not the side in the fourth component.
                 Attribute::Tangent => wgpu::VertexFormat::Float32x4,
             };
             [wgpu::VertexAttribute { format, offset: 0, shader_location: attribute.location() }]
@@ -259,7 +259,7 @@ fn build(gpu: &Gpu, program: &Program, key: &Key) -> Built {
     Built { pipeline, groups }
 }
 
-/// Alpha is added up like the colours.
+/// Alpha is blended with the same factors as the colours.
 fn blend_state(Blend { source, destination }: Blend) -> wgpu::BlendState {
     let factor = |factor| match factor {
         BlendFactor::Zero => wgpu::BlendFactor::Zero,

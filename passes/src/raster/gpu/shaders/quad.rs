@@ -10,10 +10,10 @@ use super::uniforms;
 use curitiba_pipeline::backend::{BackendError, MipLevel, QuadJob, QuadTexture};
 use curitiba_pipeline::glsl::{Attribute, Program, Sampler, SamplerKind};
 
-/// Corners of two triangles: in clip space, and where they are in a texture.
+/// Texture coordinates of the corners of two triangles; the positions in clip space follow from these.
 const CORNERS: [[f32; 2]; 6] = [[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 0.0], [1.0, 1.0], [0.0, 1.0]];
 
-/// What is filled: pixels, and by storage buffer of the program its contents.
+/// The outputs: pixels, and the contents of each storage buffer of the program.
 pub(super) type Filled<'a> = (&'a mut [[f32; 4]], &'a mut [Vec<[f32; 4]>]);
 
 /// The corners in device memory.
@@ -55,7 +55,7 @@ impl Quad {
         let usage = wgpu::TextureUsages::RENDER_ATTACHMENT | copied;
         let target = resources::texture(gpu, "quad", QUAD_FORMAT, [width, height], usage);
         gpu.check("creation of a quad's target")?;
-        // What the shader discards stays.
+        // Pixels that the shader discards keep these values.
         gpu.fill_texture(&target, bytemuck::cast_slice(pixels), "upload of what a quad covers")?;
         let view = target.create_view(&wgpu::TextureViewDescriptor::default());
         let mut encoder = gpu.device.create_command_encoder(&wgpu::CommandEncoderDescriptor { label: Some("quad") });
@@ -104,7 +104,7 @@ pub(super) fn unfiltered(program: &Program, textures: &[QuadTexture<'_>], filter
     program.samplers.iter().zip(textures).map(exact).collect()
 }
 
-/// Uploads what samplers read, and binds it. `exact` says which samplers do not filter.
+/// Uploads the textures that samplers read, and binds them. `exact` says which samplers do not filter.
 pub(super) fn bind_sampled(
     gpu: &Gpu,
     (groups, program): (&Groups, &Program),
@@ -141,7 +141,7 @@ pub(super) fn bind_sampled(
     }))
 }
 
-/// Binds storage buffers, by the places of the program; `None` where it has none.
+/// Binds storage buffers, in the order of the program's declarations. `None` if the program has none.
 pub(super) fn bind_storage<'a>(
     gpu: &Gpu,
     groups: &Groups,
@@ -196,7 +196,7 @@ pub(super) fn read_storage(gpu: &Gpu, device: &wgpu::Buffer, host: &mut [[f32; 4
     })
 }
 
-/// What a sampler reads, uploaded: black where that is nothing.
+/// Uploads the texture of a sampler; [`QuadTexture::Nothing`] is opaque black.
 pub(super) fn channel_texture(gpu: &Gpu, texture: &QuadTexture<'_>, filters: bool) -> Result<Sampled, BackendError> {
     match texture {
         QuadTexture::Nothing => {

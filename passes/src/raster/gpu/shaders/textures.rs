@@ -1,4 +1,4 @@
-//! Textures as OpenGL has them: the bottom row first.
+//! Textures in the row order of OpenGL: the bottom row first.
 
 use super::super::device::{Gpu, TextureUpload};
 use super::super::faults::failure;
@@ -20,11 +20,11 @@ pub(super) struct Sampled {
 #[derive(Debug)]
 pub(super) struct Textures {
     sampled: Vec<Option<Sampled>>,
-    /// Its cube maps, by the indices of their images.
+    /// The scene's cube maps, by the indices of their images.
     cubes: Vec<([u32; 6], Sampled)>,
-    /// What is read where nothing is bound: black and opaque, as an image and as a cube map.
+    /// Stand-ins for samplers to which nothing is bound: opaque black, as an image and as a cube map.
     nothing: [Sampled; 2],
-    /// What reads textures unfiltered.
+    /// Sampler that does not filter.
     pub nearest: wgpu::Sampler,
     /// Bytes of device memory.
     pub bytes: u64,
@@ -48,7 +48,7 @@ impl Textures {
         Ok(Self { sampled: Vec::new(), cubes: Vec::new(), nothing, nearest, bytes: 0 })
     }
 
-    /// What a sampler reads where nothing is bound.
+    /// The stand-in for a sampler to which nothing is bound.
     pub fn nothing(&self, kind: SamplerKind) -> &Sampled {
         &self.nothing[usize::from(kind == SamplerKind::Cube)]
     }
@@ -60,7 +60,7 @@ impl Textures {
         self.bytes = 0;
     }
 
-    /// Binds what a material's shader samples.
+    /// Binds the textures that a material's shader samples.
     pub fn bind(
         &mut self,
         gpu: &Gpu,
@@ -127,7 +127,7 @@ impl Textures {
     }
 }
 
-/// How cube maps are sampled at the edges of their images: across them, whatever is asked for.
+/// Sampling of cube maps. At the edges of their images it continues across the edge, whatever wrapping is asked for.
 const CUBE_SAMPLING: Sampling = Sampling { wrap: [Wrap::Clamp; 2], magnification: Magnification::Linear };
 
 fn bytes_of(levels: &[Level]) -> u64 {

@@ -20,7 +20,7 @@ use std::time::Instant;
 /// Pixels along a side of a workgroup.
 const GROUP: u32 = 8;
 
-/// The shared memory, the shader that writes to it, and the semaphore that tells when it did.
+/// The shared memory, the shader that writes to it, and the semaphore that is signalled after the write.
 #[derive(Debug)]
 pub struct Sharing {
     pub(super) packer: Packer,
@@ -54,8 +54,8 @@ impl Sharing {
     }
 }
 
-/// After the draw in `encoder`, writes the attachments to shared memory, too, and signals the semaphore when they are
-/// there. Does nothing if the job shares nothing.
+/// After the draw in `encoder`, also writes the attachments to shared memory, and then signals the semaphore. Does
+/// nothing if the job shares nothing.
 pub fn hand_over(
     gpu: &Gpu,
     sharing: Option<&mut Sharing>,
@@ -70,7 +70,7 @@ pub fn hand_over(
     let sharing = sharing.ok_or_else(|| failure("no memory is shared"))?;
     let start = Instant::now();
     sharing.packer.encode(gpu, timer, targets, job.shared, encoder)?;
-    // The value between is that of the picture.
+    // The value between two hand-overs is that of the ray pass's picture.
     sharing.value = after_picture(sharing.value) + 1;
     if !sharing.semaphore.signal_after_next(&gpu.queue, sharing.value) {
         return Err(failure("the device's queue is not Vulkan's"));
@@ -78,8 +78,8 @@ pub fn hand_over(
     Ok(Some(HandOver { value: sharing.value, host: start.elapsed(), device: None }))
 }
 
-/// What a quad reads: what was drawn last, or the picture that a ray pass wrote into the shared memory. An error if it is missing or
-/// does not have the quad's size.
+/// The source of a quad: an attachment of the last draw, or the picture that a ray pass wrote into the shared memory. An error if it is
+/// missing or does not have the quad's size.
 pub fn quad_source(
     sharing: &Sharing,
     drawn: Option<&Targets>,

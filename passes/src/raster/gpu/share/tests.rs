@@ -111,7 +111,7 @@ fn a_device_that_shares_memory_hands_over_what_it_drew() {
     let (scene, shades) = (squares(12), shades());
     rasteriser.upload(&scene).expect("uploaded");
     let mut target = GBuffer::new(SIZE, SIZE, ALL);
-    // The values between are those of pictures.
+    // The odd values in between are those of ray passes' pictures.
     for value in [2, 4] {
         let job = RasterJob { shared: ALL, ..job(&scene, &shades) };
         let stats = rasteriser.draw(&job, &mut target).expect("drawn");

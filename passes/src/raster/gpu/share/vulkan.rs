@@ -95,8 +95,8 @@ pub fn buffer(device: &wgpu::Device, bytes: u64) -> Result<(wgpu::Buffer, OwnedF
         // SAFETY: a memory type of this device that the buffer takes.
         let memory = unsafe { raw.allocate_memory(&info, None) }.map_err(|error| failed("allocating memory", error))?;
         let get = vk::MemoryGetFdInfoKHR::default().memory(memory).handle_type(MEMORY);
-        // SAFETY: memory and buffer are new, of one device and of the sizes that it asked for; wgpu enables the extension of
-        // memory handles wherever it is supported, which `open` looked at.
+        // SAFETY: memory and buffer are new, of one device and of the sizes that it asked for. wgpu enables the extension of
+        // memory handles wherever it is supported, and `open` checked that it is.
         let handle = unsafe {
             raw.bind_buffer_memory(buffer, memory, 0)
                 .and_then(|()| khr::external_memory_fd::Device::new(instance, raw).get_memory_fd(&get))
@@ -160,7 +160,7 @@ impl Semaphore {
     /// Makes the next submission set the semaphore to `value`, which must be greater than all earlier values. False if
     /// the queue is no Vulkan queue.
     pub fn signal_after_next(&self, queue: &wgpu::Queue, value: u64) -> bool {
-        // SAFETY: nothing is destroyed through the guard; the semaphore lives until the device was idle.
+        // SAFETY: nothing is destroyed through the guard; `drop` destroys the semaphore only when the device is idle.
         let Some(hal) = (unsafe { queue.as_hal::<Vulkan>() }) else { return false };
         hal.add_signal_semaphore(self.raw, Some(value));
         true
@@ -168,7 +168,7 @@ impl Semaphore {
 
     /// Makes the next submission wait until the semaphore has that value. False if the queue is no Vulkan queue.
     pub fn wait_before_next(&self, queue: &wgpu::Queue, value: u64) -> bool {
-        // SAFETY: nothing is destroyed through the guard; the semaphore lives until the device was idle.
+        // SAFETY: nothing is destroyed through the guard; `drop` destroys the semaphore only when the device is idle.
         let Some(hal) = (unsafe { queue.as_hal::<Vulkan>() }) else { return false };
         hal.add_wait_semaphore(self.raw, Some(value), vk::PipelineStageFlags::ALL_COMMANDS);
         true
@@ -177,9 +177,9 @@ impl Semaphore {
 
 impl Drop for Semaphore {
     fn drop(&mut self) {
-        // A lost device signals nothing any more, so the result does not matter.
+        // The result does not matter: a lost device signals nothing any more.
         let _ = self.device.poll(wgpu::PollType::wait_indefinitely());
-        // SAFETY: as above.
+        // SAFETY: nothing that wgpu owns is destroyed through the guard.
         if let Some(hal) = unsafe { self.device.as_hal::<Vulkan>() } {
             // SAFETY: all submissions that signal it are done, and it is ours.
             unsafe { hal.raw_device().destroy_semaphore(self.raw, None) };

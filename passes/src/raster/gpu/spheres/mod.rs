@@ -1,7 +1,8 @@
-//! Exact spheres. Each is a rectangle on the screen, whose fragments meet the sphere itself and write its depth.
+//! Exact spheres. Each is drawn as a rectangle on the screen. Its fragments intersect their line of sight with the sphere and write the
+//! depth of the hit.
 //!
-//! Spheres are drawn after all triangles, in the order of their ids; of equal depths what was drawn first stays, as in the rasteriser on
-//! the processor. Nothing here exists before the first scene that has spheres.
+//! Spheres are drawn after all triangles, in the order of their ids. Of equal depths the first drawn stays, as in the rasteriser on the
+//! processor. Resources are made for the first scene that has spheres.
 
 mod record;
 
@@ -26,11 +27,11 @@ const TEXT: &str = concat!(
     include_str!("../camera_planes.wgsl")
 );
 
-/// What a program computes.
+/// The variant of a program.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 struct Kind {
     attachments: Attachments,
-    /// Several lights, or one with a place.
+    /// Whether there are several lights or a positional light.
     many: bool,
 }
 
@@ -74,7 +75,7 @@ struct Run {
 /// The spheres of the current pass.
 #[derive(Debug, Default)]
 pub(super) struct Spheres {
-    /// With `Lights` and without.
+    /// By whether they have `Lights`.
     layouts: HashMap<bool, wgpu::BindGroupLayout>,
     pipelines: HashMap<(Kind, Stored), wgpu::RenderPipeline>,
     runs: Vec<Run>,
@@ -174,8 +175,8 @@ fn check(gpu: &Gpu, job: &RasterJob<'_>, owned: &[bool]) -> Result<(), BackendEr
     }
 }
 
-/// The records of the spheres that may be seen in a part of the viewport, in the order of their ids. They do not depend on the part, so
-/// that its pixels are those of the whole.
+/// The records of the spheres that may be seen in a part of the viewport, in the order of their ids. A record does not depend on the
+/// part, so that the part's pixels are the same as in the whole picture.
 fn records(job: &RasterJob<'_>, part: Rect) -> Vec<SphereRecord> {
     let (screen, first) = (Screen::new(job), job.scene.geometry.triangles.len() as u32);
     let [columns, rows] = [(part.x, part.width), (part.y, part.height)]

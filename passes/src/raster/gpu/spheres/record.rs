@@ -1,21 +1,22 @@
-//! A sphere as the device meets it with the lines of sight of a picture.
+//! The data from which the device intersects a sphere with the lines of sight of a picture.
 //!
-//! A point of depth z on the line of sight through the pixel (x, y) is F + z T in homogeneous coordinates: F, the point of depth 0, is a
-//! linear function of x and y, and T the same for all pixels ([`LinesOfSight`](super::super::plane_depth::LinesOfSight) has the same, with
-//! F negated). Here both are in coordinates in which the sphere has its centre at 0 and radius 1, turned so that T has neither x nor y. The
-//! line meets the sphere where
+//! A point of depth z on the line of sight through the pixel (x, y) is F + z T in homogeneous coordinates. F, the point of depth 0, is a
+//! linear function of x and y, and T is the same for all pixels. ([`LinesOfSight`](super::super::plane_depth::LinesOfSight) has the same
+//! form, with F negated.) Here F and T are in coordinates in which the sphere has its centre at 0 and radius 1, rotated so that the x and
+//! y of T are 0. The line hits the sphere where
 //!
 //! ```text
 //! Fx² + Fy² + (Fz + z Tz)² = (Fw + z Tw)²
 //! ```
 //!
-//! With ρ² = Fx² + Fy², K = Tz² - Tw², σ = Fw Tz - Fz Tw and β = Fw Tw - Fz Tz its solutions are z = (β ± √(σ² - K ρ²)) / K: with `+` the
-//! line enters the sphere as seen from the eye, with `-` it leaves it. At either the sphere's normal is (Fx, Fy, (σ Tw ± √… Tz) / K),
-//! normalised. In perspective Tz / Tw is the distance of the eye in radii, and K < 0 inside.
+//! With ρ² = Fx² + Fy², K = Tz² - Tw², σ = Fw Tz - Fz Tw and β = Fw Tw - Fz Tz, the solutions are z = (β ± √(σ² - K ρ²)) / K.
+//! With `+` the line enters the sphere as seen from the eye, with `-` it leaves it. At either hit the sphere's normal is
+//! (Fx, Fy, (σ Tw ± √… Tz) / K), normalised. In perspective, Tz / Tw is the distance of the eye from the centre in radii, and K < 0
+//! if the eye is inside.
 //!
-//! Nothing here is a small difference of large numbers but at the outline, where √… is 0: all that would be is computed in `f64` by the
-//! host, for each sphere, as the coefficients of Fx, Fy, σ, β, Fz and Fw in pixels from an *anchor* pixel in the sphere. So the error of the
-//! outline is a few roundings of the sphere's size on the screen, however far away it is.
+//! The device computes no small differences of large numbers, except at the outline, where √… is 0. The host computes such differences in
+//! `f64` for each sphere: it gives Fx, Fy, σ, β, Fz and Fw as linear functions of the pixels from an *anchor* pixel in the sphere. So the
+//! error of the outline is a few roundings of the sphere's size on the screen, however far away the sphere is.
 
 use crate::raster::spheres::covered_pixels;
 use curitiba_pipeline::backend::{RasterJob, Shade};
@@ -35,7 +36,7 @@ pub(super) struct SphereRecord {
     ends: Vec2,
     ends_right: Vec2,
     ends_down: Vec2,
-    /// Tz and Tw, of which the greater is 1.
+    /// Tz and Tw, scaled so that the greater magnitude is 1.
     axis: Vec2,
     /// K.
     k: f32,
@@ -43,7 +44,7 @@ pub(super) struct SphereRecord {
     scale: f32,
     /// Column and row of the anchor.
     anchor: Vec2,
-    /// The directions of the axes in the world.
+    /// World directions of the three axes: this, `along` and `towards`.
     across: Vec3,
     /// Surface id plus 1.
     id: u32,
@@ -60,7 +61,7 @@ pub(super) struct SphereRecord {
     glow: Vec4,
 }
 
-/// What all spheres of a job share.
+/// Data that all spheres of a job share.
 #[derive(Debug)]
 pub(super) struct Screen {
     /// From positions relative to `eye` to clip space, and back.
@@ -89,7 +90,7 @@ impl Screen {
     pub fn record(&self, sphere: &Sphere, [columns, rows]: &[Range<usize>; 2]) -> Option<SphereRecord> {
         let center = sphere.center.as_dvec3() - self.eye;
         let radius = f64::from(sphere.radius);
-        // Homogeneous points to coordinates of the sphere, whose axes are not turned yet.
+        // Maps homogeneous points to coordinates of the sphere, before the rotation of the axes.
         let own = |point: DVec4| ((point.truncate() - center * point.w) / radius).extend(point.w);
         let [x, y, t, rest] =
             [self.inverse.x_axis, self.inverse.y_axis, self.inverse.z_axis, self.inverse.w_axis].map(own);
@@ -148,7 +149,7 @@ impl Screen {
         })
     }
 
-    /// The pixel of those covered that is nearest to the centre's.
+    /// The covered pixel that is nearest to the pixel of the sphere's centre.
     fn anchor(&self, center: DVec3, [columns, rows]: [&Range<usize>; 2]) -> DVec2 {
         let clip = self.matrix * center.extend(1.0);
         let low = DVec2::new(columns.start as f64, rows.start as f64);
@@ -166,7 +167,7 @@ impl SphereRecord {
     }
 }
 
-/// Right-handed axes of which the third points along `towards`, or along z where that is 0.
+/// Right-handed axes. The third axis points along `towards`, or along z if `towards` is 0.
 fn axes(towards: DVec3) -> DMat3 {
     let third = towards.normalize_or(DVec3::Z);
     let (first, second) = third.any_orthonormal_pair();

@@ -1,10 +1,10 @@
-// Exact spheres: a rectangle for each, and in its fragments the line of sight meets the sphere itself. `record.rs` tells what is solved.
-// Lines between `//#if NAME` and `//#endif` are only in programs that define NAME; `lights.wgsl` and `camera_planes.wgsl` are part of it.
+// Exact spheres: each is drawn as a rectangle, and its fragments intersect the line of sight with the sphere itself. `record.rs` describes the
+// equations. Lines between `//#if NAME` and `//#endif` are only in programs that define NAME; `lights.wgsl` and `camera_planes.wgsl` are part of it.
 //
 //   COLOR, POSITION, NORMAL, TRIANGLE   attachments that are written
 //   LIT                                 light is computed: COLOR or POSITION
 //   SURFACE                             the normal is computed: LIT or NORMAL
-//   LIGHTS                              several lights, or one with a place, in place of the light of `Frame`
+//   LIGHTS                              several lights, or one with a place, instead of the light of `Frame`
 
 // `SphereRecord`.
 struct Sphere {
@@ -54,7 +54,7 @@ struct Pixel {
     @builtin(frag_depth) depth: f32,
 }
 
-// The rectangle that a sphere covers on the screen. It lies at no depth of the scene, so that nothing cuts it off.
+// The rectangle that a sphere covers on the screen. Its depth is not that of the sphere, so that the near and far planes do not clip it.
 @vertex
 fn vertex_main(@builtin(vertex_index) corner: u32, @builtin(instance_index) index: u32) -> Varyings {
     let bounds = spheres[index].bounds;
@@ -68,11 +68,11 @@ fn sum_by(a: f32, b: f32, k: f32, c: f32) -> f32 {
     if a * b < 0.0 && abs(k) < 0.5 {
         return c / (a - b);
     }
-    // On the surface itself only what is nowhere on the line divides by 0.
+    // On the surface itself, only a point that is not on the line leads to a division by 0.
     return select((a + b) / k, -1.0, k == 0.0);
 }
 
-// A line of sight of a sphere: what `record.rs` says.
+// The line of sight through a pixel, in the terms of `record.rs`.
 struct Line {
     // Fx, Fy, σ, β.
     numbers: vec4<f32>,
@@ -101,7 +101,7 @@ fn line_through(index: u32, pixel: vec2<f32>) -> Line {
     return Line(numbers, ends, square, select(-1.0, sqrt(max(discriminant, 0.0)), discriminant >= 0.0));
 }
 
-// The depth where a line meets the outer (root above 0) or the inner side; below 0 where it does not between the near and the far plane.
+// The depth at which a line hits the outer side (root above 0) or the inner side; below 0 if that is not between the near and the far plane.
 fn depth_of(index: u32, line: Line, root: f32) -> f32 {
     let k = spheres[index].k;
     let axis = spheres[index].axis;
@@ -139,7 +139,7 @@ fn fragment_main(in: Varyings) -> Pixel {
         discard;
     }
     var out: Pixel;
-    // The depth of nothing is 0.
+    // Pixels without a surface have depth 0.
     out.depth = max(depth, 1e-37);
 //#if SURFACE
     let normal = normal_of(index, line, root);

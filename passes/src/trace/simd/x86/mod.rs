@@ -1,5 +1,5 @@
-//! The vector instructions of x86-64: a file an instruction set, and what both spell alike. May use the vectors of `simd/vector.rs`; nothing but the
-//! choice in `simd/dispatch.rs` uses it.
+//! The vector instructions of x86-64: one file for each instruction set, and one for the operations that both write alike. May use the
+//! vectors of `simd/vector.rs`; only the choice in `simd/dispatch.rs` uses these files.
 
 mod avx2;
 mod avx512;
