@@ -41,7 +41,7 @@ enum Dealt {
 struct Stage {
     entry: &'static str,
     dealt: Dealt,
-    /// Whether the stage is part of settling occlusion rays by the triangles near their points. Such stages are skipped where points have few rays.
+    /// Whether the stage settles occlusion rays by the triangles near their points, or traces the rest. Skipped where points have few rays.
     settles: bool,
 }
 

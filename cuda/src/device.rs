@@ -22,10 +22,11 @@ const LEAST_CAPABILITY: (i32, i32) = (7, 5);
 const GPUS_VARIABLE: &str = "CURITIBA_GPUS";
 
 /// The numbers of the GPUs to use, counted from 0 as the driver does; `wanted` of them, or all for `None`. The variable `CURITIBA_GPUS` may
-/// list the GPUs (`1,3`), in this order; a GPU that it names twice is used as if it were two.
+/// list the GPUs (`1,3`), in this order; a GPU that it names twice is used as if it were two. Without the variable, one wanted GPU is GPU 0, and
+/// the driver is not asked.
 ///
 /// # Errors
-/// If there is no driver, the driver is too old, or there are fewer GPUs.
+/// If the variable is no list of numbers, there is no driver, the driver is too old, or there are fewer GPUs than wanted.
 pub fn ordinals(backend: &'static str, wanted: Option<usize>) -> Result<Vec<usize>, BackendError> {
     let listed = match std::env::var(GPUS_VARIABLE) {
         Ok(text) => Some(listed(&text).map_err(|message| BackendError::Device { backend, message })?),

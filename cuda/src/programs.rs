@@ -31,7 +31,7 @@ macro_rules! lights {
 }
 macro_rules! bodies {
     ($($program:ident $stem:literal),* $(,)?) => {
-        /// PTX of the programs with glass as defined by each material, in corrected fidelity: on our own traversal and on OptiX.
+        /// PTX of the programs for corrected fidelity with glass as defined by each material: for our own traversal and for OptiX.
         const BODIES: &[(RayProgram, [&str; 2])] = &[$((RayProgram::$program, [
             text!("bvh/bodies/", $stem), text!("optix/bodies/", $stem),
         ])),*];

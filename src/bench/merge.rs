@@ -208,8 +208,8 @@ fn check(sources: &[Source], list: Option<&RowList>) -> Result<(), PartError> {
     Ok(())
 }
 
-/// Checks a row: rows of the same project must have equal projects, rows with the same scene attributes equal scene contents, and
-/// rows with the same key equal references.
+/// Checks a row: rows of the same project file must have the same project hash; if their scene attributes are the same too, the same hash
+/// of scene contents; and rows with the same key must have the same references.
 fn agree<'s>(agreed: &mut Agreed<'s>, row: &BenchRow, index: usize, path: &'s Path) -> Result<(), PartError> {
     let project = row.project.display();
     if let Some(Inputs { project: hash, needs, scenes }) = &row.inputs {

@@ -19,7 +19,7 @@ pub struct Orbit {
 }
 
 impl Orbit {
-    /// Parses `CX,CY,CZ,R,N` or `CX,CY,CZ,R,N,ELEVATION`.
+    /// Parses `CX,CY,CZ,R,N` or `CX,CY,CZ,R,N,ELEVATION`: centre, radius, number of frames, elevation in degrees.
     pub(super) fn parse(text: &str) -> Result<Self, String> {
         let wrong = |what: &str| {
             format!(

@@ -22,7 +22,7 @@ pub struct Inspector {
     display: Option<Display>,
 }
 
-/// Counts for a component of an output, over all frames.
+/// Counts of invalid values in one component of an output, over all frames.
 struct Checked {
     /// Name, such as ``pass `pass2`, library::texture.red``.
     name: String,

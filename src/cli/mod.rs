@@ -170,8 +170,8 @@ fn tell_fastest(_: Choice) {
     }
 }
 
-/// Checks before anything is loaded, rather than at the first frame, whether the engines support the plan. Missing engines are only
-/// reported; `render` alone fails for them.
+/// Checks whether the engines support the plan: before anything is loaded, rather than at the first frame. A missing engine only causes a
+/// warning here; only `render` fails for it.
 fn ask_engines(plan: &mut Plan, choice: Choice) -> Result<(), Failure> {
     let mut engines = match engines::exactly(Choice { raster: choice.for_plan(plan).raster, ..choice }, plan) {
         Ok(engines) => engines,

@@ -45,7 +45,7 @@ pub fn wrapped(line: &str, width: usize) -> Vec<String> {
     filled(first, &text, indent, width)
 }
 
-/// The least number of spaces at the beginning of a line that stands for empty columns.
+/// Least number of leading spaces in a table's line that count as empty first columns.
 const EMPTY: usize = 8;
 
 /// Prose, wrapped at words to at most `width` columns; all lines but the first are indented by two spaces. With `None`, which means no terminal,

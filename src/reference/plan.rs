@@ -86,7 +86,7 @@ impl Request {
             format!("curitiba {}, format {FORMAT}, {:?}", env!("CARGO_PKG_VERSION"), self.kind),
             format!("window {:?}", plan.window),
         ];
-        // The line is omitted for display values, so that references from before this line keep their names.
+        // Display values, the default, add no line: references that were stored before the line existed keep their names.
         if plan.display.space != ColorSpace::Report {
             lines.push(format!("color {}", plan.display.space));
         }

@@ -101,7 +101,7 @@ pub enum Advice {
     },
     /// No setting has an error; this is the fastest one.
     UnknownError(Candidate),
-    /// There is no setting at all.
+    /// No setting of the effect was measured.
     NotMeasured,
 }
 
@@ -241,8 +241,8 @@ fn field<'a>(candidates: &'a [Candidate], without: Option<&Candidate>, within: f
     }
 }
 
-/// The settings by rays, and those by raster, between which paired rounds must decide. They are within the error, and take at most 1.5 times as
-/// long as the cheapest of their technique; the cheapest come first. `None` if a verdict needs no paired rounds.
+/// The settings that paired rounds must compare: those by rays, and those by raster, the cheapest first. They are within the error, and take at
+/// most 1.5 times as long as the cheapest of their technique. `None` if a verdict needs no paired rounds.
 #[must_use]
 pub fn rivals<'a>(
     candidates: &'a [Candidate],

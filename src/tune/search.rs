@@ -91,7 +91,7 @@ impl Search<'_> {
         }
     }
 
-    /// The combinations of candidates of more than one slot with the best estimates. The estimated time is the declared frame's time plus the
+    /// The combinations with the best estimates that change more than one slot. The estimated time is the declared frame's time plus the
     /// difference that each candidate makes. Differences of squared errors are added likewise, as if the errors of passes were independent.
     fn combinations(&self, counts: &[usize]) -> Vec<Variant> {
         let alone = |slot: usize, candidate: usize| {

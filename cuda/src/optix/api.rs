@@ -294,7 +294,7 @@ impl Api {
             generation = generation.max(sizes.ray_generation);
             traced = traced.max(sizes.miss).max(sizes.closest_hit).max(sizes.intersection + sizes.any_hit);
         }
-        // SAFETY: by the invariant.
+        // SAFETY: by the invariants of `Api`; the pipeline was linked before.
         let result = unsafe {
             let set: PipelineSetStackSize = self.function(place::PIPELINE_SET_STACK_SIZE);
             set(pipeline.pipeline, 0, 0, generation + traced, 1)

@@ -16,8 +16,8 @@ pub const LEAST_SQUARE: f32 = 1e-30;
 pub const AMBIENT: f32 = 0.3;
 
 impl<T: Tracer, C: Coverage> Pass<'_, T, C> {
-    /// The colour of the report's `closest_hit` for this unit normal: diffuse and ambient light times texture, times
-    /// vertex colour, plus the light that the surface emits. Textures are read at the level of the footprint. Spheres have
+    /// The colour that the report's shader `closest_hit` computes, for this unit normal: diffuse and ambient light times texture, times
+    /// vertex colour, plus the light that the surface emits. Textures are read at the mip level of the footprint. Spheres have
     /// neither texture coordinates nor vertex colours.
     pub(super) fn lit_color(&self, hit: &Hit, footprint: impl Footprint, normal: Vec3) -> Vec3 {
         let shade = &self.job.shades[self.material_of(hit.triangle) as usize];

@@ -134,8 +134,8 @@ impl<'w, 's> Sample<'w, 's> {
         look.kept_in(&Bodies::around(self.world, look, origin), surface.position.distance(origin))
     }
 
-    /// In `final`, the colour times its light share and its occlusion; in other programs the colour itself. The light share is that of the side of
-    /// normal `facing`; `is_seen` says whether the camera itself sees the surface, or a ray meets it.
+    /// In `final`, the colour times the light share on the side of normal `facing`, and times the open share left by ambient occlusion; in other
+    /// programs the colour itself. `is_seen` is true for a surface that the camera itself sees, false for one that a ray meets.
     pub(super) fn in_light(
         &self,
         pass: &Traced<'_>,

@@ -1,8 +1,8 @@
 //! Every bound on a rounding error, with its derivation, and the verdict that such a bound allows.
 //!
 //! `u` is [`UNIT_ROUNDOFF`]. A test with a bound says "hit" or "miss" only where its number is farther from 0 than the bound; everything
-//! nearer is left to the watertight test. A bound that is too wide costs time, and one that is too small costs a wrong picture: the tests
-//! shrink each of them and see it fail. The bounds that device code needs are written from here to `cuda/programs/params.cuh`.
+//! nearer is left to the watertight test. Too wide a bound costs time, and too small a bound gives a wrong picture: tests with each bound
+//! reduced check that wrong verdicts appear. The bounds that device code needs are written from here to `cuda/programs/params.cuh`.
 
 use super::simd::Mask;
 

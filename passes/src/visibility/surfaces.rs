@@ -64,7 +64,7 @@ impl Surfaces {
         &self.geometry
     }
 
-    /// The flags to build a tracer with: every material is transparent.
+    /// Flags to build a tracer with, one for each material: all are set, so that the tracer treats every material as transparent.
     #[must_use]
     pub fn marks(&self) -> Vec<bool> {
         let most = self.geometry.batches.iter().map(|batch| batch.material).max();

@@ -86,8 +86,8 @@ pub enum Stage {
 /// Least number of occlusion rays a point for which rays are settled; fewer are traced directly.
 pub const SETTLED_SAMPLES: u32 = 6;
 
-/// The kernels of a program, in their order. [`Stage::Eye`] comes before them where the camera may be in a body. [`Stage::List`] also computes
-/// the light of the points: all of it with several lights or a disc, and the part that comes straight where spheres focus light.
+/// The kernels of a program, in order of execution, without [`Stage::Eye`]: it runs first where the camera may be in a body. [`Stage::List`]
+/// also computes the points' light: with several lights or a disc, all of it; where spheres focus light, only the light that comes straight.
 pub fn stages(Kind { program, variant, lighting, focuses, .. }: Kind, samples: u32) -> &'static [Stage] {
     if variant == Variant::Panes(Fidelity::Thesis) {
         return &[Stage::Whole];

@@ -78,7 +78,7 @@ pub struct Engines {
     pub rays: Box<dyn RayBackend>,
     /// Ray backends of the passes that name their own.
     own: Vec<OwnRays>,
-    /// Constructor of the backends in `own`.
+    /// Constructor of the ray backends in `own`, called with a backend's name; `None` if passes cannot have their own.
     make_named: Option<MakeNamed>,
     /// Fallbacks of the common ray backend, in order; empty unless the user allowed fallbacks.
     pub spares: VecDeque<Spare>,

@@ -603,7 +603,7 @@ mod tests {
         }
         println!("usual {} ours {}", worst[0], worst[1]);
         assert!(worst[0] > 1.0 && worst[1] < 1e-3, "{worst:?}");
-        // Nearer cameras need no second matrix.
+        // A camera near the origin needs no second matrix, `clip_from_eye`.
         let near = view(&camera(DVec3::new(7.4, 18.6, -38.6)), whole, DVec3::ZERO);
         assert_eq!((near.clip_from_eye, near.projection().1), (None, Vec3::ZERO));
         // Relative to a nearby origin the same camera needs no second matrix either, and its eye is at the same place.

@@ -165,7 +165,7 @@ fn program(kind: &PassKind) -> Option<(&'static str, &'static [&'static str])> {
     }
 }
 
-/// Name after the dot in an assignment of a channel's format.
+/// The word after the dot in `--set TEXTURE.format=FORMAT`, which sets the format of a channel.
 const FORMAT: &str = "format";
 
 /// Name after the dot in an assignment of a pass's ray backend.

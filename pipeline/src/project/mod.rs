@@ -839,7 +839,7 @@ pub struct RayPass {
 /// Computes by rasterisation what a ray pass computes by tracing rays, from the same G-buffer.
 #[derive(Debug, Clone)]
 pub struct EffectPass {
-    /// Indices of the scenes that its maps show.
+    /// Indices of the scenes that the pass draws into its maps, such as shadow maps and cube maps.
     pub scenes: Vec<usize>,
     /// Index of the camera with which the G-buffer was drawn.
     pub camera: usize,

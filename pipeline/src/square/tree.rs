@@ -90,7 +90,7 @@ impl Tree {
         let size = side * random.between(0.7, 1.25);
         let (a, b) = (tangent * size * 0.5, other * size * 0.36);
         let normal = (out * 0.65 + lean * 0.55 + Vec3::Y * 0.1).normalize();
-        // The shading normal is on the outward side.
+        // The shading normal is on the side of `lean`.
         let (a, normal) = if normal.dot(lean) > 0.0 { (a, normal) } else { (-a, lean) };
         let shift = Vec2::new(random.unit(), random.unit()) * 1.6;
         let corners = [(-a, Vec2::ZERO), (-b, Vec2::new(0.5, 0.3)), (a, Vec2::new(1.0, 0.5)), (b, Vec2::new(0.5, 0.8))];

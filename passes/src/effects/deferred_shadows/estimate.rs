@@ -10,7 +10,7 @@ use curitiba_pipeline::backend::NO_TRIANGLE;
 use curitiba_pipeline::scene::Geometry;
 use glam::Vec3;
 
-/// Greatest number of triangles that a sketched tile may show.
+/// Greatest number of triangles that a tile with a [`Sketch`] may show.
 const MOST: usize = 128;
 /// Least cosine between triangle and light for which the lit side is certain.
 const GRAZING: f32 = 1.0e-4;

@@ -40,10 +40,10 @@ pub(super) fn around<T: Tracer, C: Coverage>(pass: &Pass<'_, T, C>, point: Vec3)
 }
 
 impl<T: Tracer, C: Coverage> Pass<'_, T, C> {
-    /// Transmittance, by colour, of the way from the surface that a pixel shows to the camera. The body that the camera is in fills the whole
-    /// way, since the pixel shows the first surface on it. Exactly 1 where the camera is in no body.
+    /// Transmittance, by colour, between the camera and the surface that a pixel shows. If the camera is in a body, that body fills the whole
+    /// distance, since no other surface is in between. Exactly 1 if the camera is in no body.
     ///
-    /// The near plane may cut away the surface of a body; what is seen through the cut counts as seen inside.
+    /// Where the near plane cuts away the surface of that body, what is seen through the cut counts as seen inside.
     pub(in crate::effects) fn kept_to_eye(&self, pixel: Pixel) -> Vec3 {
         let Some(body) = self.around_eye.top() else { return Vec3::ONE };
         let length = self.position(pixel).truncate().distance(self.job.eye);

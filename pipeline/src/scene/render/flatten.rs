@@ -438,7 +438,7 @@ fn turn(normals: &mut [Vec3], transform: Mat4, after: impl Fn(Vec3) -> Vec3 + Sy
     let matrix = normal_matrix(transform);
     normals.par_iter_mut().for_each(|normal| {
         let turned = normals::unit(matrix * *normal);
-        // Only a transform of rank 1 or less leaves no direction; its triangles have no area and are dropped.
+        // Only a singular transform leaves no direction. With rank 1 or less, triangles have no area and are dropped; with rank 2, Z stands in.
         *normal = if turned == Vec3::ZERO { Vec3::Z } else { after(turned) };
     });
 }

@@ -46,7 +46,7 @@ impl<K: PartialEq, V> Kept<K, V> {
         Ok((&self.0[self.0.len() - 1].1, made))
     }
 
-    /// The last required value.
+    /// The value that [`Self::require`] returned last; `None` if nothing is kept.
     pub fn last(&self) -> Option<&V> {
         self.0.last().map(|(_, value)| value)
     }
