@@ -29,7 +29,7 @@ pub struct At<'a> {
 /// the function.
 ///
 /// The replaced program decides what the pass may read ([`RayProgram::info`]). For example, `final` has position,
-/// normal and colour; `dummy` has the colour alone and no tracer. The plan, the other passes and the parameters are
+/// normal and colour; `dummy` has the colour alone, and a tracer that may be of an empty scene. The plan, the other passes and the parameters are
 /// those of the project.
 ///
 /// Scenes with exact spheres are refused, because the function gets only triangles.
@@ -102,6 +102,15 @@ impl<F: Fn(At<'_>) -> [f32; 4] + Sync> RayBackend for OwnProgram<F> {
 
     fn build(&mut self, scene: &Arc<RenderScene>, filtered: &[bool]) -> Result<BuildStats, BackendError> {
         self.rays.build(scene, filtered)
+    }
+
+    fn build_until(
+        &mut self,
+        scene: &Arc<RenderScene>,
+        filtered: &[bool],
+        progress: &Progress,
+    ) -> Result<BuildStats, BackendError> {
+        self.rays.build_until(scene, filtered, progress)
     }
 
     fn bytes_per_triangle(&self) -> u64 {

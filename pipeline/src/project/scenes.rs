@@ -40,10 +40,10 @@ impl Loader {
             } else if child.is(&["geometry"]) {
                 match self.shape(child) {
                     Some(shape) => {
-                        if shape.as_ref().is_some_and(|shape| shape.kind == ShapeKind::ExactSphere) {
+                        if shape.kind == ShapeKind::ExactSphere {
                             exact.get_or_insert_with(|| self.place(child));
                         }
-                        shapes.extend(shape);
+                        shapes.push(shape);
                     }
                     None => whole = false,
                 }
@@ -136,8 +136,8 @@ impl Loader {
         (swap_yz, unitize)
     }
 
-    /// Reads a `<geometry>`: `Some(None)` for a primitive that is not drawn, `None` after an error.
-    fn shape(&mut self, element: &Element) -> Option<Option<Shape>> {
+    /// Reads a `<geometry>`; `None` after an error.
+    fn shape(&mut self, element: &Element) -> Option<Shape> {
         self.stray_text(element);
         self.expect_children(element, PLACES);
         let known = ["name", "type", "material", "slices", "stacks", "divisions", "length", "exact"];
@@ -183,7 +183,7 @@ impl Loader {
             }
         };
         let name = name.map_or_else(|| "geometry".to_owned(), |name| name.text.clone());
-        Some(Some(Shape { name, material, kind, place: place? }))
+        Some(Shape { name, material, kind, place: place? })
     }
 
     /// Whether a placement keeps an exact sphere a sphere: whether its scale is uniform.

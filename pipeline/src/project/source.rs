@@ -133,8 +133,8 @@ fn extension(path: &Path) -> String {
     path.extension().and_then(|extension| extension.to_str()).unwrap_or_default().to_lowercase()
 }
 
-/// The scene files at a path: the file itself, or those of a folder. `None` for a project file, and for a missing file with a
-/// project's extension.
+/// The scene files at a path: the file itself, or those of a folder. `None` for a project file, and for a file that cannot be read
+/// unless its extension is that of a scene.
 ///
 /// # Errors
 /// If the file is neither a scene nor a project, or the folder contains no scene.
@@ -186,7 +186,8 @@ pub(super) fn scenes_in(folder: &Path) -> Result<Vec<PathBuf>, SourceError> {
             continue;
         }
         if let Some(rank) = SCENE_EXTENSIONS.iter().position(|known| *known == extension) {
-            let stem = path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
+            let name = path.file_name().unwrap_or_default().to_string_lossy();
+            let stem = name[..name.len() - extension.len() - 1].to_owned();
             found.push((stem, rank, path));
         } else if extension == "xml" {
             projects.push(path.file_name().unwrap_or_default().to_string_lossy().into_owned());
@@ -254,7 +255,7 @@ mod tests {
         std::fs::write(path.join("p.xml"), "<project/>").expect("a file");
         let projects = scene_files(path).expect_err("only a project is in it").to_string();
         assert!(projects.contains("name one: p.xml"), "{projects}");
-        for name in ["b.obj", "a.gltf", "a.glb", "b.mtl", "c.cbo"] {
+        for name in ["b.obj", "a.gltf", "a.glb", "b.mtl", "c.cbo", "c.mesh.xml"] {
             std::fs::write(path.join(name), "").expect("a file");
         }
         std::fs::create_dir(path.join("d.obj")).expect("a folder");

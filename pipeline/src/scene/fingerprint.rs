@@ -50,8 +50,8 @@ impl RenderScene {
         if self.origin != DVec3::ZERO {
             hashes.push(parts(format!("{:?}", self.origin).as_bytes()));
         }
-        for texture in self.textures.iter().filter(|texture| !texture.repeats()) {
-            hashes.push(parts(format!("{:?}", texture.sampling.wrap).as_bytes()));
+        for (index, texture) in self.textures.iter().enumerate().filter(|(_, texture)| !texture.repeats()) {
+            hashes.push(parts(format!("{:?} of {index}", texture.sampling.wrap).as_bytes()));
         }
         for (index, _) in self.textures.iter().enumerate().filter(|(_, texture)| texture.sampling.is_nearest()) {
             hashes.push(parts(format!("nearest texels of {index}").as_bytes()));
@@ -71,7 +71,7 @@ impl RenderScene {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::scene::{Batch, Geometry, Material, Texture};
+    use crate::scene::{Batch, Geometry, Magnification, Material, Texture, Wrap};
     use glam::{Vec3, Vec4};
 
     #[test]
@@ -91,7 +91,7 @@ mod tests {
                 ..Geometry::default()
             },
             materials: vec![Material::default()],
-            textures: vec![Texture::new("t".to_owned(), 2, 1, vec![[1, 2, 3, 4]; 2])],
+            textures: ["t", "u"].map(|name| Texture::new(name.to_owned(), 2, 1, vec![[1, 2, 3, 4]; 2])).to_vec(),
             ..RenderScene::default()
         };
         let changes: [fn(&mut RenderScene); 9] = [
@@ -110,6 +110,23 @@ mod tests {
             let mut changed = scene.clone();
             change(&mut changed);
             assert_ne!(changed.fingerprint(), scene.fingerprint(), "change {index}");
+        }
+        // The same change of another texture is another scene.
+        let with = |change: fn(&mut Texture)| {
+            [0, 1].map(|index| {
+                let mut changed = scene.clone();
+                change(&mut changed.textures[index]);
+                changed.fingerprint()
+            })
+        };
+        let changes: [fn(&mut Texture); 3] = [
+            |texture| texture.sampling.wrap = [Wrap::Clamp; 2],
+            |texture| texture.sampling.magnification = Magnification::Nearest,
+            |texture| texture.space = ColorSpace::Linear,
+        ];
+        for change in changes {
+            let [first, second] = with(change);
+            assert_ne!(first, second);
         }
     }
 }
